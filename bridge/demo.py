@@ -1,8 +1,7 @@
 """`make demo`: a host program drives the twin through a pseudo-terminal, and sees what it would see at the machine.
 
-The host part (`_Host`) knows pySerial, a port name, and by the controller's language what goes over the line; what it
-sends are commands of the manual. The twin serves that port from a thread of its own. Beside each reply stands what the
-host cannot see: where the carriages are.
+The host part (`_Host`) knows a port name and the controller's language; the twin serves that port from a thread of its
+own. Beside each reply stands what the host cannot see: where the carriages are.
 """
 
 from __future__ import annotations
@@ -28,6 +27,7 @@ from isel_twin.language import create_language, needed
 CONTROLLER = "imc-s8"
 REPLY_TIMEOUT_S = 120.0
 
+# A session as real hosts run it, and what each command is for.
 SESSION = (
     ("@07", "initialise X, Y, Z"),
     ("@0M16000,10000,8000,10000,0,10000,0,30", "refused: no reference run yet"),
@@ -40,35 +40,29 @@ SESSION = (
     ("@0M48000,10000,24000,10000,9600,10000,0,30", "to 150, 75, 30 mm at 31 mm/s"),
     ("@0M0,10000,0,10000,0,10000,0,30", "and back to zero"),
 )
-"""A session as real hosts run it, and what it is for."""
 
+# The same job with a ramp and a speed that the motors cannot follow.
 OVERLOAD = (
     ("@0J4000", "ramp: 4000 Hz/ms instead of 100"),
     ("@0M48000,20000,24000,20000,9600,20000,0,30", "the same way at twice the speed"),
     ("@0P", "the controller is sure"),
 )
-"""The same job with a ramp and a speed that the motors cannot follow."""
 
 
 class _Host:
-    """A host program: knows a port name and a language, nothing else."""
-
     def __init__(self, port: str, baud: int) -> None:
-        self._serial = serial.Serial(port, baud, timeout=REPLY_TIMEOUT_S)
+        self.serial = serial.Serial(port, baud, timeout=REPLY_TIMEOUT_S)
         self._language = needed(create_language(CONTROLLER), CONTROLLER)
 
     def ask(self, command: str) -> str:
         """Send a command, read until its reply is complete. Raises TimeoutError."""
         data = self._language.frame(command)
-        self._serial.write(data)
+        self.serial.write(data)
         self._language.messages(data, sent=True)
-        while byte := self._serial.read(1):
+        while byte := self.serial.read(1):
             for message in self._language.messages(byte, sent=False):
                 return message.text
         raise TimeoutError(f"no complete reply to {command!r} within {REPLY_TIMEOUT_S:g} s")
-
-    def close(self) -> None:
-        self._serial.close()
 
 
 def _session(console: Console, host: _Host, twin: Twin, title: str, commands: tuple[tuple[str, str], ...]) -> None:
@@ -85,10 +79,8 @@ def _session(console: Console, host: _Host, twin: Twin, title: str, commands: tu
         for command, purpose in commands:
             progress.update(task, description=f"{command}   {purpose}")
             reply = host.ask(command)
-            counter_mm = [
-                count / axis.steps_per_mm for count, axis in zip(twin.counts, twin.machine.axes, strict=False)
-            ]
-            true_mm = twin.position_mm
+            axes, true_mm = twin.machine.axes, twin.position_mm
+            counter_mm = [count / axis.steps_per_mm for count, axis in zip(twin.counts, axes, strict=False)]
             table.add_row(
                 f"{twin.time_ns / 1e9:.3f}",
                 f"{command}\n[dim]{purpose}[/dim]",
@@ -102,7 +94,6 @@ def _session(console: Console, host: _Host, twin: Twin, title: str, commands: tu
 
 
 def main() -> None:
-    """Run the demonstration on the terminal."""
     console = Console() if sys.stdout.isatty() else Console(width=100)
     with console.status("building the machine"):
         warm_up("mujoco", console.print)  # the real-time factor is to be the twin's, not the compiler's
@@ -119,7 +110,7 @@ def main() -> None:
     _session(console, host, twin, "A session", SESSION)
     console.print("Differences of some um are load, friction and backlash; no step is lost.\n")
     _session(console, host, twin, "The same way, too fast", OVERLOAD)
-    host.close()
+    host.serial.close()
     wall_s = time.monotonic() - began
     server.stop()
     thread.join()

@@ -1,14 +1,12 @@
 """Environments: tuning of ramps, start-stop frequency and speed, by learning, by search or by hand.
 
-    moves.py    one move on a real twin, and what is measured of it
-    tuning.py   the Gymnasium environment `isel_twin/JobTuning-v0`: one step is one move
-    watching.py position errors on a grid of time, from samples of the compiled loop
-    vector.py   many environments side by side, in threads and processes
-    track.py    the Gymnasium environment `isel_twin/TrackPath-v0`: one step is some milliseconds of step frequencies
-    wrappers.py bounds and scales, other machines, feed along the path (with paths.py, tracking.py: its path, its loop)
-    track_vector.py   many TrackPath-v0 in one compiled call
-    variations.py  what an episode of TrackPath-v0 changes of the machine
-    sweep.py    tables of whole jobs on any `concurrent.futures.Executor`; the fastest setting with a margin
+    moves.py        one move on a real twin, and what is measured of it; watching.py: position errors meanwhile
+    tuning.py       `isel_twin/JobTuning-v0`: one step is one move
+    vector.py       many environments side by side, in threads and processes
+    track.py        `isel_twin/TrackPath-v0`: one step is some milliseconds of step frequencies (paths.py, tracking.py)
+    track_vector.py many of them in one compiled call
+    wrappers.py     bounds and scales, other machines (variations.py), feed along the path
+    sweep.py        tables of whole jobs on any `concurrent.futures.Executor`; the fastest setting with a margin
 
     import gymnasium
     env = gymnasium.make("isel_twin.envs:isel_twin/JobTuning-v0")

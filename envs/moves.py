@@ -1,7 +1,7 @@
-"""One job, one move: what the environment and the sweeps have in common.
+"""One move of a job: what the environment and the sweeps have in common.
 
-Goal: let a real controller make a move on a real twin, as a host program would ask for it (`Language.move` of its
-controller), and measure what one would measure at the machine with a dial gauge and a stop watch:
+A controller makes a move on a twin, as a host program would ask for it (`Language.move`), and what is measured is what
+a dial gauge and a stop watch would show:
 
     |<--------- time_s --------->|<-- settling_s -->|
     command                    reply    last time outside the tolerance        end of the dwell (settle_s)
@@ -46,17 +46,12 @@ JOB: Job = (
 )
 """A short job with long ways, where speed counts, and short ones, where ramp and start-stop frequency do."""
 
-_START_MM = (1.0, 3.0)
-"""Where the carriages stand at power-on, from the motor-end switch: near, so that the reference run is short."""
-_ANSWER_LIMIT_S = 60.0
-"""For a command of the reference run, and for settings."""
-_BREAK_LIMIT_S = 60.0
-"""A host that has no patience left breaks a move off; the longest stop ramp takes 40 s: 40000 Hz at 1 Hz/ms."""
-_MOVING_SAMPLE_S = 0.02
-_MOVING_SAMPLE_NS = 20 * MILLISECOND_NS
-"""Five quarters of a period of the portal's 63 Hz: four samples in a row see four phases of it."""
-_RESTING_SAMPLE_S = 0.002
-_RESTING_SAMPLE_NS = 2 * MILLISECOND_NS
+_START_MM = (1.0, 3.0)  # from the motor-end switch at power-on: near, so that the reference run is short
+_ANSWER_LIMIT_S = 60.0  # for a command of the reference run, and for settings
+_BREAK_LIMIT_S = 60.0  # for a move that is broken off; the longest stop ramp takes 40 s: 40000 Hz at 1 Hz/ms
+# Five quarters of a period of the portal's 63 Hz: four samples in a row see four phases of it.
+_MOVING_SAMPLE_S, _MOVING_SAMPLE_NS = 0.02, 20 * MILLISECOND_NS
+_RESTING_SAMPLE_S, _RESTING_SAMPLE_NS = 0.002, 2 * MILLISECOND_NS
 
 
 @dataclass(frozen=True)
@@ -65,22 +60,15 @@ class Setup:
 
     job: Job = JOB
     machine: str | Path | Machine = "4030"
-    controller: str = "imc-s8"
-    """Any controller with a language, see `isel_twin.language`."""
+    controller: str = "imc-s8"  # any controller with a language, see `isel_twin.language`
     plant: str = "mujoco"
     seed: int = 0
-    overrides: Mapping[str, Any] = field(default_factory=dict)
-    """Machine parameters to change, such as {"payload.mass": 8.0}; see `isel_twin.machine.with_overrides`."""
-    scenario: str | Path | None = None
-    """File of timed events; virtual time begins at power-on, the reference run is over after about two seconds."""
-    load_nm: float = 0.0
-    """Extra load on every shaft, a torque that always opposes motion (Coulomb friction): a margin of safety."""
-    tolerance_mm: float = 0.05
-    """Largest position error of any axis that is allowed at rest."""
-    settle_s: float = 0.2
-    """Standstill after each move, in which the machine settles and is measured."""
-    time_limit_s: float = 120.0
-    """Virtual time for the whole job, standstill not counted; a move that is not over by then is given up."""
+    overrides: Mapping[str, Any] = field(default_factory=dict)  # of machine parameters, {"payload.mass": 8.0}
+    scenario: str | Path | None = None  # file of timed events; the reference run is over about 2 s after power-on
+    load_nm: float = 0.0  # extra load on every shaft, against motion (Coulomb friction): a margin of safety
+    tolerance_mm: float = 0.05  # largest position error of any axis that is allowed at rest
+    settle_s: float = 0.2  # standstill after each move, in which the machine settles and is measured
+    time_limit_s: float = 120.0  # virtual time for the whole job, standstill not counted; then a move is given up
 
     def __post_init__(self) -> None:
         if not self.job:
@@ -96,14 +84,8 @@ class Setup:
     @property
     def spec(self) -> TwinSpec:
         """The twin, but for where its carriages stand. Raises ValueError with one line."""
-        spec = TwinSpec(
-            self.machine,
-            self.controller,
-            self.plant,
-            self.seed,
-            None if self.scenario is None else Path(self.scenario),
-            overrides=self.overrides,
-        )
+        scenario = None if self.scenario is None else Path(self.scenario)
+        spec = TwinSpec(self.machine, self.controller, self.plant, self.seed, scenario, overrides=self.overrides)
         if self.load_nm <= 0.0:
             return spec
         axes = with_overrides(spec.as_built, self.overrides).axes
@@ -115,26 +97,16 @@ class Setup:
 class Move:
     """What one move did. Arrays are float64 [3], X Y Z."""
 
-    reply: str
-    """The controller's, in its own words; "" if the move was given up at the time limit."""
-    done: bool
-    """The controller says that it has made the move: the reply is no refusal, and it shows no fault."""
-    time_s: float
-    """From the command to the reply."""
-    settling_s: float
-    """From the reply to the last time that an axis was outside the tolerance; 0 if none was."""
-    slipped: bool
-    """A motor lost steps in this move, or a servo drive switched itself off."""
-    lost_steps: NDArray[np.float64]
-    """Counter minus rotor at rest, in steps, since the reference run."""
-    error_mm: NDArray[np.float64]
-    """Position error at the end of the dwell."""
-    vibration_mm: NDArray[np.float64]
-    """Half of highest minus lowest position error during the dwell."""
-    deviation_mm: float
-    """Largest position error of any axis, from command to the end of the dwell, sampled."""
-    margin: float | None
-    """Least pull-out margin of any motor meanwhile (`Twin.margin`); None without physics."""
+    reply: str  # the controller's, in its own words; "" if the move was given up at the time limit
+    done: bool  # the controller says that it has made the move: the reply is no refusal, and it shows no fault
+    time_s: float  # from the command to the reply
+    settling_s: float  # from the reply to the last time that an axis was outside the tolerance; 0 if none was
+    slipped: bool  # a motor lost steps in this move, or a servo drive switched itself off
+    lost_steps: NDArray[np.float64]  # counter minus rotor at rest, in steps, since the reference run
+    error_mm: NDArray[np.float64]  # position error at the end of the dwell
+    vibration_mm: NDArray[np.float64]  # half of highest minus lowest position error during the dwell
+    deviation_mm: float  # largest position error of any axis, from command to the end of the dwell, sampled
+    margin: float | None  # least pull-out margin of any motor meanwhile (`Twin.margin`); None without physics
 
     def good(self, tolerance_mm: float) -> bool:
         """Done, no step lost, and the machine stands where it should."""
@@ -166,7 +138,7 @@ def referenced_twin(setup: Setup, like: Twin | None = None) -> Twin:
 
 
 def new_twin(setup: Setup, like: Twin | None = None) -> Twin:
-    """The twin of a setup, switched on and no more; see `referenced_twin`."""
+    """The twin of a setup, switched on and no more."""
     x, y, z = np.random.default_rng(setup.seed).uniform(*_START_MM, size=3)
     start_mm = (float(x), float(y), float(z))
     if like is not None:
@@ -183,7 +155,7 @@ def check_job(job: Job, machine: Machine) -> None:
 
 
 def _converse(twin: Twin, data: bytes, limit_s: float) -> tuple[bool, bytes]:
-    """Send and await: whether the controller is done after at most limit_s of virtual time, and what has come."""
+    """Whether the controller is done after at most limit_s of virtual time, and what has come."""
     twin.read()
     twin.write(data)
     over = twin.run_until_idle(limit_s)
@@ -231,8 +203,7 @@ def make_move(twin: Twin, target_mm: Sequence[float], settings: Settings, setup:
 
 
 def _begin(twin: Twin, command: bytes, limit_s: float) -> float:
-    """Send the command of a move and let it be made, at most limit_s and what is missing to a whole interval; return
-    the largest position error meanwhile, in mm."""
+    """Let a move be made, in at most limit_s rounded up to whole intervals; the largest position error in mm."""
     began_ns, every = twin.time_ns, _MOVING_SAMPLE_NS
     watch = Watch(twin, every)
     try:
@@ -240,9 +211,9 @@ def _begin(twin: Twin, command: bytes, limit_s: float) -> float:
         if watch.in_loop:
             intervals = max(math.ceil(limit_s * 1e9 / every), 1)
             twin.run_until(began_ns + intervals * every, lambda: twin.idle)
-            at_end = (twin.time_ns - began_ns) % every == 0
             errors_mm = watch.errors_mm()
-            errors_mm = errors_mm[:-1] if at_end else errors_mm  # what is at the end belongs to the dwell
+            if (twin.time_ns - began_ns) % every == 0:
+                errors_mm = errors_mm[:-1]  # what is at the end belongs to the dwell
         else:
             looks = []
             while not twin.run_until_idle(_MOVING_SAMPLE_S) and twin.time_ns - began_ns < limit_s * 1e9:

@@ -13,24 +13,20 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-SPACING_MM = 0.1
-"""Longest piece of a sampled path."""
-MOST_POINTS = 200_000
-"""In a sampled path: twenty metres."""
+SPACING_MM = 0.1  # longest piece of a sampled path
+MOST_POINTS = 200_000  # in a sampled path: twenty metres
 
 _CORNER = ((0.0, 0.0, 0.0), (20.0, 0.0, 0.0), (20.0, 15.0, 0.0))
 _SQUARE = (*_CORNER, (0.0, 15.0, 0.0), (0.0, 0.0, 0.0))
 _RADIUS_MM = 10.0
 _LEGS, _LEG_MM, _BEND_RAD = 4, (5.0, 20.0), 2.0
-NAMES = ("corner", "square", "circle", "random")
-"""Paths that have a name; a random one is drawn anew for every episode."""
+NAMES = ("corner", "square", "circle", "random")  # paths that have a name; a random one is drawn anew for every episode
 
 
 def lay_path(path: str | ArrayLike, draw: np.random.Generator) -> NDArray[np.float64]:
-    """float64 [n, 3], the corners of a path in mm from its first point.
+    """float64 [n, 3], the corners of a path in mm from its first point. draw: for a random one.
 
-    path: one of NAMES, or points [n, 2] or [n, 3] in mm, n at least 2. draw: for a random one.
-    Raises ValueError with one line for anything else.
+    path: one of NAMES, or points [n, 2] or [n, 3] in mm, n at least 2. Raises ValueError with one line otherwise.
     """
     if isinstance(path, str):
         if path not in NAMES:
@@ -57,9 +53,8 @@ def sampled(points: NDArray[np.float64]) -> NDArray[np.float64]:
     counts = np.ceil(lengths / SPACING_MM).astype(np.int64)
     if not 0 < counts.sum() < MOST_POINTS:
         raise ValueError(f"path is {lengths.sum():g} mm long; allowed: more than 0, up to {MOST_POINTS * SPACING_MM:g}")
-    pieces = [
-        start + np.arange(count)[:, None] / count * leg for start, leg, count in zip(starts, legs, counts, strict=True)
-    ]
+    ways_out = zip(starts, legs, counts, strict=True)
+    pieces = [start + np.arange(count)[:, None] / count * leg for start, leg, count in ways_out]
     places = np.concatenate([*pieces, points[-1:]])
     ways = np.concatenate([[0.0], np.cumsum(np.repeat(lengths / counts, counts))])
     return np.ascontiguousarray(np.column_stack([places, ways]))

@@ -8,9 +8,8 @@
         rows = sweep(Setup(), trials, pool)                # the same rows, bit for bit
     best = fastest(Setup(), Settings(20_000), "acceleration_hz_per_ms", margin_nm=0.3)
 
-A trial is a plain function of two frozen values, `run_job(setup, settings)`, so anything with the interface of
-`concurrent.futures.Executor` can run it, by the same code as `isel-twin sweep` (twin/many/studies), which varies
-whatever there is and keeps its rows in a file.
+A trial is a plain function of two frozen values, `run_job(setup, settings)`, so any `concurrent.futures.Executor` can
+run it, by the same code as `isel-twin sweep` (twin/many/studies), which varies anything and keeps its rows in a file.
 """
 
 from __future__ import annotations
@@ -37,27 +36,16 @@ class Row:
     acceleration_hz_per_ms: int
     start_stop_hz: int
     load_nm: float
-    time_s: float
-    """All moves, from command to reply."""
-    settling_s: float
-    """All moves, from reply to inside the tolerance for good."""
-    lost_steps: float
-    """Largest, of any axis, at rest after any move; fractions of a step are load angle."""
-    deviation_mm: float
-    """Largest position error of any axis at any time, sampled."""
-    error_mm: float
-    """Largest position error of any axis at rest after any move."""
-    vibration_mm: float
-    """Largest, of any axis, after any move."""
-    margin: float | None
-    """Least pull-out margin of any motor in any move: 1 nothing was asked of it, 0 it may have lost steps; None without
-    physics."""
-    moves: int
-    """Moves begun; the job ends with the first that the controller refuses or does not finish."""
-    reply: str
-    """The controller's last reply; "" if the time was up."""
-    good: bool
-    """The whole job was made, no step was lost, and every error at rest was within the tolerance."""
+    time_s: float  # all moves, from command to reply
+    settling_s: float  # all moves, from reply to inside the tolerance for good
+    lost_steps: float  # largest, of any axis, at rest after any move; fractions of a step are load angle
+    deviation_mm: float  # largest position error of any axis at any time, sampled
+    error_mm: float  # largest position error of any axis at rest after any move
+    vibration_mm: float  # largest, of any axis, after any move
+    margin: float | None  # least pull-out margin of any motor: 1 no load, 0 steps may be lost; None without physics
+    moves: int  # moves begun; the job ends with the first that the controller refuses or does not finish
+    reply: str  # the controller's last reply; "" if the time was up
+    good: bool  # the whole job was made, no step was lost, and every error at rest was within the tolerance
 
 
 @dataclass(frozen=True)
@@ -107,10 +95,7 @@ def run_job(setup: Setup, settings: Settings) -> Row:
 
 
 def sweep(setup: Setup, trials: Iterable[Settings], executor: Executor | None = None) -> list[Row]:
-    """One row for each trial, in the order of the trials, whatever runs them. executor None: here, one by one.
-
-    Raises RuntimeError for trials that a cluster has lost.
-    """
+    """A row for each trial, in their order. executor None: here, one by one. Raises RuntimeError for lost trials."""
     made = dict(finished(functools.partial(run_job, setup), list(trials), here(executor)))
     rows = [made[index] for index in range(len(made))]
     if lost := [row.why for row in rows if isinstance(row, Lost)]:
@@ -135,8 +120,8 @@ def fastest(
     low, high: where to look; by default from the value in `settings` to the most that the controller takes.
     resolution: the answer is within this fraction below the first value found that is not good.
 
-    Bisection believes that what is too fast stays too fast. A resonance may break that rule: a sweep over the
-    neighbourhood of the answer shows it. Raises ValueError if even `low` is not good.
+    A resonance may break the rule of bisection that what is too fast stays too fast: a sweep around the answer shows
+    it. Raises ValueError if even `low` is not good.
     """
     ranges = spoken(setup).ranges
     if vary not in ranges:

@@ -3,8 +3,8 @@
 reset   the machine stands at the start of the path, stages on, with the payload, friction, ... of this episode
 step    action -> pulses -> drives and machine -> where the tool is -> observation, reward        (tracking.py)
 
-There is no controller: the agent is the controller. Nothing is built anew by `reset` unless the machine itself changes,
-and then not its model: see `isel_twin.plant.model.dressed`.
+The agent is the controller. `reset` builds nothing anew unless the machine changes, and then not its model
+(`isel_twin.plant.model.dressed`).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.envs import tracking
 from isel_twin.envs.paths import lay_path, sampled
-from isel_twin.envs.tracking import LANE, LOST, OUTSIDE, SIZE, TRACK
+from isel_twin.envs.tracking import LANE, LOST, OUTSIDE, REWARDS, SIZE, TRACK
 from isel_twin.envs.variations import VARIATIONS, checked, varied
 from isel_twin.machine import Machine, load_machine, with_overrides
 from isel_twin.plant.model import compile_model, dressed
@@ -32,12 +32,9 @@ from isel_twin.plant.mujoco import MujocoPlant
 if TYPE_CHECKING:
     from isel_twin.plant.picture import Picture, Window
 
-_SETTLING_NS = 100_000_000
-"""From power-on to the start: the rotors have come to rest where their stages hold them."""
-_CLEAR_MM = 1.0
-"""A path keeps this far from the ends of the travel."""
-_NEAR = 6.0
-"""The camera's distance from the tool, over the size of the first path that is drawn."""
+_SETTLING_NS = 100_000_000  # from power-on to the start: the rotors have come to rest where their stages hold them
+_CLEAR_MM = 1.0  # a path keeps this far from the ends of the travel
+_NEAR = 6.0  # the camera's distance from the tool, over the size of the first path that is drawn
 
 
 class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
@@ -176,8 +173,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"unknown render_mode {render_mode!r}; there are: human, rgb_array")
         loaded = machine if isinstance(machine, Machine) else load_machine(machine)
-        self.machine = with_overrides(loaded, overrides or {})
-        """The machine before options of `reset` change it."""
+        self.machine = with_overrides(loaded, overrides or {})  # the machine before options of `reset` change it
         servo = [axis.name for axis in self.machine.axes if axis.closed_loop]
         if servo:
             raise ValueError(
@@ -204,18 +200,15 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         self.observation_space = Box(least, np.ones(SIZE), dtype=np.float64)
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": round(1e9 / step_ns)}
-        self.step_s = step_ns * 1e-9
-        """Time of a step."""
+        self.step_s = step_ns * 1e-9  # time of a step
         self._path = path
         self._reference_mm = reference_mm
         lay_path(path, np.random.default_rng(0))  # refuse it now
 
         self._model = compile_model(self.machine, visual=False)
         self._plant: MujocoPlant | None = None
-        self._stands: tuple[Any, ...] = ()
-        """Variation and place that `_plant` was built for."""
-        self._settled: Mapping[str, Any] = {}
-        """The state of `_plant` when it has settled there."""
+        self._stands: tuple[Any, ...] = ()  # variation and place that `_plant` was built for
+        self._settled: Mapping[str, Any] = {}  # the state of `_plant` when it has settled there
         self._options: dict[str, Any] = {}
         self._points = np.zeros((0, 3))
         self._track = np.zeros(1, TRACK)
@@ -233,12 +226,10 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         self._track["reach_mm"] = math.sqrt(3.0) * self.step_s * float((highest_hz / self._lanes["steps_per_mm"]).max())
         most = 3 * (math.ceil(highest_hz * self.step_s) + 2)
         self._pulses = np.zeros(most, np.int64), np.zeros((most, 3), np.int32), np.zeros(0, np.int64)
-        self._sampled = np.zeros((0, 4))
+        self.path_mm = np.zeros((0, 4))  # of this episode in pieces: X, Y, Z from its start, and the way along it
         self._shape_mm = np.zeros((3, 0))
-        self._fixed: tuple[Any, ...] = ()
-        """What the compiled step is called with, but for action and observation."""
-        self._left = 0
-        """Steps until the time is over, 0: no episode."""
+        self.at_work: tuple[Any, ...] = ()  # until the next reset: arguments of `take_step` but action and observation
+        self.steps_left = 0  # until the time is over, 0: no episode; a caller that steps by `at_work` counts itself
         self._steps = max(1, round(time_limit_s / self.step_s))
         self._picture: Picture | None = None
         self._window: Window | None = None
@@ -246,30 +237,26 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float64], dict[str, Any]]:
-        """Stand at the start of the path. options: see the class; they hold for this episode.
-
-        Raises ValueError (MachineError) with one line for an option that does not exist or is out of range.
-        """
+        """Stand at the start of the path. Raises ValueError (MachineError) with one line for a wrong option."""
         super().reset(seed=seed)
-        observation = self._begin(checked(options or {}))
-        return observation, self._info()
+        return self._begin(checked(options or {})), self._info()
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float64], float, bool, bool, dict[str, Any]]:
         """Make a step. Raises ResetNeeded if the episode is over, ValueError for an action that is none."""
-        if not self._left:
+        if not self.steps_left:
             raise gymnasium.error.ResetNeeded("the episode is over; call reset() before step()")
         values = np.asarray(action, np.float64)
         if values.shape != (3,):
             raise ValueError(f"action is {action!r}; it must be three finite numbers from -1 to 1")
         observation = np.empty(SIZE)
-        over = tracking.take_step(*self._fixed, values, observation)
+        over = tracking.take_step(*self.at_work, values, observation)
         if over < 0:
             raise ValueError(f"action is {action!r}; it must be three finite numbers from -1 to 1")
-        self._left -= 1
+        self.steps_left -= 1
         info = self._info()
-        truncated = over == 0 and self._left == 0
+        truncated = over == 0 and self.steps_left == 0
         if over or truncated:
-            self._left = 0
+            self.steps_left = 0
             info["ended"] = ended(over)
         reward = info["reward_progress"] + info["reward_time"] + info["reward_deviation"] + info["reward_abort"]
         if self.render_mode == "human":
@@ -277,10 +264,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         return observation, reward, over != 0, truncated, info
 
     def render(self) -> NDArray[np.uint8] | None:
-        """ "rgb_array": uint8 [480, 640, 3], the machine as it stands, with the path; "human": in a window, None.
-
-        Raises RuntimeError with one line if there is no OpenGL or no screen.
-        """
+        """ "rgb_array": uint8 [480, 640, 3], machine and path; "human": in a window. RuntimeError without OpenGL."""
         if self.render_mode is None:
             return None
         if self._plant is None:
@@ -305,71 +289,62 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         self._picture = self._window = None
 
     @property
-    def path_mm(self) -> NDArray[np.float64]:
-        """float64 [m, 4], the path of this episode in pieces: X, Y, Z from its start, and the way along it, mm."""
-        return self._sampled
-
-    @property
     def counter_mm(self) -> NDArray[np.float64]:
         """float64 [3], where the tool would be by the counters, from the start of the path."""
-        at_mm: NDArray[np.float64] = self._lanes["counter"] / self._lanes["steps_per_mm"]
-        return at_mm
+        return np.asarray(self._lanes["counter"] / self._lanes["steps_per_mm"])
 
     @property
     def tool_mm(self) -> NDArray[np.float64]:
         """float64 [3], where the tool is, from the start of the path. Raises ResetNeeded before the first reset."""
         if self._plant is None:
             raise gymnasium.error.ResetNeeded("there is no machine yet; call reset()")
-        at_mm: NDArray[np.float64] = self._plant.position_mm - self._lanes["origin_mm"]
-        return at_mm
+        return np.asarray(self._plant.position_mm - self._lanes["origin_mm"])
 
     @property
     def highest_mm_s(self) -> NDArray[np.float64]:
         """float64 [3], speed at action 1."""
-        speed_mm_s: NDArray[np.float64] = self._lanes["highest_hz"] / self._lanes["steps_per_mm"]
-        return speed_mm_s
+        return np.asarray(self._lanes["highest_hz"] / self._lanes["steps_per_mm"])
 
     def __getstate__(self) -> dict[str, Any]:
         """For pickle: of the plant only its state."""
         state = self.__dict__.copy()
-        for name in ("_plant", "_stands", "_settled", "_fixed", "_now", "_picture", "_window", "_model"):
+        for name in ("_plant", "_stands", "_settled", "at_work", "_now", "_picture", "_window", "_model"):
             state.pop(name, None)
-        state["at_work"] = self._plant.save() if self._plant is not None else None
+        state["standing"] = self._plant.save() if self._plant is not None else None
         return state
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        at_work = state.pop("at_work")
+        standing = state.pop("standing")
         self.__dict__.update(state)
         self._model = compile_model(self.machine, visual=False)
         self._plant, self._stands, self._settled, self._picture, self._window = None, (), {}, None, None
         self._now = self._track[0]
-        if at_work is not None:
+        if standing is not None:
             self._stand()
             self._bind()
             assert self._plant is not None
-            self._plant.restore(at_work)
+            self._plant.restore(standing)
 
     def _begin(self, options: dict[str, Any]) -> NDArray[np.float64]:
-        """Start an episode with these options; the first observation."""
+        """The first observation of an episode with these options."""
         points = lay_path(options.get("path", self._path), self.np_random)
         off_mm = self._reference_mm * self.np_random.uniform(-1.0, 1.0, 3)
         path = sampled(points)
         self._check_fits(points)
-        self._options, self._points, self._left = options, points, 0
+        self._options, self._points, self.steps_left = options, points, 0
         self._stand()
         assert self._plant is not None
-        self._sampled = path
+        self.path_mm = path
         self._lanes["origin_mm"] = self._plant.position_mm + off_mm
-        self._lanes["counter"] = 0
-        self._lanes["fraction"] = 0.0
-        self._lanes["rate_hz"] = 0.0
-        for name in ("piece", "way_mm", "reward_progress", "reward_time", "reward_deviation", "reward_abort"):
+        for name in ("counter", "fraction", "rate_hz"):
+            self._lanes[name] = 0
+        for name in ("piece", "way_mm", *REWARDS):
             self._track[name] = 0
         self._track["began_ns"] = self._track["until_ns"] = _SETTLING_NS
         self._bind()
         observation = np.empty(SIZE)
-        tracking.begin(*self._fixed[:5], observation)
-        self._left = self._steps
+        tracking.begin(*self.at_work[:5], observation)
+        self.steps_left = self._steps
         return observation
 
     def _stand(self) -> None:
@@ -389,16 +364,15 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
 
     def _bind(self) -> None:
         assert self._plant is not None
-        self._fixed = (
-            self._plant.memory, self._track, self._lanes, self._shape_mm, self._sampled, *self._pulses,
+        self.at_work = (
+            self._plant.memory, self._track, self._lanes, self._shape_mm, self.path_mm, *self._pulses,
         )  # fmt: skip
 
     def _start_mm(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """float64 [3], where the path begins in machine coordinates: in the middle of the travel, if it fits there."""
         travel_mm = np.array([axis.travel_mm for axis in self.machine.axes])
         low_mm, high_mm = _CLEAR_MM - points.min(axis=0), travel_mm - _CLEAR_MM - points.max(axis=0)
-        start_mm: NDArray[np.float64] = np.clip(0.5 * travel_mm, low_mm, high_mm)
-        return start_mm
+        return np.clip(0.5 * travel_mm, low_mm, high_mm)
 
     def _check_fits(self, points: NDArray[np.float64]) -> None:
         """Refuse a path that is larger than the travel."""
@@ -417,16 +391,6 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         track[:], lanes[:] = self._track, self._lanes
         self._track, self._lanes, self._now = track, lanes, track[0]
 
-    @property
-    def at_work(self) -> tuple[NDArray[Any], ...]:
-        """What `tracking.take_step` is called with, but for action and observation; until the next reset."""
-        return self._fixed
-
-    @property
-    def steps_left(self) -> int:
-        """Steps until the time is over. A caller that steps by `at_work` counts them itself."""
-        return self._left
-
 
 def infos(track: Any) -> dict[str, Any]:
     """The entries of `info` for a TRACK, or for an array of them."""
@@ -434,10 +398,7 @@ def infos(track: Any) -> dict[str, Any]:
         "way_mm": track["way_mm"],
         "deviation_mm": track["deviation_mm"],
         "time_s": 1e-9 * (track["until_ns"] - track["began_ns"]),
-        "reward_progress": track["reward_progress"],
-        "reward_time": track["reward_time"],
-        "reward_deviation": track["reward_deviation"],
-        "reward_abort": track["reward_abort"],
+        **{name: track[name] for name in REWARDS},
     }
 
 

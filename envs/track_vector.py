@@ -34,14 +34,12 @@ from isel_twin.envs.wrappers import Randomised
 from isel_twin.plant import kernel
 from isel_twin.plant.memory import AXES, MEMORY, at_address
 
-PLACE = np.dtype(
-    [(name, "i8") for name in ("memory", "track", "lanes", "shape_mm", "path", "t_ns", "delta")]
-    + [(name, "i8") for name in ("joints", "points", "pulses")],
-    align=True,
-)
-"""Where the arrays of an environment lie, and how large they are."""
-_IDLE = -2
-"""Instead of a result of `take_step`: this environment makes no step."""
+_ARRAYS = ("memory", "track", "lanes", "shape_mm", "path", "t_ns", "delta")
+# Addresses of an environment's arrays, and their lengths.
+PLACE = np.dtype([(name, "i8") for name in (*_ARRAYS, "joints", "points", "pulses")], align=True)
+_NO_LEADS = np.zeros(0, np.int64)
+_TIME = -1  # instead of a result of `take_step`: the time is over
+_IDLE = -2  # instead of a result of `take_step`: this environment makes no step
 
 
 @njit(nogil=True, error_model="numpy")
@@ -82,10 +80,9 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
         randomised: Mapping[str, Sequence[float]] | None = None,
         **options: Any,
     ) -> None:
-        """options: those of TrackPath, for each of them. workers: threads, None for as many as there are processors.
-        randomised: ranges of what is drawn for every episode, as the wrapper Randomised takes them.
+        """options: those of TrackPath. workers: threads, None for as many as there are processors.
 
-        Raises ValueError with one line for a wrong argument.
+        randomised: ranges for the wrapper Randomised. Raises ValueError with one line for a wrong argument.
         """
         super().__init__()
         if num_envs < 1:
@@ -93,10 +90,8 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
         if workers is not None and workers < 1:
             raise ValueError(f"workers is {workers}; give at least 1")
         tracks = [TrackPath(**options) for _ in range(num_envs)]
-        self.envs: tuple[gymnasium.Env[Any, Any], ...] = tuple(
-            Randomised(track, **randomised) if randomised else track for track in tracks
-        )
-        """The environments, to look at; do not step them."""
+        envs = (Randomised(track, **randomised) if randomised else track for track in tracks)
+        self.envs: tuple[gymnasium.Env[Any, Any], ...] = tuple(envs)  # to look at; do not step them
         self._tracks = tracks
         self.num_envs = num_envs
         self.single_observation_space = tracks[0].observation_space
@@ -110,8 +105,7 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
         for k, track in enumerate(tracks):
             track.keep_in(self._track[k : k + 1], self._lanes[k])
         self._places = np.zeros(num_envs, PLACE)
-        self._left = np.zeros(num_envs, np.int64)
-        """Steps until the time is over, 0: the episode is over."""
+        self._left = np.zeros(num_envs, np.int64)  # steps until the time is over, 0: the episode is over
         self._begun = False
         self._options: dict[str, Any] | None = None
         many = min(workers or os.cpu_count() or 1, num_envs)
@@ -123,11 +117,8 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float64], dict[str, Any]]:
         """Begin all episodes. seed: that of the first, the others have the next ones; or one for each."""
-        seeds = (
-            seed
-            if isinstance(seed, list)
-            else [None if seed is None else seed + number for number in range(self.num_envs)]
-        )
+        n = self.num_envs
+        seeds = [seed + i for i in range(n)] if isinstance(seed, int) else [None] * n if seed is None else seed
         if len(seeds) != self.num_envs:
             raise ValueError(f"{len(seeds)} seeds for {self.num_envs} environments")
         self._options = options
@@ -167,7 +158,6 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
         return observations, rewards, overs > 0, truncated, self._infos(np.where(truncated, _TIME, overs))
 
     def render(self) -> tuple[Any, ...] | None:
-        """Pictures of all of them."""
         return tuple(track.render() for track in self._tracks)
 
     def close_extras(self, **_: Any) -> None:
@@ -178,12 +168,10 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
             self._pool.shutdown()
 
     def _begin(self, k: int, seed: int | None) -> NDArray[np.float64]:
-        """Begin an episode; its first observation."""
         observation, _ = self.envs[k].reset(seed=seed, options=self._options)
-        memory, track, lanes, shape_mm, path, t_ns, delta, _ = self._tracks[k].at_work
-        parts = (memory, track, lanes, shape_mm, path, t_ns, delta)
-        sizes = (shape_mm.shape[1], len(path), len(t_ns))
-        self._places[k] = (*(part.ctypes.data for part in parts), *sizes)
+        parts = self._tracks[k].at_work[: len(_ARRAYS)]
+        _, _, _, shape_mm, path, t_ns, _ = parts
+        self._places[k] = (*(part.ctypes.data for part in parts), shape_mm.shape[1], len(path), len(t_ns))
         self._left[k] = self._tracks[k].steps_left
         return observation
 
@@ -199,6 +187,4 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
         return said
 
 
-_NO_LEADS = np.zeros(0, np.int64)
-_TIME = -1
 drop_stale_code(take_steps, tracking.__file__, kernel.__file__, *kernel.CONTAINED)

@@ -1,6 +1,6 @@
 """One step of path following, compiled: pulses for each axis, drives and machine, and what is then to be seen.
 
-Goal: one call a step, so that an environment costs little more than its physics. A step of h:
+One call a step, so that an environment costs little more than its physics. A step of h:
 
     frequencies f_i  --- pulses at u_i = k + 1/2 --->  the kernel's advance  --->  tool p, rotors, margins
                          u_i' = u_i + f_i h                                          |
@@ -25,18 +25,14 @@ from isel_twin.plant import kernel
 from isel_twin.plant.kernel import advance
 from isel_twin.plant.memory import AXES, parts_of
 
-PREVIEW_MM = (0.5, 1.0, 2.0, 4.0, 8.0)
-"""How far ahead on the path the observed points lie."""
-SIZE = 6 * AXES + AXES * len(PREVIEW_MM) + 2
-"""Numbers in an observation."""
-DONE, OUTSIDE, LOST = 1, 2, 4
-"""What `take_step` returns: bits, 0 if the episode goes on."""
-STOPS_HZ = 300.0
-"""Step frequency from which every axis can stop at once: at the end of the path it must be no higher."""
-BACK_MM = 1.0
-"""How far back on the path, and beyond what a step can go ahead, the nearest point is looked for."""
+PREVIEW_MM = (0.5, 1.0, 2.0, 4.0, 8.0)  # how far ahead on the path the observed points lie
+SIZE = 6 * AXES + AXES * len(PREVIEW_MM) + 2  # numbers in an observation
+DONE, OUTSIDE, LOST = 1, 2, 4  # what `take_step` returns: bits, 0 if the episode goes on
+STOPS_HZ = 300.0  # step frequency from which every axis can stop at once: at the end of the path it must be no higher
+BACK_MM = 1.0  # how far back on the path, and beyond what a step can go ahead, the nearest point is looked for
 
-TRACK = np.dtype(
+REWARDS = ("reward_progress", "reward_time", "reward_deviation", "reward_abort")
+TRACK = np.dtype(  # settings and state of an episode
     [
         ("step_ns", "i8"),
         ("tolerance_mm", "f8"),
@@ -50,16 +46,12 @@ TRACK = np.dtype(
         ("piece", "i8"),  # of the path, the one that the tool is nearest to
         ("way_mm", "f8"),  # s
         ("deviation_mm", "f8"),
-        ("reward_progress", "f8"),
-        ("reward_time", "f8"),
-        ("reward_deviation", "f8"),
-        ("reward_abort", "f8"),
+        *((name, "f8") for name in REWARDS),
     ],
     align=True,
 )
-"""State and settings of an episode."""
 
-LANE = np.dtype(
+LANE = np.dtype(  # settings and state of an axis
     [
         ("highest_hz", "f8"),
         ("steps_per_mm", "f8"),
@@ -71,7 +63,6 @@ LANE = np.dtype(
     ],
     align=True,
 )
-"""State of an axis."""
 
 
 @njit(nogil=True, error_model="numpy")
@@ -125,10 +116,7 @@ def lay_pulses(lanes, start_ns, step_ns, t_ns, delta):
 
 @njit(nogil=True, error_model="numpy")
 def find(path, track, x, y, z):
-    """Find the nearest point of the path [m, 4] to a place, near the last one; return it: X, Y, Z.
-
-    Sets piece, way and deviation of the track.
-    """
+    """X, Y, Z of the path's [m, 4] point nearest to a place, near the last one; sets piece, way, deviation of track."""
     low_mm, high_mm = track.way_mm - BACK_MM, track.way_mm + BACK_MM + track.reach_mm
     j = track.piece
     while j > 0 and path[j, 3] > low_mm:

@@ -21,18 +21,8 @@ from numpy.typing import NDArray
 
 from isel_twin.core.state import TwinState
 from isel_twin.core.twin import Twin
-from isel_twin.envs.moves import (
-    JOB,
-    Job,
-    Move,
-    Settings,
-    Setup,
-    check_job,
-    make_move,
-    new_twin,
-    referenced_twin,
-    spoken,
-)
+from isel_twin.envs import moves
+from isel_twin.envs.moves import JOB, Job, Move, Settings, Setup
 from isel_twin.language import SETTINGS_RANGES, Ranges
 from isel_twin.machine import Machine
 
@@ -40,16 +30,11 @@ if TYPE_CHECKING:
     from isel_twin.plant.picture import Picture
 
 _SIZE = 15
-_MOST_KEPT = 16
-"""Seeds whose machines are kept."""
+_MOST_KEPT = 16  # seeds whose machines are kept
 
 
 def to_settings(action: NDArray[np.floating[Any]], ranges: Ranges = SETTINGS_RANGES) -> Settings:
-    """Settings that an action [3] stands for; values outside -1 .. 1 count as the nearest of these.
-
-    ranges: what the controller takes (`JobTuning.ranges`).
-    Raises ValueError for anything but three finite numbers.
-    """
+    """Settings of an action, three finite numbers (else ValueError), clipped to -1 .. 1, over a controller's ranges."""
     values = np.asarray(action, dtype=np.float64)
     if values.shape != (3,) or not np.isfinite(values).all():
         raise ValueError(f"action is {action!r}; it must be three finite numbers from -1 to 1")
@@ -90,8 +75,7 @@ class Episode:
 
     twin: TwinState
     setup: Setup
-    made: int
-    """Moves."""
+    made: int  # moves
     time_s: float
     over: bool
 
@@ -213,33 +197,17 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         self.action_space = Box(-1.0, 1.0, (3,), np.float32)
         self.observation_space = Box(-np.inf, np.inf, (_SIZE,), np.float64)
         self.render_mode = render_mode
+        # Of this episode; the next one may go on with it, unless it is observed or recorded.
         self.twin: Twin | None = None
-        """The twin of this episode, None before the first reset. The next episode may go on with it, unless it is
-        observed or recorded."""
-        self.ranges: Ranges
-        """What the controller takes for each of the settings, and so what the action space spans."""
-        self._setup = Setup(
-            job=job,
-            machine=machine,
-            controller=controller,
-            plant=plant,
-            overrides=dict(overrides or {}),
-            scenario=scenario,
-            load_nm=load_nm,
-            tolerance_mm=tolerance_mm,
-            settle_s=settle_s,
-            time_limit_s=time_limit_s,
+        changes = dict(overrides or {})
+        self.setup = Setup(
+            job, machine, controller, plant, 0, changes, scenario, load_nm, tolerance_mm, settle_s, time_limit_s
         )
-        self.ranges = spoken(self._setup).ranges
-        self._lost_steps_penalty = lost_steps_penalty
-        self._tolerance_penalty = tolerance_penalty
-        self._abort_penalty = abort_penalty
-        self._made = 0
-        self._time_s = 0.0
-        self._over = True
+        self.ranges: Ranges = moves.spoken(self.setup).ranges  # what the action space spans
+        self._penalties = lost_steps_penalty, tolerance_penalty, abort_penalty
+        self._made, self._time_s, self._over = 0, 0.0, True
         self._picture: Picture | None = None
-        self._begun: OrderedDict[int, TwinState] = OrderedDict()
-        """By seed of the twin, machines after their reference run."""
+        self._begun: OrderedDict[int, TwinState] = OrderedDict()  # by seed, after the reference run
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -253,7 +221,7 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         if not changes.keys() <= {"job"}:
             raise ValueError(f"unknown options {sorted(changes.keys() - {'job'})}; there is: job")
         twin_seed = int(self.np_random.integers(1 << 32))
-        self._setup = dataclasses.replace(self._setup, seed=twin_seed, **changes)
+        self.setup = dataclasses.replace(self.setup, seed=twin_seed, **changes)
         self.twin = self._referenced(kept=seed is not None)
         self._made, self._time_s, self._over = 0, 0.0, False
         error_mm = self.twin.position_mm - self.twin.counts[:3] / self._steps_per_mm
@@ -264,13 +232,13 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         if self.twin is None or self._over:
             raise gymnasium.error.ResetNeeded("the job is over; call reset() before step()")
         settings = to_settings(action, self.ranges)
-        left_s = self._setup.time_limit_s - self._time_s
-        move = make_move(self.twin, self._setup.job[self._made], settings, self._setup, left_s)
+        left_s = self.setup.time_limit_s - self._time_s
+        move = moves.make_move(self.twin, self.setup.job[self._made], settings, self.setup, left_s)
         self._time_s += move.time_s
         self._made += move.done
         refused = not move.done and move.reply != ""
-        terminated = self._made == len(self._setup.job) or refused
-        truncated = not terminated and self._time_s >= self._setup.time_limit_s
+        terminated = self._made == len(self.setup.job) or refused
+        truncated = not terminated and self._time_s >= self.setup.time_limit_s
         self._over = terminated or truncated
         rewards = self._rewards(move)
         observation = self._observation(move.error_mm, move.lost_steps, move.vibration_mm, move.time_s, move.settling_s)
@@ -286,10 +254,7 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         return observation, math.fsum(rewards.values()), terminated, truncated, info
 
     def render(self) -> NDArray[np.uint8] | None:
-        """uint8 [480, 640, 3], the machine as it stands now; None unless render_mode is "rgb_array".
-
-        Raises RuntimeError with one line if there is no OpenGL to draw with.
-        """
+        """uint8 [480, 640, 3], the machine; None unless render_mode is "rgb_array". RuntimeError without OpenGL."""
         if self.render_mode is None:
             return None
         if self.twin is None:
@@ -313,25 +278,21 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         """
         if self.twin is None:
             raise gymnasium.error.ResetNeeded("there is no episode yet; call reset() before save()")
-        return Episode(self.twin.save(), self._setup, self._made, self._time_s, self._over)
+        return Episode(self.twin.save(), self.setup, self._made, self._time_s, self._over)
 
     def restore(self, episode: Episode) -> None:
-        """Go on where the episode was when it was saved, here or in another environment made with the same arguments.
-
-        Raises ValueError with one line if those differ.
-        """
-        if dataclasses.replace(self._setup, seed=episode.setup.seed, job=episode.setup.job) != episode.setup:
+        """Go on where the episode was saved, here or in an environment with the same arguments (else ValueError)."""
+        if dataclasses.replace(self.setup, seed=episode.setup.seed, job=episode.setup.job) != episode.setup:
             raise ValueError("the episode is of another setup; restore it into an environment with the same arguments")
         if self.twin is None:
-            self.twin = new_twin(episode.setup)
+            self.twin = moves.new_twin(episode.setup)
         elif self.twin.followed:
             self.twin = self.twin.another(episode.setup.seed)
         self.twin.restore(episode.twin)
-        self._setup, self._made, self._time_s = episode.setup, episode.made, episode.time_s
+        self.setup, self._made, self._time_s = episode.setup, episode.made, episode.time_s
         self._over = episode.over
 
     def __getstate__(self) -> dict[str, Any]:
-        """The environment in mid-episode, without what draws it."""
         state = {**vars(self), "_picture": None, "_begun": OrderedDict()}
         state["twin"] = None if self.twin is None else self.twin.save()
         return state
@@ -340,34 +301,25 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         vars(self).update(state)
         saved = state["twin"]
         if saved is not None:
-            self.twin = new_twin(self._setup)
+            self.twin = moves.new_twin(self.setup)
             self.twin.restore(saved)
 
     def _referenced(self, kept: bool) -> Twin:
-        """The twin of a new episode, after its reference run. kept: this seed may come again.
-
-        The machine is built once. A seed that has been here before finds its machine as it stood after its reference
-        run then, so nothing is computed again.
-        """
-        setup, twin = self._setup, self.twin
+        """The twin of a new episode, after its reference run; of a seed that was kept, as it stood after that then."""
+        setup, twin = self.setup, self.twin
         state = self._begun.get(setup.seed)
         if twin is None or state is None:
-            twin = referenced_twin(setup, like=twin)
+            twin = moves.referenced_twin(setup, like=twin)
             if kept:
                 self._begun[setup.seed] = twin.save()
                 if len(self._begun) > _MOST_KEPT:
                     self._begun.popitem(last=False)
             return twin
-        check_job(setup.job, twin.machine)
+        moves.check_job(setup.job, twin.machine)
         if twin.followed:  # an observer of the last episode must not see this one
             twin = twin.another(setup.seed)
         twin.restore(state)
         return twin
-
-    @property
-    def setup(self) -> Setup:
-        """Job, machine and tolerances of this episode."""
-        return self._setup
 
     @property
     def _steps_per_mm(self) -> NDArray[np.float64]:
@@ -375,13 +327,14 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         return np.array([axis.steps_per_mm for axis in self.twin.machine.axes])
 
     def _rewards(self, move: Move) -> dict[str, float]:
-        outside = bool((np.abs(move.error_mm) > self._setup.tolerance_mm).any())
+        outside = bool((np.abs(move.error_mm) > self.setup.tolerance_mm).any())
+        lost_steps, tolerance, abort = self._penalties
         return {
             "reward_time": -move.time_s,
             "reward_settling": -move.settling_s,
-            "reward_lost_steps": -self._lost_steps_penalty * move.slipped,
-            "reward_tolerance": -self._tolerance_penalty * outside,
-            "reward_abort": -self._abort_penalty * (not move.done),
+            "reward_lost_steps": -lost_steps * move.slipped,
+            "reward_tolerance": -tolerance * outside,
+            "reward_abort": -abort * (not move.done),
         }
 
     def _observation(
@@ -393,7 +346,7 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         settling_s: float,
     ) -> NDArray[np.float64]:
         assert self.twin is not None
-        to_make = len(self._setup.job) - self._made
+        to_make = len(self.setup.job) - self._made
         here_mm = self.twin.counts[:3] / self._steps_per_mm
-        way_mm = np.array(self._setup.job[self._made]) - here_mm if to_make else np.zeros(3)
+        way_mm = np.array(self.setup.job[self._made]) - here_mm if to_make else np.zeros(3)
         return np.concatenate([way_mm, error_mm, lost_steps, vibration_mm, [time_s, settling_s, float(to_make)]])

@@ -10,15 +10,13 @@ import numpy as np
 
 from isel_twin.machine import Machine
 
-VARIATIONS: dict[str, tuple[float, float]] = {
+VARIATIONS: dict[str, tuple[float, float]] = {  # bounds of a mass, and of factors
     "payload_kg": (0.0, 20.0),
     "friction": (0.1, 10.0),
     "stiffness": (0.2, 1.2),
     "supply": (0.5, 1.5),
     "backlash": (0.0, 10.0),
 }
-"""Bounds of a mass, and of factors."""
-
 _FACTORS = tuple(VARIATIONS)[1:]
 
 

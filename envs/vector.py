@@ -29,7 +29,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
 from multiprocessing.connection import Connection
-from typing import Any, Literal, Protocol, get_args
+from typing import Any, Literal, get_args
 
 import gymnasium
 import numpy as np
@@ -39,19 +39,15 @@ from numpy.typing import NDArray
 
 Mode = Literal["serial", "threads", "processes"]
 
-_PATIENCE_S = 5.0
-"""Time for a process to end by itself."""
+_PATIENCE_S = 5.0  # time for a process to end by itself
 
 Environment = gymnasium.Env[Any, Any]
 
 
 class _Cell:
-    """One environment, and how it begins anew."""
-
     def __init__(self, make: Callable[[], Environment], autoreset: AutoresetMode) -> None:
         self.env = make()
-        self._autoreset = autoreset
-        self._over = False
+        self._autoreset, self._over = autoreset, False
 
     def reset(self, seed: int | None, options: dict[str, Any] | None) -> tuple[Any, dict[str, Any]]:
         self._over = False
@@ -82,16 +78,6 @@ class _Cell:
         self.env.close()
 
 
-class _Crew(Protocol):
-    """What holds the cells: this process or others."""
-
-    def do(self, method: str, tasks: Mapping[int, tuple[Any, ...]]) -> dict[int, Any]:
-        """Results of a method of some cells, by number of the cell; an error in one is raised here."""
-
-    def close(self) -> None:
-        """Free threads or processes."""
-
-
 class _Threads:
     """All cells in this process; with one worker, in this thread."""
 
@@ -100,6 +86,8 @@ class _Threads:
         self._pool = ThreadPoolExecutor(workers, "isel-twin-envs") if workers > 1 else None
 
     def do(self, method: str, tasks: Mapping[int, tuple[Any, ...]]) -> dict[int, Any]:
+        """Results of a method of some cells, by number of the cell; an error in one is raised here."""
+
         def one(number: int) -> Any:
             return getattr(self.cells[number], method)(*tasks[number])
 
@@ -173,7 +161,7 @@ class _Processes:
 
 
 def _work(end: Connection, makers: Mapping[int, CloudpickleWrapper], autoreset: AutoresetMode) -> None:
-    """Main loop of a process: calls methods of its cells until None comes."""
+    """A process: calls methods of its cells until None comes."""
     cells: dict[int, _Cell] = {}
     order: tuple[str, dict[int, tuple[Any, ...]]] | None = ("", {})
     with suppress(EOFError, ConnectionError, KeyboardInterrupt):
@@ -193,7 +181,7 @@ def _work(end: Connection, makers: Mapping[int, CloudpickleWrapper], autoreset: 
 
 
 class TwinVector(VectorEnv[Any, Any, Any]):
-    """Environments side by side. See the module; spaces and calls are those of gymnasium.vector.VectorEnv."""
+    """Environments side by side; spaces and calls are those of gymnasium.vector.VectorEnv."""
 
     def __init__(
         self,
@@ -203,11 +191,9 @@ class TwinVector(VectorEnv[Any, Any, Any]):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         context: str | None = None,
     ) -> None:
-        """env_fns: each makes one environment; all have the same spaces.
+        """env_fns: each makes one environment; all have the same spaces. context: `multiprocessing.get_context`.
 
-        workers: threads or processes, None for as many as there are processors, at most one an environment. context:
-        how processes start (`multiprocessing.get_context`), None for what is usual here.
-
+        workers: threads or processes, None for as many as there are processors, at most one an environment.
         Raises ValueError with one line for a wrong argument, and whatever making an environment raises.
         """
         super().__init__()
@@ -220,9 +206,8 @@ class TwinVector(VectorEnv[Any, Any, Any]):
         autoreset = AutoresetMode(autoreset_mode)
         many = min(workers or os.cpu_count() or 1, len(env_fns)) if mode != "serial" else 1
         self.num_envs = len(env_fns)
-        self.envs: tuple[Environment, ...] = ()
-        """The environments; none if they are in other processes."""
-        self._crew: _Crew
+        self.envs: tuple[Environment, ...] = ()  # the environments; none if they are in other processes
+        self._crew: _Threads | _Processes
         if mode == "processes":
             first = env_fns[0]()  # for its spaces
             self._crew = _Processes(env_fns, autoreset, many, context)
@@ -238,14 +223,12 @@ class TwinVector(VectorEnv[Any, Any, Any]):
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         if mode == "processes":
             first.close()
-        self._last: list[Any] = [None] * self.num_envs
-        """Observations."""
+        self._last: list[Any] = [None] * self.num_envs  # observations
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Reset all of them, with seed, seed + 1 ... or a list of seeds; options["reset_mask"], bool [n], says which
-        of them only."""
+        """Reset all, with seed, seed + 1 ... or a list of seeds; or those of options["reset_mask"], bool [n]."""
         n = self.num_envs
         seeds = [seed + i for i in range(n)] if isinstance(seed, int) else [None] * n if seed is None else list(seed)
         if len(seeds) != n:
@@ -279,7 +262,6 @@ class TwinVector(VectorEnv[Any, Any, Any]):
         return self._batched(), rewards, terminated.copy(), truncated.copy(), infos
 
     def render(self) -> tuple[Any, ...]:
-        """Pictures of all of them."""
         return self.call("render")
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
@@ -288,7 +270,6 @@ class TwinVector(VectorEnv[Any, Any, Any]):
         return tuple(results[i] for i in range(self.num_envs))
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
-        """An attribute of each."""
         return self.call(name)
 
     def set_attr(self, name: str, values: Any) -> None:
@@ -316,9 +297,5 @@ def tuning_vector(
     **options: Any,
 ) -> TwinVector:
     """`isel_twin/JobTuning-v0` so many times, each with these options: what `gymnasium.make_vec` calls."""
-    make = partial(_make, "isel_twin/JobTuning-v0", options)
+    make = partial(gymnasium.make, "isel_twin/JobTuning-v0", **options)
     return TwinVector([make] * num_envs, mode, workers, autoreset_mode, context)
-
-
-def _make(name: str, options: Mapping[str, Any]) -> Environment:
-    return gymnasium.make(name, **options)

@@ -22,7 +22,7 @@ from isel_twin.core.twin import Twin
 
 
 def error_mm(twin: Twin, steps_per_mm: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
-    """float64 [3], true carriage position minus counter, in mm, now. steps_per_mm: of the twin, if known."""
+    """float64 [3], true carriage position minus counter, in mm, now."""
     return twin.position_mm - twin.counts[:3] / (_steps_per_mm(twin) if steps_per_mm is None else steps_per_mm)
 
 
@@ -31,9 +31,7 @@ class Watch:
 
     def __init__(self, twin: Twin, interval_ns: int) -> None:
         """interval_ns: a multiple of the sub-step. `in_loop` says whether the plant takes the samples."""
-        self._twin = twin
-        self._interval_ns = interval_ns
-        self._begin_ns = twin.time_ns
+        self._twin, self._interval_ns, self._begin_ns = twin, interval_ns, twin.time_ns
         self._steps_per_mm = _steps_per_mm(twin)
         self._samples: list[TwinSamples] = []
         self.in_loop = twin.sample(self._take, interval_ns, from_ns=twin.time_ns) is not None
@@ -46,7 +44,6 @@ class Watch:
         return error_mm(self._twin, self._steps_per_mm)
 
     def leave(self) -> None:
-        """No more samples."""
         if self.in_loop:
             self._twin.sample_no_more(self._take)
             self.in_loop = False

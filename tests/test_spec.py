@@ -16,7 +16,10 @@ from isel_twin.recordings.recording import FileRecording
 from isel_twin.recordings.replay import rebuilt, replay
 from isel_twin.wiring import ScenarioError
 
-EVENTS = [{"name": "door", "at": 0.5, "set": {"hood": "open"}}, {"when": "0.25 s after door", "set": {"hood": "closed"}}]
+EVENTS = [
+    {"name": "door", "at": 0.5, "set": {"hood": "open"}},
+    {"when": "0.25 s after door", "set": {"hood": "closed"}},
+]
 
 
 def spec() -> TwinSpec:
@@ -27,9 +30,11 @@ def test_a_spec_goes_through_a_pickle_and_builds_the_same_twin() -> None:
     twins = [spec().build(), pickle.loads(pickle.dumps(spec())).build()]
     for twin in twins:
         twin.run(0.6)
-        assert twin.inputs["hood"] == "open" and twin.events_left == 1
+        assert twin.inputs["hood"] == "open"
+        assert twin.events_left == 1
         twin.run(0.2)
-        assert twin.inputs["hood"] == "closed" and twin.events_left == 0
+        assert twin.inputs["hood"] == "closed"
+        assert twin.events_left == 0
     assert twins[0].position_mm.tolist() == twins[1].position_mm.tolist()
 
 
@@ -59,8 +64,10 @@ def test_a_recording_of_events_replays(tmp_path: Path) -> None:
 def test_a_machine_is_built_once_for_the_same_overrides() -> None:
     machine, overrides = load_machine("4030"), {"payload.mass": 3.0}
     made = with_overrides(machine, overrides)
-    assert load_machine("4030") is machine and with_overrides(machine, dict(overrides)) is made
-    assert made.axes is machine.axes and (made.payload_kg, machine.payload_kg) == (
+    assert load_machine("4030") is machine
+    assert with_overrides(machine, dict(overrides)) is made
+    assert made.axes is machine.axes
+    assert (made.payload_kg, machine.payload_kg) == (
         3.0,
         machine.tree["payload"]["mass"]["value"],
     )
@@ -78,7 +85,8 @@ def test_a_changed_file_is_noticed(changed: str, tmp_path: Path) -> None:
     file = folder / changed
     file.write_bytes(file.read_bytes() + b"\n")
     after = load_machine(folder)
-    assert after is not before and after == before
+    assert after is not before
+    assert after == before
 
 
 def test_a_changed_parent_is_noticed(tmp_path: Path) -> None:

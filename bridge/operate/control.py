@@ -1,7 +1,6 @@
 """Operating a served machine from outside: what a person at its cabinet would do, and what a laboratory wishes for.
 
-The goal of this code is one set of functions for whoever stands beside the host: the control port (control_port.py)
-hands it what has come over a socket, the panel calls the same. No sockets here.
+One set of functions for whoever stands beside the host: control port and panel call the same. No sockets here.
 
     request, a table with one action  --- Operator.ask --->  answer at once, or a Pending that becomes one
 
@@ -16,10 +15,10 @@ hands it what has come over a socket, the panel calls the same. No sockets here.
     {"wait": {"output": "spindle", "is": 1}}      until it is so, see `_condition`
     {"stop": true}                      the server ends, as by SIGTERM
 
-Each acts in the loop of the server, at a virtual instant that the answer names: the present, to which the twin has been
-brought before. A wait ends at the instant at which what it waits for is so: levels, states, idleness and times to the
-nanosecond, positions and counters within LOOK_NS. With `"pause": true` virtual time stands still from that instant.
-Whatever is wrong with a request is a ControlError, one line, and nothing has been changed then.
+Each acts in the loop of the server, at the present, which the answer names in virtual time. A wait ends when its
+condition is met: levels, states, idleness and times to the nanosecond, positions and counters within LOOK_NS. With
+`"pause": true` virtual time stands still from that instant. A wrong request is a ControlError of one line, and changes
+nothing.
 """
 
 from __future__ import annotations
@@ -36,18 +35,13 @@ from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.bridge.serve.pacing import HIGHEST_SPEED, LOWEST_SPEED
 from isel_twin.bridge.serve.server import Server
 from isel_twin.core.twin import Twin
-from isel_twin.wiring import ACTS, EVENT_KEYS, ScenarioEvent, event_now
+from isel_twin.wiring import ACTS, EVENT_KEYS, event_now
 
 Answer = dict[str, Any]
 
-LOOK_NS = 1 * MILLISECOND_NS
-"""Virtual time between two looks at a position somebody waits for."""
-
-PATIENCE_S = 60.0
-"""Wall time that a wait lasts unless it says otherwise."""
-
-REMARKS = 10
-"""Last remarks of the controller that a state tells."""
+LOOK_NS = 1 * MILLISECOND_NS  # virtual time between two looks at a position somebody waits for
+PATIENCE_S = 60.0  # wall time that a wait lasts unless it says otherwise
+REMARKS = 10  # last remarks of the controller that a state tells
 
 _STEP_S = Limits("s", 1e-9, 3600.0)
 _SPEED = Limits("times real time, or 'max'", LOWEST_SPEED, HIGHEST_SPEED)
@@ -79,10 +73,8 @@ class Pending:
     """A request whose answer is still to come: `answer` or `error` is set then."""
 
     condition: _Condition
-    until_ns: int | None
-    """Virtual time at which it is given up."""
-    until_wall_s: float
-    """The same in wall time."""
+    until_ns: int | None  # virtual time at which it is given up
+    until_wall_s: float  # the same in wall time
     what: str
     pause: bool = False
     answer: Answer | None = None
@@ -94,7 +86,7 @@ class Pending:
 
 
 class Operator:
-    """Acts on the twin of a server; used in the thread of its loop only. See the module."""
+    """Acts on the twin of a server; used in the thread of its loop only."""
 
     def __init__(self, server: Server, twin: Twin) -> None:
         self._server = server
@@ -115,11 +107,10 @@ class Operator:
             return self._done(request, lambda: self.happen(content))
         (key,) = actions
         where, value = place.at(key), content[key]
-        if key in ("step", "speed", "wait"):
-            acts: dict[str, Callable[[Any, Place], Answer | Pending]]
-            acts = {"step": self._step, "speed": self._speed, "wait": self._wait}
-            act = acts[key]
-            return self._done(request, lambda: act(value, where))
+        acts: dict[str, Callable[[Any, Place], Answer | Pending]]
+        acts = {"step": self._step, "speed": self._speed, "wait": self._wait}
+        if key in acts:
+            return self._done(request, lambda: acts[key](value, where))
         if value is not True:
             raise where.wrong(f"{_shown(value)}; allowed: true")
         if key == "state":
@@ -131,7 +122,7 @@ class Operator:
         return self._done(request, {"pause": self.pause, "resume": self.resume, "stop": self.stop}[key])
 
     def _done(self, request: Any, act: Callable[[], Answer | Pending]) -> Answer | Pending:
-        """What an action gives, once it has been written down that it was done."""
+        """The action's result; what was done is written down."""
         result = act()
         self._server.act(json.dumps(request))
         return result
@@ -140,14 +131,15 @@ class Operator:
 
     @property
     def settable(self) -> Mapping[str, tuple[str, ...]]:
-        """Everything that can be set, and the states of each."""
         return self._twin.settable
 
     def happen(self, content: dict[str, Any]) -> Answer:
-        """Let an event of a scenario (without `at`) happen now; what it has set, as it is then: inputs, or all keys."""
+        """Let an event of a scenario (without `at`) happen now; the answer has what it set: inputs, or all keys."""
         place = Place("request", ControlError)
         event = event_now(content, place, self.settable, self._twin.keys)
-        self._check_physics(event, content, place)
+        if event.physical and not self._twin.physics:
+            key = next(key for key in content if key in ACTS and ACTS[key].physical)
+            raise place.at(key).wrong("does nothing without physics; allowed: with the plant mujoco")
         self._twin.carry_out(event)
         inputs = self._twin.inputs
         keys = {"keys": dict(self._twin.key_values)} if "key" in event.acts else {}
@@ -159,7 +151,6 @@ class Operator:
         return self._now()
 
     def resume(self) -> Answer:
-        """Let virtual time go on from where it stands."""
         if self._pacer.paused:
             self._server.go_on(self._pacer.speed)
         return self._now()
@@ -178,12 +169,10 @@ class Operator:
         if not self._pacer.paused:
             raise ControlError("request: step: virtual time does not stand still; allowed: after pause")
         end_ns = self._pacer.step(step_ns)
-
         made = _Condition(lambda: self._twin.time_ns >= end_ns, lambda: end_ns)
         return self._add(Pending(made, None, math.inf, "step"))
 
     def stop(self) -> Answer:
-        """Let the server end, as a signal does."""
         self._server.stop()
         return self._now()
 
@@ -195,7 +184,7 @@ class Operator:
         return self._add(Pending(condition, until_ns, self._pacer.wall_s + wall_s, "wait", pause))
 
     def forget(self, pending: Pending) -> None:
-        """Drop a wait: whoever asked has gone."""
+        """Whoever asked has gone."""
         if pending in self._pending:
             self._pending.remove(pending)
         self._mind()
@@ -208,7 +197,6 @@ class Operator:
         self._mind()
 
     def state(self) -> Answer:
-        """The machine as it is: plain numbers and words."""
         twin = self._twin
         return self._now() | {
             "machine": twin.machine.name,
@@ -242,7 +230,6 @@ class Operator:
     # The pacer's onlooker
 
     def look_ns(self) -> int | None:
-        """When to look again at the latest."""
         times = [pending.until_ns for pending in self._pending if pending.until_ns is not None]
         times += [pending.condition.look_ns() for pending in self._pending if pending.condition.look_ns is not None]
         return min((time_ns for time_ns in times if time_ns > self._twin.time_ns), default=None)
@@ -293,11 +280,6 @@ class Operator:
         elif pending.what == "step" and (self._pacer.hold_ns is None or self._twin.time_ns >= self._pacer.hold_ns):
             pending.error = "step: broken off by pause or resume"
 
-    def _check_physics(self, event: ScenarioEvent, content: Mapping[str, Any], place: Place) -> None:
-        if event.physical and not self._twin.physics:
-            key = next(key for key in content if key in ACTS and ACTS[key].physical)
-            raise place.at(key).wrong("does nothing without physics; allowed: with the plant mujoco")
-
     def _step(self, value: Any, place: Place) -> Pending:
         return self.step(round(plain(value, _STEP_S, place) * SECOND_NS))
 
@@ -319,7 +301,7 @@ class Operator:
         return self.wait(condition, timeout_ns, wall_s, pause)
 
     def _condition(self, content: dict[str, Any], place: Place) -> _Condition:
-        """What a wait is for: exactly one of these.
+        """Exactly one of these.
 
             {"output": NAME, "is": NUMBER}     {"input": NAME, "is": STATE}     {"level": TERMINAL, "is": 0 or 1}
             {"position": AXIS, "above": MM}    {"count": AXIS, "below": STEPS}  {"idle": true}    {"time": SECONDS}
@@ -371,9 +353,9 @@ class Operator:
     def _beyond(self, key: str, content: Mapping[str, Any], place: Place) -> _Condition:
         """A position in mm or a counter in steps within bounds."""
         twin = self._twin
-        names = CARRIAGES if key == "position" else AXIS_NAMES[: len(twin.counts)]
-        _one_of(content[key], tuple(names), place.at(key))
-        axis = tuple(names).index(content[key])
+        names = tuple(CARRIAGES if key == "position" else AXIS_NAMES[: len(twin.counts)])
+        _one_of(content[key], names, place.at(key))
+        axis = names.index(content[key])
         rule = _MM if key == "position" else _COUNT
         low, high = (
             plain(content[name], rule, place.at(name)) if name in content else otherwise
@@ -394,11 +376,9 @@ def _number(value: Any, rule: Limits, place: Place) -> Any:
 
 
 def _one_of(value: Any, names: tuple[str, ...], place: Place) -> None:
-    """Raise ControlError unless the value is one of the names."""
     if not isinstance(value, str) or value not in names:
         raise place.wrong(f"{_shown(value)}; {hint(str(value)[:40], names)}")
 
 
 def _shown(value: Any) -> str:
-    """A value as an error shows it."""
     return json.dumps(value)[:60]

@@ -5,13 +5,12 @@
     {"set": {"estop": "half"}}         --->
                                        <---      {"error": "request: set: input 'estop' cannot be 'half'; ..."}
 
-What can be asked is in control.py. Up to CLIENTS clients; each has one request at a time in work, and what it sends
-meanwhile waits, at most LINE_BYTES of it. A client that does not read its answers is not listened to; one that
-has gone waits for nothing any more. None of them can hold up the server: reading, writing and the requests done in one
-round of its loop are bounded.
+Requests: control.py. Up to CLIENTS clients; each has one request at a time in work, and at most LINE_BYTES wait
+meanwhile. A client that does not read its answers is not listened to. None can hold up the server: reading, writing and
+the requests done in one round of its loop are bounded.
 
-Who may: whoever reaches a port of the loopback interface. Beyond it a token is needed, as the first request:
-{"token": "..."}. A connection that begins with anything but a JSON object, as a browser's would, is closed.
+Beyond the loopback interface a token is needed, as the first request: {"token": "..."}. A connection that begins with
+anything but a JSON object, as a browser's would, is closed.
 """
 
 from __future__ import annotations
@@ -29,26 +28,17 @@ from isel_twin.bridge.operate.control import ControlError, Operator, Pending
 from isel_twin.bridge.operate.token import is_token, token_for
 from isel_twin.bridge.serve.loop import FileWatch
 from isel_twin.bridge.serve.outbox import Outbox
-from isel_twin.bridge.serve.server import Server
+from isel_twin.bridge.serve.server import Guest, Server
 from isel_twin.bridge.serve.tcp import Spare, lacks_files, listen
 from isel_twin.core.twin import Twin
 
 log = logging.getLogger("isel_twin")
 
-LINE_BYTES = 65_536
-"""Longest request, and most of what waits to be dealt with."""
-
-CLIENTS = 16
-"""Connections at once."""
-
-UNREAD_BYTES = 16_384
-"""Answers not yet read beyond which a client is not listened to."""
-
-ROUND = 8
-"""Requests of a client dealt with in one round of the server's loop."""
-
-ERROR_CHARACTERS = 600
-"""Longest error, whatever it quotes."""
+LINE_BYTES = 65_536  # longest request, and most of what waits to be dealt with
+CLIENTS = 16  # connections at once
+UNREAD_BYTES = 16_384  # answers not yet read beyond which a client is not listened to
+ROUND = 8  # requests of a client dealt with in one round of the server's loop
+ERROR_CHARACTERS = 600  # longest error, whatever it quotes
 
 
 def parse_request(line: bytes) -> dict[str, Any]:
@@ -82,12 +72,9 @@ class _Client:
         self.outbox = Outbox(connection.send)
         self.buffer = bytearray()
         self.trusted = trusted
-        self.begun = False
-        """It has sent an object."""
-        self.skipping = False
-        """The rest of a line that was too long is still to come."""
-        self.leaving = False
-        """It sends no more, or is to be closed once it has its answers."""
+        self.begun = False  # it has sent an object
+        self.skipping = False  # the rest of a line that was too long is still to come
+        self.leaving = False  # it sends no more, or is to be closed once it has its answers
         self.pending: Pending | None = None
 
     @property
@@ -116,8 +103,8 @@ class _Client:
                 yield bytes(line)
 
 
-class ControlPort:
-    """A guest of a server that lets clients operate its twin. Raises ValueError, OSError as `TcpEndpoint`."""
+class ControlPort(Guest):
+    """Lets clients operate a server's twin. Raises ValueError, OSError as `TcpEndpoint`."""
 
     kind = "control"
 
@@ -137,7 +124,7 @@ class ControlPort:
 
     @property
     def operator(self) -> Operator:
-        """Who does what is asked. Raises RuntimeError before there is a server."""
+        """Raises RuntimeError before there is a server."""
         if self._operator is None:
             raise RuntimeError("the control port has no server yet")
         return self._operator
@@ -154,7 +141,6 @@ class ControlPort:
         return 0.0 if any(client.ready or client.overlong for client in self._clients) else self.operator.wait_s
 
     def look(self) -> None:
-        """Answer who has waited, and deal with requests that have come."""
         self.operator.look()
         for client in list(self._clients):
             self._serve(client)
@@ -236,14 +222,17 @@ class ControlPort:
             request = parse_request(line)
             client.begun = True
             if "token" in request:
-                return self._admit(client, request)
+                client.trusted = is_token(request["token"], self.token) and len(request) == 1
+                if client.trusted:
+                    return {"ok": {}}
+                raise ControlError(
+                    "request: token: not the one of this server; allowed: the one it was started with, alone"
+                )
             if not client.trusted:
-                client.leaving = True
-                client.buffer.clear()
                 raise ControlError('request: token: missing; allowed: {"token": "..."} before anything else')
             result = self.operator.ask(request)
         except ControlError as error:
-            if not client.begun:
+            if not (client.begun and client.trusted):
                 client.leaving = True
                 client.buffer.clear()
             return _error(str(error))
@@ -252,15 +241,6 @@ class ControlPort:
         client.pending = result
         self._answer_pending(client)
         return None
-
-    def _admit(self, client: _Client, request: dict[str, Any]) -> dict[str, Any]:
-        given = request["token"]
-        if not is_token(given, self.token) or len(request) > 1:
-            client.leaving = True
-            client.buffer.clear()
-            return _error("request: token: not the one of this server; allowed: the one it was started with, alone")
-        client.trusted = True
-        return {"ok": {}}
 
     def _put(self, client: _Client, answer: dict[str, Any] | None) -> None:
         if answer is None:

@@ -16,12 +16,12 @@ def is_loopback(address: str) -> bool:
 
 
 def token_for(address: str, given: str | None) -> str | None:
-    """What has to be known at an address: what was given, else nothing on loopback, else one that nobody guesses."""
+    """The token needed at an address: the given one, else none on loopback, else a random one."""
     return given or (None if is_loopback(address) else secrets.token_urlsafe(16))
 
 
 def is_token(given: Any, token: str | None) -> bool:
-    """True if `given`, which may be anything, is the token, or if none is needed. Takes the same time for all texts."""
+    """True if `given`, which may be anything, is the token, or none is needed. Constant time."""
     return token is None or (
         isinstance(given, str) and hmac.compare_digest(given.encode("utf-8", "surrogatepass"), token.encode("utf-8"))
     )

@@ -1,8 +1,8 @@
-"""The twins of tests, and what a failing one leaves: what the plugin of pytest does once a test uses a twin.
+"""The twins of tests, and what a failing test leaves of them.
 
-Goal: passing tests pay for nothing. Of each twin only the causes are kept: the bytes of the host and what people did,
-with their times. When a test fails, another twin is built from the same call, gets the same causes at the same times,
-does the same to the bit, and is recorded while it does:
+Passing tests pay for nothing: of each twin only the causes are kept, the bytes of the host and what people did, with
+their times. When a test fails, another twin is built from the same call, gets the same causes at the same times, does
+the same to the bit, and is recorded while it does:
 
     causes  --- again ---> twin.mcap    isel-twin replay twin.mcap
                            twin.png     path and errors, where matplotlib is installed
@@ -12,6 +12,7 @@ A twin belongs to the node of pytest it was made for, and to all tests below it:
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import re
@@ -20,6 +21,7 @@ import socket
 import sys
 import threading
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,26 +36,19 @@ if TYPE_CHECKING:
 
     from isel_twin.core.twin import Twin
 
-INTERVAL_NS = 10 * MILLISECOND_NS
-"""From sample to sample of a recording."""
-MOST_SAMPLES = 20_000
-"""Beyond which there are fewer of them in a second."""
-STOP_S = 30.0
-"""Wall time for a server to end, and to answer what needs no waiting."""
-NAME_CHARACTERS = 80
-"""Of the name of a test, in the name of a folder."""
+INTERVAL_NS = 10 * MILLISECOND_NS  # from sample to sample of a recording
+MOST_SAMPLES = 20_000  # beyond which there are fewer of them in a second
+STOP_S = 30.0  # wall time for a server to end, and to answer what needs no waiting
+NAME_CHARACTERS = 80  # of the name of a test, in the name of a folder
 
 
 @dataclass(eq=False)
 class _Kept:
-    """A twin and the causes of what it did."""
-
     twin: Twin
     node: pytest.Item | pytest.Collector
     call: TwinSpec
     causes: list[tuple[int, str, Any]] = field(default_factory=list)
-    restored: bool = False
-    """It has been given a state (`Twin.restore`): its causes alone do not tell what it did."""
+    restored: bool = False  # it has been given a state (`Twin.restore`): its causes alone do not tell what it did
 
     def note(self, time_ns: int, kind: str, what: Any) -> None:
         if kind in ("sent", "operated"):
@@ -71,14 +66,14 @@ class KeptTwins:
         self._folder = folder
         self._temporary = temporary
         self._kept: list[_Kept] = []
-        self._left: dict[str, Path] = {}
-        """Folder of each test that has failed before."""
+        self._left: dict[str, Path] = {}  # folder of each test that has failed before
 
     def build(self, node: Any, call: Mapping[str, Any], *, line_speed: bool = False) -> Twin:
         """A twin for a node, switched on. What is wrong with the call fails the test with one line."""
         import pytest
 
-        known = {key: value for key, value in call.items() if key in {field.name for field in fields(TwinSpec)}}
+        names = {field.name for field in fields(TwinSpec)}
+        known = {key: value for key, value in call.items() if key in names}
         known |= {key: Path(value) for key, value in known.items() if key == "scenario" and value is not None}
         known |= {key: str(value) for key, value in known.items() if key in ("machine", "controller", "plant")}
         wanted = TwinSpec(**known, line_speed=line_speed)
@@ -94,7 +89,6 @@ class KeptTwins:
         return twin
 
     def forget(self, twin: Twin) -> None:
-        """No test will use it any more."""
         self._kept = [kept for kept in self._kept if kept.twin is not twin]
 
     def tell(self, item: pytest.Item, tmp_path: Path | None) -> tuple[str, list[Path]]:
@@ -137,17 +131,10 @@ class KeptTwins:
 
 
 def _said(kept: _Kept) -> str:
-    """How a twin was built, in one line."""
     call = kept.call
-    words = [
-        f"machine={call.machine_name}",
-        f"controller={call.controller}",
-        f"plant={call.plant}",
-        f"seed={call.seed}",
-    ]
-    words += [] if call.scenario is None else [f"scenario={call.scenario}"]
-    words += [f"overrides={dict(call.overrides)}"] if call.overrides else []
-    return " ".join(words)
+    text = f"machine={call.machine_name} controller={call.controller} plant={call.plant} seed={call.seed}"
+    text += "" if call.scenario is None else f" scenario={call.scenario}"
+    return f"{text} overrides={dict(call.overrides)}" if call.overrides else text
 
 
 def _leave(kept: _Kept, folder: Path, name: str) -> tuple[Path | None, list[str]]:
@@ -168,10 +155,9 @@ def _of(error: OSError, path: Path | None) -> str:
 
 
 def _record(kept: _Kept, recording: Path, picture: Path) -> list[str]:
-    """The same twin again, recorded; lines about the picture, and about what came otherwise. Raises OSError."""
-    import errno
-
+    """Play the causes again; lines about the picture, and about what came otherwise. Raises OSError."""
     from isel_twin.base.parameters import Place
+    from isel_twin.core.twin import Twin
     from isel_twin.recordings.recorder import Recorder
     from isel_twin.recordings.recording import FileRecording
     from isel_twin.wiring import ScenarioError, event_now
@@ -179,7 +165,7 @@ def _record(kept: _Kept, recording: Path, picture: Path) -> list[str]:
     end_ns, causes = kept.twin.time_ns, list(kept.causes)
     seen = _place(kept.twin)
     interval_ns = max(INTERVAL_NS, end_ns // MOST_SAMPLES)
-    twin = _another(kept.twin)
+    twin = Twin.of(kept.twin.origin, keep_motions=1)
     place = Place("the test", ScenarioError)
     zeros_ns = [0]
     twin.listen(lambda time_ns, kind, what: zeros_ns.append(time_ns) if kind == "counter" else None)
@@ -204,13 +190,6 @@ def _record(kept: _Kept, recording: Path, picture: Path) -> list[str]:
         same = kept.twin.time_ns != end_ns or _place(twin) == seen  # a served one may have gone on meanwhile
         other = "the recording ends elsewhere than the test: something was done past the functions of the twin"
         return [_draw(twin, recorder, picture, zeros_ns[-1]), *([] if same else [other])]
-
-
-def _another(twin: Twin) -> Twin:
-    """One that is built as it was. Raises ValueError, OSError."""
-    from isel_twin.core.twin import Twin
-
-    return Twin.of(twin.origin, keep_motions=1)
 
 
 def _place(twin: Twin) -> tuple[list[int], list[float]]:
@@ -246,10 +225,8 @@ class ServedTwin:
         made = _endpoint(endpoint)
         self._control = ControlPort("127.0.0.1:0")
         self._twin = twin
-        self.address: str = made.address
-        """HOST:PORT, or the device of a pseudo terminal."""
-        self.control: str = self._control.address
-        """HOST:PORT of the control port, for `isel-twin ctl`."""
+        self.address: str = made.address  # HOST:PORT, or the device of a pseudo terminal
+        self.control: str = self._control.address  # HOST:PORT of the control port, for `isel-twin ctl`
         self._server = Server(twin, Pacer(factor, twin.time_ns), [made], guests=[self._control])
         self._broken: BaseException | None = None
         self._thread = threading.Thread(target=self._run, name="twin_server", daemon=True)
@@ -297,19 +274,10 @@ class ServedTwin:
 
 
 def _endpoint(kind: str) -> Any:
-    if kind == "tcp":
-        from isel_twin.bridge.serve.tcp import TcpEndpoint
+    from isel_twin.bridge.serve.endpoints import open_endpoints
 
-        return TcpEndpoint("127.0.0.1:0")
-    if kind == "rfc2217":
-        from isel_twin.bridge.serve.rfc2217 import Rfc2217Codec
-        from isel_twin.bridge.serve.tcp import TcpEndpoint
-
-        return TcpEndpoint("127.0.0.1:0", "rfc2217", Rfc2217Codec)
-    if kind == "pty":
-        from contextlib import ExitStack
-
-        from isel_twin.bridge.serve.endpoints import open_endpoints
-
-        return open_endpoints([""], None, None, ExitStack())[0]
-    raise ValueError(f"endpoint={kind!r}; there are: tcp, rfc2217, pty")
+    free = ["127.0.0.1:0"]
+    asked = {"tcp": (None, free, None), "rfc2217": (None, None, free), "pty": ([""], None, None)}
+    if kind not in asked:
+        raise ValueError(f"endpoint={kind!r}; there are: tcp, rfc2217, pty")
+    return open_endpoints(*asked[kind], ExitStack())[0]

@@ -5,9 +5,7 @@
     a test fails ---> the twin is built again and does the same again, now recorded (bridge/pytest/kept.py)
                       ---> recording, picture and how to repeat it, in the report of the test
 
-pytest imports this at every start, in projects that have nothing to do with twins, too: so it imports nothing but
-pytest, and what fixtures need where they need it.
-
+pytest imports this at every start, in any project: so it imports nothing but pytest, and the rest where it is needed.
 A wrong key or value is a line: of the marker in each test that has it, of an ini key before any test.
 """
 
@@ -29,9 +27,7 @@ if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
     from isel_twin.jobs.checks.watched import Watched
 
-__all__ = ["twin", "twin_call", "twin_factory", "twin_serial", "twin_server", "virtual_host", "watched"]
-
-INI: Mapping[str, str] = {
+INI: Mapping[str, str] = {  # keys of the ini file, with isel_twin_ before them
     "machine": "name of a machine, or a machine folder seen from the ini file",
     "controller": "name of a controller",
     "plant": "mujoco or kinematic",
@@ -39,20 +35,15 @@ INI: Mapping[str, str] = {
     "seed": "whole number",
     "artifacts": "folder for what failing tests leave, seen from the ini file; without it the temporary folder of each",
 }
-"""Keys of the ini file, with isel_twin_ before them."""
-KEYS = ("machine", "controller", "plant", "scenario", "seed", "overrides", "start_mm")
-"""Of the marker."""
-LISTED = ("machine", "controller", "plant", "scenario", "seed")
-"""Keys of which a list makes a test of each."""
-OF_SERVERS = ("endpoint", "speed")
-"""Keys for `twin_server` alone."""
+LISTED = ("machine", "controller", "plant", "scenario", "seed")  # keys of which a list makes a test of each
+KEYS = (*LISTED, "overrides", "start_mm")  # of the marker
+OF_SERVERS = ("endpoint", "speed")  # keys for `twin_server` alone
 
 MARKER = (
     f"twin({', '.join(f'{key}=...' for key in (*KEYS, *OF_SERVERS))}): how the twin of this test is built; "
     "a list of machines, controllers, plants, scenarios or seeds makes a test of each"
 )
 
-_FIXTURES = ("twin_call", "twin", "twin_serial", "twin_server", "virtual_host", "watched")
 _kept = pytest.StashKey["KeptTwins"]()
 
 
@@ -73,15 +64,13 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def _defaults(config: pytest.Config) -> dict[str, Any]:
-    said = {key: config.getini(f"isel_twin_{key}") for key in ("machine", "controller", "plant", "scenario", "seed")}
-    call: dict[str, Any] = {key: value for key, value in said.items() if value}
+    call: dict[str, Any] = {key: value for key in LISTED if (value := config.getini(f"isel_twin_{key}"))}
     if "seed" in call:
         call["seed"] = int(call["seed"])
     return {key: _seen_from(_folder(config), key, value) for key, value in call.items()}
 
 
 def _folder(config: pytest.Config) -> Path:
-    """Of the ini file, from which its paths are seen."""
     return config.rootpath if config.inipath is None else config.inipath.parent
 
 
@@ -89,10 +78,7 @@ def _folder(config: pytest.Config) -> Path:
 
 
 def _marked(node: Any) -> dict[str, Any]:
-    """What all twin markers of a node say; the nearer one goes before, overrides are laid over each other.
-
-    Fails with one line for a key or value that is none.
-    """
+    """What all twin markers of a node say, the nearest first, overrides merged. A wrong key or value fails the test."""
     call: dict[str, Any] = {}
     for mark in reversed(list(node.iter_markers("twin"))):
         if mark.args:
@@ -115,10 +101,9 @@ def _seen_from(folder: Path, key: str, value: Any) -> Any:
 
 
 def _checked(call: Mapping[str, Any], where: str) -> dict[str, Any]:
-    allowed = (*KEYS, *OF_SERVERS)
     for key, value in call.items():
-        if key not in allowed:
-            _wrong(f"{where}: unknown key {key!r}; there are: {', '.join(allowed)}")
+        if key not in (*KEYS, *OF_SERVERS):
+            _wrong(f"{where}: unknown key {key!r}; there are: {', '.join((*KEYS, *OF_SERVERS))}")
         for one in value if key in LISTED and isinstance(value, list | tuple) else (value,):
             if key == "seed" and (not isinstance(one, int) or isinstance(one, bool) or one < 0):
                 _wrong(f"{where}: seed={one!r}; must be a whole number from 0")
@@ -137,9 +122,8 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """A list in the marker makes a test of each of its entries, of two lists a test of each pair."""
     if "twin_call" not in metafunc.fixturenames:
         return
-    marks = list(metafunc.definition.iter_markers("twin"))
     lists: dict[str, list[Any]] = {}
-    for mark in reversed(marks):
+    for mark in reversed(list(metafunc.definition.iter_markers("twin"))):
         for key, value in mark.kwargs.items():
             lists.pop(key, None)
             if key in LISTED and isinstance(value, list | tuple) and value:
@@ -164,10 +148,6 @@ def twin_call(request: pytest.FixtureRequest) -> dict[str, Any]:
 
     `@pytest.mark.parametrize("twin_call", [{"seed": 1}, {"machine": "traverse"}], indirect=True)`
     """
-    return _call_for(request)
-
-
-def _call_for(request: pytest.FixtureRequest) -> dict[str, Any]:
     return _call(request, _parameter(request), "twin_call")
 
 

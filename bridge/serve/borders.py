@@ -27,8 +27,8 @@ class SerialTwin(Clocked, Protocol):
     def read(self) -> bytes: ...
 
 
-class WireTap(Protocol):
-    """Somebody who follows the traffic; see wire_log.py."""
+class WireTap:
+    """Somebody who follows the traffic (wire_log.py); does nothing unless overridden."""
 
     def carry(self, time_ns: int, data: bytes, sent: bool) -> None:
         """Bytes have been sent by the host (`sent`) or have arrived there."""
@@ -60,12 +60,9 @@ class SerialLine(Protocol):
 class Endpoint(Protocol):
     """A place where hosts connect. It is given its `SerialLine` by `attach`, and from then on watched."""
 
-    kind: str
-    """`pty`, `tcp`, `rfc2217`: the key of its address in the line that `serve` prints."""
-    address: str
-    """What a host connects to."""
-    gathers: bool
-    """True if bytes that follow each other on a paced line are handed on in one piece, as a terminal server does."""
+    kind: str  # `pty`, `tcp`, `rfc2217`: the key of its address in the line that `serve` prints
+    address: str  # what a host connects to
+    gathers: bool  # bytes without a pause on a paced line go on in one piece, as from a terminal server
 
     @property
     def busy(self) -> bool:
@@ -81,15 +78,19 @@ class Endpoint(Protocol):
 
     def attach(self, line: SerialLine) -> None:
         """The line that will watch this endpoint, to be told what hosts send."""
+        return
 
     def watches(self, listening: bool) -> Iterable[FileWatch]:
         """Files to wait for now; no host is to be read while not `listening`: the line is full."""
 
     def send(self, data: bytes) -> None:
         """Bytes for the host. Never blocks; without a host they are lost."""
+        return
 
     def give_way(self) -> None:
         """A new network client takes the line: let go of one that only waits for its last replies."""
+        return
 
     def close(self) -> None:
         """Stop listening, let go of everything."""
+        return

@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from isel_twin.base.errors import CallError, call_errors
-
-if TYPE_CHECKING:
-    from isel_twin.bridge.serve.borders import Endpoint
+from isel_twin.bridge.serve.borders import Endpoint
+from isel_twin.bridge.serve.tcp import TcpEndpoint
 
 
 def open_endpoints(
     ptys: Sequence[str] | None, tcps: Sequence[str] | None, rfc2217s: Sequence[str] | None, stack: ExitStack
 ) -> list[Endpoint]:
-    """Listen everywhere, so that a taken port is found before anything else. Raises CallError.
-
-    What one gets without a word is a pseudo terminal.
-    """
+    """Listen, by default at a pseudo terminal, before anything else is done. Raises CallError for a taken port."""
     endpoints: list[Endpoint] = []
     with call_errors():
         for link in ptys or ([] if tcps or rfc2217s else [""]):
@@ -32,26 +28,25 @@ def open_endpoints(
 
             endpoints.append(PtyEndpoint(link or None))
             stack.callback(endpoints[-1].close)
-        if tcps or rfc2217s:
+        for address in tcps or ():
+            endpoints.append(TcpEndpoint(address))
+            stack.callback(endpoints[-1].close)
+        for address in rfc2217s or ():
             from isel_twin.bridge.serve.rfc2217 import Rfc2217Codec
-            from isel_twin.bridge.serve.tcp import TcpEndpoint
 
-            for address in tcps or ():
-                endpoints.append(TcpEndpoint(address))
-                stack.callback(endpoints[-1].close)
-            for address in rfc2217s or ():
-                endpoints.append(TcpEndpoint(address, "rfc2217", Rfc2217Codec))
-                stack.callback(endpoints[-1].close)
+            endpoints.append(TcpEndpoint(address, "rfc2217", Rfc2217Codec))
+            stack.callback(endpoints[-1].close)
     return endpoints
 
 
 def ports(endpoints: Sequence[Endpoint]) -> list[dict[str, str]]:
-    """Each endpoint: kind and address, which is the link of a pseudo terminal if there is one; `device`: its device."""
+    """Each endpoint: kind and address; of a pseudo terminal with a link: the link as address, and its device."""
     found = []
     for endpoint in endpoints:
-        link = getattr(endpoint, "link", None)
-        port = {"kind": endpoint.kind, "address": os.path.abspath(link) if link else endpoint.address}
-        found.append({**port, "device": endpoint.address} if link else port)
+        if link := getattr(endpoint, "link", None):
+            found.append({"kind": endpoint.kind, "address": os.path.abspath(link), "device": endpoint.address})
+        else:
+            found.append({"kind": endpoint.kind, "address": endpoint.address})
     return found
 
 
@@ -73,9 +68,8 @@ def name_of(endpoint: Endpoint) -> str:
     return getattr(endpoint, "link", None) or endpoint.address
 
 
-def claimed(endpoints: Iterable[Endpoint]) -> bool:
+def claimed(endpoints: Sequence[Endpoint]) -> bool:
     """True if a network client may have the line that these endpoints share; one that has left gives way to it."""
-    endpoints = tuple(endpoints)
     if any(endpoint.busy for endpoint in endpoints):
         return False
     for endpoint in endpoints:

@@ -24,23 +24,19 @@ def host_format(endpoint: Endpoint, line: SerialFormat) -> SerialFormat:
 
 
 def fits(endpoint: Endpoint, line: SerialFormat) -> bool:
-    """True if the host has set its port as the line is, as far as that can be seen.
-
-    Stop bits do not count: a second one is a pause, which does no harm.
-    """
+    """True if the host's settings, as far as they are seen, are the line's. A second stop bit is a harmless pause."""
     host = host_format(endpoint, line)
     return (host.baud, host.data_bits, host.parity) == (line.baud, line.data_bits, line.parity)
 
 
 class MisfitLog:
-    """Warns of hosts whose settings do not fit the line, once for each setting. strict: bytes are garbled, too."""
+    """Warns of hosts whose settings do not fit the line, once for each setting. strict: their bytes are garbled."""
 
     def __init__(self, strict: bool) -> None:
         self._strict = strict
         self._told: dict[Endpoint, SerialFormat] = {}
 
     def compare(self, endpoint: Endpoint, line: SerialFormat) -> None:
-        """A host of this endpoint has spoken."""
         if fits(endpoint, line):
             self._told.pop(endpoint, None)
             return

@@ -21,8 +21,7 @@ log = logging.getLogger("isel_twin")
 def serve_and_keep(server: Server, record: Path | None = None, write: Callable[[Path], object] | None = None) -> int:
     """Serve until the server is stopped or breaks; then `write(record)`, if there is one.
 
-    Returns an exit code: 0, or 1 if the loop broke or the recording is not in its place. Why is logged, with the file
-    it is about.
+    Returns an exit code: 0, or 1 if the loop broke or the recording is not in its place; the log says why.
     """
     code = 1
     try:
@@ -55,6 +54,5 @@ def keep(path: Path, write: Callable[[Path], object]) -> bool:
 
 
 def _reason(error: OSError) -> str:
-    """What the operating system says, and which file it is about if it says so."""
     reason = error.strerror or str(error)
     return f"{error.filename}: {reason}" if error.filename is not None else reason

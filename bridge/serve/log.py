@@ -5,11 +5,8 @@ and a thread of its own writes them; when nobody reads and the queue is full, li
 
     loop ---- line ----> queue (QUEUE_LINES) ---- thread ----> standard error, however slow
 
-A message that comes again and again is printed a few times and then counted. At the end of the minute one line tells
-how often it came:
+A repeated message is printed SHOWN times and then counted; at the end of the minute one line tells how often it came:
 
-    isel-twin: tcp: client 127.0.0.1:40112 connected
-    isel-twin: tcp: client 127.0.0.1:40113 connected
     isel-twin: tcp: client 127.0.0.1:40116 connected
     isel-twin: tcp: client 127.0.0.1:40262 connected (17 times more in the last minute)
 """
@@ -26,17 +23,10 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import TextIO
 
-QUEUE_LINES = 1000
-"""Lines kept for a reader that is slow."""
-
-SHOWN = 3
-"""Times that a message is printed within PERIOD_S before it is counted."""
-
-PERIOD_S = 60.0
-"""Over which repeated messages are counted."""
-
-FAREWELL_S = 0.5
-"""Wall time at the end in which the rest must be read; a reader that has gone does not keep the server from ending."""
+QUEUE_LINES = 1000  # lines kept for a reader that is slow
+SHOWN = 3  # times that a message is printed within PERIOD_S before it is counted
+PERIOD_S = 60.0  # over which repeated messages are counted
+FAREWELL_S = 0.5  # wall time in which the rest must be read at the end: a reader that has gone does not keep the server
 
 
 @dataclass
@@ -49,30 +39,29 @@ class _Repeated:
 
 
 class PatientHandler(logging.Handler):
-    """Writes log records to `stream` from a thread of its own. See the module.
+    """Writes log records to `stream` from a thread of its own.
 
-    stream: a file descriptor, or a text stream, past whose buffer it writes if it has a descriptor: whoever waits for a
-    reader with a lock in his hand would keep the interpreter from ending.
-    count: whether repeated messages are counted. A record with the attribute `each` is always printed.
-    Messages are alike if their text before the arguments are put in is the same.
+    stream: a file descriptor, or a text stream; past its buffer if it has a descriptor, as a thread that waits for a
+    reader with the buffer's lock would keep the interpreter from ending.
+    count: whether messages with the same text before their arguments are put in are counted; a record with the
+    attribute `each` is always printed.
     """
 
     def __init__(self, stream: int | TextIO, count: bool = True, period_s: float = PERIOD_S) -> None:
         super().__init__()
-        self._stream = stream
-        self._file = _descriptor(stream)
-        self._count = count
-        self._period_s = period_s
+        self._stream, self._count, self._period_s = stream, count, period_s
+        self._file = stream if isinstance(stream, int) else None
+        with suppress(AttributeError, OSError, ValueError):  # a stream in memory has no descriptor
+            self._file = stream.fileno()  # type: ignore[union-attr]
         self._queue: deque[bytes] = deque()
         self._lost = 0
-        self._repeated: dict[str, _Repeated] = {}
+        self._repeated: dict[str, _Repeated] = {}  # by text before its arguments
         self._changed = threading.Condition()
         self._closing = False
         self._thread = threading.Thread(target=self._write, name="log", daemon=True)
         self._thread.start()
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Take a record; never waits for a reader."""
         try:
             line = self.format(record)
         except Exception:
@@ -115,7 +104,6 @@ class PatientHandler(logging.Handler):
         return min((repeated.until_s - now for repeated in self._repeated.values()), default=None)
 
     def _write(self) -> None:
-        """What the thread does until the handler is closed."""
         while True:
             with self._changed:
                 while not self._queue:
@@ -157,22 +145,9 @@ class PatientHandler(logging.Handler):
         super().close()
 
 
-def _descriptor(stream: int | TextIO) -> int | None:
-    """What to write to past the buffer of a stream; None if it has none, as one in memory."""
-    if isinstance(stream, int):
-        return stream
-    try:
-        return stream.fileno()
-    except (OSError, ValueError):
-        return None
-
-
 @contextmanager
 def log_to(stream: int | TextIO, count: bool = True) -> Iterator[None]:
-    """While the block lasts, everything logged from INFO on goes to this stream, without ever waiting for its reader.
-
-    count: whether repeated messages are counted instead of printed.
-    """
+    """While the block lasts, everything logged from INFO on goes to this stream (see `PatientHandler`)."""
     root = logging.getLogger()
     handler = PatientHandler(stream, count)
     handler.setFormatter(logging.Formatter("isel-twin: %(message)s"))

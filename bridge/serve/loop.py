@@ -35,8 +35,7 @@ class Wake:
         self._in, self._out = socket.socketpair()
         self._in.setblocking(False)
         self._out.setblocking(False)
-        self.watch = FileWatch(self._out, selectors.EVENT_READ, self._awake)
-        """To be waited for beside everything else."""
+        self.watch = FileWatch(self._out, selectors.EVENT_READ, self._awake)  # to be waited for beside everything else
 
     def __call__(self) -> None:
         with suppress(OSError):  # awake already, or closed already
@@ -59,8 +58,8 @@ class Wake:
 def woken_by_signals(wake: Wake) -> Iterator[None]:
     """While the block lasts each signal writes a byte to `wake`.
 
-    Python runs handlers in the main thread between two instructions. A signal that another thread gets, or that comes
-    just before the main thread falls asleep, does not end that sleep by itself.
+    Python only runs the handler in the main thread: a signal that another thread gets, or that comes just before the
+    main thread falls asleep, would not end that sleep.
     """
     if threading.current_thread() is not threading.main_thread():  # signals are none of its business
         yield
@@ -74,10 +73,7 @@ def woken_by_signals(wake: Wake) -> Iterator[None]:
 
 @contextmanager
 def on_signals(action: Callable[[], object]) -> Iterator[None]:
-    """Call `action` at SIGINT (Ctrl-C), SIGTERM and SIGHUP (the terminal has gone) while the block lasts.
-
-    A SIGHUP that is ignored already stays so: that is how `nohup` works.
-    """
+    """Call `action` at SIGINT, SIGTERM and SIGHUP (the terminal has gone; ignored under `nohup`) during the block."""
     numbers = [signal.SIGINT, signal.SIGTERM]
     if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
         numbers.append(signal.SIGHUP)
@@ -105,7 +101,7 @@ class FileWatches:
             self._files[key.fd].handler()
 
     def _change(self, watches: list[FileWatch]) -> None:
-        now = {_descriptor(watch.file): watch for watch in watches}
+        now = {watch.file if isinstance(watch.file, int) else watch.file.fileno(): watch for watch in watches}
         for number, old in self._files.items():
             if (new := now.get(number)) is None or new.file is not old.file:
                 self._selector.unregister(number)
@@ -118,7 +114,3 @@ class FileWatches:
 
     def close(self) -> None:
         self._selector.close()
-
-
-def _descriptor(file: Any) -> int:
-    return file if isinstance(file, int) else file.fileno()

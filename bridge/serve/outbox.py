@@ -8,12 +8,11 @@ from contextlib import suppress
 
 log = logging.getLogger("isel_twin")
 
-OUTBOX_BYTES = 65_536
-"""Replies kept for a host that does not read. What is beyond is lost, as on a serial line without flow control."""
+OUTBOX_BYTES = 65_536  # kept for a host that does not read; more is lost, as on a line without flow control
 
 
 class Outbox:
-    """Bytes on their way to a host that may be slow: bounded, never blocking."""
+    """Bounded, never blocking."""
 
     def __init__(self, write: Callable[[bytes], int]) -> None:
         self._write = write
@@ -31,7 +30,6 @@ class Outbox:
         self.flush()
 
     def flush(self) -> None:
-        """Send what the host takes now."""
         with suppress(BlockingIOError):
             while self._waiting:
                 del self._waiting[: self._write(bytes(self._waiting))]

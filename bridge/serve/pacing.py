@@ -3,13 +3,10 @@
     virtual time = virtual_0 + speed * (wall time - wall_0)
 
 At speed `max` there is no such relation: virtual time runs as fast as it can be computed while something is to be
-done, and stands still while everybody waits for the host. A host then gets the same answers at the same virtual
-times however slow it is itself.
+done, and stands still while everybody waits for the host. However slow a host is, it gets the same answers at the same
+virtual times. A twin that cannot keep up with a finite speed slips: the relation is anchored anew.
 
-A twin that cannot keep up with the speed asked for slips: the relation is anchored anew, nothing is made up later.
-
-Whatever the twin has to do, busy or idle, it is advanced for about a tick of wall time at once, so that whoever paces
-it can look at hosts and signals in between:
+The twin is advanced for about a tick of wall time at once, with looks at hosts and signals in between:
 
     wall time   |-- advance --|- look -|-- advance --|- look -|        5 ms each advance
     virtual     |==== slice ====|======= slice =======|====            slices so long that each takes about a tick
@@ -23,37 +20,19 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-TICK_NS = 5_000_000
-"""Wall time between two looks at a machine in motion, and aim for the computing time of one advance: 5 ms."""
+TICK_NS = 5_000_000  # wall time between two looks at a moving machine, and aimed at for one advance: 5 ms
+SHORTEST_S = 0.001  # shortest sleep of a busy twin: bytes within it arrive together, as from a serial port's FIFO
+LONGEST_S = 0.1  # longest sleep of an idle twin: a recording can make up for it before it counts as a slip
+SLIP_NS = 250_000_000  # wall time a twin may fall behind before the relation is anchored anew: 0.25 s
+PATIENCE_NS = 20_000_000  # wall time that bytes of a host wait for the twin to catch up with the present: 20 ms
+REPLY_NS = 1_000_000  # wall time of computing after which a reply is handed on before going on: 1 ms
+STEADY_NS = 1_000_000_000  # wall time without a slip after which a twin at the present has caught up for good: 1 s
+SHORTEST_SLICE_NS = 100_000  # least virtual time to be computed at once: 0.1 ms
 
-SHORTEST_S = 0.001
-"""Shortest sleep of a busy twin: bytes that arrive within it arrive together, as from the FIFO of a serial port."""
+# A twin in motion announces an event every 10 ms: nothing moves before a later one, so that time costs next to nothing.
+NEAR_NS = 10_000_000  # events within this virtual time are met in slices, later ones one by one
 
-LONGEST_S = 0.1
-"""Longest sleep of an idle twin: what a recording looks at meanwhile can then be made up for before it counts as a
-slip."""
-
-SLIP_NS = 250_000_000
-"""Wall time a twin may fall behind before the relation is anchored anew: 0.25 s."""
-
-PATIENCE_NS = 20_000_000
-"""Wall time that bytes of a host wait for the twin to catch up with the present: 20 ms."""
-
-REPLY_NS = 1_000_000
-"""Wall time of computing after which a reply is handed on before going on: 1 ms."""
-
-STEADY_NS = 1_000_000_000
-"""Wall time without a slip after which a twin that is at the present has caught up for good: 1 s."""
-
-SHORTEST_SLICE_NS = 100_000
-"""Least virtual time to be computed at once: 0.1 ms."""
-
-NEAR_NS = 10_000_000
-"""Events within this virtual time are met in slices, later ones one by one: a twin in motion announces one every 10 ms,
-so between later ones nothing moves and time costs next to nothing."""
-
-LOWEST_SPEED, HIGHEST_SPEED = 1e-6, 1e6
-"""Range of finite speeds, wide beyond any use; what a computer cannot reach slips."""
+LOWEST_SPEED, HIGHEST_SPEED = 1e-6, 1e6  # wide beyond any use; what a computer cannot reach slips
 
 
 class Clocked(Protocol):
@@ -102,14 +81,11 @@ class Pacer:
         self, speed: float | None, virtual_ns: int = 0, clock: Callable[[], int] = time.perf_counter_ns
     ) -> None:
         self.speed = speed
-        self.behind = False
-        """The speed is not kept at present."""
-        self.reached = 0.0
-        """Times real time reached: while `behind`, in the first moments of it; afterwards, in all of it."""
+        self.behind = False  # the speed is not kept at present
+        self.reached = 0.0  # times real time: while `behind`, in the first moments of it; afterwards, in all of it
         self.onlookers: list[Onlooker] = []
         self._clock = clock
-        self._hold_ns: int | None = None
-        """Virtual time that must not be passed, while paused."""
+        self.hold_ns: int | None = None  # while paused: where virtual time stands still, once the steps are made
         self._slices_ns = {False: TICK_NS, True: TICK_NS}
         self._late = False
         self._anchor(virtual_ns)
@@ -129,49 +105,40 @@ class Pacer:
     @property
     def paused(self) -> bool:
         """Virtual time stands still, but for steps."""
-        return self._hold_ns is not None
-
-    @property
-    def hold_ns(self) -> int | None:
-        """Virtual time at which it stands still, or will when the steps are made; None unless paused."""
-        return self._hold_ns
+        return self.hold_ns is not None
 
     def pause(self, virtual_ns: int) -> None:
         """Let virtual time stand still at virtual_ns, the present; if it does already, no step is finished."""
-        self._hold_ns = virtual_ns
+        self.hold_ns = virtual_ns
 
     def step(self, step_ns: int) -> int:
-        """Let step_ns of virtual time pass while paused, as fast as possible; return when it will be over.
-
-        Raises ValueError unless paused.
-        """
-        if self._hold_ns is None:
+        """Let step_ns of virtual time pass as fast as possible; return its end. Raises ValueError unless paused."""
+        if self.hold_ns is None:
             raise ValueError("virtual time is not paused")
-        self._hold_ns += step_ns
-        return self._hold_ns
+        self.hold_ns += step_ns
+        return self.hold_ns
 
     def go_on(self, speed: float | None, virtual_ns: int, paused: bool = False) -> None:
         """From now, virtual_ns, keep this speed; or, if still paused, when time goes on."""
         self.speed = speed
         if not paused:
-            self._hold_ns = None
+            self.hold_ns = None
         self._anchor(virtual_ns)
         self._even = self._fell = self._slipped = self._wall_0, virtual_ns
         self.behind = self._late = False
 
     def present_ns(self) -> int | None:
         """Virtual time that belongs to the present; None at speed `max`."""
-        if self._hold_ns is not None:
-            return self._hold_ns
+        if self.hold_ns is not None:
+            return self.hold_ns
         if self.speed is None:
             return None
         return self._virtual_0 + int((self._clock() - self._wall_0) * self.speed)
 
     def advance(self, twin: Clocked) -> None:
-        """Let the twin catch up to the present, as far as a tick of computing gets it; to a reply if that takes long.
+        """Let the twin catch up to the present, for a tick of computing at most; to a reply if that takes long.
 
-        So its replies leave in time, and the host is heard between two calls. At speed `max` there is no present: it
-        runs to the next reply, or until there is nothing more to do.
+        At speed `max` there is no present: it runs to the next reply, or until there is nothing more to do.
         """
         present = self.present_ns()
         if present is None:
@@ -180,7 +147,7 @@ class Pacer:
             return
         began = self._clock()
         self._compute(twin, present, lambda: twin.reply_waiting and self._clock() - began >= REPLY_NS)
-        if self._hold_ns is not None:
+        if self.hold_ns is not None:
             return
         if present - twin.time_ns > SLIP_NS * (self.speed or 1.0):
             self._slip(twin)
@@ -205,7 +172,6 @@ class Pacer:
     def _compute(self, twin: Clocked, until_ns: int, stop: Callable[[], bool]) -> None:
         """Advance at most to until_ns, for about a tick of wall time, in slices whose length adapts to that."""
         end = self._clock() + TICK_NS
-
         onlookers, told = tuple(self.onlookers), False
 
         def over() -> bool:
@@ -231,7 +197,7 @@ class Pacer:
                 self._slices_ns[near] *= 2
 
     def _slip(self, twin: Clocked) -> None:
-        """Give up what cannot be caught up with: the present is where the twin is."""
+        """Anchor the present where the twin is."""
         self._anchor(twin.time_ns)
         self._slipped = self._wall_0, twin.time_ns
         if not self.behind:
@@ -241,7 +207,6 @@ class Pacer:
         self._even = self._slipped
 
     def _judge(self, twin: Clocked, present: int) -> None:
-        """Find out if the twin is late now, and if it keeps the speed again."""
         self._late = twin.time_ns < present
         if self._late:
             return
@@ -258,8 +223,8 @@ class Pacer:
 
     def wait_s(self, twin: Clocked) -> float | None:
         """Wall seconds until the twin must be advanced again, if the host keeps still; None: not before it speaks."""
-        if self._hold_ns is not None:
-            return 0.0 if twin.time_ns < self._hold_ns else None
+        if self.hold_ns is not None:
+            return 0.0 if twin.time_ns < self.hold_ns else None
         if self.speed is None:
             return None if twin.idle or twin.next_event_ns is None else 0.0
         if self._late:
@@ -270,8 +235,8 @@ class Pacer:
 
     def until_s(self, time_ns: int) -> float:
         """Wall seconds until virtual time reaches time_ns; 0 if past, or at speed `max`; inf if paused before it."""
-        if self._hold_ns is not None:
-            return 0.0 if time_ns <= self._hold_ns else math.inf
+        if self.hold_ns is not None:
+            return 0.0 if time_ns <= self.hold_ns else math.inf
         if self.speed is None:
             return 0.0
         wall_ns = self._wall_0 + (time_ns - self._virtual_0) / self.speed

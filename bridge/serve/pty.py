@@ -2,13 +2,12 @@
 
     host program --open--> LINK -> /dev/pts/N  <=kernel=>  master --> Server
 
-The slave side is kept open here too. So a host may close and reopen the device as often as it likes without the kernel
-hanging up, and what it sets (raw mode, no echo) is in force before it comes. A pseudo terminal has no bit times, but it
-keeps the speed and the stop bits that a host sets; data bits and parity it keeps at 8N (Linux, `pty_set_termios`), so
-they cannot be seen. At first it has the speed of the controller's line.
+The slave side is kept open here too: a host may close and reopen the device without the kernel hanging up, and raw mode
+is in force before it comes. A pseudo terminal has no bit times, but keeps the speed and the stop bits that a host sets;
+data bits and parity stay 8N (Linux, `pty_set_termios`). At first it has the speed of the controller's line.
 
-A link left behind by a server that was killed is replaced, also if its /dev/pts/N exists: the number may belong to
-somebody else by now. A server claims its link (isel_twin.base.files), so it is known who lives and who was killed.
+A link left behind by a server that was killed is replaced, also if its /dev/pts/N exists, which may be somebody else's
+by now. A server claims its link (isel_twin.base.files), so it is known who lives and who was killed.
 """
 
 from __future__ import annotations
@@ -27,12 +26,12 @@ from pathlib import Path
 from typing import Any
 
 from isel_twin.base.files import Claim
-from isel_twin.bridge.serve.borders import SerialLine
+from isel_twin.bridge.serve.borders import Endpoint, SerialLine
 from isel_twin.bridge.serve.loop import FileWatch
 from isel_twin.bridge.serve.outbox import Outbox
 
 
-class PtyEndpoint:
+class PtyEndpoint(Endpoint):
     """A pseudo terminal; `link`: path of a symbolic link to it, made here and removed by `close`.
 
     Raises OSError if there is no pseudo terminal or the link's name is taken.
@@ -100,9 +99,6 @@ class PtyEndpoint:
     def send(self, data: bytes) -> None:
         self._outbox.put(data)
 
-    def give_way(self) -> None:
-        """Nothing to do: no network client here."""
-
     def close(self) -> None:
         if self._master < 0:
             return
@@ -115,16 +111,12 @@ class PtyEndpoint:
         self._master = self._slave = -1
 
 
-_TCGETS2 = 0x802C542A
-"""Linux: the settings of a terminal with its speeds in bit/s (asm-generic/ioctls.h, struct termios2)."""
+_TCGETS2 = 0x802C542A  # Linux: settings with speeds in bit/s (asm-generic/ioctls.h, struct termios2)
 _TCSETS2 = 0x402C542B
-_CBAUD, _BOTHER = 0o010017, 0o010000
-"""Linux: the bits of the speed among the control flags; there: it stands for itself."""
+_CBAUD, _BOTHER = 0o010017, 0o010000  # Linux: the control flags' bits of the speed; the speed is a number of its own
 _TERMIOS2 = struct.Struct("4I20B2I")
-_SPEEDS = {
-    int(getattr(termios, name)): int(name[1:]) for name in dir(termios) if name.startswith("B") and name[1:].isdigit()
-}
-"""Code of each speed that POSIX or this system names."""
+_NAMED = [name for name in dir(termios) if name.startswith("B") and name[1:].isdigit()]
+_SPEEDS = {int(getattr(termios, name)): int(name[1:]) for name in _NAMED}  # in bit/s, by code of the system
 
 
 def _settings(file: int) -> dict[str, Any]:

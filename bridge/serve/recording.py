@@ -2,8 +2,7 @@
 
     the twin records itself (recordings/recording.py) --> gathered in memory --> flush, FLUSH_S after the first of it
 
-The recording has what is done to the twin from the twin itself. What is done to its time (pause, speed, steps) the twin
-does not know, so it is written down here.
+What is done to the twin it records itself; what is done to its time (pause, speed, steps) is written down here.
 """
 
 from __future__ import annotations
@@ -13,25 +12,20 @@ import time
 from collections.abc import Iterable
 from contextlib import suppress
 
+from isel_twin.bridge.serve.borders import WireTap
 from isel_twin.bridge.serve.loop import FileWatch
-from isel_twin.bridge.serve.server import Server
+from isel_twin.bridge.serve.server import Guest
 from isel_twin.recordings.recording import FileRecording
 
-FLUSH_S = 0.5
-"""Wall time for which what has been recorded stays in memory."""
-
-_TIME_KEYS = frozenset(("pause", "resume", "speed", "step"))
+FLUSH_S = 0.5  # wall time for which what has been recorded stays in memory
 
 
-class Freshness:
+class Freshness(Guest):
     """A guest of the server that hands a recording to the operating system every FLUSH_S, if there is anything."""
 
     def __init__(self, recording: FileRecording) -> None:
         self._recording = recording
         self._since_s: float | None = None
-
-    def attach(self, server: Server) -> None:
-        """Nothing to do: the recording knows its twin."""
 
     def watches(self) -> Iterable[FileWatch]:
         return ()
@@ -54,23 +48,14 @@ class Freshness:
         self._recording.flush()
 
 
-class TimeTap:
-    """A wire tap that writes down what is done to virtual time; bytes and the rest the twin tells by itself."""
+class TimeTap(WireTap):
+    """Writes down what is done to virtual time; bytes and the rest the twin records itself."""
 
     def __init__(self, recording: FileRecording) -> None:
         self._recording = recording
 
-    def carry(self, time_ns: int, data: bytes, sent: bool) -> None:
-        """Nothing to do: the twin records its bytes."""
-
-    def look(self, time_ns: int) -> None:
-        """Nothing to do."""
-
     def act(self, time_ns: int, text: str) -> None:
         with suppress(ValueError):
             request = json.loads(text)
-            if isinstance(request, dict) and _TIME_KEYS & request.keys():
+            if isinstance(request, dict) and {"pause", "resume", "speed", "step"} & request.keys():
                 self._recording.tell_time(text)
-
-    def close(self) -> None:
-        """Nothing to do."""

@@ -2,8 +2,8 @@
 
     serial.serial_for_url("rfc2217://127.0.0.1:PORT")
 
-The negotiation is pySerial's own `serial.rfc2217.PortManager`. Line settings are accepted and reported back as set;
-what they mean for the bytes is the line's business (server.py, tap.py), as for those of a pseudo terminal.
+The negotiation is pySerial's `serial.rfc2217.PortManager`. Line settings are accepted and reported back as set; what
+they mean for the bytes is the line's business (server.py, tap.py).
 """
 
 from __future__ import annotations
@@ -19,11 +19,8 @@ from serial.rfc2217 import PortManager
 from isel_twin.bridge.serve.tcp import CodecError
 from isel_twin.controller import SerialFormat
 
-SUBOPTION_BYTES = 256
-"""Longest Telnet suboption taken from a client; those of RFC 2217 have at most a few bytes."""
-
-SETTINGS = ("baudrate", "bytesize", "parity", "stopbits", "break_condition", "dtr", "rts")
-"""What a client may set and a serial port can be told."""
+SUBOPTION_BYTES = 256  # longest Telnet suboption taken from a client; those of RFC 2217 have at most a few bytes
+SETTINGS = ("baudrate", "bytesize", "parity", "stopbits", "break_condition", "dtr", "rts")  # a client may set
 
 DATA_BITS = (serial.FIVEBITS, serial.SIXBITS, serial.SEVENBITS, serial.EIGHTBITS)
 
@@ -65,10 +62,7 @@ class _Connection:
 
 
 class Rfc2217Codec:
-    """Telnet with the com port option on one connection.
-
-    `send`: sends bytes to the client directly. `form`: of the controller's line, and so of the port until it is set.
-    """
+    """Telnet with the com port option on one connection. form: of the port until the client sets another."""
 
     def __init__(self, send: Callable[[bytes], None], form: SerialFormat = SerialFormat(19_200)) -> None:  # noqa: B008
         self._port = LineSettings(form.baud, form.data_bits, form.parity, form.stop_bits)

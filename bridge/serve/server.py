@@ -1,17 +1,16 @@
 """One twin behind any number of endpoints: the loop of `isel-twin serve`.
 
-The goal of this code is a serial port that behaves like the controller's own, whatever it is reached by. The controller
-has one line; so a reply goes to the endpoint that spoke last, and one network client at a time holds the line. A host
-that goes away never stops the machine.
+The goal is a serial port that behaves like the controller's own, whatever it is reached by. The controller has one
+line; so a reply goes to the endpoint that spoke last, and one network client at a time holds the line. A host that goes
+away never stops the machine.
 
     while not stopped:
         let virtual time catch up, about 5 ms of computing at most      (pacing.py)
         hand replies to the host
         sleep until the next event or until somebody speaks
 
-So hosts and signals are heard within some 30 ms, whatever the twin is busy with. Nothing grows without end: a host is
-listened to as long as there is room on the line in both directions, and replies it does not read are lost beyond
-OUTBOX_BYTES.
+So hosts and signals are heard within some 30 ms, whatever the twin is busy with. A host is listened to as long as there
+is room on the line in both directions; replies it does not read are lost beyond OUTBOX_BYTES.
 """
 
 from __future__ import annotations
@@ -33,15 +32,12 @@ from isel_twin.controller import SerialFormat
 
 log = logging.getLogger("isel_twin")
 
+# Bytes taken from a host ahead of what a paced line can have carried, as much as an operating system buffers; bytes of
+# replies still on a paced line beyond which no more commands are taken.
 LINE_BYTES = 4096
-"""Bytes taken from a host ahead of what a paced line can have carried; as much as an operating system buffers. And
-bytes of replies still on a paced line beyond which no more commands are taken."""
 
-SILENCE_BYTES = 2
-"""Byte times of silence on a paced line after which what has come before it is handed on in one piece."""
-
-PIECE_BYTES = 1024
-"""Largest such piece."""
+SILENCE_BYTES = 2  # byte times of silence on a paced line after which what has come before it is handed on in one piece
+PIECE_BYTES = 1024  # largest such piece
 
 
 class Guest(Protocol):
@@ -49,6 +45,7 @@ class Guest(Protocol):
 
     def attach(self, server: Server) -> None:
         """The server whose guest this is."""
+        return
 
     def watches(self) -> Iterable[FileWatch]:
         """Files to wait for now."""
@@ -74,7 +71,6 @@ class _Piece:
         return bool(self._data)
 
     def add(self, time_ns: int, data: bytes) -> None:
-        """Bytes have arrived at time_ns."""
         self._data += data
         self._last_ns = time_ns
 
@@ -107,9 +103,7 @@ class Server:
         strict_baud: a host whose port is set otherwise than the controller's line hears and is heard as over a real
         one (uart.py). What it sends at once goes without a pause; what it hears is handed on once the line is silent.
         """
-        self.twin = twin
-        self.pacer = pacer
-        self.endpoints = tuple(endpoints)
+        self.twin, self.pacer, self.endpoints = twin, pacer, tuple(endpoints)
         self._wire = wire
         self._strict_baud = strict_baud
         self._misfits = MisfitLog(strict_baud)
@@ -121,8 +115,7 @@ class Server:
         self._watched = FileWatches()
         self._wake = Wake()
         self._guests = tuple(guests)
-        self._unheard = 0
-        """Bytes of hosts taken while virtual time stands still."""
+        self._unheard = 0  # bytes of hosts taken while virtual time stands still
         for endpoint in self.endpoints:
             endpoint.attach(self)
         for guest in self._guests:
@@ -134,7 +127,7 @@ class Server:
         self.wake()
 
     def wake(self) -> None:
-        """End the present sleep of `run`. May be called from a signal handler or another thread."""
+        """End the present sleep of `run`, as `stop` from anywhere."""
         self._wake()
 
     def run(self) -> None:
@@ -149,10 +142,10 @@ class Server:
             gc.unfreeze()
             if self._wire is not None:
                 self._wire.close()
-            closes = [part.close for part in self._guests] + [part.close for part in self.endpoints]
-            for close in closes:
+            parts: list[Guest | Endpoint] = [*self._guests, *self.endpoints]
+            for part in parts:
                 with suppress(OSError):  # the others must be let go of, too
-                    close()
+                    part.close()
             self._watched.close()
             self._wake.close()
 
@@ -170,16 +163,9 @@ class Server:
         if self.pacer.behind == self._behind:
             return
         self._behind = self.pacer.behind
-        if self._behind:
-            log.warning(
-                "this computer does not reach speed %g: %.3g times real time", self.pacer.speed, self.pacer.reached
-            )
-        else:
-            log.warning(
-                "speed %g is reached again; it was %.3g times real time meanwhile",
-                self.pacer.speed,
-                self.pacer.reached,
-            )
+        slow = "this computer does not reach speed %g: %.3g times real time"
+        again = "speed %g is reached again; it was %.3g times real time meanwhile"
+        log.warning(slow if self._behind else again, self.pacer.speed, self.pacer.reached)
 
     def _watches(self) -> list[FileWatch]:
         watches = [self._wake.watch]
@@ -213,7 +199,7 @@ class Server:
         return self._backlog_s() <= 0 and not self._piles_up() and not self._filled_up()
 
     def _piles_up(self) -> bool:
-        """True if too many replies wait for the line to the host, or too many commands for the controller."""
+        """True if the line is too full in either direction."""
         return self.twin.replies_due > LINE_BYTES or self.twin.commands_due > 2 * LINE_BYTES
 
     def _filled_up(self) -> bool:
@@ -239,7 +225,6 @@ class Server:
 
     @property
     def _listener(self) -> Endpoint | None:
-        """Who gets the replies."""
         return self._speaker or (self.endpoints[0] if self.endpoints else None)
 
     @property
@@ -250,7 +235,6 @@ class Server:
         return listener.gathers or self._garbles(listener)
 
     def _hand_on(self) -> None:
-        """Send the piece gathered so far."""
         data, listener = self._piece.take(), self._listener
         if data and listener is not None:
             if self._garbles(listener):
@@ -265,11 +249,9 @@ class Server:
 
     @property
     def serial_format(self) -> SerialFormat:
-        """How the controller's bytes go over the line."""
         return self.twin.serial_format
 
     def receive(self, endpoint: Endpoint, data: bytes) -> None:
-        """A host of this endpoint has sent `data` just now."""
         self.pacer.catch_up(self.twin, self._reply)
         if endpoint is not self._speaker:
             self._hand_on()
@@ -316,11 +298,8 @@ class Server:
         """Keep another speed from now on, or, if still paused, when time goes on."""
         self.pacer.go_on(speed, self.twin.time_ns, paused)
         self._behind = False
-        self._line_free_ns = min(self._line_free_ns, self.twin.time_ns) if speed is None else self._line_free_ns
+        if speed is None:
+            self._line_free_ns = min(self._line_free_ns, self.twin.time_ns)
 
     def claim(self, endpoint: Endpoint) -> bool:
-        """A network client of this endpoint asks for the line; True if it may have it.
-
-        A client that has closed its sending side and only waits for its last replies gives way.
-        """
         return claimed(self.endpoints)

@@ -2,15 +2,11 @@
 
 Addresses: HOST:PORT, [IPV6]:PORT, :PORT or PORT; without a host the loopback interface, and port 0 for a free one.
 
-The controller has one line, so one client is served at a time. A second one is told so in a line of text and closed;
-the first does not notice. A client that closes its sending side (`printf '@07\\r' | nc -N host port`) still gets the
-replies to what it has sent, unless somebody else connects. One that has vanished without a word (a pulled cable, a
-computer without power) gives up the line within a minute:
+The controller has one line, so one client is served at a time. A second one is told so in a line of text and closed.
+A client that closes its sending side (`printf '@07\\r' | nc -N host port`) still gets the replies to what it has sent,
+unless somebody else connects. One that has vanished (a pulled cable) gives up the line within a minute:
 
     last sign of life --- PROBE_AFTER_S ---> probe --- PROBE_EVERY_S ---> probe ... PROBES in vain: gone, 50 s in all
-
-At a finite speed bytes that follow each other on the line are sent in one piece once it falls silent (server.py), as a
-terminal server does it.
 """
 
 from __future__ import annotations
@@ -34,14 +30,9 @@ from isel_twin.controller import SerialFormat
 
 log = logging.getLogger("isel_twin")
 
-REFUSALS = 16
-"""Refused clients whose last words are still on the way; more than that are cut off."""
-
-PROBE_AFTER_S, PROBE_EVERY_S, PROBES = 20, 10, 3
-"""A client that has said nothing for so long is asked by the operating system whether it is still there, so often."""
-
-VANISHED_S = PROBE_AFTER_S + PROBE_EVERY_S * PROBES
-"""Time after which a client that does not answer is given up, also one that was being sent something."""
+REFUSALS = 16  # refused clients whose last words are still on the way; more than that are cut off
+PROBE_AFTER_S, PROBE_EVERY_S, PROBES = 20, 10, 3  # the operating system asks a silent client whether it is there
+VANISHED_S = PROBE_AFTER_S + PROBE_EVERY_S * PROBES  # also for a client that was being sent something
 
 
 class CodecError(Exception):
@@ -63,7 +54,7 @@ class Codec(Protocol):
 
 
 class RawCodec:
-    """Nothing in between. `send`: sends bytes to the client directly; `form`: of the controller's line."""
+    """Nothing in between. send: to the client directly; form: of the controller's line."""
 
     settings: Mapping[str, Any] = {}
 
@@ -100,10 +91,7 @@ def listen(address: str) -> tuple[socket.socket, str]:
 
 
 class Spare:
-    """A file kept free for the moment in which there is none left for another connection.
-
-    Else the listening socket would stay ready, and the server busy with it, until a file becomes free.
-    """
+    """A file kept free for when no other is left: else the listening socket would stay ready, the server busy."""
 
     def __init__(self) -> None:
         self.file: int | None = None
@@ -122,14 +110,12 @@ class Spare:
         self._open()
 
     def close(self) -> None:
-        """Keep none any more."""
         if self.file is not None:
             os.close(self.file)
             self.file = None
 
 
 def lacks_files(error: OSError) -> bool:
-    """True if no file descriptor is left for another connection."""
     return error.errno in (errno.EMFILE, errno.ENFILE)
 
 
@@ -148,7 +134,7 @@ def _hung_up(connection: socket.socket) -> bool:
 
 
 def _keep_alive(connection: socket.socket) -> None:
-    """Have the operating system find out about a client that has vanished. See the module."""
+    """Have the operating system find out about a client that has vanished."""
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
     for names, value in (
         (("TCP_KEEPIDLE", "TCP_KEEPALIVE"), PROBE_AFTER_S),  # the second is what macOS calls it
@@ -235,11 +221,9 @@ class TcpEndpoint:
 
     def _refuse(self, connection: socket.socket) -> None:
         """Say why, and close once the client has: closing at once could make its kernel throw our words away."""
-        try:
+        with suppress(OSError):  # it has gone already
             connection.send(f"isel-twin: port {self.address} is in use by another client\r\n".encode())
             connection.shutdown(socket.SHUT_WR)
-        except OSError:
-            pass  # it has gone already
         self._refused.append(connection)
         if len(self._refused) > REFUSALS:
             self._refused.popleft().close()

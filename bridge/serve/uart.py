@@ -29,17 +29,12 @@ class Heard:
     """What a receiver makes of a line."""
 
     data: bytes
-    framing_errors: int
-    """Bytes whose stop bit was low; they are in `data`."""
-    parity_errors: int
-    """Bytes whose parity bit was wrong; they are in `data`."""
+    framing_errors: int  # bytes whose stop bit was low; they are in `data`
+    parity_errors: int  # bytes whose parity bit was wrong; they are in `data`
 
 
 def levels(data: bytes, form: SerialFormat) -> list[int]:
-    """The line while `data` is sent without a pause: one level (0, 1) for each bit time.
-
-    Data bits beyond those of the format are not sent.
-    """
+    """The line while `data` is sent without a pause: one level (0, 1) a bit time. Bits beyond the format's are lost."""
     line: list[int] = []
     for byte in data:
         bits = [byte >> number & 1 for number in range(form.data_bits)]
@@ -68,7 +63,6 @@ def heard(data: bytes, sender: SerialFormat, receiver: SerialFormat) -> Heard:
 
 
 def _place(edge: int, number: int, sender: SerialFormat, receiver: SerialFormat) -> int:
-    """The sender's bit in which a sample falls."""
     return edge + sender.baud * (2 * number + 1) // (2 * receiver.baud)
 
 

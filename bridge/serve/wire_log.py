@@ -4,69 +4,42 @@
     isel-twin:    12.346720 s  twin  0                         reply: done
     isel-twin:    12.400000 s  ctl   {"set": {"estop": "pressed"}}
 
-Times are virtual, those at which a message was complete. What the bytes mean is said by the controller's language
-(`isel_twin.language.Language`, whose `messages` keeps a message that has only begun). Without one they are shown in
-hexadecimal, as they came, up to a silence of SILENCE_NS or to a byte from the other side.
+Times are virtual, those at which a message was complete. The controller's language says what it means. Without one,
+bytes are shown in hexadecimal, up to a silence of SILENCE_NS or a byte from the other side.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Sequence
-from typing import NamedTuple, Protocol
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.bridge.serve.borders import WireTap
+from isel_twin.language import Language
 
 log = logging.getLogger("isel_twin.wire")
 
-SILENCE_NS = 20 * MILLISECOND_NS
-"""Virtual time after which bytes without a language are taken for complete."""
-
-LINE_BYTES = 32
-"""Bytes of a line in hexadecimal, at most."""
-
-
-class MeaningMessage(Protocol):
-    """A message, as far as it is printed."""
-
-    @property
-    def data(self) -> bytes: ...
-    @property
-    def text(self) -> str: ...
-    @property
-    def explanation(self) -> str: ...
-
-
-class Meaning(Protocol):
-    """What a wire log needs of a language; the instance must be its own, since it keeps what has been begun."""
-
-    def messages(self, data: bytes, sent: bool) -> Iterable[MeaningMessage]:
-        """Messages complete with these bytes of one direction."""
-
-    def rest(self, sent: bool) -> bytes:
-        """The message of one direction that has been begun and not ended."""
+SILENCE_NS = 20 * MILLISECOND_NS  # virtual time after which bytes without a language are taken for complete
+LINE_BYTES = 32  # bytes of a line in hexadecimal, at most
 
 
 class WireLine(NamedTuple):
     """A message, or what somebody beside the host has done."""
 
-    time_s: float
-    """Virtual time."""
-    who: str
-    """`host`, or what the controller and others are called."""
+    time_s: float  # virtual time
+    who: str  # `host`, or what the controller and others are called
     text: str
     meaning: str
 
 
 def print_line(line: WireLine) -> None:
-    """Into the log, as one line."""
     text = f"{line.time_s:12.6f} s  {line.who:<4}  {line.text:<24}  {line.meaning}".rstrip()
     log.info("%s", text, extra={"each": True})
 
 
-class Taps:
-    """Several who follow the traffic, as one: a `WireTap` of the server."""
+class Taps(WireTap):
+    """Several who follow the traffic, as one."""
 
     def __init__(self, taps: Sequence[WireTap]) -> None:
         self._taps = tuple(taps)
@@ -88,29 +61,26 @@ class Taps:
             tap.close()
 
 
-class WireLog:
-    """Follows the traffic; hand it to `Server` as `wire`. `language`: None for hexadecimal. `say` is told each line.
+class WireLog(WireTap):
+    """Follows the traffic, and tells `say` each line. language: an instance of its own; None for hexadecimal.
 
-    controller, others: what the controller and whoever is no host are called, in up to four letters.
+    controller, others: names of the controller and of whoever is no host, in up to four letters.
     """
 
     def __init__(
         self,
-        language: Meaning | None,
+        language: Language | None,
         controller: str = "twin",
         others: str = "ctl",
         say: Callable[[WireLine], None] = print_line,
     ) -> None:
-        self._controller = controller
-        self._others = others
-        self._language = language
-        self._say = say
+        self._controller, self._others = controller, others
+        self._language, self._say = language, say
         self._begun = bytearray()
         self._sent = True
         self._time_ns = 0
 
     def carry(self, time_ns: int, data: bytes, sent: bool) -> None:
-        """Bytes of the host (`sent`) or for it, at time_ns."""
         if self._language is not None:
             for message in self._language.messages(data, sent):
                 self._print(time_ns, sent, message.text or _hex(message.data), message.explanation)
@@ -125,7 +95,6 @@ class WireLog:
             del self._begun[:LINE_BYTES]
 
     def look(self, time_ns: int) -> None:
-        """Time has passed."""
         if self._begun and time_ns - self._time_ns > SILENCE_NS:
             self._print_begun()
 

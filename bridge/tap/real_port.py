@@ -7,11 +7,9 @@
     controller --> reader thread --(stamped)--> take()             one queue each way, bounded:
     controller <-- writer thread <------------- put(), set()       whoever is too fast has to wait
 
-A byte is stamped when the reader thread has it; so a loop that is busy, or a host that does not read, changes no time.
-Settings take their place among the bytes: what was put before them has left the computer when they change.
-
-A port that vanishes (an unplugged adapter, a connection that is closed) is tried again every RETRY_S, with the settings
-it had. What is put meanwhile goes nowhere, as on a cable that leads nowhere, and is counted.
+A byte is stamped when the reader thread has it; a busy loop, or a host that does not read, changes no time. Settings
+take their place among the bytes: what was put before them has left the computer when they change. A port that vanishes
+(an unplugged adapter) is tried again every RETRY_S, with the settings it had; what is put meanwhile is lost, counted.
 """
 
 from __future__ import annotations
@@ -24,7 +22,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import serial
 
@@ -32,15 +30,11 @@ from isel_twin.bridge.serve.tcp import parse_address
 
 log = logging.getLogger("isel_twin")
 
-HELD_BYTES = 65_536
-"""Most bytes kept in one direction; beyond that the port is not read, and `full` says so for what is put."""
-
-PIECE_BYTES = 4096
-"""Read at once."""
+HELD_BYTES = 65_536  # most in one direction; then the port is not read, and `full` says so for what is put
+PIECE_BYTES = 4096  # read at once
 
 RETRY_S = 1.0
-LOOK_S = 0.5
-"""Longest a thread waits before it looks whether it has to end."""
+LOOK_S = 0.5  # longest a thread waits before it looks whether it has to end
 
 CONNECT_S = 5.0
 
@@ -48,30 +42,9 @@ CONNECT_S = 5.0
 class Arrived(NamedTuple):
     """What has come from the controller's side."""
 
-    time_ns: int
-    """Of time.perf_counter_ns."""
+    time_ns: int  # of time.perf_counter_ns
     data: bytes
-    note: str = ""
-    """Instead of bytes: the port has gone, or is back."""
-
-
-class Port(Protocol):
-    """An open port: one thread reads, one writes. Every method raises OSError once the port has gone."""
-
-    def read(self) -> bytes:
-        """What has come; b"" if nothing did for LOOK_S."""
-
-    def write(self, data: bytes) -> None:
-        """Blocks until the operating system has taken all."""
-
-    def set(self, settings: Mapping[str, Any]) -> None:
-        """Change the line once what was written has left. What the port does not know is said in the log."""
-
-    def cancel(self) -> None:
-        """End a read or write that blocks in another thread. Raises nothing."""
-
-    def close(self) -> None:
-        """Let go of it; nobody is inside any more. Raises nothing."""
+    note: str = ""  # instead of bytes: the port has gone, or is back
 
 
 class _TcpPort:
@@ -103,7 +76,7 @@ class _TcpPort:
 
 
 class _SerialPort:
-    """A device, or whatever pySerial makes of a URL."""
+    """A device, or whatever pySerial makes of a URL. read: b"" if nothing came for LOOK_S."""
 
     def __init__(self, address: str, settings: Mapping[str, Any]) -> None:
         with _os_errors():
@@ -125,6 +98,7 @@ class _SerialPort:
             self._port.write(data)
 
     def set(self, settings: Mapping[str, Any], flush: bool = True) -> None:
+        """Change the line once what was written has left; the log says what the port does not know."""
         with _os_errors():
             if flush:
                 self._port.flush()
@@ -156,11 +130,10 @@ def _os_errors() -> Iterator[None]:
         raise OSError(str(error)) from error
 
 
-_PLAIN = {
+_PLAIN = {  # what parts of pySerial's messages mean
     "exclusively lock": "is in use by another program",
     "returned no data": "it was unplugged, or its other end has closed",
 }
-"""What parts of pySerial's messages mean."""
 
 
 def _plain(error: OSError) -> str:
@@ -175,33 +148,32 @@ def _plain(error: OSError) -> str:
     return error.strerror or text
 
 
+# An open port: one thread reads, one writes; `cancel` ends a read or write that blocks in another thread. All methods
+# but `cancel` and `close` raise OSError once the port has gone.
+Port = _TcpPort | _SerialPort
+
+
 def open_port(address: str, settings: Mapping[str, Any]) -> Port:
-    """The controller's port, see the module. Raises OSError if it cannot be had, ValueError for a bad address."""
+    """Raises OSError if the port cannot be had, ValueError for a bad address."""
     if address.startswith("tcp://"):
         return _TcpPort(address.removeprefix("tcp://"))
     return _SerialPort(address, settings)
 
 
 class RealPort:
-    """The controller's port with its threads. `wake` is called whenever there is something to `take`.
-
-    Raises OSError if it cannot be opened, ValueError for a bad address.
-    """
+    """The controller's port and its threads; wake: called when there is something to `take`. Raises as open_port."""
 
     def __init__(self, address: str, settings: Mapping[str, Any], wake: Callable[[], None]) -> None:
         self.address = address
-        self._settings = dict(settings)
-        self._wake = wake
+        self._settings, self._wake = dict(settings), wake
         self._changed = threading.Condition()
         self._arrived: deque[Arrived] = deque()
-        self._held = 0
+        self.held = 0  # bytes that have come and were not taken
         self._outgoing: deque[bytes | Mapping[str, Any]] = deque()
-        self._waiting = 0
-        self._ending = False
+        self._waiting, self._ending = 0, False
         self._writing = threading.Lock()
         self._port: Port | None = open_port(address, self._settings)
-        self.nowhere = 0
-        """Bytes put while there was no port."""
+        self.nowhere = 0  # bytes put while there was no port
         self._threads = [threading.Thread(target=work, daemon=True) for work in (self._read, self._write)]
         for thread in self._threads:
             thread.start()
@@ -215,16 +187,11 @@ class RealPort:
             while self._arrived and len(self._arrived[0].data) <= most:
                 piece = self._arrived.popleft()
                 most -= len(piece.data)
-                self._held -= len(piece.data)
+                self.held -= len(piece.data)
                 taken.append(piece)
             if taken:
                 self._changed.notify_all()
         return taken
-
-    @property
-    def held(self) -> int:
-        """Bytes that have come and were not taken."""
-        return self._held
 
     @property
     def full(self) -> bool:
@@ -232,7 +199,6 @@ class RealPort:
         return self._waiting >= HELD_BYTES
 
     def put(self, data: bytes) -> None:
-        """Bytes for the controller."""
         self._queue(data, len(data))
 
     def set(self, settings: Mapping[str, Any]) -> None:
@@ -279,11 +245,11 @@ class RealPort:
     def _hand_over(self, piece: Arrived) -> None:
         with self._changed:
             self._arrived.append(piece)
-            self._held += len(piece.data)
+            self.held += len(piece.data)
         self._wake()
-        if self._held >= HELD_BYTES:
+        if self.held >= HELD_BYTES:
             with self._changed:
-                self._changed.wait_for(lambda: self._held < HELD_BYTES or self._ending)
+                self._changed.wait_for(lambda: self.held < HELD_BYTES or self._ending)
 
     def _gone(self, port: Port, error: OSError) -> None:
         """Only the reader says so: it finds out by itself."""

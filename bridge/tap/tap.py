@@ -7,12 +7,10 @@
                              BookWriter: a recording, in a thread of its own
 
 Times are those of this computer's finest monotonic clock since the tap began: of a byte from the host when the tap has
-read it, of a byte from the controller when the reader thread has. What is written down never holds up what is passed
-on: a slow or full disk ends the recording, not the session.
-
-Nothing is lost and nothing grows: whoever is faster than the other side is not read for a while (HELD_BYTES each way).
-What a host sets its port to (speed, and over RFC 2217 data bits, parity, stop bits, DTR, RTS, break) is set at the
-controller's port too, in its place among the bytes.
+read it, of a byte from the controller when the reader thread has. A slow or full disk ends the recording, not the
+session. Whoever is faster than the other side is not read for a while (HELD_BYTES each way). What a host sets its port
+to (speed, and over RFC 2217 data bits, parity, stop bits, DTR, RTS, break) is set at the controller's port too, in its
+place among the bytes.
 """
 
 from __future__ import annotations
@@ -21,9 +19,9 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
-from typing import Any, Protocol
+from typing import Any
 
 from isel_twin.bridge.serve.borders import Endpoint, WireTap
 from isel_twin.bridge.serve.endpoints import claimed
@@ -31,54 +29,25 @@ from isel_twin.bridge.serve.loop import FileWatch, FileWatches, Wake, woken_by_s
 from isel_twin.bridge.serve.outbox import OUTBOX_BYTES
 from isel_twin.bridge.tap.real_port import HELD_BYTES, PIECE_BYTES, Arrived, RealPort
 from isel_twin.controller import SerialFormat
+from isel_twin.recordings.mcap import RecordingWriter
 
 log = logging.getLogger("isel_twin")
 
-ROOM_BYTES = 2 * PIECE_BYTES
-"""Room an endpoint needs for a piece: Telnet doubles a byte 255."""
-
-LOOK_S = 0.2
-"""How often the settings of a host that sends nothing are looked at, and the recording is handed to the disk."""
-
-UNWRITTEN_BYTES = 1 << 24
-"""Most that waits for a slow disk; beyond that the recording ends."""
-
-PATIENCE_S = 5.0
-"""A host that has not read for so long is mentioned."""
-
-
-class Book(Protocol):
-    """What a tap writes to: `isel_twin.recordings.mcap.RecordingWriter`."""
-
-    broken: bool
-    """There was no room for some of it."""
-
-    def sent(self, time_ns: int, data: bytes) -> None:
-        """Bytes of the host."""
-
-    def received(self, time_ns: int, data: bytes) -> None:
-        """Bytes of the controller."""
-
-    def message(self, channel: str, time_ns: int, content: Mapping[str, Any]) -> None:
-        """Anything else."""
-
-    def flush(self) -> None:
-        """Let what has been written outlive this process."""
-
-    def close(self) -> None:
-        """That was all."""
+ROOM_BYTES = 2 * PIECE_BYTES  # room an endpoint needs for a piece: Telnet doubles a byte 255
+LOOK_S = 0.2  # how often a silent host's settings are looked at, and the recording is handed to the disk
+UNWRITTEN_BYTES = 1 << 24  # most that waits for a slow disk; beyond that the recording ends
+PATIENCE_S = 5.0  # a host that has not read for so long is mentioned
 
 
 class BookWriter:
-    """Writes a book in a thread of its own. `close` returns whether everything is in it."""
+    """Writes a recording in a thread of its own; `close` returns whether everything is in it."""
 
-    def __init__(self, book: Book) -> None:
+    def __init__(self, book: RecordingWriter) -> None:
         self._book = book
         self._entries: deque[tuple[str, int, bytes | str]] = deque()
         self._unwritten = 0
         self._changed = threading.Condition()
-        self._closing = False
-        self._whole = True
+        self._closing, self._whole = False, True
         self._thread = threading.Thread(target=self._write, daemon=True)
         self._thread.start()
 
@@ -129,23 +98,17 @@ def port_settings(form: SerialFormat) -> dict[str, Any]:
 
 
 class Tap:
-    """Passes bytes between hosts and a controller's port until `stop`. See the module.
+    """Passes bytes between hosts and a controller's port until `stop`. Raises OSError, ValueError without the port.
 
-    address: the controller's port (real_port.py). serial_format: of its line, until a host sets another.
-    Raises OSError or ValueError if the port cannot be had.
+    serial_format: of the controller's line, until a host sets another.
     """
 
     def __init__(
-        self,
-        address: str,
-        endpoints: Sequence[Endpoint],
-        serial_format: SerialFormat,
-        wire: WireTap | None = None,
+        self, address: str, endpoints: Sequence[Endpoint], serial_format: SerialFormat, wire: WireTap | None = None
     ) -> None:
         self._line = {**port_settings(serial_format), "dtr": True, "rts": True, "break_condition": False}
         self.endpoints = tuple(endpoints)
-        self.writer: BookWriter | None = None
-        """Writes down what passes."""
+        self.writer: BookWriter | None = None  # writes down what passes
         self._wire = wire
         self._wake = Wake()
         self._watched = FileWatches()
@@ -170,7 +133,7 @@ class Tap:
         return self._port.held + self._speaker.waiting
 
     def stop(self) -> None:
-        """End `run` soon. May be called from a signal handler or another thread."""
+        """End `run` soon, also from a signal handler or another thread."""
         self._stopped = True
         self._wake()
 
@@ -233,7 +196,6 @@ class Tap:
         self._note("received", time_ns, piece.data)
 
     def _tell_slow(self, slow: bool) -> None:
-        """Mention a host that does not read, once."""
         now = time.monotonic()
         if not slow:
             self._slow_since = None
@@ -247,7 +209,6 @@ class Tap:
 
     @property
     def serial_format(self) -> SerialFormat:
-        """Of the line now."""
         line = self._line
         return SerialFormat(line["baudrate"], line["bytesize"], line["parity"], line["stopbits"])
 
@@ -278,7 +239,6 @@ class Tap:
     # called by endpoints
 
     def receive(self, endpoint: Endpoint, data: bytes) -> None:
-        """A host of this endpoint has sent `data` just now."""
         self._deliver()  # what has come before
         time_ns = time.perf_counter_ns() - self._start_ns
         self._speaker = endpoint
@@ -287,5 +247,4 @@ class Tap:
         self._note("sent", time_ns, data)
 
     def claim(self, endpoint: Endpoint) -> bool:
-        """A network client of this endpoint asks for the line; True if it may have it."""
         return claimed(self.endpoints)

@@ -2,16 +2,11 @@
 
 virtual_host.py    runs a host program: `isel-twin exec`, the fixture `virtual_host`
 virtual_time.py    the time it lives in: the parts below together
-turns.py           its threads, served in turn
-host_thread.py         one of them
+turns.py           its threads, served in turn; host_thread.py: one of them
 signals.py         Ctrl-C while the clock is at work
 host_code.py       which lines of code are the host's
-stand_ins.py       what it finds in place of the real functions:
-stand_in.py            one function, virtual in its threads and real elsewhere
-clocks.py              clocks, sleeps, dates
-locks.py               locks, threads, queues
-virtual_serial.py      its serial port
-refusals.py            what cannot be had in virtual time
+stand_ins.py       what replaces the real functions (stand_in.py: one of them):
+                   clocks.py, locks.py, virtual_serial.py, refusals.py
 cpython.py         all that is private of CPython, checked
 
 protocol_twin.py   pySerial's twin://, for hosts of one thread, without any of these

@@ -1,7 +1,7 @@
 """Everything private of CPython that virtual threads rest on, checked when this module is imported.
 
-Tried with Python 3.11 to 3.14; imports nothing of the twin, so any interpreter can be asked alone: `python cpython.py`.
-A Python that has changed one of these names gets an ImportError with one line that says which.
+Tried with Python 3.11, 3.12 and 3.13; 3.14 was not to be had. Imports nothing of the twin, so any interpreter can be
+asked alone: `python cpython.py`. A missing name is an ImportError of one line.
 """
 
 from __future__ import annotations
@@ -15,24 +15,19 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-_STARTERS = ("_start_joinable_thread", "_start_new_thread")
-"""What `Thread.start` calls: the first since Python 3.13, the second before."""
+_STARTERS = ("_start_joinable_thread", "_start_new_thread")  # called by `Thread.start` from Python 3.13 on; before it
 
+# Functions below `subprocess` and `asyncio` that a host must not reach, by module.
 PRIVATE_FUNCTIONS: dict[str, tuple[str, ...]] = {
     "_winapi" if os.name == "nt" else "_posixsubprocess": ("CreateProcess" if os.name == "nt" else "fork_exec",),
     **({} if os.name == "nt" else {"_socket": ("socketpair",)}),
 }
-"""Functions below `subprocess` and `asyncio` that a host must not reach, by module."""
 
-SELECTOR = ("selectors", "_BaseSelectorImpl")
-"""Module and class that all selectors are derived from."""
-
-CONDITION_WANTS = ("_is_owned", "_release_save", "_acquire_restore")
-"""Methods that `threading.Condition` takes from an RLock, and that a virtual one has therefore, too."""
+SELECTOR = ("selectors", "_BaseSelectorImpl")  # module and class that all selectors are derived from
+CONDITION_WANTS = ("_is_owned", "_release_save", "_acquire_restore")  # of an RLock, so a virtual one has them
 
 
 def _check() -> None:
-    """Raise ImportError for the first name that is not there."""
     places = [
         ("threading", "_allocate_lock"),
         ("threading.Thread", "_bootstrap"),
@@ -73,21 +68,14 @@ def _found(place: str) -> Any:
 
 _check()
 
-calling_frame = sys._getframe
-"""The frame so many calls up."""
-
-frames_of_threads = sys._current_frames
-"""The innermost frame of each thread, by its ident."""
-
+calling_frame = sys._getframe  # the frame so many calls up
+frames_of_threads = sys._current_frames  # the innermost frame of each thread, by its ident
 allocate_lock: Callable[[], Any] = threading._allocate_lock  # type: ignore[attr-defined]
-"""What `threading` makes its own locks with."""
 
+SimpleQueue: Callable[[], Any] = queue._PySimpleQueue  # type: ignore[attr-defined]  # on a semaphore of `threading`
 thread_starters: tuple[Callable[..., Any], ...] = tuple(
     getattr(threading, name) for name in _STARTERS if hasattr(threading, name)
 )
-
-SimpleQueue: Callable[[], Any] = queue._PySimpleQueue  # type: ignore[attr-defined]
-"""`queue.SimpleQueue` in Python, on a semaphore of `threading`."""
 
 
 def hear_uncaught(thread: threading.Thread, tell: Callable[[Callable[[], None]], None]) -> None:
@@ -97,10 +85,10 @@ def hear_uncaught(thread: threading.Thread, tell: Callable[[Callable[[], None]],
 
 
 def started(start: Callable[..., Any], run: Callable[[], None], options: dict[str, Any]) -> Any:
-    """Start a thread with what `Thread.start` calls (`thread_starters`), or with `_thread.start_new_thread`.
+    """Start a thread by one of `thread_starters` or `_thread.start_new_thread`. options: its caller's keywords.
 
-    options: keywords of its caller. Since Python 3.13 the interpreter waits at its end for each thread that was not
-    started as a daemon; here the turns of the host do that, and a thread that they have left must hold nobody up.
+    Since Python 3.13 the interpreter waits at its end for threads that were not started as daemons; here the host's
+    turns do that, and a thread that they have left must hold nobody up.
     """
     return start(run, **(options | {"daemon": True})) if "daemon" in options else start(run, (), **options)
 
@@ -112,9 +100,9 @@ def let_exit_without(thread: threading.Thread) -> None:
 
 @contextmanager
 def pools_told_to_end(ours: Callable[[threading.Thread], object]) -> Iterator[list[threading.Thread]]:
-    """Tell the workers of thread pools that `ours` is true for that nothing more will come; they are what is given.
+    """Tell our workers of thread pools (yielded) that nothing more will come, as `concurrent.futures` does at exit.
 
-    As `concurrent.futures` does when the interpreter ends; pools of others take work again when the block ends.
+    Pools of others take work again when the block ends.
     """
     pools: Any = sys.modules.get("concurrent.futures.thread")
     workers = [(thread, work) for thread, work in list(pools._threads_queues.items()) if ours(thread)]

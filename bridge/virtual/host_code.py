@@ -8,6 +8,7 @@ from types import FrameType
 
 import isel_twin
 
+# Folders of Python, of packages and of the twin: what is elsewhere is the host's.
 LIBRARIES = tuple(
     folder.rstrip(os.sep) + os.sep
     for folder in (
@@ -17,7 +18,6 @@ LIBRARIES = tuple(
         *(folder for folder in sys.path if folder.endswith(("site-packages", "dist-packages"))),
     )
 )
-"""Folders of Python, of packages and of the twin: what is elsewhere is the host's."""
 
 
 def host_line(frame: FrameType | None) -> str:

@@ -15,10 +15,8 @@ class HostEnded(SystemExit):
 class Ending:
     """Why a host was ended from outside."""
 
-    kind: str
-    """`deadlock`, `timeout`, `refused`, `broken` (the twin) or `over`."""
-    reason: str
-    """One line for people."""
+    kind: str  # `deadlock`, `timeout`, `refused`, `broken` (the twin) or `over`
+    reason: str  # one line for people
 
 
 class HostThread:
@@ -28,16 +26,11 @@ class HostThread:
         self.name = name
         self.daemon = daemon
         self.ident = ident
-        self.turn = _thread.allocate_lock()
-        """Released by whoever hands over to this thread, which waits for it."""
+        self.turn = _thread.allocate_lock()  # released by whoever hands over to this thread, which waits for it
         self.turn.acquire()
-        self.ready: Callable[[], bool] | None = None
-        """What it waits for; None: for its time only."""
+        self.ready: Callable[[], bool] | None = None  # what it waits for; None: for its time only
         self.deadline_ns: int | None = None
         self.why = "start"
-        self.hears = False
-        """It waits for bytes."""
-        self.spun_ns = 0
-        self.free_looks = 0
-        self.strikes = 0
+        self.hears = False  # it waits for bytes
+        self.spun_ns = self.free_looks = self.strikes = 0
         self.ended = False

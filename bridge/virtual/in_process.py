@@ -6,49 +6,30 @@ from serial.serialutil import PortNotOpenError, SerialBase
 
 from isel_twin.base.units import SECOND_NS
 
-STRETCH_NS = SECOND_NS
-"""Virtual time between two looks whether bytes can still come, if nobody waits for a time."""
-
-PATIENCE_NS = 3600 * SECOND_NS
-"""Virtual time for which a controller may be idle before nothing is expected of it any more."""
+STRETCH_NS = SECOND_NS  # virtual time between two looks whether bytes can still come, if nobody waits for a time
+PATIENCE_NS = 3600 * SECOND_NS  # virtual time of idleness after which no byte is expected of a controller
 
 
 class NoModemLines(SerialBase):
-    """A port whose other end is always there and ready."""
+    """A port whose other end is always there and ready; it never rings, and does not look at a break, RTS and DTR."""
 
     def _check_open(self) -> None:
         if not self.is_open:
             raise PortNotOpenError()
 
-    def _update_break_state(self) -> None:
-        """The controller does not look at a break."""
+    def _unseen(self) -> None:
+        """The controller does not look at it."""
 
-    def _update_rts_state(self) -> None:
-        """The controller does not look at RTS."""
-
-    def _update_dtr_state(self) -> None:
-        """The controller does not look at DTR."""
+    _update_break_state = _update_rts_state = _update_dtr_state = _unseen
 
     @property
     def cts(self) -> bool:
-        """Always ready."""
         self._check_open()
         return True
 
-    @property
-    def dsr(self) -> bool:
-        """Always there."""
-        self._check_open()
-        return True
+    dsr = cd = cts
 
     @property
     def ri(self) -> bool:
-        """Never rings."""
         self._check_open()
         return False
-
-    @property
-    def cd(self) -> bool:
-        """Always there."""
-        self._check_open()
-        return True

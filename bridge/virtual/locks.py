@@ -14,17 +14,13 @@ from isel_twin.bridge.virtual.turns import Turns, here
 
 REAL_START = _thread.start_new_thread
 
-FOR_EVER_S = 1e9
-"""A timeout from which on nobody means it: `threading.TIMEOUT_MAX` is taken by hosts that want to hear Ctrl-C."""
+FOR_EVER_S = 1e9  # timeouts from here on mean no limit: hosts that want to hear Ctrl-C give `threading.TIMEOUT_MAX`
 
-_real_join = threading.Thread.join
-_real_is_alive = threading.Thread.is_alive
+_real_join, _real_is_alive = threading.Thread.join, threading.Thread.is_alive
 _real_is_set = threading.Event.is_set
 
 
 class VirtualLock:
-    """`threading.Lock` of a host."""
-
     def __init__(self) -> None:
         self._held = False
 
@@ -46,8 +42,7 @@ class VirtualLock:
     def locked(self) -> bool:
         return self._held
 
-    def __enter__(self) -> bool:
-        return self.acquire()
+    __enter__ = acquire
 
     def __exit__(self, *_: object) -> None:
         self.release()
@@ -57,8 +52,6 @@ class VirtualLock:
 
 
 class VirtualRLock:
-    """`threading.RLock` of a host."""
-
     def __init__(self) -> None:
         self._owner: int | None = None
         self._count = 0
@@ -84,15 +77,12 @@ class VirtualRLock:
         if not self._count:
             self._owner = None
 
-    def __enter__(self) -> bool:
-        return self.acquire()
+    __enter__ = acquire
 
     def __exit__(self, *_: object) -> None:
         self.release()
 
-    # what threading.Condition wants of it
-
-    def _recursion_count(self) -> int:
+    def _recursion_count(self) -> int:  # this and the next are what threading.Condition wants
         return self._count if self._owner == _thread.get_ident() else 0
 
     def _is_owned(self) -> bool:
@@ -127,11 +117,9 @@ def _wait_for(ready: Callable[[], bool], timeout: float, why: str) -> bool:
 def _start(real: Callable[..., Any]) -> StandIn:
     """`_thread.start_new_thread`, and its successor of Python 3.13, which takes keywords of its own."""
 
-    def virtual(active: Turns, function: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
-        arguments = args[0] if args else ()
-        named = args[1] if len(args) > 1 else {}
+    def virtual(active: Turns, function: Callable[..., Any], args: Any = (), kwargs: Any = None, /, **own: Any) -> Any:
         task = active.spawn(function)
-        return cpython.started(real, lambda: active.body(task, function, arguments, named), kwargs)
+        return cpython.started(real, lambda: active.body(task, function, args, kwargs or {}), own)
 
     return StandIn(real, virtual)
 
@@ -164,7 +152,6 @@ def is_set(self: threading.Event) -> bool:
 
 
 def stand_ins() -> list[tuple[Any, Any]]:
-    """What makes locks, threads and queues, and what stands in for it."""
     return [
         (cpython.allocate_lock, StandIn(cpython.allocate_lock, lambda _: VirtualLock(), VirtualLock)),
         *((real, _start(real)) for real in cpython.thread_starters),

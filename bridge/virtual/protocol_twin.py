@@ -18,16 +18,13 @@
 
 Time at speed max: `read` lets virtual time pass until it has its bytes or its timeout (virtual seconds) is over, as
 does `flush`. A look that does not wait (`in_waiting`, or a read with timeout 0) and finds nothing costs 10 ms, so that
-a host which polls sees time pass. Nothing else takes time. A read without timeout for which no byte can ever come
-raises SerialException: with nobody else at the machine, a real port would block for ever. None can come if nothing
-will happen without the host, and none is expected any more once the controller has been idle for PATIENCE_NS.
+a polling host sees time pass. Nothing else takes time. A read without timeout for which no byte can ever come raises
+SerialException, where a real port would block for ever: nothing will happen without the host, or the controller has
+been idle for PATIENCE_NS.
 
-One thread at a time: time passes inside the calls, so a thread that waits in `read` would hold up, or run ahead of, one
-that writes. A call while another thread is inside one raises SerialException; programs with a reading thread want
-`isel-twin serve`.
-
-The twin belongs to the port object: closing and reopening keep it, position and reference included; bytes that arrive
-while the port is closed are lost.
+One thread at a time, as time passes inside the calls: a call while another thread is inside one raises SerialException;
+programs with a reading thread want `isel-twin serve`. The twin belongs to the port object: closing and reopening keep
+it, position and reference included; bytes that arrive while the port is closed are lost.
 """
 
 from __future__ import annotations
@@ -50,13 +47,11 @@ from isel_twin.core.spec import TwinSpec
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
 
-POLL_NS = 10_000_000
-"""Virtual time that a look which does not wait costs: 10 ms, as a polling host would sleep."""
+POLL_NS = 10_000_000  # virtual time that a look which does not wait costs: 10 ms, as a polling host would sleep
 
 OPTIONS = ("machine", "plant", "seed", "speed", "scenario", "flash")
 
-_VALUES: Mapping[str, Callable[[str], Any]] = {"seed": int, "scenario": Path, "flash": Path}
-"""What becomes of the text of an option; the others stay text."""
+_VALUES: Mapping[str, Callable[[str], Any]] = {"seed": int, "scenario": Path, "flash": Path}  # others stay text
 
 
 def parse_url(url: str) -> dict[str, str]:
@@ -83,7 +78,7 @@ def parse_url(url: str) -> dict[str, str]:
 
 
 class Serial(NoModemLines):
-    """A serial port with a twin at its other end. See the module."""
+    """A serial port with a twin at its other end."""
 
     is_open: bool
 
@@ -164,7 +159,6 @@ class Serial(NoModemLines):
 
     @contextmanager
     def _in_use(self) -> Iterator[None]:
-        """The port is open, and no other thread is inside it."""
         self._check_open()
         with self._alone():
             yield
@@ -277,5 +271,4 @@ class Serial(NoModemLines):
 
     @property
     def _byte_ns(self) -> int:
-        """Time of a byte on the line."""
         return self.twin.serial_format.byte_ns

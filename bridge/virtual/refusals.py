@@ -23,7 +23,6 @@ SERVE = "use `isel-twin serve --pty`, in real time"
 
 
 def refuse(what: str, remedy: str) -> typing.NoReturn:
-    """End the host, because virtual time cannot do what it wants."""
     active = here()
     if active is not None:
         where = host_line(calling_frame(1))
@@ -32,7 +31,7 @@ def refuse(what: str, remedy: str) -> typing.NoReturn:
 
 
 def _called_by(*packages: str) -> str | None:
-    """The first of these packages that has a function in the stack of calls."""
+    """The innermost of these packages in the stack of calls."""
     frame: FrameType | None = calling_frame(1)
     while frame is not None:
         package = str(frame.f_globals.get("__name__", "")).split(".")[0]
@@ -44,14 +43,13 @@ def _called_by(*packages: str) -> str | None:
 
 def _refused(what: str) -> Callable[..., Any]:
     def virtual(_: Turns, *args: Any, **kwargs: Any) -> Any:
-        by = _called_by("asyncio", "multiprocessing", "concurrent", "subprocess")
         told = {
             "asyncio": "asyncio, whose loop waits in real time,",
             "multiprocessing": "multiprocessing",
             "concurrent": "a pool of processes",
             "subprocess": "subprocess",
         }
-        if by == "asyncio":
+        if (by := _called_by(*told)) == "asyncio":
             warnings.filterwarnings("ignore", message="coroutine .* was never awaited")  # nor will it be
         refuse(told.get(by or "", what), SERVE)
 
@@ -64,22 +62,17 @@ _REFUSED: dict[str, tuple[str, ...]] = {
     "signal": ("setitimer", "alarm", "pause", "sigwait", "sigwaitinfo", "sigtimedwait"),
     **PRIVATE_FUNCTIONS,
 }
-"""Functions that are refused, by the module in which they are at home."""
 
 _REFUSED_METHODS: dict[tuple[str, str], tuple[str, ...]] = {
     ("socket", "socket"): ("connect", "connect_ex", "accept", "bind", "listen", "recv", "recvfrom", "sendto"),
     SELECTOR: ("__init__",),
     ("asyncio.base_events", "BaseEventLoop"): ("__new__",),
 }
-"""Methods that are refused, by module and class."""
 
-REFUSED_MODULES = frozenset({"_tkinter", "PyQt5", "PyQt6", "PySide2", "PySide6", "wx"})
-"""Packages whose main loops wait in real time."""
+REFUSED_MODULES = frozenset({"_tkinter", "PyQt5", "PyQt6", "PySide2", "PySide6", "wx"})  # real-time main loops
 
 
 class Finder:
-    """Refuses the import of REFUSED_MODULES by a host."""
-
     def find_spec(self, name: str, path: object = None, target: object = None) -> None:
         if name in REFUSED_MODULES | {"tkinter"} and here() is not None:
             refuse(f"{name.lstrip('_')}, whose main loop waits in real time,", SERVE)
@@ -98,7 +91,6 @@ def _method(real: Callable[..., Any], what: str) -> Callable[..., Any]:
 
 
 def stand_ins() -> list[tuple[Any, Any]]:
-    """Each function that is refused, and what refuses it."""
     return [
         (real, StandIn(real, _refused(f"{module.lstrip('_')}.{name}")))
         for module, names in _REFUSED.items()

@@ -16,12 +16,11 @@ Handler = Callable[[int, FrameType | None], Any]
 
 
 class Signals:
-    """Those that have come and wait. at_work: true while none may be delivered."""
+    """Signals that have come and wait. at_work: true while none may be delivered."""
 
     def __init__(self, at_work: Callable[[], bool]) -> None:
         self._at_work = at_work
-        self.handlers: dict[int, Any] = {}
-        """What was there of signal handlers that were replaced, by number of the signal."""
+        self.handlers: dict[int, Any] = {}  # by number of the signal, handlers that were replaced
         self._come: list[tuple[Handler, int, FrameType | None]] = []
 
     def __bool__(self) -> bool:
@@ -54,7 +53,6 @@ class Signals:
                 signal.signal(number, handler)
 
     def deliver(self) -> None:
-        """Run the handlers of those that have come."""
         while self._come:
             handler, number, frame = self._come.pop(0)
             handler(number, frame)

@@ -1,4 +1,4 @@
-"""One function that stands in for a real one: virtual in the threads of a host, real everywhere else."""
+"""A function that is virtual in the threads of a host and real everywhere else."""
 
 from __future__ import annotations
 

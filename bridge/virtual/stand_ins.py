@@ -4,10 +4,9 @@
                                       -->  the real function              for any other thread, and for the twin
     os.fork, a socket, asyncio, ...   -->  the host ends, and is told why                          refusals.py
 
-A stand-in asks whose thread it is called in (`here`) at each call. So it may be left in a module that has imported it
-by name (`from time import sleep`), and nobody else in the process is disturbed. Names are replaced in all modules that
-are there when the host begins, except those of the twin, and put back when it ends; modules that the host imports find
-them.
+A stand-in asks whose thread it is called in (`here`) at each call: it may be left in a module that has imported it by
+name (`from time import sleep`), and disturbs nobody else. Names are replaced in all modules that are there when the
+host begins, except those of the twin, and put back when it ends.
 """
 
 from __future__ import annotations
@@ -34,8 +33,10 @@ from isel_twin.bridge.virtual.turns import Turns
 from isel_twin.bridge.virtual.virtual_serial import VirtualSerial
 
 _real_monotonic = time.monotonic
-_ABSENT = object()
-"""What a class does not have itself, but inherits."""
+_real_select = select.select
+_real_signal, _real_getsignal = signal.signal, signal.getsignal
+_real_register, _real_unregister = atexit.register, atexit.unregister
+_ABSENT = object()  # what a class does not have itself, but inherits
 
 
 def _select(active: Turns, r: Any, w: Any, x: Any, timeout: float | None = None, /) -> Any:
@@ -64,9 +65,6 @@ def _select(active: Turns, r: Any, w: Any, x: Any, timeout: float | None = None,
     return look()
 
 
-_real_select = select.select
-
-
 def _signal(active: Turns, number: int, handler: Any, /) -> Any:
     before = _real_signal(number, active.signals.deferred(handler) if callable(handler) else handler)
     active.signals.handlers.setdefault(number, before)
@@ -76,10 +74,6 @@ def _signal(active: Turns, number: int, handler: Any, /) -> Any:
 def _getsignal(_: Turns, number: int, /) -> Any:
     now = _real_getsignal(number)
     return getattr(now, "__wrapped__", now)
-
-
-_real_signal = signal.signal
-_real_getsignal = signal.getsignal
 
 
 def _register(active: Turns, function: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
@@ -95,29 +89,23 @@ def _unregister(active: Turns, function: Callable[..., Any]) -> None:
     _real_unregister(function)
 
 
-_real_register = atexit.register
-_real_unregister = atexit.unregister
+_OWN: dict[Any, Callable[..., Any]] = {
+    _real_select: _select,
+    _real_signal: _signal,
+    _real_getsignal: _getsignal,
+    _real_register: _register,
+    _real_unregister: _unregister,
+}
 
-
-def _stand_ins() -> list[tuple[Any, Any]]:
-    """What is real, and what stands in for it: what has no module of its own."""
-    return [
-        (select.select, StandIn(select.select, _select)),
-        (signal.signal, StandIn(signal.signal, _signal)),
-        (signal.getsignal, StandIn(signal.getsignal, _getsignal)),
-        (atexit.register, StandIn(atexit.register, _register)),
-        (atexit.unregister, StandIn(atexit.unregister, _unregister)),
-    ]
-
-
+# Modules that keep the real functions, with all below them: the twin, and what imports modules.
 _KEPT_MODULES = ("isel_twin", "_thread", "importlib", "_frozen_importlib", "_bootstrap")
-"""Modules that keep the real functions, with all below them: the twin, and what imports modules."""
 
 
 def replace_all(active: Turns, more: Sequence[tuple[Any, Any]] = ()) -> Callable[[], None]:
     """Put the stand-ins in place, and `more` pairs of what is real and what stands in; return what undoes it."""
     refused = list(refusals.methods())  # imports the modules in which they are
-    pairs = [*clocks.stand_ins(), *locks.stand_ins(), *refusals.stand_ins(), *_stand_ins(), *more]
+    own = [(real, StandIn(real, virtual)) for real, virtual in _OWN.items()]
+    pairs = [*clocks.stand_ins(), *locks.stand_ins(), *refusals.stand_ins(), *own, *more]
     table = {id(real): (real, stand_in) for real, stand_in in pairs}
     undo: list[tuple[Any, str, Any]] = []
 
@@ -129,9 +117,9 @@ def replace_all(active: Turns, more: Sequence[tuple[Any, Any]] = ()) -> Callable
         if not isinstance(module, ModuleType) or module_name.split(".")[0] in _KEPT_MODULES:
             continue
         for name, value in list(vars(module).items()):
-            entry = table.get(id(value))
-            if entry is not None and entry[0] is value:
-                put(module, name, entry[1])
+            real, stand_in = table.get(id(value), (_ABSENT, None))
+            if real is value:
+                put(module, name, stand_in)
     put(datetime, "datetime", clocks.VirtualDatetime)
     put(datetime, "date", clocks.VirtualDate)
     put(threading.Thread, "join", locks.join)

@@ -13,12 +13,12 @@ may change) that does not wait costs
 
     min(max(LOOK_NS, spun / SPIN), LONGEST_LOOK_NS)
 
-where `spun` is what the looks of this thread have cost since it last waited, so that a loop that spins for a time T
-ends after about SPIN (1 + ln(T / 10 ms)) looks, up to 100 s of T, and one more for each 10 ms beyond; it has its time
-to one part in SPIN = 10000. A host that computes and looks at the clock now and then does not notice.
+where `spun` is what the looks of this thread have cost since it last waited: a loop that spins for a time T ends after
+about SPIN (1 + ln(T / 10 ms)) looks, up to 100 s of T, and one more for each 10 ms beyond; it has its time to one part
+in SPIN = 10000. A host that computes and looks at the clock now and then does not notice.
 
-All of this concerns the threads of the host only: those that stand in a `Turns` and those that they start. Other
-threads of the process (a test runner's) and the twin itself, whoever's thread it runs in, see the real functions.
+This concerns the threads of the host only: those that stand in a `Turns` and those that they start. Other threads of
+the process (a test runner's) and the twin itself see the real functions.
 """
 
 from __future__ import annotations
@@ -30,9 +30,10 @@ import weakref
 from collections import deque
 from collections.abc import Callable, Mapping
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Protocol, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
+from isel_twin.bridge.serve.borders import WireTap
 from isel_twin.bridge.virtual.cpython import frames_of_threads, hear_uncaught, let_exit_without
 from isel_twin.bridge.virtual.host_code import host_line
 from isel_twin.bridge.virtual.host_thread import Ending, HostEnded, HostThread
@@ -42,32 +43,18 @@ from isel_twin.bridge.virtual.signals import Signals
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
 
-LOOK_NS = 1_000
-"""Virtual time of a look that does not wait: 1 us."""
-LONGEST_LOOK_NS = 10 * MILLISECOND_NS
-"""And of one in a long row of them: 10 ms."""
+LOOK_NS = 1_000  # virtual time of a look that does not wait: 1 us
+LONGEST_LOOK_NS = 10 * MILLISECOND_NS  # and of one in a long row of them: 10 ms
+# Looks in a row that cost LOOK_NS each, and the part of the row that each costs from there on; also the looks at locks
+# and threads that cost nothing.
 SPIN = 10_000
-"""Looks in a row that cost LOOK_NS each, and the part of the row that each costs from there on; also the looks at locks
-and threads that cost nothing."""
 
-EPOCH_NS = 1_767_225_600 * SECOND_NS
-"""`time.time_ns()` when the twin is switched on: 2026-01-01 00:00 UTC, so that it is the same every time."""
-UPTIME_NS = 1000 * SECOND_NS
-"""`time.monotonic_ns()` then: hosts may take 0 for "never"."""
-
-STRIKES = 3
-"""Times a thread may go on after it was told that the host has ended."""
-GRACE_S = 2.0
-"""Real time for a thread to come to its end."""
+EPOCH_NS = 1_767_225_600 * SECOND_NS  # `time.time_ns()` at power-on: 2026-01-01 00:00 UTC, the same every time
+UPTIME_NS = 1000 * SECOND_NS  # `time.monotonic_ns()` then: hosts may take 0 for "never"
+STRIKES = 3  # times a thread may go on after it was told that the host has ended
+GRACE_S = 2.0  # real time for a thread to come to its end
 
 _get_ident = _thread.get_ident
-
-
-class Wire(Protocol):
-    """Who is told what goes over the line, such as a `WireLog`."""
-
-    def carry(self, time_ns: int, data: bytes, sent: bool) -> None:
-        """Bytes of the host (`sent`) or for it, at time_ns."""
 
 
 class Turns:
@@ -77,40 +64,23 @@ class Turns:
     RuntimeError otherwise. At its end threads that are still there are ended: `HostEnded` is raised where they wait.
     """
 
-    ports: Any
-    """`isel_twin.bridge.virtual.virtual_serial.Ports`."""
+    ports: Any  # `isel_twin.bridge.virtual.virtual_serial.Ports`
 
-    def __init__(
-        self,
-        twin: Twin,
-        *,
-        wire: Wire | None = None,
-        limit_s: float | None = None,
-    ) -> None:
-        self.twin = twin
-        self._lead_ns = 0
-        """Time that looks have taken and the twin has not been given yet."""
-        self.at_exit: list[tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]] = []
-        """What the host has given to `atexit.register`."""
+    def __init__(self, twin: Twin, wire: WireTap | None, limit_s: float | None) -> None:
+        self.twin, self._wire, self._limit_s = twin, wire, limit_s
+        self._lead_ns = 0  # time that looks have taken and the twin has not been given yet
+        self.at_exit: list[tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]] = []  # `atexit.register`
         self.signals = Signals(self._at_work)
-        self.inbox = bytearray()
-        """Bytes that have arrived and not been read."""
-        self.ending: Ending | None = None
-        """Set when the host cannot go on."""
-        self.broken: BaseException | None = None
-        """An error in the twin itself: no fault of the host."""
-        self.left: list[str] = []
-        """Threads that would not end."""
-        self._wire = wire
-        self._limit_s = limit_s
+        self.inbox = bytearray()  # bytes that have arrived and not been read
+        self.ending: Ending | None = None  # set when the host cannot go on
+        self.broken: BaseException | None = None  # an error in the twin itself: no fault of the host
+        self.left: list[str] = []  # threads that would not end
         self._limit_ns = self.deadline(limit_s)
-        self.give_up: Callable[[], object] | None = None
-        """Called if the main thread goes on and on after it was told that the host has ended; does not return."""
+        self.give_up: Callable[[], object] | None = None  # if the main thread goes on after its end; does not return
         self._main = self._running = HostThread("MainThread", daemon=False)
         self._waiting: deque[HostThread] = deque()
         self._tasks: weakref.WeakKeyDictionary[threading.Thread, HostThread] = weakref.WeakKeyDictionary()
-        self._inside = False
-        self._exempt = False
+        self._inside = self._exempt = False
         self._busy_ns = 0
         self._undo: Callable[[], None] | None = None
 
@@ -173,7 +143,7 @@ class Turns:
             task.free_looks = SPIN
 
     def wait(self, ready: Callable[[], bool] | None, deadline_ns: int | None, why: str, *, hears: bool = False) -> bool:
-        """Block the calling thread of the host until `ready` or the deadline; return whether it is ready.
+        """Block the host's calling thread until `ready` or the deadline; return whether it is ready.
 
         hears: a byte of the twin may make it so. Raises HostEnded, and whatever the host's signal handlers raise.
         """
@@ -234,7 +204,6 @@ class Turns:
     def body(
         self, task: HostThread, function: Callable[..., object], args: tuple[Any, ...], kwargs: Mapping[str, Any]
     ) -> None:
-        """What the thread of a task does: its turn awaited, the function, and the turn handed on."""
         task.ident = _get_ident()
         task.turn.acquire()
         self._inside = False
@@ -249,14 +218,13 @@ class Turns:
             self._hand_over(self._main if self._exempt else self._choose())
 
     def task_of(self, thread: threading.Thread) -> HostThread | None:
-        """The task of a thread that the host has started; None for others."""
+        """None for a thread that the host has not started."""
         return self._tasks.get(thread)
 
     def wait_for_threads(self) -> None:
         """Wait until the threads that are no daemons have ended, as an interpreter does at its end."""
-        self.wait(
-            lambda: all(task.daemon or task is self._main for task in self._waiting), None, "the end of its threads"
-        )
+        main = self._main
+        self.wait(lambda: all(task.daemon or task is main for task in self._waiting), None, "the end of its threads")
 
     def end_threads(self) -> None:
         """End all threads but the calling one, the main one; those that will not go are left where they are."""
@@ -295,7 +263,6 @@ class Turns:
     # The row
 
     def _check(self, task: HostThread) -> None:
-        """Raise HostEnded if the host has."""
         if self._limit_ns is not None and self.now_ns >= self._limit_ns:
             self._end_late()
         if self.ending is None or (self._exempt and task is self._main):
@@ -406,7 +373,6 @@ class Turns:
         return self.inbox
 
     def send(self, data: bytes) -> None:
-        """The host writes bytes now."""
         self._inside = True
         try:
             self._catch_up()

@@ -5,9 +5,8 @@
     assert run.code == 0 and run.verdict.ok
 
 The host is run as `python host.py ...` would run it: its folder first in `sys.path`, its words in `sys.argv`, its
-module `__main__`. What it changes of the process is put back afterwards: names replaced, signal handlers, folder,
-environment, `sys.path`, modules that are neither Python's nor a package's, handlers of the root logger, state of
-`random`.
+module `__main__`. What it changes of the process is put back afterwards: signal handlers, folder, environment,
+`sys.path`, modules that are neither Python's nor a package's, handlers of the root logger, state of `random`.
 
 How it ends                                          code
     its last line, `sys.exit()`                      0, as in Python the number given; 1 for a text, which is printed
@@ -34,35 +33,31 @@ import types
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from isel_twin.base.errors import CallError
+from isel_twin.bridge.serve.borders import WireTap
 from isel_twin.bridge.virtual.cpython import pools_told_to_end
 from isel_twin.bridge.virtual.host_code import LIBRARIES
 from isel_twin.bridge.virtual.host_thread import HostEnded
-from isel_twin.bridge.virtual.virtual_time import VirtualTime, Wire
+from isel_twin.bridge.virtual.virtual_time import VirtualTime
 from isel_twin.jobs.verdict import Verdict, judge
 
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
 
-INTERRUPTED = 130
-"""Exit code of a host that Ctrl-C has ended, as a shell tells it."""
-
-_HARMLESS = ("-u", "-B", "-s", "-E", "-I", "-P")
-"""Options of the interpreter that change nothing here."""
+INTERRUPTED = 130  # exit code of a host that Ctrl-C has ended, as a shell tells it
+_HARMLESS = ("-u", "-B", "-s", "-E", "-I", "-P")  # options of the interpreter that change nothing here
 
 
 @dataclass(frozen=True)
 class HostProgram:
     """What `python ...` is asked to run."""
 
-    arguments: tuple[str, ...] = ()
-    """What comes after it."""
-    path: str | None = None
-    """A script, or a folder or archive with a `__main__.py`, as it was typed."""
+    arguments: tuple[str, ...] = ()  # what comes after it
+    path: str | None = None  # a script, or a folder or archive with a `__main__.py`, as it was typed
     module: str | None = None
     code: str | None = None
 
@@ -71,25 +66,16 @@ class HostProgram:
 class HostRun:
     """What became of a host and its machine."""
 
-    code: int
-    """Exit code of the host."""
-    ending: str
-    """`exit`, `exception`, `interrupt`, `deadlock`, `timeout` or `refused`."""
-    reason: str
-    """One line for people, if it was one of the last three."""
+    code: int  # exit code of the host
+    ending: str  # `exit`, `exception`, `interrupt`, `deadlock`, `timeout` or `refused`
+    reason: str  # one line for people, if it was one of the last three
     began_ns: int
-    ended_ns: int
-    """Virtual time when the last thread of the host had ended."""
-    verdict: Verdict
-    """On the machine, at rest after that; it counts no commands."""
-    struck: tuple[str, ...]
-    """End switches that are struck then."""
-    was_struck: tuple[str, ...]
-    """End switches that were struck at any time, in reference runs too."""
-    notes: tuple[str, ...] = field(default=())
-    """What a real machine would not have taken, and threads that an exception has ended; one line each."""
-    left: tuple[str, ...] = ()
-    """Threads that went on after the host had ended; they stand still for good."""
+    ended_ns: int  # virtual time when the last thread of the host had ended
+    verdict: Verdict  # on the machine, at rest after that; it counts no commands
+    struck: tuple[str, ...]  # end switches that are struck then
+    was_struck: tuple[str, ...]  # end switches that were struck at any time, in reference runs too
+    notes: tuple[str, ...] = ()  # what a real machine would not have taken, and threads ended by an exception
+    left: tuple[str, ...] = ()  # threads that went on after the host had ended; they stand still for good
 
     @property
     def ok(self) -> bool:
@@ -98,10 +84,7 @@ class HostRun:
 
 
 def parse_program(words: Sequence[str]) -> HostProgram:
-    """What a command says: `python host.py ...`, `python -m host ...`, `/path/of/python ...`, or `host.py ...` alone.
-
-    Raises CallError for everything that is no Python.
-    """
+    """`python host.py ...`, `python -m host ...`, `/path/of/python ...`, `host.py ...`; else raises CallError."""
     if not words:
         raise CallError("there is no host program; give one: exec -- python host.py")
     first, rest = words[0], list(words[1:])
@@ -146,7 +129,7 @@ def run_host(
     argv: Sequence[str] | HostProgram,
     port: str | None = None,
     *,
-    wire: Wire | None = None,
+    wire: WireTap | None = None,
     limit_s: float | None = None,
     give_up: Callable[[VirtualTime], object] | None = None,
     raise_interrupt: bool = True,
@@ -179,23 +162,11 @@ def run_host(
         ending, reason = time.ending.kind, time.ending.reason
         code = 2 if ending == "refused" else 1
     verdict = judge(twin, ())
-    return HostRun(
-        code=code,
-        ending=ending,
-        reason=reason,
-        began_ns=began_ns,
-        ended_ns=ended_ns,
-        verdict=verdict,
-        struck=struck.now(twin),
-        was_struck=tuple(sorted(struck.seen)),
-        notes=tuple(time.ports.notes),
-        left=tuple(time.left),
-    )
+    seen, notes, left = tuple(sorted(struck.seen)), tuple(time.ports.notes), tuple(time.left)
+    return HostRun(code, ending, reason, began_ns, ended_ns, verdict, struck.now(twin), seen, notes, left)
 
 
 class _Struck:
-    """Remembers which end switches were struck."""
-
     def __init__(self, twin: Twin) -> None:
         self.seen: set[str] = set()
         twin.observe(lambda twin: self.seen.update(self.now(twin)), 1 << 60)
@@ -224,7 +195,7 @@ def _run(program: HostProgram, time: VirtualTime) -> tuple[int, str]:
 
 
 def _wait_for_threads(time: VirtualTime) -> None:
-    """Wait for the threads of the host, those of executors told before that nothing more will come."""
+    """Executors are told before that nothing more will come."""
     with pools_told_to_end(time.task_of) as workers:
         for worker in workers:
             worker.join()
@@ -250,7 +221,6 @@ def _guarded(call: Any, time: VirtualTime) -> tuple[int, str]:
 
 
 def _exit_code(error: SystemExit) -> int:
-    """The exit code that an interpreter makes of what `sys.exit` was given."""
     if error.code is None:
         return 0
     if isinstance(error.code, int):
@@ -281,7 +251,6 @@ def _ours(file: str) -> bool:
 
 
 def _execute(program: HostProgram) -> None:
-    """Run the program as `__main__`."""
     if program.module is not None:
         sys.path.insert(0, os.getcwd())
         sys.argv[:] = ["-m", *program.arguments]
@@ -320,7 +289,7 @@ def _as_main(code: types.CodeType, file: str | None) -> None:
 
 @contextmanager
 def _put_back() -> Iterator[None]:
-    """What a host changes of the process is as it was afterwards; its own modules are its alone."""
+    """Put back what a host changes of the process; its own modules go."""
     argv, path, folder, environment = list(sys.argv), list(sys.path), os.getcwd(), dict(os.environ)
     streams = sys.stdin, sys.stdout, sys.stderr, sys.excepthook, threading.excepthook
     root = logging.getLogger()

@@ -26,11 +26,8 @@ from isel_twin.bridge.virtual.turns import Turns, here
 if TYPE_CHECKING:
     from serial.tools.list_ports_common import ListPortInfo
 
-DEFAULT_PORT = "COM1" if os.name == "nt" else "/dev/ttyUSB0"
-"""What `list_ports` shows if the port has been given no name."""
-
-BUFFER = 4096
-"""Bytes that wait to go over the line before a write has to wait, as in the drivers of Linux."""
+DEFAULT_PORT = "COM1" if os.name == "nt" else "/dev/ttyUSB0"  # listed if the port has no name
+BUFFER = 4096  # bytes that wait to go over the line before a write has to wait, as in the drivers of Linux
 
 
 class Ports:
@@ -40,10 +37,8 @@ class Ports:
         self.time = time
         self.name = name
         self.open: VirtualSerial | None = None
-        self.line_free_ns = 0
-        """When everything written so far has gone over the line."""
-        self.notes: list[str] = []
-        """What is worth a word at the end, one line each."""
+        self.line_free_ns = 0  # when everything written so far has gone over the line
+        self.notes: list[str] = []  # what is worth a word at the end, one line each
 
     @property
     def shown(self) -> str:
@@ -77,10 +72,8 @@ class Ports:
         from serial.tools.list_ports_common import ListPortInfo
 
         info = ListPortInfo(self.shown, skip_link_detection=True)
-        info.description = "isel-twin"
-        info.manufacturer = "isel-twin"
+        info.description = info.manufacturer = info.hwid = "isel-twin"
         info.product = self.time.twin.controller_name
-        info.hwid = "isel-twin"
         return [info]
 
 
@@ -93,8 +86,7 @@ def _plain(name: str) -> str:
 class VirtualSerial(NoModemLines):
     """pySerial's `Serial` on virtual time. Made by a thread that is not a host's, it is the real one."""
 
-    ports: Ports
-    """Set by whoever makes the class of a host, see `made_for`."""
+    ports: Ports  # set on the subclass of each host (`stand_ins`)
     real: Any
     is_open: bool
 
@@ -170,7 +162,7 @@ class VirtualSerial(NoModemLines):
         return data
 
     def _wait(self, time: Turns, size: int) -> None:
-        """Wait until `size` bytes are there, the timeouts are over, or somebody cancels or closes."""
+        """Until `size` bytes are there, the timeouts are over, or somebody cancels or closes."""
         inbox = time.inbox
         why = f"read of {self._port}"
         self._cancelled = False
@@ -185,16 +177,14 @@ class VirtualSerial(NoModemLines):
             wanted = size if gap is None else had + 1
 
             def enough(wanted: int = wanted) -> bool:
-                return len(inbox) >= wanted or self._cancelled or not self.is_open
+                return len(inbox) >= wanted or self._over
 
-            ready = time.wait(
-                enough,
-                limit_ns,
-                why,
-                hears=True,
-            )
-            if not ready or self._cancelled or not self.is_open or len(inbox) >= size:
+            if not time.wait(enough, limit_ns, why, hears=True) or self._over or len(inbox) >= size:
                 return
+
+    @property
+    def _over(self) -> bool:
+        return self._cancelled or not self.is_open
 
     def cancel_read(self) -> None:
         """Let a read of another thread return with what it has."""
@@ -208,10 +198,7 @@ class VirtualSerial(NoModemLines):
     # writing
 
     def write(self, data: Any, /) -> int:
-        """Hand bytes to the line; returns at once unless BUFFER bytes are waiting to go.
-
-        Raises SerialTimeoutException if they do not go within write_timeout.
-        """
+        """Returns at once unless BUFFER bytes are waiting; raises SerialTimeoutException after write_timeout."""
         with self._waiting() as time:
             sent = to_bytes(data)
             self.ports.check_settings(self)

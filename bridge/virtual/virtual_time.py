@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from isel_twin.bridge.serve.borders import WireTap
 from isel_twin.bridge.virtual.stand_ins import replace_all
-from isel_twin.bridge.virtual.turns import Turns, Wire
+from isel_twin.bridge.virtual.turns import Turns
 from isel_twin.bridge.virtual.virtual_serial import Ports, stand_ins
 
 if TYPE_CHECKING:
@@ -25,14 +26,9 @@ class VirtualTime(Turns):
     """
 
     def __init__(
-        self,
-        twin: Twin,
-        port: str | None = None,
-        *,
-        wire: Wire | None = None,
-        limit_s: float | None = None,
+        self, twin: Twin, port: str | None = None, *, wire: WireTap | None = None, limit_s: float | None = None
     ) -> None:
-        super().__init__(twin, wire=wire, limit_s=limit_s)
+        super().__init__(twin, wire, limit_s)
         self.ports = Ports(self, port)
 
     def _replace(self) -> Callable[[], None]:

@@ -19,7 +19,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter
 from isel_twin.firmware.bwo900.memory import Memory
 from isel_twin.firmware.bwo900.parameters import Parameters
-from isel_twin.firmware.bwo900.programs.stored import Program, Store
+from isel_twin.firmware.bwo900.programs.stored import Store, StoredProgram
 from isel_twin.firmware.bwo900.realtime.ahead import filters
 from isel_twin.firmware.bwo900.realtime.path import MotionLimits, PieceMaker
 from isel_twin.motion.joined import joined
@@ -101,7 +101,7 @@ def test_memory_of_a_long_program(benchmark: BenchmarkFixture) -> None:
     text = (f"N{n + 1} X{n % 977 / 10:.3f} Y{n % 499 / 10:.3f}" for n in range(lines))
     size = sum(len(f"N{n + 1} X{n % 977 / 10:.3f} Y{n % 499 / 10:.3f}") + 2 for n in range(lines))
     tracemalloc.start()
-    program = benchmark.pedantic(lambda: Program.of("P1", chain(["F1000"], text)), rounds=1)
+    program = benchmark.pedantic(lambda: StoredProgram.of("P1", chain(["F1000"], text)), rounds=1)
     kept = tracemalloc.get_traced_memory()[0]
     interpreter = Interpreter(Parameters(), Store({"P1": program}))
     interpreter.begin("P1", (0.0, 0.0, 0.0))
@@ -119,7 +119,7 @@ def test_the_flash_image_after_a_key(benchmark: BenchmarkFixture) -> None:
     """With programs of 10 MB: what has been compressed stays so."""
     text = (f"N{n + 1} X{n % 977 / 10:.3f} Y{n % 499 / 10:.3f}" for n in range(500_000))
     parameters = Parameters()
-    memory = Memory(parameters, Store({"P1": Program.of("P1", text)}))
+    memory = Memory(parameters, Store({"P1": StoredProgram.of("P1", text)}))
     memory.image()
 
     def press() -> None:

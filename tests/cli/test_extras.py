@@ -58,7 +58,7 @@ def test_who_asks_for_an_extra_is_told_what_to_install(
 def test_so_is_who_asks_in_python(tmp_path: Path) -> None:
     twin = Twin(plant="kinematic")
     with Recorder(twin, 10_000_000) as recorder, pytest.raises(ValueError, match=r"out: needs pyarrow: .*\[trace\]"):
-        write_trace(tmp_path / "out", twin, recorder, ".parquet")
+        write_trace(tmp_path / "out", twin.steps, recorder, ".parquet")
 
 
 @pytest.mark.usefixtures("bare")

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from isel_twin.cli import main
-from isel_twin.cli.tune import _Table
+from isel_twin.cli.tune_output import Table
 from isel_twin.core.warm import warm_up
 
 JOB = """@07
@@ -75,15 +75,15 @@ def test_the_tuned_job_is_faster_and_holds(tune: Any, tmp_path: Path) -> None:
 
 
 def test_ctrl_c_keeps_what_has_been_tried(tune: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    tried = _Table.tried
+    tried = Table.tried
 
-    def interrupted(self: _Table, one: Any) -> None:
+    def interrupted(self: Table, one: Any) -> None:
         tried(self, one)
         if one.number == 1:
             os.kill(os.getpid(), signal.SIGINT)
 
     with monkeypatch.context() as patch:
-        patch.setattr(_Table, "tried", interrupted)
+        patch.setattr(Table, "tried", interrupted)
         code, out, err = tune("tune", "job.txt", *SMALL)
     assert code == 130
     assert err == "isel-twin: job.txt: interrupted after 2 of 6 trials; the same command goes on\n"

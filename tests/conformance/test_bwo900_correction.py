@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
 from isel_twin.firmware.bwo900.geometry.contour import Contour
-from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Line
+from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Straight
 from isel_twin.firmware.bwo900.geometry.offset import Offset
 from isel_twin.firmware.bwo900.messages import ProgramError
 
@@ -284,7 +284,7 @@ def pieces_of(blocks: Sequence[PathBlock]) -> list[Piece]:
     made = []
     for element in (element for block in blocks for element in block.elements):
         start, end = element.start[:2], element.end[:2]
-        if isinstance(element, Line):
+        if isinstance(element, Straight):
             made.append(Piece(start, end, begin=math.atan2(end[1] - start[1], end[0] - start[0])))
         else:
             begin = math.atan2(start[1] - element.centre[1], start[0] - element.centre[0])

@@ -15,7 +15,7 @@ from conformance.bwo900_desk import T1, analysed, fresh, mm, parameters, run, sa
 from conformance.rows import case, shows
 from conformance.test_bwo900_paths import elements, feeds, near, refused
 
-from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Line
+from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Straight
 from isel_twin.testing import Desk, IdealDrives
 
 ROUNDED = 2e-3
@@ -289,9 +289,9 @@ def test_the_contour_of_the_polar_examples(program: str, points: list, tolerance
 
 @shows("bwo900-4.9-4")
 def test_a_corner_is_put_in_where_its_own_block_has_a_path() -> None:
-    assert [type(e) for e in elements("N5 F100|N10 G12 P71:5|N20 G1 X10|N30 Y10|N40 M30")] == [Line, Line]
+    assert [type(e) for e in elements("N5 F100|N10 G12 P71:5|N20 G1 X10|N30 Y10|N40 M30")] == [Straight, Straight]
     made = elements("N5 F100|N10 G12 P71:2 X10|N20 Y10|N30 X20|N40 M30")
-    assert [type(element) for element in made] == [Line, Arc, Line, Line]
+    assert [type(element) for element in made] == [Straight, Arc, Straight, Straight]
 
 
 @shows("bwo900-4.9-3")

@@ -10,7 +10,7 @@ from conformance.bwo900_desk import T1, analysed, fresh, mm, parameters, put_out
 from conformance.rows import case, shows
 
 from isel_twin.firmware.bwo900.geometry.contour import Contour
-from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Line
+from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Straight
 from isel_twin.firmware.bwo900.geometry.offset import Offset
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.testing import Desk
@@ -218,7 +218,7 @@ def test_lines_and_circles_through_three_points() -> None:
                 assert isinstance(element, Arc)
                 assert math.copysign(element.radius_mm, element.sweep_rad) == pytest.approx(kind, abs=2e-3)
             else:
-                assert isinstance(element, Line)
+                assert isinstance(element, Straight)
     assert refused("N10 G123 G1 F500 X5 Y5|N20 M30") == 1226
     assert refused("N10 G123 G1 F500 X5 Y5 M01|N20 X9|N30 M30") == 1226
 

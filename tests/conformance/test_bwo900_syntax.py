@@ -8,7 +8,8 @@ from conformance.rows import case, shows
 from firmware.bwo900.run import Analysed
 
 from isel_twin.firmware.bwo900.messages import ProgramError
-from isel_twin.firmware.bwo900.programs.syntax import Text, parse_block
+from isel_twin.firmware.bwo900.programs.syntax import parse_block
+from isel_twin.firmware.bwo900.programs.words import Text
 
 
 def refused(text: str, **values: float) -> int:

@@ -40,7 +40,7 @@ def traces(tmp_path_factory: pytest.TempPathFactory) -> Path:
         twin.set_input("hood", "open")
         twin.run(0.2)
         for kind in (".npz", ".vcd", ".parquet"):
-            write_trace(folder / f"t{kind}", twin, recorder)
+            write_trace(folder / f"t{kind}", twin.steps, recorder)
     return folder
 
 

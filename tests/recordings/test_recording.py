@@ -15,7 +15,7 @@ from isel_twin.recordings.mcap import RecordingWriter
 from isel_twin.recordings.reading import Played, RecordingError, read
 from isel_twin.recordings.recorder import Recorder
 from isel_twin.recordings.recording import Recording, attachments, metadata
-from isel_twin.recordings.write import KINDS, write_steps_and_samples, write_trace
+from isel_twin.recordings.write import KINDS, write_trace
 
 INTERVAL_NS = 10_000_000
 
@@ -84,8 +84,8 @@ def test_exports_are_what_is_written_directly(plant: str, tmp_path: Path) -> Non
     assert played.changes == recorder.changes
     for kind in KINDS:
         direct, exported = tmp_path / f"direct{kind}", tmp_path / f"exported{kind}"
-        write_trace(direct, twin, recorder)
-        write_steps_and_samples(exported, steps, played)
+        write_trace(direct, twin.steps, recorder)
+        write_trace(exported, steps, played)
         assert exported.read_bytes() == direct.read_bytes(), kind
 
 

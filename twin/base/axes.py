@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from typing import Final
 
-AXIS_NAMES: Final = ("x", "y", "z", "a", "b", "c", "u", "v")
-"""Axes of a controller, as many of them as it has."""
+AXIS_NAMES: Final = ("x", "y", "z", "a", "b", "c", "u", "v")  # axes of a controller, as many of them as it has
 
-CARRIAGES: Final = AXIS_NAMES[:3]
-"""Axes of a machine."""
+CARRIAGES: Final = AXIS_NAMES[:3]  # axes of a machine

@@ -26,7 +26,6 @@ from pathlib import Path
 log = logging.getLogger("isel_twin")
 
 _numbers = itertools.count()
-
 _WINDOWS = os.name == "nt"
 
 
@@ -66,7 +65,6 @@ def atomic_write(path: str | os.PathLike[str], data: bytes) -> None:
 
 
 def _flush(path: Path) -> None:
-    """Wait until a file or folder is on the disk."""
     if _WINDOWS and path.is_dir():
         return  # a folder cannot be opened there; its file system keeps a journal of names
     handle = os.open(path, os.O_RDWR if _WINDOWS else os.O_RDONLY)  # Windows flushes only what is open for writing
@@ -100,8 +98,7 @@ class Claim:
             if self._key in _claims:
                 raise _in_use(name, os.getpid())
             lock = os.path.join(os.path.dirname(self._key), f".{base}.lock")
-            handle, self.abandoned = _lock(name, lock)
-            """True if its last owner was killed before it could let go of it."""
+            handle, self.abandoned = _lock(name, lock)  # true if its last owner was killed before it could let go of it
             _claims[self._key] = self
         self._finalizer = weakref.finalize(self, _unlock, os.getpid(), handle, lock)
 
@@ -155,13 +152,13 @@ def _open_lock(lock: str) -> tuple[int | None, bool]:
     Another user's file can only be read, which is enough to lock it.
     """
     while True:
-        made: type[OSError] | None = None
+        errors: list[type[OSError]] = []
         for flags, found in ((os.O_RDWR | os.O_CREAT | os.O_EXCL, False), (os.O_RDWR, True), (os.O_RDONLY, True)):
             try:
                 return os.open(lock, flags | os.O_CLOEXEC, 0o666), found
             except OSError as error:
-                made, last = made or type(error), type(error)
-        came_and_went = (made, last) == (FileExistsError, FileNotFoundError) and not os.path.islink(lock)
+                errors.append(type(error))
+        came_and_went = (errors[0], errors[-1]) == (FileExistsError, FileNotFoundError) and not os.path.islink(lock)
         if not came_and_went:  # else its owner has let go of it in between
             return None, False
 

@@ -30,8 +30,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
-GRADES = ("measured", "datasheet", "estimate", "setting")
-"""How far a number can be trusted; a setting is what people choose."""
+GRADES = ("measured", "datasheet", "estimate", "setting")  # how far a number can be trusted; people choose a setting
 
 T = TypeVar("T")
 
@@ -46,8 +45,7 @@ class Place:
 
     file: Path | str
     error: type[FileError] = FileError
-    key: str = ""
-    """Keys from the top of the file, with dots; "" is the file as a whole."""
+    key: str = ""  # keys from the top of the file, with dots; "" is the file as a whole
 
     def at(self, key: str) -> Place:
         """The place of a key of the table that stands here."""
@@ -74,8 +72,7 @@ class Limits:
     low: float
     high: float
     scale: float = 1.0
-    whole: bool = False
-    """The field is an integer."""
+    whole: bool = False  # the field is an integer
 
     def __str__(self) -> str:
         return f"{self.low:g} .. {self.high:g} {self.unit}".rstrip()
@@ -129,7 +126,6 @@ def check(instance: Any) -> None:
 
 @lru_cache(128)
 def _rules(cls: Any) -> tuple[tuple[dataclasses.Field[Any], Any], ...]:
-    """Fields that have a rule, and the rule."""
     return tuple((item, item.metadata["rule"]) for item in dataclasses.fields(cls) if "rule" in item.metadata)
 
 
@@ -167,16 +163,13 @@ def read(cls: Any, content: Mapping[str, Any], place: Place) -> dict[str, Any]:
                 raise where.wrong("missing")
         elif isinstance(rule, Limits):
             values[item.name] = quantity(content[key], rule, where)
-        elif rule is bool:
-            values[item.name] = _boolean(content[key], where)
         else:
-            values[item.name] = text(content[key], where, rule)
+            values[item.name] = _word(content[key], rule, where)
     return values
 
 
 @lru_cache(128)
 def _fields(cls: Any) -> tuple[tuple[str, dataclasses.Field[Any]], ...]:
-    """Key in files and field, of those that files have."""
     named = ((item.metadata.get("key", item.name), item) for item, _ in _rules(cls))
     return tuple((key, item) for key, item in named if key)
 
@@ -198,7 +191,6 @@ def read_text(place: Place) -> str:
 
 
 def parse_toml(content: str, place: Place) -> dict[str, Any]:
-    """The tree of a text."""
     try:
         return tomllib.loads(content)
     except tomllib.TOMLDecodeError as error:
@@ -270,18 +262,20 @@ def free(value: Any, rule: Limits | tuple[str, ...] | type[bool], place: Place) 
         any_number = Limits(value.get("unit", ""), -sys.float_info.max, sys.float_info.max)
         held = quantity(value, any_number, place)
         value = int(held) if isinstance(value["value"], int) else held
-    if rule is bool:
-        return _boolean(value, place)
-    if isinstance(rule, tuple):
-        return text(value, place, rule)
-    if isinstance(rule, Limits):
-        plain(value, rule, place)
-        if rule.whole and not isinstance(value, int):
-            raise place.wrong(f"{value}; allowed: whole numbers")
+    if not isinstance(rule, Limits):
+        return _word(value, rule, place)
+    plain(value, rule, place)
+    if rule.whole and not isinstance(value, int):
+        raise place.wrong(f"{value}; allowed: whole numbers")
     return value
 
 
-def _boolean(value: Any, place: Place) -> bool:
+def _word(value: Any, rule: tuple[str, ...] | type[bool], place: Place) -> str | bool:
+    return text(value, place, rule) if isinstance(rule, tuple) else boolean(value, place)
+
+
+def boolean(value: Any, place: Place) -> bool:
+    """The value, which must be true or false."""
     if not isinstance(value, bool):
         raise place.wrong(f"{value!r}; allowed: true, false")
     return value
@@ -299,8 +293,9 @@ def merge(base: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
     result = dict(base)
     for key, value in change.items():
         old = result.get(key)
-        deep = isinstance(old, Mapping) and isinstance(value, Mapping) and "value" not in value
-        result[key] = merge(old, value) if deep and isinstance(old, Mapping) else value
+        if isinstance(old, Mapping) and isinstance(value, Mapping) and "value" not in value:
+            value = merge(old, value)
+        result[key] = value
     return result
 
 
@@ -322,12 +317,9 @@ def override(tree: Mapping[str, Any], key: str, value: Any, place: Place) -> dic
     result = content = dict(tree)
     for name in path:
         inner = content.get(name)
-        if not isinstance(inner, dict):
-            raise _no_row(tree, key, place)
-        content[name] = inner = dict(inner)
-        content = inner
+        content[name] = content = dict(inner) if isinstance(inner, dict) else {}
     if last not in content:
-        raise _no_row(tree, key, place)
+        raise place.at(key).wrong(f"unknown key; {hint(key, [row.parameter for row in rows(tree)])}")
     if not isinstance(content[last], dict):
         content[last] = value
     elif "value" in content[last]:
@@ -337,16 +329,11 @@ def override(tree: Mapping[str, Any], key: str, value: Any, place: Place) -> dic
     return result
 
 
-def _no_row(tree: Mapping[str, Any], key: str, place: Place) -> FileError:
-    return place.at(key).wrong(f"unknown key; {hint(key, [row.parameter for row in rows(tree)])}")
-
-
 @dataclass(frozen=True)
 class Row:
     """One value of a tree, for people."""
 
-    parameter: str
-    """Its keys from the top of the file, with dots."""
+    parameter: str  # its keys from the top of the file, with dots
     value: Any
     unit: str
     source: str
@@ -366,10 +353,9 @@ def rows(tree: Mapping[str, Any], prefix: str = "") -> Iterator[Row]:
 
 def gather(listed: Iterable[Row], name: str, members: Sequence[str]) -> list[Row]:
     """The opposite of `spread`: rows of tree[name] that are the same for every member become one row "name.all..."."""
-    lines = list(listed)
-    by_key = {row.parameter: row for row in lines}
+    by_key = {row.parameter: row for row in listed}
     result = []
-    for row in lines:
+    for row in by_key.values():
         section_name, _, rest = row.parameter.partition(".")
         member, _, key = rest.partition(".")
         if section_name != name or not key:

@@ -6,9 +6,7 @@
 
     wave.py       levels of one signal over time, a capture of several, what is wrong with a file
     mapping.py    which signal is the step, direction or enable of which axis
-    vcd.py        value change dumps (IEEE 1364): sigrok, simulators, oscilloscopes, this package
-    table.py      tables of text: Saleae Logic, sigrok, any with a time and columns of 0 and 1
-    load.py       the reader that the name of a file asks for
+    load.py       the reader that the name of a file asks for: vcd.py or table.py
     ticks.py      edges to ticks, and what the drives of a real machine would have had against them
     player.py     the controller
     play.py       the stream in a twin, motion by motion

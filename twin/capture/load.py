@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from isel_twin.base.axes import AXIS_NAMES
-from isel_twin.capture.mapping import Signal, parse_map, recognise
+from isel_twin.capture.mapping import parse_map, recognise
 from isel_twin.capture.table import Table
 from isel_twin.capture.ticks import Needs, Ticks, ticks_of
 from isel_twin.capture.vcd import Dump
@@ -32,12 +32,10 @@ def load(
     sample_rate_hz: float | None = None,
     reverse: str = "",
 ) -> Ticks:
-    """The stream in a capture.
+    """The stream in a capture. Raises CaptureError with one line, OSError for a file that cannot be read.
 
-    maps: see `isel_twin.capture.mapping`; without any, signals with usual names are recognised. edge: "rising",
-    "falling" or "both". time_unit, sample_rate_hz: see `Table`. reverse: axes whose direction is turned round.
-
-    Raises CaptureError with one line for anything wrong, OSError for a file that cannot be read.
+    maps: as mapping.py has them; without any, signals with usual names are recognised. edge: "rising", "falling" or
+    "both". time_unit, sample_rate_hz: of a `Table`. reverse: axes whose direction is turned round.
     """
     kind = path.suffix.lower()
     if kind not in KINDS:
@@ -49,27 +47,22 @@ def load(
         ticks = _load_npz(path)
     else:
         file = Dump(path) if kind == ".vcd" else Table(path, time_unit, sample_rate_hz)
-        if not signals:
-            signals = _recognised(path, file.names)
+        try:
+            signals = signals or recognise(file.names)
+        except CaptureError as error:
+            raise CaptureError(f"{path}: {error}") from None
         capture = file.read([signal.name for signal in signals.values()])
         ticks = ticks_of(capture, signals, needs or Needs(), edge)
     if not ticks.t_ns.size:
-        steps = ", ".join(
-            signal.name for role, signal in signals.items() if role.endswith((".step", ".plus", ".minus"))
-        )
+        kinds = (".step", ".plus", ".minus")
+        steps = ", ".join(signal.name for role, signal in signals.items() if role.endswith(kinds))
         raise CaptureError(f"{path}: has no step in it{f'; nothing happens on {steps}' if steps else ''}")
+    axes = AXIS_NAMES[: ticks.delta.shape[1]]
     for axis in (name.strip().lower() for name in reverse.split(",") if name.strip()):
-        if axis not in AXIS_NAMES[: ticks.delta.shape[1]]:
-            raise WrongCallError(f"reverse {axis}: there are {', '.join(AXIS_NAMES[: ticks.delta.shape[1]])}")
+        if axis not in axes:
+            raise WrongCallError(f"reverse {axis}: there are {', '.join(axes)}")
         ticks.delta[:, AXIS_NAMES.index(axis)] *= -1
     return ticks
-
-
-def _recognised(path: Path, names: Sequence[str]) -> dict[str, Signal]:
-    try:
-        return recognise(names)
-    except CaptureError as error:
-        raise CaptureError(f"{path}: {error}") from None
 
 
 def _load_npz(path: Path) -> Ticks:
@@ -78,9 +71,7 @@ def _load_npz(path: Path) -> Ticks:
             if missing := {"t_ns", "delta"} - set(file.files):
                 raise CaptureError(f"{path}: has no {' and no '.join(sorted(missing))}; write it by run --steps")
             t_ns, delta = file["t_ns"], file["delta"]
-    except CaptureError:
-        raise
-    except OSError:
+    except (CaptureError, OSError):
         raise
     except Exception as error:  # numpy, zipfile and zlib have a dozen kinds for bytes that are none of theirs
         reason = " ".join(str(error).split())[:80]

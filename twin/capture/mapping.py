@@ -21,9 +21,7 @@ from dataclasses import dataclass
 from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.capture.wave import CaptureError, WrongCallError
 
-OUTPUTS = ("stages", "brake", "current_lowering")
-"""Outputs of a controller that drives take notice of, as this package's dumps tell them."""
-
+OUTPUTS = ("stages", "brake", "current_lowering")  # outputs of a controller that drives heed
 _KINDS = ("step", "dir", "plus", "minus")
 _ROLES = {*(f"{axis}.{kind}" for axis in AXIS_NAMES for kind in _KINDS), "enable"}
 _WORDS = {
@@ -42,8 +40,7 @@ _USUAL: Mapping[str, str] = {
     },
     **dict.fromkeys(("enable", "en", "enabled"), "enable"),
 }
-MOST_NAMES = 24
-"""Names listed in a message."""
+MOST_NAMES = 24  # names listed in a message
 
 
 @dataclass(frozen=True)
@@ -63,11 +60,8 @@ def parse_map(texts: Iterable[str]) -> dict[str, Signal]:
         if not equals or not name.lstrip("!").strip():
             raise WrongCallError(f"map {item!r}: must be ROLE=SIGNAL, for example x.step=D0 or x.dir=!D1")
         if role not in _ROLES:
-            kinds = ", ".join(f"x.{kind}" for kind in _KINDS)
-            raise WrongCallError(
-                f"map {item!r}: unknown role {role!r}; there are {kinds}, the same of {', '.join(AXIS_NAMES[1:])}, "
-                "and enable"
-            )
+            known = f"{', '.join(f'x.{kind}' for kind in _KINDS)}, the same of {', '.join(AXIS_NAMES[1:])}, and enable"
+            raise WrongCallError(f"map {item!r}: unknown role {role!r}; there are {known}")
         if role in signals:
             raise WrongCallError(f"map {item!r}: {role} is mapped twice; leave one out")
         signals[role] = Signal(name.lstrip("!").strip(), (len(name) - len(name.lstrip("!"))) % 2 == 1)
@@ -80,19 +74,16 @@ def check_roles(signals: Mapping[str, Signal]) -> None:
     for axis in AXIS_NAMES:
         kinds = {kind for kind in _KINDS if f"{axis}.{kind}" in signals}
         if kinds not in ({"step", "dir"}, {"plus", "minus"}, set()):
-            missing = "step" if kinds == {"dir"} else "dir" if kinds == {"step"} else ""
-            missing = missing or ("minus" if kinds == {"plus"} else "plus" if kinds == {"minus"} else "")
-            if missing:
-                raise WrongCallError(f"map: {axis}.{kinds.pop()} needs {axis}.{missing} beside it; map that, too")
+            if len(kinds) == 1:
+                kind = kinds.pop()
+                missing = {"step": "dir", "dir": "step", "plus": "minus", "minus": "plus"}[kind]
+                raise WrongCallError(f"map: {axis}.{kind} needs {axis}.{missing} beside it; map that, too")
             has = ", ".join(sorted(kinds))
             raise WrongCallError(f"map: {axis} has {has}; it takes step and dir, or plus and minus")
 
 
 def recognise(names: Sequence[str]) -> dict[str, Signal]:
-    """Signals by role among the names of a file, `scope.name` in dumps; outputs of this package by their own names.
-
-    Raises CaptureError if two signals could have the same role, or none has any.
-    """
+    """Signals by role among the names of a file. Raises CaptureError if two may have the same role, or none has any."""
     own = dict(_own(names))
     if own:
         return own

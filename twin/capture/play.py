@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Strike:
-    """A switch that was struck."""
-
     switch: str
     time_ns: int
 
@@ -30,8 +28,7 @@ class Strikes:
     """Watches the switches of a twin from now on."""
 
     def __init__(self, twin: Twin) -> None:
-        self.seen: list[Strike] = []
-        """The first strike of each switch, in the order of time; a switch struck from the beginning counts."""
+        self.seen: list[Strike] = []  # the first of each switch, in the order of time; struck at the beginning counts
         self._known: set[str] = set()
         twin.observe(self._look, 100 * MILLISECOND_NS)
 
@@ -64,7 +61,6 @@ def play(
     """Let the twin make the motions of its player; a result each, then time passes to over_ns.
 
     allowed: says of a switch whether it may be struck; a motion that strikes another is not ok, and its reply names it.
-    stop: asked whenever something has happened; once it returns True, the play ends.
     """
     for line, motion in zip(lines_of(player), player.motions, strict=True):
         twin.run_until(motion.start_ns, stop)
@@ -72,14 +68,11 @@ def play(
             return
         before = len(strikes.seen)
         twin.watch_margin()
-        last = line.number == len(player.motions)
         twin.run_until(motion.end_ns, stop)
-        complete = twin.time_ns >= motion.end_ns
-        if last and complete:
-            ended_ns = twin.time_ns
+        ended_ns = twin.time_ns
+        complete = ended_ns >= motion.end_ns
+        if complete and line.number == len(player.motions):
             twin.run_until(over_ns, stop)
-        else:
-            ended_ns = twin.time_ns
         struck = [strike.switch for strike in strikes.seen[before:]]
         seen = snapshot(twin)
         yield Result(

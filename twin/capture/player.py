@@ -23,15 +23,10 @@ from isel_twin.capture.ticks import Ticks
 from isel_twin.controller import Event, Output, SerialFormat
 from isel_twin.motion import Displacement, StepRun
 
-NAME = "player"
-"""What twins and recordings call it."""
-
-GAP_NS = 100_000_000
-"""Pause between two ticks that ends a motion: no start-stop frequency is below 10 Hz."""
-LEAD_NS = 1000
-"""A motion begins this long before its first tick, or at the end of the one before."""
-_BLOCK = 1 << 12
-"""Ticks between two sums that are kept."""
+NAME = "player"  # what twins and recordings call it
+GAP_NS = 100_000_000  # pause between two ticks that ends a motion: no start-stop frequency is below 10 Hz
+LEAD_NS = 1000  # a motion begins this long before its first tick, or at the end of the one before
+_BLOCK = 1 << 12  # ticks between two sums that are kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,14 +107,10 @@ class Player:
         axes = ticks.delta.shape[1]
         self.direction = (1,) * axes
         self.motions: tuple[StepRun, ...] = tuple(_motions(ticks, gap_ns))
-        """The motions of the capture, in the order of time."""
         self.run: StepRun | None = None
-        self._ticks = ticks
-        self._contacts = contacts
-        self._gap_ns = gap_ns
-        self._outputs = ticks.outputs
-        self._told = 0
-        self._begun = 0
+        self._ticks, self._outputs = ticks, ticks.outputs
+        self._contacts, self._gap_ns = contacts, gap_ns
+        self._told = self._begun = 0
         self._made: Displacement = (0,) * axes
         self._t_ns = 0
         self._events: list[Event] = []

@@ -19,22 +19,20 @@ import mmap
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
+from numpy.typing import NDArray
 
 from isel_twin.base.compiling import njit
 from isel_twin.base.units import SECOND_NS
-from isel_twin.capture.vcd import PIECE, waves_of
+from isel_twin.capture.vcd import scanned, waves_of
 from isel_twin.capture.wave import LONGEST_NS, Capture, CaptureError, WrongCallError
 
-UNITS = {"s": 9, "ms": 6, "us": 3, "ns": 0, "ps": -3}
-"""Powers of ten from a unit of time to nanoseconds."""
-HEADER_LINES = 200
-"""Lines among which the first row must be found."""
-LONGEST_LINE = 1 << 16
-"""Bytes of a line beyond which a file is taken for no table."""
+UNITS = {"s": 9, "ms": 6, "us": 3, "ns": 0, "ps": -3}  # powers of ten from a unit of time to nanoseconds
+HEADER_LINES = 200  # lines among which the first row must be found
+LONGEST_LINE = 1 << 16  # bytes of a line beyond which a file is taken for no table
 FASTEST_HZ = 4 * SECOND_NS
-
 _PLACE, _LINE, _TIME, _PROBLEM, _COLUMN, _FIRST = range(6)  # of the state of the scanner; _TIME or number of a row
 _LF, _CR, _SPACE, _QUOTE, _HASH, _PLUS, _COMMA, _MINUS, _POINT, _SEMICOLON = b'\n\r "#+,-.;'
 _IS_TIME = -2
@@ -67,7 +65,7 @@ class Table:
     def __init__(self, path: Path, time_unit: str | None = None, sample_rate_hz: float | None = None) -> None:
         """time_unit: one of UNITS, of a time column whose name says none. sample_rate_hz: of a table without times.
 
-        Raises CaptureError for a file that is no such table, OSError for one that cannot be read.
+        Raises CaptureError, OSError.
         """
         self.path = path
         with path.open("rb") as file:
@@ -101,10 +99,9 @@ class Table:
         return list(self._columns)
 
     def read(self, names: Sequence[str]) -> Capture:
-        """Levels of some columns, by the names they are asked for; large and small letters count only if they must.
+        """Levels of some columns, by the names they are asked for. Times that begin before 0 are shifted to begin at 0.
 
-        Raises CaptureError for a name that is not there and for a row that is damaged. Times that begin before 0 are
-        shifted so that they begin at 0.
+        Raises CaptureError for a name that is not there and for a row that is damaged.
         """
         found = [self._find(name) for name in names]
         order = list(dict.fromkeys(found))
@@ -115,20 +112,11 @@ class Table:
         data = np.frombuffer(self._data, dtype=np.uint8)
         state = np.array([self._begin, self._line, 0 if self._time is None else _NEVER, 0, 0, 0], dtype=np.int64)
         levels, first = np.full(len(order), -1, dtype=np.int8), np.zeros(len(order), dtype=np.int8)
-        pieces = []
         power = 0 if self._time is None else UNITS[self._unit]
-        while state[_PLACE] < len(data) and not state[_PROBLEM]:
-            times, which = np.empty(PIECE, dtype=np.int64), np.empty(PIECE, dtype=np.uint8)
-            timed = self._time is not None
-            count = _scan(data, ord(self._delimiter), columns, timed, power, state, levels, first, times, which)
-            pieces.append((times[:count].copy(), which[:count].copy()))
+        how = data, ord(self._delimiter), columns, self._time is not None, power, state, levels, first
+        pieces = scanned(lambda times, which: _scan(*how, times, which), data.size, state)
         if state[_PROBLEM]:
-            self._tell(
-                int(state[_LINE]),
-                int(state[_PROBLEM]),
-                int(state[_COLUMN]),
-                bytes(data[state[_PLACE] : state[_PLACE] + 40]),
-            )
+            self._tell(state, bytes(data[state[_PLACE] : state[_PLACE] + 40]))
         last = int(state[_TIME])
         if self._rate_hz is not None:
             rate = round(self._rate_hz)
@@ -143,7 +131,8 @@ class Table:
         resolution = SECOND_NS / self._rate_hz if self._rate_hz is not None else 0.0
         return Capture(waves, max(last + shift, 0), resolution, shift)
 
-    def _tell(self, line: int, problem: int, column: int, data: bytes) -> None:
+    def _tell(self, state: NDArray[np.int64], data: bytes) -> NoReturn:
+        line, problem, column = state[[_LINE, _PROBLEM, _COLUMN]].tolist()
         where = next((name for name, place in self._columns.items() if place == column), "")
         cell = [*data.decode("latin-1").splitlines(), ""][0].split(self._delimiter)[0]
         shown = ascii(cell[:24].strip())
@@ -190,19 +179,16 @@ class Table:
             word = match[1] or match[2]
             found = unit or _SPELT.get(word or "")
             if found is None and (word is None or column == 0):
-                raise CaptureError(
-                    f"{self.path}: column {cell!r} does not say its unit; give --time-unit, one of {', '.join(UNITS)}"
-                )
+                remedy = f"give --time-unit, one of {', '.join(UNITS)}"
+                raise CaptureError(f"{self.path}: column {cell!r} does not say its unit; {remedy}")
             if found is not None:
                 return column, found
         if rate_hz is not None and (headed or unit is None):
             return None, ""
         if unit is not None:
             return 0, unit
-        raise CaptureError(
-            f"{self.path}: neither a column of times nor a sample rate: {', '.join(cells)[:80]}; "
-            "give --time-unit for the first column, or --sample-rate"
-        )
+        wrong = f"{self.path}: neither a column of times nor a sample rate: {', '.join(cells)[:80]}"
+        raise CaptureError(f"{wrong}; give --time-unit for the first column, or --sample-rate")
 
     def _find(self, name: str) -> int:
         if name in self._columns:

@@ -25,14 +25,11 @@ from isel_twin.capture.wave import Capture, Wave
 
 @dataclass(frozen=True)
 class Needs:
-    """What drives need, in ns. The values given here are those of a DRV8825 (TI, SLVSA73, timing requirements)."""
+    """Least times that drives need. The values given are those of a DRV8825 (TI, SLVSA73, timing requirements)."""
 
-    pulse_ns: int = 1900
-    """Least time of a step signal at either level."""
-    setup_ns: int = 650
-    """Least time from a change of direction to an active edge of step."""
-    hold_ns: int = 650
-    """Least time from an active edge of step to a change of direction."""
+    pulse_ns: int = 1900  # of a step signal at either level
+    setup_ns: int = 650  # from a change of direction to an active edge of step
+    hold_ns: int = 650  # from an active edge of step to a change of direction
 
 
 @dataclass(frozen=True)
@@ -46,36 +43,26 @@ class Offence:
 
 @dataclass(frozen=True)
 class AxisTiming:
-    """One axis of a capture."""
-
     steps: int
-    fastest_hz: float
-    """Of two steps in a row, 0 if there are none."""
+    fastest_hz: float  # of two steps in a row, 0 if there are none
     short_pulses: Offence | None
     short_pauses: Offence | None
     setup: Offence | None
     hold: Offence | None
-    while_off: int
-    """Steps while the power stages were off; a drive does not make them."""
+    while_off: int  # steps while the power stages were off; a drive does not make them
 
 
 @dataclass(frozen=True, eq=False)
 class Ticks:
     """A stream as captured; times from the beginning of the capture."""
 
-    t_ns: NDArray[np.int64]
-    """int64 [n], strictly increasing."""
-    delta: NDArray[np.int8]
-    """int8 [n, axes]."""
+    t_ns: NDArray[np.int64]  # int64 [n], strictly increasing
+    delta: NDArray[np.int8]  # int8 [n, axes]
     end_ns: int
-    outputs: tuple[tuple[int, str, int], ...] = ((0, "stages", 1),)
-    """(time, output, level), in the order of time: what the drives are told beside steps."""
-    timing: Mapping[str, AxisTiming] = field(default_factory=dict)
-    """By the name of the axis; empty if the file has no signals."""
-    resolution_ns: float = 0.0
-    """Time between two samples, 0 if unknown."""
-    shift_ns: int = 0
-    """What was added to the times of the file."""
+    outputs: tuple[tuple[int, str, int], ...] = ((0, "stages", 1),)  # what drives are told: (time, output, level)
+    timing: Mapping[str, AxisTiming] = field(default_factory=dict)  # by axis; empty if the file has no signals
+    resolution_ns: float = 0.0  # time between two samples, 0 if unknown
+    shift_ns: int = 0  # what was added to the times of the file
 
     @property
     def over_ns(self) -> int:
@@ -85,10 +72,8 @@ class Ticks:
 
 def ticks_of(capture: Capture, signals: Mapping[str, Signal], needs: Needs, edge: str = "rising") -> Ticks:
     """The stream of a capture. signals: by role, as `parse_map` checks them. edge: which is active, or "both"."""
-    waves = {
-        role: capture.waves[signal.name].inverted() if signal.inverted else capture.waves[signal.name]
-        for role, signal in signals.items()
-    }
+    waves = {role: capture.waves[signal.name] for role, signal in signals.items()}
+    waves |= {role: waves[role].inverted() for role, signal in signals.items() if signal.inverted}
     used = [axis for axis in AXIS_NAMES if f"{axis}.step" in waves or f"{axis}.plus" in waves]
     count = max(len(CARRIAGES), *(AXIS_NAMES.index(axis) + 1 for axis in used))
     enable = waves.get("enable") or waves.get("stages")

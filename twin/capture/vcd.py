@@ -14,8 +14,7 @@ from __future__ import annotations
 
 import mmap
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,13 +23,11 @@ from numpy.typing import NDArray
 from isel_twin.base.compiling import njit
 from isel_twin.capture.wave import LONGEST_NS, Capture, CaptureError, Wave
 
-PIECE = 1 << 20
-"""Changes that one call of a scanner gives at most."""
-
+MOST_CHANGES = 1 << 20  # changes that one call of a scanner gives at most
+Piece = tuple[NDArray[np.int64], NDArray[np.uint8]]  # times and signals of changes
 _PLACE, _LINE, _TIME, _PROBLEM = range(4)  # of the state of a scanner
 _LF, _SPACE, _HASH, _DOLLAR = b"\n #$"
 _NO_CHANGE = -2
-
 _SECTION = re.compile(r"\$(\w+)\s(.*?)\$end(?=\s|$)", re.DOTALL)
 _UNITS_FS = {"s": 10**15, "ms": 10**12, "us": 10**9, "ns": 10**6, "ps": 10**3, "fs": 1}
 _PROBLEMS = {
@@ -40,12 +37,6 @@ _PROBLEMS = {
     4: "a change of a value has no signal",
     5: "a $comment has no $end",
 }
-
-
-@dataclass(frozen=True)
-class _Variable:
-    name: str
-    code: str
 
 
 class Dump:
@@ -64,14 +55,14 @@ class Dump:
             raise CaptureError(f"{path}: is no value change dump: it has no $enddefinitions; export it as VCD again")
         header = self._data[:keyword].decode("latin-1")
         self._unit_fs = 0
-        self._variables: list[_Variable] = []
+        self._variables: list[tuple[str, str]] = []  # name and code of each
         self._read_header(header)
         self._line = header.count("\n") + self._data[keyword : self._begin].count(b"\n") + 1
 
     @property
     def names(self) -> list[str]:
         """Names of all signals, scopes before them: `step.step_x`."""
-        return [variable.name for variable in self._variables]
+        return [name for name, _ in self._variables]
 
     def read(self, names: Sequence[str]) -> Capture:
         """Levels of some signals, by the names they are asked for: whole ones, or the last part if no other has it.
@@ -84,11 +75,7 @@ class Dump:
         state = np.array([self._begin, self._line, 0, 0], dtype=np.int64)
         levels = np.full(len(keys), -1, dtype=np.int8)
         first = np.zeros(len(keys), dtype=np.int8)
-        pieces = []
-        while state[_PLACE] < len(data) and not state[_PROBLEM]:
-            times, which = np.empty(PIECE, dtype=np.int64), np.empty(PIECE, dtype=np.uint8)
-            count = _scan(data, keys, state, levels, first, times, which)
-            pieces.append((times[:count].copy(), which[:count].copy()))
+        pieces = scanned(lambda times, which: _scan(data, keys, state, levels, first, times, which), data.size, state)
         if state[_PROBLEM]:
             place = int(state[_PLACE])
             token = bytes(data[place : place + 40]).split(None, 1)[:1] or [b""]
@@ -96,9 +83,8 @@ class Dump:
             problem = _PROBLEMS[int(state[_PROBLEM])]
             raise CaptureError(f"{self.path}: line {state[_LINE]}: {shown}: {problem}; export the capture again")
         if int(state[_TIME]) * self._unit_fs >= LONGEST_NS * 10**6:
-            raise CaptureError(
-                f"{self.path}: line {state[_LINE]}: the time {state[_TIME]} is beyond 31 years; export it again"
-            )
+            where = f"{self.path}: line {state[_LINE]}"
+            raise CaptureError(f"{where}: the time {state[_TIME]} is beyond 31 years; export it again")
         for times, _ in pieces:
             _to_ns(times, self._unit_fs)
         order = list(dict.fromkeys(codes))
@@ -114,9 +100,8 @@ class Dump:
             if keyword == "timescale":
                 match = re.fullmatch(r"(1|10|100)\s*(s|ms|us|ns|ps|fs)", " ".join(words))
                 if match is None:
-                    raise CaptureError(
-                        f"{wrong} {' '.join(words)[:24]}: must be 1, 10 or 100 and s, ms, us, ns, ps, fs"
-                    )
+                    said = " ".join(words)[:24]
+                    raise CaptureError(f"{wrong} {said}: must be 1, 10 or 100 and s, ms, us, ns, ps, fs")
                 self._unit_fs = int(match[1]) * _UNITS_FS[match[2]]
             elif keyword == "scope":
                 scopes.append(words[-1] if words else "")
@@ -130,7 +115,7 @@ class Dump:
                 name = " ".join(words[3:])
                 if words[1] != "1":
                     name = re.sub(r"\s*\[[^\]]*\]$", "", name)
-                self._variables.append(_Variable(".".join([*scopes, name]), words[2]))
+                self._variables.append((".".join([*scopes, name]), words[2]))
         if not self._unit_fs:
             raise CaptureError(f"{self.path}: has no $timescale; add one, for example $timescale 1 ns $end")
         if not self._variables:
@@ -138,13 +123,23 @@ class Dump:
 
     def _find(self, name: str) -> str:
         for same in (str, str.lower):
-            whole = [v for v in self._variables if same(v.name) == same(name)]
-            found = whole or [v for v in self._variables if same(v.name).endswith("." + same(name))]
-            if len({v.code for v in found}) == 1:
-                return found[0].code
+            whole = [v for v in self._variables if same(v[0]) == same(name)]
+            found = whole or [v for v in self._variables if same(v[0]).endswith("." + same(name))]
+            if len({code for _, code in found}) == 1:
+                return found[0][1]
             if found:
-                raise CaptureError(f"{self.path}: {name} may be {' or '.join(v.name for v in found[:6])}; say which")
+                raise CaptureError(f"{self.path}: {name} may be {' or '.join(v for v, _ in found[:6])}; say which")
         raise CaptureError(f"{self.path}: has no signal {name}; it has {', '.join(self.names[:24])}")
+
+
+def scanned(scan: Callable[..., int], size: int, state: NDArray[np.int64]) -> list[Piece]:
+    """Changes to the end of the file or the first problem. scan(times, which): fills both, moves `state`, counts."""
+    pieces = []
+    while state[_PLACE] < size and not state[_PROBLEM]:
+        times, which = np.empty(MOST_CHANGES, dtype=np.int64), np.empty(MOST_CHANGES, dtype=np.uint8)
+        count = scan(times, which)
+        pieces.append((times[:count].copy(), which[:count].copy()))
+    return pieces
 
 
 def _to_ns(times: NDArray[np.int64], unit_fs: int) -> None:
@@ -157,17 +152,13 @@ def _to_ns(times: NDArray[np.int64], unit_fs: int) -> None:
         times //= per_ns
 
 
-def waves_of(pieces: Sequence[tuple[NDArray[np.int64], NDArray[np.uint8]]], first: NDArray[np.int8]) -> list[Wave]:
+def waves_of(pieces: Sequence[Piece], first: NDArray[np.int8]) -> list[Wave]:
     """The signals whose changes scanned pieces hold: times int64 [n], signal uint8 [n]; first: int8 [signals]."""
-    return [Wave(bool(level > 0), _joined(pieces, k)) for k, level in enumerate(first.tolist())]
-
-
-def _joined(pieces: Sequence[tuple[NDArray[np.int64], NDArray[np.uint8]]], k: int) -> NDArray[np.int64]:
-    def chosen() -> Iterator[NDArray[np.int64]]:
-        for times, which in pieces:
-            yield times[which == k]
-
-    return np.concatenate([*chosen(), np.empty(0, dtype=np.int64)])
+    none = np.empty(0, dtype=np.int64)
+    return [
+        Wave(level > 0, np.concatenate([*(times[which == k] for times, which in pieces), none]))
+        for k, level in enumerate(first.tolist())
+    ]
 
 
 def _key(code: str) -> int:

@@ -14,8 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-LONGEST_NS = 10**18
-"""Longest capture, 31 years: sums of some of them fit into 64 bits."""
+LONGEST_NS = 10**18  # longest capture, 31 years: sums of some of them fit into 64 bits
 
 
 class CaptureError(ValueError):
@@ -28,15 +27,10 @@ class WrongCallError(CaptureError):
 
 @dataclass(frozen=True, eq=False)
 class Wave:
-    """One signal; see the module."""
-
-    first: bool
-    """Level before the first change."""
-    t_ns: NDArray[np.int64]
-    """int64 [n], never decreasing: times of its changes."""
+    first: bool  # level before the first change
+    t_ns: NDArray[np.int64]  # int64 [n], never decreasing: times of its changes
 
     def inverted(self) -> Wave:
-        """The opposite level at every time."""
         return Wave(not self.first, self.t_ns)
 
     def edges(self, rising: bool) -> NDArray[np.int64]:
@@ -55,9 +49,6 @@ class Capture:
     """Signals of one file by the names asked for."""
 
     waves: Mapping[str, Wave]
-    end_ns: int
-    """Time of the last sample; the first one is not before 0."""
-    resolution_ns: float
-    """Time between two samples, or the least difference that the file can say; 0 if unknown."""
-    shift_ns: int = 0
-    """What was added to the times of a file that begins before 0."""
+    end_ns: int  # time of the last sample; the first one is not before 0
+    resolution_ns: float  # time between two samples, or the least difference that the file can say; 0 if unknown
+    shift_ns: int = 0  # what was added to the times of a file that begins before 0

@@ -7,9 +7,10 @@
 
 What they share:
 
-    options.py   options that several commands have, and checks of their values
-    jobs.py      job files as they are given to a command
-    outputs.py   where results go: table, JSON, recorder
+    options.py       options that several commands have, and checks of their values
+    jobs.py          job files as they are given to a command
+    outputs.py       what is told, as a table or JSON; files.py: what is written
+    interruption.py  Ctrl-C
 
 Exit codes: 0 all well; 1 a job in which a command was refused or steps were lost; 2 a call that cannot be carried out,
 with one line on stderr that says why; those of `exec` are its host's. Everything heavy is imported by the command that
@@ -28,7 +29,6 @@ from isel_twin.base.errors import CallError, one_line
 from isel_twin.cli import (
     check,
     compare,
-    controllers,
     ctl,
     decode,
     describe,
@@ -37,8 +37,8 @@ from isel_twin.cli import (
     export,
     golden,
     identify,
-    machines,
     motor,
+    names,
     plc,
     ports,
     replay,
@@ -65,18 +65,9 @@ GROUPS = {
     "Operate": (serve.serve, ctl.ctl, tap.tap, ports.ports, exec_),
     "Test": (run.run, check.check, golden.golden, drive.drive, replay.replay, compare.compare),
     "Tune": (tune.tune, sweep.sweep, identify.identify, experiment.experiment),
-    "Look": (
-        machines.machines,
-        controllers.controllers,
-        describe.describe,
-        motor.motor,
-        decode.decode,
-        export.export,
-        plc.plc,
-    ),
+    "Look": (names.machines, names.controllers, describe.describe, motor.motor, decode.decode, export.export, plc.plc),
 }
 """The commands by what a person wants, in the order of the help."""
-
 for place, (title, commands) in enumerate(GROUPS.items()):
     group = Group(title, sort_key=place)
     for command in commands:
@@ -121,8 +112,7 @@ def _say(code: int, text: str) -> int:
     return code
 
 
-_MAY_STAND_ALONE = ("--pty", "--panel")
-"""Options whose value may be left out."""
+_MAY_STAND_ALONE = ("--pty", "--panel")  # options whose value may be left out
 
 
 def _plain_tokens(tokens: Iterable[str]) -> Iterator[str]:

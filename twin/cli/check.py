@@ -12,18 +12,9 @@ from cyclopts import Parameter
 
 from isel_twin.base.crew import in_order
 from isel_twin.base.errors import CallError, call_errors
-from isel_twin.cli.crews import crew_of
+from isel_twin.cli import options
 from isel_twin.cli.jobs import check_names, read_job
-from isel_twin.cli.options import (
-    STANDARD_INPUT,
-    Overrides,
-    Whole,
-    Workers,
-    check_seconds,
-    check_workers,
-    check_writable,
-    parse_overrides,
-)
+from isel_twin.cli.options import Whole
 from isel_twin.cli.outputs import many, put_off, tell
 
 if TYPE_CHECKING:
@@ -31,8 +22,7 @@ if TYPE_CHECKING:
     from isel_twin.jobs.checks import Report
     from isel_twin.jobs.checks.settings import Task
 
-INTERVAL_NS = 10_000_000
-"""Between two samples of what a page shows."""
+INTERVAL_NS = 10_000_000  # between two samples of what a page shows
 
 
 def check(
@@ -45,7 +35,7 @@ def check(
     plant: Annotated[str | None, Parameter(help="mujoco or kinematic.")] = None,
     seed: Annotated[Whole | None, Parameter(help="Seed of power-on positions, switch scatter and bounce.")] = None,
     scenario: Annotated[Path | None, Parameter(help="Events around the machine (TOML).")] = None,
-    set: Overrides = (),
+    set: options.Overrides = (),
     margin: Annotated[float | None, Parameter(help="Least pull-out margin of each motor, 0 .. 1.")] = None,
     deviation_mm: Annotated[float | None, Parameter(help="Most difference of counter and true position.")] = None,
     cycle_s: Annotated[float | None, Parameter(help="Most time from first command to end of the last.")] = None,
@@ -53,7 +43,7 @@ def check(
     robust: Annotated[Whole | None, Parameter(help="Repetitions on slightly different machines.")] = None,
     timeout: Annotated[float | None, Parameter(help="Virtual seconds a command may take.")] = None,
     golden: Annotated[bool | None, Parameter(negative="no-golden", help="Compare with golden runs.")] = None,
-    workers: Workers = 1,
+    workers: options.Workers = 1,
     junit: Annotated[Path | None, Parameter(help="Write the findings as JUnit XML.")] = None,
     sarif: Annotated[Path | None, Parameter(help="Write the findings as SARIF 2.1.0.")] = None,
     report: Annotated[Path | None, Parameter(help="Folder for a page about each job (HTML).")] = None,
@@ -67,24 +57,24 @@ def check(
     Exit code 0 if nothing is wrong, 1 if something is, 2 for a call that cannot be carried out. In a workflow of
     GITHUB_ACTIONS the findings are also told as annotations.
     """
-    options: dict[str, Any] = {
+    asked: dict[str, Any] = {
         "machine": machine, "controller": controller, "plant": plant, "seed": seed, "scenario": scenario,
         "margin": margin, "deviation_mm": deviation_mm, "cycle_s": cycle_s, "robust": robust,
-        "timeout_s": timeout, "golden": golden, "set": parse_overrides(set) or None,
+        "timeout_s": timeout, "golden": golden, "set": options.parse_overrides(set) or None,
     }  # fmt: skip
     if may_strike is not None:
-        options["may_strike"] = tuple(name for name in may_strike.split(",") if name)
-    _check_options(options, workers)
-    tasks = _tasks(jobs, settings, options)
+        asked["may_strike"] = tuple(name for name in may_strike.split(",") if name)
+    _check_options(asked, workers)
+    tasks = _tasks(jobs, settings, asked)
     pages = _pages(tasks, report)
-    check_writable(junit, sarif, *pages, kept=(*jobs, settings, scenario))
+    options.check_writable(junit, sarif, *pages, kept=(*jobs, settings, scenario))
 
     from isel_twin.jobs.checks.formats import as_annotations, as_json
     from isel_twin.jobs.checks.formats import junit as as_junit
     from isel_twin.jobs.checks.formats import sarif as as_sarif
 
     reports = []
-    for made in in_order(perform, list(zip(tasks, pages, strict=True)), crew_of(min(workers, len(tasks)))):
+    for made in in_order(perform, list(zip(tasks, pages, strict=True)), options.crew_of(min(workers, len(tasks)))):
         reports.append(made)
         print(as_json(made) if json else _in_words(made), flush=True)
     if os.environ.get("GITHUB_ACTIONS") == "true":
@@ -104,22 +94,21 @@ def check(
     return 1 if failed else 0
 
 
-def _check_options(options: dict[str, Any], workers: int) -> None:
-    """Refuse numbers that are none. Raises CallError."""
+def _check_options(asked: dict[str, Any], workers: int) -> None:
     for key, option in (("cycle_s", "cycle-s"), ("timeout_s", "timeout")):
-        if options[key] is not None:
-            check_seconds(option, options[key], 0.0)
-    if options["margin"] is not None and not 0.0 <= options["margin"] <= 1.0:
-        raise CallError(f"margin {options['margin']:g}: must be from 0 to 1", option=True)
-    if options["deviation_mm"] is not None and not options["deviation_mm"] >= 0.0:
-        raise CallError(f"deviation-mm {options['deviation_mm']:g}: must be a distance from 0", option=True)
-    if options["robust"] is not None and options["robust"] < 0:
-        raise CallError(f"robust {options['robust']}: must be a number of repetitions, such as 20", option=True)
-    check_workers(workers)
+        if asked[key] is not None:
+            options.check_seconds(option, asked[key], 0.0)
+    if asked["margin"] is not None and not 0.0 <= asked["margin"] <= 1.0:
+        raise CallError(f"margin {asked['margin']:g}: must be from 0 to 1", option=True)
+    if asked["deviation_mm"] is not None and not asked["deviation_mm"] >= 0.0:
+        raise CallError(f"deviation-mm {asked['deviation_mm']:g}: must be a distance from 0", option=True)
+    if asked["robust"] is not None and asked["robust"] < 0:
+        raise CallError(f"robust {asked['robust']}: must be a number of repetitions, such as 20", option=True)
+    options.check_workers(workers)
 
 
-def _tasks(jobs: Sequence[Path], settings: Path | None, options: dict[str, Any]) -> list[Task]:
-    """What is to be done, all of it looked at before anything is begun. Raises CallError."""
+def _tasks(jobs: Sequence[Path], settings: Path | None, asked: dict[str, Any]) -> list[Task]:
+    """The tasks, all checked before any is begun. Raises CallError."""
     from isel_twin.jobs.checks import settings as demanded
     from isel_twin.jobs.golden import golden_file, load
 
@@ -129,17 +118,17 @@ def _tasks(jobs: Sequence[Path], settings: Path | None, options: dict[str, Any])
         raise CallError(f"{settings}: there is no such file")
     tasks = []
     for job in jobs:
-        if str(job) == STANDARD_INPUT:
+        if str(job) == options.STANDARD_INPUT:
             raise CallError("-: bounds stand beside a job; name a file")
         if job.is_dir():
             raise CallError(f"{job}: is a folder, not a file; name its jobs")
         with call_errors(job):
             found = settings if settings is not None else demanded.find(job)
-            task = demanded.task(job, found, options)
+            task = demanded.task(job, found, asked)
             read_job(job, task.call.controller)
             if task.golden and (file := golden_file(job)).is_file():
                 load(file)
-            elif options["golden"]:
+            elif asked["golden"]:
                 raise CallError(f"{file}: there is no golden run of {job}; isel-twin golden record {job} makes it")
         tasks.append(task)
     twins: dict[str, Twin] = {}
@@ -196,11 +185,9 @@ def perform(asked: tuple[Task, Path | None]) -> Report:
             from isel_twin.report.report import write_report
 
             call = {"controller": task.call.controller, "plant": task.call.plant, "seed": task.call.seed}
-            summary = {**report.verdict.summary(), **call}
-            twin, results = inspection.twin, inspection.results
+            summary, shown = {**report.verdict.summary(), **call}, (inspection.twin, recorder, inspection.results)
             with call_errors(page):
-                title = f"isel-twin: {task.job}"
-                write_report(page or "", title, twin, recorder, results, summary, report, task.bounds)
+                write_report(page or "", f"isel-twin: {task.job}", *shown, summary, report, task.bounds)
     return report
 
 
@@ -211,17 +198,8 @@ def _in_words(report: Report) -> str:
     commands = many(verdict.commands, "command")
     least = verdict.least_margin
     margin = "" if least is None else f", margin {100.0 * least:.0f} %"
-    head = f"{report.job}: {'ok' if report.ok else 'NOT OK'} ({commands}, {verdict.cycle_s:.3f} s{margin})"
-    return "\n".join(
-        [
-            head,
-            *(
-                f"  {'warning ' if finding.warning else ''}{finding.rule:<10} {_place(where(finding))}{finding.message}"
-                for finding in report.findings
-            ),
-        ]
-    )
-
-
-def _place(place: str) -> str:
-    return f"{place}: " if place else ""
+    rows = [f"{report.job}: {'ok' if report.ok else 'NOT OK'} ({commands}, {verdict.cycle_s:.3f} s{margin})"]
+    for finding in report.findings:
+        warning, place = "warning " if finding.warning else "", where(finding)
+        rows.append(f"  {warning}{finding.rule:<10} {f'{place}: ' if place else ''}{finding.message}")
+    return "\n".join(rows)

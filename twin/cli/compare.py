@@ -10,15 +10,14 @@ from cyclopts import Parameter
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.base.units import SECOND_NS
 from isel_twin.cli.options import check_seconds
-from isel_twin.cli.outputs import many
+from isel_twin.cli.outputs import many, say, say_json
 
 if TYPE_CHECKING:
     from isel_twin.language import Language
     from isel_twin.recordings.compare import Comparison, Exchange, Pair
     from isel_twin.recordings.reading import Recorded
 
-ROWS = 40
-"""Most rows of a table that is not asked to have all."""
+ROWS = 40  # most rows of a table that is not asked to have all
 
 
 def compare(
@@ -47,7 +46,10 @@ def compare(
     languages = _language(first, controller), _language(second, controller)
     with call_errors():
         result = compare_recordings(first, second, *languages, round(time_tolerance * SECOND_NS))
-    (_print_json if json else _print_table)(result, a, b, (first, second), all)
+    if json:
+        _print_json(result, (first, second), all)
+    else:
+        _print_table(result, (first, second), all)
     return 0 if result.same else 1
 
 
@@ -65,25 +67,21 @@ def _language(recorded: Recorded, controller: str) -> Language:
     return language
 
 
-def _print_json(result: Comparison, a: Path, b: Path, recordings: tuple[Recorded, Recorded], every: bool) -> None:
-    import json
-
+def _print_json(result: Comparison, recordings: tuple[Recorded, Recorded], every: bool) -> None:
     for pair in result.pairs if every else result.different:
-        print(json.dumps(_pair(pair, result.tolerance_ns)))
-    print(
-        json.dumps(
-            {
-                "summary": True,
-                "same": result.same,
-                "commands": len(result.pairs),
-                "different": len(result.different),
-                "first": None if not result.different else result.different[0].number,
-                "most": None if result.most is None else _pair(result.most, result.tolerance_ns),
-                "only_a": [_command(exchange) for exchange in result.only_a],
-                "only_b": [_command(exchange) for exchange in result.only_b],
-                "whole": [recorded.whole for recorded in recordings],
-            }
-        )
+        say_json(_pair(pair, result.tolerance_ns))
+    say_json(
+        {
+            "summary": True,
+            "same": result.same,
+            "commands": len(result.pairs),
+            "different": len(result.different),
+            "first": None if not result.different else result.different[0].number,
+            "most": None if result.most is None else _pair(result.most, result.tolerance_ns),
+            "only_a": [_command(exchange) for exchange in result.only_a],
+            "only_b": [_command(exchange) for exchange in result.only_b],
+            "whole": [recorded.whole for recorded in recordings],
+        }
     )
 
 
@@ -106,12 +104,10 @@ def _command(exchange: Exchange) -> dict[str, Any]:
     return {"sent_s": exchange.sent_ns / SECOND_NS, "command": exchange.text}
 
 
-def _print_table(result: Comparison, a: Path, b: Path, recordings: tuple[Recorded, Recorded], every: bool) -> None:
-    from isel_twin.cli.outputs import say
-
-    for path, recorded in zip((a, b), recordings, strict=True):
+def _print_table(result: Comparison, recordings: tuple[Recorded, Recorded], every: bool) -> None:
+    for recorded in recordings:
         if not recorded.whole:
-            say(f"{path}: the recording has no end, it was cut off; it is compared as far as it goes")
+            say(f"{recorded.path}: the recording has no end, it was cut off; it is compared as far as it goes")
     rows = result.pairs if every else result.different[:ROWS]
     if rows:
         print(f"{'no':>6}  {'command':<32} {'A / s':>12} {'B / s':>12} {'B - A / ms':>12}  differs")
@@ -137,7 +133,8 @@ def _print_table(result: Comparison, a: Path, b: Path, recordings: tuple[Recorde
 def _row(pair: Pair, tolerance_ns: int) -> str:
     from isel_twin.language import readable
 
-    durations = [f"{'-':>12}" if ns is None else f"{ns / SECOND_NS:>12.6f}" for ns in _durations(pair)]
+    took_ns = pair.a.duration_ns, pair.b.duration_ns
+    durations = [f"{'-':>12}" if ns is None else f"{ns / SECOND_NS:>12.6f}" for ns in took_ns]
     later = "-" if pair.later_ns is None else f"{pair.later_ns / 1e6:+.3f}"
     found = []
     for name in pair.differs(tolerance_ns):
@@ -148,7 +145,3 @@ def _row(pair: Pair, tolerance_ns: int) -> str:
         else:
             found.append(name)
     return f"{pair.number:>6}  {pair.a.text:<32} {' '.join(durations)} {later:>12}  {'; '.join(found)}".rstrip()
-
-
-def _durations(pair: Pair) -> tuple[int | None, int | None]:
-    return pair.a.duration_ns, pair.b.duration_ns

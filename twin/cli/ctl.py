@@ -22,41 +22,13 @@ if TYPE_CHECKING:
     from isel_twin.wiring.acts import Act
 
 Command = Literal[
-    "set",
-    "fault",
-    "force",
-    "phase",
-    "force_n",
-    "phase_lost",
-    "swapped",
-    "friction_n",
-    "obstacle_mm",
-    "payload_kg",
-    "undervoltage",
-    "hot_stage_k",
-    "noise",
-    "dropped",
-    "doubled",
-    "line_cut",
-    "reset",
-    "brownout",
-    "key",
-    "pause",
-    "resume",
-    "step",
-    "speed",
-    "state",
-    "settable",
-    "keys",
-    "wait",
-    "stop",
-]
+    "set", "fault", "force", "phase", "force_n", "phase_lost", "swapped", "friction_n", "obstacle_mm", "payload_kg",
+    "undervoltage", "hot_stage_k", "noise", "dropped", "doubled", "line_cut", "reset", "brownout", "key", "pause",
+    "resume", "step", "speed", "state", "settable", "keys", "wait", "stop",
+]  # fmt: skip
 
-CONNECT_S = 10.0
-"""Wall time in which the server must take the connection, and answer what needs no waiting."""
-
-_SHORT = {"fault": "set", "force": "force_n", "phase": "phase_lost"}
-"""Other words for keys of an event."""
+CONNECT_S = 10.0  # wall time in which the server must take the connection, and answer what needs no waiting
+_SHORT = {"fault": "set", "force": "force_n", "phase": "phase_lost"}  # other words for keys of an event
 _ALONE = ("pause", "resume", "state", "settable", "keys", "stop")
 
 
@@ -81,25 +53,20 @@ def ctl(
     """
     if place is not None and command not in ("force", "force_n"):
         raise CallError("place: goes with force", option=True)
-    import json
+    from isel_twin.cli.outputs import say, say_json
 
-    request = _request(command, what, place)
-
-    answer = _converse(address, request, token)
+    answer = _converse(address, _request(command, what, place), token)
     if "error" in answer:
         text = str(answer["error"]).removeprefix("request: ")
         if not answer.get("timeout"):
             raise CallError(text)
-        import sys
-
-        print(f"isel-twin: {text}", file=sys.stderr)
+        say(text)
         return 1
-    print(json.dumps(answer["ok"]))
+    say_json(answer["ok"])
     return 0
 
 
 def _request(command: Command, what: Sequence[str], place: str | None) -> dict[str, Any]:
-    """The request for a command. Raises CallError."""
     from isel_twin.wiring.acts import ACTS
 
     if command in _ALONE:

@@ -21,16 +21,9 @@ if TYPE_CHECKING:
     from isel_twin.language import Language
     from isel_twin.recordings.reading import Recorded
 
-CHUNK_BYTES = 1 << 16
-"""Read at once, so that a file of any size takes the same memory."""
-
-MARKED_BYTES = 1 << 26
-"""Largest file of marked lines: 64 MiB."""
-
-_TIME = "time / s"
-"""Head of the column of times."""
-_FILE_NAME = re.compile(r".*/.*|[\w-][\w. -]*\.[A-Za-z]\w{0,7}", re.DOTALL)
-"""What looks like the name of a file rather than like a command."""
+CHUNK_BYTES = 1 << 16  # read at once, so that a file of any size takes the same memory
+MARKED_BYTES = 1 << 26  # largest file of marked lines: 64 MiB
+_FILE_NAME = re.compile(r".*/.*|[\w-][\w. -]*\.[A-Za-z]\w{0,7}", re.DOTALL)  # rather than a command
 
 
 def decode(
@@ -53,8 +46,9 @@ def decode(
     """
     if sent + received + marked > 1:
         raise CallError("--sent, --received, --marked: only one of them can be so")
-    from isel_twin.jobs.decode import explain
+    from isel_twin.jobs.decode import Piece, explain
     from isel_twin.language import create_language
+    from isel_twin.recordings.compare import traffic
 
     recorded = _recording(source) if not text else None
     if recorded is not None and sent + received + marked:
@@ -65,28 +59,23 @@ def decode(
     if language is None:
         raise CallError(f"controller {controller!r} has no language: nobody knows what its bytes mean")
     with call_errors(source):
-        pieces = (
-            _pieces(source, text, marked, not received, language, controller)
-            if recorded is None
-            else _of_recording(recorded)
-        )
+        if recorded is None:
+            pieces = _pieces(source, text, marked, not received, language, controller)
+        else:
+            pieces = (Piece(data, by_host, time_ns) for time_ns, data, by_host, _ in traffic(recorded))
         first = next(pieces, None)  # whatever is wrong with the source, before anything is printed
     timed = recorded is not None
     if not json:
-        print(f"{'no':>6} {_TIME if timed else 'offset':>{_width(timed)}}  dir   {'text':<32}  explanation")
+        print(f"{'no':>6} {'time / s' if timed else 'offset':>{14 if timed else 8}}  dir   {'text':<32}  explanation")
     for row in explain(chain([first] if first else [], pieces), language):
         print(_json(row) if json else _line(row, timed), flush=source == STANDARD_INPUT)
     return 0
 
 
-def _width(timed: bool) -> int:
-    return 14 if timed else 8
-
-
 def _recording(source: str) -> Recorded | None:
     """The recording that a file is; None if it is something else. Raises CallError."""
     path = Path(source)
-    if is_standard_input(Path(source)) or not _exists(path) or not path.is_file():
+    if is_standard_input(path) or not _exists(path) or not path.is_file():
         return None
     from isel_twin.recordings.container import MAGIC
     from isel_twin.recordings.reading import read
@@ -98,18 +87,9 @@ def _recording(source: str) -> Recorded | None:
         return read(path)
 
 
-def _of_recording(recorded: Recorded) -> Iterator[Piece]:
-    """Bytes of both directions with their times. Raises CallError."""
-    from isel_twin.jobs.decode import Piece
-    from isel_twin.recordings.compare import traffic
-
-    return (Piece(data, by_host, time_ns) for time_ns, data, by_host, _ in traffic(recorded))
-
-
 def _pieces(
     source: str, is_text: bool, marked: bool, sent: bool, language: Language, controller: str
 ) -> Iterator[Piece]:
-    """Bytes to explain. Raises CallError."""
     from isel_twin.jobs import decode
 
     path = Path(source)
@@ -143,7 +123,6 @@ def _suggest(path: Path, language: Language, controller: str) -> None:
 
 
 def _of_marked(name: str, chunks: Any, language: Language, controller: str) -> Iterator[Piece]:
-    """Pieces of both directions. Raises CallError."""
     from isel_twin.jobs.decode import DecodeError, marked
     from isel_twin.jobs.job import JobError, decode_job
 
@@ -175,29 +154,19 @@ def _chunks(path: Path) -> Iterator[bytes]:
         yield from iter(lambda: file.read(CHUNK_BYTES), b"")
 
 
-def _direction(row: Row) -> str:
-    return "host" if row.sent else "twin"
-
-
 def _line(row: Row, timed: bool) -> str:
     where: str | int = row.offset
     if timed:
         where = "" if row.time_ns is None else f"{row.time_ns / SECOND_NS:.6f}"
-    return f"{row.number:>6} {where:>{_width(timed)}}  {_direction(row)}  {row.text:<32}  {row.explanation}".rstrip()
+    by = "host" if row.sent else "twin"
+    return f"{row.number:>6} {where:>{14 if timed else 8}}  {by}  {row.text:<32}  {row.explanation}".rstrip()
 
 
 def _json(row: Row) -> str:
     from json import dumps
 
-    return dumps(
-        {
-            "number": row.number,
-            "offset": row.offset,
-            "sent": row.sent,
-            "hex": row.data.hex(),
-            "text": row.text,
-            "explanation": row.explanation,
-            "complete": row.complete,
-            **({} if row.time_ns is None else {"time_s": row.time_ns / SECOND_NS}),
-        }
-    )
+    told = {
+        "number": row.number, "offset": row.offset, "sent": row.sent, "hex": row.data.hex(), "text": row.text,
+        "explanation": row.explanation, "complete": row.complete,
+    }  # fmt: skip
+    return dumps(told if row.time_ns is None else {**told, "time_s": row.time_ns / SECOND_NS})

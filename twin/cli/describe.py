@@ -7,7 +7,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from isel_twin.base.errors import call_errors
-from isel_twin.cli.machines import machines
+from isel_twin.cli.names import machines
 from isel_twin.cli.options import Json, Overrides, parse_overrides
 
 
@@ -24,7 +24,7 @@ def describe(
     from rich.markup import escape
     from rich.table import Table
 
-    from isel_twin.cli.outputs import console
+    from isel_twin.cli.outputs import console, say_json
     from isel_twin.machine import describe as rows_of
     from isel_twin.machine import load_machine, with_overrides
 
@@ -32,9 +32,8 @@ def describe(
         rows = rows_of(with_overrides(load_machine(name), parse_overrides(set)))
     if json:
         from dataclasses import asdict
-        from json import dumps
 
-        print(dumps([asdict(row) for row in rows]))
+        say_json([asdict(row) for row in rows])
         return 0
     table = Table("parameter", "value", "unit", "grade", "source", box=None)
     table.columns[1].justify = "right"

@@ -12,20 +12,9 @@ from cyclopts import Parameter
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.base.units import MICROSECOND_NS, SECOND_NS
-from isel_twin.cli import outputs
-from isel_twin.cli.files import MOST_SAMPLES, Files, StepsPath, TracePath, VcdPath
+from isel_twin.cli import options, outputs
+from isel_twin.cli.files import MOST_SAMPLES, Files, RecordPath, StepsPath, TracePath, VcdPath
 from isel_twin.cli.interruption import interruption
-from isel_twin.cli.options import (
-    Interval,
-    MachineName,
-    Overrides,
-    PlantName,
-    ScenarioFile,
-    Seed,
-    check_seconds,
-    parse_overrides,
-)
-from isel_twin.cli.recording import RecordPath
 from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
@@ -46,12 +35,12 @@ def drive(
     /,
     *,
     map: Annotated[tuple[str, ...], Parameter(help="What is what: x.step=D0,x.dir=!D1,enable=D7. ! inverts.")] = (),
-    machine: MachineName = MACHINE,
-    plant: PlantName = TwinSpec.plant,
-    seed: Seed = TwinSpec.seed,
+    machine: options.MachineName = MACHINE,
+    plant: options.PlantName = TwinSpec.plant,
+    seed: options.Seed = TwinSpec.seed,
     start: Annotated[str, Parameter(help="Where the machine stands: X,Y,Z in mm from the motor-end switches.")] = "",
-    set: Overrides = (),
-    scenario: ScenarioFile = None,
+    set: options.Overrides = (),
+    scenario: options.ScenarioFile = None,
     edge: Annotated[Literal["rising", "falling", "both"], Parameter(help="Which edge of step is a step.")] = "rising",
     reverse: Annotated[str, Parameter(help="Axes whose direction is turned round: x,z.")] = "",
     time_unit: Annotated[
@@ -68,7 +57,7 @@ def drive(
     trace: TracePath = None,
     report: Annotated[Path | None, Parameter(help="Write an HTML page about the capture.")] = None,
     record: RecordPath = None,
-    interval: Interval = 0.01,
+    interval: options.Interval = 0.01,
     json: Annotated[bool, Parameter(help="One line of JSON a motion, then one with the summary.")] = False,
 ) -> int:
     """Feed captured step and direction signals of a real controller into drives and machine.
@@ -82,15 +71,15 @@ def drive(
 
     Exit code 0 if no step was lost and no switch struck that is not named by --may-strike, else 1.
     """
-    for name, value, low in (("interval", interval, 1e-9), ("gap", gap, 1e-6)):
-        check_seconds(name, value, low)
+    options.check_seconds("interval", interval, 1e-9)
+    options.check_seconds("gap", gap, 1e-6)
     limits_us = {"pulse_us": pulse_us, "setup_us": setup_us, "hold_us": hold_us}
     for name, value in limits_us.items():
         if not 0.0 <= value <= 1e6:
             raise CallError(f"{name.replace('_', '-')} {value:g}: must be from 0 to 1e6 us", option=True)
     files = Files(steps, vcd, trace, report, record, interval)
     files.check(capture, scenario)
-    overrides = parse_overrides(set)
+    overrides = options.parse_overrides(set)
     call = TwinSpec(machine, plant=plant, seed=seed, scenario=scenario, overrides=overrides, start_mm=_start(start))
     reading = {"edge": edge, "time_unit": time_unit, "sample_rate_hz": sample_rate, "reverse": reverse}
     ticks = _read(capture, map, limits_us, reading)
@@ -133,8 +122,8 @@ def drive(
         def page(path: Path, recorder: Recorder) -> None:
             from isel_twin.report.report import write_report
 
-            title = f"isel-twin: {capture}"
-            write_report(path, title, twin, recorder, made.results, {**verdict.summary(), **told})
+            summary = {**verdict.summary(), **told}
+            write_report(path, f"isel-twin: {capture}", twin, recorder, made.results, summary)
 
         recorded = writing.write(page)
     if verdict.interrupted:
@@ -144,7 +133,6 @@ def drive(
 
 
 def _read(capture: Path, map: Sequence[str], limits_us: Mapping[str, float], how: Mapping[str, Any]) -> Ticks:
-    """The ticks of a capture. Raises CallError."""
     from isel_twin.capture.load import load
     from isel_twin.capture.ticks import Needs
     from isel_twin.capture.wave import WrongCallError
@@ -170,7 +158,7 @@ def _start(text: str) -> tuple[float, ...] | None:
 
 
 def _allowed(text: str, switches: Sequence[str]) -> Callable[[str], bool]:
-    """Says of a switch whether it may be struck."""
+    """A function that says of a switch whether it may be struck. Raises CallError."""
     names = [name.strip() for name in text.split(",") if name.strip()]
     for name in names:
         if name != "all" and name not in switches:
@@ -182,23 +170,18 @@ def _summary(path: Path, ticks: Ticks, strikes: Strikes, allowed: Callable[[str]
     """What the capture was, and what became of it, in JSON's types."""
     import dataclasses
 
+    first_ns, last_ns = int(ticks.t_ns[0]), int(ticks.t_ns[-1])
     return {
-        "file": str(path),
-        "ticks": len(ticks.t_ns),
-        "first_ns": int(ticks.t_ns[0]),
-        "cycle_ns": int(ticks.t_ns[-1] - ticks.t_ns[0]),
-        "end_ns": ticks.end_ns,
-        "shift_ns": ticks.shift_ns,
-        "resolution_ns": ticks.resolution_ns,
+        "file": str(path), "ticks": len(ticks.t_ns), "first_ns": first_ns, "cycle_ns": last_ns - first_ns,
+        "end_ns": ticks.end_ns, "shift_ns": ticks.shift_ns, "resolution_ns": ticks.resolution_ns,
         "struck": [{**dataclasses.asdict(strike), "allowed": allowed(strike.switch)} for strike in strikes.seen],
         "timing": {axis: dataclasses.asdict(timing) for axis, timing in ticks.timing.items()},
-    }
+    }  # fmt: skip
 
 
 def _in_words(
     ticks: Ticks, strikes: Strikes, allowed: Callable[[str], bool], limits_us: Mapping[str, float]
 ) -> Iterator[str]:
-    """Lines below the verdict."""
     begin, end = int(ticks.t_ns[0]), int(ticks.t_ns[-1])
     yield f"cycle time {(end - begin) / SECOND_NS:.6f} s, from the first step at {begin / SECOND_NS:.6f} s to the last"
     for strike in strikes.seen:

@@ -11,32 +11,24 @@ from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.base.units import SECOND_NS
-from isel_twin.cli.options import (
-    DEFAULT_TWIN,
-    Interval,
-    TwinOptions,
-    check_kind,
-    check_seconds,
-    check_writable,
-)
-from isel_twin.cli.recording import RecordPath, begin, check_record, keep
+from isel_twin.cli import options, outputs
+from isel_twin.cli.files import RecordPath, begin, check_record, keep
 
 if TYPE_CHECKING:
     from isel_twin.bridge.serve.wire_log import WireLog
     from isel_twin.bridge.virtual.virtual_host import HostRun
     from isel_twin.bridge.virtual.virtual_time import VirtualTime
-    from isel_twin.core.twin import Twin
 
 
 def exec_(
     *command: Annotated[str, Parameter(help="-- python host.py and its arguments.", allow_leading_hyphen=True)],
-    twin: TwinOptions = DEFAULT_TWIN,
+    twin: options.TwinOptions = options.DEFAULT_TWIN,
     port: Annotated[
         str | None, Parameter(help="Name of the twin's serial port; without it, every port that the host opens.")
     ] = None,
     steps: Annotated[Path | None, Parameter(help="Write the step stream (npz: t_ns, delta).")] = None,
     record: RecordPath = None,
-    interval: Interval = 0.01,
+    interval: options.Interval = 0.01,
     log: Annotated[Literal["wire"] | None, Parameter(help="wire: print every message on the line, in words.")] = None,
     timeout: Annotated[
         float | None, Parameter(help="Virtual seconds after which a host that has not ended is ended, with 1.")
@@ -63,14 +55,13 @@ def exec_(
         raise CallError(str(error)) from error
 
     if timeout is not None:
-        check_seconds("timeout", timeout, 0.0)
+        options.check_seconds("timeout", timeout, 0.0)
     program = parse_program(command)
-    check_seconds("interval", interval, 1e-9)
+    options.check_seconds("interval", interval, 1e-9)
     check_record(record)
-    check_kind("steps", steps, ".npz")
-    check_writable(steps, record, kept=(*twin.files, None if program.path is None else Path(program.path)))
+    options.check_kind("steps", steps, ".npz")
+    options.check_writable(steps, record, kept=(*twin.files, None if program.path is None else Path(program.path)))
     driven = twin.spec(line_speed=True).build()
-    from isel_twin.cli import outputs
     from isel_twin.core.warm import told_of_compiling
     from isel_twin.recordings.write import write_trace
 
@@ -89,12 +80,10 @@ def exec_(
         outputs.say(done.reason)
     if steps is not None:
         with call_errors():
-            write_trace(steps, driven, None, ".npz")
+            write_trace(steps, driven.steps, None, ".npz")
     if json:
-        import json as json_
-
         called = {"controller": twin.controller, "plant": twin.plant, "seed": twin.seed}
-        print(json_.dumps(summary(done, driven) | called), flush=True)
+        outputs.say_json(summary(done) | called)
     elif done.ending != "refused":
         outputs.say(told(done))
     code = done.code or (1 if not recorded or (check and not done.verdict.ok) else 0)
@@ -125,8 +114,6 @@ def _wire_log(controller: str, stack: ExitStack) -> WireLog:
 
 def _give_up(time: VirtualTime) -> None:
     """The host's main thread will not end: say why it has to, and end without it."""
-    from isel_twin.cli import outputs
-
     reason = time.ending.reason if time.ending is not None else ""
     outputs.say(f"{reason}; its main thread will not end, and there is no verdict")
     _leave(2 if time.ending is not None and time.ending.kind == "refused" else 1)
@@ -141,7 +128,7 @@ def _leave(code: int) -> None:
     os._exit(code)
 
 
-def summary(done: HostRun, twin: Twin) -> dict[str, Any]:
+def summary(done: HostRun) -> dict[str, Any]:
     """What became of a host and its machine, in JSON's types."""
     verdict = done.verdict.summary()
     for about_commands in ("commands", "refused", "unsent", "interrupted", "margin"):
@@ -149,16 +136,10 @@ def summary(done: HostRun, twin: Twin) -> dict[str, Any]:
     return {
         "summary": True,
         **verdict,
-        "ok": done.ok,
-        "machine_ok": done.verdict.ok,
-        "code": done.code,
-        "ending": done.ending,
-        "reason": done.reason,
+        "ok": done.ok, "machine_ok": done.verdict.ok, "code": done.code, "ending": done.ending, "reason": done.reason,
         "virtual_s": (done.ended_ns - done.began_ns) / SECOND_NS,
-        "struck": list(done.struck),
-        "was_struck": list(done.was_struck),
-        "notes": list(done.notes),
-    }
+        "struck": list(done.struck), "was_struck": list(done.was_struck), "notes": list(done.notes),
+    }  # fmt: skip
 
 
 def told(done: HostRun) -> str:

@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-from json import dumps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
+from isel_twin.cli import options
 from isel_twin.cli.identify import Names, Priors, need_scipy, unknowns_of
-from isel_twin.cli.options import (
-    ControllerName,
-    Json,
-    MachineName,
-    Overrides,
-    Whole,
-    check_writable,
-    parse_overrides,
-)
+from isel_twin.cli.options import Whole
+from isel_twin.cli.outputs import say_json
 from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
@@ -32,9 +25,9 @@ def experiment(
     name: Annotated[Path, Parameter(help="NAME.txt will be the job, NAME.toml the file to fill in.")],
     /,
     *,
-    machine: MachineName = MACHINE,
-    controller: ControllerName = TwinSpec.controller,
-    set: Overrides = (),
+    machine: options.MachineName = MACHINE,
+    controller: options.ControllerName = TwinSpec.controller,
+    set: options.Overrides = (),
     axes: Annotated[str, Parameter(help="Axes to be measured, with commas.")] = "x",
     fit: Names = None,
     prior: Priors = None,
@@ -49,7 +42,7 @@ def experiment(
     ] = "",
     carry_out_seed: Annotated[Whole, Parameter(help="Seed of that twin and of the errors of gauge and clock.")] = 1,
     gauge_noise_mm: Annotated[float, Parameter(help="Standard deviation of its gauge.")] = 0.005,
-    json: Json = False,
+    json: options.Json = False,
 ) -> int:
     """Choose moves and measurements that tell most about what is least known, and write them as a job.
 
@@ -58,16 +51,15 @@ def experiment(
     speeds.
     """
     if name.suffix:
-        raise CallError(
-            f"{name}: the name of an experiment has no ending; {name.stem}.txt and {name.stem}.toml will be made"
-        )
+        files = f"{name.stem}.txt and {name.stem}.toml"
+        raise CallError(f"{name}: the name of an experiment has no ending; {files} will be made")
     if not 1 <= blocks <= 100:
         raise CallError(f"blocks {blocks}: must be from 1 to 100", option=True)
     with call_errors():
         need_scipy()
     job, form = name.with_suffix(".txt"), name.with_suffix(".toml")
     series, recording = name.with_name(f"{name.name}-stall.txt"), name.with_suffix(".mcap")
-    check_writable(job, form, series, *([recording] if carry_out else []))
+    options.check_writable(job, form, series, *([recording] if carry_out else []))
     from isel_twin.base.axes import CARRIAGES
     from isel_twin.base.files import atomic_write
     from isel_twin.language import create_language, needed
@@ -82,7 +74,7 @@ def experiment(
     if not wanted or any(axis not in CARRIAGES for axis in wanted):
         raise CallError(f"axes {axes!r}: must be some of {', '.join(CARRIAGES)}, with commas", option=True)
     with call_errors():
-        believed = with_overrides(load_machine(machine), parse_overrides(set))
+        believed = with_overrides(load_machine(machine), options.parse_overrides(set))
         language = needed(create_language(controller), controller)
         real = load_machine(carry_out) if carry_out else None
     unknowns = unknowns_of(believed, fit, prior, wanted)
@@ -106,7 +98,7 @@ def experiment(
     if json:
         rest = [dict(zip(names, map(float, row), strict=True)) for row in choice.left]
         blocks_told = [{"block": block.name, "left": row} for block, row in zip(choice.blocks, rest, strict=True)]
-        print(dumps({"job": str(job), "measure": str(form), "blocks": blocks_told}))
+        say_json({"job": str(job), "measure": str(form), "blocks": blocks_told})
         return 0
     print(f"{'':34}what will be left of the prior's uncertainty")
     print(f"{'block':<34}{''.join(f'{name:>14}' for name in names)}")
@@ -126,12 +118,10 @@ def _known(file: Path, unknowns: list[Unknown]) -> NDArray[np.float64]:
         try:
             names = [item["name"] for item in content["parameters"]]
             covariance = np.array(content["covariance"], dtype=np.float64)
-            order = [names.index(item.name) if item.name in names else -1 for item in unknowns]
+            there = [k for k, item in enumerate(unknowns) if item.name in names]
+            which = [names.index(unknowns[k].name) for k in there]
             found = np.eye(len(unknowns))
-            for row, i in enumerate(order):
-                for column, j in enumerate(order):
-                    if i >= 0 and j >= 0:
-                        found[row, column] = covariance[i, j]
+            found[np.ix_(there, there)] = covariance[np.ix_(which, which)]
         except (KeyError, TypeError, ValueError, IndexError):
             raise CallError(f"{file}: is no result of `isel-twin identify --json`") from None
     return found

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from isel_twin.base.errors import CallError, call_errors
+from isel_twin.base.errors import call_errors
 from isel_twin.cli.options import Json, check_writable
 
 
@@ -22,22 +22,16 @@ def export(
 
     A recording that was cut off (a killed process, a full disk) is written as far as it goes.
     """
-    from isel_twin.cli.outputs import say
-    from isel_twin.recordings.write import trace_kind
+    from isel_twin.cli.outputs import say, say_json
+    from isel_twin.recordings import write
 
-    try:
-        trace_kind(out)
-    except ValueError as error:
-        raise CallError(str(error)) from None
+    with call_errors():
+        write.trace_kind(out)
     check_writable(out, kept=(recording,))
-    from isel_twin.recordings.export import export
-
     with call_errors(recording):
-        whole = export(recording, out)
+        whole = write.export(recording, out)
     if not whole:
         say(f"{recording}: has no end, it was cut off; {out} has what there is")
     if json:
-        from json import dumps
-
-        print(dumps({"recording": str(recording), "out": str(out), "whole": whole}))
+        say_json({"recording": str(recording), "out": str(out), "whole": whole})
     return 0

@@ -1,4 +1,7 @@
-"""What `run` and `drive` write of a job; one file that cannot be written costs neither the verdict nor another file."""
+"""Files that commands write: `--record`, and all that `run` and `drive` write of a job.
+
+One file that cannot be written costs neither the verdict nor another file.
+"""
 
 from __future__ import annotations
 
@@ -11,35 +14,37 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from isel_twin.base.errors import CallError
+from isel_twin.base.errors import CallError, call_errors
+from isel_twin.base.units import SECOND_NS
 from isel_twin.cli import outputs
 from isel_twin.cli.options import check_kind, check_writable
-from isel_twin.cli.recording import begin, check_record, keep
 
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
     from isel_twin.recordings.recorder import Recorder
     from isel_twin.recordings.recording import FileRecording
 
-MOST_SAMPLES = 100_000_000
-"""Samples of a trace beyond which a job is not begun: ten gigabytes, and two hours to take them."""
-
+MOST_SAMPLES = 100_000_000  # of a trace, beyond which a job is not begun: ten gigabytes, two hours to take them
 StepsPath = Annotated[Path | None, Parameter(help="Write the step stream (npz: t_ns, delta).")]
 VcdPath = Annotated[Path | None, Parameter(help="Write step, direction, levels and positions (VCD).")]
 TracePath = Annotated[Path | None, Parameter(help="Write samples of counters, positions, levels (.parquet, .csv).")]
 
+RecordPath = Annotated[
+    Path | None,
+    Parameter(help="Keep all that happens: .mcap, as it goes; or at the end .npz (steps), .vcd, .parquet, .csv."),
+]
+
+MCAP = ".mcap"
+
 
 @dataclass(frozen=True)
 class Files:
-    """The files that a call asks for."""
-
     steps: Path | None
     vcd: Path | None
     trace: Path | None
     report: Path | None
     record: Path | None
-    interval_s: float
-    """Virtual time between two samples."""
+    interval_s: float  # virtual time between two samples
 
     @property
     def needs_recorder(self) -> bool:
@@ -61,9 +66,8 @@ class Files:
         check_writable(self.steps, self.vcd, self.trace, self.report, self.record, kept=kept)
         self.kinds()
         if self.report is not None and self.report.suffix.lower() == ".png" and find_spec("matplotlib") is None:
-            raise CallError(
-                f"report {self.report}: a picture needs matplotlib: pip install 'isel-twin[report]'", option=True
-            )
+            why = "a picture needs matplotlib: pip install 'isel-twin[report]'"
+            raise CallError(f"report {self.report}: {why}", option=True)
         check_record(self.record)
 
     def kinds(self) -> tuple[str, str, str]:
@@ -83,18 +87,13 @@ class Files:
 
 @dataclass(frozen=True)
 class Writing:
-    """Files in the making."""
-
     files: Files
     twin: Twin
     recorder: Recorder | None
     recording: FileRecording | None
 
     def write(self, page: Callable[[Path, Recorder], None]) -> bool:
-        """Write all of them, `page` the report; return whether the recording is whole.
-
-        Raises the last CallError when all others have been written.
-        """
+        """Write all, the report by `page`; True if the recording is whole. Raises the last CallError after all."""
         files, whole = self.files, True
         failures: list[CallError] = []
         from isel_twin.recordings.write import write_trace
@@ -102,7 +101,7 @@ class Writing:
         for path, kind in zip((files.steps, files.vcd, files.trace), files.kinds(), strict=True):
             if path is not None:
                 with outputs.put_off(failures, path):
-                    write_trace(path, self.twin, self.recorder, kind)
+                    write_trace(path, self.twin.steps, self.recorder, kind)
         if self.recording is not None and files.record is not None:
             with outputs.put_off(failures, files.record):
                 whole = keep(self.recording, files.record)
@@ -111,3 +110,42 @@ class Writing:
                 page(files.report, self.recorder)
         outputs.tell(failures)
         return whole
+
+
+def check_record(record: Path | None) -> None:
+    """Raise CallError unless the name says what is to be written, and it can be."""
+    if record is None or record.suffix == MCAP:
+        return
+    from isel_twin.recordings.write import trace_kind
+
+    try:
+        trace_kind(record)
+    except ValueError as error:
+        text = str(error).replace("must end in ", f"must end in {MCAP}, ")
+        raise CallError(f"record {text}", option=True) from None
+
+
+def begin(record: Path, twin: Twin, interval_s: float, said: Mapping[str, str], stack: ExitStack) -> FileRecording:
+    """Begin the recording: in its place or, if it is to be of another kind, in a temporary folder. Raises CallError."""
+    from isel_twin.recordings.recording import FileRecording
+
+    path = record
+    if record.suffix != MCAP:
+        import tempfile
+
+        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="isel-twin-"))
+        path = Path(folder) / f"{record.stem}{MCAP}"
+    with call_errors(record):
+        recording = FileRecording(path, twin, round(interval_s * SECOND_NS), said)
+    stack.callback(recording.close)
+    return recording
+
+
+def keep(recording: FileRecording, record: Path) -> bool:
+    """End the recording, and write it as its kind. False if there was no room for some of it. Raises OSError."""
+    whole = recording.close()
+    if record.suffix != MCAP:
+        from isel_twin.recordings.write import export
+
+        export(recording.path, record, record.suffix)
+    return whole

@@ -9,20 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, Parameter
 
 from isel_twin.base.errors import CallError, call_errors
+from isel_twin.cli import options
 from isel_twin.cli.jobs import check_names, read_job
-from isel_twin.cli.options import (
-    DEFAULT_TWIN,
-    STANDARD_INPUT,
-    Overrides,
-    Replace,
-    Timeout,
-    TwinOptions,
-    Whole,
-    check_seconds,
-    check_writable,
-    parse_overrides,
-)
-from isel_twin.cli.outputs import many
+from isel_twin.cli.options import Whole
+from isel_twin.cli.outputs import many, say_json
 from isel_twin.core.spec import TwinSpec
 
 if TYPE_CHECKING:
@@ -30,18 +20,16 @@ if TYPE_CHECKING:
 
 golden = App(name="golden", help="Jobs that have to do what they did: write down a run, compare with it.")
 
-MOST = 20
-"""Differences of a job that are told."""
-
+MOST = 20  # differences of a job that are told
 Jobs = Annotated[Path, Parameter(help="Files of controller commands, one a line.")]
 
 
 @golden.command
 def record(
     *jobs: Jobs,
-    twin: TwinOptions = DEFAULT_TWIN,
-    timeout: Timeout = 3600.0,
-    replace: Replace = False,
+    twin: options.TwinOptions = options.DEFAULT_TWIN,
+    timeout: options.Timeout = 3600.0,
+    replace: options.Replace = False,
 ) -> int:
     """Run jobs and write down beside each what it did: job.txt has its golden run in job.golden.
 
@@ -49,9 +37,9 @@ def record(
     job under version control.
     """
     files = _files(jobs)
-    check_seconds("timeout", timeout, 0.0)
+    options.check_seconds("timeout", timeout, 0.0)
     for job, file in files:
-        check_writable(file, kept=(job, *twin.files))
+        options.check_writable(file, kept=(job, *twin.files))
         if file.exists() and not replace:
             raise CallError(f"{file}: is there already; --replace replaces it, golden compare compares with it")
     from isel_twin.jobs.golden import called
@@ -71,8 +59,8 @@ def compare(
     controller: Annotated[str | None, Parameter(help="Another controller.")] = None,
     plant: Annotated[str | None, Parameter(help="Another plant.")] = None,
     seed: Annotated[Whole | None, Parameter(help="Another seed.")] = None,
-    set: Annotated[Overrides, Parameter(help="KEY=VALUE: another parameter of the machine.")] = (),
-    timeout: Timeout = 3600.0,
+    set: Annotated[options.Overrides, Parameter(help="KEY=VALUE: another parameter of the machine.")] = (),
+    timeout: options.Timeout = 3600.0,
     replace: Annotated[bool, Parameter(help="Replace the golden runs that differ.")] = False,
     json: Annotated[bool, Parameter(help="One line of JSON a job.")] = False,
 ) -> int:
@@ -84,9 +72,9 @@ def compare(
     from isel_twin.jobs.golden import called, differences, load
 
     files = _files(jobs)
-    check_seconds("timeout", timeout, 0.0)
+    options.check_seconds("timeout", timeout, 0.0)
     asked: dict[str, Any] = {"machine": machine, "controller": controller, "plant": plant, "seed": seed}
-    asked["set"] = parse_overrides(set) or None
+    asked["set"] = options.parse_overrides(set) or None
     kept = []
     for job, file in files:
         with call_errors(file):
@@ -94,7 +82,7 @@ def compare(
                 raise CallError(f"{file}: there is no golden run of {job}; isel-twin golden record {job} makes it")
             kept.append(load(file))
         if replace:
-            check_writable(file, kept=(job,))
+            options.check_writable(file, kept=(job,))
     same = True
     for (job, file), was in zip(files, kept, strict=True):
         wanted = {**was.call, **{key: value for key, value in asked.items() if value is not None}}
@@ -118,7 +106,7 @@ def _files(jobs: Sequence[Path]) -> list[tuple[Path, Path]]:
         raise CallError("name the jobs: isel-twin golden record JOB...")
     files = [(job, golden_file(job)) for job in jobs]
     for job, file in files:
-        if str(job) == STANDARD_INPUT:
+        if str(job) == options.STANDARD_INPUT:
             raise CallError("-: a golden run stands beside its job; name a file")
         if job == file:
             raise CallError(f"{job}: is a golden run, not a job; name the job itself")
@@ -130,7 +118,6 @@ def _files(jobs: Sequence[Path]) -> list[tuple[Path, Path]]:
 
 
 def _play(job: Path, call: TwinSpec, timeout_s: float) -> Golden:
-    """What a job does."""
     from isel_twin.jobs.golden import Scribe
     from isel_twin.jobs.playing import played
 
@@ -161,16 +148,13 @@ def _write(file: Path, run: Golden) -> None:
 
 
 def _in_words(run: Golden) -> str:
-    verdict = "ok" if run.end["ok"] else "not ok"
-    return f"{many(len(run.moves), 'command')}, {run.end['cycle_s']:.3f} s, {verdict}"
+    return f"{many(len(run.moves), 'command')}, {run.end['cycle_s']:.3f} s, {'ok' if run.end['ok'] else 'not ok'}"
 
 
 def _tell(job: Path, run: Golden, found: Sequence[Difference], json: bool) -> None:
     if json:
-        from json import dumps
-
         told = [{"line": difference.line, "what": difference.what} for difference in found]
-        print(dumps({"job": str(job), "same": not found, "differences": told}))
+        say_json({"job": str(job), "same": not found, "differences": told})
         return
     if not found:
         print(f"{job}: as it was ({_in_words(run)})")

@@ -10,15 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
-from isel_twin.cli.crews import crew_of
-from isel_twin.cli.options import (
-    MachineName,
-    Overrides,
-    Workers,
-    check_workers,
-    check_writable,
-    parse_overrides,
-)
+from isel_twin.cli import options
+from isel_twin.cli.outputs import say, say_json
 from isel_twin.core.spec import MACHINE
 
 if TYPE_CHECKING:
@@ -41,8 +34,8 @@ MeasuredFiles = Annotated[list[Path] | None, Parameter(help="What was measured (
 def identify(
     *recordings: Annotated[Path, Parameter(help="Recordings of the machine: of `tap`, or of --record NAME.mcap.")],
     measured: MeasuredFiles = None,
-    machine: MachineName = MACHINE,
-    set: Overrides = (),
+    machine: options.MachineName = MACHINE,
+    set: options.Overrides = (),
     controller: Annotated[str, Parameter(help="Which one it has, if a recording does not say.")] = "",
     fit: Names = None,
     prior: Priors = None,
@@ -54,7 +47,7 @@ def identify(
     ] = None,
     patch: Annotated[Path | None, Parameter(help="Folder for a machine.toml with what was found.")] = None,
     report: Annotated[Path | None, Parameter(help="A page about it (HTML).")] = None,
-    workers: Workers = 1,
+    workers: options.Workers = 1,
     json: Annotated[bool, Parameter(help="One JSON object.")] = False,
 ) -> int:
     """Fit parameters of a machine to recordings and to what was measured meanwhile.
@@ -63,22 +56,21 @@ def identify(
     predicts them worse than the machine file did, nothing is written and the exit code is 1. See
     docs/identification.md.
     """
-    import json as json_format
-
     with call_errors():
         need_scipy()
-    check_workers(workers)
+    options.check_workers(workers)
     target = None if patch is None else patch / "machine.toml"
     if patch is not None and patch.exists() and not patch.is_dir():
         raise CallError(f"{patch}: is a file; name a folder for the machine")
-    check_writable(report, kept=(*recordings, *(measured or ())))
+    options.check_writable(report, kept=(*recordings, *(measured or ())))
+    from isel_twin.base.files import atomic_write
     from isel_twin.machine import load_machine, with_overrides
     from isel_twin.many.identification.fit import fit as fit_sessions
     from isel_twin.many.identification.patch import as_json, based_on
     from isel_twin.many.identification.patch import patch as as_patch
 
     with call_errors():
-        known = with_overrides(load_machine(machine), parse_overrides(set))
+        known = with_overrides(load_machine(machine), options.parse_overrides(set))
     told = read_all(measured)
     sessions = _sessions(recordings, told, controller, known)
     unknowns = unknowns_of(known, fit, prior, told.axes)
@@ -89,27 +81,22 @@ def identify(
         if not json:
             print("before the fit:", *prospect.lines, sep="\n  ", flush=True)
 
-    with call_errors(), crew_of(workers) as crew:
+    with call_errors(), options.crew_of(workers) as crew:
         result = fit_sessions(known, unknowns, fitted, held, crew=crew, told=say_prospect, progress=progress())
     if report is not None:
-        from isel_twin.base.files import atomic_write
         from isel_twin.many.identification.page import page
 
         with call_errors(report):
             atomic_write(report, page(f"{known.name} identified", result, names, held_names).encode())
     if json:
-        print(json_format.dumps(as_json(result, names, held_names)))
+        say_json(as_json(result, names, held_names))
     else:
         _print(result)
     if result.worse:
         what = f"{result.after['all']:.2f} instead of {result.before['all']:.2f} standard deviations"
-        print(
-            f"isel-twin: refused: the fit predicts {', '.join(held_names)} worse than before, {what}", file=sys.stderr
-        )
+        say(f"refused: the fit predicts {', '.join(held_names)} worse than before, {what}")
         return 1
     if patch is not None and target is not None:
-        from isel_twin.base.files import atomic_write
-
         name = sessions[0].controller
         with call_errors(target):
             patch.mkdir(parents=True, exist_ok=True)
@@ -130,7 +117,6 @@ def need_scipy() -> None:
 
 def read_all(files: Sequence[Path] | None) -> Measured:
     """What all files together say. Raises CallError."""
-    from isel_twin.cli.outputs import say
     from isel_twin.many.identification.measured import read_measured
 
     total: Measured | None = None
@@ -139,12 +125,10 @@ def read_all(files: Sequence[Path] | None) -> Measured:
             one = read_measured(file)
         total = one if total is None else total + one
     if total is None:
-        raise CallError(
-            "measured: name at least one file of measurements; `isel-twin experiment` makes one", option=True
-        )
+        why = "name at least one file of measurements; `isel-twin experiment` makes one"
+        raise CallError(f"measured: {why}", option=True)
     if total.unread:
-        entries = "1 entry is" if total.unread == 1 else f"{total.unread} entries are"
-        say(f"{entries} not filled in (nan) and left out")
+        say(f"{'1 entry is' if total.unread == 1 else f'{total.unread} entries are'} not filled in (nan) and left out")
     return total
 
 
@@ -187,9 +171,8 @@ def _split(sessions: Sequence[Session], hold_out: Sequence[str] | None) -> tuple
     names = [session.name for session in sessions]
     wanted = list(hold_out) if hold_out else ["1" if len(sessions) > 1 else "0"]
     if wanted == ["1"] and len(sessions) == 1:
-        raise CallError(
-            "hold-out 1: there is one recording, and it has to be fitted; --hold-out 0 goes without", option=True
-        )
+        why = "there is one recording, and it has to be fitted; --hold-out 0 goes without"
+        raise CallError(f"hold-out 1: {why}", option=True)
     held: set[str] = set()
     for name in wanted:
         stem = Path(name).stem if name.endswith(".mcap") else name
@@ -198,17 +181,15 @@ def _split(sessions: Sequence[Session], hold_out: Sequence[str] | None) -> tuple
         elif name.isdigit() and int(name) < len(sessions):
             held |= set(names[len(names) - int(name) :])
         else:
-            raise CallError(
-                f"hold-out {name!r}: no such recording; allowed: {', '.join(names)}, or a number below {len(names)}",
-                option=True,
-            )
+            known = f"{', '.join(names)}, or a number below {len(names)}"
+            raise CallError(f"hold-out {name!r}: no such recording; allowed: {known}", option=True)
     if held == set(names):
         raise CallError("hold-out: nothing is left to be fitted", option=True)
     return [one for one in sessions if one.name not in held], [one for one in sessions if one.name in held]
 
 
 def progress() -> Callable[[int], None] | None:
-    """Tells people at a terminal how many replays are done; None for nobody."""
+    """Tells people at a terminal how many replays are done; None without a terminal."""
     if not sys.stderr.isatty():
         return None
 

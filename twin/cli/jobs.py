@@ -15,15 +15,11 @@ if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
     from isel_twin.jobs.job import Line
 
-JOB_BYTES = 1 << 24
-"""Longest job file: 16 MiB, some four hundred thousand moves. What is longer is no job, or one to be cut."""
-
-PROGRAM_BYTES = 1 << 30
-"""Longest file for a controller that runs programs, which are long."""
+JOB_BYTES = 1 << 24  # longest job file: 16 MiB, some four hundred thousand moves
+PROGRAM_BYTES = 1 << 30  # longest file for a controller that runs programs, which are long
 
 
 def job_name(job: Path) -> str:
-    """A job for people."""
     return "standard input" if is_standard_input(job) else str(job)
 
 
@@ -49,7 +45,7 @@ def read_job(job: Path, controller: str) -> list[Line]:
 
 
 def _read(job: Path, most: int) -> bytes:
-    """As much of it as there may be, and a byte more."""
+    """The file, or its first most + 1 bytes."""
     if is_standard_input(job):
         return sys.stdin.buffer.read(most + 1)
     with job.open("rb") as file:
@@ -66,7 +62,7 @@ def check_names(job: Path, lines: Sequence[Line], twin: Twin) -> None:
 
 @contextmanager
 def _told(job: Path) -> Iterator[None]:
-    """What is wrong with a job is a CallError about it."""
+    """A ValueError becomes a CallError about the job."""
     try:
         yield
     except CallError:

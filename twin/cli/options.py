@@ -15,12 +15,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter, Token
 
 from isel_twin.base.errors import CallError
 from isel_twin.core.spec import MACHINE, TwinSpec
+
+if TYPE_CHECKING:
+    from isel_twin.base.crew import Crew
 
 
 def _whole_number(_: Any, tokens: Sequence[Token]) -> int:
@@ -74,16 +77,8 @@ class TwinOptions:
 
     def spec(self, *, line_speed: bool = False) -> TwinSpec:
         """The twin that is asked for. Raises CallError for a wrong --set."""
-        return TwinSpec(
-            self.machine,
-            self.controller,
-            self.plant,
-            self.seed,
-            self.scenario,
-            self.flash,
-            line_speed,
-            parse_overrides(self.set),
-        )
+        chosen = self.machine, self.controller, self.plant, self.seed, self.scenario, self.flash
+        return TwinSpec(*chosen, line_speed, parse_overrides(self.set))
 
     @property
     def files(self) -> tuple[Path | None, ...]:
@@ -92,20 +87,14 @@ class TwinOptions:
 
 
 DEFAULT_TWIN = TwinOptions()
-
-STANDARD_INPUT = "/dev/stdin"
-"""What `-` stands for."""
+STANDARD_INPUT = "/dev/stdin"  # what `-` stands for
 STREAMS = {STANDARD_INPUT: "standard input", "/dev/stdout": "standard output"}
-"""Files behind them may be in the way of what is written."""
+LONGEST_S = 1e9  # longest time a call may name, in virtual seconds, as for the times of a scenario
 
 
 def is_standard_input(path: Path) -> bool:
     """Whether a path is what `-` stands for, however this system writes it."""
     return path == Path(STANDARD_INPUT)
-
-
-LONGEST_S = 1e9
-"""Longest time a call may name, in virtual seconds, as for the times of a scenario."""
 
 
 def check_seconds(option: str, value: float, low: float) -> None:
@@ -115,10 +104,7 @@ def check_seconds(option: str, value: float, low: float) -> None:
 
 
 def check_writable(*paths: Path | None, kept: Sequence[Path | None] = ()) -> None:
-    """Find out before a long job that its results have nowhere to go, or would replace a file it needs (`kept`).
-
-    Raises CallError.
-    """
+    """Raise CallError if results would have nowhere to go, or would replace a file that the call needs (`kept`)."""
     import os
 
     taken = {path.resolve() for path in kept if path is not None}
@@ -145,11 +131,15 @@ def check_workers(workers: int) -> None:
         raise CallError(f"workers {workers}: must be a number of processes from 1", option=True)
 
 
-def check_kind(option: str, path: Path | None, *kinds: str) -> str:
-    """The kind of file, such as ".csv", that an option is to write: as its name says, without an ending the first.
+def crew_of(workers: int) -> Crew:
+    """So many processes of this computer, ready to play jobs; 1: this one."""
+    from isel_twin.base.crew import local
 
-    Raises CallError for a name that says otherwise, or a kind that needs an extra which is not installed.
-    """
+    return local(workers, preload=("isel_twin.jobs.ready",))
+
+
+def check_kind(option: str, path: Path | None, *kinds: str) -> str:
+    """The kind of file that an option is to write, by its ending; without one, the first of kinds. Raises CallError."""
     from isel_twin.recordings.write import check_kind as check_extra
 
     if path is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from rich.console import Console
+    from rich.progress import Progress, ProgressColumn
 
     from isel_twin.core.twin import Twin
     from isel_twin.jobs.job import Line
@@ -24,26 +25,14 @@ if TYPE_CHECKING:
     from isel_twin.jobs.verdict import Verdict
     from isel_twin.recordings.recorder import Recorder
 
-WIDE = 160
-"""Columns of a table that goes to a file or pipe."""
-
-MANY_SAMPLES = 10_000_000
-"""Samples of a recorder that are worth a word, and so is ten times as many."""
-
-LONG_COMMAND = 56
-"""Characters of a command beyond which it makes its row longer than the others."""
-LONG_BLOCK = 100
-HEAD = 1 << 16
-NAME = 4
-"""The same of a block of a program, of those in so much of a text, and what stands before it: the program's name."""
-SHOWN_TRIALS = 5
-"""Repetitions of a job that are shown one by one if they ended otherwise."""
-
-SHOWN_UNMET = 10
-"""Lines of a job that are named if they did not get what they expected."""
-
-LONG_REPLY = 25
-"""The same of a reply: a position of four axes."""
+WIDE = 160  # columns of a table that goes to a file or pipe
+MANY_SAMPLES = 10_000_000  # samples of a recorder that are worth a word, and so is ten times as many
+LONG_COMMAND, LONG_REPLY, LONG_BLOCK = 56, 25, 100
+"""Characters of a command, reply (a position of four axes) or block of a program beyond which its row gets longer."""
+HEAD = 1 << 16  # characters of a program in which its longest block is looked for
+NAME = 4  # characters before a block: the program's name
+SHOWN_TRIALS = 5  # repetitions that are shown if they ended otherwise
+SHOWN_UNMET = 10  # lines of a job that are named if they did not get what they expected
 
 
 def console() -> Console:
@@ -54,15 +43,13 @@ def console() -> Console:
     return here if here.is_terminal else Console(width=WIDE)
 
 
-def names(of: Iterable[str], json: bool) -> int:
-    """Print names, one a line, or as a list of JSON; return the exit code."""
-    if json:
-        from json import dumps
+def progress(console: Console, time: type[ProgressColumn], shown: bool = True, **more: Any) -> Progress:
+    """A bar on a terminal, gone when it is done. time: of these columns the one that is shown."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-        print(dumps(list(of)))
-    else:
-        print("\n".join(of))
-    return 0
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), time()
+    disable = not (shown and console.is_terminal)
+    return Progress(*columns, console=console, transient=True, disable=disable, **more)
 
 
 def many(number: int, what: str) -> str:
@@ -75,9 +62,16 @@ def say(text: str) -> None:
     print(f"isel-twin: {text}", file=sys.stderr, flush=True)
 
 
+def say_json(told: object) -> None:
+    """One line of JSON, on standard output."""
+    from json import dumps
+
+    print(dumps(told), flush=True)
+
+
 @contextmanager
 def put_off(failures: list[CallError], path: Path | None) -> Iterator[None]:
-    """What cannot be written, for a full disk or whatever, waits until everything else has been: see `tell`."""
+    """Keep what cannot be written for `tell`, so that one full disk does not cost the other files."""
     try:
         with call_errors(path):
             yield
@@ -94,7 +88,7 @@ def tell(failures: Sequence[CallError]) -> None:
 
 
 def record(twin: Twin, interval_s: float, stack: ExitStack) -> Recorder:
-    """Samples of the twin every interval_s of virtual time, kept until the stack is unwound; many are said to be so."""
+    """Samples of the twin every interval_s of virtual time, until the stack is unwound; says so if they are many."""
     from isel_twin.recordings.recorder import Recorder
 
     recorder = stack.enter_context(Recorder(twin, round(interval_s * SECOND_NS)))
@@ -118,54 +112,39 @@ class JobOutput(Protocol):
         """A line of the job is over."""
 
     def verdict(self, verdict: Verdict, call: Mapping[str, Any]) -> None:
-        """So is the job; `call`: what else belongs to its summary."""
+        """The job is over; `call`: what else belongs to its summary."""
 
     def robust(self, verdict: Verdict, trials: Sequence[Repetition], wanted: int) -> bool:
-        """And so are its repetitions, fewer than wanted if somebody stopped them; return whether all ended alike."""
+        """Its repetitions are over, fewer than wanted if they were stopped; return whether all ended alike."""
 
 
 class JsonOutput:
-    """One line a command and one for the summary."""
+    """One line a command and one for the summary; of repetitions a line each and one for all."""
 
     def result(self, result: Result) -> None:
-        """See JobOutput."""
         import dataclasses
-        import json
 
         told = dataclasses.asdict(result)
-        for key in (
-            "expected",
-            "why",
-            "condition",
-            "lost_known",
-            "fault_known",
-            "drive_faults_known",
-        ):  # only of lines that expect something
-            if (result.expected is None and not (key == "why" and result.why)) or key.endswith("_known"):
-                del told[key]
+        unknown = ["lost_known", "fault_known", "drive_faults_known"]
+        if result.expected is None:
+            unknown += ["expected", "condition"] if result.why else ["expected", "why", "condition"]
         if not result.parts:
-            del told["parts"]
-        print(json.dumps(told), flush=True)
+            unknown.append("parts")
+        say_json({key: value for key, value in told.items() if key not in unknown})
 
     def verdict(self, verdict: Verdict, call: Mapping[str, Any]) -> None:
-        """See JobOutput."""
-        import json
-
-        print(json.dumps({"summary": True, **verdict.summary(), **call}), flush=True)
+        say_json({"summary": True, **verdict.summary(), **call})
 
     def robust(self, verdict: Verdict, trials: Sequence[Repetition], wanted: int) -> bool:
-        """A line a repetition and one for all."""
-        import json
-
         from isel_twin.jobs.robust import agree
 
         other = [trial for trial in trials if not agree(verdict, trial.verdict)]
         for trial in trials:
             factors = {name: round(factor, 4) for name, factor in trial.factors.items()}
             told = {"trial": trial.number, "agrees": trial not in other, "seed": trial.seed, "factors": factors}
-            print(json.dumps({**told, **trial.verdict.summary()}), flush=True)
+            say_json({**told, **trial.verdict.summary()})
         robust = verdict.ok and not other and len(trials) == wanted
-        print(json.dumps({"robust": robust, "trials": len(trials), "other": len(other)}), flush=True)
+        say_json({"robust": robust, "trials": len(trials), "other": len(other)})
         return not other
 
 
@@ -182,10 +161,10 @@ class TableOutput:
 
     def __init__(self, twin: Twin, lines: Sequence[Line]) -> None:
         from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+        from rich.progress import TimeElapsedColumn
 
-        self._command = min(max((len(line.command) for line in lines), default=0), LONG_COMMAND)
-        self._command = max(self._command, len(self.heads[2]))
+        longest = max((len(line.command) for line in lines), default=0)
+        self._command = max(min(longest, LONG_COMMAND), len(self.heads[2]))
         head = next((line.source[:HEAD] for line in lines if line.program), "")
         blocks = (len(" ".join(block.split())) for block in head.splitlines())
         self._wide = max(self._command + 2 + LONG_REPLY, min(max(blocks, default=0), LONG_BLOCK) + NAME)
@@ -193,15 +172,7 @@ class TableOutput:
         out, messages = Console(), Console(stderr=True)
         self._terminal = out if out.is_terminal else None
         shown = self._terminal or messages
-        columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
-        self._progress = Progress(
-            *columns,
-            console=shown,
-            transient=True,
-            redirect_stdout=False,
-            redirect_stderr=messages.is_terminal,
-            disable=not shown.is_terminal,
-        )
+        self._progress = progress(shown, TimeElapsedColumn, redirect_stdout=False, redirect_stderr=messages.is_terminal)
         self._task = self._progress.add_task("", total=len(lines))
         if shown.is_terminal:
             twin.observe(self._look, SECOND_NS)
@@ -219,7 +190,6 @@ class TableOutput:
         self._progress.stop()
 
     def result(self, result: Result) -> None:
-        """See JobOutput."""
         self._progress.advance(self._task)
         self._row(
             str(result.number),
@@ -236,7 +206,6 @@ class TableOutput:
             self._row("", f"{part.time_ns / SECOND_NS:.3f}", text if places else f"  {text}", *places, style=said)
 
     def verdict(self, verdict: Verdict, call: Mapping[str, Any]) -> None:
-        """See JobOutput."""
         self._progress.stop()
         axes = [axis.upper() for axis in AXIS_NAMES]
         lost = ", ".join(f"{axis} {round(steps, 3):g}" for axis, steps in zip(axes, verdict.lost_steps, strict=False))
@@ -250,8 +219,7 @@ class TableOutput:
         error = {axis: e for axis, e in zip(axes, verdict.following_error, strict=False) if e is not None}
         if error:
             lost = f"following error: {', '.join(f'{axis} {round(e):g}' for axis, e in error.items())}"
-        off = [f"{axis}: {why}" for axis, why in zip(axes, verdict.switched_off, strict=False) if why]
-        lost += "".join(f", {each}" for each in off)
+        lost += "".join(f", {axis}: {why}" for axis, why in zip(axes, verdict.switched_off, strict=False) if why)
         if verdict.controller_fault:
             lost += ", the controller shows an error"
         if verdict.flash_fault:
@@ -260,11 +228,9 @@ class TableOutput:
         margin = _percent(verdict.margin)
         lost += f", least torque margin: {margin}" if margin else ""
         self._print("")
-        counted = self.counted(verdict) + unsent
-        self._print(
-            f"{_in_words(verdict)}: {counted}, {lost}, {verdict.time_ns / SECOND_NS:.3f} s of machine time",
-            style="bold green" if verdict.ok else "bold red",
-        )
+        text = f"{_in_words(verdict)}: {self.counted(verdict)}{unsent}, {lost}"
+        time = f"{verdict.time_ns / SECOND_NS:.3f} s of machine time"
+        self._print(f"{text}, {time}", style="bold green" if verdict.ok else "bold red")
 
     def counted(self, verdict: Verdict) -> str:
         """How many there were, and how many went wrong."""
@@ -275,7 +241,6 @@ class TableOutput:
         return f"{many(verdict.commands, 'command')}, {verdict.refused} refused{expected}"
 
     def robust(self, verdict: Verdict, trials: Sequence[Repetition], wanted: int) -> bool:
-        """One line, and a line for the first few that ended otherwise."""
         from isel_twin.jobs.robust import agree
 
         other = [trial for trial in trials if not agree(verdict, trial.verdict)]
@@ -292,14 +257,13 @@ class TableOutput:
             ended = trial.verdict
             steps = zip(AXIS_NAMES, ended.lost_steps, ended.forgotten_steps, ended.lost, strict=False)
             lost = ", ".join(f"{axis.upper()} {now + before:.0f}" for axis, now, before, is_lost in steps if is_lost)
-            what = (
-                f"lost {lost}" if lost else f"{ended.refused} refused" if ended.refused else "nothing lost or refused"
-            )
+            refused = f"{ended.refused} refused" if ended.refused else "nothing lost or refused"
+            what = f"lost {lost}" if lost else refused
             self._print(f"  repetition {trial.number}: {what} (seed {trial.seed}, {changed})")
         return not other
 
     def _row(self, number: str, time_s: str, words: str, *positions: str, style: str = "") -> None:
-        """words: of the columns of text together."""
+        """words: both columns of text."""
         places = "".join(f"{position:>11}" for position in positions)
         row = f"{number:>{max(self._number, len(self.heads[0]))}} {time_s:>12}  "
         self._print(f"{row}{words:<{self._wide}}{places}", style)
@@ -317,12 +281,11 @@ class TableOutput:
 
 
 class MotionsOutput(TableOutput):
-    """The same of the motions of a capture, in steps, and the switches they strike."""
+    """The motions of a capture, in steps, and the switches they strike."""
 
     heads = ("motion", "time / s", "steps", "struck")
 
     def counted(self, verdict: Verdict) -> str:
-        """See TableOutput."""
         return f"{many(verdict.commands, 'motion')}, {verdict.refused} struck a switch"
 
 

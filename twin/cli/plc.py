@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import sys
-from json import dumps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, Parameter
 
 from isel_twin.base.errors import CallError, call_errors
-from isel_twin.cli.options import STANDARD_INPUT, ControllerName, Json, check_writable, is_standard_input
+from isel_twin.cli.options import ControllerName, Json, check_writable, is_standard_input
+from isel_twin.cli.outputs import say_json
 
 if TYPE_CHECKING:
     from isel_twin.firmware.plc import PlcProgram
@@ -41,7 +41,7 @@ def assemble(
         with call_errors(out):
             atomic_write(out, image)
     if json:
-        print(dumps({"out": None if out is None else str(out), "bytes": len(image), "image": image.hex()}))
+        say_json({"out": None if out is None else str(out), "bytes": len(image), "image": image.hex()})
     else:
         print(image.hex(" ").upper() if out is None else f"{out}: {len(image)} bytes")
     return 0
@@ -65,7 +65,7 @@ def explain(source: Source, *, json: Json = False) -> int:
     with call_errors(source):
         rows = explained(_program(source))
     if json:
-        print(dumps([{"line": line, "words": words} for line, words in rows]))
+        say_json([{"line": line, "words": words} for line, words in rows])
         return 0
     width = max(len(line) for line, _ in rows)
     for line, words in rows:
@@ -97,7 +97,7 @@ def _program(source: Path) -> PlcProgram:
 
     name = "-" if is_standard_input(source) else str(source)
     with call_errors(source):
-        data = sys.stdin.buffer.read() if str(source) == STANDARD_INPUT else source.read_bytes()
+        data = sys.stdin.buffer.read() if is_standard_input(source) else source.read_bytes()
     try:
         return PlcProgram.read(data) if data.startswith(MAGIC) else assembled(data.decode())
     except AssemblyError as error:

@@ -16,15 +16,13 @@ def ports(*, json: Annotated[bool, Parameter(help="One JSON object.")] = False) 
     from serial.tools.list_ports import comports
 
     from isel_twin.bridge.serve.registry import served
+    from isel_twin.cli.outputs import say_json
 
     served_now = served()
-    real = [
-        {"device": port.device, "description": port.description, "hardware": port.hwid} for port in sorted(comports())
-    ]
+    found = sorted(comports())
+    real = [{"device": each.device, "description": each.description, "hardware": each.hwid} for each in found]
     if json:
-        from json import dumps
-
-        print(dumps({"served": served_now, "real": real}))
+        say_json({"served": served_now, "real": real})
         return 0
     rows = [row for server in served_now for row in _rows(server)]
     print("served now:" if rows else "served now: none")
@@ -37,17 +35,9 @@ def ports(*, json: Annotated[bool, Parameter(help="One JSON object.")] = False) 
 
 
 def _rows(server: dict[str, Any]) -> list[str]:
-    about = "  ".join(
-        [
-            str(server.get("command", "")),
-            *(str(server[key]) for key in ("machine", "controller", "tap") if key in server),
-        ]
-    )
-    return [
-        f"  {_url(port):<28}  {about}  process {server.get('pid')}"
-        for port in server["ports"]
-        if isinstance(port, dict)
-    ]
+    named = [str(server[key]) for key in ("machine", "controller", "tap") if key in server]
+    about = "  ".join([str(server.get("command", "")), *named, f"process {server.get('pid')}"])
+    return [f"  {_url(port):<28}  {about}" for port in server["ports"] if isinstance(port, dict)]
 
 
 def _url(port: dict[str, Any]) -> str:

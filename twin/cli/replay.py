@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,22 +10,15 @@ from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.base.units import SECOND_NS
-from isel_twin.cli.options import (
-    MachineName,
-    Overrides,
-    PlantName,
-    Seed,
-    check_seconds,
-    check_writable,
-    parse_overrides,
-)
-from isel_twin.cli.recording import RecordPath, begin, check_record, keep
+from isel_twin.cli import options
+from isel_twin.cli.files import RecordPath, begin, check_record, keep
+from isel_twin.cli.options import Overrides
 from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
     from isel_twin.recordings.reading import Recorded
-    from isel_twin.recordings.replay import Difference, Pace
+    from isel_twin.recordings.replay import Pace
 
 
 def replay(
@@ -35,9 +29,9 @@ def replay(
     record: RecordPath = None,
     interval: Annotated[float, Parameter(help="Of a real controller: time between two samples of --record.")] = 0.01,
     controller: Annotated[str, Parameter(help="Of a real controller: which one the twin has.")] = "",
-    machine: Annotated[MachineName, Parameter(help="Of a real controller: the twin's machine.")] = MACHINE,
-    plant: Annotated[PlantName, Parameter(help="Of a real controller: the twin's plant.")] = TwinSpec.plant,
-    seed: Annotated[Seed, Parameter(help="Of a real controller: the twin's seed.")] = TwinSpec.seed,
+    machine: Annotated[options.MachineName, Parameter(help="Of a real controller: the twin's machine.")] = MACHINE,
+    plant: Annotated[options.PlantName, Parameter(help="Of a real controller: the twin's plant.")] = TwinSpec.plant,
+    seed: Annotated[options.Seed, Parameter(help="Of a real controller: the twin's seed.")] = TwinSpec.seed,
     set: Annotated[Overrides, Parameter(help="Of a real controller: KEY=VALUE, a parameter of the machine.")] = (),
     json: Annotated[bool, Parameter(help="One JSON object.")] = False,
 ) -> int:
@@ -49,28 +43,26 @@ def replay(
     A recording of a real controller (`tap`) is played to a twin of --controller, --machine, --plant and --seed as its
     host would: the replies are compared as bytes, and `compare` compares the times, with what --record keeps.
     """
-    import json as json_format
     import time
     from contextlib import ExitStack
     from tempfile import TemporaryDirectory
 
     from isel_twin.bridge.serve.pacing import Pacer, parse_speed
-    from isel_twin.cli.outputs import say
+    from isel_twin.cli.outputs import say, say_json
     from isel_twin.recordings import replay as replaying
     from isel_twin.recordings.reading import read
 
-    check_seconds("interval", interval, 1e-9)
+    options.check_seconds("interval", interval, 1e-9)
     with call_errors():
         factor = parse_speed(speed)
     check_record(record)
-    check_writable(record, kept=(recording,))
+    options.check_writable(record, kept=(recording,))
     with call_errors(recording):
         recorded = read(recording)
     with ExitStack() as stack:
         folder = Path(stack.enter_context(TemporaryDirectory(prefix="isel-twin-")))
-        twin = _twin(
-            recorded, folder, controller, TwinSpec(machine, plant=plant, seed=seed, overrides=parse_overrides(set))
-        )
+        call = TwinSpec(machine, plant=plant, seed=seed, overrides=options.parse_overrides(set))
+        twin = _twin(recorded, folder, controller, call)
         if recorded.of_twin:  # its samples are compared, so they are taken when they were
             interval = recorded.interval_ns / SECOND_NS
         recorder = None if record is None else begin(record, twin, interval, {"replay_of": recording.name}, stack)
@@ -85,7 +77,8 @@ def replay(
     if not recorded.whole:
         told.append("the recording has no end, it was cut off; it is played as far as it goes")
     if json:
-        print(json_format.dumps(_summary(difference, twin, told)))
+        first = None if difference is None else dataclasses.asdict(difference)
+        say_json({"same": difference is None, "difference": first, "time_ns": twin.time_ns, "told": told})
         return 0 if difference is None else 1
     for line in told:
         say(f"{recording}: {line}")
@@ -99,8 +92,6 @@ def replay(
 
 def _twin(recorded: Recorded, folder: Path, controller: str, call: TwinSpec) -> Twin:
     """The twin that is played to. Raises CallError."""
-    import dataclasses
-
     from isel_twin.recordings.replay import rebuilt
 
     if recorded.of_twin:
@@ -111,11 +102,4 @@ def _twin(recorded: Recorded, folder: Path, controller: str, call: TwinSpec) -> 
     name = controller or recorded.controller
     if not name:
         raise CallError(f"{recorded.path}: does not say which controller it is of; --controller NAME does")
-    return dataclasses.replace(call, controller=name, line_speed=True).build(keep_motions=1)
-
-
-def _summary(difference: Difference | None, twin: Twin, told: list[str]) -> dict[str, object]:
-    import dataclasses
-
-    first = None if difference is None else dataclasses.asdict(difference)
-    return {"same": difference is None, "difference": first, "time_ns": twin.time_ns, "told": told}
+    return call.with_(controller=name, line_speed=True).build(keep_motions=1)

@@ -14,23 +14,10 @@ from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.base.units import SECOND_NS
-from isel_twin.cli import outputs
-from isel_twin.cli.crews import crew_of
-from isel_twin.cli.files import MOST_SAMPLES, Files, StepsPath, TracePath, VcdPath
+from isel_twin.cli import options, outputs
+from isel_twin.cli.files import MOST_SAMPLES, Files, RecordPath, StepsPath, TracePath, VcdPath
 from isel_twin.cli.interruption import interruption
 from isel_twin.cli.jobs import check_names, job_name, read_job
-from isel_twin.cli.options import (
-    DEFAULT_TWIN,
-    Interval,
-    Robust,
-    Timeout,
-    TwinOptions,
-    Workers,
-    check_seconds,
-    check_workers,
-    is_standard_input,
-)
-from isel_twin.cli.recording import RecordPath
 
 if TYPE_CHECKING:
     from isel_twin.core.spec import TwinSpec
@@ -45,7 +32,7 @@ def run(
     job: Annotated[Path, Parameter(help='Controller commands, one a line, or a program; "-" is standard input.')],
     /,
     *,
-    twin: TwinOptions = DEFAULT_TWIN,
+    twin: options.TwinOptions = options.DEFAULT_TWIN,
     steps: StepsPath = None,
     vcd: VcdPath = None,
     trace: TracePath = None,
@@ -53,10 +40,10 @@ def run(
         Path | None, Parameter(help="Write a page about the job (HTML; a picture if it ends in .png).")
     ] = None,
     record: RecordPath = None,
-    interval: Interval = 0.01,
-    timeout: Timeout = 3600.0,
-    robust: Robust = 0,
-    workers: Workers = 1,
+    interval: options.Interval = 0.01,
+    timeout: options.Timeout = 3600.0,
+    robust: options.Robust = 0,
+    workers: options.Workers = 1,
     json: Annotated[bool, Parameter(help="One line of JSON a command, then one with the summary.")] = False,
 ) -> int:
     """Run a file of controller commands, or a program of the controller's, in virtual time.
@@ -78,8 +65,8 @@ def run(
     --robust 20, only if 20 repetitions with another power-on position, supply (5 %), friction (20 %) and masses (10 %),
     all drawn from --seed, end as the job itself does: what happens near stall is luck.
     """
-    check_seconds("interval", interval, 1e-9)
-    check_seconds("timeout", timeout, 0.0)
+    options.check_seconds("interval", interval, 1e-9)
+    options.check_seconds("timeout", timeout, 0.0)
     lines = read_job(job, twin.controller)
     files = Files(steps, vcd, trace, report, record, interval)
     if files.sampled:
@@ -118,8 +105,7 @@ def run(
             found = inspection.report(job_name(job), verdict)
             if golden is not None:
                 found = found.compared(golden, as_called(found.golden, call, job, golden_file(job)))
-            summary = {**verdict.summary(), **called}
-            title = f"isel-twin: {job_name(job)}"
+            title, summary = f"isel-twin: {job_name(job)}", {**verdict.summary(), **called}
             write_report(path, title, made_on, recorder, made.results, summary, found, inspection.bounds)
 
         recorded = writing.write(page)
@@ -141,23 +127,19 @@ def _golden(job: Path) -> Golden | None:
     """The golden run beside a job, if there is one. Raises CallError."""
     from isel_twin.jobs.golden import golden_file, load
 
-    if is_standard_input(job) or not (file := golden_file(job)).is_file():
+    if options.is_standard_input(job) or not (file := golden_file(job)).is_file():
         return None
     with call_errors(file):
         return load(file)
 
 
 def _why_it_ended(made: Played, timeout_s: float) -> str:
-    """Where and why a job ended before its end."""
-    last, unsent, interrupted = (
-        made.results[-1] if made.results else None,
-        made.verdict.unsent,
-        made.verdict.interrupted,
-    )
+    last = made.results[-1] if made.results else None
+    unsent, interrupted = made.verdict.unsent, made.verdict.interrupted
     said = last.why if last is not None and last.expected is None and not last.ok else ""
     where = "" if last is None else f"{'after ' if last.complete and not said else ''}line {last.number}: "
     why = "interrupted" if interrupted else said or f"no complete reply within {timeout_s:g} s of virtual time"
-    rest = f" and {_lines_are(unsent)} not sent" if unsent else ""
+    rest = f" and {'1 line is' if unsent == 1 else f'{unsent} lines are'} not sent" if unsent else ""
     remedy = "" if interrupted or said else "; --timeout waits longer"
     return f"{where}{why}; the job ends there{rest}{remedy}"
 
@@ -165,13 +147,10 @@ def _why_it_ended(made: Played, timeout_s: float) -> str:
 def _repetitions(
     call: TwinSpec, lines: Sequence[Line], number: int, workers: int, timeout_s: float
 ) -> Callable[[Callable[[], bool]], Iterator[Repetition]] | None:
-    """What makes the repetitions of a job, checked before the job begins; None if none are wanted. Raises CallError.
-
-    They begin with the flash memory as it is now.
-    """
+    """Makes the repetitions of a job, with the flash memory as it is now; None if none are wanted. Raises CallError."""
     if number < 0:
         raise CallError(f"robust {number}: must be a number of repetitions, such as 20", option=True)
-    check_workers(workers)
+    options.check_workers(workers)
     if number == 0:
         return None
     from isel_twin.jobs.robust import check, repetitions
@@ -181,12 +160,8 @@ def _repetitions(
     if isinstance(call.flash, Path) and call.flash.is_file():
         with call_errors(call.flash):
             flash = call.flash.read_bytes()
-    crew = crew_of(min(workers, number))
+    crew = options.crew_of(min(workers, number))
     return lambda stop: repetitions(call, lines, number, timeout_s=timeout_s, flash=flash, crew=crew, stop=stop)
-
-
-def _lines_are(number: int) -> str:
-    return "1 line is" if number == 1 else f"{number} lines are"
 
 
 def _check_samples(lines: Sequence[Line], interval_s: float) -> None:

@@ -10,17 +10,8 @@ from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.bridge.serve.endpoints import addresses, open_endpoints, ports
-from isel_twin.cli.options import (
-    DEFAULT_TWIN,
-    Interval,
-    Ptys,
-    Rfc2217s,
-    Tcps,
-    TwinOptions,
-    check_seconds,
-    check_writable,
-)
-from isel_twin.cli.recording import MCAP, RecordPath, check_record
+from isel_twin.cli import options
+from isel_twin.cli.files import MCAP, RecordPath, check_record
 
 if TYPE_CHECKING:
     from isel_twin.bridge.operate.control_port import ControlPort
@@ -28,20 +19,16 @@ if TYPE_CHECKING:
     from isel_twin.bridge.serve.borders import WireTap
     from isel_twin.bridge.serve.server import Guest
 
-KEPT_MOTIONS = 1000
-"""Motions in the record of a server: what its panel or a visitor may want to look back at; recordings have all."""
-
-
-PANEL = "127.0.0.1:8217"
-"""Where the panel is without an address."""
+KEPT_MOTIONS = 1000  # in the record of a server: what its panel may want to look back at; recordings have all
+PANEL = "127.0.0.1:8217"  # where the panel is without an address
 
 
 def serve(
     *,
-    twin: TwinOptions = DEFAULT_TWIN,
-    pty: Ptys = None,
-    tcp: Tcps = None,
-    rfc2217: Rfc2217s = None,
+    twin: options.TwinOptions = options.DEFAULT_TWIN,
+    pty: options.Ptys = None,
+    tcp: options.Tcps = None,
+    rfc2217: options.Rfc2217s = None,
     control: Annotated[
         str | None, Parameter(help="HOST:PORT for clients that operate the machine, see `ctl`; port 0: a free one.")
     ] = None,
@@ -59,7 +46,7 @@ def serve(
         bool, Parameter(help="A host that sets another speed, parity or data bits is garbled, as on a real line.")
     ] = False,
     record: RecordPath = None,
-    interval: Interval = 0.01,
+    interval: options.Interval = 0.01,
     log: Annotated[
         Literal["events", "wire"], Parameter(help="events: who comes and goes. wire: every message, in words, too.")
     ] = "events",
@@ -68,8 +55,6 @@ def serve(
 
     Prints one line of JSON with the addresses once everything listens. Logs go to stderr.
     """
-    import json
-
     from isel_twin.bridge.serve.keeping import serve_and_keep
     from isel_twin.bridge.serve.log import log_to
     from isel_twin.bridge.serve.loop import on_signals
@@ -78,11 +63,12 @@ def serve(
     from isel_twin.bridge.serve.registry import registered
     from isel_twin.bridge.serve.server import Server
     from isel_twin.bridge.serve.wire_log import Taps, WireLog
-    from isel_twin.cli.recording import begin, keep
+    from isel_twin.cli.files import begin, keep
+    from isel_twin.cli.outputs import say_json
     from isel_twin.core.warm import warm_up
     from isel_twin.language import create_language
 
-    check_seconds("interval", interval, 1e-9)
+    options.check_seconds("interval", interval, 1e-9)
     if control_token is not None and (control is None or not control_token):
         raise CallError("control-token: goes with --control HOST:PORT, and is not empty", option=True)
     if panel_token is not None and (panel is None or not panel_token):
@@ -90,7 +76,7 @@ def serve(
     with call_errors():
         factor = parse_speed(speed)
     check_record(record)
-    check_writable(record, kept=twin.files)
+    options.check_writable(record, kept=twin.files)
     call = twin.spec(line_speed=factor is not None)
     with ExitStack() as stack:
         if (stderr := file_number(sys.stderr)) is not None:
@@ -110,9 +96,8 @@ def serve(
         if recording is not None:
             taps.append(TimeTap(recording))
             guests.append(Freshness(recording))
-        server = Server(
-            served, Pacer(factor, served.time_ns), endpoints, Taps(taps) if taps else None, guests, strict_baud
-        )
+        pacer, tapped = Pacer(factor, served.time_ns), Taps(taps) if taps else None
+        server = Server(served, pacer, endpoints, tapped, guests, strict_baud)
         stack.enter_context(on_signals(server.stop))
         where = addresses(endpoints)
         if port is not None:
@@ -123,7 +108,7 @@ def serve(
             where["panel"] = page.url
         who = {"machine": served.machine.name, "controller": twin.controller}
         stack.enter_context(registered({"command": "serve", **who, "ports": ports(endpoints)}))
-        print(json.dumps({**where, **who}), flush=True)
+        say_json({**where, **who})
         if record is None or recording is None:
             return serve_and_keep(server)
         if record.suffix == MCAP:
@@ -133,7 +118,6 @@ def serve(
 
 
 def _control_port(address: str | None, token: str | None, stack: ExitStack) -> ControlPort | None:
-    """Listen for clients that operate the machine."""
     if address is None:
         return None
     from isel_twin.bridge.operate.control_port import ControlPort
@@ -145,7 +129,6 @@ def _control_port(address: str | None, token: str | None, stack: ExitStack) -> C
 
 
 def _panel(address: str | None, token: str | None, stack: ExitStack) -> Panel | None:
-    """Listen for browsers."""
     if address is None:
         return None
     from isel_twin.bridge.operate.panel.guest import Panel
@@ -160,7 +143,7 @@ def _panel(address: str | None, token: str | None, stack: ExitStack) -> Panel | 
 
 
 def file_number(stream: TextIO) -> int | None:
-    """File descriptor of a stream; None if there is no file behind it, as where a caller has put its own in place."""
+    """File descriptor of a stream; None if a caller has put something in its place that has none."""
     try:
         return stream.fileno()
     except (OSError, ValueError):

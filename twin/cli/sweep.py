@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
-import json as json_module
 import os
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -14,9 +14,8 @@ from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import outputs
-from isel_twin.cli.crews import crew_of
 from isel_twin.cli.interruption import interruption
-from isel_twin.cli.options import Whole, check_workers, check_writable, is_standard_input
+from isel_twin.cli.options import Whole, check_workers, check_writable, crew_of, is_standard_input
 
 if TYPE_CHECKING:
     from isel_twin.base.crew import Crew
@@ -24,6 +23,8 @@ if TYPE_CHECKING:
     from isel_twin.many.studies.row import Point
     from isel_twin.many.studies.sensitivity import Index
     from isel_twin.many.studies.table import Table
+
+MOST_GROUPS = 12  # values of a parameter that are told one by one
 
 
 def sweep(
@@ -66,8 +67,7 @@ def sweep(
         from isel_twin.many.studies.sensitivity import check_picture
 
         check_picture(sensitivity, read)
-    call = read.call
-    check_writable(file, journal_of(file), sensitivity, kept=(plan, call.scenario))
+    check_writable(file, journal_of(file), sensitivity, kept=(plan, read.call.scenario))
     _try_out(read)
     with Table(file, read, wanted) as table:
         code = _fill(table, read, _crew(workers, cluster, len(table.missing())), json)
@@ -90,20 +90,14 @@ def _crew(workers: int | None, address: str | None, missing: int) -> Crew:
 
     if address is not None:
         return cluster(address)
-    return crew_of(max(1, min(workers if workers is not None else _processors(), missing)))
-
-
-def _processors() -> int:
-    """That this process may use."""
-    affinity = getattr(os, "sched_getaffinity", None)  # not everywhere
-    return len(affinity(0)) if affinity is not None else os.cpu_count() or 1
+    affinity = getattr(os, "sched_getaffinity", None)  # processors that this process may use; not everywhere
+    processors = len(affinity(0)) if affinity is not None else os.cpu_count() or 1
+    return crew_of(max(1, min(workers or processors, missing)))
 
 
 def _try_out(plan: Plan) -> None:
     """Find out what is wrong with scenario and job before a long sweep. Raises CallError."""
-    import dataclasses
-
-    twin = dataclasses.replace(plan.call, plant="kinematic").build()
+    twin = plan.call.with_(plant="kinematic").build()
     names = {switch.name for switch in twin.machine.switches} | {"all"}
     if unknown := sorted(set(plan.work.bounds.may_strike) - names):
         raise CallError(f"{plan.file}: sweep.may_strike: {unknown[0]!r}; allowed: {', '.join(sorted(names))}")
@@ -128,8 +122,7 @@ def _fill(table: Table, plan: Plan, crew: Crew, json: bool) -> int:
                 if isinstance(outcome, Lost):
                     why = why or outcome.why
                 else:
-                    row = table.add(missing[index], outcome)
-                    shown.row(row)
+                    shown.row(table.add(missing[index], outcome))
         except BrokenPipeError:  # nobody reads the rows any more
             raise
         except (MismatchError, OSError, CallError) as error:
@@ -154,18 +147,11 @@ class _Progress:
 
     def __init__(self, total: int, had: int, json: bool) -> None:
         from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+        from rich.progress import TimeRemainingColumn
 
         self._json = json
-        messages = Console(stderr=True)
-        columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
-        self._bar = Progress(
-            *columns,
-            console=messages,
-            transient=True,
-            disable=json or not messages.is_terminal,
-            speed_estimate_period=600.0,
-        )
+        console = Console(stderr=True)
+        self._bar = outputs.progress(console, TimeRemainingColumn, shown=not json, speed_estimate_period=600.0)
         self._task = self._bar.add_task("rows", total=total, completed=had)
         self._failed = 0
 
@@ -177,27 +163,25 @@ class _Progress:
         self._bar.stop()
 
     def row(self, row: dict[str, Any]) -> None:
-        """A row has come."""
         self._failed += row["ok"] is not True
         self._bar.update(self._task, advance=1, description=f"rows, {self._failed} not well")
         if self._json:
-            print(json_module.dumps(row), flush=True)
+            outputs.say_json(row)
 
 
 def _tell(plan: Plan, rows: Sequence[dict[str, Any]], wanted: int, file: Path, json: bool) -> None:
-    """What has become of it."""
+    """Print how many rows are not well: of all, and for each value of a parameter."""
     failed = [row for row in rows if row["ok"] is False]
     errors = [row for row in rows if row["error"] is not None]
     if json:
         counts = {"rows": len(rows), "ok": len(rows) - len(failed) - len(errors), "failed": len(failed)}
         more = {"errors": len(errors), "missing": wanted - len(rows), "table": str(file)}
-        print(json_module.dumps({"summary": True, **counts, **more}), flush=True)
+        outputs.say_json({"summary": True, **counts, **more})
         return
     print(f"{file}: {len(rows)} of {wanted} rows, {_share(len(failed), len(rows) - len(errors))} not well")
     if errors:
         print(f"  {len(errors)} could not be computed, the first: {errors[0]['error']}")
-    grouped = [parameter.name for parameter in plan.parameters if not parameter.sampled]
-    for name in grouped:
+    for name in (parameter.name for parameter in plan.parameters if not parameter.sampled):
         by_value: dict[Any, list[dict[str, Any]]] = {}
         for row in rows:
             if row["error"] is None:
@@ -212,12 +196,10 @@ def _tell(plan: Plan, rows: Sequence[dict[str, Any]], wanted: int, file: Path, j
 
 
 def _tell_indices(found: Sequence[Index], picture: Path, json: bool) -> None:
-    """What each outcome depends on, the most first."""
-    import dataclasses
-
+    """Print what each outcome depends on, the most first."""
     if json:
         told = [dataclasses.asdict(index) for index in found]
-        print(json_module.dumps({"sensitivity": told, "picture": str(picture)}), flush=True)
+        outputs.say_json({"sensitivity": told, "picture": str(picture)})
         return
     print(f"{picture}: what the outcome depends on (part of the variance)")
     for outcome in dict.fromkeys(index.outcome for index in found):
@@ -226,10 +208,6 @@ def _tell_indices(found: Sequence[Index], picture: Path, json: bool) -> None:
             f"{i.parameter} {i.first:.2f}" + ("" if i.total is None else f" (with others {i.total:.2f})") for i in some
         ]
         print(f"  {outcome}: {', '.join(each)}")
-
-
-MOST_GROUPS = 12
-"""Values of a parameter that are told one by one."""
 
 
 def _shown(value: Any) -> str:

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from isel_twin.bridge.tap.tap import BookWriter
     from isel_twin.controller import SerialFormat
 
-SWITCH_S = 0.0005
-"""A thread that writes things down gives way to one that has a byte to stamp so soon; by itself Python waits 5 ms."""
+SWITCH_S = 0.0005  # a writing thread gives way so soon to one that has a byte to stamp; Python's own value is 5 ms
 
 
 def tap(
@@ -44,13 +43,12 @@ def tap(
 
     Prints one line of JSON with the addresses for the host once everything is open. Ends with Ctrl-C.
     """
-    import json
-
     from isel_twin.bridge.serve.log import log_to
     from isel_twin.bridge.serve.loop import on_signals
     from isel_twin.bridge.serve.registry import registered
     from isel_twin.bridge.serve.wire_log import WireLog
     from isel_twin.bridge.tap.tap import Tap
+    from isel_twin.cli.outputs import say_json
     from isel_twin.cli.serve import file_number
     from isel_twin.language import create_language
 
@@ -74,7 +72,7 @@ def tap(
         between.writer = writer
         who = {"tap": device, "controller": controller}
         stack.enter_context(registered({"command": "tap", **who, "ports": ports(endpoints)}))
-        print(json.dumps({**addresses(endpoints), **who}), flush=True)
+        say_json({**addresses(endpoints), **who})
         whole = True
         sys.setswitchinterval(SWITCH_S)
         try:

@@ -28,8 +28,7 @@ PLANTS = ("mujoco", "kinematic")
 class Plans:
     """What twins that differ in seed, start and flash alone have in common."""
 
-    machine: Machine
-    """With all overrides."""
+    machine: Machine  # with all overrides
     events: tuple[ScenarioEvent, ...]
     new_controller: Callable[[bytes | None], Controller] | None
     """Builds the controller, given a flash image; None: it was handed in, and there is no other."""

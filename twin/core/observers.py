@@ -1,4 +1,4 @@
-"""Who looks at a twin on a grid of virtual time, and whenever an input or output changes."""
+"""Observers of a twin: called on a grid of virtual time, and whenever an input or output changes."""
 
 from __future__ import annotations
 
@@ -7,8 +7,6 @@ from typing import Generic, Protocol, TypeVar
 
 
 class _Seen(Protocol):
-    """What is asked of the twin."""
-
     @property
     def time_ns(self) -> int: ...
     @property
@@ -19,33 +17,28 @@ Seen = TypeVar("Seen", bound=_Seen)
 
 
 class Observers(Generic[Seen]):
-    """All who look, in the order in which they came."""
+    """All observers, in the order of `add`."""
 
     def __init__(self) -> None:
         self._all: list[_Observer[Seen]] = []
-        self._changes = 0
-        """Of the wiring, when they looked last."""
-        self._inputs: Mapping[str, str] = {}
-        """As they were then."""
+        self._changes = 0  # changes of the wiring at their last look
+        self._inputs: Mapping[str, str] = {}  # inputs then
 
     def __len__(self) -> int:
         return len(self._all)
 
     def add(self, callback: Callable[[Seen], None], interval_ns: int | None, twin: Seen, changes: int) -> None:
-        """One more, who looks at once. changes: of the wiring, so far."""
+        """A new one, who looks at once. changes: of the wiring, so far."""
         self._all.append(_Observer(callback, interval_ns, twin.time_ns))
         self._changes, self._inputs = changes, twin.inputs
 
     @property
     def next_ns(self) -> int | None:
-        """When the next look is due by itself."""
-        if not self._all:
-            return None
+        """When the next look on a grid is due."""
         return min((one.next_ns for one in self._all if one.next_ns is not None), default=None)
 
     def look(self, twin: Seen, changed: bool, changes: int) -> None:
-        """Let those look whose time has come; all of them if an output has changed, or an input since they last
-        looked."""
+        """Call those whose time has come; all of them if something has changed."""
         if not self._all:
             return
         if changed:
@@ -54,7 +47,7 @@ class Observers(Generic[Seen]):
             one.look(twin, changed)
 
     def inputs_changed(self, twin: Seen, changes: int) -> bool:
-        """Whether an input is not what it was when they looked last; they are about to look."""
+        """True if an input has changed since their last look; they are about to look again."""
         if not self._all or self._changes == changes:
             return False
         self._changes = changes
@@ -62,7 +55,7 @@ class Observers(Generic[Seen]):
         return before != self._inputs
 
     def restored(self, twin: Seen, changes: int) -> None:
-        """It is another time, and everything may have changed: all look now, and then on the grid they had."""
+        """The twin is at another time: all look now, and then on their old grids."""
         for one in self._all:
             one.go_on(twin.time_ns)
         self._changes, self._inputs = changes, twin.inputs if self._all else {}
@@ -71,8 +64,6 @@ class Observers(Generic[Seen]):
 
 
 class _Observer(Generic[Seen]):
-    """Somebody who looks at the twin on a grid of virtual time."""
-
     def __init__(self, callback: Callable[[Seen], None], interval_ns: int | None, start_ns: int) -> None:
         self._callback = callback
         self._interval_ns = interval_ns

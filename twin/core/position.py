@@ -1,19 +1,17 @@
-"""Counters, rotors and carriages: what is lost between what the controller believes and where the machine is.
+"""Lost steps and true positions: how counters, motors and carriages are related.
 
-Three numbers stand for each axis, in steps of the controller:
+Each axis has three numbers, in steps of the controller:
 
-    count       what the controller believes; it may set it anew without a motion (reference run)
-    command     the sum of the ticks the drive has been given since power-on, in the sense of the motor
-    rotor       where the motor is, in the sense of the motor
+    count       the controller's counter, which it may set without a motion (reference run)
+    command     sum of the ticks given to the drive since power-on, in the sense of the motor
+    rotor       position of the motor, in the sense of the motor
 
-A motor that loses steps loses whole slips, one period of its torque. When a counter is set, the slips until then are
-forgotten by everybody but this module:
+A motor loses whole slips, each one period of its torque. Slips before a counter was set do not count as lost any more:
 
     lost  = direction (command - rotor - slip)             slip: whole periods at the last setting of the counter
     zero  = where the carriage is when the counter is 0 and nothing is lost
 
-The zero changes only when a counter is set. Between two settings it is held: what the drive has been given and what the
-controller counts are known on different grids of time and differ by a pulse in a sub-step.
+The zero changes only when a counter is set, for within a sub-step command and count may differ by a pulse.
 """
 
 from __future__ import annotations
@@ -32,10 +30,7 @@ from isel_twin.plant import Plant
 def position_error_mm(
     position_mm: NDArray[np.float64], counts: NDArray[np.int64], step_mm: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """float64 [..., 3], true position minus counter, for positions [..., 3], counts [..., axes], way of a step [3].
-
-    A carriage that the controller has no counter for should stand at 0.
-    """
+    """float64 [..., 3], true position minus counter. counts: int64 [..., axes]; a carriage without one counts as 0."""
     axes = min(counts.shape[-1], len(step_mm))
     error_mm = position_mm.copy()
     error_mm[..., :axes] -= counts[..., :axes] * step_mm[:axes]
@@ -53,30 +48,28 @@ class Position:
         self._start_mm = plant.position_mm.copy()
         self._period = plant.slip_steps.copy()
         self._closed = plant.closed_loop.copy()
-        """bool [axes], with servo drives: a difference at the setting of a counter is no slip, but a new zero."""
+        """bool [axes], with servo drives: a difference when a counter is set is a new zero, no slip."""
         self._slip = np.zeros(len(controller.counts))
         self._forgotten = np.zeros(len(controller.counts))
         self._encoder_zero = np.zeros(len(controller.counts))
-        self.before_change: Callable[[], None] | None = None
-        """Called before counters and positions are related in another way, for whoever has samples to relate."""
-        self._turned = tuple(controller.direction)
-        """The directions that the zeros below belong to."""
+        self.before_change: Callable[[], None] | None = None  # called before zeros or directions change
+        self._turned = tuple(controller.direction)  # directions that the zeros belong to
         self._zero_mm = self._zeros()
         self._sense, self._mirrored = self._senses()
 
     def start_anew(self, controller: Controller) -> None:
-        """Another controller counts from now on, the same axes: where the carriages stand is where its counters say."""
+        """Another controller of the same axes: the carriages stand where its counters say."""
         self._controller = controller
         for axis, count in enumerate(controller.counts):
             self.counter_set(axis, count)
 
     def counter_set(self, axis: int, value: int) -> None:
-        """The controller has set the counter of one axis to a value, without a motion."""
+        """The controller has set a counter without a motion."""
         self.follow_direction()
         if self.before_change is not None:
             self.before_change()
         told, rotor, sense = self._plant.told[axis], self._plant.rotor[axis], self._direction[axis]
-        if self._closed[axis]:  # what a drive took for zero when it was switched on; that it lags now is no slip
+        if self._closed[axis]:  # the zero a drive took when it was switched on; its lag is no slip
             slip = float(self._plant.command[axis] - rotor - self._plant.lag[axis])
         else:
             slip = round((told - rotor) / self._period[axis]) * self._period[axis]
@@ -87,8 +80,7 @@ class Position:
             self._zero_mm[axis] = self._zeros()[axis]
 
     def follow_direction(self) -> None:
-        """The other way round, another place is where the counter is 0. To be called before a motion begins: directions
-        change at rest only, and then counters and drives agree."""
+        """New zeros if a direction has changed. Called before a motion: at rest counters and drives agree."""
         if self._controller.direction != self._turned:
             if self.before_change is not None:
                 self.before_change()
@@ -103,23 +95,23 @@ class Position:
 
     @property
     def position_mm(self) -> NDArray[np.float64]:
-        """float64 [3], true carriage positions in zero and direction of the counters."""
+        """float64 [3], true, in zero and direction of the counters."""
         self.follow_direction()
         return self.of_carriages_mm(self._plant.position_mm)
 
     def of_carriages_mm(self, carriages_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-        """float64 [..., 3], machine coordinates in zero and direction of the counters as they are now."""
+        """float64 [..., 3], from machine coordinates to zero and direction of the counters."""
         beyond_mm: NDArray[np.float64] = carriages_mm - self._zero_mm
         return self._sense * beyond_mm if self._mirrored else beyond_mm
 
     @property
     def velocity_mm_s(self) -> NDArray[np.float64]:
-        """float64 [3], true carriage velocities in the direction of the counters."""
+        """float64 [3], true, in the direction of the counters."""
         self.follow_direction()
         return self.of_velocities_mm_s(self._plant.velocity_mm_s)
 
     def of_velocities_mm_s(self, velocity_mm_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """float64 [..., 3], velocities in machine coordinates in the direction of the counters as it is now."""
+        """float64 [..., 3], from machine coordinates to the direction of the counters."""
         return self._sense * velocity_mm_s if self._mirrored else velocity_mm_s.copy()
 
     @property
@@ -129,94 +121,85 @@ class Position:
 
     @property
     def lost_steps(self) -> NDArray[np.float64]:
-        """float64 [axes], counter minus rotor position since each counter was set; fractions are load angle. 0 for axes
-        with servo drives, which lag and lose nothing."""
+        """float64 [axes], counter minus rotor since each counter was set; fractions are load angle. 0 for servo
+        drives, which lag and lose nothing."""
         lost: NDArray[np.float64] = self._direction * (self._plant.commanded - self._plant.rotor - self._slip)
         lost[self._closed] = 0.0
         return lost
 
     def lost_of(self, commanded: NDArray[np.int64], rotor: NDArray[np.float64]) -> NDArray[np.float64]:
-        """float64 [..., axes], lost steps of other commands and rotors, as counters were set last."""
+        """float64 [..., axes], lost steps for other commands and rotors."""
         lost: NDArray[np.float64] = self.turned * (commanded - rotor - self._slip)
         lost[..., self._closed] = 0.0
         return lost
 
     @property
     def turned(self) -> NDArray[np.int64]:
-        """int64 [axes], the directions that positions are related by."""
+        """int64 [axes], the directions that the zeros belong to."""
         return np.array(self._turned, dtype=np.int64)
 
     @property
     def offset(self) -> NDArray[np.int64]:
-        """int64 [axes], counters less what has been commanded, in the direction of the counters."""
+        """int64 [axes], counters minus commands, in the direction of the counters."""
         self.follow_direction()
         return self.counts - self.turned * self._plant.told
 
     @property
     def slip_steps(self) -> NDArray[np.float64]:
-        """float64 [axes], steps in one slip of each motor (four full steps): losses are multiples of it."""
+        """float64 [axes], steps in one slip of each motor, four full steps."""
         return self._period.copy()
 
     @property
     def forgotten_steps(self) -> NDArray[np.float64]:
-        """float64 [axes], steps lost since power-on, either way, and gone from `lost_steps` when counters were set."""
+        """float64 [axes], steps lost since power-on, either way, that `lost_steps` dropped when counters were set."""
         return self._forgotten.copy()
 
-    # For controllers that ask what their drives know
+    # Drives, for controllers that ask them
 
     @property
     def encoder(self) -> tuple[int, ...]:
-        """See Drives.encoder."""
         measured = self._direction * (self._plant.rotor + self._slip) + self._encoder_zero
         return tuple(int(n) for n in measured.round())
 
     @property
     def lag(self) -> tuple[float, ...]:
-        """See Drives.lag."""
         slip = np.where(self._closed, 0.0, self._slip)  # a drive that was switched on anew knows of no slip
         return tuple((self._direction * (self._plant.lag - slip)).tolist())
 
     @property
     def in_position(self) -> tuple[bool, ...]:
-        """See Drives.in_position."""
         return tuple(self._plant.in_position.tolist())
 
     @property
     def overloaded(self) -> tuple[bool, ...]:
-        """See Drives.overloaded."""
         return tuple(self._plant.overloaded.tolist())
 
     @property
     def speed(self) -> tuple[float, ...]:
-        """See Drives.speed."""
         return tuple((self._direction * self._plant.rotor_speed).tolist())
 
     @property
     def past_zero_pulse(self) -> tuple[int, ...]:
-        """See Drives.past_zero_pulse."""
         turn = self._plant.turn_steps
         start = np.zeros(len(turn))
         start[: len(self._start_mm)] = (self._start_mm / self.step_mm)[: len(turn)]
-        at = np.floor(self._direction * (self._plant.rotor + start)) % turn
-        return tuple(int(n) for n in at)
+        return tuple(int(n) for n in np.floor(self._direction * (self._plant.rotor + start)) % turn)
 
     @property
     def on(self) -> tuple[bool, ...]:
-        """See Drives.on."""
         return tuple(self._plant.powered.tolist())
 
     @property
     def fault(self) -> tuple[bool, ...]:
-        """See Drives.fault."""
         return tuple(self._plant.fault.tolist())
 
     def _senses(self) -> tuple[NDArray[np.int64], bool]:
-        """int64 [3], direction of each carriage, and whether one is turned round."""
+        """int64 [3], direction of each carriage; True if one is turned round."""
         sense = _of_carriages(self._direction, 1)
         return sense, bool((sense < 0).any())
 
     def _zeros(self) -> NDArray[np.float64]:
-        """float64 [3], the zeros by what is true now."""
+        """float64 [3]."""
         beyond = _of_carriages(self._plant.told - self._direction * self.counts - self._slip)
         zero_mm: NDArray[np.float64] = self._start_mm + beyond * self.step_mm
         return zero_mm
@@ -227,7 +210,7 @@ class Position:
 
 
 def _of_carriages(values: NDArray[Any], missing: int = 0) -> NDArray[Any]:
-    """The first three of some values [axes], filled up if there are fewer."""
+    """The first three of values [axes], filled up with `missing`."""
     if len(values) >= len(CARRIAGES):
         return values[: len(CARRIAGES)]
     return np.concatenate((values, np.full(len(CARRIAGES) - len(values), missing, dtype=values.dtype)))

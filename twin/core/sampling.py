@@ -1,13 +1,12 @@
-"""Samples that the plant takes by itself, in the zero, direction and counters of the controller.
+"""Samples taken by the plant, converted to the zero, direction and counters of the controller.
 
-Looking at a twin takes a hundred microseconds, in which a machine in motion is computed for twenty milliseconds. A
-plant that takes samples in its compiled loop (isel_twin.plant.Sampled) takes them for nothing, in its own coordinates;
-what they are to the controller is worked out for hundreds of them at once:
+Looking at a twin takes 100 us, in which 20 ms of motion can be computed. A plant that samples in its compiled loop
+(isel_twin.plant.Sampled) costs nothing; its samples are converted hundreds at a time:
 
     plant:  | . . . . . | . . . . . . . . | . .        samples wait
-                        ^ a counter is set              they are read before anything they are related to changes
+                        ^ a counter is set              they are converted before zero or direction change
 
-Between two such changes the counters are what was commanded, in the sense of the controller, and a constant.
+Between two such changes counter = direction * command + constant.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from isel_twin.plant import MOST_SAMPLES, Sampled
 
 @dataclass(frozen=True, eq=False)
 class TwinSamples:
-    """n samples, as `Twin` would have shown itself at those times."""
+    """n samples, equal to what `Twin` shows at those times."""
 
     time_ns: NDArray[np.int64]
     counts: NDArray[np.int64]
@@ -37,7 +36,7 @@ class TwinSamples:
 
 
 class Sampler:
-    """Reads the samples of a plant in time and hands them on. See the module."""
+    """Reads the samples of a plant in time and hands them on."""
 
     def __init__(
         self,
@@ -47,10 +46,8 @@ class Sampler:
         take: Callable[[TwinSamples], None],
         from_ns: int = 0,
     ) -> None:
-        """take: called with samples, in the order of time. from_ns: a time of their grid.
-
-        Raises ValueError if the plant cannot take them.
-        """
+        """take: called with samples, in order. from_ns: a time of their grid. Raises ValueError for an interval that
+        the plant does not allow."""
         plant.sample_every(interval_ns, from_ns)
         self.interval_ns = interval_ns
         self.from_ns = from_ns
@@ -63,19 +60,19 @@ class Sampler:
         position.before_change = self._changes
 
     def share(self, take: Callable[[TwinSamples], None]) -> None:
-        """Hand the samples on to somebody else as well, from now on."""
+        """Call `take` as well from now on."""
         self.hand_on()
         self._takers.append(take)
 
     def leave(self, take: Callable[[TwinSamples], None]) -> bool:
-        """Hand on what waits, and that was all for this one; return whether nobody is left, and no sample is taken any
-        more."""
+        """Hand on what waits, and call `take` no more; returns True if it was the last one: sampling ends."""
         self.hand_on()
         self._takers.remove(take)
-        if not self._takers:
-            self._plant.sample_every(0)
-            self._position.before_change = None
-        return not self._takers
+        if self._takers:
+            return False
+        self._plant.sample_every(0)
+        self._position.before_change = None
+        return True
 
     @property
     def waiting(self) -> int:
@@ -83,18 +80,17 @@ class Sampler:
         return self._plant.samples_waiting
 
     def prepare(self) -> None:
-        """Time is about to pass, and the controller knows of all that has."""
+        """To be called before the plant advances."""
         self._position.follow_direction()
         if self._offset is None:
             self._offset = self._position.offset
 
     def keep_up(self) -> None:
-        """Time has passed: hand on what waits, if it is much."""
+        """To be called after the plant has advanced."""
         if self._plant.samples_waiting >= MOST_SAMPLES // 2:
             self.hand_on()
 
     def hand_on(self) -> None:
-        """Hand on what waits."""
         if not self._plant.samples_waiting:
             return
         if self._offset is None:
@@ -114,11 +110,11 @@ class Sampler:
             take(samples)
 
     def begin_anew(self) -> None:
-        """The twin is at another time: nothing waits, and what samples are related to is another."""
+        """The twin has been restored."""
         self._offset = None
 
     def _changes(self) -> None:
-        """What the samples are related to is about to change."""
+        """Zero or direction is about to change."""
         self.hand_on()
         self._offset = None
         self._plant.sample_again()

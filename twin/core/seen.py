@@ -24,8 +24,7 @@ _MOVING_SLICE_NS = 10 * MILLISECOND_NS
 class Seen:
     """The part of a `Twin` that is read."""
 
-    time_ns: int
-    """Virtual time since power-on."""
+    time_ns: int  # virtual time since power-on
     _controller: Controller
     _plant: Plant
     _position: Position
@@ -226,12 +225,7 @@ class Seen:
 
         While something moves this is when to look again: a switch may be struck before.
         """
-        times = [
-            self._controller.next_ns,
-            self._line.next_ns,
-            self._line.next_reply_ns,
-            self._wiring.next_event_ns,
-        ]
+        times = [self._controller.next_ns, self._line.next_ns, self._line.next_reply_ns, self._wiring.next_event_ns]
         if self._stream.moving or not self._plant.at_rest:
             times.append(self.time_ns + _MOVING_SLICE_NS)
         return min((t for t in times if t is not None), default=None)

@@ -65,10 +65,8 @@ from isel_twin.wiring import Schedule, SerialLine, Wiring, thresholds
 _NEVER_NS = 1 << 62
 _ENDLESS = 100_000
 """Most rounds in which one instant may settle after the last event of a scenario; more needs a broken controller."""
-_REMARKS = 1000
-"""Remarks of the controller that are kept."""
-_STEPS = 10_000
-"""Steps of a program that are kept."""
+_REMARKS = 1000  # remarks of the controller that are kept
+_STEPS = 10_000  # steps of a program that are kept
 
 log = logging.getLogger("isel_twin")
 
@@ -170,8 +168,7 @@ class Twin(Operated, Saved, Seen):
         """What the controller's bytes mean; None if nobody has told. Decoders take one of their own."""
         self.machine = plans.machine
         start, trips, bounces, noise = (np.random.default_rng(s) for s in np.random.SeedSequence(origin.seed).spawn(4))
-        self.origin = origin
-        """What it was built from, for whoever has to build it again."""
+        self.origin = origin  # what it was built from, for whoever has to build it again
         self.time_ns = 0
         self.keys: Mapping[str, Key] = dict(controller.keys) if offers(controller, HasKeys) else {}
         """Keys of the controller's own panel, by name: see `press`."""
@@ -207,8 +204,7 @@ class Twin(Operated, Saved, Seen):
         """Directions of the motors if one is turned round, during a motion."""
         self._due_ns = 0
         """When somebody has something to do by himself, as far as is known since the twin last settled."""
-        self._untold = False
-        """The plant has moved on since the twin last settled."""
+        self._untold = False  # the plant has moved on since the twin last settled
         self._settling = False
 
         self._told = Told(controller, self.flash, rebuilt=plans.new_controller is not None)

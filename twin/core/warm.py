@@ -1,11 +1,7 @@
-"""Compiled code, ready before anybody waits for it.
+"""Compiles the physics before it is needed, so that no host waits for its first reply.
 
 numba compiles a function when it is first called, and keeps the result beside the package: seconds on a new
-installation, a fraction of one ever after. The goal of this code is that those seconds fall where somebody who looks
-can see why, and not between a host's first command and its reply.
-
-    warm_up(plant)      calls, on a machine of its own, every compiled function that a twin with that plant can come to
-    told_of_compiling   says so while it lasts, but only if there is anything to compile
+installation, a fraction of one ever after. `warm_up` calls every compiled function that a twin can come to.
 
 What is compiled does not depend on machine or controller: ticks are int64 and int8, set points int32, and the drives of
 all machines are records of one kind.
@@ -35,10 +31,8 @@ def _log(text: str) -> None:
 
 @contextmanager
 def told_of_compiling(tell: Callable[[str], None] = _log) -> Iterator[None]:
-    """Tell when numba begins to compile within the block, and at its end how long it took; nothing if all is there.
-
-    tell: takes one line of text; standard error by default.
-    """
+    """Tell in a line of text when numba begins to compile in the block, and at its end how long it took; nothing if
+    all is there."""
     listener = _Listener(tell)
     with event.install_listener("numba:compile", listener):
         yield
@@ -47,10 +41,7 @@ def told_of_compiling(tell: Callable[[str], None] = _log) -> Iterator[None]:
 
 
 def warm_up(plant: str, tell: Callable[[str], None] = _log) -> None:
-    """Load or compile everything a twin with this plant ("mujoco" or "kinematic") needs.
-
-    tell: told if there is anything to compile, see `told_of_compiling`.
-    """
+    """Load or compile everything a twin with this plant ("mujoco" or "kinematic") needs."""
     with told_of_compiling(tell):
         time_law = trapezoid(2000, 10_000, 400, 100_000)  # its ramps have 499 ticks
         for path in (line((2000, 7, 0, 0)), circle(2000, 0, 250, 0, 1, 1, clockwise=False)):
@@ -83,7 +74,7 @@ def _up_to(until_ns: int, t_ns: Any, delta: Any) -> tuple[Any, Any]:
 
 
 class _Listener(event.Listener):
-    """Hears of every function that is compiled (not of those that are loaded); those within others do not count."""
+    """Times compilation (not loading); a compilation within another counts once."""
 
     def __init__(self, tell: Callable[[str], None]) -> None:
         self._tell = tell

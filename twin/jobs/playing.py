@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from isel_twin.base.axes import AXIS_NAMES
-from isel_twin.base.crew import GivenUp, given_up
+from isel_twin.base.crew import GivenUp, Stop, given_up
 from isel_twin.jobs.job import Line, play
 from isel_twin.jobs.result import Result
 from isel_twin.jobs.verdict import Verdict, judge, lost
@@ -31,21 +31,18 @@ from isel_twin.jobs.verdict import Verdict, judge, lost
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
 
-TIMEOUT_S = 3600.0
-"""Virtual time that a line may take, unless told otherwise."""
+TIMEOUT_S = 3600.0  # virtual time that a line may take, unless told otherwise
 
 
 @dataclass(frozen=True)
 class Played:
     """What became of a job."""
 
-    results: tuple[Result, ...]
-    """Of the lines that were sent."""
+    results: tuple[Result, ...]  # of the lines that were sent
     verdict: Verdict
 
     @property
     def ok(self) -> bool:
-        """As `Verdict.ok`."""
         return self.verdict.ok
 
     @property
@@ -59,7 +56,7 @@ def played(
     lines: Sequence[Line],
     watchers: Sequence[Callable[[Result], object]] = (),
     timeout_s: float = TIMEOUT_S,
-    stop: Callable[[], bool] | None = None,
+    stop: Stop | None = None,
     begins: Callable[[Line], object] | None = None,
 ) -> Played:
     """Play a job, let the machine come to rest, and judge.
@@ -80,7 +77,7 @@ def followed(
     lines: Sequence[Line],
     results: Iterator[Result],
     watchers: Sequence[Callable[[Result], object]] = (),
-    stop: Callable[[], bool] | None = None,
+    stop: Stop | None = None,
     begins: Callable[[Line], object] | None = None,
 ) -> Played:
     """As `played`, of results that come from elsewhere than `play`; fewer than lines: the job has ended early."""
@@ -106,15 +103,12 @@ class FirstLoss:
 
     def __init__(self, twin: Twin) -> None:
         self._twin = twin
-        self.why = ""
-        """What is lost; "" as long as nothing is."""
+        self.why = ""  # what is lost; "" as long as nothing is
 
     def take(self, result: Result) -> None:
-        """A line is over."""
         self.why = self.why or losses(self._twin)
 
     def stop(self) -> bool:
-        """For `played`."""
         return bool(self.why)
 
 

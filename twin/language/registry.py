@@ -20,6 +20,7 @@ LanguageFactory = Callable[[str], Language]
 """factory(name) -> a fresh Language, `name` being the entry point's and the controller's."""
 
 _GROUP = "isel_twin.languages"
+_PROGRAMS = "isel_twin.programs"
 
 
 def language_names() -> list[str]:
@@ -53,15 +54,16 @@ def language_factory(controller: str) -> Callable[[], Language | None]:
 def programs_for(text: str) -> list[str]:
     """Names of the installed controllers that a text can only be a program of, sorted; see `RunsPrograms.claims`.
 
-    A language that does not work claims nothing: whoever names its controller is told so.
+    Only languages installed as `isel_twin.programs`, too, are asked, so that a job loads no controller but its own. One
+    that does not work claims nothing: whoever names its controller is told so.
     """
     found: list[str] = []
-    for name in language_names():
+    for entry in installed(_PROGRAMS):
         with suppress(PluginError):
-            language = create_language(name)
+            language = create_language(entry.name)
             if offers(language, RunsPrograms) and language.claims(text):
-                found.append(name)
-    return found
+                found.append(entry.name)
+    return sorted(found)
 
 
 def _build(entry: importlib.metadata.EntryPoint, factory: LanguageFactory) -> Language:

@@ -15,18 +15,7 @@ from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from isel_twin.base.axes import CARRIAGES
-from isel_twin.base.parameters import (
-    Limits,
-    Place,
-    free,
-    keys,
-    known,
-    quantity,
-    read,
-    section,
-    table,
-    text,
-)
+from isel_twin.base.parameters import Limits, Place, free, keys, known, quantity, read, section, table, text
 from isel_twin.drives.motor import MOTORS, Motor
 from isel_twin.drives.screw import Rod, Screw
 from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
@@ -211,9 +200,7 @@ def _axis(name: str, value: Any, motors: Mapping[str, Motor], on: Imperfections,
             motor=motor,
             stage=stage,
             screw=Screw(
-                inertia_kgm2=rod.inertia_kgm2,
-                stribeck_rad_s=stribeck_mm_s / screw["lead_mm"] * 2.0 * math.pi,
-                **screw,
+                inertia_kgm2=rod.inertia_kgm2, stribeck_rad_s=stribeck_mm_s / screw["lead_mm"] * 2.0 * math.pi, **screw
             ),
             **own,
         )

@@ -18,20 +18,9 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from isel_twin.base.axes import CARRIAGES
-from isel_twin.base.parameters import (
-    Place,
-    merge,
-    parse_toml,
-    read_text,
-    spread,
-    table,
-)
+from isel_twin.base.parameters import Place, merge, parse_toml, read_text, spread, table
 from isel_twin.machine.build import DEFAULT_DRIVE, DRIVES, build, file_content, model_files
-from isel_twin.machine.schema import (
-    DEFAULT_CABINET,
-    Machine,
-    MachineError,
-)
+from isel_twin.machine.schema import DEFAULT_CABINET, Machine, MachineError
 from isel_twin.models import machine_names, models_folder
 
 T = TypeVar("T")

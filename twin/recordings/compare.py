@@ -13,38 +13,33 @@ the stream has made by then since the counter was set.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import SequenceMatcher
 
 import numpy as np
 
 from isel_twin.language import Language, readable
-from isel_twin.recordings.reading import Entry, Recorded, RecordingError
+from isel_twin.recordings.reading import Recorded, RecordingError
 
 MOST_UNLIKE = 4000
-"""Commands that are matched as a text is; between longer stretches without a likeness at their ends each is compared
-with the one at its place."""
+"""Most commands that are matched as a text is; in longer stretches each is compared with the one at its place."""
 
 
 @dataclass(frozen=True)
 class Exchange:
     """A command and its reply."""
 
-    sent_ns: int
-    """When its last byte was sent."""
+    sent_ns: int  # when its last byte was sent
     command: bytes
     text: str
     explanation: str
     reply: bytes
-    replied_ns: int | None
-    """When the last byte of the reply came; None: nothing came."""
-    counts: tuple[int, ...] | None
-    """The controller's counters then; None if unknown."""
+    replied_ns: int | None  # when the last byte of the reply came; None: nothing came
+    counts: tuple[int, ...] | None  # the controller's counters then; None if unknown
 
     @property
     def duration_ns(self) -> int | None:
-        """From the command to the end of its reply."""
         return None if self.replied_ns is None else self.replied_ns - self.sent_ns
 
 
@@ -52,8 +47,7 @@ class Exchange:
 class Pair:
     """The same command on both sides."""
 
-    number: int
-    """Of the command on side A, from 1."""
+    number: int  # of the command on side A, from 1
     a: Exchange
     b: Exchange
 
@@ -76,14 +70,11 @@ class Pair:
 
 @dataclass(frozen=True)
 class Comparison:
-    """See the module."""
-
     pairs: tuple[Pair, ...]
     only_a: tuple[Exchange, ...]
     only_b: tuple[Exchange, ...]
     tolerance_ns: int
-    different: tuple[Pair, ...] = field(init=False)
-    """The pairs that differ in something, in the order of side A."""
+    different: tuple[Pair, ...] = field(init=False)  # the pairs that differ in something, in the order of side A
 
     def __post_init__(self) -> None:
         different = tuple(pair for pair in self.pairs if pair.differs(self.tolerance_ns))
@@ -130,11 +121,9 @@ def _matched(a: Sequence[bytes], b: Sequence[bytes]) -> list[tuple[int, int, int
             at_a, at_b = match.a + match.size, match.b + match.size
             stretches.append((head + match.a, head + at_a, head + match.b, head + at_b, True))
     else:
-        for place in range(max(len(middle_a), len(middle_b))):
-            in_a, in_b = min(place + 1, len(middle_a)), min(place + 1, len(middle_b))
-            from_a, from_b = min(place, len(middle_a)), min(place, len(middle_b))
-            alike = in_a > from_a and in_b > from_b and middle_a[from_a] == middle_b[from_b]
-            stretches.append((head + from_a, head + in_a, head + from_b, head + in_b, alike))
+        both = head + min(len(middle_a), len(middle_b))
+        stretches += [(k, k + 1, k, k + 1, a[k] == b[k]) for k in range(head, both)]
+        stretches.append((both, len(a) - tail, both, len(b) - tail, False))
     stretches.append((len(a) - tail, len(a), len(b) - tail, len(b), True))
     return [stretch for stretch in stretches if stretch[0] < stretch[1] or stretch[2] < stretch[3]]
 
@@ -168,19 +157,17 @@ def paired(pieces: Iterable[tuple[int, bytes, bool, int]], language: Language) -
             elif replies:
                 replies[waiting.pop(0) if waiting else -1].append((time_ns - max(left, 0) * byte_ns, message.data))
     return [
-        Exchange(
-            sent_ns, command, text, explanation, b"".join(data for _, data in came), came[-1][0] if came else None, None
-        )
-        for (sent_ns, command, text, explanation), came in zip(sent, replies, strict=True)
+        Exchange(*command, b"".join(data for _, data in came), came[-1][0] if came else None, None)
+        for command, came in zip(sent, replies, strict=True)
     ]
 
 
 def traffic(recorded: Recorded) -> list[tuple[int, bytes, bool, int]]:
     """Time, bytes, by the host?, ns a byte: in the order in which the last bytes came, without those that did not."""
-    lost = {(entry.time_ns, data) for entry, data in _bytes_of(recorded, "/host/lost")}
+    lost = {(entry.time_ns, recorded.data(entry)) for entry in recorded.of("/host/lost")}
     found = []
-    for entry, data in _bytes_of(recorded, "/host/sent", "/host/received"):
-        byte_ns = int(entry.content.get("byte_ns", 0))
+    for entry in recorded.of("/host/sent", "/host/received"):
+        data, byte_ns = recorded.data(entry), int(entry.content.get("byte_ns", 0))
         by_host = entry.channel == "/host/sent"
         if by_host or not lost:
             found.append((entry.time_ns, data, by_host, byte_ns))
@@ -191,14 +178,6 @@ def traffic(recorded: Recorded) -> list[tuple[int, bytes, bool, int]]:
         elif (entry.time_ns, data) not in lost:
             found.append((entry.time_ns, data, False, 0))
     return sorted(found, key=lambda piece: piece[0])
-
-
-def _bytes_of(recorded: Recorded, *channels: str) -> Iterator[tuple[Entry, bytes]]:
-    for entry in recorded.of(*channels):
-        try:
-            yield entry, bytes.fromhex(entry.content["hex"])
-        except (KeyError, TypeError, ValueError):
-            raise RecordingError(f"{recorded.path}: {entry.channel} at {entry.time_ns} ns has no bytes") from None
 
 
 class Counters:
@@ -224,12 +203,11 @@ class Counters:
         self._offset_times = np.array([time_ns for time_ns, _ in self._offsets], dtype=np.int64)
 
     def at(self, time_ns: int) -> tuple[int, ...]:
-        """The counters at time_ns, one an axis."""
         index = int(self._offset_times.searchsorted(time_ns, side="right")) - 1
         return tuple(n + o for n, o in zip(self._total(time_ns), self._offsets[index][1], strict=True))
 
     def _total(self, time_ns: int) -> list[int]:
-        """All ticks made by then."""
+        """All ticks made by then, of each axis."""
         index = int(self._starts.searchsorted(time_ns, side="right"))
         total = [int(n) for n in self._before[max(index - 1, 0)]]
         if index:

@@ -2,9 +2,8 @@
 
     magic | header | metadata, attachments | chunk, message indexes | ... | data end | summary, offsets | footer | magic
 
-A chunk holds messages, compressed by zstandard, and the schemas and channels that came up with them. The `mcap` package
-reads what is written here (test_mcap.py); its own writer takes 6 us a message, which is more than the twin
-takes between two samples. Here many messages of one size are one array.
+A chunk holds messages, compressed by zstandard, and the schemas and channels that came up with them. The writer of the
+`mcap` package takes 6 us a message, more than the twin between two samples: here many messages are one array.
 """
 
 from __future__ import annotations
@@ -24,16 +23,12 @@ MAGIC: Final = bytes((137, 77, 67, 65, 80, 48, 13, 10))
     _STATISTICS, _METADATA, _METADATA_INDEX, _SUMMARY_OFFSET, _DATA_END,
 ) = range(1, 16)  # fmt: skip
 _COMPRESSION: Final = "zstd"
-_LEVEL: Final = -3
-"""Four times as fast as the library's default, and a quarter larger."""
-_MESSAGE_HEAD: Final = struct.Struct("<BQHIQQ")
-"""Opcode, length, channel, number in its channel, log time, publish time."""
+_LEVEL: Final = -3  # four times as fast as the library's default, and a quarter larger
+_MESSAGE_HEAD: Final = struct.Struct("<BQHIQQ")  # opcode, length, channel, number in it, log time, publish time
 _ENTRY: Final = np.dtype([("time_ns", "<u8"), ("offset", "<u8")])
 
 
 class Output(Protocol):
-    """Where the bytes go."""
-
     def write(self, data: bytes) -> object: ...
     def tell(self) -> int: ...
     def flush(self) -> None: ...
@@ -45,8 +40,7 @@ class _Chunk:
 
     data: bytearray = field(default_factory=bytearray)
     entries: dict[int, list[NDArray[np.void]]] = field(default_factory=dict)
-    single: dict[int, list[tuple[int, int]]] = field(default_factory=dict)
-    """The same, one by one: time in ns and offset."""
+    single: dict[int, list[tuple[int, int]]] = field(default_factory=dict)  # one by one: time in ns, offset
 
     def indexes(self) -> dict[int, NDArray[np.void]]:
         """Times and offsets by channel, in the order of time."""
@@ -67,14 +61,12 @@ class Container:
     """One file. Raises OSError as the output does."""
 
     def __init__(self, output: Output, library: str) -> None:
-        """Write the header."""
         import zstandard
 
         self._compressor = zstandard.ZstdCompressor(level=_LEVEL)
         self._output = output
         self._chunk = _Chunk()
-        self._messages: dict[int, int] = {}
-        """How many of each channel."""
+        self._messages: dict[int, int] = {}  # how many of each channel
         self._first_ns, self._last_ns = 1 << 63, 0
         self._schemas: list[bytes] = []
         self._channels: list[bytes] = []
@@ -96,7 +88,6 @@ class Container:
         self._metadata.append(_record(_METADATA_INDEX, struct.pack("<QQ", offset, len(record)) + _text(name)))
 
     def attachment(self, name: str, data: bytes) -> None:
-        """Write a file."""
         offset, kind = self._output.tell(), _text("application/octet-stream")
         content = struct.pack("<QQ", 0, 0) + _text(name) + kind + struct.pack("<Q", len(data)) + data
         record = _record(_ATTACHMENT, content + struct.pack("<I", zlib.crc32(content)))
@@ -117,7 +108,6 @@ class Container:
         return number
 
     def message(self, channel: int, time_ns: int, data: bytes) -> None:
-        """Append a message."""
         self._chunk.single.setdefault(channel, []).append((time_ns, len(self._chunk.data)))
         count = self._count(channel, time_ns, time_ns, 1)
         head = _MESSAGE_HEAD.pack(_MESSAGE, 22 + len(data), channel, count & 0xFFFFFFFF, time_ns, time_ns)
@@ -151,12 +141,9 @@ class Container:
         self._output.flush()
 
     def _write(self, chunk: _Chunk) -> None:
-        data = chunk.data
-        indexes = chunk.indexes()
-        span = (
-            min(int(entries["time_ns"][0]) for entries in indexes.values()),
-            max(int(entries["time_ns"][-1]) for entries in indexes.values()),
-        )
+        data, indexes = chunk.data, chunk.indexes()
+        times = [entries["time_ns"] for entries in indexes.values()]
+        span = min(int(each[0]) for each in times), max(int(each[-1]) for each in times)
         small = self._compressor.compress(data)
         content = struct.pack("<QQQI", *span, len(data), zlib.crc32(data)) + _text(_COMPRESSION)
         record = _record(_CHUNK, content + struct.pack("<Q", len(small)) + small)
@@ -220,12 +207,7 @@ def _text(text: str) -> bytes:
     return struct.pack("<I", len(data)) + data
 
 
-def _short(number: int) -> bytes:
-    return struct.pack("<H", number)
-
-
-def _long(number: int) -> bytes:
-    return struct.pack("<Q", number)
+_short, _long = struct.Struct("<H").pack, struct.Struct("<Q").pack
 
 
 def _map(items: Any, key: Callable[[Any], bytes], value: Callable[[Any], bytes]) -> bytes:

@@ -7,10 +7,9 @@ began). The channels are in CHANNELS; each but `/samples` carries JSON with its 
     head: metadata, attachments | chunk | chunk | chunk | ... | index, end
                                                  ^ killed here: everything up to the last whole chunk can be read
 
-Written as it goes: messages gather in a chunk, and `flush` hands the chunk to the operating system. A file of that name
-is replaced only when the head of the new one is on the disk: a call that fails earlier leaves the old recording as it
-was. The file is claimed by one recording at a time. When the disk is full, the recording ends with one line in the log
-and keeps what it has; the twin goes on.
+`flush` hands the chunk in progress to the operating system. A file of that name is replaced only when the head of the
+new one is on the disk, and is claimed by one recording at a time. When the disk is full, the recording ends with one
+line in the log and keeps what it has; the twin goes on.
 """
 
 from __future__ import annotations
@@ -35,12 +34,8 @@ if TYPE_CHECKING:
 
     from isel_twin.language import Language
 
-METADATA: Final = "isel-twin"
-"""Name of the metadata record: plain text by key."""
-
-CHUNK_BYTES = 256 * 1024
-"""Size before compression at which a chunk is written by itself."""
-
+METADATA: Final = "isel-twin"  # name of the metadata record: plain text by key
+CHUNK_BYTES = 256 * 1024  # size before compression at which a chunk is written by itself
 log = logging.getLogger("isel_twin")
 
 _TEXT: Final = {"type": "string"}
@@ -68,11 +63,8 @@ CHANNELS: Final[Mapping[str, tuple[str, Mapping[str, Any]]]] = {
     "/port": ("what became of the controller's port: gone, back, set otherwise", {"text": _TEXT}),
 }
 """What each channel carries, and the properties of its messages; none: whatever names there are."""
-
 _JSON: Final = json.JSONEncoder(separators=(",", ":"))
-
-SAMPLES: Final = "/samples"
-"""The channel of the samples, see samples.py."""
+SAMPLES: Final = "/samples"  # the channel of the samples (samples.py)
 
 
 class RecordingWriter:
@@ -87,17 +79,13 @@ class RecordingWriter:
     ) -> None:
         """Begin the file. Raises OSError, which names `path`, and leaves what was there.
 
-        metadata: plain text by key, such as `kind` and `controller`; the version is added.
-        attachments: files by name.
-        language: explains the bytes, an instance of its own (`isel_twin.language.create_language`), or None.
+        metadata: plain text by key, such as `kind` and `controller`; the version is added. attachments: files by name.
+        language: explains the bytes; an instance of its own.
         """
         self.path = Path(path)
-        self.ended = False
-        """True once nothing more is recorded: closed, or the disk is full."""
-        self.broken = False
-        """True if the disk was full and something is missing."""
-        self.unwritten = False
-        """Something has been recorded since the last `flush`."""
+        self.ended = False  # True once nothing more is recorded: closed, or the disk is full
+        self.broken = False  # True if the disk was full and something is missing
+        self.unwritten = False  # something has been recorded since the last `flush`
         self._language = language
         self._file = _File(self.path)
         self._channels: dict[str, int] = {}
@@ -120,12 +108,11 @@ class RecordingWriter:
         self.close()
 
     def sent(self, time_ns: int, data: bytes) -> None:
-        """The host sends bytes at time_ns."""
-        self._carry("/host/sent", time_ns, data, 0, True)
+        self._carry("/host/sent", time_ns, data, 0)
 
     def received(self, time_ns: int, data: bytes, byte_ns: int = 0) -> None:
         """Bytes reach the host: the last one at time_ns, each byte_ns after the one before."""
-        self._carry("/host/received", time_ns, data, byte_ns, False)
+        self._carry("/host/received", time_ns, data, byte_ns)
 
     def message(self, channel: str, time_ns: int, content: Mapping[str, Any]) -> None:
         """Write one message, a table that JSON can hold, on one of CHANNELS."""
@@ -146,7 +133,6 @@ class RecordingWriter:
         self._grown()
 
     def _grown(self) -> None:
-        """Something has been added to the chunk in progress."""
         self.unwritten = True
         if self._container.waiting >= CHUNK_BYTES:
             self.flush()
@@ -172,10 +158,10 @@ class RecordingWriter:
         except OSError as error:
             self._end(error)
 
-    def _carry(self, channel: str, time_ns: int, data: bytes, byte_ns: int, sent: bool) -> None:
+    def _carry(self, channel: str, time_ns: int, data: bytes, byte_ns: int) -> None:
         if self.ended:
             return
-        messages = [] if self._language is None else self._language.messages(data, sent)
+        messages = [] if self._language is None else self._language.messages(data, channel == "/host/sent")
         meaning = "; ".join(f"{message.text}: {message.explanation}" for message in messages)
         content = {"hex": data.hex(), "text": readable(data), "explanation": meaning, "byte_ns": byte_ns}
         self.message(channel, time_ns, content)
@@ -198,8 +184,7 @@ class RecordingWriter:
 class _File:
     """The file of a recording: its head under a temporary name, the rest in its place.
 
-    Closed and opened again in between, because Windows renames no open file. What is no regular file (/dev/stdout) is
-    written to as it stands. Raises OSError.
+    Closed in between: Windows renames no open file. What is no regular file (/dev/stdout) is written to as it stands.
     """
 
     def __init__(self, path: Path) -> None:

@@ -21,8 +21,7 @@ from isel_twin.base.files import replacing
 if TYPE_CHECKING:
     from isel_twin.motion import Steps
 
-CHUNK = 1 << 18
-"""Ticks expanded at a time."""
+CHUNK = 1 << 18  # ticks expanded at a time
 
 
 def write_npz(path: str | os.PathLike[str], steps: Steps) -> None:

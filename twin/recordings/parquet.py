@@ -34,8 +34,7 @@ _COLUMNS = {
     "output": ("1", "output or relay {}, 1: on"),
 }
 """Unit and meaning of columns, by the first word of their names."""
-ROWS = 65_536
-"""Rows of a row group."""
+ROWS = 65_536  # rows of a row group
 
 
 def write_parquet(path: str | os.PathLike[str], recorder: Samples) -> None:
@@ -48,7 +47,7 @@ def write_parquet(path: str | os.PathLike[str], recorder: Samples) -> None:
 
 
 def _told(schema: pa.Schema) -> pa.Schema:
-    """The schema: unit and description of each column."""
+    """The schema with unit and description of each column."""
     fields = []
     for field in schema:
         kind, _, rest = field.name.partition("_")

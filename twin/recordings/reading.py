@@ -2,8 +2,7 @@
 
     read("real.mcap")  ->  Recorded: metadata, attachments, messages in the order in which they were written
 
-A file that ends in the middle, after a kill or on a full disk, is read up to its last whole chunk. Anything that does
-not begin as such a recording is refused in one line.
+A file that ends in the middle, after a kill or on a full disk, is read up to its last whole chunk.
 """
 
 from __future__ import annotations
@@ -45,23 +44,17 @@ class Entry(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """A recording as it was read."""
-
     path: Path
     metadata: Mapping[str, str]
     attachments: Mapping[str, bytes]
-    entries: tuple[Entry, ...]
-    """In the order in which they were written."""
-    sample_times_ns: NDArray[np.int64]
-    """int64 [n], of the samples, never decreasing."""
-    sample_bytes: bytes
-    """The samples one after the other, without the header of each."""
-    whole: bool
-    """False if it was cut off: the process was killed, or the disk was full."""
+    entries: tuple[Entry, ...]  # in the order in which they were written
+    sample_times_ns: NDArray[np.int64]  # never decreasing
+    sample_bytes: bytes  # the samples one after the other, without the header of each
+    whole: bool  # False if it was cut off: the process was killed, or the disk was full
 
     @property
     def controller(self) -> str:
-        """Name of the controller; "" if unknown."""
+        """Its name; "" if unknown."""
         return self.metadata.get("controller", "")
 
     @property
@@ -77,12 +70,11 @@ class Recorded:
 
     @property
     def axes(self) -> int:
-        """Number of axes of the controller."""
         return self._number("axes", 1, MOST_AXES)
 
     @property
     def interval_ns(self) -> int:
-        """Time between samples of the grid."""
+        """From sample to sample of the grid."""
         return self._number("interval_ns", 1, 1 << 62)
 
     @cached_property
@@ -100,8 +92,14 @@ class Recorded:
         return int(text)
 
     def of(self, *channels: str) -> Iterator[Entry]:
-        """The messages of some channels."""
         return (entry for entry in self.entries if entry.channel in channels)
+
+    def data(self, entry: Entry) -> bytes:
+        """The bytes of a message of the line. Raises RecordingError if it has none."""
+        try:
+            return bytes.fromhex(entry.content["hex"])
+        except (KeyError, TypeError, ValueError):
+            raise RecordingError(f"{self.path}: {entry.channel} at {entry.time_ns} ns has no bytes") from None
 
     def steps(self) -> Steps:
         """The stream that was made, exactly, as far as the recording goes. Raises RecordingError."""
@@ -115,7 +113,7 @@ class Recorded:
 
 
 class Played:
-    """A recording as the writers of traces want a `Recorder`: samples and changes, read instead of taken."""
+    """A recording as `recorder.Samples`: samples and changes, read instead of taken."""
 
     def __init__(self, recorded: Recorded) -> None:
         """Raises RecordingError for samples that are none."""
@@ -135,7 +133,7 @@ class Played:
         self._every = every
 
     def _hold(self, interval_ns: int, end_ns: int) -> None:
-        """What was not sampled, because nothing moved, is as it was before."""
+        """Fill the grid: what was not sampled, because nothing moved, is as it was before."""
         if not len(self._times_ns):
             return
         grid_ns = np.arange(-(-self._times_ns[0] // interval_ns) * interval_ns, end_ns + 1, interval_ns)
@@ -147,7 +145,6 @@ class Played:
         return len(self._times_ns)
 
     def samples(self, size: int = 65_536) -> Iterator[NDArray[np.void]]:
-        """As Recorder.samples."""
         for first in range(0, len(self), size):
             part = slice(first, min(first + size, len(self)))
             samples = np.empty(part.stop - first, dtype=self.dtype)
@@ -157,7 +154,6 @@ class Played:
             yield samples
 
     def names(self) -> list[tuple[str, str]]:
-        """As Recorder.names."""
         return [(group, name) for group, names in self._names.items() for name in names]
 
 
@@ -193,25 +189,18 @@ def read(path: str | os.PathLike[str]) -> Recorded:
                 whole = True
     if metadata is None:
         raise RecordingError(f"{path}: is no recording of isel-twin; allowed: a file that --record NAME.mcap has made")
-    return Recorded(
-        path, metadata, attachments, tuple(entries), np.array(times_ns, dtype=np.int64), bytes(sample_bytes), whole
-    )
+    samples = np.array(times_ns, dtype=np.int64), bytes(sample_bytes)
+    return Recorded(path, metadata, attachments, tuple(entries), *samples, whole)
 
 
 def _next(records: Iterator[Any]) -> Any:
     """The next record, None at the end of what is whole."""
     from mcap.exceptions import McapError
+    from zstandard import ZstdError
 
-    cut_off = [McapError, struct.error, ValueError, MemoryError, KeyError]
-    try:
-        import zstandard
-
-        cut_off.append(zstandard.ZstdError)
-    except ImportError:
-        pass
     try:
         return next(records, None)
-    except tuple(cut_off):
+    except (McapError, struct.error, ValueError, MemoryError, KeyError, ZstdError):
         return None
 
 

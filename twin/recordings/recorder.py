@@ -1,8 +1,7 @@
-"""Samples of a twin on a grid of virtual time, and every change of an input or output.
+"""Samples of a twin, on a grid of virtual time and whenever a level, input or output changes; and these changes.
 
-A sample is taken on a grid of virtual time and whenever an input or output changes. Samples go to a temporary file, so
-that a long job needs little memory; changes of levels, inputs and outputs are few and stay in memory. When the disk is
-full, the recording ends and the machine goes on.
+Samples go to a temporary file, so that a long job needs little memory; changes are few and stay in memory. When the
+disk is full, the recording ends and the machine goes on.
 
     time    0      1 ms    2 ms         3 ms
     sample  |       |       |    |       |
@@ -27,9 +26,7 @@ from isel_twin.core.told import StateError
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
 
-BUFFER = 4096
-"""Samples kept before they go to the file."""
-
+BUFFER = 4096  # samples kept before they go to the file
 log = logging.getLogger("isel_twin")
 
 
@@ -43,16 +40,20 @@ class Change:
     value: int | str
 
 
+def changes(last: dict[str, int | str], values: Mapping[str, int | str]) -> dict[str, int | str]:
+    """The values that are not as in `last`, which has them from now on; numbers in JSON's types."""
+    if values == last:
+        return {}
+    plain = {name: value if isinstance(value, str) else int(value) for name, value in values.items()}
+    changed = {name: value for name, value in plain.items() if last.get(name) != value}
+    last |= changed
+    return changed
+
+
 def sample_dtype(axes: int) -> np.dtype[np.void]:
-    """One sample of a controller with that many axes: time_ns, counts [axes], position_mm [3], lost_steps [axes]."""
-    return np.dtype(
-        [
-            ("time_ns", np.int64),
-            ("counts", np.int64, (axes,)),
-            ("position_mm", np.float64, (len(CARRIAGES),)),
-            ("lost_steps", np.float64, (axes,)),
-        ]
-    )
+    """One sample of a controller with that many axes."""
+    counts, lost = ("counts", np.int64, (axes,)), ("lost_steps", np.float64, (axes,))
+    return np.dtype([("time_ns", np.int64), counts, ("position_mm", np.float64, (len(CARRIAGES),)), lost])
 
 
 class Samples(Protocol):
@@ -74,16 +75,13 @@ class Recorder:
         self.changes: list[Change] = []
         self.axes = len(twin.counts)
         self.dtype = sample_dtype(self.axes)
-        self.ended = False
-        """True once the disk was full; nothing more is recorded."""
-        self.counters_set_ns: list[int] = []
-        """When counters were set anew, so that positions before and after are no motion."""
+        self.ended = False  # True once the disk was full; nothing more is recorded
+        self.counters_set_ns: list[int] = []  # counters were set anew: positions before and after are no motion
         self.events: list[tuple[int, str, str]] = []
-        """(time in ns, kind, in words) of what a scenario or somebody did, bytes lost and remarks."""
+        """(time in ns, kind, in words) of what a scenario or somebody did, and remarks."""
         self._last: dict[str, dict[str, int | str]] = {"level": {}, "input": {}, "output": {}}
         self._buffer = np.empty(BUFFER, dtype=self.dtype)
-        self._buffered = 0
-        self._stored = 0
+        self._buffered = self._stored = 0
         self._file = tempfile.TemporaryFile()  # noqa: SIM115  (closed by close())
         twin.listen(self._hear)
         twin.observe(self._look, interval_ns)
@@ -95,11 +93,9 @@ class Recorder:
         self.close()
 
     def close(self) -> None:
-        """Forget the samples."""
         self._file.close()
 
     def __len__(self) -> int:
-        """Number of samples taken."""
         return self._stored + self._buffered
 
     def _hear(self, time_ns: int, kind: str, what: Any) -> None:
@@ -120,9 +116,9 @@ class Recorder:
         if not again:  # of several looks at one instant, the last one counts
             self._buffered += 1
         self._buffer[self._buffered - 1] = (time_ns, seen.counts, seen.position_mm, seen.lost_steps)
-        self._compare(time_ns, "level", seen.levels)
-        self._compare(time_ns, "input", seen.inputs)
-        self._compare(time_ns, "output", seen.outputs)
+        for group, values in (("level", seen.levels), ("input", seen.inputs), ("output", seen.outputs)):
+            changed = changes(self._last[group], values)
+            self.changes += [Change(time_ns, group, name, value) for name, value in changed.items()]
 
     def _store(self) -> bool:
         """Move the buffer to the file. False if there is no room for it, which ends the recording."""
@@ -130,25 +126,12 @@ class Recorder:
             self._buffer.tofile(self._file)
         except OSError:  # numpy does not say why
             self.ended = True
-            log.error(
-                "the recording ends at %.3f s: no room for it in %s",
-                self._buffer["time_ns"][-1] / 1e9,
-                tempfile.gettempdir(),
-            )
+            now_s, folder = self._buffer["time_ns"][-1] / 1e9, tempfile.gettempdir()
+            log.error("the recording ends at %.3f s: no room for it in %s", now_s, folder)
             return False
         self._stored += BUFFER
         self._buffered = 0
         return True
-
-    def _compare(self, time_ns: int, group: str, values: Mapping[str, int | str]) -> None:
-        last = self._last[group]
-        if values == last:
-            return
-        for name, value in values.items():
-            value = value if isinstance(value, str) else int(value)
-            if last.get(name) != value:
-                last[name] = value
-                self.changes.append(Change(time_ns, group, name, value))
 
     def samples(self, size: int = 65_536) -> Iterator[NDArray[np.void]]:
         """All samples so far in pieces of at most `size`, dtype `sample_dtype(axes)`, in the order of time."""
@@ -168,7 +151,7 @@ class Recorder:
 
 
 def _in_words(what: Any) -> str:
-    """An event, which is a table, or a remark."""
+    """what: an event, which is a table, or a remark."""
     if isinstance(what, Mapping):
         return ", ".join(f"{key} {_in_words(value)}" for key, value in what.items())
     return str(what)

@@ -22,11 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.axes import CARRIAGES
-from isel_twin.core.journal import Received
 from isel_twin.core.position import position_error_mm
 from isel_twin.core.told import StateError
 from isel_twin.language import create_language
 from isel_twin.recordings.mcap import RecordingWriter
+from isel_twin.recordings.recorder import changes
 from isel_twin.recordings.runs import described
 from isel_twin.recordings.samples import sample_dtype, samples_schema
 from isel_twin.wiring import scenario_text
@@ -41,22 +41,14 @@ FLASH, SCENARIO, MACHINE = "flash", "scenario.toml", "machine.json"
 """Names of attachments: flash memory before power-on, scenario, the machine file with all it is based on."""
 MODEL, FIXTURE = "model", "fixture"
 """Folders that go before the names of the files of the MuJoCo model, and of what is clamped on the table."""
-ASSETS: Final = (".xml", ".stl", ".obj", ".msh")
-"""Files beside a model that it may need."""
+ASSETS: Final = (".xml", ".stl", ".obj", ".msh")  # files beside a model that it may need
 MOST_ASSET_BYTES = 1 << 24
-
-GROUPS: Final[Mapping[str, str]] = {"level": "/levels", "input": "/inputs", "output": "/outputs"}
-"""Channel of each group of a `recorder.Change`."""
-
-MOST_LOOKS = 100
-"""Most samples of changes that wait for those of the plant."""
-
+GROUPS: Final = {"level": "/levels", "input": "/inputs", "output": "/outputs"}  # channels, by `recorder.Change.group`
+MOST_LOOKS = 100  # most samples of changes that wait for those of the plant
 PACKAGES: Final = ("mujoco", "numpy", "numba")
 
 
 class Sink(Protocol):
-    """Where messages go."""
-
     def sent(self, time_ns: int, data: bytes) -> None: ...
     def received(self, time_ns: int, data: bytes, byte_ns: int = 0) -> None: ...
     def message(self, channel: str, time_ns: int, content: Mapping[str, Any]) -> None: ...
@@ -68,18 +60,15 @@ class Recording:
 
     def __init__(self, twin: Twin, sink: Sink, interval_ns: int) -> None:
         """interval_ns: from sample to sample, virtual time."""
-        self._sink = sink
-        self._twin = twin
-        self._axes = len(twin.counts)
+        self._sink, self._twin = sink, twin
         self._motors = len(twin.current_fraction)
         self._step_mm = twin.step_mm
-        self._dtype = sample_dtype(self._axes, self._motors)
+        self._dtype = sample_dtype(len(twin.counts), self._motors)
         self._schema = samples_schema(self._dtype)
         self._last: dict[str, dict[str, int | str]] = {group: {} for group in GROUPS}
         self._faults: Mapping[str, str | float] = {}
         self._motion: Motion | None = None
-        self._looks: list[tuple[int, NDArray[np.void]]] = []
-        """Samples of changes, which wait for those of the plant that come before them."""
+        self._looks: list[tuple[int, NDArray[np.void]]] = []  # wait for samples of the plant from before them
         self._ended = False
         twin.listen(self._note)
         self._sampler = twin.sample(self._take, interval_ns)
@@ -87,7 +76,7 @@ class Recording:
 
     @property
     def waiting(self) -> bool:
-        """True if the sink has not been told of everything."""
+        """The sink has not been told of everything."""
         return bool(self._looks) or (self._sampler is not None and self._sampler.waiting > 0)
 
     def hand_on(self) -> None:
@@ -104,14 +93,16 @@ class Recording:
         self._sink.message("/time", self._twin.time_ns, {"what": "end"})
 
     def _take(self, samples: TwinSamples) -> None:
-        """Samples of the plant."""
-        rows = np.empty(len(samples.time_ns), dtype=self._dtype)
+        self._tell_samples(samples.time_ns, self._rows(samples, len(samples.time_ns)))
+
+    def _rows(self, seen: Twin | TwinSamples, number: int) -> NDArray[np.void]:
+        rows = np.empty(number, dtype=self._dtype)
         for name in ("counts", "position_mm", "velocity_mm_s", "lost_steps", "margin", "supply_v"):
-            rows[name] = getattr(samples, name)
-        rows["position_error_mm"] = position_error_mm(samples.position_mm, samples.counts, self._step_mm)
+            rows[name] = getattr(seen, name)
+        rows["position_error_mm"] = position_error_mm(rows["position_mm"], rows["counts"], self._step_mm)
         if self._motors:
-            rows["current"] = samples.current_fraction
-        self._tell_samples(samples.time_ns, rows)
+            rows["current"] = seen.current_fraction
+        return rows
 
     def _tell_samples(self, times_ns: NDArray[np.int64], rows: NDArray[np.void]) -> None:
         """Tell the sink of samples, and of the looks that have come in between, in the order of time."""
@@ -130,7 +121,7 @@ class Recording:
         if kind == "sent":
             sink.sent(time_ns, what)
         elif kind == "received":
-            self._received(what)
+            sink.received(what.arrival_ns, what.data, what.byte_ns)
         elif kind == "lost":
             sink.message("/host/lost", what.arrival_ns, {"hex": what.data.hex()})
         elif kind == "motion":
@@ -147,48 +138,26 @@ class Recording:
         else:
             sink.message({"operated": "/operator", "scenario": "/scenario"}[kind], time_ns, what)
 
-    def _received(self, reply: Received) -> None:
-        self._sink.received(reply.arrival_ns, reply.data, reply.byte_ns)
-
     def _follow(self, time_ns: int, motion: Motion | None) -> None:
         before, self._motion = self._motion, motion
         if motion is None:
             self._sink.message("/runs", time_ns, {"run": None})
             return
         continues = before is not None and motion.continues(before)
-        known = before if continues else None
-        self._sink.message("/runs", time_ns, {"run": described(motion, known, time_ns), "continues": continues})
+        run = described(motion, before if continues else None, time_ns)
+        self._sink.message("/runs", time_ns, {"run": run, "continues": continues})
 
     def _look(self, twin: Twin) -> None:
-        time_ns, counts, position_mm = twin.time_ns, twin.counts, twin.position_mm
-        row = np.empty(1, dtype=self._dtype)
-        row["counts"] = counts
-        row["position_mm"] = position_mm
-        row["position_error_mm"] = position_error_mm(position_mm, counts, self._step_mm)
-        row["velocity_mm_s"] = twin.velocity_mm_s
-        row["lost_steps"] = twin.lost_steps
-        row["margin"] = twin.margin
-        row["supply_v"] = twin.supply_v
-        if self._motors:
-            row["current"] = twin.current_fraction
-        self._looks.append((time_ns, row))
+        time_ns = twin.time_ns
+        self._looks.append((time_ns, self._rows(twin, 1)))
         if self._sampler is None or len(self._looks) >= MOST_LOOKS:
             self.hand_on()
-        self._compare(time_ns, "level", twin.levels)
-        self._compare(time_ns, "input", twin.inputs)
-        self._compare(time_ns, "output", twin.outputs)
+        for group, values in (("level", twin.levels), ("input", twin.inputs), ("output", twin.outputs)):
+            if changed := changes(self._last[group], values):
+                self._sink.message(GROUPS[group], time_ns, changed)
         if (faults := twin.faults) != self._faults:
             self._faults = dict(faults)
             self._sink.message("/faults", time_ns, {"faults": self._faults})
-
-    def _compare(self, time_ns: int, group: str, values: Mapping[str, int | str]) -> None:
-        last = self._last[group]
-        if values == last:
-            return
-        plain = {name: value if isinstance(value, str) else int(value) for name, value in values.items()}
-        changed = {name: value for name, value in plain.items() if last.get(name) != value}
-        last |= changed
-        self._sink.message(GROUPS[group], time_ns, changed)
 
 
 class FileRecording:
@@ -233,7 +202,7 @@ class FileRecording:
 def metadata(twin: Twin, interval_ns: int) -> dict[str, str]:
     """What a recording of this twin says of it, plain text by key."""
     origin = twin.origin
-    said = {
+    return {
         "kind": "twin",
         "machine": origin.as_built.name,
         "controller": origin.controller,
@@ -251,19 +220,26 @@ def metadata(twin: Twin, interval_ns: int) -> dict[str, str]:
         "begins_ns": str(twin.time_ns),
         "python": platform.python_version(),
         "platform": platform.platform(),
+        **packages(),
     }
-    return said | packages()
 
 
 def packages() -> dict[str, str]:
     """Versions of what decides the last bit, by package."""
-    return {name: _version(name) for name in PACKAGES}
+    found = {}
+    for name in PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "unknown"
+    return found
 
 
 def attachments(origin: TwinSpec) -> dict[str, bytes]:
     """Files that belong to it, by name. Raises OSError for a scenario that has gone."""
     machine = origin.as_built
-    files = {MACHINE: json.dumps(machine.tree, default=_plain).encode(), "machine.toml": _content(machine.file)}
+    text = machine.file.read_bytes() if machine.file.is_file() else b""
+    files = {MACHINE: json.dumps(machine.tree, default=_plain).encode(), "machine.toml": text}
     for folder, model in ((MODEL, machine.model_file), (FIXTURE, machine.fixture_file)):
         if model is not None:
             for path in sorted(model.resolve().parent.iterdir()):
@@ -278,17 +254,6 @@ def attachments(origin: TwinSpec) -> dict[str, bytes]:
     return files
 
 
-def _content(path: Path) -> bytes:
-    return path.read_bytes() if path.is_file() else b""
-
-
 def _plain(value: Any) -> Any:
     """What JSON cannot hold: numpy's numbers and arrays, paths."""
     return value.tolist() if hasattr(value, "tolist") else str(value)
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "unknown"

@@ -4,12 +4,11 @@
                                              |
                                              '---> what happens now  ==  what was recorded?   first Difference, or none
 
-With the versions it was recorded with there is no difference, to the bit, at whatever speed it was recorded or is
-played.
+With the versions it was recorded with there is no difference, to the bit, at whatever speed.
 
 A recording of a real controller (kind `tap`) is bytes with times. It is played to a twin that the caller builds, as a
-host would: what was sent after a reply is sent after that reply, as much later as it was then; the replies are compared
-as bytes, not their times (`isel_twin.recordings.compare` does that).
+host would: what was sent after a reply is sent as much later than that reply. Replies are compared, not their times
+(compare.py does that).
 """
 
 from __future__ import annotations
@@ -39,29 +38,19 @@ from isel_twin.recordings.recording import FIXTURE, FLASH, MACHINE, MODEL, SCENA
 from isel_twin.version import VERSION
 from isel_twin.wiring import ScenarioError, event_now
 
-SLICE_NS = 10 * MILLISECOND_NS
-"""Virtual time after which a paced replay looks at the clock."""
-
-PATIENCE_S = 3600.0
-"""Virtual seconds a host waits for a reply that the real controller gave."""
-
+SLICE_NS = 10 * MILLISECOND_NS  # virtual time after which a paced replay looks at the clock
+PATIENCE_S = 3600.0  # virtual seconds a host waits for a reply that the real controller gave
 CAUSES = ("/host/sent", "/operator")
 _TRAFFIC = ("/host/sent", "/host/received")
-_NOT_COMPARED = ("/time",)
-"""Channels that are not compared: at what speed time passed."""
-
-Pace = Callable[[int], None]
-"""pace(time_ns): wait until virtual time time_ns is due."""
+_NOT_COMPARED = ("/time",)  # at what speed time passed
+Pace = Callable[[int], None]  # pace(time_ns): wait until virtual time time_ns is due
 
 
 @dataclass(frozen=True)
 class Difference:
-    """The first difference."""
-
     time_ns: int
     channel: str
-    recorded: str
-    """What the recording has there; "nothing" if it has nothing."""
+    recorded: str  # what the recording has there; "nothing" if it has nothing
     replayed: str
 
     def __str__(self) -> str:
@@ -73,13 +62,12 @@ def versions(recorded: Recorded) -> list[str]:
     """What was of another version when it was recorded, one line each: differences may come from that."""
     here = {"isel_twin": VERSION, "python": platform.python_version(), "platform": platform.platform(), **packages()}
     then = recorded.metadata
-    return [
-        f"recorded with {name} {then[name]}, here is {now}" for name, now in here.items() if then.get(name, now) != now
-    ]
+    changed = {name: now for name, now in here.items() if then.get(name, now) != now}
+    return [f"recorded with {name} {then[name]}, here is {now}" for name, now in changed.items()]
 
 
 def rebuilt(recorded: Recorded, folder: Path) -> Twin:
-    """The twin of a recording, as it was at power-on; files it needs go to `folder`, which must outlive this call only.
+    """The twin of a recording, as it was at power-on. folder: for files that only this call needs.
 
     Raises RecordingError for a recording that does not say enough, and ValueError as `Twin` does.
     """
@@ -120,10 +108,7 @@ def rebuilt(recorded: Recorded, folder: Path) -> Twin:
 
 
 def replay(recorded: Recorded, twin: Twin, pace: Pace | None = None) -> Difference | None:
-    """Play a recording to its twin, fresh from `rebuilt`; the first difference, None if there is none.
-
-    Raises RecordingError for causes that are none.
-    """
+    """Play a recording to its twin, fresh from `rebuilt`; the first difference. Raises RecordingError."""
     eye = _Eye(recorded, twin)
     recording = Recording(twin, eye, recorded.interval_ns)
     for entry in recorded.of(*CAUSES):
@@ -149,7 +134,7 @@ def _cause(recorded: Recorded, entry: Entry, twin: Twin) -> None:
     content = entry.content
     place = Place(f"{recorded.path}: {entry.channel} at {entry.time_ns} ns", ScenarioError)
     if entry.channel == "/host/sent":
-        twin.write(_bytes(recorded, entry))
+        twin.write(recorded.data(entry))
     elif not set(content) <= set(SETTINGS):
         twin.carry_out(event_now(content, place, twin.settable, twin.keys))
     elif "line_speed" in content:
@@ -158,33 +143,22 @@ def _cause(recorded: Recorded, entry: Entry, twin: Twin) -> None:
         twin.watch_margin()
 
 
-def _bytes(recorded: Recorded, entry: Entry) -> bytes:
-    try:
-        return bytes.fromhex(entry.content["hex"])
-    except (KeyError, TypeError, ValueError):
-        raise RecordingError(f"{recorded.path}: {entry.channel} at {entry.time_ns} ns has no bytes") from None
-
-
 class _Eye:
     """Compares what happens with what was recorded, channel by channel; a `recording.Sink`."""
 
     def __init__(self, recorded: Recorded, twin: Twin) -> None:
         self.difference: Difference | None = None
-        self._twin = twin
-        self._end_ns = recorded.end_ns
-        self._whole = recorded.whole
+        self._twin, self._end_ns, self._whole = twin, recorded.end_ns, recorded.whole
         self._expected: dict[str, deque[tuple[int, str]]] = {}
         for entry in recorded.entries:
             if entry.channel not in _NOT_COMPARED:
                 text = _traffic(entry.content) if entry.channel in _TRAFFIC else _table(entry.content)
                 self._expected.setdefault(entry.channel, deque()).append((entry.time_ns, text))
         self._sample_times = recorded.sample_times_ns.tolist()
-        self._sample_bytes = recorded.sample_bytes
-        self._samples = recorded.samples
+        self._sample_bytes, self._samples = recorded.sample_bytes, recorded.samples
         self._sample = 0
 
     def seen(self) -> bool:
-        """A difference has been seen."""
         return self.difference is not None
 
     def missing(self) -> Difference | None:
@@ -196,8 +170,6 @@ class _Eye:
             return None
         (time_ns, text), channel = min(left)
         return Difference(time_ns, channel, text, "nothing")
-
-    # Sink
 
     def sent(self, time_ns: int, data: bytes) -> None:
         self._compare("/host/sent", time_ns, readable(data))
@@ -230,8 +202,6 @@ class _Eye:
             field, a, b = _first_field(self._samples[number], np.frombuffer(now, dtype=self._samples.dtype)[0])
             self._differ(SAMPLES, time_ns, f"{field} {a}", f"{b}")
 
-    # Inside
-
     def _compare(self, channel: str, time_ns: int, text: str) -> None:
         queue = self._expected.get(channel)
         if not queue:
@@ -239,12 +209,11 @@ class _Eye:
             return
         then_ns, then = queue.popleft()
         if (then_ns, then) != (time_ns, text):
-            at = "" if then_ns == time_ns else f" at {then_ns} ns"
-            now = "" if then_ns == time_ns else f" at {time_ns} ns"
+            at, now = ("", "") if then_ns == time_ns else (f" at {then_ns} ns", f" at {time_ns} ns")
             self._differ(channel, min(then_ns, time_ns), then + at, text + now)
 
     def _extra(self, channel: str, time_ns: int, text: str) -> None:
-        if self._whole or self._twin.time_ns < self._end_ns:  # else it was recorded, and lost with the end of the file
+        if self._whole or self._twin.time_ns < self._end_ns:  # else it was lost with the end of the file
             self._differ(channel, time_ns, "nothing", text)
 
     def _differ(self, channel: str, time_ns: int, recorded: str, replayed: str) -> None:
@@ -277,23 +246,17 @@ def _first_field(then: Any, now: Any) -> tuple[str, Any, Any]:
     return "nothing", None, None
 
 
-# ---- a real controller ---------------------------------------------------------------------------------------------
-
-
 def play_host(recorded: Recorded, twin: Twin, pace: Pace | None = None) -> Difference | None:
     """Play the host of any recording to a twin; the first reply that is not the same bytes, None if there is none."""
     then, now = bytearray(), bytearray()
     heard_ns = 0
-
-    def never() -> bool:
-        return False
 
     def answered() -> bool:
         now.extend(twin.read())
         return len(now) >= len(then)
 
     for entry in recorded.of("/host/sent", "/host/received"):
-        data = _bytes(recorded, entry)
+        data = recorded.data(entry)
         if entry.channel == "/host/received":
             then += data
             heard_ns = entry.time_ns
@@ -301,7 +264,7 @@ def play_host(recorded: Recorded, twin: Twin, pace: Pace | None = None) -> Diffe
         _await(twin, answered, pace)
         if len(now) < len(then) or now[: len(then)] != then:
             return _reply_difference(twin, then, now)
-        _run_until(twin, twin.time_ns + max(0, entry.time_ns - heard_ns), pace, never)
+        _run_until(twin, twin.time_ns + max(0, entry.time_ns - heard_ns), pace, lambda: False)
         heard_ns = entry.time_ns
         twin.write(data)
     _await(twin, lambda: answered() and False, pace)
@@ -317,7 +280,6 @@ def _await(twin: Twin, answered: Callable[[], bool], pace: Pace | None) -> None:
 
 
 def _reply_difference(twin: Twin, then: bytearray, now: bytearray) -> Difference:
-    """Where the replies part."""
     index = next((i for i, (a, b) in enumerate(zip(then, now, strict=False)) if a != b), min(len(then), len(now)))
     shown = [readable(bytes(data[index : index + 24])) or "nothing" for data in (then, now)]
     return Difference(twin.time_ns, f"/host/received, byte {index}", *shown)

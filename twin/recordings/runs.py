@@ -31,20 +31,14 @@ from isel_twin.motion.path import StepLine, StepPath
 from isel_twin.motion.stretch import Stretch, since, written
 from isel_twin.motion.time_law import Trapezoid, law_from_numbers, law_numbers
 
-MOST_TICKS = 1 << 31
-"""Ticks of a listed motion that are read; more are no recording of ours."""
+MOST_TICKS = 1 << 31  # ticks of a listed motion that are read; more are no recording of ours
 
 
 def described(motion: Motion, before: Motion | None = None, time_ns: int = 0) -> dict[str, Any]:
-    """The motion as a table. before: the motion that it continues at time_ns, whose table is known, None if there is
-    none."""
+    """The motion as a table. before: the motion that it continues at time_ns, if any, whose table is known."""
     if isinstance(motion, StepRun) and isinstance(motion.law, Trapezoid) and isinstance(motion.path, StepLine | Circle):
-        return {
-            "steps": _path_table(motion.path),
-            "law": law_numbers(motion.law),
-            "start_ns": motion.start_ns,
-            "first": motion.first,
-        }
+        table = {"steps": _path_table(motion.path), "law": law_numbers(motion.law)}
+        return {**table, "start_ns": motion.start_ns, "first": motion.first}
     if isinstance(motion, SetPointRun) and isinstance(motion.plan, Joined):
         known = isinstance(before, SetPointRun) and isinstance(before.plan, Joined)
         stretch = since(motion.plan, motion.count(time_ns) if known else motion.first)
@@ -67,12 +61,9 @@ def described(motion: Motion, before: Motion | None = None, time_ns: int = 0) ->
                 "end": motion.end,
             }
     t_ns, delta = motion.window(motion.first, motion.last)
+    after_ns = np.diff(t_ns, prepend=np.int64(motion.start_ns))
     return {
-        "ticks": {
-            "t_ns": _shrunk(np.diff(t_ns, prepend=np.int64(motion.start_ns))),
-            "delta": _shrunk(delta),
-            "dtype": delta.dtype.name,
-        },
+        "ticks": {"t_ns": _shrunk(after_ns), "delta": _shrunk(delta), "dtype": delta.dtype.name},
         "axes": motion.axes,
         "lead_ns": motion.lead_ns,
         "start_ns": motion.start_ns,
@@ -81,8 +72,7 @@ def described(motion: Motion, before: Motion | None = None, time_ns: int = 0) ->
 
 
 def motion_from(table: dict[str, Any], before: Motion | None = None) -> Motion:
-    """The motion that a table describes; before: the one that it continues. Raises ValueError for one that describes
-    none."""
+    """The motion that a table describes; before: the one that it continues. Raises ValueError if it describes none."""
     try:
         if "joined" in table:
             return _joined_from(table, before)
@@ -101,10 +91,7 @@ def motion_from(table: dict[str, Any], before: Motion | None = None) -> Motion:
 
 
 def add_run(steps: Steps, time_ns: int, content: dict[str, Any]) -> None:
-    """Follow a recording: at time_ns the controller shows the motion that a message of `/runs` has, or none.
-
-    Raises ValueError for a message that is none.
-    """
+    """Follow a recording: from time_ns on the motion is that of a message of `/runs`. Raises ValueError."""
     if content.get("run") is not None and content.get("continues"):
         if not steps.motions:
             raise ValueError("a motion continues none")

@@ -23,9 +23,7 @@ import numpy as np
 
 from isel_twin.base.axes import CARRIAGES
 
-HEADER: Final = b"\0\1\0\0"
-"""CDR, little endian."""
-
+HEADER: Final = b"\0\1\0\0"  # CDR, little endian
 _ROS: Final = {"i8": "int64", "f8": "float64", "f4": "float32"}
 
 

@@ -29,6 +29,7 @@ from __future__ import annotations
 import heapq
 import os
 from collections.abc import Iterator
+from typing import Any
 
 from vcd import VCDWriter
 
@@ -37,15 +38,10 @@ from isel_twin.base.files import replacing
 from isel_twin.motion import Steps
 from isel_twin.recordings.recorder import Change, Samples
 
-PULSE_NS = 5000
-"""Longest high time of a step pulse."""
-SETUP_NS = 1000
-"""Time by which a direction is set before its first pulse."""
-CHUNK = 1 << 16
-"""Ticks expanded at a time."""
-
-_Entry = tuple[int, str, int | float | str]
-"""(time in ns, name of the signal, new value)"""
+PULSE_NS = 5000  # longest high time of a step pulse
+SETUP_NS = 1000  # time by which a direction is set before its first pulse
+CHUNK = 1 << 16  # ticks expanded at a time
+_Entry = tuple[int, str, int | float | str]  # (time in ns, name of the signal, new value)
 
 
 def write_vcd(path: str | os.PathLike[str], steps: Steps, recorder: Samples) -> None:
@@ -55,38 +51,34 @@ def write_vcd(path: str | os.PathLike[str], steps: Steps, recorder: Samples) -> 
         open(temporary, "w", encoding="ascii", errors="replace") as file,
         VCDWriter(file, timescale="1 ns", date="", comment="isel-twin") as writer,
     ):
-        signals = {}
+        signals: dict[str, Any] = {}
+
+        def add(scope: str, name: str, kind: str, init: Any, key: str = "") -> None:
+            size = {"wire": 1, "integer": 64}.get(kind)
+            signals[key or name] = writer.register_var(scope, name, kind, size=size, init=init)
+
         led = any(motion.lead_ns for motion in steps.motions)
         stepped = not led or any(not motion.lead_ns for motion in steps.motions)
         doubled = stepped and _doubled(steps)
         for axis in AXIS_NAMES[: steps.axes]:
-            if doubled:
-                signals[f"full_{axis}"] = writer.register_var("step", f"full_{axis}", "wire", size=1, init=0)
-            if stepped:
-                signals[f"step_{axis}"] = writer.register_var("step", f"step_{axis}", "wire", size=1, init=0)
-                signals[f"dir_{axis}"] = writer.register_var("step", f"dir_{axis}", "wire", size=1, init=0)
+            for name in (*(("full",) if doubled else ()), *(("step", "dir") if stepped else ())):
+                add("step", f"{name}_{axis}", "wire", 0)
             if led:
-                signals[f"command_{axis}"] = writer.register_var("step", f"command_{axis}", "integer", size=64, init=0)
+                add("step", f"command_{axis}", "integer", 0)
         for axis in AXIS_NAMES[: recorder.axes]:
-            signals[f"count_{axis}"] = writer.register_var("machine", f"count_{axis}", "integer", size=64, init=0)
-            name = f"lost_{axis}_steps"
-            signals[name] = writer.register_var("machine", name, "real", init=0.0)
+            add("machine", f"count_{axis}", "integer", 0)
+            add("machine", f"lost_{axis}_steps", "real", 0.0)
         for axis in CARRIAGES:
-            name = f"position_{axis}_mm"
-            signals[name] = writer.register_var("machine", name, "real", init=0.0)
+            add("machine", f"position_{axis}_mm", "real", 0.0)
         texts = {(change.group, change.name) for change in recorder.changes if isinstance(change.value, str)}
         wide = {(change.group, change.name) for change in recorder.changes if change.value not in (0, 1)}
-        bits = set(recorder.names()) - wide
         for group, name in recorder.names():
             key = name.replace(".", "_")
             if (group, name) in texts:
-                signal = writer.register_var(group, key, "string", init="")
-                signals[f"changed.{name}"] = writer.register_var(group, f"{key}_changed", "wire", size=1, init="x")
-            elif (group, name) in bits:
-                signal = writer.register_var(group, key, "wire", size=1, init="x")
+                add(group, key, "string", "", f"{group}.{name}")
+                add(group, f"{key}_changed", "wire", "x", f"changed.{name}")
             else:
-                signal = writer.register_var(group, key, "integer", size=64, init="x")
-            signals[f"{group}.{name}"] = signal
+                add(group, key, "integer" if (group, name) in wide else "wire", "x", f"{group}.{name}")
         streams = [_pulses(steps, doubled), _samples(recorder), _changes(recorder.changes, texts)]
         if led:
             streams.append(_commands(steps))
@@ -140,7 +132,6 @@ def _pulses(steps: Steps, doubled: bool) -> Iterator[_Entry]:
 
 
 def _commands(steps: Steps) -> Iterator[_Entry]:
-    """Sum of the changes after each tick."""
     command = [0] * steps.axes
     for time, changes in _ticks(steps, every=True):
         for axis, change in enumerate(changes):

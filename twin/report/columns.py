@@ -23,14 +23,11 @@ from isel_twin.core.position import position_error_mm
 if TYPE_CHECKING:
     from isel_twin.recordings.recorder import Recorder
 
-COLUMNS = 3000
-"""Columns of a curve: what a screen of 1500 pixels shows at twice its width."""
-MOST_WAY = 16_000
-"""Most vertices of a path."""
-SHORTEST_NS = 2 * MILLISECOND_NS
-"""Between two samples that a speed is taken of: in less, one step more or less is all there is."""
-PIXELS = 1500
-"""Way in pixels of the longest extent: vertices within one are one."""
+COLUMNS = 3000  # columns of a curve: what a screen of 1500 pixels shows at twice its width
+MOST_WAY = 16_000  # most vertices of a path
+SHORTEST_NS = 2 * MILLISECOND_NS  # between samples that a speed is taken of: in less, it is one step more or less
+PIXELS = 1500  # way in pixels of the longest extent: vertices within one are one
+Pair = tuple[NDArray[np.float64], NDArray[np.float64]]  # least and greatest values
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,12 +37,11 @@ class Columns:
     first_ns: int
     last_ns: int
     time_ns: NDArray[np.int64]
-    piece: NDArray[np.int64]
-    """int64 [n]: columns of one piece are joined by a line."""
-    position_mm: tuple[NDArray[np.float64], NDArray[np.float64]]
-    error_mm: tuple[NDArray[np.float64], NDArray[np.float64]]
-    speed_mm_s: tuple[NDArray[np.float64], NDArray[np.float64]]
-    lost_steps: tuple[NDArray[np.float64], NDArray[np.float64]]
+    piece: NDArray[np.int64]  # columns of one piece are joined by a line
+    position_mm: Pair
+    error_mm: Pair
+    speed_mm_s: Pair
+    lost_steps: Pair
     way: Way
 
 
@@ -59,9 +55,8 @@ class Way:
 
     def at(self, time_ns: int) -> NDArray[np.float64]:
         """float64 [3], where the machine was."""
-        found: NDArray[np.float64] = self.position_mm[
-            min(max(int(self.time_ns.searchsorted(time_ns)), 0), len(self.time_ns) - 1)
-        ]
+        vertex = min(int(self.time_ns.searchsorted(time_ns)), len(self.time_ns) - 1)
+        found: NDArray[np.float64] = self.position_mm[vertex]
         return found
 
 
@@ -95,7 +90,7 @@ def columns(recorder: Recorder, step_mm: NDArray[np.float64], last_ns: int) -> C
     there = time_ns >= 0
     low, high, time_ns = low[there], high[there], time_ns[there]
 
-    def pair(part: slice | int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def pair(part: slice | int) -> Pair:
         return low[:, part], high[:, part]
 
     return Columns(
@@ -115,13 +110,12 @@ def _extent(recorder: Recorder, breaks: NDArray[np.int64]) -> tuple[int, NDArray
     """First time, and the corners [3] of the box that holds the path."""
     shift = _shifts(recorder, breaks)
     least, most = np.full(3, np.inf), np.full(3, -np.inf)
-    first_ns = 0
-    for number, samples in enumerate(recorder.samples()):
-        if number == 0:
-            first_ns = int(samples["time_ns"][0])
+    first_ns: int | None = None
+    for samples in recorder.samples():
+        first_ns = int(samples["time_ns"][0]) if first_ns is None else first_ns
         position_mm = samples["position_mm"] + shift[np.searchsorted(breaks, samples["time_ns"], side="right")]
         least, most = np.minimum(least, position_mm.min(axis=0)), np.maximum(most, position_mm.max(axis=0))
-    return first_ns, least, most
+    return first_ns or 0, least, most
 
 
 def _shifts(recorder: Recorder, breaks: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -170,7 +164,6 @@ class _WayMaker:
         self._parts: list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]] = []
 
     def add(self, t_ns: NDArray[np.int64], position_mm: NDArray[np.float64], deviation_mm: NDArray[np.float64]) -> None:
-        """More samples."""
         pixels = np.round(position_mm / self._pixel_mm).astype(np.int64)
         before = pixels[:1] - 1 if self._last is None else self._last[None]
         self._last = pixels[-1]
@@ -191,6 +184,5 @@ class _WayMaker:
         self._parts = [(position_mm, worst, t_ns)]
 
     def made(self) -> Way:
-        """The path so far."""
         self._thin()
         return Way(*self._parts[0])

@@ -37,5 +37,5 @@ def _part(name: str) -> str:
 
 
 def _hashed(text: str) -> str:
-    """As a Content-Security-Policy names what stands in the page itself."""
+    """The name of a part of the page in a Content-Security-Policy."""
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()

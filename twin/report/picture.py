@@ -28,7 +28,8 @@ def draw(
     with_margin = any(margin is not None for result in results for margin in result.margin)
     figure = Figure(figsize=(13, 13 if with_margin else 11.5), layout="constrained", dpi=100)
     figure.suptitle(plain_text(title))
-    grid = figure.add_gridspec(5 if with_margin else 4, 2, height_ratios=[2.6, 1, 1, 1, 1][: 5 if with_margin else 4])
+    rows = 5 if with_margin else 4
+    grid = figure.add_gridspec(rows, 2, height_ratios=[2.6, 1, 1, 1, 1][:rows])
     deviation_um = seen.way.deviation_mm * 1e3
     for column, (u, v) in enumerate(((0, 1), (0, 2))):
         view = figure.add_subplot(grid[0, column])
@@ -50,7 +51,7 @@ def draw(
     figure.colorbar(lines, ax=view, label="deviation / um")
     time_s = seen.time_ns / SECOND_NS
     plots = [figure.add_subplot(grid[1, :])]
-    plots += [figure.add_subplot(grid[row, :], sharex=plots[0]) for row in range(2, 5 if with_margin else 4)]
+    plots += [figure.add_subplot(grid[row, :], sharex=plots[0]) for row in range(2, rows)]
     plots[0].fill_between(time_s, *seen.speed_mm_s, linewidth=1, color="#1d2733")
     for i, axis in enumerate(CARRIAGES):
         for plot, (low, high), by in ((plots[1], seen.position_mm, 1.0), (plots[2], seen.error_mm, 1e3)):

@@ -7,7 +7,7 @@ screen reader everything is there too. A Content-Security-Policy forbids it to l
 outside (names, commands, replies) is escaped. Its size does not grow with the length of the job: what a screen cannot
 show is left out (columns.py), and of commands beyond ROWS only those with a finding are listed.
 
-What the position error is, is in `isel_twin.core.snapshot`. Curves are of the carriages, counters of all axes that the
+`isel_twin.core.position` defines the position error. Curves are of the carriages, counters of all axes that the
 controller has. A name that ends in .png makes a picture instead (picture.py, with matplotlib, the extra `report`).
 """
 
@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
@@ -35,22 +34,9 @@ if TYPE_CHECKING:
     from isel_twin.jobs.result import Part
     from isel_twin.recordings.recorder import Recorder
 
-ROWS = 1000
-"""Most commands listed, beside those with a finding."""
-PICTURES = 60
-"""Most findings with a picture."""
-LONG = 400
-"""Most characters of a command or reply that are shown."""
-
-
-def check_report(path: str | os.PathLike[str]) -> None:
-    """Raise ValueError, of one line, if a report of that name needs what is not installed."""
-    if _is_picture(path) and find_spec("matplotlib") is None:
-        raise ValueError(f"{path}: a picture needs matplotlib: pip install 'isel-twin[report]'")
-
-
-def _is_picture(path: str | os.PathLike[str]) -> bool:
-    return os.fspath(path).lower().endswith(".png")
+ROWS = 1000  # most commands listed, beside those with a finding
+PICTURES = 60  # most findings with a picture
+LONG = 400  # most characters of a command or reply that are shown
 
 
 def write_report(
@@ -63,10 +49,9 @@ def write_report(
     checked: Report | None = None,
     bounds: Bounds | None = None,
 ) -> None:
-    """Write the page, or a picture if the name ends in .png.
+    """Write the page, or a picture if the name ends in .png. Raises OSError.
 
-    summary: of the verdict, with "ok". checked: what is wrong with the job; bounds: and what it was measured by.
-    Raises OSError.
+    summary: of the verdict, with "ok". checked: what is wrong with the job; bounds: what it was measured by.
     """
     seen = columns(recorder, twin.step_mm, twin.time_ns)
     findings = () if checked is None else checked.findings
@@ -75,14 +60,9 @@ def write_report(
         for number, finding in enumerate(findings, 1)
         if (time_ns := _time(finding, results)) is not None
     ]
-    limits = {}
-    if bounds is not None:
-        limits = {
-            key: value
-            for key, value in (("deviation_mm", bounds.deviation_mm), ("margin", bounds.margin))
-            if value is not None
-        }
-    if _is_picture(path):
+    asked = {} if bounds is None else {"deviation_mm": bounds.deviation_mm, "margin": bounds.margin}
+    limits = {key: value for key, value in asked.items() if value is not None}
+    if os.fspath(path).lower().endswith(".png"):
         from isel_twin.report.picture import draw
 
         atomic_write(path, draw(title, seen, results, marks, limits))
@@ -122,16 +102,14 @@ def _time(finding: Finding, results: Sequence[Result]) -> int | None:
 
 
 def _in_short(summary: Mapping[str, Any], findings: Sequence[Finding]) -> str:
-    commands, number = summary.get("commands", 0), len(findings)
-    text = f"{commands} command{'' if commands == 1 else 's'}, {summary.get('refused', 0)} refused"
-    if findings:
-        text += f", {number} finding{'' if number == 1 else 's'}"
-    return (
-        f"{text}; {summary.get('time_ns', 0) / SECOND_NS:.3f} s of virtual time on the machine {summary.get('machine')}"
-    )
+    text = f"{_many(summary.get('commands', 0), 'command')}, {summary.get('refused', 0)} refused"
+    text += f", {_many(len(findings), 'finding')}" if findings else ""
+    time_s = summary.get("time_ns", 0) / SECOND_NS
+    return f"{text}; {time_s:.3f} s of virtual time on the machine {summary.get('machine')}"
 
 
-# Summary
+def _many(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def _facts(summary: Mapping[str, Any]) -> str:
@@ -146,9 +124,10 @@ def _facts(summary: Mapping[str, Any]) -> str:
 
     told = {key: value for key, value in summary.items() if key != "time_ns"}
     told["virtual_time_s"] = f"{summary.get('time_ns', 0) / SECOND_NS:.6f}"
-    rows = [(escape(key.replace("_", " ")), escape(shown(value))) for key, value in told.items()]
     body = "".join(
-        f"<tr><th scope='row' class='text'>{key}</th><td class='text'>{text}</td></tr>\n" for key, text in rows
+        f"<tr><th scope='row' class='text'>{escape(key.replace('_', ' '))}</th>"
+        f"<td class='text'>{escape(shown(value))}</td></tr>\n"
+        for key, value in told.items()
     )
     return f"<table><caption>The run</caption><tbody>{body}</tbody></table>"
 
@@ -173,14 +152,12 @@ def _limits(checked: Report, bounds: Bounds | None) -> str:
     for rule, demand in RULES.items():
         number = sum(finding.rule == rule for finding in checked.findings)
         unbound = rule in ("margin", "deviation", "cycle", "luck") and rule not in limits
-        told = f"{number} finding{'' if number == 1 else 's'}" if number else ("no limit" if unbound else "ok")
+        told = _many(number, "finding") if number else ("no limit" if unbound else "ok")
         if rule == "golden" and not checked.golden.call:
             told = "not compared"
         wrong = " class='wrong'" if number else ""
-        cells = "".join(
-            f"<td class='text'>{escape(text)}</td>"
-            for text in (demand, limits.get(rule, ""), measured.get(rule, ""), told)
-        )
+        texts = demand, limits.get(rule, ""), measured.get(rule, ""), told
+        cells = "".join(f"<td class='text'>{escape(text)}</td>" for text in texts)
         rows.append(f"<tr{wrong}><th scope='row' class='text'>{rule}</th>{cells}</tr>\n")
     head = _head([(name, True) for name in ("rule", "demand", "limit", "measured", "result")])
     return f"<div class='wide'><table><caption>Limits</caption>{head}<tbody>{''.join(rows)}</tbody></table></div>"
@@ -189,9 +166,6 @@ def _limits(checked: Report, bounds: Bounds | None) -> str:
 def _head(names: Iterable[tuple[str, bool]]) -> str:
     cells = "".join(f"<th scope='col'{' class=text' if text else ''}>{escape(name)}</th>" for name, text in names)
     return f"<thead><tr>{cells}</tr></thead>"
-
-
-# Findings
 
 
 def _findings(findings: Sequence[Finding], marks: Sequence[Mark], seen: Columns, plots: TimePlots) -> str:
@@ -225,7 +199,7 @@ def _findings(findings: Sequence[Finding], marks: Sequence[Mark], seen: Columns,
 
 def _golden(findings: Sequence[Finding], checked: Report | None) -> str:
     """What is otherwise than in the golden run; nothing if there is none."""
-    if checked is None or not checked.golden.call:  # a run is told what it was called with to be compared
+    if checked is None or not checked.golden.call:  # only a run that is compared knows its call
         return ""
     rows = "".join(
         f"<tr><td>{'' if finding.line is None else finding.line}</td>"
@@ -243,25 +217,18 @@ def _golden(findings: Sequence[Finding], checked: Report | None) -> str:
     return f"<section aria-labelledby='golden'><h2 id='golden'>Compared with the golden run</h2>{told}</section>"
 
 
-# Path and plots
-
-
 def _path(seen: Columns, marks: Sequence[Mark], results: Sequence[Result]) -> str:
     most_um, _ = deviation_classes(seen)
     unit, most = ("um", most_um) if most_um < MM_FROM_UM else ("mm", most_um / 1e3)
-    swatches = []
-    for k, colour in enumerate(COLOURS):
-        x = 110 + 85 * k
-        told = f"{most * (k + 1) / len(COLOURS):.3g}"
-        swatches.append(
-            f"<rect x='{x}' y='4' width='85' height='10' fill='{colour}'/><text x='{x + 85}' y='30' "
-            f"text-anchor='middle'>{told}</text>"
-        )
+    swatches = [
+        f"<rect x='{110 + 85 * k}' y='4' width='85' height='10' fill='{colour}'/><text x='{195 + 85 * k}' y='30' "
+        f"text-anchor='middle'>{most * (k + 1) / len(COLOURS):.3g}</text>"
+        for k, colour in enumerate(COLOURS)
+    ]
     legend = (
         f"<svg viewBox='0 0 720 36' width='720' height='36' role='img' aria-label='Colours from deviation 0 to "
         f"{most:.3g} {unit}'><text x='0' y='14'>deviation / {unit}</text>"
-        f"<text x='110' y='30' text-anchor='middle'>0</text>"
-        f"{''.join(swatches)}</svg>"
+        f"<text x='110' y='30' text-anchor='middle'>0</text>{''.join(swatches)}</svg>"
     )
     cuts = swaths(results)
     planes = {"xy": (0, 1), "xz": (0, 2)}
@@ -270,28 +237,19 @@ def _path(seen: Columns, marks: Sequence[Mark], results: Sequence[Result]) -> st
     wide = " Grey, in the plane in which it cuts: as wide as the tool is." if cuts else ""
     return (
         "<section aria-labelledby='path'><h2 id='path'>Path</h2><p>From above and from the front, in the zero that "
-        "counts at the end. Where a counter is set anew, the path goes on."
-        f"{wide}</p>"
-        f"<figure><div class='columns'>{views}</div>"
-        f"{legend}</figure></section>"
+        f"counts at the end. Where a counter is set anew, the path goes on.{wide}</p>"
+        f"<figure><div class='columns'>{views}</div>{legend}</figure></section>"
     )
 
 
 def _controls() -> str:
-    buttons = (
-        ("+", "Zoom in", "+"),
-        ("-", "Zoom out", "&minus;"),
-        ("ArrowLeft", "Earlier", "&larr;"),
-        ("ArrowRight", "Later", "&rarr;"),
-        ("0", "Whole job", "All"),
-    )
+    zoom = ("+", "Zoom in", "+"), ("-", "Zoom out", "&minus;")
+    move = ("ArrowLeft", "Earlier", "&larr;"), ("ArrowRight", "Later", "&rarr;")
+    buttons = (*zoom, *move, ("0", "Whole job", "All"))
     made = "".join(
         f"<button type='button' data-act='{act}' aria-label='{name}'>{shown}</button>" for act, name, shown in buttons
     )
     return f"<div class='zoom'>{made}<span id='told' role='status'></span></div>"
-
-
-# Commands
 
 
 def _commands(results: Sequence[Result], axes: int, findings: Sequence[Finding]) -> str:
@@ -299,9 +257,8 @@ def _commands(results: Sequence[Result], axes: int, findings: Sequence[Finding])
     for number, finding in enumerate(findings, 1):
         if finding.line is not None:
             wrong.setdefault(finding.line, []).append(number)
-    shown = [result for k, result in enumerate(results) if k < ROWS or result.number in wrong or not result.ok][
-        : 2 * ROWS
-    ]
+    chosen = [result for k, result in enumerate(results) if k < ROWS or result.number in wrong or not result.ok]
+    shown = chosen[: 2 * ROWS]
     with_margin = any(margin is not None for result in results for margin in result.margin)
     head = [("line", False), ("time / s", False), ("took / s", False), ("command", True), ("reply", True)]
     head += [(f"count {axis.upper()}", False) for axis in AXIS_NAMES[:axes]]
@@ -313,8 +270,8 @@ def _commands(results: Sequence[Result], axes: int, findings: Sequence[Finding])
     for result in shown:
         key = "" if result.number in named else f" id='line-{result.number}'"
         named.add(result.number)
-        numbers = [f"{result.time_ns / SECOND_NS:.6f}", f"{(result.end_ns - result.time_ns) / SECOND_NS:.6f}"]
-        cells = "".join(f"<td>{text}</td>" for text in numbers)
+        times_s = result.time_ns / SECOND_NS, (result.end_ns - result.time_ns) / SECOND_NS
+        cells = "".join(f"<td>{time_s:.6f}</td>" for time_s in times_s)
         cells += f"<td class='code command'>{escape(result.command[:LONG])}</td>"
         cells += f"<td class='code'>{escape(_reply(result)[:LONG])}</td>"
         cells += "".join(f"<td>{count}</td>" for count in result.counts)
@@ -332,8 +289,7 @@ def _commands(results: Sequence[Result], axes: int, findings: Sequence[Finding])
     return (
         "<section aria-labelledby='commands'><h2 id='commands'>Commands</h2><div class='wide'><table><caption>Lines of "
         f"the job, when each was sent and how long it took; counters and true positions at its end</caption>"
-        f"{_head(head)}"
-        f"<tbody>{''.join(rows)}</tbody></table></div>{rest}</section>"
+        f"{_head(head)}<tbody>{''.join(rows)}</tbody></table></div>{rest}</section>"
     )
 
 

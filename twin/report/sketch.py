@@ -1,8 +1,6 @@
-"""One picture of what a machine did: path from above and from the front, error and lost steps over time.
+"""One picture of what a machine did, for a test that failed: path from above and from the front, error and lost steps.
 
 A path has one zero, so it begins where a counter was last set: by a reference run, mostly.
-
-For a quick look at a test that failed; `report` has the whole.
 """
 
 from __future__ import annotations
@@ -23,8 +21,7 @@ if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
     from isel_twin.recordings.recorder import Recorder
 
-POINTS = 4000
-"""About as many samples are drawn."""
+POINTS = 4000  # samples drawn, about
 
 
 def write_sketch(path: str | os.PathLike[str], twin: Twin, recorder: Recorder, zero_ns: int = 0) -> None:

@@ -11,9 +11,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-WIDTH = 1020
-"""Of the time plots, px."""
-
+WIDTH = 1020  # of the time plots, px
 _CONTROLS = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
 
 
@@ -28,7 +26,6 @@ def tenths(value: float) -> str:
 
 
 def number(value: float) -> str:
-    """A number at an axis."""
     return f"{value + 0.0:g}" if abs(value) >= 1e-9 else "0"
 
 

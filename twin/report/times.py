@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.base.units import SECOND_NS
-from isel_twin.report.columns import Columns
+from isel_twin.report.columns import Columns, Pair
 from isel_twin.report.path import LEAST_UM
 from isel_twin.report.svg import WIDTH, Mark, apart, badge, escape, nice, number, tenths
 from isel_twin.wiring.contacts import FAULTS
@@ -27,14 +27,9 @@ if TYPE_CHECKING:
     from isel_twin.jobs.job import Result
     from isel_twin.recordings.recorder import Change, Recorder
 
-MM_FROM_UM = 1000.0
-"""Deviations and errors from here on are told in mm."""
-LEFT, RIGHT = 120, 20
-"""Of the time plots, px."""
-MOST_SPANS = 1500
-"""Of a lane; shorter ones than that part of the job are joined."""
-
-_Pair = tuple[NDArray[np.float64], NDArray[np.float64]]
+MM_FROM_UM = 1000.0  # deviations and errors from here on are told in mm
+LEFT, RIGHT = 120, 20  # of the time plots, px
+MOST_SPANS = 1500  # of a lane; shorter ones than that part of the job are joined
 _Pixels = Callable[[int], float]
 
 
@@ -56,8 +51,7 @@ class _Curve:
 
 @dataclass(frozen=True)
 class _Row:
-    """Curves of one quantity above each other; least: a smaller range is not magnified; bound: lines at plus and minus
-    this."""
+    """Curves of one quantity; least: a smaller range is not magnified; bound: lines at plus and minus this."""
 
     name: str
     unit: str
@@ -114,10 +108,8 @@ def time_plots(
     )
     first_s, last_s = columns.first_ns / SECOND_NS, columns.last_ns / SECOND_NS
     height = bottom + 44.0
-    about = (
-        f"From {first_s:.3f} to {last_s:.3f} s of virtual time: {len(results)} lines of the job, and "
-        f"{len(marks)} findings with a time. The tables on this page have the numbers."
-    )
+    span = f"From {first_s:.3f} to {last_s:.3f} s of virtual time: {len(results)} lines of the job"
+    about = f"{span}, and {len(marks)} findings with a time. The tables on this page have the numbers."
     svg = (
         f"<svg id='times' viewBox='0 0 {LEFT + WIDTH + RIGHT} {height:g}' width='{LEFT + WIDTH + RIGHT}' "
         f"height='{height:g}' role='img' tabindex='0' aria-labelledby='times-title times-about' data-left='{LEFT}' "
@@ -125,8 +117,7 @@ def time_plots(
         f"<title id='times-title'>Speed, position, error, margin, inputs and outputs over time</title>"
         f"<desc id='times-about'>{about}</desc>{''.join(drawing.fixed)}"
         f"<svg x='{LEFT}' y='0' width='{WIDTH}' height='{bottom:g}' overflow='hidden'><g id='zoom'>"
-        f"{''.join(drawing.moving)}"
-        f"</g></svg>{badges}<path class='frame' d='M{LEFT} {bottom:g}h{WIDTH}'/>"
+        f"{''.join(drawing.moving)}</g></svg>{badges}<path class='frame' d='M{LEFT} {bottom:g}h{WIDTH}'/>"
         f"<g id='ticks'>{_ticks(first_s, last_s, bottom)}</g>"
         f"<text x='{LEFT + WIDTH}' y='{bottom + 36:g}' text-anchor='end'>virtual time / s</text>"
         f"<rect id='choice' y='22' width='0' height='{bottom - 22:g}' fill='#1f4e9e' fill-opacity='.15'/>"
@@ -150,8 +141,8 @@ def _rows(columns: Columns, axes: int, limits: Mapping[str, float]) -> Iterable[
         yield _Row("lost", "steps", _curves(columns.lost_steps, names), height=90.0)
 
 
-def _curves(pair: _Pair, names: Sequence[tuple[str, str]], by: float = 1.0) -> list[_Curve]:
-    """Of pairs of style and name."""
+def _curves(pair: Pair, names: Sequence[tuple[str, str]], by: float = 1.0) -> list[_Curve]:
+    """names: pairs of style and name."""
     return [_Curve(style, name, pair[0][:, i] * by, pair[1][:, i] * by) for i, (style, name) in enumerate(names)]
 
 
@@ -184,9 +175,8 @@ def _draw_margins(drawing: _Drawing, results: Sequence[Result], px: _Pixels, bou
     if not margins:
         return
     none = np.zeros(0)
-    drawing.fixed += _scale(
-        _Row("margin", "%", [_Curve(a, a, none, none) for a in margins], height), y, 0.0, 100.0, 50.0
-    )
+    row = _Row("margin", "%", [_Curve(axis, axis, none, none) for axis in margins], height)
+    drawing.fixed += _scale(row, y, 0.0, 100.0, 50.0)
     moving = drawing.moving
     moving.append("<g id='curves-margin'>")
     moving += [f"<path class='grid' d='M0 {tenths(y + height * part)}h{WIDTH}'/>" for part in (0.0, 0.5, 1.0)]
@@ -209,11 +199,10 @@ def _events(recorder: Recorder, px: _Pixels, y: float) -> Iterable[str]:
 def _ticks(first_s: float, last_s: float, bottom: float) -> str:
     """Without a script, and in print, the axis has its numbers as well."""
     _, _, step = nice(0.0, (last_s - first_s) * 3.0 / 8.0)
-    parts = []
-    for n in range(math.ceil(first_s / step - 1e-9), math.floor(last_s / step + 1e-9) + 1):
-        x = LEFT + (n * step - first_s) / (last_s - first_s) * WIDTH
-        parts.append(f"<text x='{x:.1f}' y='{bottom + 19:g}' text-anchor='middle'>{number(n * step)}</text>")
-    return "".join(parts)
+    ticks = [n * step for n in range(math.ceil(first_s / step - 1e-9), math.floor(last_s / step + 1e-9) + 1)]
+    places = ((at, LEFT + (at - first_s) / (last_s - first_s) * WIDTH) for at in ticks)
+    texts = (f"<text x='{x:.1f}' y='{bottom + 19:g}' text-anchor='middle'>{number(at)}</text>" for at, x in places)
+    return "".join(texts)
 
 
 def _range(row: _Row) -> tuple[float, float, float]:
@@ -297,13 +286,12 @@ def _margin_lines(results: Sequence[Result], px: _Pixels, y: float, height: floa
 
 def lanes(recorder: Recorder, last_ns: int) -> list[tuple[str, str, list[tuple[int, int, int | str]]]]:
     """(group, name, spans) of each output and input that changes or is faulty: (from, to, value), as time goes."""
-    order = {"output": 0, "input": 1}
-    names = [each for each in recorder.names() if each[0] in order]
+    names = [(group, name) for kind in ("output", "input") for group, name in recorder.names() if group == kind]
     histories: dict[tuple[str, str], list[Change]] = {}
     for change in recorder.changes:
         histories.setdefault((change.group, change.name), []).append(change)
     found = []
-    for group, name in sorted(names, key=lambda each: order[each[0]]):
+    for group, name in names:
         history = histories.get((group, name), [])
         if len(history) < 2 and not any(change.value in FAULTS and change.value != "ok" for change in history):
             continue

@@ -6,10 +6,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 Frame = dict[str, Any]
-
-
-COME: Mapping[str, Any] = {"come": True}
-"""In place of a request: a browser has come, and wants to be shown how things are."""
+COME: Mapping[str, Any] = {"come": True}  # instead of a request: a browser has come and wants the present state
 
 
 class Asked(NamedTuple):

@@ -1,9 +1,8 @@
 """Who is let in to the panel.
 
-Whoever does not name this server as his host, comes from a page of another origin, or lacks the token where one is
-needed, gets 403 and a line that says why. On the loopback interface the host must be this computer by name or number,
-or a page somewhere could have its own name point here. A browser is given the token by the link that `serve` prints
-and keeps it in a cookie.
+A wrong host, a page of another origin or a missing token get 403 and a line that says why. On the loopback interface
+the host must be this computer by name or number, or a page somewhere could have its own name point here (DNS
+rebinding). The link that `serve` prints has the token, and the browser keeps it in a cookie.
 """
 
 from __future__ import annotations
@@ -18,15 +17,13 @@ from isel_twin.bridge.serve.tcp import parse_address
 
 
 class Gate:
-    """Who is let in."""
-
     def __init__(self, address: str, token: str | None) -> None:
         self._token = token
         self._local = is_loopback(address)
         self._cookie = f"panel_{parse_address(address)[1]}"
 
     def refusal(self, path: str, headers: Mapping[str, str]) -> str | None:
-        """Why somebody is not let in; None: he is. Whatever the headers are, nothing is raised."""
+        """Why somebody is not let in; None: he is. No header makes it raise."""
         host = headers.get("Host", "")
         if self._local and not _is_this_computer(host):
             return "the host is not this computer"
@@ -40,7 +37,6 @@ class Gate:
         return None
 
     def given(self, path: str) -> str | None:
-        """The token in a link."""
         return parse_qs(urlsplit(path).query).get("token", [None])[0]
 
     def keep(self, path: str) -> str | None:

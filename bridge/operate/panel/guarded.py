@@ -5,9 +5,9 @@
 
 viser has no door for this: it opens a port of its own and lets everybody in. So, while it starts, the name
 `websockets` in its module is exchanged for a `_Front`, which hands on what viser asks for and changes one call. That
-name is private, and a later viser may do without it. Therefore the start ends with a proof: viser serves at the panel's
-own port, and whoever names a foreign host or comes from a foreign page is refused there. Without it the panel does not
-start. What nobody here wants, to share a scene through a server of viser's makers, is taken out.
+name is private, and a later viser may do without it. So the start ends with a proof, without which there is no panel:
+viser serves at the panel's port, and refuses a foreign host or page there. Sharing a scene through a public server of
+viser's makers is taken out.
 """
 
 from __future__ import annotations
@@ -31,17 +31,10 @@ from websockets.http11 import Request, Response
 
 from isel_twin.base.errors import CallError
 
-MESSAGE_BYTES = 1 << 20
-"""Longest message of a browser."""
-
-FAREWELL_S = 1.0
-"""Longest wait for a browser that is let go to say so."""
-
-PROOF_S = 60.0
-"""Longest wait for the answer of the panel's own server at its start: far more than the busiest computer needs."""
-
-FOREIGN = "elsewhere.invalid"
-"""A host that nobody has (RFC 2606)."""
+MESSAGE_BYTES = 1 << 20  # longest message of a browser
+FAREWELL_S = 1.0  # longest wait for a browser that is let go to say so
+PROOF_S = 60.0  # longest wait for the panel's own server at its start: far more than the busiest computer needs
+FOREIGN = "elsewhere.invalid"  # a host that nobody has (RFC 2606)
 
 _quiet = logging.getLogger("isel_twin.panel.web")
 _quiet.setLevel(logging.CRITICAL)  # whoever knocks in a strange way is answered, not written down
@@ -51,8 +44,6 @@ Respond = Callable[[ServerConnection, Request], Response | None]
 
 
 class UnguardedError(CallError):
-    """This viser cannot be kept behind the gate."""
-
     def __init__(self, why: str) -> None:
         super().__init__(
             f"panel: not started, as this viser ({viser.__version__}) cannot be guarded: {why}; "
@@ -114,8 +105,7 @@ class _Front:
     def __init__(self, listener: socket.socket, respond: Respond, operate: Handler) -> None:
         self._listener, self._respond, self._operate = listener, respond, operate
         self._real: Any = None
-        self.loop: asyncio.AbstractEventLoop | None = None
-        """The loop in which viser serves, once it does."""
+        self.loop: asyncio.AbstractEventLoop | None = None  # the loop in which viser serves, once it does
 
     def __enter__(self) -> None:
         try:
@@ -129,13 +119,10 @@ class _Front:
 
     @property
     def asyncio(self) -> _Front:
-        """`websockets.asyncio`, and what is in it that viser calls."""
+        """`websockets.asyncio`, and its `server`."""
         return self
 
-    @property
-    def server(self) -> _Front:
-        """`websockets.asyncio.server`."""
-        return self
+    server = asyncio
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._real, name)

@@ -9,9 +9,8 @@ Requests are those of the control port (bridge/operate/control.py) with a number
     {"id": 8, "ask": {...}, "gone": {"set": {...}}}    `gone` is asked if the browser goes before it asks again
     {"id": 9, "say": "@0P"}                            as a host: commands as in a job file; see `_Typist`
 
-A frame is the state the control port tells, with what the panel draws besides. While nobody looks there are none, and
-the server does nothing for the panel that it would not do without. Sampling changes nothing: a twin looked at has the
-same bits as one that is not.
+A frame is the state the control port tells, with what the panel draws besides; there are none while nobody looks.
+Sampling changes nothing: a twin looked at has the same bits as one that is not.
 """
 
 from __future__ import annotations
@@ -34,9 +33,9 @@ from isel_twin.bridge.operate.panel.frame import COME, Asked, Frame
 from isel_twin.bridge.operate.panel.menu import key_menu, menu
 from isel_twin.bridge.operate.panel.monitor import Monitor
 from isel_twin.bridge.operate.token import token_for
-from isel_twin.bridge.serve.borders import SerialLine
+from isel_twin.bridge.serve.borders import Endpoint
 from isel_twin.bridge.serve.loop import FileWatch
-from isel_twin.bridge.serve.server import Server
+from isel_twin.bridge.serve.server import Guest, Server
 from isel_twin.bridge.serve.tcp import listen, parse_address
 from isel_twin.core.twin import Twin
 from isel_twin.jobs.decode import DecodeError, typed
@@ -48,21 +47,14 @@ from isel_twin.wiring.acts import BESIDE
 
 log = logging.getLogger("isel_twin")
 
-FRAMES_PER_S = 20.0
-"""Samples of the twin in a wall second, at most."""
-
-ROUND = 32
-"""Requests dealt with in one round of the server's loop."""
-
-MARGIN_NS = 5 * MILLISECOND_NS
-"""Virtual time for which a least margin is worth telling: that of several windows of the plant."""
-
-SAID_BYTES = 4096
-"""Longest text typed at once, as bytes on the line."""
+FRAMES_PER_S = 20.0  # samples of the twin in a wall second, at most
+ROUND = 32  # requests dealt with in one round of the server's loop
+MARGIN_NS = 5 * MILLISECOND_NS  # virtual time over which a least margin is told: several windows of the plant
+SAID_BYTES = 4096  # longest text typed at once, as bytes on the line
 
 
 class Site(Protocol):
-    """What the panel needs of its page; see site.py. All of it may be called from the server's thread."""
+    """What the panel needs of its page (site.py), from the server's thread."""
 
     @property
     def watched(self) -> bool:
@@ -81,35 +73,22 @@ class Site(Protocol):
         """Let everybody go."""
 
 
-class _Typist:
-    """The endpoint of a person who types. Replies go to whoever spoke last, and everybody sees them."""
+class _Typist(Endpoint):
+    """The endpoint of a person who types, closed by the panel; the monitor shows the replies."""
 
     kind = "panel"
     address = ""
     gathers = False
     busy = False
     waiting = 0
-    settings: Mapping[str, Any] = MappingProxyType({})
-    """As those of the line, whatever it is."""
-
-    def attach(self, line: SerialLine) -> None:
-        """Nothing to do: what is typed goes to the server."""
+    settings: Mapping[str, Any] = MappingProxyType({})  # as those of the line, whatever it is
 
     def watches(self, listening: bool) -> Iterable[FileWatch]:
         return ()
 
-    def send(self, data: bytes) -> None:
-        """The monitor has them already."""
 
-    def give_way(self) -> None:
-        """Nothing to do: it never holds the line."""
-
-    def close(self) -> None:
-        """Nothing to do: the panel is closed as a guest."""
-
-
-class Panel:
-    """A guest of a server that shows its twin on a page. Raises ValueError, or OSError for a taken address."""
+class Panel(Guest):
+    """Shows a server's twin on a page. Raises ValueError, or OSError for a taken address."""
 
     kind = "panel"
 
@@ -119,8 +98,7 @@ class Panel:
         site: None for the page itself. Raises ImportError without the extra `panel`.
         """
         self.monitor = Monitor()
-        self.recording: Path | None = None
-        """File of the recording that the server makes, to be set before it begins; browsers may save what is in it."""
+        self.recording: Path | None = None  # what the server records, for browsers to save; to be set before it starts
         self._asked: SimpleQueue[Asked] = SimpleQueue()
         self._server: Server | None = None
         self._line = _Typist()
@@ -129,8 +107,7 @@ class Panel:
         self._next_s = 0.0
         self._last: Frame = {}
         self._margin_ns = -MARGIN_NS
-        self._margin: list[float | None] = []
-        """Least margins from the frame before to that time."""
+        self._margin: list[float | None] = []  # least margins from the frame before to that time
         if site is not None:
             self.address, self.token, self._site = address, token, site
             return
@@ -142,7 +119,6 @@ class Panel:
 
     @property
     def url(self) -> str:
-        """What a person types into a browser."""
         host, port = parse_address(self.address)
         if host in ("0.0.0.0", "::"):  # everywhere: by the name that others know this computer by
             host = socket.gethostname()
@@ -150,7 +126,7 @@ class Panel:
         return f"http://{where}/" + (f"?token={self.token}" if self.token else "")
 
     def take(self, asked: Asked) -> None:
-        """A browser wants something. Called from any thread."""
+        """Called from any thread."""
         self._asked.put(asked)
         if self._server is not None:
             self._server.wake()
@@ -167,19 +143,17 @@ class Panel:
         self._site.start(self._about(), self._twin.machine, self.recording)
 
     def watches(self) -> Iterable[FileWatch]:
-        """None: browsers wake the server."""
-        return ()
+        return ()  # browsers wake the server
 
     def wait_s(self) -> float | None:
-        waits = [self._operator.wait_s]
         if not self._asked.empty():
             return 0.0
+        waits = [self._operator.wait_s]
         if self._site.watched:
             waits.append(max(0.0, self._next_s - time.monotonic()))
         return min((wait for wait in waits if wait is not None), default=None)
 
     def look(self) -> None:
-        """Answer, act, sample."""
         self._operator.look()
         for _ in range(ROUND):
             try:
@@ -298,7 +272,6 @@ class Panel:
         }
 
     def _sample(self) -> None:
-        """Show the twin as it is, if that is anything new."""
         assert self._server is not None
         twin, pacer = self._twin, self._server.pacer
         frame = self._operator.state()

@@ -1,4 +1,4 @@
-"""Everything an event can do, as a page needs it to build a form for each: plain words and numbers out of `ACTS`.
+"""Everything an event can do, as a page needs it to build a form for each: `ACTS` as plain words and numbers.
 
     {"key": "phase_lost", "meaning": "motor phases are interrupted", "by": "axis", "members": ["x", "y", "z"],
      "form": {"words": ["a", "b", "ab", ""]}, "off": "", "fault": true}
@@ -18,24 +18,18 @@ from isel_twin.controller import Key, Setting
 from isel_twin.plant import Cut
 from isel_twin.wiring.acts import ACTS, Act
 
+# What stands in the fields of a cut at first: a small cutter in aluminium.
 _FIRST = {"diameter": 6.0, "flutes": 2, "depth": 0.5, "width": 6.0, "spindle": 18_000.0, "kc": 800.0}
-"""What stands in the fields of a cut at first: a small cutter in aluminium."""
 
 
 def menu() -> list[dict[str, Any]]:
-    """One entry an act, in the order of the table."""
     return [_entry(act) for act in ACTS.values() if act.by not in ("input", "key")]
 
 
 def key_menu(keys: Mapping[str, Key]) -> list[dict[str, Any]]:
-    """One entry a key of the controller's own panel, in the order of its table; without a form it is a push-button."""
+    """One entry a key of the controller's own panel; without a form it is a push-button."""
     return [
-        {
-            "key": name,
-            "meaning": key.meaning,
-            "form": None if key.value is None else _rule(key.value),
-            "held": key.held,
-        }
+        {"key": name, "meaning": key.meaning, "form": None if key.value is None else _rule(key.value), "held": key.held}
         for name, key in keys.items()
     ]
 

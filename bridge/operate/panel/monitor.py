@@ -2,8 +2,8 @@
 
     bytes as they go by --- kept, the last PIECES ---> lines() --- the controller's language ---> messages
 
-Explaining takes far longer than carrying, so bytes are explained when somebody looks, and while nobody does the last
-ones are kept. What is lost that way is told as what it is.
+Explaining takes far longer than carrying, so bytes are explained when somebody looks; until then the last ones are
+kept, and the number of lost ones is told.
 """
 
 from __future__ import annotations
@@ -11,18 +11,16 @@ from __future__ import annotations
 from collections import deque
 from typing import Any
 
+from isel_twin.bridge.serve.borders import WireTap
 from isel_twin.bridge.serve.wire_log import WireLine, WireLog
 from isel_twin.language import create_language
 
-PIECES = 2000
-"""Pieces of bytes kept for somebody who looks later."""
-
-LINES = 300
-"""Messages shown at once, the last ones."""
+PIECES = 2000  # pieces of bytes kept for somebody who looks later
+LINES = 300  # messages shown at once, the last ones
 
 
-class Monitor:
-    """A wire tap that keeps the last of the traffic."""
+class Monitor(WireTap):
+    """Keeps the last of the traffic."""
 
     def __init__(self) -> None:
         self._pieces: deque[tuple[int, bytes | str, bool]] = deque()
@@ -33,7 +31,6 @@ class Monitor:
         self._log = WireLog(None, say=self._begun.append)
 
     def begin(self, controller: str) -> None:
-        """What is spoken on the line."""
         self._controller = controller
         self._log = WireLog(create_language(controller), say=self._begun.append)
 
@@ -48,9 +45,6 @@ class Monitor:
     def act(self, time_ns: int, text: str) -> None:
         self._keep((time_ns, text, False))
 
-    def close(self) -> None:
-        """Nothing to do."""
-
     def _keep(self, piece: tuple[int, bytes | str, bool]) -> None:
         if len(self._pieces) >= PIECES:
             self._pieces.popleft()
@@ -60,10 +54,7 @@ class Monitor:
     # For those who look
 
     def lines(self) -> list[dict[str, Any]]:
-        """Messages complete since the last call, the last LINES of them.
-
-        Each with `s` (virtual time in seconds), `who` (host, twin, ctl), `text`, `means`.
-        """
+        """Messages since the last call, LINES at most: `s` (virtual time), `who` (host, twin, ctl), `text`, `means`."""
         lost, self._lost = self._lost, 0
         if lost:
             self.begin(self._controller)  # it has not seen where the first message begins

@@ -12,14 +12,14 @@ from pathlib import Path
 from websockets.datastructures import Headers
 from websockets.http11 import Response
 
-FILE_BYTES = 1 << 28
-"""Longest recording that goes through the page; all of it is in memory for a moment."""
+FILE_BYTES = 1 << 28  # longest recording that goes through the page; all of it is in memory for a moment
 
+# What the page may load, and from whom: from here alone.
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
     "frame-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
 )
-"""What the page may load, and from whom: from here alone."""
+# The same for viser's client, which is one file with everything in it, compressed.
 
 SCENE_POLICY = (
     "default-src 'none'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:; "
@@ -27,10 +27,8 @@ SCENE_POLICY = (
     "connect-src 'self' data: blob:; worker-src 'self' blob: data:; frame-ancestors 'self'; "
     "base-uri 'none'; form-action 'none'"
 )
-"""The same for viser's client, which is one file with everything in it, compressed."""
-
-HIDDEN = "<style>[data-floating-window],.mantine-Notifications-root{display:none!important}</style>"
-"""Of viser's client, what the page has itself."""
+# What the page has itself is hidden in viser's client.
+HIDDEN = "<style>[data-floating-window],.mantine-Notifications-root{display:none!important}</style>"  # in /scene
 
 
 def pages() -> dict[str, tuple[str, bytes]]:
@@ -50,15 +48,16 @@ def pages() -> dict[str, tuple[str, bytes]]:
 def response(
     status: http.HTTPStatus, data: bytes, kind: str = "text/plain; charset=utf-8", policy: str = POLICY
 ) -> Response:
-    headers = Headers()
-    headers["Content-Type"] = kind
-    headers["Content-Length"] = str(len(data))
-    headers["Content-Security-Policy"] = policy
-    headers["X-Content-Type-Options"] = "nosniff"
-    headers["Referrer-Policy"] = "no-referrer"
-    headers["Cross-Origin-Resource-Policy"] = "same-origin"
-    headers["Cache-Control"] = "no-store"
-    return Response(status.value, status.phrase, headers, data)
+    headers = {
+        "Content-Type": kind,
+        "Content-Length": str(len(data)),
+        "Content-Security-Policy": policy,
+        "X-Content-Type-Options": "nosniff",
+        "Referrer-Policy": "no-referrer",
+        "Cross-Origin-Resource-Policy": "same-origin",
+        "Cache-Control": "no-store",
+    }
+    return Response(status.value, status.phrase, Headers(headers), data)
 
 
 def file_response(path: Path) -> Response:

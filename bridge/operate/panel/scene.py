@@ -4,8 +4,8 @@
     positions mm [3] --- Poses ---> places of the bodies that move          sent with each frame
     tool over table --- Trail ---> coloured pieces of line                  in the frame of the table
 
-Positions are those of the joints, so every plant looks the same; the structure that gives is drawn stiff. The trail is
-where the tool was over the table, whichever of the two moves, and so it stays on the workpiece.
+Positions are those of the joints, so every plant looks the same, the structure stiff. The trail is relative to the
+table, whichever of the two moves, and so it stays on the workpiece.
 """
 
 from __future__ import annotations
@@ -20,18 +20,12 @@ from numpy.typing import NDArray
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.plant import PLACES
 
-SEGMENTS = 20
-"""Sides of a cylinder."""
-
-SHOWN_GROUPS = (0, 1, 2)
-"""Groups of geoms that are drawn; the others are for collisions and the hood."""
+SEGMENTS = 20  # sides of a cylinder
+SHOWN_GROUPS = (0, 1, 2)  # groups of geoms that are drawn; the others are for collisions and the hood
 
 PIECE_POINTS = 128
-PIECES = 40
-"""The trail: points in one piece of line, and pieces kept."""
-
-LEAST_MM = 0.05
-"""Way of the tool that is worth another point of the trail."""
+PIECES = 40  # the trail: points in one piece of line, and pieces kept
+LEAST_MM = 0.05  # way of the tool that is worth another point of the trail
 
 _GREEN, _YELLOW, _RED = (np.array(c, dtype=np.float64) for c in ((0, 120, 30), (235, 140, 0), (200, 0, 0)))
 
@@ -40,24 +34,18 @@ Float = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class BodyMesh:
-    """All of a body that has one colour."""
-
     body: str
-    vertices: NDArray[np.float32]
-    """float32 [v, 3], m, in the frame of the body."""
-    faces: NDArray[np.uint32]
-    """uint32 [f, 3]."""
+    vertices: NDArray[np.float32]  # float32 [v, 3], m, in the frame of the body
+    faces: NDArray[np.uint32]  # uint32 [f, 3]
     rgba: tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """Where a body is, in the world."""
+    """Of a body, in the world."""
 
-    position: Float
-    """float64 [3], m."""
-    wxyz: Float
-    """float64 [4], a quaternion."""
+    position: Float  # float64 [3], m
+    wxyz: Float  # float64 [4], a quaternion
 
 
 def body_meshes(model: mujoco.MjModel) -> list[BodyMesh]:
@@ -113,7 +101,6 @@ def _shape(model: mujoco.MjModel, number: int) -> tuple[Float, NDArray[np.int64]
 
 
 def _box(half: Float) -> tuple[Float, NDArray[np.int64]]:
-    """A box of half sizes [3]."""
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
     quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
     faces = [triangle for a, b, c, d in quads for triangle in ((a, b, c), (a, c, d))]
@@ -144,8 +131,7 @@ class Poses:
         self._model, self._data = model, mujoco.MjData(model)
         self._joints = [self._data.joint(name) for name in joints]
         self._names = [model.body(number).name for number in range(model.nbody)]
-        self.tool = np.zeros(3)
-        """float64 [3], tip of the tool in the frame of the table's body, m."""
+        self.tool = np.zeros(3)  # float64 [3], tip of the tool in the frame of the table's body, m
         self._tool, self._table = (model.site(PLACES[place]).id for place in ("tool", "table"))
         self.table_body: str = self._names[model.site_bodyid[self._table]]
 
@@ -157,9 +143,7 @@ class Poses:
         mujoco.mj_kinematics(self._model, data)
         body = self._model.site_bodyid[self._table]
         self.tool = (data.site_xpos[self._tool] - data.xpos[body]) @ data.xmat[body].reshape(3, 3)
-        return {
-            name: Pose(data.xpos[number].copy(), data.xquat[number].copy()) for number, name in enumerate(self._names)
-        }
+        return {name: Pose(data.xpos[i].copy(), data.xquat[i].copy()) for i, name in enumerate(self._names)}
 
 
 def deviation_colour(deviation_mm: float, bad_mm: float) -> tuple[int, int, int]:
@@ -178,8 +162,7 @@ class Trail:
         self._bad_mm = bad_mm
         self._points: list[Float] = []
         self._colours: list[tuple[int, int, int]] = []
-        self.piece = 0
-        """Number of the piece that grows, from 0 to PIECES - 1."""
+        self.piece = 0  # number of the piece that grows, from 0 to PIECES - 1
 
     @property
     def full(self) -> bool:

@@ -37,17 +37,10 @@ from isel_twin.bridge.operate.panel.pages import POLICY, SCENE_POLICY, file_resp
 from isel_twin.bridge.operate.panel.view import MachineView
 from isel_twin.machine import Machine
 
-BROWSERS = 16
-"""Pages open at once."""
-
-UNANSWERED = 64
-"""Requests of a browser that wait for their answers, or answers that it has not read; more is no page of ours."""
-
-HISTORY = 600
-"""Frames whose plots a browser that comes later gets: half a minute of them."""
-
-LINES = 400
-"""Messages of the line that it gets."""
+BROWSERS = 16  # pages open at once
+UNANSWERED = 64  # requests of a browser without an answer, and answers that it has not read; more is no page of ours
+HISTORY = 600  # frames whose plots a browser that comes later gets: half a minute of them
+LINES = 400  # messages of the line that it gets
 
 _PLOTTED = ("time_s", "step_hz", "position_error_mm", "margin_now")
 
@@ -57,8 +50,7 @@ class _Browser:
 
     def __init__(self) -> None:
         self.answers: deque[Mapping[str, Any]] = deque()
-        self.asked = 0
-        """Requests that have no answer yet."""
+        self.asked = 0  # requests that have no answer yet
         self.frame: Frame | None = None
         self.lines: deque[Mapping[str, Any]] = deque(maxlen=LINES)
         self.plots: deque[list[Any]] = deque(maxlen=HISTORY)
@@ -66,19 +58,12 @@ class _Browser:
 
 
 class WebSite:
-    """The panel's page (`isel_twin.bridge.operate.panel.guest.Site`)."""
+    """The panel's page (`guest.Site`)."""
 
-    def __init__(
-        self,
-        listener: socket.socket,
-        address: str,
-        token: str | None,
-        take: Callable[[Asked], None],
-    ) -> None:
+    def __init__(self, listener: socket.socket, address: str, token: str | None, take: Callable[[Asked], None]) -> None:
         """listener: bound and listening at `address`. take: is told, in another thread, what browsers want."""
-        self._listener = listener
+        self._listener, self._take = listener, take
         self._gate = Gate(address, token)
-        self._take = take
         self._viser: viser.ViserServer | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._browsers: dict[int, _Browser] = {}
@@ -183,17 +168,12 @@ class WebSite:
                 await browser.news.wait()
                 browser.news.clear()
                 message: dict[str, Any] = {}
-                if browser.answers:
-                    message["answers"] = list(browser.answers)
-                    browser.answers.clear()
                 if browser.frame is not None:
                     message["frame"], browser.frame = browser.frame, None
-                if browser.lines:
-                    message["lines"] = list(browser.lines)
-                    browser.lines.clear()
-                if browser.plots:
-                    message["plots"] = list(browser.plots)
-                    browser.plots.clear()
+                for name in ("answers", "lines", "plots"):
+                    if queue := getattr(browser, name):
+                        message[name] = list(queue)
+                        queue.clear()
                 if message:
                     await connection.send(_json(message))
 
@@ -206,11 +186,10 @@ class WebSite:
         path = urlsplit(request.path).path
         if path == "/recording" and self._recording is not None:
             return file_response(self._recording)
-        found = self._files.get(path)
-        if found is None:
+        if path not in self._files:
             return response(http.HTTPStatus.NOT_FOUND, b"there is no such page\n")
-        kind, data = found
-        answer = response(http.HTTPStatus.OK, data, kind, SCENE_POLICY if found is self._files["/scene"] else POLICY)
+        kind, data = self._files[path]
+        answer = response(http.HTTPStatus.OK, data, kind, SCENE_POLICY if path == "/scene" else POLICY)
         if (cookie := self._gate.keep(request.path)) is not None:
             answer.headers["Set-Cookie"] = cookie
         return answer

@@ -12,19 +12,12 @@ from isel_twin.bridge.operate.panel.scene import Poses, Trail, body_meshes
 from isel_twin.machine import Machine
 from isel_twin.plant.model import load_model
 
-BAD_MM = 0.1
-"""Deviation of the tool that is drawn red."""
-
-TRAIL_M = 0.005
-"""Thickness of the trail."""
-
-TRAIL_FRAMES = 4
-"""Frames from one growth of the trail to the next."""
+BAD_MM = 0.1  # deviation of the tool that is drawn red
+TRAIL_M = 0.005  # thickness of the trail
+TRAIL_FRAMES = 4  # frames from one growth of the trail to the next
 
 
 class MachineView:
-    """What browsers see move."""
-
     def __init__(self, server: viser.ViserServer, machine: Machine) -> None:
         model = load_model(machine)
         self._server = server
@@ -35,15 +28,13 @@ class MachineView:
         server.gui.configure_theme(show_logo=False, show_share_button=False)
         scene = server.scene
         scene.configure_default_lights(cast_shadow=False)
-        scene.add_grid(
-            "/floor",
-            width=4.0,
-            height=4.0,
-            cell_size=0.1,
-            section_size=0.5,
-            cell_color=(228, 231, 236),
-            section_color=(205, 211, 219),
-        )
+        cells: dict[str, Any] = {
+            "cell_size": 0.1,
+            "cell_color": (228, 231, 236),
+            "section_size": 0.5,
+            "section_color": (205, 211, 219),
+        }
+        scene.add_grid("/floor", width=4.0, height=4.0, **cells)
         start = self._poses.at([0.0] * len(machine.axes))
         self._frames = {name: scene.add_frame(f"/{name}", show_axes=False) for name in start if name}
         self._shown: dict[str, bytes] = {}
@@ -59,18 +50,13 @@ class MachineView:
                 cast_shadow=False,
                 receive_shadow=False,
             )
-        self._look_from(model)
-
-    def _look_from(self, model: Any) -> None:
-        """Put the camera in front, looking at the middle of the machine."""
-        centre, extent = np.array(model.stat.center), float(model.stat.extent)
-        camera = self._server.initial_camera
+        # The camera is in front, looking at the middle of the machine.
+        centre, towards = np.array(model.stat.center), np.array([-0.60, -0.86, 0.55])
+        camera = server.initial_camera
         camera.look_at = tuple(centre.tolist())
-        towards = np.array([-0.60, -0.86, 0.55])
-        camera.position = tuple((centre + 1.22 * extent * towards).tolist())
+        camera.position = tuple((centre + 1.22 * float(model.stat.extent) * towards).tolist())
 
     def show(self, frame: Frame) -> None:
-        """Move everything to where it is."""
         poses = self._poses.at(frame["machine_position_mm"])
         deviation_mm = float(np.linalg.norm(frame["position_error_mm"]))
         with self._server.atomic():

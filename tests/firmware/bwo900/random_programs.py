@@ -16,7 +16,7 @@ from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter, Waiting
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock, Stop
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.parameters import Parameters
-from isel_twin.firmware.bwo900.programs.stored import Program, Store
+from isel_twin.firmware.bwo900.programs.stored import Store, StoredProgram
 from isel_twin.firmware.bwo900.realtime.ahead import filters
 from isel_twin.firmware.bwo900.realtime.path import MotionLimits, PieceMaker
 
@@ -74,7 +74,7 @@ def outcome(programs: dict[str, list[str]]) -> str:
 
     try:
         for name, blocks in programs.items():
-            store[name] = Program.of(name, blocks)
+            store[name] = StoredProgram.of(name, blocks)
         interpreter.begin("P1", (0.0, 0.0, 0.0))
         for _ in range(MOST_BLOCKS):
             block = interpreter.next()

@@ -6,7 +6,7 @@ from isel_twin.firmware.bwo900.analysis.functions import FACTORY_FUNCTIONS
 from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter, Waiting
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock, Stop
 from isel_twin.firmware.bwo900.parameters import Parameters
-from isel_twin.firmware.bwo900.programs.stored import Program, Store
+from isel_twin.firmware.bwo900.programs.stored import Store, StoredProgram
 
 MOST = 10_000
 
@@ -18,7 +18,7 @@ def programs(text: str) -> Store:
         word = line.strip()
         if word[:1] in ("P", "Z") and word[1:].isdigit():
             if blocks:
-                store[name] = Program.of(name, blocks)
+                store[name] = StoredProgram.of(name, blocks)
             name, blocks = word, []
         elif word and word != "#":
             blocks.append(word)

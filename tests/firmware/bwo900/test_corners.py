@@ -10,7 +10,7 @@ from firmware.bwo900.run import Analysed
 
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
 from isel_twin.firmware.bwo900.geometry.contour import Contour
-from isel_twin.firmware.bwo900.geometry.elements import XY, Arc, Element, Line
+from isel_twin.firmware.bwo900.geometry.elements import XY, Arc, Element, Straight
 from isel_twin.firmware.bwo900.geometry.offset import Offset, corner_arc
 from isel_twin.firmware.bwo900.geometry.plane import meetings, share_of
 from isel_twin.firmware.bwo900.messages import ProgramError
@@ -103,8 +103,8 @@ def test_moves_across_the_plane_stand_where_the_tool_is() -> None:
         "N70 G40 X60 Y40\nN80 M30"
     )
     heights = {block.number: block.elements[0] for block in blocks if block.number in (30, 50)}
-    assert heights[30] == Line((-5.0, 0.0, 5.0), (-5.0, 0.0, -1.0))
-    assert heights[50] == Line((0.0, 35.0, -1.0), (0.0, 35.0, -2.0))  # at the end of the arc about the corner
+    assert heights[30] == Straight((-5.0, 0.0, 5.0), (-5.0, 0.0, -1.0))
+    assert heights[50] == Straight((0.0, 35.0, -1.0), (0.0, 35.0, -2.0))  # at the end of the arc about the corner
 
 
 def test_the_other_side_is_reached_on_an_arc_about_the_corner() -> None:
@@ -142,7 +142,7 @@ def test_twelve_blocks_without_a_path_may_stand_between_two_with() -> None:
 
 def test_meeting_points_and_shares() -> None:
     line, circle = (
-        Line((0.0, 1.0, 0.0), (10.0, 11.0, 0.0)),
+        Straight((0.0, 1.0, 0.0), (10.0, 11.0, 0.0)),
         Arc((5.0, 0.0, 0.0), (0.0, 5.0, 0.0), XY, (0.0, 0.0), math.pi / 2),
     )
     points = sorted(meetings(line, circle, XY))
@@ -156,7 +156,7 @@ def test_meeting_points_and_shares() -> None:
     assert share_of(circle, XY, (3.0, 4.0)) == pytest.approx(math.atan2(4, 3) / (math.pi / 2))
     assert share_of(circle, XY, (4.0, -3.0)) == pytest.approx(math.atan2(-3, 4) / (math.pi / 2))
     assert share_of(line, XY, (3.0, 4.0)) == pytest.approx(0.3)
-    assert meetings(line, Line((0.0, 2.0, 0.0), (10.0, 12.0, 0.0)), XY) == []
+    assert meetings(line, Straight((0.0, 2.0, 0.0), (10.0, 12.0, 0.0)), XY) == []
 
 
 def test_moves_across_the_plane_are_blocks_without_a_path() -> None:
@@ -213,7 +213,7 @@ def test_radius_0_is_a_radius_too() -> None:
         )
     )
     assert made[2].end[:2] == pytest.approx((30.0, 10.0))
-    assert [type(element) for element in made] == [Line, Line, Arc, Line, Line]
+    assert [type(element) for element in made] == [Straight, Straight, Arc, Straight, Straight]
 
 
 def test_a_program_may_end_with_correction() -> None:
@@ -244,8 +244,8 @@ def test_moves_across_the_plane_between_a_corner_s_paths() -> None:
         assert ends(blocks) == [(*place, 0), (*place, -3), (20, 5, -3), (20, 20, -3)]
         assert all(a.end == b.start for a, b in itertools.pairwise(path(blocks)))
     made = path(corrected("N10 G1 F100 G123 X20 Y5\nN17 Z-3\nN20 X40 Y0\nN30 M30"))
-    assert [type(element) for element in made] == [Arc, Line, Arc]
-    assert made[1] == Line((20.0, 5.0, 0.0), (20.0, 5.0, -3.0))
+    assert [type(element) for element in made] == [Arc, Straight, Arc]
+    assert made[1] == Straight((20.0, 5.0, 0.0), (20.0, 5.0, -3.0))
 
 
 def test_without_a_path_in_the_plane_there_is_no_corner() -> None:
@@ -278,7 +278,7 @@ def test_a_circle_through_three_points_anywhere(points: tuple[tuple[float, float
 def test_a_circle_through_three_points_behind_a_rounding() -> None:
     """The rounding stays, and the circle begins where it has ended."""
     made = path(corrected("N10 G1 F100 G12 P71:2 X10\nN20 G123 Y20\nN30 X30 Y30\nN40 M30"))
-    assert [type(element) for element in made] == [Line, Arc, Arc, Arc]
+    assert [type(element) for element in made] == [Straight, Arc, Arc, Arc]
     assert (made[1].end[:2], made[2].start[:2], made[2].end[:2]) == ((10.0, 2.0), (10.0, 2.0), (10.0, 20.0))
 
 

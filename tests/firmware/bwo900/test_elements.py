@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from isel_twin.firmware.bwo900.geometry.elements import XY, YZ, ZX, Arc, Line, Plane
+from isel_twin.firmware.bwo900.geometry.elements import XY, YZ, ZX, Arc, Plane, Straight
 
 mm = st.floats(-500.0, 500.0)
 
@@ -34,7 +34,7 @@ def test_counter_clockwise_is_seen_against_the_third_axis(plane: Plane, axis: in
 
 @given(st.tuples(mm, mm, mm), st.tuples(mm, mm, mm), st.floats(0.0, 1.0))
 def test_a_line_and_its_reverse(start: tuple, end: tuple, share: float) -> None:
-    line = Line(start, end)
+    line = Straight(start, end)
     assert line.point(0.0) == start
     assert line.point(1.0) == end
     assert line.reversed().point(1.0 - share) == pytest.approx(line.point(share), abs=1e-9)
@@ -70,4 +70,4 @@ def test_an_extent_is_what_a_thousand_points_reach(begin: float, sweep: float, p
     for axis in range(3):
         seen = [point[axis] for point in points]
         assert arc.extent(axis) == pytest.approx((min(seen), max(seen)), abs=1e-4)
-    assert Line((1.0, 5.0, 0.0), (2.0, 3.0, 0.0)).extent(1) == (3.0, 5.0)
+    assert Straight((1.0, 5.0, 0.0), (2.0, 3.0, 0.0)).extent(1) == (3.0, 5.0)

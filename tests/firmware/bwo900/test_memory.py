@@ -10,7 +10,7 @@ import pytest
 
 from isel_twin.firmware.bwo900.memory import Memory, read
 from isel_twin.firmware.bwo900.parameters import Parameters
-from isel_twin.firmware.bwo900.programs.stored import Program, Store
+from isel_twin.firmware.bwo900.programs.stored import Store, StoredProgram
 
 
 def full(blocks: int = 50) -> tuple[Parameters, Store]:
@@ -23,7 +23,7 @@ def full(blocks: int = 50) -> tuple[Parameters, Store]:
     draw = random.Random(1)
     lines = [f"N{n + 1} X{draw.random() * 100:.3f} Y{draw.random() * 100:.3f}" for n in range(blocks)]
     texts = {"P1": ["N1 M30"], "P20": lines, "Z81": ["N5 X1 ; \xe4 \xf6"], "P3": []}
-    return parameters, Store({name: Program.of(name, text) for name, text in texts.items()})
+    return parameters, Store({name: StoredProgram.of(name, text) for name, text in texts.items()})
 
 
 def kept(parameters: Parameters, store: Store) -> object:
@@ -46,9 +46,9 @@ def test_an_image_follows_every_change() -> None:
     for change in range(5):
         match change:
             case 1:
-                store["P1"] = Program.of("P1", ["N1 X5", "N2 M30"])
+                store["P1"] = StoredProgram.of("P1", ["N1 X5", "N2 M30"])
             case 2:
-                store["P10"] = Program.of("P10", ["N1 Y5"])
+                store["P10"] = StoredProgram.of("P10", ["N1 Y5"])
             case 3:
                 del store["P20"]
             case 4:

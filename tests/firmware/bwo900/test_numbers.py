@@ -63,7 +63,9 @@ def bare(source: str) -> Iterator[tuple[int, str]]:
             case ast.Call(func=func, args=[first, *_]) if _name(func) in OF_PARAMETERS:
                 found = [n for n in ast.walk(first) if _whole(n, 11)]
             case ast.Call(func=ast.Attribute(attr="axis"), args=[_, offset, *_]):
-                found = [offset] if _whole(offset, 0) else []
+                found = [n for n in ast.walk(offset) if _whole(n, 0 if n is offset else 2)]
+            case ast.Call(func=func, args=[_, offset]) if _name(func) == "of_axis":
+                found = [n for n in ast.walk(offset) if _whole(n, 0 if n is offset else 2)]
             case ast.Compare(left=left, comparators=others):
                 sides = [left, *others]
                 if any(_name(side) in FUNCTIONS | SETS for side in sides):
@@ -84,6 +86,8 @@ def test_no_bare_number_stands_in_the_sources(path: Path) -> None:
         "p.get(8_804) and x",
         "p.write(12_130 + AXIS_SIZE * axis, 1.0)",
         "p.axis(axis, 16, 0.0)",
+        "p.axis(axis, 4 + number, 0.0)",
+        "of_axis(axis, 130)",
         "call.needed(33)",
         "raise ProgramError(1211)",
         "whole(value, 1202)",

@@ -23,13 +23,8 @@ from isel_twin.firmware.bwo900.realtime.jog import step_on
 from isel_twin.firmware.bwo900.status import NUMBERS
 from isel_twin.firmware.bwo900.transfer import end_of_file, parameter_file
 
-WITH_STATUS = 5
-"""P11181: parameters are put out with their status."""
-
 
 class Commands:
-    """Carries out what a written parameter asks for."""
-
     def __init__(self, operating: Operating, execution: Execution, store: Store) -> None:
         self._operating, self._execution, self._store = operating, execution, store
         self._parameters = execution.parameters
@@ -45,7 +40,7 @@ class Commands:
         p = self._parameters
         if area == "P" and channel == 1:
             self._execution.deletion.written(number, value)
-            self._execution.interpreter.command(number, value, in_hand=self._operating.mode is Mode.HAND)
+            self._execution.interpreter.command(number, value, in_hand=self._execution.mode is Mode.HAND)
         known = p.of_channel(number) if area == "q" else number if channel == 1 else None
         wanted = None if known is None else keys.wish(known, value, AXES)
         if wanted is None or (area == "q" and wanted[0] is not Wish.OVERRIDE):
@@ -98,24 +93,22 @@ class Commands:
             return None
 
     def _put_out(self, kind: int) -> None:
-        """All parameters as a file, 5 with their status."""
+        """P11181: all parameters as a file, 5: with their status."""
         p = self._parameters
         assert p.live is not None
         self._execution.rest()
         for number in NUMBERS:
             p.write(number, p.live(number))
-        self._reply(parameter_file(p, status=kind == WITH_STATUS))
+        self._reply(parameter_file(p, status=kind == 5))
 
     def put_out_programs(self, number: int) -> None:
         """A program P as a file, 0: all programs and cycles in one."""
         names = [f"P{number}"] if number else sorted(self._store)
         if number and names[0] not in self._store:
             self._execution.say(message(Code.NO_PROGRAM, detail=names[0], effect=Effect.SHOWN))
-            return
-        self._reply("".join(self._store[name].file for name in names))
+        else:
+            self._reply("".join(self._store[name].file for name in names))
 
     def _reply(self, text: str) -> None:
-        """A file goes out."""
-        sign = bytes([end_of_file(self._parameters)])
-        file = b"\r\n" + text.encode("latin-1", errors="replace") + sign + b"\r\n"
-        self._execution.hardware.outgoing.add(Reply(file))
+        file = text.encode("latin-1", errors="replace") + bytes([end_of_file(self._parameters)])
+        self._execution.hardware.outgoing.add(Reply(b"\r\n" + file + b"\r\n"))

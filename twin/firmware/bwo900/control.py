@@ -10,7 +10,7 @@ run       set points of the channel, or of a move in hand
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import Any
 
 from isel_twin.controller import DriveInput, Drives, Event, Key, KeyValue, Reply, SerialFormat
 from isel_twin.firmware.bwo900 import keys, memory
@@ -28,9 +28,6 @@ from isel_twin.firmware.bwo900.realtime.deletion import PROBE
 from isel_twin.firmware.bwo900.status import at_power_on
 from isel_twin.firmware.bwo900.transfer import Receiver
 from isel_twin.motion import SetPointRun
-
-OVERWRITTEN: Final = Code.PROGRAM_OVERWRITTEN
-"""Message of a file that is taken, and replaces one."""
 
 
 class Control:
@@ -90,9 +87,8 @@ class Control:
 
     @property
     def idle(self) -> bool:
-        working = self._channel.active and not self._channel.held
-        asked = self._power_due_ns is not None or not self._plc.idle
-        return not (working or self._hand.move is not None or asked)
+        works = (self._channel.active and not self._channel.held) or self._hand.move is not None
+        return not works and self._power_due_ns is None and self._plc.idle
 
     @property
     def mode(self) -> Mode:
@@ -126,7 +122,7 @@ class Control:
         self._hardware.levels.clear()
         self._hardware.levels.update(levels)
         self._parameters.write(1, float(AXES), "q")
-        for number, value in at_power_on(AXES):
+        for number, value in at_power_on():
             self._parameters.write(number, value)
         self._outgoing.acknowledge()
         self._outgoing.output("software_ok", 1)
@@ -145,9 +141,9 @@ class Control:
                 self._hardware.say(message(error.number, program=lost, detail=error.detail, infos=error.infos))
                 self._channel.abort()
                 self._feeder.end()
-                continue
-            self._hardware.say(message(error.number, detail=error.detail, infos=error.infos, effect=Effect.SHOWN))
-            self._outgoing.fault = self.fault or error.number != OVERWRITTEN
+            else:
+                self._hardware.say(message(error.number, detail=error.detail, infos=error.infos, effect=Effect.SHOWN))
+                self._outgoing.fault = self.fault or error.number != Code.PROGRAM_OVERWRITTEN
         if self._receiver.changed and not self._receiver.busy:
             self._receiver.changed = False
             self._execution.keep()
@@ -209,7 +205,6 @@ class Control:
     # ---- going on ---------------------------------------------------------------------------------------------------
 
     def _settle(self) -> None:
-        """Everything that is due now."""
         now_ns = self._axes.now_ns
         if (until_ns := self._power_due_ns) is not None and (self._power.ready or now_ns >= until_ns):
             self._operating.powered()

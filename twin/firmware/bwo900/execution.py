@@ -18,14 +18,12 @@ from isel_twin.firmware.bwo900.modes import Mode
 from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.parameters import byte
 from isel_twin.firmware.bwo900.programs.stored import Store
-from isel_twin.firmware.bwo900.programs.syntax import Text
+from isel_twin.firmware.bwo900.programs.words import Text
 from isel_twin.firmware.bwo900.realtime.axes import AXES
 from isel_twin.firmware.bwo900.realtime.channel import Channel
 from isel_twin.firmware.bwo900.realtime.deletion import DeletionWatch
 from isel_twin.firmware.bwo900.realtime.executed import Executed
-
-POSITIONED = "P0"
-"""The program whose first block a positioning block is."""
+from isel_twin.firmware.bwo900.transfer import POSITIONED
 
 
 class Execution:
@@ -44,12 +42,8 @@ class Execution:
         self.mode = Mode.HAND
         self.asked: list[tuple[int, float | None]] = []
         """Parameters that the program has written, and that are keys: they act once the channel has come to rest."""
-        self._began_at: tuple[float, ...] = (0.0,) * AXES
-        """Where the axes stood as the last program was started, mm."""
-        self._broken = ""
-        """Where the last program was broken off, for people; empty: it was not."""
-
-    # ---- what the channel asks for ----------------------------------------------------------------------------------
+        self._began_at: tuple[float, ...] = (0.0,) * AXES  # where the axes stood as the last program was started, mm
+        self._broken = ""  # where the last program was broken off, for people; empty: it was not
 
     @property
     def single(self) -> bool:
@@ -69,10 +63,9 @@ class Execution:
             self.hardware.outgoing.add(Remark(f"{program} N{block}: {text.text}"))
 
     def begun(self, t_ns: int, block: PathBlock) -> None:
-        text = self._store.text(block.program, block.number)
-        counts = self.axes.counts_at(t_ns)
+        place, text = f"{block.program} N{block.number}", self._store.text(block.program, block.number)
         plane = (block.plane.first, block.plane.second)
-        self.hardware.outgoing.add(Step(t_ns, f"{block.program} N{block.number}", text, counts, plane, block.tool_mm))
+        self.hardware.outgoing.add(Step(t_ns, place, text, self.axes.counts_at(t_ns), plane, block.tool_mm))
 
     def ended(self, broken: tuple[str, int] | None) -> None:
         p = self.parameters
@@ -93,8 +86,6 @@ class Execution:
         """The program has written a parameter P: one that is a key waits to be answered."""
         if keys.wish(number, value, AXES) is not None:
             self.asked.append((number, value))
-
-    # ---- the program ------------------------------------------------------------------------------------------------
 
     @property
     def program(self) -> str:
@@ -153,8 +144,7 @@ class Execution:
         if not self.channel.active:
             return False
         only_open = byte(self.parameters.get(P.START_FLAGS_1), 2) & 1
-        return name in (self.interpreter.open if only_open else self.interpreter.opened)
+        return name in (self.interpreter.stack.open if only_open else self.interpreter.stack.opened)
 
     def _value(self, number: int) -> float | None:
-        """Of a parameter that is worked out when it is asked for."""
         return status.value(number, self.interpreter, self.channel, self.axes)

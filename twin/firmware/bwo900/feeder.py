@@ -18,8 +18,7 @@ from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.programs.feed import Feed
 from isel_twin.firmware.bwo900.programs.stored import Store
 
-AT_START: Final = 0x10
-"""Bit of P8807: a program is fed from Start on, not from the change of mode."""
+AT_START: Final = 0x10  # bit of P8807: a program is fed from Start on, not from the change of mode
 XON, XOFF = b"\x11", b"\x13"
 
 
@@ -28,12 +27,10 @@ class Feeder:
 
     def __init__(self, parameters: Parameters, store: Store) -> None:
         self._parameters, self._store = parameters, store
-        self._told_to_wait = False
-        """The host has got Xoff, and no Xon since."""
+        self._told_to_wait = False  # the host has got Xoff, and no Xon since
 
     @property
-    def wanted(self) -> bool:
-        """P8811: programs are fed."""
+    def _wanted(self) -> bool:
         return self._parameters.get(P.FED) == 1.0
 
     @property
@@ -54,20 +51,19 @@ class Feeder:
 
     def automatic(self, name: str) -> None:
         """The mode has become AUTO or SINGLE; name: of the program that Start begins."""
-        if self.wanted and not int(self._parameters.get(P.START_FLAGS_2)) & AT_START:
+        if self._wanted and not int(self._parameters.get(P.START_FLAGS_2)) & AT_START:
             self._arm(name)
 
     def start(self, name: str, *, from_the_middle: bool) -> None:
         """A program is started. Raises ProgramError M1269 if it is fed and is to begin in its middle."""
-        if not self.wanted:
+        if not self._wanted:
             self.end()
-            return
-        if from_the_middle:
+        elif from_the_middle:
             raise ProgramError(Code.NOT_WHILE_FED, f"{name} is fed: it begins at its first block")
-        self._arm(name)
+        else:
+            self._arm(name)
 
     def end(self) -> None:
-        """Nothing is fed any more."""
         if self._store.feed is not None:
             self._store.feed.give_up()
             self._store.feed = None

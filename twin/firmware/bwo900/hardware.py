@@ -15,21 +15,13 @@ class Hardware:
     """One of each; `axes.now_ns` is the time of all of them."""
 
     def __init__(self, parameters: Parameters, plc: str | None) -> None:
-        """plc: STEP 5 text in place of the default program."""
         self.parameters = parameters
         self.plc = MachinePlc(plc)
-        self.levels: dict[str, bool] = {}
-        """Of the inputs, by terminal."""
+        self.levels: dict[str, bool] = {}  # of the inputs, by terminal
         self.outgoing = Outgoing(parameters)
         self.axes = Axes(parameters, self.levels)
         self.power = Power(self.levels, self.outgoing)
         self.hand = Hand(parameters, self.axes, self.outgoing)
 
-    @property
-    def now_ns(self) -> int:
-        """The time of the control."""
-        return self.axes.now_ns
-
     def say(self, said: Message) -> None:
-        """A message comes up now."""
-        self.outgoing.say(self.now_ns, said)
+        self.outgoing.say(self.axes.now_ns, said)

@@ -1,18 +1,18 @@
-"""The operator's keys, and the parameters that stand for each (manual 7.5, 8.4: P8682 on; P8800 on).
+"""The operator's keys, and the parameters that a host or PLC writes instead (manual 7.5, 8.4: P8682 on; P8800 on).
 
-key            parameter        a host may write the same parameters, as a PLC does
+key            parameter
 mode           P8683            hand 1, auto 2, single 4, positioning 8
 start, stop    P8684 = 1, 0
 abort          P8705 = 1
-clear          P8508 = 1        the messages that stand are taken note of
+clear          P8508 = 1        acknowledges the messages
 override       P11310           %
 skip           P8810            blocks with / are skipped
-program        P8800            what Start begins; block: where, P8801 (0: at the first)
+program        P8800            that Start begins; block: where, P8801 (0: at the first)
 reference      P12130 ...       reference run of an axis, or of all of them: Z, Y, X
 axis           P8751            that moves in hand
-step           P8750, P8760     mm in hand at a time; 0: as long as the key is held
-move           P8752            + and - move the axis in hand, off ends a move that is not by steps
-output                          a program is put out over the line, as the panel's key for copies does
+step           P8750, P8760     mm in hand; 0: as long as the key is held
+move           P8752            + and - move the axis in hand, off ends a move without steps
+output                          sends a program over the line, as the panel's key for copies does
 """
 
 from __future__ import annotations
@@ -29,8 +29,7 @@ from isel_twin.firmware.bwo900.realtime.overrides import is_override
 
 MODES: Final[Mapping[str, int]] = {"hand": 1, "auto": 2, "single": 4, "positioning": 8}
 MOVES: Final[Mapping[str, int]] = {"off": 0, "+": 1, "-": 2}
-AXES: Final = ("z", "y", "x")
-"""In the order of a reference run of all."""
+AXES: Final = ("z", "y", "x")  # in the order of a reference run of all axes
 OUTPUT: Final = "output"
 HIGHEST_FUNCTION: Final = 999
 CONTINUOUS, BY_STEPS = 1.0, 2.0
@@ -56,7 +55,7 @@ KEYS: Final[Mapping[str, Key]] = {
 
 
 def writes(name: str, value: KeyValue) -> Iterator[tuple[int, float]]:
-    """Parameters that a key writes, and their values."""
+    """Parameter and value of each write that a key makes."""
     if name == "mode":
         yield P.MODE_TO_PLC, float(MODES[str(value)])
     elif name in ("start", "stop"):
@@ -78,7 +77,7 @@ def writes(name: str, value: KeyValue) -> Iterator[tuple[int, float]]:
 
 
 class Wish(Enum):
-    """What a parameter that is a key asks for, and its value."""
+    """What the writing of a parameter asks for, and its value."""
 
     MODE = "a mode, by its number"
     START = "begin the program, or go on with it"
@@ -97,7 +96,7 @@ class Wish(Enum):
 
 
 def wish(number: int, value: float | None, axes: int) -> tuple[Wish, float] | None:
-    """What it asks for that a parameter P has been written; None: nothing. axes: how many there are."""
+    """What the writing of a parameter P asks for; None: nothing. axes: how many the machine has."""
     given = int(value or 0)
     match number:
         case P.MODE_TO_PLC | P.MODE:
@@ -135,7 +134,7 @@ def wish(number: int, value: float | None, axes: int) -> tuple[Wish, float] | No
 
 
 def values(parameters: Parameters, mode: int, override: float) -> dict[str, KeyValue]:
-    """What the keys are put to. mode: of MODES; override: 1 is 100 %."""
+    """The state of the keys. mode: of MODES; override: 1 is 100 %."""
     return {
         "mode": next(name for name, number in MODES.items() if number == mode),
         "override": round(100.0 * override, 6),

@@ -21,7 +21,8 @@ from isel_twin.firmware.bwo900.numbers import Axis, G, M, P
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, MOST_AXES, of_axis
 from isel_twin.firmware.bwo900.programs.lines import END
 from isel_twin.firmware.bwo900.programs.stored import program_name
-from isel_twin.firmware.bwo900.programs.syntax import Block, parse_block
+from isel_twin.firmware.bwo900.programs.syntax import parse_block
+from isel_twin.firmware.bwo900.programs.words import ProgramBlock
 from isel_twin.language import (
     SETTINGS_RANGES,
     LanguageError,
@@ -37,14 +38,10 @@ END_OF_LINE: Final = b"\r\n"
 END_OF_FILE: Final = b"\x04"
 AXES: Final = ("X", "Y", "Z")
 PER_MM: Final = 1000.0
-RAPID_HZ: Final = 100_000.0
-"""Of an axis at the speed that P12004 is delivered with, 6000 mm/min."""
-MOVE: Final = 9_999
-"""The program that `move` starts."""
-WORDS: Final = (4_990, 4_991, 4_992, 4_993)
-"""Parameters that are its feed in mm/min, X, Y and Z in mm."""
-NUMBER: Final = 1
-"""Of a program whose file does not say its number."""
+RAPID_HZ: Final = 100_000.0  # counts/s at P12004 as delivered, 6000 mm/min
+MOVE: Final = 9_999  # the program that `move` starts
+WORDS: Final = (4_990, 4_991, 4_992, 4_993)  # parameters that hold its feed in mm/min, and X, Y, Z in mm
+NUMBER: Final = 1  # program number of a file that names none
 
 G_WORDS: Final[Mapping[int, str]] = {
     G.RAPID: "rapid", G.LINE: "line", G.CIRCLE_CLOCKWISE: "circle clockwise",
@@ -79,27 +76,21 @@ KEYS: Final[Mapping[int, str]] = {
     P.PROGRAM: "program", P.START_BLOCK: "start block", P.SKIP: "skip blocks with /", P.OVERRIDE: "feed override, %",
     P.ACKNOWLEDGE: "acknowledge messages",
 }  # fmt: skip
-KEPT: Final = 4 << 20
-"""Bytes of a program that is fed if it is linear; shorter ones, and others, are kept in the memory."""
-PIECE: Final = 1 << 16
-"""Characters of a text that are made ready at a time."""
+KEPT: Final = 4 << 20  # most bytes of a program that is stored whole; a longer one is fed, if it is linear
+PIECE: Final = 1 << 16  # characters encoded at a time
 MARKS: Final = frozenset("PZD#%\x04")
-"""What a line begins with that is no block, or may be none."""
+"""First characters of lines that may be no blocks."""
 _LINE = re.compile(r"[^\r\n]*(?:\r\n|\n|\r)|[^\r\n]+\Z")
-_ROW = re.compile(r"[^\r\n]*[^\s][^\r\n]*")
-"""A line that is not blank."""
+_ROW = re.compile(r"[^\r\n]*[^\s][^\r\n]*")  # not blank
 _ENDS = re.compile(r"[ \t]*(?:\r\n|\r|\n)(?:[ \t]*(?:\r\n|\r|\n))*")
 _BLOCK = re.compile(r"\s*/?\s*N\s*(\d+)")
 _LEADS_BACK = re.compile(r"M\s*0*2[3459](?!\d)|[<>=]")
-"""What a program has that is not linear: M23, M24, M25, M29, jumps by comparison."""
-SURE: Final = 100
-"""Lines by which a program is known."""
-SHOWN: Final = 40
-"""Characters of a line that is told."""
-_KNOWN = re.compile(r"\s*(?:/?\s*N\s*\d+\s*(?:[A-Za-z_!({/]|$)|;)")
-"""A block, or a remark, and hardly anything else."""
+"""What makes a program not linear: M23, M24, M25, M29, jumps by comparison."""
+SURE: Final = 100  # lines looked at to recognise a program
+SHOWN: Final = 40  # characters of a line quoted in an error
+_KNOWN = re.compile(r"\s*(?:/?\s*N\s*\d+\s*(?:[A-Za-z_!({/]|$)|;)")  # hardly anything but a block or a remark
 _JOB = re.compile(r"\s*[<#!]")
-"""How a job begins: bytes, a remark."""
+"""Beginnings of a job file: bytes, a remark."""
 _PARAMETERS: Final = ("D", "D+")
 _PARAMETER = re.compile(r"\s*(?:K\d+\s*:?\s*)?([Pq])\s*(\d+)\s*:\s*(\S+)")
 
@@ -112,18 +103,16 @@ def create(name: str) -> Bwo900Language:
 class Bwo900Language:
     """Implements `isel_twin.language.Language` and `RunsPrograms`."""
 
-    ranges = SETTINGS_RANGES  # of no use: it has no moves
+    ranges = SETTINGS_RANGES
 
     def __init__(self) -> None:
         self._sent = Pieces(ends=b"\n\x04")
         self._received = Pieces(ends=b"\n\x04")
 
     def frame(self, text: str) -> bytes:
-        """A line of a file."""
         return encoded(text) + END_OF_LINE
 
     def text(self, reply: bytes) -> str:
-        """See Language.text."""
         return readable(reply)
 
     def accepted(self, sent: bytes, reply: bytes) -> bool:
@@ -131,26 +120,24 @@ class Bwo900Language:
         return True
 
     def messages(self, data: bytes, sent: bool) -> Iterator[Message]:
-        """See Language.messages."""
         for piece in (self._sent if sent else self._received).cut(data):
             text = piece.rstrip(b"\r\n\x04").decode("latin-1")
             words = "end of the file" if piece.endswith(END_OF_FILE) else explain(text)
             yield Message(piece, text, words, sent=sent)
 
     def rest(self, sent: bool) -> bytes:
-        """See Language.rest."""
         return (self._sent if sent else self._received).rest
 
     def reference(self) -> Sequence[bytes]:
-        """The program that `move` starts, whose words are parameters: a control that gets a program anew each time
-        remarks each time that it replaces one. Then the reference runs of all axes."""
+        """The program that `move` starts, and the reference runs of all axes. Its words are parameters, since the
+        control remarks whenever a program is replaced."""
         words = " ".join(f"{word}:P{number}" for word, number in zip(("F", *AXES), WORDS, strict=True))
         return [_file([f"P{MOVE}", f"N10 G90 G1 {words}", "N20 M30"]), _REFERENCE]
 
     def move(self, target: Sequence[int], settings: MoveSettings) -> Sequence[bytes]:
-        """Ramps, words of the program, and its start, by way of HAND; servo drives know no start-stop frequency.
+        """In HAND ramps and words of the program, then its start; servo drives have no start-stop frequency.
 
-        A count is 0.001 mm, and an axis reaches 100 mm/s in the time of its ramp, as P12012 and P12004 are delivered.
+        A count is 0.001 mm; the ramp time is that to 100 mm/s, as P12012 and P12004 are delivered.
         """
         counts = integers(target, len(AXES))
         values = settings.speed_hz / PER_MM * 60.0, *(count / PER_MM for count in counts)
@@ -160,19 +147,18 @@ class Bwo900Language:
         return [_file(["D", f"K1:P{P.MODE_TO_PLC}: 1", *words]), _file(["D", *_started(MOVE)])]
 
     def break_off(self) -> bytes:
-        """Abort."""
         return _file(["D", f"K1:P{P.ABORT}: 1"])
 
     def claims(self, text: str) -> bool:
-        """See RunsPrograms: names of programs and numbered blocks, and nothing else."""
+        """True for names of programs and numbered blocks, and nothing else."""
         rows = [row[0] for row in islice(_significant(text), SURE)]
         plain = (END, "\x04", *_PARAMETERS)
         known = all(program_name(row) or row.strip() in plain or _is_known(row) for row in rows)
         return known and any(map(_is_known, rows))
 
     def job(self, text: str) -> Sequence[tuple[str, Iterable[bytes]]] | None:
-        """See RunsPrograms: a text that does not begin as a job does. The first program is started; if it is too
-        long to be kept, and linear, it is fed (P8811)."""
+        """None for a text that begins as a job does. The first program is started; a linear one longer than KEPT is
+        fed (P8811)."""
         beginning = next(_significant(text), None)
         if beginning is None or _JOB.match(beginning[0]):
             return None
@@ -193,16 +179,16 @@ class Bwo900Language:
         ]
         steps.append(("reference", [_REFERENCE]))
         if feeds:
-            data = first.after(_file(["D", *_started(number, fed=1)]))
+            data = replace(first, before=_file(["D", *_started(number, fed=1)]))
             return [*steps, (f"start {first.name}, fed: {first.blocks}", data)]
         return [*steps, (f"start {first.name}", [_file(["D", *_started(number)])])]
 
     def lines(self, text: str, names: Collection[str]) -> Mapping[str, int]:
-        """See RunsPrograms."""
         found: dict[str, int] = {}
         wanted = {name.partition(" N")[2] for name in names}
         name = ""
-        for number, row in enumerate(_rows(text), 1):
+        for number, found_row in enumerate(_LINE.finditer(text), 1):
+            row = found_row[0]
             if block := _BLOCK.match(row):
                 if (digits := block[1].lstrip("0") or "0") in wanted:
                     found.setdefault(f"{name or f'P{NUMBER}'} N{digits}", number)
@@ -213,13 +199,12 @@ class Bwo900Language:
         return {name: line for name, line in found.items() if name in names}
 
     def place(self, said: str) -> tuple[str, int]:
-        """See RunsPrograms."""
         found = re.match(r"M\d+ ([PZ]\d+ N\d+)(?: column (\d+))?", said)
         return ("", 0) if found is None else (found[1], int(found[2] or 1))
 
 
 def _significant(text: str) -> Iterator[re.Match[str]]:
-    """Lines without blank ones, those at the ends of a tape, and remarks before the first program."""
+    """Lines, without blank ones and the remarks and tape marks (%) before the first program."""
     began = False
     for row in _ROW.finditer(text):
         began = began or row[0].lstrip()[0] not in ";%"
@@ -228,7 +213,6 @@ def _significant(text: str) -> Iterator[re.Match[str]]:
 
 
 def _is_known(row: str) -> bool:
-    """A block, a remark or a parameter."""
     return _KNOWN.match(row) is not None or _PARAMETER.match(row) is not None
 
 
@@ -244,31 +228,22 @@ def _check_beginning(row: str) -> None:
 
 @dataclass(frozen=True)
 class _Program:
-    """A program of a text, or parameters (D): its file as it goes over the line, made as it is asked for."""
+    """A program of a text, or parameters (D). Iterating gives its file for the line, piece by piece."""
 
     text: str
     name: str
-    spans: tuple[tuple[int, int], ...]
-    """Where its blocks stand in the text."""
-    count: int
-    """Of its blocks."""
-    before: bytes = b""
-    """What goes before it."""
+    spans: tuple[tuple[int, int], ...]  # [begin, end) of its blocks in the text
+    count: int  # blocks; chained lines are one
+    before: bytes = b""  # sent ahead of it
 
     @property
     def blocks(self) -> str:
-        """How many it has, in words; chained lines are one."""
         what = "line" if self.name in _PARAMETERS else "block"
         return f"{self.count} {what}{'' if self.count == 1 else 's'}"
 
     @property
     def size(self) -> int:
-        """Bytes of its blocks."""
         return sum(end - begin for begin, end in self.spans)
-
-    def after(self, data: bytes) -> _Program:
-        """The same behind these bytes."""
-        return replace(self, before=data)
 
     def __iter__(self) -> Iterator[bytes]:
         yield self.before + encoded(f"\r\n{self.name}\r\n")
@@ -281,13 +256,7 @@ class _Program:
         yield encoded(f"{END}\r\n") + END_OF_FILE + END_OF_LINE
 
 
-def _rows(text: str) -> Iterator[str]:
-    """The lines of a text one by one."""
-    return (row[0] for row in _LINE.finditer(text))
-
-
 def _programs(text: str) -> Iterator[_Program]:
-    """The programs of a text, and its files of parameters."""
     name, spans, count, begin = "", list[tuple[int, int]](), 0, -1
     for row in _significant(text):
         if (mark := row[0].lstrip()[0]) not in MARKS:
@@ -314,19 +283,14 @@ def _programs(text: str) -> Iterator[_Program]:
 
 
 def _file(lines: Sequence[str]) -> bytes:
-    """A file as it goes over the line."""
     text = "".join(f"{line}\r\n" for line in ("", *lines, END))
     return encoded(text) + END_OF_FILE + END_OF_LINE
 
 
 def _started(program: int, fed: int = 0) -> list[str]:
-    """Parameters that start a program; fed: 1 for one that comes while it is carried out."""
-    return [
-        f"K1:P{P.FED}: {fed}",
-        f"K1:P{P.PROGRAM}: {program}",
-        f"K1:P{P.MODE_TO_PLC}: 2",
-        f"K1:P{P.START_TO_PLC}: 1",
-    ]
+    """Parameters that start a program; fed: 1 if it is sent while it runs."""
+    values = {P.FED: fed, P.PROGRAM: program, P.MODE_TO_PLC: 2, P.START_TO_PLC: 1}
+    return [f"K1:P{number}: {value}" for number, value in values.items()]
 
 
 _REFERENCE: Final = _file(
@@ -341,7 +305,7 @@ def explain(text: str) -> str:
         return "blank line"
     if word == END:
         return "end of a program or of parameters"
-    if word in ("D", "D+"):
+    if word in _PARAMETERS:
         return "parameters"
     if word.startswith(";"):
         return "a remark"
@@ -360,7 +324,7 @@ def explain(text: str) -> str:
         return f"no block: M{error.number} {error.detail}".rstrip()
 
 
-def _explained(block: Block) -> str:
+def _explained(block: ProgramBlock) -> str:
     parts = [] if block.number is None else [f"block {block.number}"]
     if block.skip:
         parts.append("may be skipped")
@@ -368,15 +332,12 @@ def _explained(block: Block) -> str:
     axes = [word.name for word in block.words if word.name[0] not in "FSTIJKRft"]
     if axes:
         parts.append(f"to {' '.join(axes)}")
-    parts += [
-        {"F": "feed", "S": "speed", "T": "tool", "R": "radius"}.get(word.name[0], "")
-        for word in block.words
-        if word.name[0] in "FSTR"
-    ]
+    named = {"F": "feed", "S": "speed", "T": "tool", "R": "radius"}
+    parts += [named[word.name[0]] for word in block.words if word.name[0] in named]
     parts += [M_WORDS.get(m.number, f"M{m.number}") for m in block.m]
     parts += ["sets parameters"] * bool(block.assignments) + ["jumps by comparison"] * bool(block.jumps)
     if block.wait is not None:
         parts.append("waits for a condition")
     if block.message is not None:
         parts.append("clears its text" if block.message.text is None else "shows a text")
-    return ", ".join(part for part in parts if part) or "nothing"
+    return ", ".join(filter(None, parts)) or "nothing"

@@ -20,7 +20,6 @@ from isel_twin.firmware.plc.assembler import assemble
 
 SHORTEST_NS: Final = 4 * MILLISECOND_NS
 MOST_WAITING: Final = 32
-"""Length of the queue of M functions; a program that has more of them waits."""
 CODE, STROBE, SPEED, TOOL = 30, 32, 34, 36
 
 DEFAULT: Final = """
@@ -111,21 +110,18 @@ class MachinePlc:
 
     @property
     def next_ns(self) -> int | None:
-        """End of the present pass."""
         return self._plc.next_ns
 
     @property
     def idle(self) -> bool:
-        """All M functions have been acknowledged."""
         return not self._waiting and not self._memory.m[STROBE] & 1
 
     @property
     def room(self) -> bool:
-        """The queue takes more M functions."""
+        """The queue takes more M functions; a program that has more of them waits."""
         return len(self._waiting) < MOST_WAITING
 
     def power_on(self, t_ns: int) -> None:
-        """Its passes begin."""
         self._plc.start(t_ns, self._memory, power_on=True)
 
     def set_input(self, t_ns: int, terminal: str, level: bool) -> None:
@@ -136,7 +132,6 @@ class MachinePlc:
             self._plc.touch(t_ns)
 
     def function(self, t_ns: int, code: int) -> None:
-        """Queue an M function, by its number."""
         self._waiting.append(code)
         self._hand_over(t_ns)
 
@@ -156,11 +151,9 @@ class MachinePlc:
             self._memory.m[SPEED : SPEED + 2] = word.to_bytes(2, "little")
 
     def tool(self, number: int) -> None:
-        """T."""
         self._memory.m[TOOL] = number & 0xFF
 
     def advance(self, t_ns: int) -> None:
-        """Do the passes that end by t_ns."""
         while (due := self._plc.next_ns) is not None and due <= t_ns:
             self._plc.end_pass(due, self._memory)
             self._hand_over(due)

@@ -16,14 +16,12 @@ from typing import Any, Final
 from isel_twin.firmware.bwo900.analysis.functions import FACTORY_FUNCTIONS
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.parameters import Parameters
-from isel_twin.firmware.bwo900.programs.stored import Program, Store
+from isel_twin.firmware.bwo900.programs.stored import Store, StoredProgram
 from isel_twin.firmware.bwo900.realtime.overrides import FACTORY_OVERRIDES
 
 MAGIC: Final = b"BWO2"
-FIRST: Final = 8
-"""Bytes before the programs."""
-SIZE: Final = 4
-"""Bytes of a checksum, and of the size of the head."""
+FIRST: Final = 8  # bytes before the programs
+SIZE: Final = 4  # bytes of a checksum, and of the size of the head
 
 
 class Memory:
@@ -34,10 +32,9 @@ class Memory:
         self._forget()
 
     def _forget(self) -> None:
-        self._packed: dict[Program, bytes] = {}
+        self._packed: dict[StoredProgram, bytes] = {}
         """Programs of the last image, compressed; a program never changes, its place is taken by another one."""
-        self._checksum = zlib.crc32(b"")
-        """Of all of them in their order."""
+        self._checksum = zlib.crc32(b"")  # of all of them in their order
 
     def image(self) -> bytes:
         """The image of what there is now."""
@@ -90,6 +87,6 @@ def _unpacked(flash: bytes) -> tuple[Parameters, Store]:
         parameters.set_status(int(q), int(status), "q")
     store, at = Store(), FIRST
     for name, size in head["programs"]:
-        store[name] = Program.of(name, zlib.decompress(view[at : at + size]).decode("latin-1").split("\n")[:-1])
+        store[name] = StoredProgram.of(name, zlib.decompress(view[at : at + size]).decode("latin-1").split("\n")[:-1])
         at += size
     return parameters, store

@@ -171,8 +171,7 @@ class Code(IntEnum):
     DIVISION_ANGLE_ZERO = 8334, _KA, "division angle is 0 (P125)"
 
 
-LOCKED: Final = 1304
-"""A parameter is locked: given without a text of its own."""
+LOCKED: Final = 1304  # a parameter is locked: given without a text of its own
 
 _INVALID: Final[Mapping[int, str]] = {
     P.SIZE_1: "first size of the pocket",

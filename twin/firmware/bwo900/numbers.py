@@ -22,8 +22,7 @@ class G:
     NO_EXACT_STOP_HERE = 9
     POLAR_ON = 10
     POLAR_OFF = 11
-    CORNER = 12
-    """Chamfer or rounding."""
+    CORNER = 12  # chamfer or rounding
     TANGENT_OFF = 13
     TANGENT_ON = 14
     POLAR_TRANSFORMATION_OFF = 15
@@ -54,8 +53,7 @@ class G:
     MIRROR_SECOND = 62
     OVERRIDE_FIXED = 63
     OVERRIDE_FREE = 64
-    BARE = 66
-    """All corrections off in this block."""
+    BARE = 66  # all corrections off in this block
     MEASURING = 69
     RECTANGLE = 71
     RECTANGLE_ZIGZAG = 72
@@ -64,8 +62,7 @@ class G:
     CIRCULAR_POCKET_FINISHED = 75
     DRILLING_OFF = 80
     DRILLING = 81
-    DRILLING_WITH_DWELL = 82
-    """DIN's number: G81 with P30."""
+    DRILLING_WITH_DWELL = 82  # DIN's number: G81 with P30
     DEEP_HOLE = 83
     TAPPING = 84
     BORING = 85
@@ -85,12 +82,10 @@ class G:
     FREE_PLANE_3 = 119
     THREE_POINTS = 123
     NO_TRANSFORMATION = 147
-    WEIGHTING_1 = 151
-    """Named at P8836 only."""
+    WEIGHTING_1 = 151  # named at P8836 only
     WEIGHTING_2 = 152
     NO_ZERO = 153
-    ZERO_7 = 154
-    """The first of the additional zero points (8.3, q174)."""
+    ZERO_7 = 154  # the first of the additional zero points (8.3, q174)
     INCH_OFF = 170
     INCH_METRIC = 171
 
@@ -122,12 +117,9 @@ class SC:
     """System calls `sc:n` (3.6)."""
 
     GO_ON = 0
-    STAY = 1
-    """Blocks are kept (supervision)."""
-    STAY_AND_WAIT = 2
-    """As `STAY`, once the path of the last block has begun."""
-    GO_NOW = 100
-    """Those that are kept come now."""
+    STAY = 1  # blocks are kept (supervision)
+    STAY_AND_WAIT = 2  # as `STAY`, once the path of the last block has begun
+    GO_NOW = 100  # those that are kept come now
     ALL = (GO_ON, STAY, STAY_AND_WAIT, GO_NOW)
 
 
@@ -137,12 +129,10 @@ class P:
     # cycles (5.2 to 5.4; 8.4)
     CYCLES_FIRST, CYCLES_LAST = 10, 39
     SIZE_1 = 11
-    INNER_RADIUS = 11
-    """Of a circular pocket: the radius that has been drilled."""
+    INNER_RADIUS = 11  # of a circular pocket: the radius drilled before
     SIZE_2 = 12
     POCKET_DEPTH = 13
-    POCKET_RADIUS = 14
-    """Of a rectangular pocket's corners, or of the circular pocket."""
+    POCKET_RADIUS = 14  # of a rectangular pocket's corners, or of the circular pocket
     ALLOWANCE = 15
     INFEED_ACROSS = 16
     INFEED_DEPTH = 17
@@ -162,21 +152,18 @@ class P:
     DEGRESSIVE = 39
     CHAMFER, ROUNDING = 70, 71
     PATTERNS_FIRST, PATTERNS_LAST = 100, 159
-    RAY_1, RAY_2 = 100, 110
-    """The first parameter of a ray; `Ray` has the rest."""
+    RAY_1, RAY_2 = 100, 110  # the first parameter of a ray; `Ray` has the rest
     CENTRE_X, CENTRE_Y, DIAMETER = 120, 121, 122
     START_ANGLE, TRAVEL_ANGLE, DIVISION_ANGLE, PLACES = 123, 124, 125, 126
     ROTATION_U0, ROTATION_V0, ROTATION_ANGLE = 160, 161, 163
     ROTATION_DU, ROTATION_DV, ROTATION_DANGLE = 165, 166, 168
     # areas (8.1)
-    USER_END = 7_000
     FIXED_FIRST, FIXED_LAST = 7_000, 9_999
     COMMON_FIRST, COMMON_LAST = 11_000, 11_999
     AXES_FIRST = 12_000
     BLOCK_2, BLOCK_3 = 20_000, 30_000
     # tools (8.5)
-    TOOL_LOCK = 8_040
-    """1: a block with T waits."""
+    TOOL_LOCK = 8_040  # 1: a block with T waits
     TOOL_TAKE, TOOL_COPY, TOOL_PUT_BACK = 8_045, 8_046, 8_047
     TOOL_ASKED, TOOL_INFO = 8_048, 8_049
     """T of a block that has been executed; of a block with T: 6 with M06, 16 with M16."""
@@ -184,16 +171,14 @@ class P:
     """The first of a record each: that T has asked for, in the spindle, of the path, executed T."""
     TOOL_RADIUS, TOOL_LENGTH, TOOL_RADIUS_CORRECTION, TOOL_LENGTH_CORRECTION = 8_160, 8_161, 8_162, 8_163
     TOOL_QUADRANT = 8_164
-    M_TABLE = 8_250
-    """Definitions of M functions of the channel, four in each."""
+    M_TABLE = 8_250  # definitions of M functions of the channel, four in each
     # messages, locks, what the channel is (8.5)
     MESSAGE_SYSTEM, MESSAGE_HIGH, MESSAGE_LOW, MESSAGE_SHOWN = 8_500, 8_501, 8_502, 8_503
     MESSAGE_AXIS, MESSAGE_INFO_1, MESSAGE_INFO_2, MESSAGE_INFO_3 = 8_504, 8_505, 8_506, 8_507
     ACKNOWLEDGE = 8_508
     LOCKS_SET, LOCKS_LIFTED = 8_510, 8_511
     CHANNEL, AXES, LAST_AXIS = 8_550, 8_551, 8_552
-    MAP_P, MAP_Q = 8_553, 8_554
-    """A P is written, its q is answered."""
+    MAP_P, MAP_Q = 8_553, 8_554  # a P is written, its q is answered
     WORKSPACE, ZERO_MASK = 8_555, 8_556
     M_WAITS = 8_559
     FED_LEVEL = 8_561
@@ -241,13 +226,11 @@ class P:
     EXCHANGE, EXCHANGE_FIRST, EXCHANGE_LAST = 8_880, 8_881, 8_889
     BLOCK_LOCK, MIRRORED, NOT_INTERPOLATING, WITHOUT_DYNAMICS, KEEP_MASK = 8_891, 8_892, 8_893, 8_894, 8_895
     # status (8.5)
-    EXECUTED = 8_900
-    """`Cell` of the block that is executed."""
+    EXECUTED = 8_900  # `Cell` of the block that is executed
     ABORTED_PROGRAM, ABORTED_BLOCK = 8_906, 8_907
     FAULTY_PROGRAM, FAULTY_BLOCK = 8_910, 8_911
     SHIFT_EXECUTED = 9_100
-    ANALYSED = 9_300
-    """`Cell` of the block that is analysed."""
+    ANALYSED = 9_300  # `Cell` of the block that is analysed
     SHIFT_ANALYSED = 9_500
     # handed to user cycles (8.5)
     HANDED_AXES = 9_700
@@ -264,8 +247,7 @@ class P:
     BAUD, DATA_BITS, STOP_BITS, PARITY, HANDSHAKE = 11_172, 11_173, 11_174, 11_175, 11_176
     END_OF_FILE, TRANSFER_OPTIONS = 11_177, 11_178
     PUT_OUT = 11_181
-    OVERRIDE = 11_310
-    """The first of 8 overrides, 5 parameters each."""
+    OVERRIDE = 11_310  # the first of 8 overrides, 5 parameters each
     OVERRIDE_5, OVERRIDE_6, OVERRIDE_7, OVERRIDE_8 = 11_330, 11_335, 11_340, 11_345
     OVERRIDE_TABLE = 11_370
 
@@ -282,8 +264,7 @@ class Axis:
     SPEED = 4
     SLOPE_SPEED_1, SLOPE_SPEED_2 = 5, 6
     DYNAMICS_1, DYNAMICS_2, DYNAMICS_KIND = 8, 9, 10
-    INCREMENTS, INCREMENTS_PER = 12, 13
-    """So many increments in so many mm."""
+    INCREMENTS, INCREMENTS_PER = 12, 13  # so many increments in so many mm
     WINDOW_FINE, WINDOW_COARSE = 16, 17
     SETTLING_MS = 18
     KV = 20
@@ -316,8 +297,7 @@ class Cell:
     CYCLE, CYCLE_BLOCK = 4, 5
     DEPTH, CALLER, CALLER_BLOCK = 12, 13, 14
     PASSES, PASS = 34, 35
-    LOOPS = 34
-    """Of the block that is analysed."""
+    LOOPS = 34  # of the block that is analysed
     FEED, END_FEED, SPEED = 36, 37, 38
     MOTION = 40
     DWELL, DWELL_LEFT = 41, 42
@@ -343,12 +323,9 @@ class Q:
     LANGUAGE = 1
     CHANNELS = 2
     LINE_MODE = 41
-    CHANNEL_1 = 100
-    """The first of a channel's descriptor; `Descriptor` has the rest."""
-    AXIS_1, SPINDLE_1 = 110, 142
-    """The descriptors of 32 axes and 8 spindles."""
-    POLAR_RADIUS, POLAR_ANGLE = 150, 151
-    """Letters, by their ASCII."""
+    CHANNEL_1 = 100  # the first of a channel's descriptor; `Descriptor` has the rest
+    AXIS_1, SPINDLE_1 = 110, 142  # the descriptors of 32 axes and 8 spindles
+    POLAR_RADIUS, POLAR_ANGLE = 150, 151  # letters, by their ASCII
     PLANE_XY, PLANE_ZX, PLANE_YZ = 152, 153, 154
     M_IN_CHANNEL = 158
     DECIMALS = 159

@@ -14,28 +14,19 @@ from isel_twin.firmware.bwo900.modes import Mode
 from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.realtime import overrides
 from isel_twin.firmware.bwo900.realtime.axes import AXES, NAMES
+from isel_twin.firmware.bwo900.realtime.channel import State
 
 
 class Operating:
-    """What the operator has put the control to, and what is done about it."""
-
     def __init__(self, execution: Execution) -> None:
         self._execution, self._channel = execution, execution.channel
         self._hardware = hardware = execution.hardware
         self._axes, self._power, self._hand = hardware.axes, hardware.power, hardware.hand
-        self._starts = False
-        """Start waits for power, or for what moves in HAND."""
-
-    # ---- modes ------------------------------------------------------------------------------------------------------
-
-    @property
-    def mode(self) -> Mode:
-        """The mode, P8703."""
-        return self._execution.mode
+        self._starts = False  # Start waits for power, or for what moves in HAND
 
     def set_mode(self, given: int) -> None:
         """Change to a mode by its number: M1322 there is no such mode, M1009."""
-        execution, before = self._execution, self.mode
+        execution, before = self._execution, self._execution.mode
         try:
             mode = Mode(given)
         except ValueError:
@@ -61,13 +52,11 @@ class Operating:
             execution.feeder.end()
         execution.rest()
 
-    # ---- programs ---------------------------------------------------------------------------------------------------
-
     def start(self) -> None:
         """Start: the program of P8800, or on with the one that is held."""
-        if self._channel.active and not self._channel.aborting:
+        if self._channel.active and self._channel.state is not State.ABORTING:
             self._channel.go_on()
-        elif self.mode is Mode.HAND:
+        elif self._execution.mode is Mode.HAND:
             self._hardware.say(message(Code.NOT_IN_AUTO, detail="Start"))
         elif missing := "".join(name for name, known in zip(NAMES, self._axes.referenced, strict=True) if not known):
             self._hardware.say(message(Code.NOT_REFERENCED, detail=missing))
@@ -86,19 +75,16 @@ class Operating:
             self._execution.begin()
 
     def stop(self) -> None:
-        """Stop: of a program, or of what moves in HAND."""
         self._starts = False
         self._hand.brake()
         self._channel.stop()
 
     def abort(self) -> None:
-        """Brake, and forget the rest."""
         self._starts = False
         self._hand.brake()
         self._channel.abort()
 
     def override_changed(self) -> None:
-        """Parameters of overrides have changed."""
         override = overrides.factor(self._execution.parameters, AXES)
         self._channel.set_override(override)
         self._hand.scale(override)
@@ -110,8 +96,6 @@ class Operating:
         if locked:
             self._hand.release(everything=True)
         self._channel.lock(locked)
-
-    # ---- HAND -------------------------------------------------------------------------------------------------------
 
     def move(self, key: int) -> None:
         """P8752, a key of an axis: 1 +, 2 -, 0 is released."""
@@ -136,8 +120,6 @@ class Operating:
         else:
             self._hardware.plc.function(self._axes.now_ns, code)
 
-    # ---- power ------------------------------------------------------------------------------------------------------
-
     def powered(self) -> None:
         """The drives are there, or have not come: what has waited for them begins."""
         power, hand = self._power, self._hand
@@ -155,7 +137,7 @@ class Operating:
 
     def lose(self, number: int, detail: str = "") -> None:
         """Drives off, everything ends, with that message."""
-        moving = self._channel.active or self._hand.move is not None
+        matters = self._power.on or self._channel.active or self._hand.move is not None
         said = self._execution.executed.message(number, detail)
         self._starts = False
         self._hand.cut()
@@ -164,8 +146,7 @@ class Operating:
         self._execution.interpreter.end()
         if self._power.on:
             self._power.switch(on=False)
-            self._hardware.say(said)
-        elif moving:
+        if matters:
             self._hardware.say(said)
 
     def limit(self, axis: int, end: int) -> None:

@@ -21,19 +21,14 @@ from isel_twin.firmware.bwo900.numbers import Descriptor, P, Q
 LOADED: Final = 0x01
 REAL_TIME: Final = 0x04
 SYNCHRONISING: Final = 0x08
-LOCKS: Final = 0x0F
-"""Of byte 3."""
-LARGEST_Q: Final = 59_999
-"""60 000 parameters, the largest system."""
+LOCKS: Final = 0x0F  # of byte 3
+LARGEST_Q: Final = 59_999  # 60 000 parameters, the largest system
 AXIS_SIZE: Final = 200
-FIRST_LIVE: Final = P.M_WAITS
-"""Below it no parameter is worked out when it is asked for."""
+FIRST_LIVE: Final = P.M_WAITS  # below it no parameter is worked out when it is asked for
 MOST_AXES: Final = 32
 MACHINE_AXES: Final = 3
-FIXED: Final = P.FIXED_LAST + 1 - P.FIXED_FIRST
-"""P7000 to P9999."""
-CHANNEL_SIZE: Final = Q.CHANNEL_1
-"""Of a channel's descriptor: q100, q200 ..."""
+FIXED: Final = P.FIXED_LAST + 1 - P.FIXED_FIRST  # P7000 to P9999
+CHANNEL_SIZE: Final = Q.CHANNEL_1  # of a channel's descriptor: q100, q200
 
 _FIXED_FIRST, _FIXED_LAST, _COMMON_FIRST, _COMMON_LAST = P.FIXED_FIRST, P.FIXED_LAST, P.COMMON_FIRST, P.COMMON_LAST
 _CHANNELS, _USER_1, _SIZE_1, _AXES_FIRST = Q.CHANNELS, Descriptor.USER_1, Descriptor.SIZE_1, P.AXES_FIRST
@@ -84,8 +79,7 @@ class Parameters:
         self._status: dict[int, int] = {}
         self.live: Callable[[int], float | None] | None = None
         """What a P of channel 1 is now, None: what has been written."""
-        self.revision = 0
-        """Rises with every writing."""
+        self.revision = 0  # rises with every writing
 
     def address(self, area: str, number: int, channel: int = 1) -> int:
         """The q that a parameter is. Raises ProgramError M1302: no such number, M1305: no such channel."""
@@ -139,7 +133,7 @@ class Parameters:
         return self._values.get(self.address(area, number)) or default
 
     def loaded(self, number: int, area: str = "P", channel: int = 1) -> bool:
-        """Whether it has a value."""
+        """True if it has a value."""
         return self.address(area, number, channel) in self._values
 
     def read(self, area: str, number: int, channel: int = 1) -> float:
@@ -174,11 +168,11 @@ class Parameters:
         self._status[q] = (self._status.get(q, 0) | status if add else status) & ~LOADED
 
     def has(self, number: int, bits: int, area: str = "P", channel: int = 1) -> bool:
-        """Whether bits of the status are set."""
+        """True if bits of the status are set."""
         return bool(self._status.get(self.address(area, number, channel), 0) & bits)
 
     def locked(self, number: int, area: str = "P", channel: int = 1) -> bool:
-        """Whether a program must not write it: byte 3 of its status has the bit of a lock, 1 to 4, that is set.
+        """True if a program must not write it: byte 3 of its status has the bit of a lock, 1 to 4, that is set.
 
         P8510 sets locks in AUTO, P11008 = 1 those of P11018 and P11009 = 1 those of P11019, -1 lifts them; P8511 lifts
         them for programs.

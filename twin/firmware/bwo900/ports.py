@@ -8,7 +8,6 @@ from typing import Final
 from isel_twin.controller import SerialFormat
 from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.parameters import Parameters
-from isel_twin.firmware.bwo900.realtime.axes import AXES
 
 TERMINALS: Final[Mapping[str, tuple[str, ...]]] = {
     "estop": ("estop_1", "estop_2", "overtemperature"),
@@ -20,7 +19,7 @@ TERMINALS: Final[Mapping[str, tuple[str, ...]]] = {
     "e0.5": ("key",),
     "e0.6": ("probe",),
     "e0.7": ("spindle",),
-    **{f"limit_{'xyz'[axis]}{end + 1}": (f"limit_{'xyz'[axis]}{end + 1}",) for axis in range(AXES) for end in (0, 1)},
+    **{f"limit_{axis}{end}": (f"limit_{axis}{end}",) for axis in "xyz" for end in (1, 2)},
 }
 
 

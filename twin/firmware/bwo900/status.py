@@ -20,7 +20,7 @@ from isel_twin.firmware.bwo900.geometry.groups import Modal
 from isel_twin.firmware.bwo900.geometry.in_force import InForce
 from isel_twin.firmware.bwo900.numbers import Axis, Cell, G, P
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, MACHINE_AXES, of_axis
-from isel_twin.firmware.bwo900.realtime.axes import Axes
+from isel_twin.firmware.bwo900.realtime.axes import AXES, Axes
 from isel_twin.firmware.bwo900.realtime.channel import Channel
 from isel_twin.firmware.bwo900.realtime.executed import Executed
 
@@ -63,7 +63,7 @@ NUMBERS: Final = (
     *(first + axis for first in (P.SHIFT_EXECUTED, P.SHIFT_ANALYSED) for axis in range(MACHINE_AXES)),
     *(of_axis(axis, offset) for axis in range(MACHINE_AXES) for offset in AXIS_CELLS),
 )
-"""All of them."""
+"""Numbers of all these parameters."""
 _KNOWN: Final = frozenset(NUMBERS)
 
 FORGOTTEN: Final = (
@@ -73,14 +73,13 @@ FORGOTTEN: Final = (
 """Deleted at power-on."""
 
 
-def at_power_on(axes: int) -> Iterator[tuple[int, float | None]]:
-    """P and values written at power-on: size of the channel, state without references and programs, and the settings
-    that are not kept."""
-    yield from ((P.CHANNEL, 1.0), (P.AXES, float(axes)), (P.LAST_AXIS, float(axes)))
+def at_power_on() -> Iterator[tuple[int, float | None]]:
+    """P and values written at power-on: size of the channel, no references and programs, settings that are not kept."""
+    yield from ((P.CHANNEL, 1.0), (P.AXES, float(AXES)), (P.LAST_AXIS, float(AXES)))
     yield from ((number, 0.0) for number in (P.ALL_REFERENCED, P.PROGRAM_ACTIVE, P.PROGRAM_RUNS, P.REFERENCED))
     yield from ((number, 1.0) for number in (P.MODE_TO_PLC, P.MODE_ACTIVE, P.MODE))  # HAND
     yield from ((number, None) for number in FORGOTTEN)
-    for axis in range(axes):
+    for axis in range(AXES):
         yield of_axis(axis, Axis.SLOPE), None
         yield of_axis(axis, Axis.CHANNEL), 1.0
         yield of_axis(axis, Axis.LOGICAL), axis + 1.0
@@ -106,51 +105,23 @@ def value(number: int, interpreter: Interpreter, channel: Channel, axes: Axes) -
 
 def _analysed(number: int, interpreter: Interpreter) -> float | None:
     told = interpreter.in_force
-    if number in MODAL:
-        return float(MODAL[number](told.modal))
-    if number in PLANE:
-        return _axis_of_plane(told, number)
-    name, block = interpreter.place
-    in_cycle = told.called_by
     match number:
-        case Cell.PROGRAM:
-            return float((in_cycle or (name, block))[0][1:] or 0)
-        case Cell.BLOCK:
-            return float((in_cycle or (name, block))[1])
         case Cell.DEPTH_ANALYSED:
             return float(told.depth)
-        case Cell.CYCLE:
-            return None if told.cycle is None else float(told.cycle)
-        case Cell.CYCLE_BLOCK:
-            return None if told.cycle is None else float(block if in_cycle else 0)
         case Cell.LOOPS:
-            return float(interpreter.loops)
+            return float(interpreter.stack.loops)
         case Cell.FEED:
             return told.feed_mm_min
-    return float(G.SHIFT) if any(told.frame.shift) else 0.0
+    return _of_both(number, told, interpreter.stack.place)
 
 
 def _executed(number: int, interpreter: Interpreter, channel: Channel) -> float | None:
     executed = channel.executed
     told = executed.in_force
-    if number == Cell.MOTION:
-        return executed.motion
-    if number in MODAL:
-        return float(MODAL[number](told.modal))
-    if number in PLANE:
-        return _axis_of_plane(told, number)
-    name, block = executed.place if executed.active else ("", 0)
-    in_cycle = told.called_by
     feed, end_feed = executed.feed_mm_min
     match number:
-        case Cell.PROGRAM:
-            return float((in_cycle or (name, block))[0][1:] or 0)
-        case Cell.BLOCK:
-            return float((in_cycle or (name, block))[1])
-        case Cell.CYCLE:
-            return None if told.cycle is None else float(told.cycle)
-        case Cell.CYCLE_BLOCK:
-            return None if told.cycle is None else float(block if in_cycle else 0)
+        case Cell.MOTION:
+            return executed.motion
         case Cell.DEPTH:
             return float(told.depth)
         case Cell.CALLER:
@@ -158,7 +129,7 @@ def _executed(number: int, interpreter: Interpreter, channel: Channel) -> float 
         case Cell.CALLER_BLOCK:
             return float(told.caller[1])
         case Cell.PASSES | Cell.PASS:
-            return float(interpreter.loop[number - Cell.PASSES])
+            return float(interpreter.stack.loop[number - Cell.PASSES])
         case Cell.FEED:
             return feed
         case Cell.END_FEED:
@@ -169,12 +140,27 @@ def _executed(number: int, interpreter: Interpreter, channel: Channel) -> float 
             return executed.dwell_s
         case Cell.DWELL_LEFT:
             return channel.dwell_left_s
+    return _of_both(number, told, executed.place if executed.active else ("", 0))
+
+
+def _of_both(number: int, told: InForce, place: tuple[str, int]) -> float | None:
+    """Cells of the analysed and of the executed block alike; place: its program and number."""
+    if number in MODAL:
+        return float(MODAL[number](told.modal))
+    if number in PLANE:
+        plane = told.frame.plane
+        return float((plane.first, plane.second, plane.third)[number - PLANE[0]] + 1)
+    name, block = told.called_by or place
+    match number:
+        case Cell.PROGRAM:
+            return float(name[1:] or 0)
+        case Cell.BLOCK:
+            return float(block)
+        case Cell.CYCLE:
+            return None if told.cycle is None else float(told.cycle)
+        case Cell.CYCLE_BLOCK:
+            return None if told.cycle is None else float(place[1] if told.called_by else 0)
     return float(G.SHIFT) if any(told.frame.shift) else 0.0
-
-
-def _axis_of_plane(told: InForce, number: int) -> float:
-    plane = told.frame.plane
-    return float((plane.first, plane.second, plane.third)[number - PLANE[0]] + 1)
 
 
 def _axis(axis: int, offset: int, executed: Executed, axes: Axes) -> float:
@@ -182,7 +168,7 @@ def _axis(axis: int, offset: int, executed: Executed, axes: Axes) -> float:
     if offset in (Axis.SHOWN_PLACE, Axis.PROGRAMMED_PLACE, Axis.DELTA_PLACE):
         axis = frame.order[axis]
     programmed, shift = executed.target[axis], executed.display_shift_mm(axis)
-    place = axes.set_mm(axis)
+    place = axes.position[axis]
     if offset in (Axis.SET_PLACE, Axis.SHOWN_PLACE, Axis.DELTA_PLACE) and frame.senses is not None:
         place *= frame.senses[axis]
     match offset:

@@ -22,18 +22,14 @@ from isel_twin.firmware.bwo900.programs.feed import Feed
 from isel_twin.firmware.bwo900.programs.lines import END, MOST_LINE
 from isel_twin.firmware.bwo900.programs.stored import Builder, Store, program_name
 
-EOT: Final = 0x04
-"""End of a file, unless P11177 says otherwise."""
-PROTECTED: Final = 0x01
-"""Bit of P11178: programs are not overwritten (M1107)."""
-LINE_MODE: Final = 0x01
-"""Of q41, byte 1: blocks need no number (nc_line_mode, 3.9.2.2)."""
-UNNUMBERED: Final = "P0"
-"""A positioning block needs none either: it is typed at the panel on the original, in whole or in part (2.6.2)."""
+EOT: Final = 0x04  # end of a file, unless P11177 says otherwise
+PROTECTED: Final = 0x01  # bit of P11178: programs are not overwritten (M1107)
+LINE_MODE: Final = 0x01  # of q41, byte 1: blocks need no number (nc_line_mode, 3.9.2.2)
+POSITIONED: Final = "P0"
+"""Its first block is the positioning block, which needs no number either: it is typed at the panel (2.6.2)."""
 BLANK: Final = "".join(chr(code) for code in range(33))
 """Characters that are ignored at the ends of a line: blanks, and ends of files of another setting."""
-HANDSHAKE: Final = b"\x11\x13"
-"""Xon and Xoff of a host: what is put out does not wait."""
+HANDSHAKE: Final = b"\x11\x13"  # Xon and Xoff of a host: what is put out does not wait
 _LINE = re.compile(
     r"\s*(?:K(?P<channel>\d+)\s*:?\s*)?(?P<area>[Pq])\s*(?P<number>\d+)\s*:\s*"
     r"(?P<value>--|[-–—\x96\x97]|\$[0-9A-Fa-f]+;?|[-+]?\d+(?:[.,]\d*)?(?:[Ee][-+]?\d+)?)"
@@ -60,11 +56,9 @@ class Receiver:
         self._number = 0
         self._sign = end_of_file(parameters)
         """The end of a file as it was when this one began, which may set another one."""
-        self._kind = ""
-        """The file that is read: name of a program, D, D+, "?" for one that is skipped; empty: none."""
+        self._kind = ""  # the file that is read: name of a program, D, D+, "?" for one that is skipped; empty: none
         self._builder: Builder | Feed | None = None
-        self.changed = False
-        """Programs or parameters have changed; the reader of this flag resets it."""
+        self.changed = False  # programs or parameters have changed; the reader of this flag resets it
 
     @property
     def busy(self) -> bool:
@@ -121,7 +115,7 @@ class Receiver:
                 self._kind, self._builder = feed.name, feed
             else:
                 lines = int(self._parameters.get(Q.LINE_MODE, 0.0, "q")) & LINE_MODE
-                self._kind, self._builder = name, Builder(name, numbered=not lines and name != UNNUMBERED)
+                self._kind, self._builder = name, Builder(name, numbered=not lines and name != POSITIONED)
         else:
             yield self._skip(
                 Code.WRONG_FILE, f"line {self._number}: {word[:20]!r}; a file begins with P or Z and a number, or D"

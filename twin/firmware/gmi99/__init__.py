@@ -47,13 +47,13 @@ TURNS = 4, 10_000_000
     }
 )
 def create(name: str, *, flash: bytes | None, settings: Mapping[str, Any]) -> Gmi99:
-    """Entry point of `isel_twin.controllers`.
+    """Entry point of `isel_twin.controllers`. Raises ValueError for a wrong setting.
 
-    Settings: `dil_switches`, eight characters, switch 1 first, 1 on (default 11111111: address 224, variant E, 38400
-    Bd); `host_parity`, even (default) or none; `override_pot_percent`, where the potentiometer stands, 0 .. 125 (100);
-    `drive_increments_per_rev`, increments from one zero pulse of the encoders to the next (5000); `safety_program`,
-    whether a card without flash image has a program for its PLC (no).
-    Raises ValueError for a wrong one.
+    dil_switches               eight characters, switch 1 first, 1 on (11111111: address 224, variant E, 38400 Bd)
+    host_parity                even (default) or none
+    override_pot_percent       where the potentiometer stands, 0 .. 125 (100)
+    drive_increments_per_rev   from one zero pulse of the encoders to the next (5000)
+    safety_program             whether a card without flash image has a program for its PLC (no)
     """
     pot = settings.get("override_pot_percent", 100)
     if isinstance(pot, bool) or not isinstance(pot, int) or not POT_PERCENT[0] <= pot <= POT_PERCENT[1]:

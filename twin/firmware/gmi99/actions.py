@@ -22,14 +22,12 @@ INACTIVE_OVERRIDE = 0, 100
 
 
 def within(name: str, value: int, low: int, high: int) -> int:
-    """The value, if it is in range."""
     if not low <= value <= high:
         raise OutOfRangeError(f"{name} is {value}; it must lie in {low} .. {high}")
     return value
 
 
 def axis_of(name: str, value: int) -> int:
-    """A slot 0 .. 5."""
     return within(name, value, 0, SLOTS - 1)
 
 
@@ -57,7 +55,6 @@ def _per_axis(card: Card, name: str, value: int, slot: int) -> None:
 
 
 def acceleration(card: Card, instruction: Instruction) -> None:
-    """`B`: acceleration in Hz/ms."""
     _per_axis(card, "b_hz_per_ms", within("B", instruction.p1, *ACCELERATION_HZ_PER_MS), instruction.p2)
 
 
@@ -153,7 +150,6 @@ def parameter_value(settings: Settings, index: int, slot: int) -> int | None:
 
 
 def save(card: Card, instruction: Instruction) -> None:
-    """`s`: keep the settings."""
     if (instruction.p1, instruction.p2) != SAVE:
         raise OutOfRangeError("s wants 85 and 170")
     card.keep(settings=card.settings.kept)
@@ -178,7 +174,6 @@ def duplicate(card: Card, instruction: Instruction) -> None:
 
 
 def register(card: Card, instruction: Instruction) -> None:
-    """`c`: register R00..19."""
     card.images.set_register(within("P2", instruction.p2, 0, images.REGISTERS - 1), signed(instruction.p1))
     card.keep_data()
 
@@ -191,7 +186,6 @@ def data_word(card: Card, instruction: Instruction) -> None:
 
 
 def report_again(card: Card, instruction: Instruction) -> None:
-    """`q`: the PLC is to report again."""
     card.images.set_flag(images.REPORT_AGAIN, True)
 
 
@@ -256,8 +250,7 @@ def auxiliary(card: Card, instruction: Instruction) -> Generator[Wait, None, Non
 
 
 def reference(card: Card, instruction: Instruction) -> Generator[Wait, None, None]:
-    """`Q`: counters to 0 where the axes stand, or a reference run of the drives; then the indexer is ready if all
-    drives are."""
+    """`Q`: counters to 0 where the axes stand, or a reference run; then the indexer is ready if all drives are."""
     mask = instruction.p1 & 0x3F
     within("P2", instruction.p2, 0, 1)
     yield from card.drives.make_ready(mask, run=instruction.p2 == 1)

@@ -22,13 +22,10 @@ from isel_twin.firmware.gmi99.store import Store
 from isel_twin.motion import SetPointRun
 from isel_twin.motion.path import added
 
-SPINDLE, HOOD_LOCK = (0, 0), (0, 1)
-"""Outputs of slot 0 that the fixture uses (G19)."""
+SPINDLE, HOOD_LOCK = (0, 0), (0, 1)  # outputs of slot 0 that the fixture uses (G19)
 
 
 class Board:
-    """State of the card at `now_ns`, the time of the controller's last call."""
-
     def __init__(self, flash: bytes | None, override_pot_percent: int, plc: bytes) -> None:
         """`flash`: None for a new card, which then has the PLC program `plc`."""
         stored = Stored(plc=plc.hex()) if flash is None else decode(flash)
@@ -39,41 +36,26 @@ class Board:
         self.power_on_ns = 0
         self.events: list[Event] = []
         self.fault = False
-        self.path_run: SetPointRun | None = None
-        """The interpolator's motion, a ghost too."""
-        self.ghost = False
-        """It leaves no set point (N17)."""
-        self.drives_run: SetPointRun | None = None
-        """Motion the drives make by themselves."""
-        self._made = (0,) * SLOTS
-        """Counters when the motion in execution began."""
-        self._apart = (0,) * SLOTS
-        """How far T0 is from the counters: what ghosts have made."""
+        self.path_run: SetPointRun | None = None  # the interpolator's motion, a ghost too
+        self.ghost = False  # it leaves no set point (N17)
+        self.drives_run: SetPointRun | None = None  # motion the drives make by themselves
+        self._made = (0,) * SLOTS  # counters when the motion in execution began
+        self._apart = (0,) * SLOTS  # how far T0 is from the counters: what ghosts have made
         self.struck: dict[tuple[int, int], bool] = {}
         """Limit switches that are wired, by slot and end (0: motor, 1: far)."""
-        self.override_given: int | None = None
-        """Percent of `o2`."""
-        self.override_external: int | None = None
-        """Percent of #9."""
-        self.reduced_mode = 1
-        """FB 254.33: 0 never, 1 by M3.6, 2 always."""
-        self.image_mode = 0
-        """FB 254.2."""
-        self.analog_drives = 0
-        """Drives whose analog output leaves the image (FB 254.8)."""
+        self.override_given: int | None = None  # percent of `o2`
+        self.override_external: int | None = None  # percent of #9
+        self.reduced_mode = 1  # FB 254.33: 0 never, 1 by M3.6, 2 always
+        self.image_mode = 0  # FB 254.2
+        self.analog_drives = 0  # drives whose analog output leaves the image (FB 254.8)
         self._analog = 0
-        self.pot_percent = override_pot_percent
-        """Where the potentiometer stands."""
-        self._levels: dict[tuple[int, int], int] = {}
-        """Outputs of the drives as they are, by byte and bit."""
+        self.pot_percent = override_pot_percent  # where the potentiometer stands
+        self._levels: dict[tuple[int, int], int] = {}  # outputs of the drives as they are, by byte and bit
         self.images = Images(self._output_changed)
         self.offsets = Offsets(self.stored.zero_points, self.stored.fine)
         self.store = Store(self.stored.programs)
 
-    # ---- events ------------------------------------------------------------------------------------------------------
-
     def output(self, name: str, value: int) -> None:
-        """Tell the new level of an output."""
         self.events.append(Output(name, value))
 
     def refuse(self, why: str) -> None:
@@ -96,11 +78,6 @@ class Board:
             elif (slot_byte, bit) == HOOD_LOCK:
                 self.output("hood_release", 1 - level)
 
-    @property
-    def analog_asked(self) -> bool:
-        """M3.2."""
-        return self.images.flag(places.ANALOG)
-
     def put_analog_outputs(self) -> None:
         """Tell the analog output of slot 0 as it is in the image (M3.2, FB 254.8)."""
         value = self.images.outputs[self.images.drives_at + DIGITAL]
@@ -108,10 +85,7 @@ class Board:
             self._analog = value
             self.output("analog", value)
 
-    # ---- settings and memories ---------------------------------------------------------------------------------------
-
     def set(self, **values: Any) -> None:
-        """Change settings."""
         self.settings = replace(self.settings, **values)
 
     def arrange_images(self) -> None:
@@ -131,7 +105,6 @@ class Board:
             self.keep(data=data)
 
     def erase(self) -> None:
-        """Make all memories as new."""
         self.stored = Stored()
         self.store.erase()
         self.offsets = Offsets(self.stored.zero_points, self.stored.fine)
@@ -140,8 +113,6 @@ class Board:
         self.output("flash_fault", 0)
         self.events.append(FlashWrite(encode(self.stored)))
 
-    # ---- positions ---------------------------------------------------------------------------------------------------
-
     @property
     def run(self) -> SetPointRun | None:
         """The motion whose set points leave the card."""
@@ -149,7 +120,6 @@ class Board:
 
     @property
     def moving(self) -> bool:
-        """A motion or a reference run is being made."""
         return self.path_run is not None or self.drives_run is not None
 
     @property
@@ -178,8 +148,6 @@ class Board:
         self._made = (*self._made[:axis], value, *self._made[axis + 1 :])
         self._apart = (*self._apart[:axis], 0, *self._apart[axis + 1 :])
         self.events.append(CounterSet(axis, value))
-
-    # ---- what holds and slows ----------------------------------------------------------------------------------------
 
     def struck_ahead(self, way: Sequence[int]) -> int | None:
         """The slot whose limit switch is struck and which would move further onto it."""
@@ -210,6 +178,5 @@ class Board:
 
     @property
     def reduced(self) -> bool:
-        """The reduced speed is in force."""
         asked = self.reduced_mode == 2 or (self.reduced_mode == 1 and self.images.flag(places.REDUCED))
         return asked and self.settings.r_hz[0] > 0

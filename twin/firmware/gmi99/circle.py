@@ -20,9 +20,7 @@ import numpy as np
 from isel_twin.firmware.gmi99.planner import AXES, SHORTEST_S, PreparedMove, Rules, straight
 from isel_twin.motion.look_ahead import FRACTIONS
 
-ROUNDING = 1e-9
-"""Chords by which a quotient may miss a whole number."""
-
+ROUNDING = 1e-9  # chords by which a quotient may miss a whole number
 OUTSIDE = 0.25
 """Increments by which inner corners lie outside the arc: half the sagitta, so that chords are as near on both sides."""
 
@@ -33,7 +31,6 @@ def fastest_hz(radius: float) -> float:
 
 
 def chords(radius: float, angle: float) -> int:
-    """Number of chords of an arc of so many radians."""
     most = 2.0 * math.asin(min(1.0, 1.0 / math.sqrt(radius)))
     return max(math.ceil(angle / most - ROUNDING), math.ceil(angle / (math.pi / 2.0) - ROUNDING), 1)
 
@@ -47,11 +44,10 @@ def circle(
     *,
     per_revolution: bool = False,
 ) -> PreparedMove:
-    """An arc from the present position by `displacement` (increments of each slot) around `centre` (increments from the
-    present position, by slot).
+    """An arc by `displacement` (increments of each slot) around `centre` (increments by slot), both from the present
+    position.
 
-    feed, per_revolution: as for `isel_twin.firmware.gmi99.planner.line`. Raises ValueError unless the centre has two
-    slots and neither end lies on it.
+    feed, per_revolution: as for `planner.line`. Raises ValueError: not two slots, an end on the centre.
     """
     if len(centre) != 2 or not set(centre) <= set(range(AXES)) or len(displacement) != AXES:
         raise ValueError(f"the centre of a circle needs two of {AXES} slots, got {sorted(centre)}")

@@ -27,8 +27,6 @@ PLC_DATA_BYTES = 128
 
 
 class Kind(Enum):
-    """How a command takes its turn; see the module."""
-
     NORMAL = "normal"
     SYNCHRONOUS = "synchronous"
     MOVE = "move"
@@ -57,8 +55,6 @@ def _numbers(content: bytes, *, signed_: bool = False) -> tuple[int, ...]:
 
 @dataclass(frozen=True)
 class Command:
-    """A row of the table."""
-
     section: str
     words: str
     run: Handler
@@ -87,8 +83,7 @@ def _p_kind(instruction: Instruction) -> Kind:
     return Kind.SYNCHRONOUS if flying else Kind.NORMAL
 
 
-DUPLICATE = "X"
-"""Axis duplication has lost its letter in print (3.1.1): a placeholder, decision G10."""
+DUPLICATE = "X"  # axis duplication has lost its letter in print (3.1.1): a placeholder, decision G10
 
 _NORMAL, _SYNCHRONOUS, _IMMEDIATE = _always(Kind.NORMAL), _always(Kind.SYNCHRONOUS), _always(Kind.IMMEDIATE)
 
@@ -122,5 +117,4 @@ MOVE = Command("3.1.1", "move", actions.move, _always(Kind.MOVE))
 
 
 def command_of(instruction: Instruction) -> Command:
-    """The row of an instruction."""
     return MOVE if instruction.code & MOVE_BIT else COMMANDS[chr(instruction.code)]

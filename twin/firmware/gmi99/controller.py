@@ -146,7 +146,6 @@ class Gmi99:
     # ---- going on ---------------------------------------------------------------------------------------------------
 
     def _settle(self) -> None:
-        """Let everything go on that can go on now."""
         card = self._card
         card.interpolator.advance()
         card.drives.advance()
@@ -174,7 +173,10 @@ class Gmi99:
             self._query(instruction)
         elif kind is Kind.IMMEDIATE and not (instruction.code == ord("p") and self._card.queue.recording):
             self._reply(ACKNOWLEDGED)
-            self._at_once(instruction)
+            try:
+                command_of(instruction).run(self._card, instruction)
+            except OutOfRangeError as error:
+                self._card.refuse(str(error))
         elif self._sequencer.full(instruction):
             self._reply(self._record(BUFFER_FULL))
         else:
@@ -199,16 +201,10 @@ class Gmi99:
             percent = frame.content[0]
             if percent > OVERRIDE_LIMIT:
                 card.refuse(f"an override of {percent} %; at most {OVERRIDE_LIMIT} %")
-                return
-            card.override_given, card.override_external = None, percent
-            card.set(override=1)
-            card.interpolator.speeds_changed()
-
-    def _at_once(self, instruction: Instruction) -> None:
-        try:
-            command_of(instruction).run(self._card, instruction)
-        except OutOfRangeError as error:
-            self._card.refuse(str(error))
+            else:
+                card.override_given, card.override_external = None, percent
+                card.set(override=1)
+                card.interpolator.speeds_changed()
 
     def _query(self, instruction: Instruction) -> None:
         answer = queries.answer(self._card, instruction)
@@ -239,29 +235,22 @@ class Gmi99:
         slot = frame.address
         if slot >= SLOTS or (listed and slot not in listed):
             return
-        if frame.short:
-            self._drive_short(slot, frame)
-        elif chr(frame.command) == "T":
+        if frame.short and frame.command == STATUS:
+            self._reply(short_record(self._dil.variant, slot, self._card.drives.information(slot)))
+        elif not frame.short and chr(frame.command) == "T":
             self._drive_query(slot, frame)
         else:
             self._reply(ACKNOWLEDGED)
-            if chr(frame.command) == "Q" and frame.content[:1] in (b"\x01", b"\x03"):
+            if not frame.short and chr(frame.command) == "Q" and frame.content[:1] in (b"\x01", b"\x03"):
                 self._sequencer.put_drive(slot, run=frame.content[:1] == b"\x01")
 
-    def _drive_short(self, slot: int, frame: Frame) -> None:
-        if frame.command == STATUS:
-            self._reply(short_record(self._dil.variant, slot, self._card.drives.information(slot)))
-        else:
-            self._reply(ACKNOWLEDGED)
-
     def _drive_query(self, slot: int, frame: Frame) -> None:
-        instruction = parse(frame.command, frame.content)
-        if instruction is None:
+        answer = b""
+        if (instruction := parse(frame.command, frame.content)) is None:
             return
         if instruction.p1 == 0:
             answer = b"@" + (self._card.drives.encoder(slot) & 0xFFFFFF).to_bytes(3, "little")
         elif (instruction.p1, instruction.p2) == (1, 0):
             answer = b"V" + DRIVE_VERSION.to_bytes(2, "little")
-        else:
-            return
-        self._reply(long_record(self._dil.variant, slot, answer))
+        if answer:
+            self._reply(long_record(self._dil.variant, slot, answer))

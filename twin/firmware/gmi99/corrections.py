@@ -13,7 +13,6 @@ PRESELECTED = 0xFF
 
 
 def g_function(card: Card, instruction: Instruction) -> None:
-    """`G`."""
     number = instruction.p1 & 0xFF
     if 53 <= number <= 59:
         _correction(card, number, instruction)

@@ -19,8 +19,6 @@ OUTPUT_NAMES = tuple(f"a{byte}.{bit}" for byte in range(DIGITAL) for bit in rang
 
 
 class Card(Board):
-    """The whole card, as commands and controller see it."""
-
     def __init__(self, flash: bytes | None, override_pot_percent: int, turn: int, plc: bytes) -> None:
         """`flash`: None for a new card, which then has the PLC program `plc`."""
         super().__init__(flash, override_pot_percent, plc)
@@ -31,7 +29,6 @@ class Card(Board):
         self._moving_told = False
 
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
-        """Mains on."""
         self.now_ns = self.power_on_ns = t_ns
         self.images.data[:STATIC_BYTES] = bytes.fromhex(self.stored.data).ljust(STATIC_BYTES, b"\0")
         self.parameters_changed()
@@ -47,8 +44,6 @@ class Card(Board):
         self.fault = False
         self.refresh_flags()
         self.plc.power_on(t_ns, bytes.fromhex(self.stored.plc))
-
-    # ---- what happens ------------------------------------------------------------------------------------------------
 
     def parameters_changed(self) -> None:
         """Put changed N parameters in force."""
@@ -86,15 +81,12 @@ class Card(Board):
             flags.set_flag(images.PROGRAM_RUNS, False)
             self.call(flags.flags[images.PROGRAM_NUMBER])
         flags.set_flag(images.PROGRAM_RUNS, self.in_program)
-        if self.analog_asked:
+        if flags.flag(images.ANALOG):
             self.put_analog_outputs()
         self.interpolator.speeds_changed()
 
-    # ---- what there is to see ----------------------------------------------------------------------------------------
-
     @property
     def in_program(self) -> bool:
-        """A program runs."""
         return self.queue.depth > 0
 
     @property

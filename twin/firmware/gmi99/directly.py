@@ -27,8 +27,7 @@ WORDS = {
     INVO: "invert output",
     CLAO: "all outputs off",
 }
-BITS = 96
-"""Of inputs and outputs; there are 256 flags and tenths of a second."""
+BITS = 96  # of inputs and outputs; there are 256 flags and tenths of a second
 TENTH_NS = 100 * MILLISECOND_NS
 
 
@@ -43,7 +42,7 @@ def direct(card: Card, instruction: Instruction) -> Generator[Wait, None, None] 
     if code in (SETO, RESO):
         card.images.set_output_bit(operand, code == SETO)
     elif code == INVO:
-        card.images.set_output_bit(operand, not card.images.output_bit(operand))
+        card.images.set_output_bit(operand, not _bit(card.images.outputs, operand))
     elif code == CLAO:
         card.images.clear_outputs()
     else:
@@ -56,6 +55,10 @@ def _wait(card: Card, code: int, operand: int) -> Generator[Wait, None, None]:
         yield Wait(at_ns=card.now_ns + operand * TENTH_NS)
         return
     images = card.images
-    bit = images.input_bit if code in (WOSI, WORI) else images.output_bit if code in (WOSO, WORO) else images.flag_bit
+    area = images.inputs if code in (WOSI, WORI) else images.outputs if code in (WOSO, WORO) else images.flags
     wanted = code in (WOSI, WOSO, WOSF)
-    yield Wait(until=lambda: bit(operand) == wanted)
+    yield Wait(until=lambda: _bit(area, operand) == wanted)
+
+
+def _bit(area: bytearray, number: int) -> bool:
+    return bool(area[number >> 3] >> (number & 7) & 1)

@@ -32,20 +32,15 @@ from isel_twin.firmware.gmi99.waiting import Wait
 from isel_twin.motion import SetPointRun
 from isel_twin.motion.indexer import Indexer, at_rest, braked
 
-MECHANICAL = 3
-"""Slots with a motor of the gantry: X, Y, Z. Those behind have set points only."""
-POWER_WAIT_NS = 500 * MILLISECOND_NS
-"""How long Q waits for the supply after it has asked for it."""
-FAULT_NS = 20 * MILLISECOND_NS
-"""How long it waits for drives that are to forget their faults."""
+MECHANICAL = 3  # slots with a motor of the gantry: X, Y, Z. Those behind have set points only
+POWER_WAIT_NS = 500 * MILLISECOND_NS  # how long Q waits for the supply after it has asked for it
+FAULT_NS = 20 * MILLISECOND_NS  # how long it waits for drives that are to forget their faults
 SEARCH_HZ, FREE_HZ = 10_000.0, 2000.0
 SEARCH_LENGTH = 480_000
 """Increments after which a search ends without a switch: 1.2 times the longest travel of the gantry at 1 um."""
 FREE_LENGTH = 20_000
-TURN = 5000
-"""Increments from zero pulse to zero pulse, unless the machine file says otherwise."""
-DRIVE_ACCELERATION = 100_000.0
-"""Increments/s^2 of a drive's own indexer."""
+TURN = 5000  # increments from zero pulse to zero pulse, unless the machine file says otherwise
+DRIVE_ACCELERATION = 100_000.0  # increments/s^2 of a drive's own indexer
 LIMIT_SHARPNESS = 4
 
 TERMINALS: Mapping[str, tuple[str, ...]] = {
@@ -68,44 +63,28 @@ _FAULT = re.compile(r"slot([0-9])\.fault")
 
 
 class DriveBank:
-    """All drives; see the module."""
-
     def __init__(self, board: Board, interpolator: Interpolator, queue: Queue, turn: int) -> None:
-        self._board = board
-        self._interpolator = interpolator
-        self._queue = queue
-        self._turn = turn
+        self._board, self._interpolator, self._queue, self._turn = board, interpolator, queue, turn
         self.asked: Drives | None = None
         self.ready = False
-        """IDXOFF is 0."""
         self.enabled = False
-        """Stages are on."""
-        self.searching = 0
-        """Axes that search or leave their switch (FB 254.3)."""
+        self.searching = 0  # axes that search or leave their switch (FB 254.3)
         self._zeroed = [False] * SLOTS
         self._faulty = [False] * SLOTS
-        self._estop = True
+        self.estop = True
         self._power = False
         self._serial = 0
         self._referencing = False
-        self._edge = False
-        """A switch has changed since the reference run was last gone on with."""
+        self._edge = False  # a switch has changed since the reference run was last gone on with
 
     # ---- what there is to see ---------------------------------------------------------------------------------------
 
     @property
     def run(self) -> SetPointRun | None:
-        """Motion the drives make by themselves."""
         return self._board.drives_run
 
     @property
-    def estop(self) -> bool:
-        """An E-stop of the drives."""
-        return self._estop
-
-    @property
     def at_rest(self) -> bool:
-        """No drive moves by itself."""
         return self.run is None
 
     def status(self, slot: int) -> int:
@@ -114,7 +93,7 @@ class DriveBank:
             (not self._zeroed[slot])  # reference missing
             | (self.searching >> slot & 1) << 1  # its own indexer runs
             | self.is_overloaded(slot) << 2
-            | self._estop << 3
+            | self.estop << 3
             | self._is_in_position(slot) << 4
             | self.blocked(slot) << 9
         )
@@ -124,18 +103,15 @@ class DriveBank:
         return not self.enabled or self._faulty[slot]
 
     def drive_inputs(self) -> Sequence[DriveInput]:
-        """Faults of the drives that have a motor."""
         return [DriveInput(f"slot{slot}.fault", slot, "fault") for slot in range(MECHANICAL)]
 
     def is_overloaded(self, slot: int) -> bool:
-        """I2t of a drive."""
         return self.asked is not None and bool(self.asked.overloaded[slot])
 
     def _is_in_position(self, slot: int) -> bool:
         return self.asked is None or self.asked.in_position[slot]
 
     def in_position(self, mask: int) -> Generator[Wait, None, None]:
-        """Wait until the axes are in position."""
         axes = [slot for slot in range(SLOTS) if mask >> slot & 1]
         yield Wait(at_ns=self._board.now_ns + planner.PERIOD_NS)  # the last set point is still being led to
         while not all(map(self._is_in_position, axes)):
@@ -146,8 +122,8 @@ class DriveBank:
     def set_input(self, terminal: str, level: bool) -> None:
         """A level changes; the levels at power-on come the same way, first."""
         if terminal == "slot0.estop":
-            self._estop = not level
-            if self._estop:
+            self.estop = not level
+            if self.estop:
                 self.lose("E-stop", stages=True)
         elif terminal == "slot0.power":
             self._power = level
@@ -219,7 +195,6 @@ class DriveBank:
             self._board.drives_run = None
 
     def advance(self) -> None:
-        """The end of a motion of the drives is taken in."""
         if self.run is not None and not self._referencing and self._board.now_ns >= self.run.end_ns:
             self._end_run()
 
@@ -228,7 +203,7 @@ class DriveBank:
     def make_ready(self, mask: int, *, run: bool, indexer: bool = True) -> Generator[Wait, None, None]:
         """Q: power, stages on, axes zeroed or referenced; then the indexer is ready if all drives are."""
         board = self._board
-        if self._estop:
+        if self.estop:
             board.refuse("Q: E-stop")
             return
         board.output("power_request", 1)
@@ -253,10 +228,8 @@ class DriveBank:
             self._zeroed[slot] = True
         if not indexer:
             return
-        wanted = board.settings.axis_mask
-        self.ready = not any(self._faulty[slot] for slot in range(SLOTS) if wanted >> slot & 1) and all(
-            self._zeroed[slot] for slot in range(SLOTS) if wanted >> slot & 1
-        )
+        wanted = [slot for slot in range(SLOTS) if board.settings.axis_mask >> slot & 1]
+        self.ready = all(self._zeroed[slot] and not self._faulty[slot] for slot in wanted)
 
     def _reference(self, axes: list[int]) -> Generator[Wait, None, list[int]]:
         """The reference run of some axes at once; return those that have found their place."""
@@ -369,4 +342,4 @@ class DriveBank:
     def information(self, slot: int) -> int:
         """Information character of a drive's status, its bits as those of the card (G16)."""
         moves = bool(self.searching >> slot & 1)
-        return self._estop << 3 | moves << 4 | (not self._zeroed[slot]) << 6
+        return self.estop << 3 | moves << 4 | (not self._zeroed[slot]) << 6

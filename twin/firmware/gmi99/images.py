@@ -23,8 +23,7 @@ from collections.abc import Callable, Mapping
 
 GROUP = 24
 DIGITAL = 12
-STATIC_BYTES = 160
-"""DW0..79 survive the mains (3.1.1 d)."""
+STATIC_BYTES = 160  # DW0..79 survive the mains (3.1.1 d)
 REGISTERS = 20
 
 # Flags that couple card and PLC, as (byte, bit) (6.1.1).
@@ -38,8 +37,7 @@ PROGRAM_ENDED = 1, 0
 I2T = 1, 1
 READY = 1, 2
 SYNCHRONISATION = 1, 3
-PROGRAM_NUMBER = 2
-"""A byte, like those below."""
+PROGRAM_NUMBER = 2  # a byte, like those below
 REPORT_AGAIN = 3, 1
 ANALOG = 3, 2
 STOP_SUPPRESSED = 3, 3
@@ -49,8 +47,7 @@ REDUCED = 3, 6
 MESSAGE = 4
 FIRST_M = 6
 M_EXTENSION = 11
-KEY = 13
-"""Of the host, written by `p11`."""
+KEY = 13  # of the host, written by `p11`
 SPINDLE = 15
 SPINDLE_SPEED = 16
 TOOL = 18
@@ -72,50 +69,26 @@ class Images:
         self.outputs = bytearray(2 * GROUP)
         self.flags = bytearray(256)
         self.data = bytearray(256)
-        self.drives_at = 0
-        """Where the drives' bytes begin in E and A."""
+        self.drives_at = 0  # where the drives' bytes begin in E and A
         self._changed = changed
-
-    # ---- words and bits ---------------------------------------------------------------------------------------------
 
     def word(self, area: bytearray, byte: int) -> bytes:
         """Two bytes from there on, low byte first; 0 beyond the end."""
         return bytes(area[byte : byte + 2]).ljust(2, b"\0")
 
-    def input_bit(self, number: int) -> bool:
-        """Bit `number` of the digital inputs, counted through the first 12 bytes (G15)."""
-        return bool(self.inputs[number >> 3] >> (number & 7) & 1)
-
-    def output_bit(self, number: int) -> bool:
-        """The same of the outputs."""
-        return bool(self.outputs[number >> 3] >> (number & 7) & 1)
-
-    def flag_bit(self, number: int) -> bool:
-        """The same of the flags MB0..31."""
-        return bool(self.flags[number >> 3] >> (number & 7) & 1)
-
     def flag(self, place: tuple[int, int]) -> bool:
-        """A flag."""
         byte, bit = place
         return bool(self.flags[byte] >> bit & 1)
 
     def set_flag(self, place: tuple[int, int], on: bool) -> None:
-        """The firmware sets a flag."""
         byte, bit = place
         self.flags[byte] = self.flags[byte] & ~(1 << bit) | (on << bit)
 
-    # ---- inputs and outputs -----------------------------------------------------------------------------------------
-
     def arrange(self, *, cards: bool, mode: int) -> None:
-        """Drives go to the first or second group, with what their inputs are, and their outputs become what the image
-        has there; see the module."""
+        """Put the drives into the first or second group: inputs move along, outputs follow the image there."""
         at = GROUP if cards and mode == 0 else 0
         if at != self.drives_at:
-            other = GROUP - at
-            self.inputs[at : at + GROUP], self.inputs[other : other + GROUP] = (
-                self.inputs[other : other + GROUP],
-                self.inputs[at : at + GROUP],
-            )
+            self.inputs[:] = self.inputs[GROUP:] + self.inputs[:GROUP]
             self.drives_at = at
             for byte in range(at, at + DIGITAL):
                 self._changed(byte, self.outputs[byte])
@@ -126,13 +99,11 @@ class Images:
         self.inputs[at] = self.inputs[at] & ~(1 << bit) | (level << bit)
 
     def set_output_byte(self, byte: int, value: int) -> None:
-        """Outputs change, at once."""
         if self.outputs[byte] != value:
             self.outputs[byte] = value
             self._changed(byte, value)
 
     def set_output_bit(self, number: int, on: bool) -> None:
-        """One output, by its number."""
         byte, bit = number >> 3, number & 7
         self.set_output_byte(byte, self.outputs[byte] & ~(1 << bit) | (on << bit))
 
@@ -142,24 +113,18 @@ class Images:
             for byte in range(first, first + DIGITAL):
                 self.set_output_byte(byte, 0)
 
-    # ---- flags from outside -----------------------------------------------------------------------------------------
-
     def write_flag_byte(self, byte: int, value: int) -> None:
         """The host writes a flag byte; bits of the firmware keep their value."""
         kept = FIRMWARE_OWNS.get(byte, 0)
         self.flags[byte] = self.flags[byte] & kept | value & ~kept & 0xFF
-
-    # ---- data -------------------------------------------------------------------------------------------------------
 
     def set_register(self, number: int, value: int) -> None:
         """Register R00..19: a signed number in 32 bits."""
         self.data[4 * number : 4 * number + 4] = value.to_bytes(4, "little", signed=True)
 
     def set_data_word(self, byte: int, value: int) -> None:
-        """A data word at a byte offset."""
         self.data[byte : byte + 2] = value.to_bytes(2, "little")
 
     @property
     def static(self) -> bytes:
-        """The data words that are kept."""
         return bytes(self.data[:STATIC_BYTES])

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-MOVE_BIT = 0x80
-"""Of a command character: the general motion command, its lower bits are the mask of axes."""
+MOVE_BIT = 0x80  # of a command character: the general motion command, its lower bits are the mask of axes
 
 
 class OutOfRangeError(Exception):
@@ -14,13 +13,10 @@ class OutOfRangeError(Exception):
 
 @dataclass(frozen=True)
 class Instruction:
-    """A command with its parameters."""
-
     code: int
     values: tuple[int, ...]
     """P1 .. P3 as unsigned numbers, always three; the coordinates of a move, signed, one an axis of its mask."""
-    raw: bytes = b""
-    """The bytes of a PLC program (`a`)."""
+    raw: bytes = b""  # the bytes of a PLC program (`a`)
 
     @property
     def p1(self) -> int:
@@ -29,25 +25,20 @@ class Instruction:
 
     @property
     def p2(self) -> int:
-        """P2."""
         return self.values[1]
 
     @property
     def p3(self) -> int:
-        """P3."""
         return self.values[2]
 
     @property
     def axes(self) -> tuple[int, ...]:
-        """Axes of a move."""
         return tuple(axis for axis in range(6) if self.code >> axis & 1) if self.code & MOVE_BIT else (0, 1, 2)
 
     @property
     def is_move(self) -> bool:
-        """`V`, or the general motion command."""
         return self.code >= MOVE_BIT or self.code == ord("V")
 
 
 def signed(value: int) -> int:
-    """A 24-bit number with its sign."""
     return value - (1 << 24) if value >> 23 else value

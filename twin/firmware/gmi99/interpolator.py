@@ -55,26 +55,20 @@ class _Circle:
 
 
 class Interpolator:
-    """Makes set points of moves, one motion after the other."""
-
     def __init__(self, board: Board) -> None:
         self._board = board
-        self.feed_hz: int | None = None
-        """f; None: rapid (G0)."""
+        self.feed_hz: int | None = None  # f; None: rapid (G0)
         self.absolute = True
-        self.per_turn = False
-        """G95."""
-        self.shortest_way = False
-        """G36 for the next move."""
-        self.sources = [-1] * SLOTS
-        """Axis whose motions an axis makes too, -1: none."""
+        self.per_turn = False  # G95
+        self.shortest_way = False  # G36 for the next move
+        self.sources = [-1] * SLOTS  # axis whose motions an axis makes too, -1: none
         self.spindle_rpm = 0
         self._plan: Joined | None = None
         self._end: Position = (0,) * SLOTS
         self._heading: planner.Heading | None = None
         self._marks: deque[_Mark] = deque()
         self._circle: _Circle | None = None
-        self._breaking = False
+        self.breaking = False  # the motion is being broken off: no move can be planned
         self._serial = 0
 
     # ---- what there is to see ---------------------------------------------------------------------------------------
@@ -86,32 +80,24 @@ class Interpolator:
 
     @property
     def at_rest(self) -> bool:
-        """Nothing moves and nothing is left to be moved."""
         return self._plan is None
 
     @property
-    def accepts(self) -> bool:
-        """True if moves can be planned: not while the motion is being broken off."""
-        return not self._breaking
-
-    @property
     def host_moves(self) -> int:
-        """Moves of the host that have not ended."""
         return sum(mark.from_host for mark in self._marks)
 
     @property
     def moves(self) -> int:
-        """Moves planned that have not ended."""
         return len(self._marks)
 
     @property
     def next_ns(self) -> int | None:
-        """When something is due."""
         if self.run is None:
             return None
         assert self._plan is not None
         if self._marks and self._marks[0].pieces <= self._plan.finished(self._plan.ticks):
-            return min(self.run.end_ns, self._time_ns(self._plan.passed(self._marks[0].pieces)))
+            mark_ns = self.run.start_ns + self._plan.passed(self._marks[0].pieces) * self.run.period_ns
+            return min(self.run.end_ns, mark_ns)
         return self.run.end_ns
 
     def grid_ns(self, t_ns: int) -> int:
@@ -126,10 +112,8 @@ class Interpolator:
         self._circle = _Circle(clockwise)
 
     def move(self, instruction: Instruction, *, from_host: bool) -> None:
-        """`V` or the general motion command, in its turn; from_host: not from a program.
-
-        Raises OutOfRangeError for what cannot be moved, OntoSwitchError for a way that begins on a limit switch.
-        """
+        """`V` or the general motion command, in its turn; from_host: not from a program. Raises OutOfRangeError for
+        what cannot be moved, OntoSwitchError for a way that begins on a limit switch."""
         given = dict(zip(instruction.axes, instruction.values, strict=False))
         if self._circle is not None and self._circle.centre is None:
             sound = len(given) == 2 and any(given.values())
@@ -161,7 +145,6 @@ class Interpolator:
             self._append(made, start, way, from_host=from_host)
 
     def _way(self, start: Position, given: dict[int, int], *, shortest: bool) -> Position:
-        """How far each slot goes."""
         way = [0] * SLOTS
         for axis, value in given.items():
             if not self.absolute:
@@ -179,13 +162,11 @@ class Interpolator:
     def _append(self, made: planner.PreparedMove, start: Position, way: Position, *, from_host: bool) -> None:
         rules = self.rules()
         if self._plan is None:
-            onto = self._board.struck_ahead(way)
-            if onto is not None:
+            if (onto := self._board.struck_ahead(way)) is not None:
                 raise OntoSwitchError(onto)
             self._serial += 1
-            self._plan = planner.start(
-                [made], rules, scale=self._scale(), ceiling_hz=self._ceiling_hz(), identity=self._serial
-            )
+            scale, ceiling_hz = self._scale(), self._ceiling_hz()
+            self._plan = planner.start([made], rules, scale=scale, ceiling_hz=ceiling_hz, identity=self._serial)
             if self._holds():
                 self._plan = self._plan.replanned(0, hold=True)
             else:
@@ -221,22 +202,20 @@ class Interpolator:
     # ---- speeds and stops -------------------------------------------------------------------------------------------
 
     def _scale(self) -> float:
-        percent = self._board.override_percent
-        scale = planner.scale(percent if percent else None, self.spindle_rpm if self.per_turn else None)
-        return scale or 1.0  # what stands is held
+        percent = self._board.override_percent or None
+        return planner.scale(percent, self.spindle_rpm if self.per_turn else None) or 1.0  # what stands is held
 
     def _ceiling_hz(self) -> float:
         return float(self._board.settings.r_hz[0]) if self._board.reduced else math.inf
 
     def _holds(self) -> bool:
-        percent = self._board.override_percent
-        stands = self.per_turn and not self.spindle_rpm
-        return self._board.stopped or percent == 0 or stands
+        board = self._board
+        return board.stopped or board.override_percent == 0 or (self.per_turn and not self.spindle_rpm)
 
     def speeds_changed(self) -> None:
         """Override, reduced speed, spindle speed, stop flag or enable may have changed."""
         plan = self._plan
-        if plan is None or self._breaking:
+        if plan is None or self.breaking:
             return
         holds, scale, ceiling = self._holds(), self._scale(), self._ceiling_hz()
         if self.run is None:
@@ -246,32 +225,32 @@ class Interpolator:
             self._replace(plan.replanned(self._tick(), hold=holds, scale=scale, ceiling=ceiling))
 
     def break_off(self) -> None:
-        """Brake along the path and forget what is left."""
         self._circle = None
         self._marks.clear()
         if self.run is None:
             self._forget()
-        elif not self._breaking:
+        elif not self.breaking:
             assert self._plan is not None
-            self._breaking = True
+            self.breaking = True
             self._replace(self._plan.stopped(self._tick()))
 
     def cut(self) -> None:
         """End at once: no set point follows."""
-        self._circle = None
-        self._marks.clear()
         if self.run is not None:
             self._take_in()
-        self._forget()
+        self._drop()
 
     def release(self) -> SetPointRun:
         """Give the motion in execution to the caller, who ends it in another way, and forget the plan."""
         assert self.run is not None
         run, self._board.path_run = self.run, None
+        self._drop()
+        return run
+
+    def _drop(self) -> None:
         self._circle = None
         self._marks.clear()
         self._forget()
-        return run
 
     # ---- time -------------------------------------------------------------------------------------------------------
 
@@ -288,7 +267,7 @@ class Interpolator:
         if self.run is None or self._board.now_ns < self.run.end_ns:
             return
         self._take_in()
-        if self._breaking or self._plan.finished(self._plan.ticks) >= self._plan.pieces:
+        if self.breaking or self._plan.finished(self._plan.ticks) >= self._plan.pieces:
             self._forget()
 
     def _begin(self) -> None:
@@ -307,14 +286,13 @@ class Interpolator:
         self._begin()
 
     def _take_in(self) -> None:
-        """The motion has ended, or is ended now."""
         assert self.run is not None
         self._board.take_in(self.run.displacement(self._board.now_ns), ghost=self._board.ghost)
         self._board.path_run = None
 
     def _forget(self) -> None:
         self._plan = self._heading = None
-        self._breaking = False
+        self.breaking = False
         while self._marks:  # acts behind the last move
             mark = self._marks.popleft()
             if mark.act is not None:
@@ -328,10 +306,4 @@ class Interpolator:
     def _tick(self) -> int:
         """The tick at or after now, from which on a plan can be another one; the last one of a plan that is held."""
         assert self._plan is not None
-        if self.run is None:
-            return self._plan.ticks
-        return self.run.next_tick(self._board.now_ns)
-
-    def _time_ns(self, tick: int) -> int:
-        assert self.run is not None
-        return self.run.start_ns + tick * self.run.period_ns
+        return self._plan.ticks if self.run is None else self.run.next_tick(self._board.now_ns)

@@ -17,24 +17,15 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 
-from isel_twin.firmware.gmi99 import directly
+from isel_twin.firmware.gmi99 import directly, link
 from isel_twin.firmware.gmi99.commands import COMMANDS, PLC_DATA_BYTES, command_of, parse
 from isel_twin.firmware.gmi99.instruction import MOVE_BIT, Instruction, signed
-from isel_twin.firmware.gmi99.link import (
-    ACKNOWLEDGED,
-    FIRST_ADDRESS,
-    SHORT_COMMANDS,
-    Frame,
-    Receiver,
-    Variant,
-    long_record,
-    short_record,
-)
+from isel_twin.firmware.gmi99.link import Frame, Receiver
 from isel_twin.firmware.gmi99.settings import HIGHEST, LOWEST
 from isel_twin.language import SETTINGS_RANGES, LanguageError, Message, MoveSettings, Ranges, integers
 
-ADDRESS = FIRST_ADDRESS
-VARIANT: Variant = "E"
+ADDRESS = link.FIRST_ADDRESS
+VARIANT: link.Variant = "E"
 BUFFER_FULL = 0x08
 
 RANGES: Ranges = {
@@ -90,14 +81,10 @@ def create(name: str) -> Gmi99Language:
 
 
 class Gmi99Language:
-    """Implements `isel_twin.language.Language`."""
-
     ranges = RANGES
 
     def __init__(self) -> None:
         self._receivers = {True: Receiver(VARIANT, from_host=True), False: Receiver(VARIANT, from_host=False)}
-
-    # ---- what a host says -------------------------------------------------------------------------------------------
 
     def frame(self, text: str) -> bytes:
         """One frame, or several between which | stands."""
@@ -154,7 +141,6 @@ class Gmi99Language:
         return [*(self.frame(line) for line in lines), self.frame("87h " + " ".join(map(str, numbers)))]
 
     def break_off(self) -> bytes:
-        """`#0`."""
         return self.frame("#0")
 
     def plc_lines(self, image: bytes) -> Sequence[str]:
@@ -162,10 +148,7 @@ class Gmi99Language:
         parts = ((at, image[at : at + PLC_DATA_BYTES]) for at in range(0, len(image), PLC_DATA_BYTES))
         return ["p1;2", "p1;100", *(f"a {at} {_hex(part)}" for at, part in parts), "p1;101", "p1;1"]
 
-    # ---- what goes over the line ------------------------------------------------------------------------------------
-
     def messages(self, data: bytes, sent: bool) -> Iterator[Message]:
-        """Frames both ways, and what lies between them."""
         pieces = self._receivers[sent].take(data)
         return iter([_command(piece) if sent else _answer(piece) for piece in pieces])
 
@@ -175,13 +158,13 @@ class Gmi99Language:
 
 
 def _short(text: str, address: int, command: int, numbers: list[int]) -> bytes:
-    size = SHORT_COMMANDS.get(command)
+    size = link.SHORT_COMMANDS.get(command)
     if size is None or len(numbers) != (1 if size else 0):
         raise LanguageError(f"{text!r}: short records are #0, #1, #8 and a speed, #9 and a percentage")
     if numbers and numbers[0] >= 1 << 8 * size:
         raise LanguageError(f"{text!r}: {numbers[0]} has no room in {size} bytes")
     extension = numbers[0].to_bytes(size, "little") if numbers else b""
-    return short_record(VARIANT, address, command, extension)
+    return link.short_record(VARIANT, address, command, extension)
 
 
 def _move(text: str, address: int, code: int, numbers: list[int]) -> bytes:
@@ -194,7 +177,7 @@ def _move(text: str, address: int, code: int, numbers: list[int]) -> bytes:
 def _checked(text: str, address: int, content: bytes) -> bytes:
     if parse(content[0], content[1:]) is None:
         raise LanguageError(f"{text!r}: the card takes at most three parameters, or 1 to 128 bytes behind a")
-    return long_record(VARIANT, address, content, from_card=False)
+    return link.long_record(VARIANT, address, content, from_card=False)
 
 
 def _three(text: str, number: int) -> bytes:
@@ -230,7 +213,6 @@ def _command(piece: Frame | bytes) -> Message:
 
 
 def _text(instruction: Instruction, size: int) -> str:
-    """As in a job file."""
     if instruction.code & MOVE_BIT:
         return " ".join([f"{instruction.code:02X}h", *map(str, instruction.values)])
     letter = chr(instruction.code)
@@ -240,7 +222,6 @@ def _text(instruction: Instruction, size: int) -> str:
 
 
 def _words(instruction: Instruction) -> str:
-    """A few plain words."""
     letter, (p1, p2, p3) = chr(instruction.code), (*instruction.values, 0, 0, 0)[:3]
     if instruction.is_move:
         to = ", ".join(f"{axis} {n}" for axis, n in zip(instruction.axes, instruction.values, strict=False))
@@ -301,7 +282,7 @@ def _reply_text(piece: Frame | bytes) -> str:
 def _answer(piece: Frame | bytes) -> Message:
     text = _reply_text(piece)
     if isinstance(piece, bytes):
-        return Message(piece, text, "reply: received" if piece == ACKNOWLEDGED else "no frame", sent=False)
+        return Message(piece, text, "reply: received" if piece == link.ACKNOWLEDGED else "no frame", sent=False)
     if piece.short:
         if piece.command == BUFFER_FULL:
             return Message(piece.data, text, "reply: buffer full, send it again", sent=False)

@@ -25,22 +25,18 @@ from isel_twin.base.units import MILLISECOND_NS
 
 Variant = Literal["E", "S"]
 
-ACKNOWLEDGED = b"\xe5"
-"""The single character: received."""
-GAP_NS = 50 * MILLISECOND_NS
-"""Longest pause between two bytes of a frame (G5)."""
+ACKNOWLEDGED = b"\xe5"  # the single character: received
+GAP_NS = 50 * MILLISECOND_NS  # longest pause between two bytes of a frame (G5)
 SHORT_COMMANDS: Mapping[int, int] = {0: 0, 1: 0, 8: 2, 9: 1}
 """Commands in a short record, and their bytes of extension (3.2)."""
 
 _SHORT, _LONG, _END = 0x10, 0x68, 0x16
 _LONGEST = 250
-_CONTROL_OF_CARD = 0x08
-"""Control field of a long record from the card, in variant S."""
+_CONTROL_OF_CARD = 0x08  # control field of a long record from the card, in variant S
 _CONTROL_OF_HOST = 0x43
 
 FIRST_ADDRESS = 224
-LOADER = 239
-"""The address at which only the loader listens (2.2): it is silent."""
+LOADER = 239  # the address at which only the loader listens (2.2): it is silent
 
 
 @dataclass(frozen=True)
@@ -58,8 +54,7 @@ class Frame:
 class Dil:
     """The eight switches, read at power-on (2.2)."""
 
-    switches: str = "11111111"
-    """Switch 1 first; 1 is on."""
+    switches: str = "11111111"  # switch 1 first; 1 is on
 
     def __post_init__(self) -> None:
         if len(self.switches) != 8 or set(self.switches) - {"0", "1"}:
@@ -72,22 +67,14 @@ class Dil:
 
     @property
     def variant(self) -> Variant:
-        """Kind of protocol."""
         return "E" if self.switches[6] == "1" else "S"
 
     @property
     def baud(self) -> int:
-        """Speed of the host line in bit/s."""
         return 38_400 if self.switches[7] == "1" else 9600
 
 
-def information_extension(information: int) -> int:
-    """Bytes of extension behind an information character: the message from MB4 if bit 1 says so (3.2)."""
-    return 1 if information & 2 else 0
-
-
 def short_record(variant: Variant, address: int, command: int, extension: bytes = b"") -> bytes:
-    """A short record."""
     head = bytes([address, command] if variant == "E" else [command, address])
     return _framed(bytes([_SHORT]), head + extension)
 
@@ -112,90 +99,70 @@ class Receiver:
         """`from_host`: short records are commands, otherwise they carry an information character."""
         self._variant = variant
         self._from_host = from_host
-        self._rest = b""
+        self.rest = b""  # the frame begun
 
-    @property
-    def rest(self) -> bytes:
-        """The frame begun."""
-        return self._rest
-
-    def expire(self) -> bytes:
-        """Drop the frame begun; return what there was of it."""
-        dropped, self._rest = self._rest, b""
-        return dropped
+    def expire(self) -> None:
+        self.rest = b""
 
     def take(self, data: bytes) -> list[Frame | bytes]:
-        """Frames that are whole with these bytes, and between them, in bytes, what belongs to none.
-
-        From the card's side a single character is such a piece by itself.
-        """
+        """Frames that are whole now, single characters of the card, and between them the bytes of neither."""
         pieces: list[Frame | bytes] = []
-        rest = self._rest + data
+        rest = self.rest + data
         at = noise = 0
         while at < len(rest):
             found = self._read(rest, at)
             if found is None:
                 break
-            if isinstance(found, Frame):
-                if noise < at:
-                    pieces.append(rest[noise:at])
-                pieces.append(found)
-                at += len(found.data)
-                noise = at
-            elif rest[at] == ACKNOWLEDGED[0] and not self._from_host:
-                if noise < at:
-                    pieces.append(rest[noise:at])
-                pieces.append(ACKNOWLEDGED)
+            if not found:
                 at += 1
-                noise = at
-            else:
-                at += 1
+                continue
+            if noise < at:
+                pieces.append(rest[noise:at])
+            pieces.append(found)
+            at += len(found.data if isinstance(found, Frame) else found)
+            noise = at
         if noise < at:
             pieces.append(rest[noise:at])
-        self._rest = rest[at:]
+        self.rest = rest[at:]
         return pieces
 
-    def _read(self, data: bytes, at: int) -> Frame | Literal[False] | None:
-        """The frame that begins here; None if it has not ended yet, False if none does."""
+    def _read(self, data: bytes, at: int) -> Frame | bytes | None:
+        """The frame or single character that begins here; None if it has not ended yet, empty if none does."""
         if data[at] == _SHORT:
             return self._short(data, at)
         if data[at] == _LONG:
             return self._long(data, at)
-        return False
+        return ACKNOWLEDGED if data[at] == ACKNOWLEDGED[0] and not self._from_host else b""
 
-    def _short(self, data: bytes, at: int) -> Frame | Literal[False] | None:
+    def _short(self, data: bytes, at: int) -> Frame | bytes | None:
         if len(data) < at + 3:
             return None
         address, command = data[at + 1 : at + 3] if self._variant == "E" else data[at + 1 : at + 3][::-1]
         if self._from_host:
             if command not in SHORT_COMMANDS:
-                return False
+                return b""
             extension = SHORT_COMMANDS[command]
         else:
-            extension = information_extension(command)
+            extension = command >> 1 & 1  # the message from MB4, if bit 1 of the information character says so (3.2)
         size = 5 + extension
         if len(data) < at + size:
             return None
         whole = data[at : at + size]
-        if not _sound(whole, 1):
-            return False
-        return Frame(whole, address, command, whole[3:-2], short=True)
+        return Frame(whole, address, command, whole[3:-2], short=True) if _sound(whole, 1) else b""
 
-    def _long(self, data: bytes, at: int) -> Frame | Literal[False] | None:
+    def _long(self, data: bytes, at: int) -> Frame | bytes | None:
         head = data[at : at + 4]
         if len(head) > 1 and not 2 <= head[1] <= _LONGEST:
-            return False
+            return b""
         if (len(head) > 2 and head[2] != head[1]) or (len(head) > 3 and head[3] != _LONG):
-            return False
+            return b""
         if len(head) < 4 or len(data) < at + head[1] + 6:
             return None
         whole = data[at : at + head[1] + 6]
         body = whole[4:-2] if self._variant == "E" else whole[5:-2]
-        if not _sound(whole, 4) or len(body) < 2:
-            return False
-        return Frame(whole, body[0], body[1], body[2:], short=False)
+        sound = _sound(whole, 4) and len(body) >= 2
+        return Frame(whole, body[0], body[1], body[2:], short=False) if sound else b""
 
 
 def _sound(whole: bytes, start: int) -> bool:
-    """Checksum and end are right."""
     return whole[-1] == _END and sum(whole[start:-2]) % 256 == whole[-2]

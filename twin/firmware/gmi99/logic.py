@@ -11,13 +11,12 @@ not describe have no effect (G32).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from functools import cache
 from importlib import resources
 
 from isel_twin.firmware.gmi99.board import Board
 from isel_twin.firmware.gmi99.drives import DriveBank
-from isel_twin.firmware.gmi99.images import FIRMWARE_OWNS, PLC_MAY_NOT_RESET, PLC_MAY_NOT_SET, Images
+from isel_twin.firmware.gmi99.images import ANALOG, FIRMWARE_OWNS, PLC_MAY_NOT_RESET, PLC_MAY_NOT_SET, Images
 from isel_twin.firmware.gmi99.interpolator import Interpolator
 from isel_twin.firmware.gmi99.offsets import PLC_ZERO_LIMIT
 from isel_twin.firmware.gmi99.planner import PERIOD_NS
@@ -26,14 +25,14 @@ from isel_twin.firmware.gmi99.settings import FINE, SLOTS
 from isel_twin.firmware.plc import ImageError, Plc, PlcMemory, PlcProgram, Rights
 from isel_twin.firmware.plc.assembler import assemble
 
-SAFETY = "safety.awl"
-"""Text of the program that a card may have from the beginning, beside this file."""
+SAFETY = "safety.awl"  # text of the program that a card may have from the beginning, beside this file
 LONGEST_IMAGE = 0xFFFF
 DEVICE = 0x5B
 READ = 0x8000
 ALL = 0xFFFF
 INVALID_STATUS = 0x0100
 EXTENDED = 254
+FUNCTIONS = 2, 3, 4, 5, 6, 8, 10, 12, 33
 
 
 @cache
@@ -52,13 +51,8 @@ def _rights() -> Rights:
 
 
 class CardPlc:
-    """The PLC of the card; FB 254 reaches its parts."""
-
     def __init__(self, board: Board, interpolator: Interpolator, drives: DriveBank, queue: Queue) -> None:
-        self.board = board
-        self.interpolator = interpolator
-        self.drives = drives
-        self.queue = queue
+        self.board, self.interpolator, self.drives, self.queue = board, interpolator, drives, queue
         images = board.images
         self._outputs = bytearray(images.outputs)
         self._memory = PlcMemory(images.inputs, self._outputs, images.flags, images.data)
@@ -67,8 +61,6 @@ class CardPlc:
         self._seen = b""
         self.load_error = False
         """The last download was no program (bit 0 of the memory status)."""
-
-    # ---- what the card asks -----------------------------------------------------------------------------------------
 
     @property
     def running(self) -> bool:
@@ -122,7 +114,7 @@ class CardPlc:
             images.clear_outputs()
             if self._plc.stopped_by:
                 self.board.refuse(f"the PLC has stopped: {self._plc.stopped_by}")
-        if self.board.analog_drives or self.board.analog_asked:
+        if self.board.analog_drives or images.flag(ANALOG):
             self.board.put_analog_outputs()
         self._seen = _bytes(images)
         self.board.keep_data()
@@ -170,19 +162,56 @@ class CardPlc:
         self.load_error = True
         self.board.refuse(f"no PLC program: {why}")
 
-    # ---- FB 254 -----------------------------------------------------------------------------------------------------
-
     def _extended(self, number: int, argument: int, memory: PlcMemory) -> tuple[int, int]:
         """FB 254: accumulators 1 and 2 afterwards (6.1.3)."""
         axis = number - 0x110
         if 0 <= axis < SLOTS:
             return self._plc_zero(axis, argument), argument
-        function = _FUNCTIONS.get(number)
-        if function is None:
+        if number not in FUNCTIONS:
             return number, argument
-        result = function(self, argument)
+        result = self._function(number, argument)
         memory.e[:] = self.board.images.inputs  # which function 2 may have put elsewhere
         return result
+
+    def _function(self, number: int, argument: int) -> tuple[int, int]:
+        board = self.board
+        match number:
+            case 2:
+                if argument in (0, 1):
+                    board.image_mode = argument
+                    board.arrange_images()
+                    self.interpolator.speeds_changed()
+            case 3:
+                return self.drives.searching, argument
+            case 4:
+                return DEVICE, board.settings.sgx & ALL
+            case 5:
+                if argument < FINE:
+                    board.offsets.preselected = argument
+                return board.offsets.preselected, argument
+            case 6:
+                return self._state(argument & 0xFF, argument >> 8, argument)
+            case 8:
+                board.analog_drives = argument >> 4 & 0x0F
+            case 10:
+                return self.drives.status(argument) if argument < SLOTS else INVALID_STATUS, argument
+            case 12:
+                if argument >= SLOTS:
+                    return 0, argument
+                low, high = board.settings.home_from[argument], board.settings.home_to[argument]
+                return int(low <= board.position[argument] <= high), argument
+            case 33:
+                if argument in (0, 1, 2):
+                    board.reduced_mode = argument
+        return number, argument
+
+    def _state(self, what: int, axis: int, argument: int) -> tuple[int, int]:
+        if what == 3 and axis < SLOTS:
+            position = self.board.position[axis]
+            return position & ALL, position >> 16 & ALL
+        if what == 5:
+            return 0, argument  # no axis is ever uncoupled
+        return self.queue.block_number & ALL if what == 15 else 6, argument
 
     def _plc_zero(self, axis: int, argument: int) -> int:
         zeros = self.board.offsets.plc_zero
@@ -190,74 +219,6 @@ class CardPlc:
         if argument != READ and abs(value) <= PLC_ZERO_LIMIT:
             zeros[axis] = value
         return zeros[axis] & ALL
-
-
-def _images(plc: CardPlc, mode: int) -> tuple[int, int]:
-    if mode in (0, 1):
-        plc.board.image_mode = mode
-        plc.board.arrange_images()
-        plc.interpolator.speeds_changed()
-    return 2, mode
-
-
-def _searching(plc: CardPlc, argument: int) -> tuple[int, int]:
-    return plc.drives.searching, argument
-
-
-def _device(plc: CardPlc, argument: int) -> tuple[int, int]:
-    return DEVICE, plc.board.settings.sgx & ALL
-
-
-def _fine(plc: CardPlc, argument: int) -> tuple[int, int]:
-    if argument < FINE:
-        plc.board.offsets.preselected = argument
-    return plc.board.offsets.preselected, argument
-
-
-def _state(plc: CardPlc, argument: int) -> tuple[int, int]:
-    what, axis = argument & 0xFF, argument >> 8
-    if what == 3 and axis < SLOTS:
-        position = plc.board.position[axis]
-        return position & ALL, position >> 16 & ALL
-    if what == 5:
-        return 0, argument  # no axis is ever uncoupled
-    if what == 15:
-        return plc.queue.block_number & ALL, argument
-    return 6, argument
-
-
-def _analog(plc: CardPlc, argument: int) -> tuple[int, int]:
-    plc.board.analog_drives = argument >> 4 & 0x0F
-    return 8, argument
-
-
-def _status(plc: CardPlc, axis: int) -> tuple[int, int]:
-    return (plc.drives.status(axis) if axis < SLOTS else INVALID_STATUS), axis
-
-
-def _home(plc: CardPlc, axis: int) -> tuple[int, int]:
-    if axis >= SLOTS:
-        return 0, axis
-    return int(plc.board.settings.home_from[axis] <= plc.board.position[axis] <= plc.board.settings.home_to[axis]), axis
-
-
-def _reduced(plc: CardPlc, mode: int) -> tuple[int, int]:
-    if mode in (0, 1, 2):
-        plc.board.reduced_mode = mode
-    return 33, mode
-
-
-_FUNCTIONS: Mapping[int, Callable[[CardPlc, int], tuple[int, int]]] = {
-    2: _images,
-    3: _searching,
-    4: _device,
-    5: _fine,
-    6: _state,
-    8: _analog,
-    10: _status,
-    12: _home,
-    33: _reduced,
-}
 
 
 def _bytes(images: Images) -> bytes:

@@ -14,15 +14,12 @@ PLC_ZERO_LIMIT = 1000
 
 
 class Offsets:
-    """What is added to programmed positions."""
-
     def __init__(self, zero_points: tuple[tuple[int, ...], ...], fine: tuple[tuple[int, ...], ...]) -> None:
         self.zero_points = [list(values) for values in zero_points]
         self.fine = [list(values) for values in fine]
         self.temporary = {58: [0] * SLOTS, 59: [0] * SLOTS}
         self.plc_zero = [0] * SLOTS
-        self.preselected = 0
-        """Number of the fine correction the PLC has chosen (Vx, FB 254.5)."""
+        self.preselected = 0  # number of the fine correction the PLC has chosen (Vx, FB 254.5)
         self._active: tuple[int, int | None] | None = None
         self._last: tuple[int, int | None] | None = None
 
@@ -35,7 +32,6 @@ class Offsets:
         return zero + self.temporary[58][axis] + self.temporary[59][axis] + self.plc_zero[axis]
 
     def select(self, number: int, fine: int | None) -> None:
-        """A zero point, and a fine correction with it."""
         self._active = self._last = (number, fine)
 
     def select_again(self) -> None:
@@ -43,5 +39,4 @@ class Offsets:
         self._active = self._last
 
     def deselect(self) -> None:
-        """No zero point, no fine correction."""
         self._active = None

@@ -13,16 +13,6 @@ and at a corner between the directions u, w (unit vectors of e), phi degrees apa
 changes by d = e/L - e'/L' (that is u - w under W1),
 
     v <= FS(phi) / max_i |d_i|,     FS(phi) = FS0 + (FS90 - FS0) min(phi, 90) / 90
-
-Everything here is a function or a value; what happens when is the card's business:
-
-    move = line((1000, 0, 0, 0, 0, 0), 10_000, rules)
-    plan = start([move], rules, identity=serial)
-    run = SetPointRun(plan, PERIOD_NS, start_ns=t)                  # t on the grid
-    plan = more(plan, k, [another], rules, after=move.last)         # arrived while it moves, in force at tick k
-    plan = plan.replanned(k, scale=scale(50))                       # override 50 %
-    plan = plan.replanned(k, hold=True)                             # M0.0, and hold=False when it goes on
-    plan = plan.stopped(k)                                          # #0, M0.1
 """
 
 from __future__ import annotations
@@ -40,31 +30,16 @@ from isel_twin.base.compiling import njit
 from isel_twin.motion.joined import Joined, joined
 from isel_twin.motion.pieces import Pieces, chain
 
-AXES = 6
-"""Slots 0 to 5; a displacement has one number for each."""
-
-PERIOD_NS = 4_000_000
-"""Set points leave every 4 ms (1.2)."""
-
-SHORTEST_S = 0.012
-"""Least time of a piece of line (1.2)."""
-
+AXES = 6  # slots 0 to 5; a displacement has one number for each
+PERIOD_NS = 4_000_000  # set points leave every 4 ms (1.2)
+SHORTEST_S = 0.012  # least time of a piece of line (1.2)
 FACTORS = ((50_000, 1), (100_000, 2), (200_000, 4), (400_000, 8), (500_000, 10), (1_000_000, 20))
 """Greatest M of each V factor (5)."""
-
-STRAIGHT = 1e-9
-"""Change of direction, per path, that is none: what rounding leaves of two moves along one line."""
-
+STRAIGHT = 1e-9  # change of direction, per path, that is none: what rounding leaves of two moves along one line
 RIGHT_ANGLE_DEG = 90.0
-
 FULL_RATIO = 65535.0
-
-MOST_OVERRIDE = 125.0
-""""Erhöht um 25 %" (3.1.1 f)."""
-
-
+MOST_OVERRIDE = 125.0  # "Erhöht um 25 %" (3.1.1 f)
 NOWHERE = Pieces(np.empty((0, AXES)), *(np.empty(0),) * 5)
-"""No pieces."""
 
 
 @dataclass(frozen=True)
@@ -99,18 +74,15 @@ class Rules:
 
 @dataclass(frozen=True)
 class Heading:
-    """Direction of a move at one of its ends.
-
-    per_path: effective increments e of each slot per unit of path length, float [6].
-    """
+    """Direction of a move at one of its ends: effective increments e of each slot per unit of path length, [6]."""
 
     per_path: tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class PreparedMove:
-    """A move ready to be joined: its pieces (none if it goes nowhere; one for a line; the chords of a circle) and its
-    directions at the beginning and at the end (None if it goes nowhere)."""
+    """A move ready to be joined: its pieces, one for a line, the chords of a circle, and its directions at both ends;
+    no pieces and None if it goes nowhere."""
 
     pieces: Pieces
     first: Heading | None
@@ -129,8 +101,7 @@ def useful_hz(feed_hz: int, rules: Rules) -> int:
 
 
 def scale(override_percent: float | None = None, spindle_rpm: float | None = None) -> float:
-    """Factor of programmed speeds: the override (None: 100 %, else 0..125; more is 125), and under G95 the revolutions
-    of the spindle a second. 0 stands."""
+    """Factor of programmed speeds: override 0..125 % (None: 100), under G95 times the spindle's turns a second."""
     override = 1.0 if override_percent is None else min(max(override_percent, 0.0), MOST_OVERRIDE) / 100.0
     return override if spindle_rpm is None else override * spindle_rpm / 60.0
 
@@ -243,10 +214,7 @@ def start(
 
 
 def more(plan: Joined, k: int, moves: Sequence[PreparedMove], rules: Rules, after: Heading | None) -> Joined:
-    """The plan with these moves behind it, known at tick k.
-
-    after: direction at the end of the last move planned so far, None if there is none.
-    """
+    """The plan with these moves behind it, known at tick k; after: direction at its end so far, None: it has none."""
     return plan.replanned(k, append=_together(moves, rules, after))
 
 

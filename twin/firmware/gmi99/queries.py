@@ -13,8 +13,7 @@ from isel_twin.firmware.gmi99.instruction import Instruction, signed
 from isel_twin.firmware.gmi99.settings import SLOTS
 
 VERSION = 488
-STATUS = b""
-"""Answer in place of which the status record is sent (T3;0)."""
+STATUS = b""  # answer in place of which the status record is sent (T3;0)
 
 
 def answer(card: Card, instruction: Instruction) -> bytes | None:
@@ -70,16 +69,18 @@ def _zero_point(card: Card, which: int, axis: int) -> bytes | None:
     number, middle, high = which & 0xFF, which >> 8 & 0xFF, which >> 16
     offsets = card.offsets
     if which == 53:
-        return b"Z" + _three(0)
-    if number == 53 and 0x80 <= high < 0x90:
-        return b"Z" + _three(offsets.fine[high & 0x0F][axis])
-    if number == 54 and middle < len(offsets.zero_points) and not high:
-        return b"Z" + _three(offsets.zero_points[middle][axis])
-    if 55 <= which <= 57:
-        return b"Z" + _three(offsets.zero_points[which - 54][axis])
-    if which == 100:
-        return b"Z" + _three(offsets.plc_zero[axis])
-    return None
+        value = 0
+    elif number == 53 and 0x80 <= high < 0x90:
+        value = offsets.fine[high & 0x0F][axis]
+    elif number == 54 and middle < len(offsets.zero_points) and not high:
+        value = offsets.zero_points[middle][axis]
+    elif 55 <= which <= 57:
+        value = offsets.zero_points[which - 54][axis]
+    elif which == 100:
+        value = offsets.plc_zero[axis]
+    else:
+        return None
+    return b"Z" + _three(value)
 
 
 def _plc(card: Card, offset: int) -> bytes | None:

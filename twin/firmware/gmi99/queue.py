@@ -20,33 +20,22 @@ from isel_twin.firmware.gmi99.waiting import Wait
 
 @dataclass
 class _Running:
-    """A program and where it is."""
-
     commands: tuple[Instruction, ...]
     next: int = 0
 
 
 class Queue:
-    """Holds what waits and what is under way; sequencer.py moves it on."""
-
     def __init__(self, board: Board) -> None:
         self._board = board
-        self.waiting: deque[tuple[bytes, Instruction]] = deque()
-        """Commands of the host, each with its bytes."""
-        self._programs: list[_Running] = []
-        """The main program and the subprograms open in it."""
+        self.waiting: deque[tuple[bytes, Instruction]] = deque()  # commands of the host, each with its bytes
+        self._programs: list[_Running] = []  # the main program and the subprograms open in it
         self._current: Generator[Wait, None, None] | None = None
         self._wait = Wait()
-        self._going = False
-        """The command in progress is being gone on with now: what it does itself may drop it."""
-        self.recording = False
-        """What the host sends now is recorded in its turn."""
-
-    # ---- what there is to see ----------------------------------------------------------------------------------------
+        self._going = False  # the command in progress is being gone on with now: what it does itself may drop it
+        self.recording = False  # what the host sends now is recorded in its turn
 
     @property
     def busy(self) -> bool:
-        """A command waits or is being carried out, or a program runs."""
         return bool(self.waiting or self._programs or self._current is not None)
 
     @property
@@ -64,8 +53,6 @@ class Queue:
         """When the command in progress is gone on with."""
         return self._wait.at_ns if self._current is not None else None
 
-    # ---- the next command --------------------------------------------------------------------------------------------
-
     def peek(self) -> tuple[bytes, Instruction] | None:
         """The next command, with its bytes if it is the host's."""
         if self._programs:
@@ -74,13 +61,10 @@ class Queue:
         return self.waiting[0] if self.waiting else None
 
     def take(self) -> None:
-        """The next command is taken."""
         if self._programs:
             self._programs[-1].next += 1
         else:
             self.waiting.popleft()
-
-    # ---- programs ----------------------------------------------------------------------------------------------------
 
     def enter(self, commands: tuple[Instruction, ...]) -> None:
         """A program begins, within the one that runs if there is one."""
@@ -96,11 +80,9 @@ class Queue:
 
     @property
     def at_end(self) -> bool:
-        """The innermost program has no command left."""
         return bool(self._programs) and self._programs[-1].next == len(self._programs[-1].commands)
 
     def close(self) -> None:
-        """The innermost program is over."""
         self._programs.pop()
         if not self._programs:
             self._board.images.set_flag(images.PROGRAM_RUNS, False)
@@ -119,21 +101,16 @@ class Queue:
             self.recording = False
             self._board.store.forget()
 
-    # ---- the command in progress -------------------------------------------------------------------------------------
-
     @property
     def in_progress(self) -> bool:
-        """A command takes time."""
         return self._current is not None
 
     @property
     def due(self) -> bool:
-        """What it waits for has come."""
         due = self._wait.at_ns is not None and self._wait.at_ns <= self._board.now_ns
         return due or self._wait.until()
 
     def start(self, steps: Generator[Wait, None, None]) -> None:
-        """A command begins that takes time."""
         self._current = steps
         self.go_on()
 

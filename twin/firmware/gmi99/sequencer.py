@@ -21,15 +21,10 @@ _NOT_IN_PROGRAMS = "rs"
 
 
 class Sequencer:
-    """Carries out commands in their order."""
-
     def __init__(self, card: Card) -> None:
         self._card = card
 
-    # ---- what comes in -----------------------------------------------------------------------------------------------
-
     def full(self, instruction: Instruction) -> bool:
-        """There is no room for this command."""
         waiting = self._card.queue.waiting
         moves = sum(entry.is_move for _, entry in waiting)
         if instruction.is_move:
@@ -37,21 +32,16 @@ class Sequencer:
         return len(waiting) - moves >= OTHERS
 
     def put(self, data: bytes, instruction: Instruction) -> None:
-        """A command of the host that there is room for."""
         if _is_p(instruction, Of.PROGRAM) and instruction.p2 in (Do.BEGIN, Do.END):
             self._card.queue.recording = instruction.p2 == Do.BEGIN
         self._card.queue.waiting.append((data, instruction))
 
     def put_drive(self, slot: int, *, run: bool) -> None:
-        """The host tells a drive, through the card, to take its place for zero or to make a reference run; not heard
-        while anything is under way."""
+        """The host tells a drive to zero or to make a reference run; not heard while anything is under way."""
         if not self._card.busy:
             self._card.queue.start(self._card.drives.make_ready(1 << slot, run=run, indexer=False))
 
-    # ---- going on ----------------------------------------------------------------------------------------------------
-
     def pump(self) -> None:
-        """Carry out whatever can be carried out now."""
         while self._step():
             pass
 
@@ -59,10 +49,10 @@ class Sequencer:
         """Do the next thing; False if it must wait."""
         card, queue = self._card, self._card.queue
         if queue.in_progress:
-            if not queue.due:
-                return False
-            queue.go_on()
-            return True
+            due = queue.due
+            if due:
+                queue.go_on()
+            return due
         if queue.at_end:
             return self._return()
         entry = queue.peek()
@@ -74,9 +64,9 @@ class Sequencer:
             self._record(data, instruction)
             return True
         kind = command_of(instruction).kind(instruction)
-        if kind is Kind.MOVE or kind is Kind.SYNCHRONOUS:
+        if kind in (Kind.MOVE, Kind.SYNCHRONOUS):
             full = card.in_program and card.interpolator.moves >= MOVES
-            if full or not card.interpolator.accepts or not card.drives.at_rest:
+            if full or card.interpolator.breaking or not card.drives.at_rest:
                 return False
             queue.take()
             if kind is Kind.MOVE and not card.drives.ready:

@@ -21,8 +21,7 @@ FINE = 16
 PROGRAMS = 32
 MAGIC = b"GMI99 1 "
 
-LOWEST, HIGHEST = -8_388_352, 8_388_607
-"""Coordinates (3.1.1)."""
+LOWEST, HIGHEST = -8_388_352, 8_388_607  # coordinates (3.1.1)
 RATIO_ONE = 65_535
 
 Axes = tuple[int, ...]
@@ -60,20 +59,14 @@ class Settings:
     sine_ramps: int = 0
     enable_input: int = 0
     sgx: int = 0
-    addresses: Axes = ()
-    """Drives that the host reaches, of N18; FFh is unused. Empty: all."""
-    per_turn: Axes = (0,) * SLOTS
-    """Increments of a turn of a rotary axis, 0: none."""
+    addresses: Axes = ()  # drives that the host reaches, of N18; FFh is unused. Empty: all
+    per_turn: Axes = (0,) * SLOTS  # increments of a turn of a rotary axis, 0: none
     home_from: Axes = (0,) * SLOTS
     home_to: Axes = (0,) * SLOTS
-    tool_speed: int = 1
-    """W: the resulting speed is programmed, not that of the longest axis."""
-    ratios: Axes = (RATIO_ONE,) * SLOTS
-    """Resolution of the leading axis over that of each, times 65535."""
-    no_influence: Axes = (0,) * SLOTS
-    """1: the axis does not count in the resulting speed."""
-    override: int = 0
-    """1: the override acts."""
+    tool_speed: int = 1  # W: the resulting speed is programmed, not that of the longest axis
+    ratios: Axes = (RATIO_ONE,) * SLOTS  # resolution of the leading axis over that of each, times 65535
+    no_influence: Axes = (0,) * SLOTS  # 1: the axis does not count in the resulting speed
+    override: int = 0  # 1: the override acts
 
     @property
     def kept(self) -> Settings:
@@ -89,16 +82,13 @@ class Stored:
     settings: Settings = field(default_factory=Settings)
     zero_points: tuple[Axes, ...] = ((0,) * SLOTS,) * ZERO_POINTS
     fine: tuple[Axes, ...] = ((0,) * SLOTS,) * FINE
-    data: str = ""
-    """DW0..79 in hexadecimal."""
-    plc: str = ""
-    """Image of the PLC program in hexadecimal; empty: none."""
+    data: str = ""  # DW0..79 in hexadecimal
+    plc: str = ""  # image of the PLC program in hexadecimal; empty: none
     programs: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """Commands of the CNC programs in hexadecimal, by number."""
 
 
 def encode(stored: Stored) -> bytes:
-    """Flash image of this content."""
     body = json.dumps(asdict(stored), separators=(",", ":")).encode("ascii")
     return MAGIC + b"%08x\n" % zlib.crc32(body) + body
 
@@ -110,14 +100,12 @@ def decode(image: bytes) -> Stored | None:
         return None
     try:
         tree = json.loads(body)
-        if tree.keys() != {f.name for f in fields(Stored)} or tree["settings"].keys() != {
-            f.name for f in fields(Settings)
-        }:
+        names = [{f.name for f in fields(kind)} for kind in (Stored, Settings)]
+        if [tree.keys(), tree["settings"].keys()] != names:
             return None
         values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in tree["settings"].items()}
-        settings = Settings(**values)
         stored = Stored(
-            settings,
+            Settings(**values),
             tuple(map(tuple, tree["zero_points"])),
             tuple(map(tuple, tree["fine"])),
             tree["data"],

@@ -15,8 +15,7 @@ from isel_twin.firmware.gmi99.instruction import Instruction
 from isel_twin.firmware.gmi99.settings import PROGRAMS
 
 CAPACITY = 65_536
-DEPTH = 8
-"""Subprograms open beside the main program."""
+DEPTH = 8  # subprograms open beside the main program
 
 
 class Store:
@@ -32,32 +31,21 @@ class Store:
     def restore(self, parse: Callable[[int, bytes], Instruction | None]) -> None:
         """Take what flash has; `parse` as commands.parse."""
         for number, commands in self._loaded.items():
-            lines: list[tuple[bytes, Instruction]] = []
-            for text in commands:
-                data = bytes.fromhex(text)
-                instruction = parse(data[0], data[1:])
-                if instruction is None:
-                    self.error = True
-                    lines = []
-                    break
-                lines.append((data, instruction))
-            self._programs[int(number)] = tuple(lines)
+            data = [bytes.fromhex(text) for text in commands]
+            lines = [(line, instruction) for line in data if (instruction := parse(line[0], line[1:])) is not None]
+            whole = len(lines) == len(data)
+            self.error = self.error or not whole
+            self._programs[int(number)] = tuple(lines) if whole else ()
 
     @property
     def kept(self) -> dict[str, tuple[str, ...]]:
-        """What flash is to hold."""
-        return {
-            str(number): tuple(data.hex() for data, _ in lines)
-            for number, lines in sorted(self._programs.items())
-            if lines
-        }
+        kept = sorted((number, lines) for number, lines in self._programs.items() if lines)
+        return {str(number): tuple(data.hex() for data, _ in lines) for number, lines in kept}
 
     def program(self, number: int) -> tuple[Instruction, ...]:
-        """Commands of a program; empty if there is none."""
         return tuple(instruction for _, instruction in self._programs.get(number, ()))
 
     def begin(self, number: int) -> None:
-        """Record a program from now on."""
         assert 0 <= number < PROGRAMS
         if number == 0:
             self._programs.clear()
@@ -75,17 +63,14 @@ class Store:
         return True
 
     def end(self) -> None:
-        """The recording is over: the program is there."""
         assert self.recording is not None
         self._programs[self.recording] = tuple(self._lines)
         self.forget()
         self.error = False
 
     def forget(self) -> None:
-        """No recording; what was recorded is lost."""
         self.recording, self._lines = None, []
 
     def erase(self) -> None:
-        """No programs."""
         self._programs.clear()
         self.forget()

@@ -15,13 +15,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 
-def _never() -> bool:
-    return False
-
-
 @dataclass(frozen=True)
 class Wait:
     """Until a condition holds or a time has come, whichever is first."""
 
-    until: Callable[[], bool] = _never
+    until: Callable[[], bool] = lambda: False
     at_ns: int | None = None

@@ -18,7 +18,7 @@ from isel_twin.firmware.imc.device import Device
 from isel_twin.firmware.imc.grammar import Number
 from isel_twin.firmware.imc.purpose import Reference, Until
 from isel_twin.firmware.imc.replies import BAD_AXES, BAD_NUMBER, BAD_SPEED, LIMIT_SWITCH, Refusal
-from isel_twin.motion import Displacement, StepPath, TimeLaw, helix, line
+from isel_twin.motion import Displacement, StepPath, TimeLaw, circle, line
 
 XYZ = 7
 ANY_SPEED = Number(-(1 << 62), 1 << 62)
@@ -229,7 +229,7 @@ def plan_arc(device: Device, length: int, speed_hz: int, *rest: int) -> tuple[Se
     check_arc(device, length, speed_hz, *rest)
     d, xs, ys, rx, ry, third = (*rest, 0)[:6]
     first, second, other = PLANES[device.plane]
-    path = helix(length, d, xs, ys, rx, ry, device.clockwise, (first, second), other if third else None, third)
+    path = circle(length, d, xs, ys, rx, ry, device.clockwise, (first, second), other if third else None, third)
     if length:
         device.require_reference((first, second, *((other,) if third else ())))
     device.require_room(path.displacement(length))

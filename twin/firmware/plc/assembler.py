@@ -21,6 +21,7 @@ from isel_twin.firmware.plc.elements import MOST, bcd, from_bcd
 from isel_twin.firmware.plc.image import ImageError, PlcBlock, PlcProgram
 from isel_twin.firmware.plc.processor import instructions_by_word
 
+_BLOCK_WORDS = {"OB": "organisation", "PB": "program", "FB": "function", "SB": "step"}
 _LABEL = re.compile(r"([A-Z_][A-Z0-9_]*)\s*:(?!=)\s*(.*)", re.DOTALL)
 _MNEMONICS = sorted({mnemonic for mnemonic, _ in FORMS}, key=len, reverse=True)
 _AREAS = {m: sorted({a for n, a in FORMS if n == m}, key=len, reverse=True) for m in _MNEMONICS}
@@ -43,8 +44,7 @@ class _Open:
     line: int
     items: list[tuple[int, Instruction, str]] = field(default_factory=list)
     """Line, instruction, and the label it jumps to."""
-    labels: dict[str, int] = field(default_factory=dict)
-    """The word at which each stands."""
+    labels: dict[str, int] = field(default_factory=dict)  # the word at which each stands
     words: int = 0
 
 
@@ -110,7 +110,6 @@ def _closed(block: _Open) -> PlcBlock:
 
 
 def _instruction(line: int, source: str) -> tuple[Instruction, str]:
-    """The instruction, and the label that it jumps to."""
     compact = re.sub(r"\s+", "", source)
     best = ""
     for mnemonic in _MNEMONICS:
@@ -131,7 +130,6 @@ def _instruction(line: int, source: str) -> tuple[Instruction, str]:
 
 
 def _fits(form: Form, operand: str) -> bool:
-    """Whether an operand could be one of this form."""
     pattern = {"": "", "bit": r"\d+\.\d+", "number": r"-?\d+", "block": r"\d+", "constant": r"H?[-0-9A-F.,]+"}
     return re.fullmatch(pattern[form.operand], operand) is not None
 
@@ -197,15 +195,11 @@ def explain(program: PlcProgram) -> Sequence[tuple[str, str]]:
     """The lines of `disassemble`, each with what it does in a few words."""
     rows: list[tuple[str, str]] = []
     for block in program.blocks:
-        words = ["" if i is None else i.words_explained for i in instructions_by_word(block)]
         head, *lines = _listing(block)
-        said = iter([text for text, i in zip(words, instructions_by_word(block), strict=True) if i is not None])
-        rows.append(
-            (head, {"OB": "organisation", "PB": "program", "FB": "function", "SB": "step"}[block.kind] + " block")
-        )
-        for line in lines:
+        said = [i.words_explained for i in instructions_by_word(block) if i is not None]
+        rows.append((head, f"{_BLOCK_WORDS[block.kind]} block"))
+        for line, text in zip(lines, said, strict=True):
             jump = re.search(r"=(L\d+)$", line)
-            text = next(said)
             rows.append((line, re.sub(r"by -?\d+ words", f"to {jump[1]}", text) if jump else text))
     return rows
 

@@ -8,7 +8,7 @@ assembler, disassembler, explanation and processor:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -52,20 +52,17 @@ class Instruction:
 
     @property
     def words(self) -> int:
-        """Words that it takes."""
         return 2 if self.form.operand == "constant" else 1
 
     @property
     def words_explained(self) -> str:
-        """What it does, in a few words."""
         at = f"{self.number}.{self.bit}" if self.form.operand == "bit" else str(self.number)
         return self.form.words.replace("#", at)
 
 
 LAST_BYTE: Final[Mapping[str, int]] = {"E": 47, "A": 47, "M": 255, "D": 127}
 """The last byte of inputs, outputs and flags, the last data word."""
-LAST_ELEMENT: Final = 31
-"""The last timer, the last counter."""
+LAST_ELEMENT: Final = 31  # the last timer, the last counter
 BLOCK_TYPES: Final[Mapping[str, int]] = {"OB": 1, "PB": 2, "FB": 3, "SB": 4}
 """Kinds of blocks and their codes in an image."""
 
@@ -202,42 +199,25 @@ def decode(code: bytes, offset: int = 0) -> Instruction | None:
     """The instruction at an offset; None if there is none with that code, or its second word is missing."""
     if offset + WORD_BYTES > len(code):
         return None
-    read = _READERS[code[offset]]
-    return None if read is None else read(code, offset)
+    base, second = code[offset], code[offset + 1]
+    for form in _BY_BASE.get(base, ()):
+        match form.operand:
+            case "":
+                if second == form.second:
+                    return Instruction(form)
+            case "constant":
+                if second == form.second and offset + 2 * WORD_BYTES <= len(code):
+                    return Instruction(form, code[offset + 2] << 8 | code[offset + 3])
+            case "jump":
+                return Instruction(form, second - 256 if second > 127 else second)
+            case _:
+                number = second - form.second
+                if form.lowest <= number <= form.highest:
+                    return Instruction(form, number, base - form.base)
+    return None
 
 
-_Reader = Callable[[bytes, int], Instruction | None]
-
-
-def _readers() -> list[_Reader | None]:
-    """A reader for each B0."""
-    by_base: dict[int, list[Form]] = {}
-    for form in FORMS.values():
-        for base in range(form.base, form.base + (8 if form.operand == "bit" else 1)):
-            by_base.setdefault(base, []).append(form)
-    return [_reader(base, by_base[base]) if base in by_base else None for base in range(256)]
-
-
-def _reader(base: int, forms: list[Form]) -> _Reader:
-    def read(code: bytes, offset: int) -> Instruction | None:
-        second = code[offset + 1]
-        for form in forms:
-            match form.operand:
-                case "":
-                    if second == form.second:
-                        return Instruction(form)
-                case "constant":
-                    if second == form.second and offset + 2 * WORD_BYTES <= len(code):
-                        return Instruction(form, code[offset + 2] << 8 | code[offset + 3])
-                case "jump":
-                    return Instruction(form, second - 256 if second > 127 else second)
-                case _:
-                    number = second - form.second
-                    if form.lowest <= number <= form.highest:
-                        return Instruction(form, number, base - form.base)
-        return None
-
-    return read
-
-
-_READERS: Final = _readers()
+_BY_BASE: Final[dict[int, list[Form]]] = {}  # the forms that a B0 may begin
+for _form in FORMS.values():
+    for _base in range(_form.base, _form.base + (8 if _form.operand == "bit" else 1)):
+        _BY_BASE.setdefault(_base, []).append(_form)

@@ -19,8 +19,7 @@ from isel_twin.base.units import MILLISECOND_NS
 
 BASES_NS: Final = tuple(MILLISECOND_NS * unit for unit in (10, 100, 1000, 10_000))
 """Units of a time constant: KT n.0 to n.3."""
-MOST: Final = 999
-"""Largest number of a timer or counter."""
+MOST: Final = 999  # largest number of a timer or counter
 
 
 def bcd(number: int) -> int:
@@ -38,21 +37,14 @@ def from_bcd(word: int) -> int | None:
 class Timer:
     """One timer. Times are virtual, in ns."""
 
-    kind: str = ""
-    """As what it has been started: SI, SV, SE, SS, SA; empty: not at all."""
-    was: bool = False
-    """The result at its starting instruction, the last time."""
-    end_ns: int | None = None
-    """When it runs out; None: it does not run."""
+    kind: str = ""  # as what it has been started: SI, SV, SE, SS, SA; empty: not at all
+    was: bool = False  # the result at its starting instruction, the last time
+    end_ns: int | None = None  # when it runs out; None: it does not run
     unit_ns: int = 0
-    ran_out: bool = False
-    """It has, since it was started; SS: since it was reset."""
+    ran_out: bool = False  # it has, since it was started; SS: since it was reset
 
     def start(self, kind: str, result: bool, constant: int, now_ns: int) -> bool:
-        """The starting instruction with its result and accumulator 1; whether anything has changed.
-
-        A constant whose digits are no decimal ones starts nothing.
-        """
+        """The starting instruction; True if anything has changed. A constant with digits above 9 starts nothing."""
         self.settle(now_ns)
         before = (self.kind, self.was, self.end_ns, self.ran_out)
         rising, falling = result and not self.was, self.was and not result
@@ -70,18 +62,16 @@ class Timer:
         return before != (self.kind, self.was, self.end_ns, self.ran_out)
 
     def reset(self) -> bool:
-        """As the instruction does; whether anything has changed."""
+        """True if anything has changed."""
         before = (self.kind, self.end_ns, self.ran_out)
         self.kind, self.end_ns, self.ran_out = "", None, False
         return before != ("", None, False)
 
     def settle(self, now_ns: int) -> None:
-        """Time has passed."""
         if self.end_ns is not None and now_ns >= self.end_ns:
             self.end_ns, self.ran_out = None, True
 
     def on(self, now_ns: int) -> bool:
-        """Its bit."""
         self.settle(now_ns)
         match self.kind:
             case "SI" | "SV":
@@ -110,23 +100,20 @@ class Counter:
     set: bool = False
 
     def act(self, what: str, result: bool, constant: int) -> bool:
-        """ZV, ZR or S with its result and accumulator 1; whether anything has changed."""
+        """ZV, ZR or S with its result and accumulator 1; True if anything has changed."""
         edge = {"ZV": "up", "ZR": "down", "S": "set"}[what]
         if getattr(self, edge) == result:
             return False
         setattr(self, edge, result)
-        if result:
-            match what:
-                case "ZV":
-                    self.value = min(self.value + 1, MOST)
-                case "ZR":
-                    self.value = max(self.value - 1, 0)
-                case _:
-                    number = from_bcd(constant)
-                    self.value = self.value if number is None else number
+        if result and what == "ZV":
+            self.value = min(self.value + 1, MOST)
+        elif result and what == "ZR":
+            self.value = max(self.value - 1, 0)
+        elif result and (number := from_bcd(constant)) is not None:
+            self.value = number
         return True
 
     def reset(self) -> bool:
-        """As the instruction does; whether anything has changed."""
+        """True if anything has changed."""
         before, self.value = self.value, 0
         return before != 0

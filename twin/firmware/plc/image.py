@@ -13,15 +13,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from isel_twin.firmware.plc.codes import BLOCK_TYPES, ENDS, FORMS, encode
-from isel_twin.firmware.plc.codes import Instruction as _Instruction
+from isel_twin.firmware.plc.codes import BLOCK_TYPES, ENDS, FORMS, Instruction, encode
 
 MAGIC: Final = b"\x53\x35\x01"
-LARGEST: Final = 0xFFFF
-"""Bytes of an image: offsets have 16 bits."""
+LARGEST: Final = 0xFFFF  # bytes of an image: offsets have 16 bits
 _ENTRY: Final = struct.Struct("<BBHH")
 _KINDS: Final = {code: kind for kind, code in BLOCK_TYPES.items()}
-_END_CODES: Final = tuple(encode(_Instruction(FORMS[end, ""])) for end in ENDS)
+_END_CODES: Final = tuple(encode(Instruction(FORMS[end, ""])) for end in ENDS)
 
 
 class ImageError(ValueError):
@@ -38,7 +36,6 @@ class PlcBlock:
 
     @property
     def name(self) -> str:
-        """For people: "OB 1"."""
         return f"{self.kind} {self.number}"
 
 
@@ -95,7 +92,6 @@ class PlcProgram:
 
     @property
     def image(self) -> bytes:
-        """The bytes."""
         entries = self.entries
         heads = (
             _ENTRY.pack(BLOCK_TYPES[block.kind], block.number, entries[block.kind, block.number], len(block.code))

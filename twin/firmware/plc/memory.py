@@ -9,7 +9,6 @@ from typing import Final
 IMAGE_BYTES: Final = 48
 FLAG_BYTES: Final = 256
 DATA_BYTES: Final = 256
-"""128 words."""
 
 
 @dataclass(slots=True)
@@ -17,16 +16,13 @@ class PlcMemory:
     """Bytes by area, named as in programs. Words have their low byte first: MW n = MB n + 256 MB(n + 1)."""
 
     e: bytearray = field(default_factory=lambda: bytearray(IMAGE_BYTES))
-    """Process image of the inputs."""
     a: bytearray = field(default_factory=lambda: bytearray(IMAGE_BYTES))
-    """Process image of the outputs."""
+    """Process images of the inputs (e) and the outputs."""
     m: bytearray = field(default_factory=lambda: bytearray(FLAG_BYTES))
-    """Flags."""
     d: bytearray = field(default_factory=lambda: bytearray(DATA_BYTES))
-    """Data words; DW n are bytes 2 n (DR, low) and 2 n + 1 (DL, high)."""
+    """128 data words; DW n are bytes 2 n (DR, low) and 2 n + 1 (DL, high)."""
 
     def copy(self) -> PlcMemory:
-        """A copy with bytes of its own."""
         return PlcMemory(bytearray(self.e), bytearray(self.a), bytearray(self.m), bytearray(self.d))
 
     def areas(self) -> Iterator[bytearray]:

@@ -27,10 +27,8 @@ INSTRUCTION_NS: Final = 45 * MICROSECOND_NS
 """Time of an instruction: 1000 of them take about 45 ms (manual of the card, section 9)."""
 
 CYCLIC: Final = ("OB", 1)
-AT_START: Final = ("OB", 21)
-"""Once, when it is started by hand."""
-AT_POWER_ON: Final = ("OB", 22)
-"""Once, when it starts by itself as the mains is switched on."""
+AT_START: Final = ("OB", 21)  # once, when it is started by hand
+AT_POWER_ON: Final = ("OB", 22)  # once, when it starts by itself as the mains is switched on
 
 
 @dataclass(slots=True)
@@ -41,35 +39,29 @@ class _Made:
     after: PlcMemory
     begin_ns: int
     end_ns: int
-    repeats: bool
-    """The next pass would do just the same."""
+    repeats: bool  # the next pass would do just the same
 
 
 class Plc:
     """One PLC. `next_ns` is when `end_pass` and `begin_pass` are due; see the module."""
 
     def __init__(self, rights: Rights, functions: Mapping[int, Function], shortest_ns: int) -> None:
-        """rights: what programs may change of the flags. functions: built-in FBs by number. shortest_ns: a pass takes a
-        multiple of it, at least one."""
+        """functions: built-in FBs by number. shortest_ns: a pass takes a multiple of it, at least one."""
         self._rights, self._functions, self._shortest_ns = rights, functions, shortest_ns
-        self.image = b""
-        """Image of the program; empty: none."""
+        self.image = b""  # of the program; empty: none
         self._processor: Processor | None = None
         self._elements = Elements()
         self._made: _Made | None = None
         self._touched = False
         self._stops = False
-        self.stopped_by = ""
-        """Why it has stopped by itself; empty if it has not."""
+        self.stopped_by = ""  # why it has stopped by itself; empty if it has not
 
     @property
     def program(self) -> PlcProgram | None:
-        """The program that is loaded."""
         return PlcProgram.read(self.image) if self.image else None
 
     @property
     def running(self) -> bool:
-        """Passes are made."""
         return self._made is not None
 
     @property
@@ -92,7 +84,6 @@ class Plc:
         self.image, self._processor = image, Processor(program, self._functions)
 
     def clear(self) -> None:
-        """No program any more."""
         self.stop()
         self.image, self._processor = b"", None
 
@@ -123,17 +114,13 @@ class Plc:
         self._touched = True
 
     def end_pass(self, t_ns: int, memory: PlcMemory) -> bool:
-        """At `next_ns`: write what the pass has changed to `memory`; whether anything is different now.
-
-        Exchange outputs and inputs after it, then call `begin_pass`.
-        """
+        """At `next_ns`: write what the pass has changed to memory; True if anything differs. Then `begin_pass`."""
         made = self._made
         if made is None or (due := self.next_ns) is None or t_ns < due:
             return False
-        changed = self._carry_over(made, memory)
         if self.stopped_by or self._stops:
             self._made = None
-        return changed
+        return self._carry_over(made, memory)
 
     def begin_pass(self, t_ns: int, memory: PlcMemory) -> None:
         """After `end_pass`, at the same time: the next one, if it has not stopped."""
@@ -141,7 +128,6 @@ class Plc:
             self._begin(t_ns, memory)
 
     def _first_begin(self, made: _Made, t_ns: int) -> int:
-        """When the first pass begins at or after t_ns."""
         length = made.end_ns - made.begin_ns
         return max(made.end_ns, made.begin_ns - (made.begin_ns - t_ns) // length * length)
 
@@ -163,7 +149,6 @@ class Plc:
         self._made = _Made(before, after, t_ns, t_ns + max(length, self._shortest_ns), repeats)
 
     def _carry_over(self, made: _Made, memory: PlcMemory) -> bool:
-        """Write what the pass has changed; return whether the memory is different now."""
         changed = False
         for before, after, now in zip(made.before.areas(), made.after.areas(), memory.areas(), strict=True):
             if before == after:

@@ -25,8 +25,7 @@ from isel_twin.firmware.plc.elements import Counter, Timer
 from isel_twin.firmware.plc.image import PlcBlock, PlcProgram
 from isel_twin.firmware.plc.memory import PlcMemory
 
-DEEPEST_CALLS: Final = 16
-"""Blocks that may be open at once (manual of the card: a stack of 16 levels)."""
+DEEPEST_CALLS: Final = 16  # blocks that may be open at once (manual of the card: a stack of 16 levels)
 DEEPEST_BRACKETS: Final = 8
 MOST_INSTRUCTIONS: Final = 20_000
 """Of a pass, 0.9 s of virtual time: a program that takes more does not come to an end, and the PLC stops."""
@@ -49,17 +48,12 @@ class Elements:
 
 
 class Processor:
-    """Executes the blocks of a program."""
-
     def __init__(self, program: PlcProgram, functions: Mapping[int, Function]) -> None:
         """functions: built-in FBs by number; they go before blocks of that name."""
         self._functions = functions
-        self._blocks: dict[tuple[str, int], list[Instruction | None]] = {}
-        for block in program.blocks:
-            self._blocks[block.kind, block.number] = instructions_by_word(block)
+        self._blocks = {(block.kind, block.number): instructions_by_word(block) for block in program.blocks}
 
     def has(self, kind: str, number: int) -> bool:
-        """Whether there is such a block."""
         return (kind, number) in self._blocks
 
     def run(self, kind: str, number: int, memory: PlcMemory, elements: Elements, now_ns: int) -> Pass:
@@ -91,17 +85,14 @@ class Pass:
         elements: Elements,
         now_ns: int,
     ) -> None:
-        self.executed = 0
-        """Instructions."""
-        self.changed = False
-        """A timer or counter has changed: the next pass may differ."""
+        self.executed = 0  # instructions
+        self.changed = False  # a timer or counter has changed: the next pass may differ
         self.live = False
         """It has used something that changes by itself: a built-in function, the rest of a timer."""
         self._blocks, self._functions = blocks, functions
         self._memory, self._elements, self._now_ns = memory, elements, now_ns
         self._accumulator = (0, 0)
-        self._condition = 0
-        """-1, 0, 1: less than, equal to, more than zero."""
+        self._condition = 0  # -1, 0, 1: less than, equal to, more than zero
         self._depth = 0
         self._vke = False
         self._first = True
@@ -113,7 +104,6 @@ class Pass:
     # Blocks
 
     def call(self, kind: str, number: int) -> None:
-        """Execute a block to its end."""
         if self._depth == DEEPEST_CALLS:
             raise Halt(f"{kind} {number} is called on the {DEEPEST_CALLS + 1}th level")
         instructions = self._blocks.get((kind, number))
@@ -146,18 +136,16 @@ class Pass:
                         self._end_chain()
                         if form.mnemonic == "SPA" or self._conditional():
                             self._call_or_built_in(form.area, instruction.number)
+                case _ if form.mnemonic in ("BE", "BEA"):
+                    break
+                case _ if form.mnemonic == "BEB":
+                    self._end_chain()
+                    if self._conditional():
+                        break
+                case _ if form.mnemonic == "STP":
+                    raise Halt(f"{kind} {number}: STP")
                 case _:
-                    match form.mnemonic:
-                        case "BE" | "BEA":
-                            break
-                        case "BEB":
-                            self._end_chain()
-                            if self._conditional():
-                                break
-                        case "STP":
-                            raise Halt(f"{kind} {number}: STP")
-                        case _:
-                            self._plain(form.mnemonic)
+                    self._plain(form.mnemonic)
             at += instruction.words
         self._end_chain()
         self._depth -= 1
@@ -171,7 +159,7 @@ class Pass:
             self.call(kind, number)
 
     def _conditional(self) -> bool:
-        """Whether the VKE is 1, which it is afterwards."""
+        """True if the VKE is 1; afterwards it is."""
         vke, self._vke = self._vke, True
         return vke
 
@@ -280,29 +268,19 @@ class Pass:
         return {"E": self._memory.e, "A": self._memory.a, "M": self._memory.m, "D": self._memory.d}[name]
 
     def _read(self, area: str, number: int) -> int:
-        image, width = self._area(area[0]), area[1]
-        match width:
-            case "B":
-                return image[number]
-            case "L":
-                return image[2 * number + 1]
-            case "R":
-                return image[2 * number]
-        at = 2 * number if area == "DW" else number
-        return image[at] | image[at + 1] << 8
+        image, at = self._place(area, number)
+        return image[at] | image[at + 1] << 8 if area[1] == "W" else image[at]
 
     def _write(self, area: str, number: int, word: int) -> None:
-        image, width = self._area(area[0]), area[1]
-        match width:
-            case "B":
-                image[number] = word & 0xFF
-            case "L":
-                image[2 * number + 1] = word & 0xFF
-            case "R":
-                image[2 * number] = word & 0xFF
-            case _:
-                at = 2 * number if area == "DW" else number
-                image[at], image[at + 1] = word & 0xFF, word >> 8
+        image, at = self._place(area, number)
+        image[at] = word & 0xFF
+        if area[1] == "W":
+            image[at + 1] = word >> 8
+
+    def _place(self, area: str, number: int) -> tuple[bytearray, int]:
+        """The bytes of an area such as DL, and the index of a word or byte in them."""
+        at = 2 * number if area[0] == "D" else number
+        return self._area(area[0]), at + (area == "DL")
 
     def _load(self, word: int) -> None:
         self._accumulator = (word, self._accumulator[0])
@@ -310,16 +288,12 @@ class Pass:
     def _change(self, mnemonic: str, number: int) -> None:
         """I, D, SLW, SRW."""
         first, second = self._accumulator
-        match mnemonic:
-            case "I":
-                first = first & 0xFF00 | (first + number) & 0xFF
-            case "D":
-                first = first & 0xFF00 | (first - number) & 0xFF
-            case _:
-                for _ in range(number):
-                    out = first >> 15 if mnemonic == "SLW" else first & 1
-                    first = first << 1 & 0xFFFF if mnemonic == "SLW" else first >> 1
-                    self._condition = out
+        if mnemonic in ("I", "D"):
+            first = first & 0xFF00 | (first + (number if mnemonic == "I" else -number)) & 0xFF
+        else:
+            for _ in range(number):
+                self._condition = first >> 15 if mnemonic == "SLW" else first & 1
+                first = first << 1 & 0xFFFF if mnemonic == "SLW" else first >> 1
         self._accumulator = (first, second)
 
     def _plain(self, mnemonic: str) -> None:

@@ -30,11 +30,8 @@ from isel_twin.many.identification.unknowns import Unknown
 
 @dataclass(frozen=True)
 class Choice:
-    """What was chosen, and what is expected of it."""
-
     blocks: tuple[Block, ...]
-    left: tuple[tuple[float, ...], ...]
-    """After each block, by parameter: standard deviation over that of the prior."""
+    left: tuple[tuple[float, ...], ...]  # after each block, by parameter: standard deviation over that of the prior
 
 
 def choose(

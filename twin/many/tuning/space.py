@@ -12,10 +12,12 @@ that nobody looks for the fastest.
 
 from __future__ import annotations
 
+import hashlib
 import itertools
+import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -23,11 +25,11 @@ from isel_twin.controller import offers
 from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs.job import Line, parse_job
 from isel_twin.language import JobMove, LanguageError, MoveSettings, RetimesJobs, create_language, needed
+from isel_twin.machine import with_overrides
 
+# names of `MoveSettings`; speeds count by their differences, ramps by their ratios
 SETTINGS = ("speed_hz", "acceleration_hz_per_ms", "start_stop_hz")
-"""Names of `MoveSettings`; speeds count by their differences, ramps by their ratios."""
-SLOWEST = 2
-"""What the job has, divided by this, is the lowest that is tried."""
+SLOWEST = 2  # what the job has, divided by this, is the lowest that is tried
 
 _LINE_END = re.compile(r"(\r\n|\r|\n)")
 
@@ -36,8 +38,7 @@ _LINE_END = re.compile(r"(\r\n|\r|\n)")
 class Parameter:
     """One number to be found."""
 
-    name: str
-    """`speed_hz`, or for the moves that read like the one in line 9 `speed_hz.9`."""
+    name: str  # `speed_hz`, or for the moves that read like the one in line 9 `speed_hz.9`
     setting: str
     low: int
     high: int
@@ -48,16 +49,12 @@ class Parameter:
         return self.setting != "speed_hz"
 
     def nearest(self, value: int) -> int:
-        """The value within the range."""
         return min(max(value, self.low), self.high)
 
 
 @dataclass(frozen=True)
 class Group:
-    """Moves that are made with the same settings."""
-
-    name: str
-    """Line number of the first of them; "" if they are all moves of the job."""
+    name: str  # line number of the first of them; "" if they are all moves of the job
     moves: tuple[JobMove, ...]
     parameters: tuple[Parameter, ...]
 
@@ -72,32 +69,24 @@ class Group:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A job with certain settings."""
-
     text: str
     lines: tuple[Line, ...]
-    first: int
-    """Number of the line with which the first move begins: what sets its ramps, or the move."""
-    moves: tuple[int, ...]
-    """Numbers of the lines of all moves, as `Problem.moves` has them."""
+    first: int  # number of the line with which the first move begins: what sets its ramps, or the move
+    moves: tuple[int, ...]  # numbers of the lines of all moves, as `Problem.moves` has them
 
 
 @dataclass(frozen=True)
 class Problem:
     """A job on a machine, and what may be changed. Raises ValueError or CallError for one that cannot be tuned."""
 
-    text: str
-    """Of the job file."""
+    text: str  # of the job file
     call: TwinSpec = field(default_factory=TwinSpec)
     each_move: bool = False
     rapid_hz: int | None = None
-    ranges: Mapping[str, tuple[int, int]] = field(default_factory=dict)
-    """Narrower than the language's, by the names of SETTINGS."""
-    repetitions: int = 5
-    """On slightly different machines, with which a setting is judged beside the machine as it is."""
+    ranges: Mapping[str, tuple[int, int]] = field(default_factory=dict)  # narrower than the language's, by SETTINGS
+    repetitions: int = 5  # on slightly different machines, with which a setting is judged beside the machine as it is
     timeout_s: float = 3600.0
-    flash: bytes | None = None
-    """Image of the controller's flash memory."""
+    flash: bytes | None = None  # image of the controller's flash memory
 
     def __post_init__(self) -> None:
         if self.call.plant == "kinematic":
@@ -107,11 +96,9 @@ class Problem:
         if not any(group.parameters for group in self.groups):
             raise ValueError("nothing is left to be tried: every range is a single number")
 
-    # ---- the job as it stands ---------------------------------------------------------------------------------------
-
     @cached_property
     def language(self) -> RetimesJobs:
-        """Of the controller. Raises LanguageError if it cannot bring settings into a job."""
+        """Raises LanguageError if it cannot bring settings into a job."""
         language = needed(create_language(self.call.controller), self.call.controller)
         if not offers(language, RetimesJobs):
             raise LanguageError(
@@ -121,7 +108,6 @@ class Problem:
 
     @cached_property
     def lines(self) -> tuple[Line, ...]:
-        """Of the job."""
         return tuple(self._parsed(self.text))
 
     def _parsed(self, text: str) -> list[Line]:
@@ -129,7 +115,6 @@ class Problem:
 
     @cached_property
     def moves(self) -> Sequence[JobMove]:
-        """Of the job."""
         return self.language.job_moves([line.command for line in self.lines])
 
     @cached_property
@@ -138,8 +123,6 @@ class Problem:
         if self.rapid_hz is not None:
             return self.rapid_hz
         return max(1, max((speed for move in self.moves for speed in move.speeds_hz), default=0) // 2)
-
-    # ---- what can be set --------------------------------------------------------------------------------------------
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
@@ -153,7 +136,7 @@ class Problem:
 
     def _group(self, name: str, moves: tuple[JobMove, ...]) -> Group:
         group = Group(name, moves, ())
-        return Group(name, moves, tuple(p for p in map(lambda s: self._parameter(group, s), SETTINGS) if p is not None))
+        return replace(group, parameters=tuple(filter(None, (self._parameter(group, one) for one in SETTINGS))))
 
     def _parameter(self, group: Group, setting: str) -> Parameter | None:
         now = self._now(group, setting)
@@ -182,7 +165,6 @@ class Problem:
 
     @property
     def parameters(self) -> list[Parameter]:
-        """All of them."""
         return [parameter for group in self.groups for parameter in group.parameters]
 
     def nearest(self) -> dict[str, int]:
@@ -207,14 +189,11 @@ class Problem:
             return values[name]
         return min(max(max(self._now(group, setting), default=low), low), high)
 
-    # ---- jobs --------------------------------------------------------------------------------------------------------
-
     def candidate(self, values: Mapping[str, int]) -> Candidate:
         """The job with these values of the parameters."""
         return self._with(self.settings(values), self.rapid_from_hz)
 
     def as_it_stands(self) -> Candidate:
-        """The job."""
         numbers = tuple(self.lines[move.line].number for move in self.moves)
         return Candidate(self.text, self.lines, numbers[0], numbers)
 
@@ -234,14 +213,8 @@ class Problem:
         first = self.moves[0].line
         return Candidate(text, lines, lines[ends[first] - len(made[first])].number, numbers)
 
-    # ---- what it is --------------------------------------------------------------------------------------------------
-
     def about(self) -> dict[str, Any]:
         """What results depend on, in JSON's types: a study of anything else is another study."""
-        import hashlib
-        import json
-
-        from isel_twin.machine import with_overrides
 
         def digest(data: bytes) -> str:
             return hashlib.sha256(data).hexdigest()[:16]

@@ -1,60 +1,50 @@
-"""Coordinates in force: where the path has got to, in the machine's and in the program's coordinates (manual 4.13 on).
+"""Coordinates in force, and the end of the path in the machine's and in the program's (manual 4.13 on).
 
     program position --- frame ---> position (machine)        frame: correction G44, rotation G45, mirror G61 G62,
                                                                      shift G92, zero point G53 on, tool length
 
-The path ends where it ends: when G functions or parameters change the frame, the machine's position stays and the
-program's is worked out anew (`renew`).
+When G functions or parameters change the frame, the machine's position stays and the program's changes (`renew`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Final
 
 from isel_twin.firmware.bwo900.geometry.elements import XY, YZ, ZX, Plane, Point
 from isel_twin.firmware.bwo900.geometry.frames import Frame, Rotation
-from isel_twin.firmware.bwo900.geometry.groups import START, Modal
+from isel_twin.firmware.bwo900.geometry.groups import COORDINATES, GROUPS, START, ZERO, Modal
+from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.numbers import G, P, Q
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
 
 ROTATION_SET: Final[Mapping[int, str]] = {P.ROTATION_U0: "u0", P.ROTATION_V0: "v0", P.ROTATION_ANGLE: "angle_deg"}
-ROTATION_ADDED: Final[Mapping[int, str]] = {
-    P.ROTATION_DU: "du",
-    P.ROTATION_DV: "dv",
-    P.ROTATION_DANGLE: "dangle_deg",
-}
+ROTATION_ADDED: Final[Mapping[int, str]] = {P.ROTATION_DU: "du", P.ROTATION_DV: "dv", P.ROTATION_DANGLE: "dangle_deg"}
 
 PLANES: Final[Mapping[int, tuple[int, Plane]]] = {
     G.PLANE_XY: (Q.PLANE_XY, XY),
     G.PLANE_ZX: (Q.PLANE_ZX, ZX),
     G.PLANE_YZ: (Q.PLANE_YZ, YZ),
 }
-"""The q that defines a plane, and what it is where that makes no sense."""
+"""The q that defines a plane, and the plane if q is not valid."""
 FREE_PLANES: Final[Mapping[int, tuple[int, Plane]]] = {
     G.FREE_PLANE_1: (P.FREE_PLANE_1, XY),
     G.FREE_PLANE_2: (P.FREE_PLANE_2, ZX),
     G.FREE_PLANE_3: (P.FREE_PLANE_3, YZ),
 }
-"""The P that defines a free plane, and what it is where that makes no sense."""
+"""The P that defines a free plane, and the plane if P is not valid."""
 
 
 class Coordinates:
     """What is in force for the next path, and where it begins."""
 
-    names: Mapping[str, int]
-    """Axes by their letters."""
-    modal: Modal
-    """G functions in force."""
-    shift: Point
-    """G92."""
-    correction: Point
-    """G44."""
-    position: Point
-    """Where the path has got to, in machine coordinates, mm."""
-    program_position: Point
-    """The same in the program's coordinates."""
+    names: Mapping[str, int]  # axes by their letters
+    modal: Modal  # G functions in force
+    shift: Point  # G92
+    correction: Point  # G44
+    position: Point  # end of the path, machine coordinates, mm
+    program_position: Point  # the same in the program's coordinates
     frame: Frame
 
     def __init__(self, parameters: Parameters, length_mm: float) -> None:
@@ -71,16 +61,15 @@ class Coordinates:
         self._length = length_mm
         self.position = tuple(position) + (0.0,) * (axes - len(position))
         self._unmirrored: dict[int, float] = {}
-        """Program coordinates of axes that have not moved since a mirror was switched, as they were before it."""
-        self._known: tuple[object, ...] | None = None
-        """What the frame has been worked out from."""
+        """Program coordinates, as before a mirror was switched, of axes that have not moved since."""
+        self._known: tuple[object, ...] | None = None  # what the frame has been worked out from
         self.frame = self._frame_now()
         self.program_position = self.frame.program(self.position)
 
     # What changes them
 
     def g(self, number: int) -> None:
-        """A G function is in force now; `renew` before the next path. G45 takes P160, P161, P163 as they are now."""
+        """Put a G function in force; `renew` before the next path. G45 takes P160, P161, P163 as they are now."""
         self.modal = self.modal.with_g(number)
         if number == G.ROTATION_ON:
             p = self._parameters
@@ -114,27 +103,24 @@ class Coordinates:
         self.stand(position)
 
     def stand(self, position: Point) -> None:
-        """The axes stand elsewhere than the path has got to: a deleted path, a move in another mode."""
+        """The axes stand elsewhere than the path ended: a deleted path, a move in another mode."""
         self.position = tuple(position) + self.position[len(position) :]
         self.program_position = self.frame.program(self.position)
         self._unmirrored.clear()
 
     def arrive(self, position: Point, program_position: Point, axes: Iterable[int]) -> None:
-        """A path has been laid to there; these axes were programmed."""
+        """The path leads there now; these axes were programmed."""
         self.position, self.program_position = position, program_position
         for axis in axes:
             self._unmirrored.pop(axis, None)
 
     @property
     def counted_from(self) -> Point:
-        """What incremental dimensions count from: without a mirror that was switched since an axis has moved.
-
-        The manual, 4.21: with G91 the target is worked out in the system that is not mirrored, and then mirrored.
-        """
+        """What G91 counts from: the target is worked out in the system before the mirror, then mirrored (4.21)."""
         return tuple(self._unmirrored.get(axis, value) for axis, value in enumerate(self.program_position))
 
     def renew(self) -> None:
-        """The frame may have changed: the axes stand where they do, and have other coordinates in the program."""
+        """The frame may have changed: the axes stay, and their program coordinates change."""
         known = (self.modal, self.rotation, self.shift, self.correction, self._length, self._parameters.revision)
         if known == self._known:
             return
@@ -146,7 +132,7 @@ class Coordinates:
             self.program_position = frame.program(self.position)
 
     def _keep_unmirrored(self, frame: Frame) -> None:
-        """Where the axes of the plane are in the new frame as the mirrors were before, if that makes a difference."""
+        """Keep the coordinates of the plane's axes as the mirrors were before, if they have changed."""
         old, plane = self.frame, frame.plane
         flags = (frame.mirror_first != old.mirror_first, frame.mirror_second != old.mirror_second)
         if not any(flags):
@@ -160,7 +146,7 @@ class Coordinates:
     # What they are used for
 
     def machine(self, frame: Frame, goal: Point, targets: Mapping[int, float]) -> Point:
-        """The machine's place of a target; axes without a word stay, unless the plane turns with them."""
+        """A target in machine coordinates; axes without a word stay, unless a rotation moves them."""
         place = frame.machine(goal)
         plane = frame.plane
         turned = frame.rotation is not None and (plane.first in targets or plane.second in targets)
@@ -196,7 +182,7 @@ class Coordinates:
         )
 
     def _senses(self, order: tuple[int, ...]) -> Point | None:
-        """P8892: a bit for each axis of the program that runs the other way."""
+        """P8892: a bit for each axis of the program that is turned round."""
         turned = int(self._parameters.get(P.MIRRORED))
         senses = tuple(-1.0 if turned >> order.index(axis) & 1 else 1.0 for axis in range(len(order)))
         return senses if -1.0 in senses else None
@@ -221,10 +207,8 @@ class Coordinates:
 
 
 def _exchanged(p: Parameters, axes: int) -> tuple[int, ...]:
-    """The machine's axis of each axis of the program: P8880 1 or 2, P8881 to P8889 each from (byte 2) to (byte 1).
-
-    What makes no exchange of all is none.
-    """
+    """The machine's axis of each axis of the program: P8880 1 or 2, P8881 to P8889 each from (byte 2) to (byte 1); no
+    exchange if they do not make a permutation."""
     order = list(range(axes))
     if p.get(P.EXCHANGE) in (1.0, 2.0):
         for number in range(P.EXCHANGE_FIRST, P.EXCHANGE_LAST + 1):
@@ -236,6 +220,25 @@ def _exchanged(p: Parameters, axes: int) -> tuple[int, ...]:
 
 
 def _plane_of(value: float, default: Plane) -> Plane:
-    """A plane as a parameter says: its axes, from 1, in the lower three bytes; the default if that is none."""
+    """A plane of three bytes, axes from 1; the default if they are not valid."""
     axes = tuple(byte(value, number) - 1 for number in (1, 2, 3))
     return Plane(*axes) if sorted(axes) == [0, 1, 2] else default
+
+
+def start_state(p: Parameters) -> Iterator[int]:
+    """G functions that a program begins with, beyond START (P8830, P8853, P8650 to the first deleted one)."""
+    if zero := int(p.get(P.START_ZERO)):
+        yield _known(zero, ZERO)
+    if coordinates := int(p.get(P.START_COORDINATES)):
+        yield _known(coordinates, COORDINATES)
+    for number in range(P.START_G_FIRST, P.START_G_LAST + 1):
+        if not p.loaded(number):
+            return
+        yield _known(int(p.get(number)), None)
+
+
+def _known(number: int, group: int | None) -> int:
+    """Check that a G function is modal, and of that group. Raises ProgramError M1249."""
+    if GROUPS.get(number) is None or (group is not None and GROUPS[number] != group):
+        raise ProgramError(Code.WRONG_START_STATE, f"G{number} at the start of a program")
+    return number

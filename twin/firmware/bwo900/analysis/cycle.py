@@ -1,8 +1,8 @@
-"""A cycle that is being carried out: what it is called with, and what each of its moves is to the path (manual 6.4, 7).
+"""A cycle being carried out: its call, and the path of each of its moves (manual 6.4, 7).
 
     block with G81 ... G99 --> which cycles --> Call --> cycles/ --> Move --> elements and changes of a PathBlock
 
-What the block says besides comes with the first move (functions before the path) or behind the last one.
+Other words of the block come with the first move (functions before the path) or after the last one.
 A pattern cycle (G86 to G89) carries out a machining cycle at each of its places.
 """
 
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from isel_twin.firmware.bwo900.analysis.coordinates import Coordinates
-from isel_twin.firmware.bwo900.analysis.cycles.call import Call, Kind, Move
+from isel_twin.firmware.bwo900.analysis.cycles.call import Call, CycleMove, Kind
 from isel_twin.firmware.bwo900.analysis.cycles.moves import Moves
 from isel_twin.firmware.bwo900.analysis.functions import Functions
 from isel_twin.firmware.bwo900.analysis.reader import Reader
@@ -21,48 +21,40 @@ from isel_twin.firmware.bwo900.analysis.said import Said
 from isel_twin.firmware.bwo900.analysis.stack import Goal, Level
 from isel_twin.firmware.bwo900.analysis.targets import Targets
 from isel_twin.firmware.bwo900.analysis.tools import Tools
-from isel_twin.firmware.bwo900.geometry.blocks import BlockEnd, Correction, Machine, Stop
+from isel_twin.firmware.bwo900.geometry.blocks import BlockEnd, Correction, MFunction, Stop
 from isel_twin.firmware.bwo900.geometry.elements import Element
 from isel_twin.firmware.bwo900.geometry.groups import Modal
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.numbers import Axis, G, P
 from isel_twin.firmware.bwo900.parameters import Parameters
 
-CYCLE_PARAMETERS: Final = (
-    *range(P.CYCLES_FIRST, P.CYCLES_LAST + 1),
-    *range(P.PATTERNS_FIRST, P.PATTERNS_LAST + 1),
-)
-"""P that a cycle is told, as they are when it begins."""
+CYCLE_PARAMETERS: Final = (*range(P.CYCLES_FIRST, P.CYCLES_LAST + 1), *range(P.PATTERNS_FIRST, P.PATTERNS_LAST + 1))
+"""P that a cycle gets, as they are when it begins."""
 MOTION: Final[Mapping[Kind, int]] = {
-    Kind.RAPID: 0,
-    Kind.LINE: 1,
-    Kind.CLOCKWISE: 2,
-    Kind.COUNTER_CLOCKWISE: 3,
-    Kind.TAP: 1,
-}
-"""G00 to G03."""
+    Kind.RAPID: G.RAPID, Kind.LINE: G.LINE, Kind.TAP: G.LINE, Kind.CLOCKWISE: G.CIRCLE_CLOCKWISE,
+    Kind.COUNTER_CLOCKWISE: G.CIRCLE_COUNTER_CLOCKWISE,
+}  # fmt: skip
 
 
 @dataclass
 class Cycle:
-    """What its block has said, and what comes at the end of it."""
+    """A cycle under way, and what comes at its end."""
 
     said: Said
     level: Level
     moves: Moves
-    post: list[Machine]
+    post: list[MFunction]
     stop: Stop
-    modal: Modal
-    """In force again at its end."""
+    modal: Modal  # in force again at its end
     comes: bool
-    """Its first move only comes to where a pattern begins: functions before the path wait for that."""
+    """Its first move only leads to the pattern: functions before the path come after it."""
     goal: Goal | None = None
 
 
 def chosen(numbers: Sequence[int], staying: int | None) -> tuple[int, int | None, int | None]:
-    """Of the cycles of a block: the one that is called, the pattern and the machining cycle, None if there is none.
+    """Of the cycles of a block: the one that is called, the pattern and the machining cycle.
 
-    staying: the drilling cycle that is in force without a word. Raises ProgramError M1232: too many of them.
+    staying: the drilling cycle in force. Raises ProgramError M1232: too many of them.
     """
     numbers = [G.DRILLING if number == G.DRILLING_WITH_DWELL else number for number in numbers]
     pattern = next((n for n in numbers if G.RAY <= n <= G.CIRCLE_OF_PLACES), None)
@@ -73,7 +65,7 @@ def chosen(numbers: Sequence[int], staying: int | None) -> tuple[int, int | None
 
 
 def comes_first(pattern: int | None, coordinates: Coordinates, targets: Mapping[int, float]) -> bool:
-    """Whether a pattern begins with a move to where it lies."""
+    """True if a pattern begins with a move to where it lies."""
     plane = coordinates.frame.plane
     return pattern == G.CIRCLE_OF_PLACES or (
         pattern is not None and not {plane.first, plane.second}.isdisjoint(targets)
@@ -91,7 +83,7 @@ def call_of(
     *,
     bare: bool,
 ) -> Call:
-    """What a cycle is told. bare: G66."""
+    """bare: G66."""
     loaded = {number: parameters.get(number) for number in CYCLE_PARAMETERS if parameters.loaded(number)}
     fastest = max((parameters.axis(axis, Axis.SPEED, 0.0) for axis in range(len(coordinates.names))), default=0.0)
     return Call(
@@ -111,9 +103,9 @@ def call_of(
 
 
 def step(
-    move: Move, said: Said, coordinates: Coordinates, targets: Targets, functions: Functions, programmed: int
+    move: CycleMove, said: Said, coordinates: Coordinates, targets: Targets, functions: Functions, programmed: int
 ) -> tuple[tuple[Element, ...], dict[str, object]]:
-    """Elements of a move, and what its PathBlock has that its block does not say. programmed: 0 to 3, of G00 to G03."""
+    """Elements of a move, and fields of its PathBlock that differ from its block's. programmed: 0 to 3, G00 to G03."""
     coordinates.g(MOTION.get(move.kind, programmed))
     said.feed, said.dwell_s = move.feed_mm_min, move.dwell_s
     elements: tuple[Element, ...] = ()
@@ -122,7 +114,7 @@ def step(
         elements = (targets.arc(said, move.target, move.centre, turn),)
     elif move.target:
         elements = targets.path(said, move.target)
-    post = tuple(Machine(code, (), functions.of(code).halt) for code in move.m)
+    post = tuple(MFunction(code, (), functions.of(code).halt) for code in move.m)
     changes: dict[str, object] = {"post": post, "main": False, "correction": Correction()}
     if move.exact_stop or move.dwell_s is not None:
         changes["end"] = BlockEnd.EXACT_STOP

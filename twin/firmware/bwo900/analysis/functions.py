@@ -22,15 +22,12 @@ CONTROLLING: Final = frozenset((
     M.END,
 ))  # fmt: skip
 """Those that control the program (manual 6.1); M06 does both."""
-IN_SYSTEM: Final = 200
-"""M0 to M199 are defined in P11050 .. P11099 unless q158 says otherwise."""
+IN_SYSTEM: Final = 200  # M0 to M199 are defined in P11050 .. P11099 unless q158 says otherwise
 HIGHEST: Final = 999
 
 
 @dataclass(frozen=True, slots=True)
 class Definition:
-    """What is done with an M function."""
-
     pre: bool = True
     post: bool = False
     halt: bool = False
@@ -40,25 +37,25 @@ class Definition:
 
 
 class Functions:
-    """The definitions in force: those of the table as it was when they were taken over, from HAND to AUTO."""
+    """The table as it was when last taken over, from HAND to AUTO."""
 
     def __init__(self, parameters: Parameters) -> None:
         self._parameters = parameters
         self.take_over()
 
     def take_over(self) -> None:
-        """The table as it is now counts."""
+        """Read the table anew."""
         p = self._parameters
         in_channel = bool(p.get(Q.M_IN_CHANNEL, 0.0, "q"))
         self._bits: dict[int, float] = {}
-        """Four of them, by the lowest number; those that nobody has defined are missing."""
+        """Four definitions each, by their lowest number / 4; without empty places."""
         for place in range(HIGHEST // 4 + 1):
             in_system = 4 * place < IN_SYSTEM and not in_channel
             if bits := p.get((P.M_TABLE_COMMON if in_system else P.M_TABLE) + place):
                 self._bits[place] = bits
 
     def of(self, number: int) -> Definition:
-        """The definition of an M function; one that nobody has defined goes before the path, without halt."""
+        """The definition of an M function; without one it goes before the path, without halt."""
         place, part = divmod(number, 4)
         bits = byte(self._bits.get(place, 0.0), part + 1)
         if not bits:
@@ -84,15 +81,8 @@ def _packed(definitions: Mapping[int, int]) -> dict[int, float]:
 
 FACTORY_FUNCTIONS: Final[Mapping[int, float]] = _packed(
     {
-        M.HALT: POST | HALT,
-        M.SYNCHRONISE: POST,
-        M.SPINDLE_RIGHT: PRE,
-        M.SPINDLE_LEFT: PRE,
-        M.SPINDLE_OFF: POST,
-        M.TOOL_CHANGE: PRE | HALT | SYNCHRONISES,
-        M.COOLANT_1_ON: PRE,
-        M.COOLANT_2_ON: PRE,
-        M.COOLANT_OFF: POST,
+        M.HALT: POST | HALT, M.SYNCHRONISE: POST, M.SPINDLE_RIGHT: PRE, M.SPINDLE_LEFT: PRE, M.SPINDLE_OFF: POST,
+        M.TOOL_CHANGE: PRE | HALT | SYNCHRONISES, M.COOLANT_1_ON: PRE, M.COOLANT_2_ON: PRE, M.COOLANT_OFF: POST,
     }
-)
+)  # fmt: skip
 """By P: the table that the control comes with; the manual's is empty."""

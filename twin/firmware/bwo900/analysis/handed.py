@@ -1,4 +1,4 @@
-"""What a block that calls a cycle of the user hands to it in parameters (manual 8.5, P8640, P8642; P9700 to P9799).
+"""Arguments of a user cycle, handed over in parameters (manual 8.5, P8640, P8642; P9700 to P9799).
 
     P8640 = 1    G1001 X10 F500 M7    -->  P9700: 10, P9739: 500, P9740: 1001, P9750: 7; nothing else is done
     P8642: 100   with P100: 72 (H), P101: 75 (K), P102: 0       G1001 H3 K-1    -->  P9790: 3, P9791: -1
@@ -15,14 +15,13 @@ from typing import Final
 from isel_twin.firmware.bwo900.analysis.values import Values
 from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.parameters import Parameters
-from isel_twin.firmware.bwo900.programs.syntax import Block
+from isel_twin.firmware.bwo900.programs.words import ProgramBlock
 
 OTHERS: Final[Mapping[str, int]] = {
     "I": P.HANDED_I, "J": P.HANDED_J, "K": P.HANDED_K, "R": P.HANDED_R, "T": P.HANDED_T, "f": P.HANDED_END_FEED,
     "F": P.HANDED_FEED,
 }  # fmt: skip
-MOST: Final = 8
-"""G and M functions, spindles."""
+MOST: Final = 8  # G and M functions, spindles
 
 
 def clear(p: Parameters) -> None:
@@ -37,9 +36,9 @@ def clear(p: Parameters) -> None:
                     p.write(number, None)
 
 
-def handed(block: Block, p: Parameters, values: Values, names: Mapping[str, int]) -> Block:
-    """Hand over what is to be; what is left of the block. names: axes by their letters. Raises ProgramError."""
-    own = _own(p)
+def handed(block: ProgramBlock, p: Parameters, values: Values, names: Mapping[str, int]) -> ProgramBlock:
+    """Write the arguments; returns the rest of the block. names: axes by their letters. Raises ProgramError."""
+    own = {letter: P.HANDED_OWN + at for at, letter in enumerate(_letters(p))}
     for word in block.words:
         if word.name in own:
             p.write(own[word.name], values.of(word.value))
@@ -47,8 +46,7 @@ def handed(block: Block, p: Parameters, values: Values, names: Mapping[str, int]
     if p.get(P.HANDED_WHOLE) != 1.0:
         return replace(block, words=words)
     for word in words:
-        number = _number(word.name, names)
-        if number is not None:
+        if (number := _number(word.name, names)) is not None:
             p.write(number, values.of(word.value))
     for at, g in enumerate(block.g[:MOST]):
         p.write(P.HANDED_G + at, float(g.number))
@@ -61,12 +59,8 @@ def handed(block: Block, p: Parameters, values: Values, names: Mapping[str, int]
     return replace(block, words=(), m=(), g=())
 
 
-def _own(p: Parameters) -> dict[str, int]:
-    """Words of the list that P8642 points to: their parameter."""
-    return {letter: P.HANDED_OWN + at for at, letter in enumerate(_letters(p))}
-
-
 def _letters(p: Parameters) -> Iterator[str]:
+    """Words of the list that P8642 points to."""
     first = int(p.get(P.HANDED_LIST))
     for at in range(P.HANDED_LAST - P.HANDED_OWN + 1 if first > 0 else 0):
         code = int(p.get(first + at))

@@ -4,199 +4,141 @@
            ---> Waiting       for a block to be executed (M01), a parameter (waituntil), an M function with a jump
            ---> None          the program has ended
 
-    stack.py       which block is next: programs inside each other, loops, jumps, calls
-    values.py      what its expressions are worth: parameters, symbols
-    reader.py      what it says: G, M, S, T            --> said.py
-    targets.py     where it leads: axes, circles       --> elements, by coordinates.py
-    cycle.py       the moves of a cycle
+    stack --> block --> values (expressions), reader (G, M, S, T --> said), targets (axes, circles), cycle --> output
 
-In a block: parameters, jumps by comparison, jumps by M functions, then G functions, tool, path; the subprogram call is
-the last thing. What a block does to the path is one PathBlock; what a cycle does is one for each of its moves.
+Within a block: parameters, jumps by comparison, M functions with a jump, then G functions, tool, path; last the call of
+a subprogram. A block of the program makes one PathBlock, a cycle one for each of its moves.
 
-Everything that it knows is in its attributes, so that a control is copied with it. Whoever executes its blocks calls
-`executed` when M01 has come by, and `acknowledged` for an M function with a jump.
+All state is in attributes, so that a control can be copied. Whoever executes the blocks calls `executed` after M01,
+and `acknowledged` for an M function with a jump.
 """
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import replace
-from enum import Enum
+from collections.abc import Callable, Mapping
 from typing import Final
 
-from isel_twin.firmware.bwo900.analysis.coordinates import Coordinates
+from isel_twin.firmware.bwo900.analysis.coordinates import Coordinates, start_state
 from isel_twin.firmware.bwo900.analysis.cycle import Cycle, call_of, chosen, comes_first, step
 from isel_twin.firmware.bwo900.analysis.cycles.moves import Moves
+from isel_twin.firmware.bwo900.analysis.cycles.table import CYCLES
 from isel_twin.firmware.bwo900.analysis.handed import clear
+from isel_twin.firmware.bwo900.analysis.output import Output
 from isel_twin.firmware.bwo900.analysis.reader import Reader
-from isel_twin.firmware.bwo900.analysis.said import Said, correction, path_block
+from isel_twin.firmware.bwo900.analysis.said import Said
 from isel_twin.firmware.bwo900.analysis.stack import Goal, Level, Stack
+from isel_twin.firmware.bwo900.analysis.supervision import OFF, ON, Supervision
 from isel_twin.firmware.bwo900.analysis.targets import Targets
 from isel_twin.firmware.bwo900.analysis.tools import Tools
 from isel_twin.firmware.bwo900.analysis.values import Values
-from isel_twin.firmware.bwo900.geometry.blocks import Machine, PathBlock, Stop
+from isel_twin.firmware.bwo900.analysis.waiting import Renewal, Waiting
+from isel_twin.firmware.bwo900.geometry.blocks import MFunction, PathBlock, Stop
 from isel_twin.firmware.bwo900.geometry.elements import Element, Point
 from isel_twin.firmware.bwo900.geometry.frames import Frame
-from isel_twin.firmware.bwo900.geometry.groups import COORDINATES, GROUPS, PLANE, ZERO, ZERO_POINTS
+from isel_twin.firmware.bwo900.geometry.groups import GROUPS, PLANE, ZERO_POINTS
 from isel_twin.firmware.bwo900.geometry.in_force import AT_REST, InForce
 from isel_twin.firmware.bwo900.messages import Code, Message, ProgramError
-from isel_twin.firmware.bwo900.numbers import SC, G, M, P
-from isel_twin.firmware.bwo900.parameters import Parameters, byte
+from isel_twin.firmware.bwo900.numbers import G, P
+from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.programs.expressions import whole
 from isel_twin.firmware.bwo900.programs.stored import Store
-from isel_twin.firmware.bwo900.programs.syntax import Block
+from isel_twin.firmware.bwo900.programs.words import ProgramBlock
 
-MOST_KEPT: Final = 100_000
-"""Moves of a cycle that supervision keeps (M8006)."""
-WITH_Z5, WITHOUT_TABLE = 0x01, 0x02
-"""Bits of P8807, byte 1: T needs Z5; T takes nothing from the table."""
-
-
-class Waiting(Enum):
-    """What analysis waits for."""
-
-    EXECUTION = "the last block, to be executed"
-    CONDITION = "the parameters that waituntil asks for"
-    ACKNOWLEDGEMENT = "the M function with a jump"
-    BEGINNING = "the path of the last block, to begin (sc:2)"
-    FEED = "the next block of a program that is fed"
-    PASS = "the next pass: a block of supervision (sc:1) has been analysed"
+MOST_KEPT: Final = 100_000  # moves of a cycle that supervision keeps (M8006)
 
 
 class Interpreter:
-    """One channel's interpreter."""
-
-    def __init__(self, parameters: Parameters, store: Store, *, cycles: Mapping[int, object] | None = None) -> None:
-        """cycles: functions of cycles by their G number, `Call -> Iterator[Move]`; None: those of `cycles.table`."""
-        if cycles is None:
-            from isel_twin.firmware.bwo900.analysis.cycles.table import CYCLES
-
-            cycles = CYCLES
+    def __init__(self, parameters: Parameters, store: Store, *, cycles: Mapping[int, object] = CYCLES) -> None:
+        """cycles: functions of cycles by their G number, `Call -> Iterator[CycleMove]`."""
         self._parameters, self._store, self._cycles = parameters, store, dict(cycles)
         self._tools = Tools(parameters)
         self.on_write: Callable[[int, float | None], None] | None = None
         """Told of parameters P that programs write."""
-        self._stack = Stack(store)
+        self.stack = Stack(store)  # others only read it
         self._values = Values(parameters, self._written)
         self._coordinates = Coordinates(parameters, self._tools.length_mm)
-        self._reader = Reader(parameters, store, self._stack, self._values, self._coordinates, self._cycles)
+        self._reader = Reader(parameters, store, self.stack, self._values, self._coordinates, self._tools, self._cycles)
         self._targets = Targets(parameters, self._values, self._coordinates)
+        self._output = Output(parameters, self.stack, self._coordinates, self._targets, self._tools)
+        self._ready = self._output.ready
+        self._supervision = Supervision(self._ready)
         self._reset((0.0, 0.0, 0.0))
 
     def _reset(self, position: Point) -> None:
-        self._stack.clear()
+        self.stack.clear()
         self._values.clear()
         self._coordinates.reset(position, self._tools.length_mm)
         self._reader.clear()
         self._targets.clear()
-        self._ready: deque[PathBlock] = deque()
+        self._output.clear()
+        self._supervision.clear()
         self._cycle_now: Cycle | None = None
         self._waiting: Waiting | None = None
-        self._supervises = False
-        """sc:1, sc:2: what blocks come to stays here."""
-        self._kept: list[PathBlock] = []
-        self._stale = self._measured = False
-        """A block that was waited for has been executed; it had M00."""
-        self._changing = self._activating = False
-        """The block that is waited for changes the tool, activates its data."""
-        self._lets_go = False
-        """The block has said sc:0 or sc:100."""
-        self._tool: int | None = None
+        self._due = Renewal.NOTHING  # what counts anew once the block that is waited for has been executed
+        self._renewal: Renewal | None = None  # the same after that, with the next block
         self._jump_to: Goal | None = None
         self._otherwise: Goal | None = None
         """Where the block leads to if its M function with a jump is not acknowledged."""
-        self._watched = False
-        """A block with M26 has not been executed yet: nothing with a path is analysed."""
+        self._watched = False  # a block with M26 is not executed yet: no path is analysed
         self._skips = False
-        self._told: tuple[object, InForce] = (None, AT_REST)
-        """What holds, and what the last block has been told of it: one for all until it changes."""
 
     def begin(self, name: str, position: Point, block: int | None = None, skips: bool = False) -> None:
-        """Begin a program, at a block if one is given. position: of the axes, machine coordinates, mm. skips: `/` does.
+        """Begin a program, at a block if given. position: machine coordinates, mm. skips: blocks with `/` are left out.
 
         Raises ProgramError: M1252 there is no such program, M1255 no such block.
         """
         program = self._store.find(name)
         place = 0 if block is None else program.place(block)
         self._reset(position)
-        self._stack.begin(program, place)
+        self.stack.begin(program, place)
         self._skips = skips
         if self._parameters.get(P.TOOL_LOCK):
             self._parameters.write(P.TOOL_LOCK, 0.0)
         clear(self._parameters)
-        for number in _starting(self._parameters):
+        for number in start_state(self._parameters):
             self._coordinates.g(number)
         self._coordinates.renew()
 
-    # ---- what there is to see ---------------------------------------------------------------------------------------
+    # What others see
 
     @property
     def active(self) -> bool:
-        """A program is being analysed."""
-        return bool(self._stack)
+        return bool(self.stack)
 
     @property
     def waiting(self) -> Waiting | None:
-        """What it waits for."""
         return self._waiting
 
     @property
     def notes(self) -> list[Message]:
-        """Messages that stop or are shown, and do not break off; whoever executes takes them."""
+        """Messages that do not break off; whoever executes the blocks takes them."""
         return self._targets.notes
 
     @property
-    def place(self) -> Goal:
-        """Name of the program and number of the block that is analysed, 0 if it has none."""
-        return self._stack.place
-
-    @property
-    def opened(self) -> frozenset[str]:
-        """Programs that have been, or are, open since it was begun."""
-        return self._stack.opened
-
-    @property
-    def open(self) -> frozenset[str]:
-        """Those that are open."""
-        return self._stack.open
-
-    @property
     def frame(self) -> Frame:
-        """Coordinates of the next block, and of the last one without a program."""
+        """Coordinates of the next block; without a program those of the last one."""
         return self._coordinates.frame
 
     @property
-    def loop(self) -> tuple[int, int]:
-        """Passes and the present pass of the innermost loop of the program that is analysed; 0, 0: none is open."""
-        return self._stack.loop
-
-    @property
-    def loops(self) -> int:
-        """Loops that are open in the program that is analysed."""
-        return self._stack.loops
-
-    @property
     def in_force(self) -> InForce:
-        """What holds for the next block; without a program, what one begins with."""
-        return self._in_force(None) if self._stack else AT_REST
+        """What holds for the next block."""
+        return self._output.in_force(None) if self.stack else AT_REST
 
     @property
     def program_position(self) -> Point:
-        """The target that has been analysed last, in the program's coordinates."""
+        """The last target, in the program's coordinates."""
         return self._coordinates.program_position
 
-    # ---- what whoever executes tells it -----------------------------------------------------------------------------
+    # What the execution tells
 
     def put_back(self, *blocks: PathBlock) -> None:
-        """Blocks that are to come next."""
+        """These blocks come next."""
         self._ready.extendleft(reversed(blocks))
 
     def end(self) -> None:
-        """The program has ended or is broken off: its symbols, corrections and tool are gone."""
-        self._stack.clear()
-        self._stack.opened = frozenset()
+        """The program has ended or is broken off."""
+        self.stack.clear()
+        self.stack.opened = frozenset()
         self._waiting = None
         self._ready.clear()
         self._cycle_now = None
@@ -207,7 +149,7 @@ class Interpreter:
         self._watched = False
         if self._waiting is Waiting.EXECUTION:
             self._waiting = None
-            self._stale = True
+            self._renewal, self._due = self._due, Renewal.NOTHING
 
     def begun(self) -> None:
         """The path of the last block has begun."""
@@ -215,7 +157,7 @@ class Interpreter:
             self._waiting = Waiting.EXECUTION if self._watched else None
 
     def take_over_functions(self) -> None:
-        """The definitions of M functions are from now on as the table says now."""
+        """Read the table of M functions anew."""
         self._reader.functions.take_over()
 
     def acknowledged(self, jumps: bool) -> None:
@@ -227,15 +169,15 @@ class Interpreter:
             self._waiting = None
             goal = self._jump_to if jumps else self._otherwise
             self._jump_to = self._otherwise = None
-            if goal is not None and self._stack:
-                self._stack.go(goal)
+            if goal is not None and self.stack:
+                self.stack.go(goal)
 
     def stand(self, position: Point) -> None:
-        """The axes stand elsewhere than the path has got to: a deleted path, a move in another mode."""
+        """The axes stand elsewhere than the path ended: it was deleted, or another mode has moved them."""
         self._coordinates.stand(position)
 
     def hand(self, position: Point) -> None:
-        """HAND: its zero point (P8758) and plane (P8757) are those of what is shown. position: of the axes, mm."""
+        """HAND: take its zero point (P8758) and plane (P8757) for the display. position: of the axes, mm."""
         zero, plane = int(self._parameters.get(P.HAND_ZERO)), int(self._parameters.get(P.HAND_PLANE))
         plane = plane if GROUPS.get(plane) == PLANE else G.PLANE_XY
         length = self._tools.length_mm
@@ -244,32 +186,29 @@ class Interpreter:
         except ProgramError:  # the table of zero points is not where it ought to be
             self._coordinates.without_program(G.NO_ZERO, plane, length, position)
 
-    # ---- analysis ---------------------------------------------------------------------------------------------------
+    # Analysis
 
     def next(self) -> PathBlock | Waiting | None:
-        """Analyse until there is a block for the path, or nothing; one block of the program at most.
-
-        Raises ProgramError with the column; `place` tells which block. A block without anything for the path gives
-        an empty PathBlock, so that analysis takes its time with it, too.
-        """
+        """Analyse one block of the program at most. A block without a path gives an empty PathBlock, so that its
+        analysis takes time, too. Raises ProgramError with the column; `stack.place` tells which block."""
         if self._ready:
             return self._ready.popleft()
-        if self._stale:
-            self._refresh()
+        if self._renewal is not None:
+            self._renew(self._renewal)
         if self._cycle_now is not None:
             return self._next_of_cycle(self._cycle_now)
         if self._waiting is Waiting.CONDITION:
             self._waiting = None  # the block is looked at again
         if self._waiting is not None and not self.supervises_watched:
             return self._waiting
-        if not self._stack:
+        if not self.stack:
             return None
-        level = self._stack.top
+        level = self.stack.top
         if level.over:
             return self._returned(level) if level.program.complete else Waiting.FEED
         block = level.take()
         if block.skip and self._skips:
-            return self._empty(block)
+            return self._output.empty(block)
         try:
             locked = self._parameters.get(P.TOOL_LOCK) and block.word("T")
             if locked or (block.wait is not None and not self._values.holds(block)):
@@ -283,64 +222,45 @@ class Interpreter:
             raise
         if self._watched and self._waiting is None:
             self._waiting = Waiting.EXECUTION
-        if self._supervises and not self._lets_go and self._stays():
+        if self._supervision.keeping is ON and self._stays():
             return Waiting.PASS
-        return self._ready.popleft() if self._ready else self._empty(block)
+        return self._ready.popleft() if self._ready else self._output.empty(block)
 
-    def _refresh(self) -> None:
-        """What has changed while a block was waited for: the tool by M06; after M00 and Z6 its length counts anew."""
-        self._stale = False
-        if self._changing:
+    def _renew(self, renewal: Renewal) -> None:
+        """The block that was waited for has been executed."""
+        self._renewal = None
+        if renewal is Renewal.TOOL:
             self._tools.change()
-        if self._measured or self._changing or self._activating:
-            self._activate_tool()
-        self._changing = self._activating = False
+        if renewal is not Renewal.NOTHING:
+            self._coordinates.use_length(self._tools.length_mm)
         self._coordinates.renew()
 
-    def _empty(self, block: Block) -> PathBlock:
-        name = self._stack.top.program.name if self._stack else ""
-        return self._nothing(name, number=block.number or 0, column=block.column)
-
-    def _nothing(self, name: str, **others: object) -> PathBlock:
-        """A block of a program without a path."""
-        here = self._coordinates
-        fields: dict[str, object] = {"number": 0, "start": here.position, "plane": here.frame.plane, **others}
-        fields |= {"target": here.program_position, "in_force": self._in_force(None)}
-        fields |= {"correction": correction(here, self._tools)}
-        return PathBlock(name, **fields)  # type: ignore[arg-type]
-
-    def _in_force(self, cycle: int | None) -> InForce:
-        """What holds for a block; cycle: number of the one that it is a move of."""
-        here, stack = self._coordinates, self._stack
-        user, called_by = stack.cycle or ("", None)
-        number = int(user[1:]) if user else cycle
-        feed = self._targets.feed_mm_min or 0.0
-        now = here.modal, here.frame, feed, stack.depth, stack.caller, number, called_by, stack.loop
-        if now != self._told[0]:
-            self._told = now, InForce(*now)
-        return self._told[1]
-
     def _returned(self, level: Level) -> PathBlock:
-        """A subprogram has come to its end, or the main program has without M30."""
-        self._stack.pop()
+        """A subprogram has ended, or the main program without M30."""
+        self.stack.pop()
         if level.cycle:
             clear(self._parameters)
-        if not self._stack:
-            return self._nothing(level.program.name, stop=Stop.END)
+        if not self.stack:
+            return self._output.nothing(level.program.name, stop=Stop.END)
         if not level.change:
-            return self._nothing(level.program.name, main=False)
-        self._waiting, self._measured, self._activating = Waiting.EXECUTION, False, True
-        return self._nothing(level.program.name, main=False, stop=Stop.SYNCHRONISE)
+            return self._output.nothing(level.program.name, main=False)
+        self._waiting = Waiting.EXECUTION
+        if self._due is not Renewal.TOOL:
+            self._due = Renewal.LENGTH
+        return self._output.nothing(level.program.name, main=False, stop=Stop.SYNCHRONISE)
 
     # One block
 
-    def _execute(self, block: Block) -> None:
+    def _execute(self, block: ProgramBlock) -> None:
         """One block, in the manual's order."""
-        level = self._stack.top
-        self._call_system(block)
+        level = self.stack.top
+        if (block.calls or self._supervision.keeping is not OFF) and self._supervision.call(
+            whole(self._values.of(number)) for number in block.calls
+        ):
+            self._waiting = Waiting.BEGINNING
         later = self._values.assign(block)
         jump = self._values.jump(block)
-        said = Said(block, level.program.name, not self._stack.in_cycle, later, self._values.synchronises(block))
+        said = Said(block, level.program.name, not self.stack.in_cycle, later, self._values.synchronises(block))
         self._reader.read(said)
         waits = said.synchronises or said.jump is not None or (said.changes and said.call is not None)
         if waits and self._coordinates.modal.radius != G.RADIUS_OFF:
@@ -356,7 +276,7 @@ class Interpreter:
             self._conclude(goal, said, level)
 
     def _written(self, number: int, value: float | None) -> None:
-        """What a parameter P does besides being kept."""
+        """Effects of writing a parameter P."""
         self._coordinates.written(number, value)
         self._tools.command(number, value)
         if number == P.DELETE and not value:
@@ -365,7 +285,7 @@ class Interpreter:
             self.on_write(number, value)
 
     def command(self, number: int, value: float | None, *, in_hand: bool) -> None:
-        """The line has written a parameter P that may copy records of tools, or exchange and turn axes."""
+        """The line has written a parameter P: it may copy tool records, or exchange or turn axes."""
         self._tools.command(number, value, in_hand=in_hand)
         if P.EXCHANGE <= number <= P.MIRRORED:
             self._coordinates.renew()
@@ -379,8 +299,8 @@ class Interpreter:
                 self._coordinates.renew()
 
     def _words(self, said: Said) -> None:
-        """Path, feed, and what goes with them: a PathBlock, or those of a cycle."""
-        self._select(said)
+        """Path and feed: a PathBlock, or those of a cycle."""
+        self._reader.select_tool(said)
         taken = self._reader.drilling_words(said)
         self._targets.read_feed(said, taken)
         targets = self._targets.read_axes(said, taken)
@@ -393,33 +313,29 @@ class Interpreter:
         self._after(said)
 
     def _emit(self, said: Said, elements: tuple[Element, ...], **changes: object) -> None:
-        """A PathBlock of what the block has said, and what analysis waits for behind it."""
-        feed = self._targets.feed_mm_min
-        number = said.cycles[0] if said.cycles else None
-        told = self._in_force(number)
-        made = path_block(said, elements, self._coordinates, feed, self._tools, self._parameters, told)
-        if changes:
-            made = replace(made, **changes)  # type: ignore[arg-type]
-        self._ready.append(made)
+        """A PathBlock of what the block has said, and what analysis waits for after it."""
+        made = self._output.append(said, elements, **changes)
         self._watched = self._watched or made.watched
-        if made.stop is Stop.SYNCHRONISE or made.stop is Stop.MEASURING_STOP or said.synchronises or made.watched:
+        measured = made.stop is Stop.MEASURING_STOP
+        if made.stop is Stop.SYNCHRONISE or measured or said.synchronises or made.watched:
             self._waiting = Waiting.EXECUTION
-            self._measured = made.stop is Stop.MEASURING_STOP
+            if self._due in (Renewal.NOTHING, Renewal.MEASURED):
+                self._due = Renewal.MEASURED if measured else Renewal.NOTHING
             if made.stop is Stop.NONE:
-                self._ready[-1] = replace(made, stop=Stop.SYNCHRONISE)
+                self._output.restop(Stop.SYNCHRONISE)
         if said.jump is not None:
             self._waiting, self._jump_to = Waiting.ACKNOWLEDGEMENT, said.jump
 
     def _conclude(self, goal: Goal | None, said: Said, level: Level) -> None:
-        """What a block does last: it leads elsewhere. goal: of a jump; level: that of the block."""
+        """Jumps, calls and loops, which come last. goal: of a jump; level: that of the block."""
         if said.jump is not None:
             self._otherwise = goal
         elif goal is not None:
-            self._stack.go(goal)
+            self.stack.go(goal)
         elif said.call is not None:
-            self._stack.call(*said.call, change=said.changes)
+            self.stack.call(*said.call, change=said.changes)
         if said.hidden:
-            self._stack.call("Z5", None, None, change=False)
+            self.stack.call("Z5", None, None, change=False)
         if said.passes is not None:
             level.open_loop(said.passes)
         if said.loops_back:
@@ -429,68 +345,39 @@ class Interpreter:
 
     def _leave(self, said: Said, level: Level) -> None:
         """M02, M29, M30: a subprogram ends; the main program ends, or begins again."""
-        if self._stack.is_subprogram(level):
+        if self.stack.is_subprogram(level):
             if self._ready and self._ready[-1].stop in (Stop.END, Stop.REPEAT):
-                self._ready[-1] = replace(self._ready[-1], stop=Stop.NONE)
+                self._output.restop(Stop.NONE)
             level.leave()
         elif said.stop is Stop.REPEAT:
             level.repeat()
         else:
             if self._ready and self._ready[-1].stop is Stop.NONE:
-                self._ready[-1] = replace(self._ready[-1], stop=Stop.END)
-            self._stack.clear()
-
-    # Tools
-
-    def _select(self, said: Said) -> None:
-        """The tool of a T word, and M16."""
-        if said.tool is None:
-            return
-        flags = byte(self._parameters.get(P.START_FLAGS_2), 1)
-        self._parameters.write(
-            P.TOOL_INFO, float(M.TOOL_DATA if said.activates else M.TOOL_CHANGE if said.changes else 0)
-        )
-        word = said.block.word("T")
-        column = word.column if word else 0
-        if said.tool != self._tool and not flags & WITHOUT_TABLE:
-            with _at(column):
-                self._tools.request(said.tool)
-        self._tool = said.tool
-        said.parameters.append((P.TOOL_ASKED, float(said.tool)))
-        if said.activates:
-            with _at(column):
-                self._tools.reckon(said.tool)
-        else:
-            said.parameters += self._tools.requested()
-        said.hidden = "Z5" in self._store or bool(flags & WITH_Z5)
+                self._output.restop(Stop.END)
+            self.stack.clear()
 
     def _after(self, said: Said) -> None:
-        """What becomes true at the end of the block; the tool that the PLC changes, when it says so."""
+        """Tool change and length at the end of the block; if the PLC changes the tool, when it says so."""
         changed = said.changes and said.call is None
         if changed and self._waiting is Waiting.EXECUTION:
-            self._changing = True
+            self._due = Renewal.TOOL
         elif changed:
             self._tools.change()
-        if said.activates or said.length or (changed and not self._changing):
-            self._activate_tool()
-
-    def _activate_tool(self) -> None:
-        self._coordinates.use_length(self._tools.length_mm)
+        if said.activates or said.length or (changed and self._due is not Renewal.TOOL):
+            self._coordinates.use_length(self._tools.length_mm)
 
     # Cycles
 
     def _begin_cycle(self, said: Said, targets: Mapping[int, float]) -> None:
-        """The moves of a cycle, each a PathBlock of its own."""
         first, pattern, machining = chosen(said.cycles, self._reader.drilling)
         after, stop = list(said.post), said.stop
         said.post, said.stop, said.watches = [], Stop.NONE, False
-        here = self._coordinates
-        bare = G.BARE in said.blockwise
+        here, bare = self._coordinates, G.BARE in said.blockwise
         call = call_of(self._parameters, here, self._targets, self._reader, self._tools, targets, machining, bare=bare)
         moves, comes = Moves(self._cycles, first, call), comes_first(pattern, here, targets)
-        self._cycle_now = Cycle(said, self._stack.top, moves, after, stop, here.modal, comes)
+        self._cycle_now = Cycle(said, self.stack.top, moves, after, stop, here.modal, comes)
         self._go_on_with(self._cycle_now)
-        while self._supervises and self._cycle_now is not None:
+        while self._supervision.on and self._cycle_now is not None:
             if self._cycle_now.moves.made >= MOST_KEPT:
                 raise ProgramError(Code.CYCLE_SEQUENCE, f"more than {MOST_KEPT} moves under supervision")
             self._go_on_with(self._cycle_now)
@@ -498,9 +385,8 @@ class Interpreter:
     def _go_on_with(self, cycle: Cycle) -> None:
         """The next move of a cycle, or its end."""
         said = cycle.said
-        move = next(cycle.moves, None)
-        if move is not None:
-            pre: list[Machine] = []
+        if (move := next(cycle.moves, None)) is not None:
+            pre: list[MFunction] = []
             if cycle.comes and cycle.moves.made == 1:
                 pre, said.pre = said.pre, []
             elements, changes = step(
@@ -515,7 +401,7 @@ class Interpreter:
         self._after(said)
 
     def _next_of_cycle(self, cycle: Cycle) -> PathBlock:
-        """The block of a cycle's next move; with its end, what else its block does."""
+        """The block of a cycle's next move; at its end its jumps and calls, too."""
         try:
             self._go_on_with(cycle)
             if self._cycle_now is None:
@@ -528,69 +414,19 @@ class Interpreter:
 
     # Supervision
 
-    def _call_system(self, block: Block) -> None:
-        """`sc:n`: 0 blocks go on, 1 and 2 they stay (supervision), 100 those that stay go on now."""
-        self._lets_go = False
-        for expression in block.calls:
-            number = whole(self._values.of(expression))
-            if number not in SC.ALL:
-                raise ProgramError(Code.SYNTAX, f"sc:{number}; there are 0, 1, 2 and 100")
-            if number in (SC.GO_ON, SC.GO_NOW):
-                self._ready.extendleft(reversed(self._kept))
-                self._kept.clear()
-                self._lets_go = True
-            if number != SC.GO_NOW:
-                self._supervises = number in (SC.STAY, SC.STAY_AND_WAIT)
-            if number == SC.STAY_AND_WAIT:
-                self._waiting = Waiting.BEGINNING
-
     @property
     def supervises_watched(self) -> bool:
-        """A block with M26 is being executed, and the next one belongs to its supervision: it has no path."""
-        if not self._watched or self._waiting is not Waiting.EXECUTION or not self._stack or self._stack.top.over:
+        """A block with M26 is being executed, and the next one has no path: it belongs to its supervision."""
+        if not self._watched or self._waiting is not Waiting.EXECUTION or not self.stack or self.stack.top.over:
             return False
         try:
-            block = self._stack.top.program.block(self._stack.top.place)
+            block = self.stack.top.program.block(self.stack.top.place)
         except ProgramError:  # said when its turn comes
             return False
         moves = block.g or any(word.name[0] not in "FSTft" for word in block.words)
-        return not moves and (self._supervises or bool(block.calls))
+        return not moves and (self._supervision.on or bool(block.calls))
 
     def _stays(self) -> bool:
-        """Keep what a block of supervision has come to, unless it has functions or ends something."""
-        speaks = any(b.pre or b.post or b.stop is not Stop.NONE or b.parameters for b in self._ready)
+        """Keep the blocks of supervision, unless something is waited for."""
         waits = None if self._watched else self._waiting
-        if speaks or waits not in (None, Waiting.BEGINNING) or not self._stack:
-            return False
-        self._kept += [made for made in self._ready if made.elements or made.dwell_s is not None or made.speeds]
-        self._ready.clear()
-        return True
-
-
-@contextmanager
-def _at(column: int) -> Iterator[None]:
-    """What is wrong is wrong with the word there."""
-    try:
-        yield
-    except ProgramError as error:
-        error.column = error.column or column
-        raise
-
-
-def _starting(p: Parameters) -> Iterator[int]:
-    """G functions that a program begins with, beyond START (P8830, P8853, P8650 to the first deleted one)."""
-    if zero := int(p.get(P.START_ZERO)):
-        yield _known(zero, ZERO)
-    if coordinates := int(p.get(P.START_COORDINATES)):
-        yield _known(coordinates, COORDINATES)
-    for number in range(P.START_G_FIRST, P.START_G_LAST + 1):
-        if not p.loaded(number):
-            return
-        yield _known(int(p.get(number)), None)
-
-
-def _known(number: int, group: int | None) -> int:
-    """A G function that stays, of that group if one is given. Raises ProgramError M1249."""
-    if GROUPS.get(number) is None or (group is not None and GROUPS[number] != group):
-        raise ProgramError(Code.WRONG_START_STATE, f"G{number} at the start of a program")
-    return number
+        return waits in (None, Waiting.BEGINNING) and bool(self.stack) and self._supervision.keep()

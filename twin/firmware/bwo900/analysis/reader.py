@@ -1,15 +1,16 @@
-"""G functions, M functions, tools and speeds of a block: what it says besides its path (manual 4, 5, 7.1).
+"""Reads G and M functions, tools and speeds of a block (manual 4, 5, 7.1).
 
     G        of a group: in force until another one; blockwise; a cycle; a program Z of that number
     M        program organisation (0, 1, 2, 16, 23 to 30), cycles, the rest to the PLC, before or after the path
     T t tr tl tq S      tool and spindles
 
-Two of a group in one block, numbers that are in no table, and what is not in the twin are errors with their column.
+Two of a group in one block, unknown numbers, and what is not in the twin are errors with their column.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Final
 
 from isel_twin.firmware.bwo900.analysis.coordinates import Coordinates
@@ -17,25 +18,27 @@ from isel_twin.firmware.bwo900.analysis.functions import Functions
 from isel_twin.firmware.bwo900.analysis.handed import handed
 from isel_twin.firmware.bwo900.analysis.said import Called, Said
 from isel_twin.firmware.bwo900.analysis.stack import Goal, Stack
+from isel_twin.firmware.bwo900.analysis.tools import Tools
 from isel_twin.firmware.bwo900.analysis.values import Values
-from isel_twin.firmware.bwo900.geometry.blocks import Machine, Stop
+from isel_twin.firmware.bwo900.geometry.blocks import MFunction, Stop
 from isel_twin.firmware.bwo900.geometry.groups import BEYOND, BLOCKWISE, GROUPS, MIRROR, SHIFT, ZERO, ZERO_POINTS
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.numbers import G, M, P, Q
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
 from isel_twin.firmware.bwo900.programs.expressions import whole
 from isel_twin.firmware.bwo900.programs.stored import Store
-from isel_twin.firmware.bwo900.programs.syntax import Block, MWord, Word
+from isel_twin.firmware.bwo900.programs.words import MWord, ProgramBlock, Word
 
 CENTRES: Final = "IJK"
 LONGEST_DWELL_S: Final = 999_999.999
 DRILLING: Final = frozenset((G.DRILLING, G.DRILLING_WITH_DWELL, G.DEEP_HOLE, G.TAPPING, G.BORING))
 STAYING, ADDRESSED = 0x01, 0x02
 """Bits of P8806, byte 3: drilling cycles stay until G80; their parameters are words."""
+WITH_Z5, WITHOUT_TABLE = 0x01, 0x02  # bits of P8807, byte 1: T needs Z5; T takes nothing from the table
 
 
 class Reader:
-    """Reads blocks, and remembers what stays: spindle and drilling cycle."""
+    """Reads blocks; keeps spindle and drilling cycle."""
 
     def __init__(
         self,
@@ -44,25 +47,24 @@ class Reader:
         stack: Stack,
         values: Values,
         coordinates: Coordinates,
+        tools: Tools,
         cycles: Collection[int],
     ) -> None:
         """cycles: numbers of the G functions that are cycles."""
         self._parameters, self._store, self._stack, self._values = parameters, store, stack, values
-        self._coordinates, self._cycles = coordinates, cycles
+        self._coordinates, self._tools, self._cycles = coordinates, tools, cycles
         self.functions = Functions(parameters)
         self.clear()
 
     def clear(self) -> None:
         """A program begins."""
-        self.speed_rpm: float | None = None
-        """S of the first spindle."""
-        self.turning = 0
-        """+1 M03, -1 M04, 0 M05."""
-        self.drilling: int | None = None
-        """The drilling cycle that stays."""
+        self.speed_rpm: float | None = None  # S of the first spindle
+        self.turning = 0  # +1 M03, -1 M04, 0 M05
+        self._tool: int | None = None
+        self.drilling: int | None = None  # the drilling cycle that stays
 
     def read(self, said: Said) -> None:
-        """G functions, tools and speeds, M functions; what a zero point does to G92."""
+        """G functions, tools and speeds, M functions. A zero point ends G92."""
         if (cycle := self._cycle_of_user(said.block)) is not None:
             said.block = handed(said.block, self._parameters, self._values, self._coordinates.names)
             said.call = cycle
@@ -88,18 +90,13 @@ class Reader:
 
     # G functions
 
-    def _cycle_of_user(self, block: Block) -> Called | None:
+    def _cycle_of_user(self, block: ProgramBlock) -> Called | None:
         """The cycle Z that the block calls."""
-        numbers = (g.number for g in block.g)
-        known = (n for n in numbers if not (n in GROUPS or n in BLOCKWISE or n in BEYOND or n in self._cycles))
-        return next(
-            (
-                (f"Z{n}", None, None)
-                for n in known
-                if n not in (G.DRILLING_OFF, G.DRILLING_WITH_DWELL) and f"Z{n}" in self._store
-            ),
-            None,
-        )
+        for n in (g.number for g in block.g):
+            own = n in GROUPS or n in BLOCKWISE or n in BEYOND or n in self._cycles
+            if not own and n not in (G.DRILLING_OFF, G.DRILLING_WITH_DWELL) and f"Z{n}" in self._store:
+                return f"Z{n}", None, None
+        return None
 
     def _g(self, number: int, said: Said, column: int) -> None:
         group = GROUPS.get(number)
@@ -121,20 +118,14 @@ class Reader:
             raise ProgramError(Code.NO_PROGRAM, f"G{number} is no path condition, and there is no Z{number}", column)
 
     def _of_group(self, number: int, group: int, said: Said, column: int) -> None:
-        """One that is in force from now on."""
         if group in said.groups and said.groups[group] != number and group != MIRROR:
             raise ProgramError(Code.EXCLUDED, f"G{said.groups[group]} and G{number}", column)
         said.groups[group] = number
-        if (
-            number in ZERO_POINTS
-            and number >= G.ZERO_7
-            and number // 100 > int(self._parameters.get(Q.ZERO_MORE, 0.0, "q"))
-        ):
+        additional = number in ZERO_POINTS and number >= G.ZERO_7
+        if additional and number // 100 > int(self._parameters.get(Q.ZERO_MORE, 0.0, "q")):
             raise ProgramError(Code.EXCLUDED, f"G{number}: q174 allows no such zero point", column)
-        if group == SHIFT:
-            said.shifts = True
-        if group == ZERO:
-            said.zero_cleared = True
+        said.shifts = said.shifts or group == SHIFT
+        said.zero_cleared = said.zero_cleared or group == ZERO
         self._coordinates.g(number)
 
     @property
@@ -142,7 +133,7 @@ class Reader:
         return byte(self._parameters.get(P.START_FLAGS_1), 3)
 
     def drilling_words(self, said: Said) -> frozenset[str]:
-        """Words that are parameters of the block's drilling cycle; their names."""
+        """Names of words that are parameters of the block's drilling cycle."""
         if not DRILLING.intersection(said.cycles) or not self._drill_flags & ADDRESSED:
             return frozenset()
         third = self._coordinates.frame.plane.third
@@ -182,6 +173,27 @@ class Reader:
                 said.speeds[spindle] = value(word.value)
                 if spindle == 1:
                     self.speed_rpm = said.speeds[spindle]
+
+    def select_tool(self, said: Said) -> None:
+        """The tool of a T word, and M16."""
+        if said.tool is None:
+            return
+        flags = byte(self._parameters.get(P.START_FLAGS_2), 1)
+        info = M.TOOL_DATA if said.activates else M.TOOL_CHANGE if said.changes else 0
+        self._parameters.write(P.TOOL_INFO, float(info))
+        word = said.block.word("T")
+        column = word.column if word else 0
+        if said.tool != self._tool and not flags & WITHOUT_TABLE:
+            with _at(column):
+                self._tools.request(said.tool)
+        self._tool = said.tool
+        said.parameters.append((P.TOOL_ASKED, float(said.tool)))
+        if said.activates:
+            with _at(column):
+                self._tools.reckon(said.tool)
+        else:
+            said.parameters += self._tools.requested()
+        said.hidden = "Z5" in self._store or bool(flags & WITH_Z5)
 
     # M functions
 
@@ -247,7 +259,7 @@ class Reader:
         return name, values[1] if len(values) == 2 else None, last
 
     def _machine_function(self, m: MWord, values: tuple[int | None, ...], said: Said) -> None:
-        """One for the PLC, or a cycle, or with a jump."""
+        """One for the PLC, a cycle, or one with a jump."""
         if m.number == M.TOOL_CHANGE and "Z6" in self._store:
             said.call, said.changes = ("Z6", None, None), True
             return
@@ -266,7 +278,7 @@ class Reader:
             raise ProgramError(Code.M_DEFINED_OTHERWISE, f"M{m.number} {wrong}", m.column)
         if defined.jump:
             said.jump = self._goal(values, m)
-        function = Machine(m.number, tuple(float(v or 0) for v in values), defined.halt, defined.jump)
+        function = MFunction(m.number, tuple(float(v or 0) for v in values), defined.halt, defined.jump)
         if defined.pre:
             said.pre.append(function)
         if defined.post:
@@ -274,3 +286,13 @@ class Reader:
         self.turning = {M.SPINDLE_RIGHT: 1, M.SPINDLE_LEFT: -1, M.SPINDLE_OFF: 0}.get(m.number, self.turning)
         said.synchronises = said.synchronises or defined.synchronises
         said.changes = said.changes or m.number == M.TOOL_CHANGE
+
+
+@contextmanager
+def _at(column: int) -> Iterator[None]:
+    """Errors are of the word in this column."""
+    try:
+        yield
+    except ProgramError as error:
+        error.column = error.column or column
+        raise

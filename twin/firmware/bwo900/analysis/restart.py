@@ -17,19 +17,18 @@ from typing import Final
 
 from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter, Waiting
 from isel_twin.firmware.bwo900.geometry.blocks import BlockEnd, PathBlock, Stop
-from isel_twin.firmware.bwo900.geometry.elements import Line, Point
+from isel_twin.firmware.bwo900.geometry.elements import Point, Straight
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.numbers import P
 
 APPROACHES: Final = 2.0
-MOST_BLOCKS: Final = 1_000_000
-"""A program that does not come by its block within so many is a loop."""
+MOST_BLOCKS: Final = 1_000_000  # a program that does not reach the block within so many is a loop
 
 
 def find(
     interpreter: Interpreter, name: str, number: int, position: Point, write: Callable[[int, float | None], None]
 ) -> None:
-    """Analyse up to a block of a program that has been begun: the way to it and the block itself are what comes next.
+    """Analyse a begun program up to a block: the way to it and the block come next.
 
     position: where the axes stand, mm. Raises ProgramError M1255 if the program ends before it, and its own.
     """
@@ -56,7 +55,7 @@ def find(
 
 
 def _way(block: PathBlock, position: Point) -> PathBlock:
-    elements = () if position == block.start else (Line(position, block.start),)
+    elements = () if position == block.start else (Straight(position, block.start),)
     return PathBlock(
         block.program,
         block.number,

@@ -14,71 +14,53 @@ from isel_twin.firmware.bwo900.analysis.coordinates import Coordinates
 from isel_twin.firmware.bwo900.analysis.stack import Goal
 from isel_twin.firmware.bwo900.analysis.tools import Tools
 from isel_twin.firmware.bwo900.analysis.values import Later
-from isel_twin.firmware.bwo900.geometry.blocks import BlockEnd, Correction, Machine, PathBlock, Stop
+from isel_twin.firmware.bwo900.geometry.blocks import BlockEnd, Correction, MFunction, PathBlock, Stop
 from isel_twin.firmware.bwo900.geometry.elements import Element
 from isel_twin.firmware.bwo900.geometry.in_force import InForce
 from isel_twin.firmware.bwo900.numbers import G, P
 from isel_twin.firmware.bwo900.parameters import Parameters
-from isel_twin.firmware.bwo900.programs.syntax import Block
+from isel_twin.firmware.bwo900.programs.words import ProgramBlock
 
 Called: TypeAlias = tuple[str, int | None, int | None]
-"""A program, and its first and last block if they are named."""
+"""Program, first and last block if named."""
 
 
 @dataclass
 class Said:
     """What a block has said so far."""
 
-    block: Block
+    block: ProgramBlock
     program: str
-    main: bool
-    """It is one of a program, not of a cycle's."""
+    main: bool  # True for a block of a program, False for one of a cycle
     parameters: Later = field(default_factory=list)
-    synchronises: bool = False
-    """Analysis waits until it has been executed."""
-    blockwise: set[int] = field(default_factory=set)
-    """G functions that hold for it alone."""
-    groups: dict[int, int] = field(default_factory=dict)
-    """The G function of each group that it has."""
+    synchronises: bool = False  # analysis waits until it has been executed
+    blockwise: set[int] = field(default_factory=set)  # G functions that hold for it alone
+    groups: dict[int, int] = field(default_factory=dict)  # the G function of each group that it has
     cycles: list[int] = field(default_factory=list)
-    pre: list[Machine] = field(default_factory=list)
-    post: list[Machine] = field(default_factory=list)
+    pre: list[MFunction] = field(default_factory=list)
+    post: list[MFunction] = field(default_factory=list)
     speeds: dict[int, float] = field(default_factory=dict)
     dwell_s: float | None = None
-    feed: float | None = None
-    """Of a cycle's move, in place of F."""
+    feed: float | None = None  # of a cycle's move, in place of F
     end_feed: float | None = None
     tool: int | None = None
     stop: Stop = Stop.NONE
-    goal: Goal | None = None
-    """M23."""
-    jump: Goal | None = None
-    """Of an M function with a jump."""
-    call: Called | None = None
-    """A subprogram, its first and last block."""
-    hidden: bool = False
-    """T calls Z5."""
-    passes: int | None = None
-    """M24."""
-    loops_back: bool = False
-    """M25."""
-    returns: bool = False
-    """M02."""
-    activates: bool = False
-    """M16: the tool data count from here on."""
-    changes: bool = False
-    """M06."""
-    length: bool = False
-    """`tl`: another tool length."""
-    watches: bool = False
-    """M26."""
-    shifts: bool = False
-    """G92."""
-    zero_cleared: bool = False
-    """A zero point: G92 is gone."""
+    goal: Goal | None = None  # M23
+    jump: Goal | None = None  # of an M function with a jump
+    call: Called | None = None  # a subprogram, its first and last block
+    hidden: bool = False  # T calls Z5
+    passes: int | None = None  # M24
+    loops_back: bool = False  # M25
+    returns: bool = False  # M02
+    activates: bool = False  # M16: the tool data count from here on
+    changes: bool = False  # M06
+    length: bool = False  # `tl`: another tool length
+    watches: bool = False  # M26
+    shifts: bool = False  # G92
+    zero_cleared: bool = False  # a zero point: G92 is gone
 
     def goes_elsewhere(self) -> None:
-        """A jump by comparison is taken: functions that control the program are not carried out beside it."""
+        """A comparison jumps: functions of the block that control the program are left out."""
         self.goal = self.passes = None
         self.loops_back = self.returns = False
         if self.stop in (Stop.END, Stop.REPEAT):
@@ -94,10 +76,10 @@ def path_block(
     parameters: Parameters,
     in_force: InForce,
 ) -> PathBlock:
-    """What a block is to the path. feed_mm_min: F in force. in_force: what else is."""
-    rapid = coordinates.modal.motion == G.RAPID
+    """The PathBlock of what a block has said. feed_mm_min: F in force."""
+    rapid, alone = coordinates.modal.motion == G.RAPID, said.blockwise
     feed = said.feed if said.feed is not None else feed_mm_min
-    chamfer_mm, rounding_mm = _transition(parameters) if G.CORNER in said.blockwise else (None, None)
+    chamfer_mm, rounding_mm = _transition(parameters) if alone and G.CORNER in alone else (None, None)
     return PathBlock(
         program=said.program,
         number=said.block.number or 0,
@@ -110,11 +92,11 @@ def path_block(
         end_feed_mm_min=said.end_feed,
         override=coordinates.modal.override != G.OVERRIDE_FIXED,
         end=_end(said, coordinates, rapid, parameters),
-        correction=Correction() if elements and G.BARE in said.blockwise else correction(coordinates, tools),
+        correction=Correction() if alone and elements and G.BARE in alone else correction(coordinates, tools),
         tool_mm=abs(tools.radius_mm) if elements and not rapid else 0.0,
         chamfer_mm=chamfer_mm,
         rounding_mm=rounding_mm,
-        three_points=G.THREE_POINTS in said.blockwise,
+        three_points=bool(alone) and G.THREE_POINTS in alone,
         pre=tuple(said.pre),
         post=tuple(said.post),
         dwell_s=said.dwell_s,
@@ -138,11 +120,12 @@ def _transition(p: Parameters) -> tuple[float | None, float | None]:
 
 
 def _end(said: Said, coordinates: Coordinates, rapid: bool, parameters: Parameters) -> BlockEnd:
-    """How the path ends: as functions and dwell ask for, G08 or G09, G28 or G29, P8858 for rapid ones."""
-    halting = any(function.halt for function in (*said.pre, *said.post))
-    if G.EXACT_STOP_HERE in said.blockwise or said.dwell_s is not None or halting:
+    """How the path ends; in order: functions and dwell, G08 or G09, G28 or G29, P8858 for rapid paths."""
+    alone, functions = said.blockwise, said.pre or said.post
+    halting = functions and any(function.halt for function in (*said.pre, *said.post))
+    if halting or said.dwell_s is not None or (alone and G.EXACT_STOP_HERE in alone):
         return BlockEnd.EXACT_STOP
-    if G.NO_EXACT_STOP_HERE in said.blockwise:
+    if alone and G.NO_EXACT_STOP_HERE in alone:
         return BlockEnd.CONTINUOUS
     if coordinates.modal.exact == G.EXACT_STOP_ON:
         return BlockEnd.EXACT_STOP

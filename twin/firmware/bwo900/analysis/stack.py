@@ -1,4 +1,4 @@
-"""Programs inside each other: where the next block is, loops, jumps, calls (manual 6).
+"""The call stack: the next block, loops, jumps, calls (manual 6).
 
     top ->   | P200   place 3   loops (2 of 5 passes)  |    M28, G of a Z program: `call`
              | P100   place 17                         |    M23, a true comparison: `go`
@@ -15,54 +15,47 @@ from typing import Final, TypeAlias
 
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.programs.stored import Blocks, Store
-from isel_twin.firmware.bwo900.programs.syntax import Block
+from isel_twin.firmware.bwo900.programs.words import ProgramBlock
 
-DEEPEST_CALLS: Final = 6
-"""Subprograms inside each other (M1220)."""
-DEEPEST_LOOPS: Final = 32
-"""M24 inside each other (M1218); the manual names no number."""
+DEEPEST_CALLS: Final = 6  # nested subprograms (M1220)
+DEEPEST_LOOPS: Final = 32  # nested M24 (M1218); the manual names no number
 
-Goal: TypeAlias = tuple[str, int]
-"""A program and the number of a block of it."""
+Goal: TypeAlias = tuple[str, int]  # a program and the number of a block of it
 
 
 @dataclass
 class Level:
-    """A program that is being executed: the place of the next block, where it ends, and its loops."""
+    """An open program: the place of its next block, its end, its loops."""
 
     program: Blocks
     place: int = 0
-    last: int | None = None
-    """Place of the last block to be executed, of a call with an end."""
+    last: int | None = None  # place of the last block to be executed, of a call with an end
     loops: list[tuple[int, int, int]] = field(default_factory=list)
-    """Place after M24, passes that are left, this one included, and all of them."""
-    cycle: bool = False
-    """It was called as a cycle: its blocks are intermediate ones."""
-    change: bool = False
-    """It is Z6: at its end the tool data are activated."""
+    """Place after M24, passes left, with the present one, and all passes."""
+    cycle: bool = False  # called as a cycle: its blocks are intermediate ones
+    change: bool = False  # Z6: at its end the tool data are activated
 
     @property
     def over(self) -> bool:
-        """There is no next block, or none that has come yet."""
+        """There is no next block, or a fed one has not come yet."""
         return self.place >= len(self.program) or (self.last is not None and self.place > self.last)
 
     @property
     def last_taken(self) -> Goal:
-        """Its name and the number of the block that was taken last."""
+        """Its name, and the number of its last block taken."""
         return self.program.name, max(self.program.number(max(self.place - 1, 0)), 0)
 
-    def take(self) -> Block:
-        """The next block; the one behind it is the next now. Raises ProgramError for a block that makes no sense."""
+    def take(self) -> ProgramBlock:
+        """The next block; steps on. Raises ProgramError for a block that cannot be read."""
         block = self.program.block(self.place)
         self.place += 1
         return block
 
     def leave(self) -> None:
-        """Nothing more of it."""
         self.place, self.last = len(self.program), None
 
     def repeat(self) -> None:
-        """From its first block on, without open loops. Raises ProgramError M1269."""
+        """Begin again. Raises ProgramError M1269."""
         self._leads_back("M29")
         self.place, self.loops = 0, []
 
@@ -92,14 +85,13 @@ class Stack:
         self._store = store
         self._levels: list[Level] = []
         self.opened: frozenset[str] = frozenset()
-        """Programs that have been open; whoever carries them out clears it."""
+        """Programs that have been open since the start; the interpreter clears it at the end."""
 
     def __len__(self) -> int:
         return len(self._levels)
 
     @property
     def top(self) -> Level:
-        """What is being executed; there must be something."""
         return self._levels[-1]
 
     @property
@@ -113,22 +105,19 @@ class Stack:
 
     @property
     def open(self) -> frozenset[str]:
-        """Names of those that are open."""
         return frozenset(level.program.name for level in self._levels)
 
     @property
     def depth(self) -> int:
-        """Subprograms that are open."""
         return max(len(self._levels) - 1, 0)
 
     @property
     def loops(self) -> int:
-        """Loops that are open on top."""
         return len(self._levels[-1].loops) if self._levels else 0
 
     @property
     def loop(self) -> tuple[int, int]:
-        """Of the innermost open loop on top: its passes, and the present one; 0, 0 without one."""
+        """Passes of the innermost loop on top, and the present one; 0, 0 without a loop."""
         if not self._levels or not self._levels[-1].loops:
             return 0, 0
         _, left, passes = self._levels[-1].loops[-1]
@@ -136,12 +125,12 @@ class Stack:
 
     @property
     def caller(self) -> Goal:
-        """Program and block that have called the one on top; empty for a main program."""
+        """Program and block that called the one on top; "", 0 for a main program."""
         return self._levels[-2].last_taken if len(self._levels) > 1 else ("", 0)
 
     @property
     def cycle(self) -> tuple[str, Goal] | None:
-        """The cycle of the user that is open, and the place in a program that has called it; None: there is none."""
+        """The open user cycle, and where a program called it; None: there is none."""
         for below, level in pairwise(self._levels):
             if level.cycle:
                 return level.program.name, below.last_taken
@@ -153,20 +142,17 @@ class Stack:
         return any(level.cycle for level in self._levels)
 
     def is_subprogram(self, level: Level) -> bool:
-        """Whether this level is on top, and not the main program's."""
+        """True if this level is on top, and not the main program's."""
         return len(self._levels) > 1 and self._levels[-1] is level
 
     def begin(self, program: Blocks, place: int) -> None:
-        """A main program, from a place on."""
         self._levels = [Level(program, place)]
         self.opened = self.open
 
     def clear(self) -> None:
-        """No program any more."""
         self._levels = []
 
     def pop(self) -> None:
-        """The one on top has come to its end."""
         self._levels.pop()
 
     def go(self, goal: Goal) -> None:

@@ -17,30 +17,28 @@ from isel_twin.firmware.bwo900.analysis.reader import CENTRES
 from isel_twin.firmware.bwo900.analysis.said import Said
 from isel_twin.firmware.bwo900.analysis.values import Values
 from isel_twin.firmware.bwo900.geometry.circles import arc_by_centre, arc_by_radius
-from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Line, Point
+from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Point, Straight
 from isel_twin.firmware.bwo900.geometry.frames import Frame, polar
-from isel_twin.firmware.bwo900.geometry.groups import CORRECTION
+from isel_twin.firmware.bwo900.geometry.groups import CIRCLES, CORRECTION
 from isel_twin.firmware.bwo900.messages import Code, Message, ProgramError, message
 from isel_twin.firmware.bwo900.numbers import G, P, Q
 from isel_twin.firmware.bwo900.parameters import Parameters
 
-NEAR_MM: Final = 1e-9
-"""Paths shorter than this are none."""
+NEAR_MM: Final = 1e-9  # shorter paths are left out
 
 
 class Targets:
-    """Makes elements of words, and moves the coordinates to their end."""
+    """Turns words into elements, and moves the coordinates to their end."""
 
     def __init__(self, parameters: Parameters, values: Values, coordinates: Coordinates) -> None:
         self._parameters, self._values, self._coordinates = parameters, values, coordinates
         self.notes: list[Message] = []
-        """Messages that stop or are shown, and do not break off; whoever executes takes them."""
+        """Messages that do not break the program off; whoever executes the blocks takes them."""
         self.clear()
 
     def clear(self) -> None:
         """A program begins."""
         self.feed_mm_min: float | None = None
-        """F, None before there is one."""
         self._centre: dict[str, float] = {}
         self._radius: float | None = None
         self._pole, self._polar, self._polar_correction = (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)
@@ -63,15 +61,16 @@ class Targets:
                 self._radius = self._values.of(word.value)
 
     def read_axes(self, said: Said, taken: frozenset[str]) -> dict[int, float] | None:
-        """Targets in program coordinates by axis; None if the block has none. G44, G92 and poles take theirs.
+        """Targets in program coordinates by axis; None if the block has none, or G44, G92 or a pole takes them.
 
-        taken: words of a drilling cycle; its depth alone drills where the tool stands.
+        taken: words of a drilling cycle; with its depth alone it drills where the tool stands.
         """
         coordinates = self._coordinates
         names, modal, plane = coordinates.names, coordinates.modal, coordinates.frame.plane
         named: dict[int, float] = {}
         radial: dict[str, float] = {}
-        letters = self._polar_letters() if modal.polar == G.POLAR_ON else {}
+        in_polar = modal.polar == G.POLAR_ON
+        letters = self._polar_letters() if in_polar else {}
         for word in said.block.words:
             if word.name in taken:
                 if word.name in names:
@@ -83,11 +82,11 @@ class Targets:
                 radial[letters[word.name]] = self._values.of(word.value)
             elif word.name[0] not in "FSTIJKRft":
                 raise ProgramError(Code.UNKNOWN_AXIS, word.name, word.column)
-        if said.shifts or said.groups.get(CORRECTION) == G.AXIS_CORRECTION_ON:
+        if said.shifts or (said.groups and said.groups.get(CORRECTION) == G.AXIS_CORRECTION_ON):
             self._consume(named, radial, said)
             return None
         relative = set(named)
-        if modal.polar == G.POLAR_ON:
+        if in_polar:
             self._read_pole(named.pop(plane.first, None), named.pop(plane.second, None))
             relative = set(named)
             if radial:
@@ -99,7 +98,7 @@ class Targets:
         return self._absolute(named, relative, said) if named else None
 
     def _polar_letters(self) -> dict[str, str]:
-        """Words of radius and angle: q150 and q151, x and c where nobody has set them."""
+        """Letters of radius (r) and angle (a): q150 and q151."""
         radius, angle = (
             chr(int(self._parameters.get(q, default, "q")))
             for q, default in ((Q.POLAR_RADIUS, ord("x")), (Q.POLAR_ANGLE, ord("c")))
@@ -107,11 +106,11 @@ class Targets:
         return {radius: "r", angle: "a"}
 
     def _read_pole(self, u: float | None, v: float | None) -> None:
-        """With G10 the axes of the plane are the pole."""
+        """With G10 the words of the plane's axes set the pole."""
         self._pole = (self._pole[0] if u is None else u, self._pole[1] if v is None else v)
 
     def _consume(self, named: Mapping[int, float], radial: Mapping[str, float], said: Said) -> None:
-        """G92, G44: the words are a shift or a correction, nothing moves. G44 corrects radius and angle, too."""
+        """G92, G44: the words are a shift or a correction; nothing moves. G44 also corrects radius and angle."""
         coordinates = self._coordinates
         if said.shifts:
             coordinates.shift = tuple(named.get(axis, 0.0) for axis in range(len(coordinates.names)))
@@ -124,14 +123,14 @@ class Targets:
         coordinates.renew()
 
     def _absolute(self, named: Mapping[int, float], relative: set[int], said: Said) -> dict[int, float]:
-        """Targets from words: with G91 those of `relative` count from where the program is, with G66 the machine."""
+        """Absolute targets: with G91 the axes of `relative` count from `_counted_from`."""
         if self._coordinates.modal.dimension == G.ABSOLUTE:
             return dict(named)
         now = self._counted_from(said)
         return {axis: value + (now[axis] if axis in relative else 0.0) for axis, value in named.items()}
 
     def _counted_from(self, said: Said) -> Point:
-        """What G91 counts from."""
+        """What G91 counts from: where the program is, with G66 the machine."""
         coordinates = self._coordinates
         bare = G.BARE in said.blockwise
         return coordinates.frame.bare.program(coordinates.position) if bare else coordinates.counted_from
@@ -139,29 +138,27 @@ class Targets:
     # Elements
 
     def path(self, said: Said, targets: Mapping[int, float]) -> tuple[Element, ...]:
-        """The elements to a target. Moves the position there. Raises ProgramError: M1230 no feed, those of circles."""
+        """The elements to a target; the position moves there. Raises ProgramError: M1230 no feed, those of circles."""
         coordinates = self._coordinates
         frame, start, bare = self._frame_of(said)
         goal = tuple(targets.get(axis, value) for axis, value in enumerate(start))
-        if G.THREE_POINTS in said.blockwise and coordinates.modal.motion == G.RAPID:
+        if said.blockwise and G.THREE_POINTS in said.blockwise and coordinates.modal.motion == G.RAPID:
             coordinates.g(G.LINE)
         motion = coordinates.modal.motion
         end = coordinates.machine(frame, goal, targets)
-        element: Element | None
-        if motion in (G.CIRCLE_CLOCKWISE, G.CIRCLE_COUNTER_CLOCKWISE) and self._turns(targets):
+        element: Element | None = None
+        if motion in CIRCLES and self._turns(targets):
             element = self._circle(said, frame, start, end)
-        else:
-            element = Line(coordinates.position, end) if math.dist(coordinates.position, end) > NEAR_MM else None
+        elif math.dist(coordinates.position, end) > NEAR_MM:
+            element = Straight(coordinates.position, end)
         if element is not None and motion and self.feed_mm_min is None and said.feed is None:
             raise ProgramError(Code.NO_FEED)
         coordinates.arrive(end, coordinates.frame.program(end) if bare else goal, targets)
         return () if element is None else (element,)
 
     def arc(self, said: Said, targets: Mapping[int, float], centre: tuple[float, float], turn: int) -> Arc:
-        """The arc of a cycle about a centre; turn: +1 counter-clockwise in the program. Moves the position to its end.
-
-        targets and centre in program coordinates.
-        """
+        """The arc of a cycle; the position moves to its end. Targets and centre in program coordinates, turn: +1
+        counter-clockwise there."""
         coordinates = self._coordinates
         frame, start, bare = self._frame_of(said)
         goal = tuple(targets.get(axis, value) for axis, value in enumerate(start))
@@ -171,26 +168,26 @@ class Targets:
         return made
 
     def _frame_of(self, said: Said) -> tuple[Frame, Point, bool]:
-        """The frame that a block's places are in, where the path has got to in it, and whether it is G66's."""
+        """The frame of a block, the position in it, and True for that of G66."""
         coordinates = self._coordinates
-        if G.BARE in said.blockwise:
+        if said.blockwise and G.BARE in said.blockwise:
             bare = coordinates.frame.bare
             return bare, bare.program(coordinates.position), True
         return coordinates.frame, coordinates.program_position, False
 
     def _about(self, frame: Frame, centre: tuple[float, float], end: Point, turn: int) -> Arc:
-        """The arc about a centre of the program; P8843: how much its radii may differ."""
+        """The arc about a centre of the program. P8843: largest difference of its radii."""
         here, there = self._coordinates.position, frame.centre(centre)
         turn = -turn if frame.mirrored else turn
         return arc_by_centre(here, end, frame.plane, there, turn, self._parameters.given(P.CENTRE_ERROR, 0.003))
 
     def _turns(self, targets: Mapping[int, float]) -> bool:
-        """Whether a block with G02 or G03 has a circle to make."""
+        """True if a block with G02 or G03 makes a circle."""
         plane = self._coordinates.frame.plane
         return plane.first in targets or plane.second in targets or bool(self._centre or self._radius)
 
     def _circle(self, said: Said, frame: Frame, start: Point, end: Point) -> Arc:
-        """The arc to a target: by radius, or by the centre of I, J, K. start: of the program."""
+        """The arc to a target: by radius, or by centre I, J, K. start: in program coordinates."""
         coordinates, plane = self._coordinates, frame.plane
         turn = 1 if coordinates.modal.motion == G.CIRCLE_COUNTER_CLOCKWISE else -1
         if self._radius is not None:

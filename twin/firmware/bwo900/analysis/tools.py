@@ -20,8 +20,7 @@ from isel_twin.firmware.bwo900.parameters import Parameters, byte
 SIZE: Final = 50
 GROUP, NUMBER, PLACE, LIFE_SET, LIFE, WORN, RADIUS, LENGTH = 0, 1, 2, 6, 7, 8, 10, 11
 RADIUS_CORRECTION, LENGTH_CORRECTION, QUADRANT = 12, 13, 14
-SUB_RECORDS: Final = 8
-"""Where the sub records of an entry begin."""
+SUB_RECORDS: Final = 8  # where the sub records of an entry begin
 
 COPIES: Final[Mapping[tuple[int, int], Sequence[tuple[int, int]]]] = {
     (P.TOOL_TAKE, 1): ((P.TOOL_REQUESTED, P.TOOL_SPINDLE), (P.TOOL_REQUESTED, P.TOOL_PATH)),
@@ -29,26 +28,26 @@ COPIES: Final[Mapping[tuple[int, int], Sequence[tuple[int, int]]]] = {
     (P.TOOL_COPY, 1): ((P.TOOL_SPINDLE, P.TOOL_PATH),),
     (P.TOOL_COPY, 2): ((P.TOOL_REQUESTED, P.TOOL_PATH),),
 }
-"""Records that a command copies, from and to: by its parameter and byte 1 of what is written there (8.5)."""
+"""Copies of records, (from, to), by parameter and byte 1 of its value (8.5)."""
 TAKE_REAL_TIME, PUT_BACK = (P.TOOL_TAKE, 2), (P.TOOL_PUT_BACK, 1)
 
 
 def told(number: int) -> bool:
-    """Whether a parameter is one of those of a record that have a value without a tool, too: 0, as of T0."""
+    """True for a parameter of a record that reads 0 without a tool, as for T0."""
     return P.TOOL_REQUESTED <= number < P.TOOL_REAL_TIME + SIZE and (number - P.TOOL_REQUESTED) % SIZE <= QUADRANT
 
 
 class Tools:
-    """The tools of a control, all of it in its parameters."""
+    """The tools of a control; all their data are in its parameters."""
 
     def __init__(self, parameters: Parameters) -> None:
         self._parameters = parameters
         self._radius: tuple[int, float] = (-1, 0.0)
-        """Revision of the parameters, and the radius that they have come to: every block asks for it."""
+        """Cache: revision of the parameters and the radius at it, for every block asks."""
 
     @property
     def radius_mm(self) -> float:
-        """Of the path's tool, with correction, less that of the teach tool; negative: the other side."""
+        """Of the path's tool, corrected, minus the teach tool's; negative: the other side."""
         p = self._parameters
         if self._radius[0] != p.revision:
             radius = p.get(P.TOOL_PATH + RADIUS) + p.get(P.TOOL_PATH + RADIUS_CORRECTION) - p.get(P.TEACH_RADIUS)
@@ -57,24 +56,21 @@ class Tools:
 
     @property
     def length_mm(self) -> float:
-        """Of the path's tool, with correction."""
+        """Of the path's tool, corrected."""
         return self._parameters.get(P.TOOL_PATH + LENGTH) + self._parameters.get(P.TOOL_PATH + LENGTH_CORRECTION)
 
     def address(self, number: int, sub_record: int = 0) -> int:
-        """First parameter of an entry of the table, from 1; of one of its sub records, from 1 (manual, q177)."""
+        """First parameter of an entry of the table, or of its sub record; both from 1 (manual, q177)."""
         p = self._parameters
         size = int(p.given(Q.TOOL_SIZE, 20.0, "q"))
         first = int(p.get(Q.TOOL_TABLE, 21_000, "q")) + (number - 1) * size
         if not sub_record:
             return first
-        return (
-            first
-            + SUB_RECORDS
-            + (sub_record - 1) * ((size - SUB_RECORDS) // int(p.given(Q.TOOL_SUB_RECORDS, 1.0, "q")))
-        )
+        each = (size - SUB_RECORDS) // int(p.given(Q.TOOL_SUB_RECORDS, 1.0, "q"))
+        return first + SUB_RECORDS + (sub_record - 1) * each
 
     def find(self, group: int) -> int:
-        """Place in the table, from 1, of a tool group that still lives.
+        """Place in the table, from 1, of a tool of this group that is not worn.
 
         Raises ProgramError: M1225 no table, M1050 no such group, M1053 all its tools have lived their time.
         """
@@ -85,9 +81,8 @@ class Tools:
         for number in range(1, self._count + 1):
             first = self.address(number)
             if p.loaded(first) and p.get(first) == group:
-                if p.get(first + WORN) != 1.0 and (
-                    not p.get(first + LIFE_SET) or p.get(first + LIFE) < p.get(first + LIFE_SET)
-                ):
+                lives = not p.get(first + LIFE_SET) or p.get(first + LIFE) < p.get(first + LIFE_SET)
+                if lives and p.get(first + WORN) != 1.0:
                     return number
                 worn = True
         raise ProgramError(Code.TOOL_WORN if worn else Code.NO_TOOL, f"T{group}")
@@ -97,7 +92,7 @@ class Tools:
         return max(int(self._parameters.get(Q.TOOLS, 0.0, "q")), 0)
 
     def request(self, group: int) -> None:
-        """T: the entry goes to the PLC's record; the tool in the spindle comes from there. Raises as `find` does."""
+        """T: the entry, or the spindle's record, goes to the PLC's record. Raises as `find` does."""
         if group == 0:
             self._clear(P.TOOL_REQUESTED)
         elif self._parameters.get(P.TOOL_SPINDLE) == group:
@@ -106,7 +101,7 @@ class Tools:
             self._fetch(self.find(group), P.TOOL_REQUESTED)
 
     def requested(self) -> list[tuple[int, float | None]]:
-        """What the record of real time becomes when the block of the last `request` is executed."""
+        """Parameters of the real time's record when the block of the last `request` is executed."""
         p = self._parameters
         values = (p.get(P.TOOL_REQUESTED + n) if p.loaded(P.TOOL_REQUESTED + n) else None for n in range(SIZE))
         return [(P.TOOL_REAL_TIME + n, value) for n, value in enumerate(values)]
@@ -119,7 +114,7 @@ class Tools:
             self._fetch(self.find(group), P.TOOL_PATH)
 
     def change(self) -> None:
-        """M06 is acknowledged: the old tool is in the table again, the requested one in spindle and path."""
+        """M06 is acknowledged: the old tool goes to the table, the requested one to spindle and path."""
         self.put_back()
         self.copy(P.TOOL_REQUESTED, P.TOOL_SPINDLE)
         self.copy(P.TOOL_REQUESTED, P.TOOL_PATH)
@@ -129,14 +124,13 @@ class Tools:
         group = int(self._parameters.get(P.TOOL_SPINDLE))
         if not group:
             return
-        number = self._entry(group)
-        if number is not None:
+        if (number := self._entry(group)) is not None:
             for offset in range(self._size):
                 self._move(P.TOOL_SPINDLE + offset, self.address(number) + offset)
         self._clear(P.TOOL_SPINDLE)
 
     def _entry(self, group: int) -> int | None:
-        """Place in the table of the tool in the spindle: what P8101 says, or else the first of its group."""
+        """Place in the table of the tool in the spindle: P8101, or else the first of its group."""
         p = self._parameters
         own = int(p.get(P.TOOL_SPINDLE + NUMBER))
         if 1 <= own <= self._count:
@@ -160,16 +154,15 @@ class Tools:
         p.write(P.TOOL_LOCK, 0.0)
         if in_hand:
             self.copy(P.TOOL_SPINDLE, P.TOOL_PATH)
-        number = self._entry(int(p.get(P.TOOL_SPINDLE)))
-        if number is not None:
+        if (number := self._entry(int(p.get(P.TOOL_SPINDLE)))) is not None:
             p.write(self.address(number) + PLACE, 0.0)
 
     def end(self) -> None:
-        """The program has ended or was broken off: the tool in the spindle is reckoned with."""
+        """The program has ended: the path's tool is that of the spindle."""
         self.copy(P.TOOL_SPINDLE, P.TOOL_PATH)
 
     def copy(self, source: int, target: int) -> None:
-        """A whole record to another."""
+        """Copy a record."""
         for offset in range(SIZE):
             self._move(source + offset, target + offset)
 
@@ -178,7 +171,7 @@ class Tools:
         return min(int(self._parameters.given(Q.TOOL_SIZE, 20.0, "q")), SIZE)
 
     def _fetch(self, number: int, target: int) -> None:
-        """An entry of the table to a record, which says where it is from."""
+        """Copy an entry of the table to a record, with its number."""
         self._clear(target)
         for offset in range(self._size):
             self._move(self.address(number) + offset, target + offset)

@@ -7,8 +7,9 @@ P100 : 5               at once, while the block is analysed; real-time parameter
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TypeAlias
+from collections.abc import Callable, Mapping
+from operator import eq, ge, gt, le, lt, ne
+from typing import Final, TypeAlias
 
 from isel_twin.firmware.bwo900.analysis.tools import told
 from isel_twin.firmware.bwo900.messages import LOCKED, Code, ProgramError
@@ -22,55 +23,55 @@ from isel_twin.firmware.bwo900.programs.expressions import (
     evaluate,
     whole,
 )
-from isel_twin.firmware.bwo900.programs.syntax import Assign, Block
+from isel_twin.firmware.bwo900.programs.words import Assign, ProgramBlock
 
 Later: TypeAlias = list[tuple[int, float | None]]
 """Parameters P that are written when a block is executed: number, value."""
 
 
 class Values:
-    """What expressions of a program are evaluated against: an `expressions.Environment`."""
+    """Implements `expressions.Environment`."""
 
     def __init__(self, parameters: Parameters, written: Callable[[int, float | None], None]) -> None:
-        """written: is told of a parameter P that a block has written."""
+        """written: called for each parameter P that a block writes."""
         self._parameters, self._written = parameters, written
         self._symbols: dict[str, float] = {}
         self._bound: dict[str, int] = {}
 
     def clear(self) -> None:
-        """A program begins: symbols mean nothing yet."""
+        """A program begins."""
         self._symbols, self._bound = {}, {}
 
     def parameter(self, area: str, number: int, channel: int) -> float:
-        """See expressions.Environment; records of tools say T0 where there has never been one."""
+        """Records of tools read 0, as T0, where there has never been one."""
         if area == "P" and channel == 1 and told(number):
             return self._parameters.get(number)
         return self._parameters.read(area, number, channel)
 
     def symbol(self, name: str, index: int) -> float:
-        """See expressions.Environment: a bound symbol is its parameter, another one a variable, 0 before it is set."""
+        """A bound symbol is its parameter, another one a variable, 0 before it is set."""
         if name in self._bound:
             return self._parameters.read("P", self._bound[name] + index)
         return self._symbols.get(_internal(name, index), 0.0)
 
     def of(self, expression: Expression) -> float:
-        """The value of an expression. Raises ProgramError, see `evaluate`."""
+        """Raises ProgramError as `evaluate` does."""
         return expression.value if isinstance(expression, Number) else evaluate(expression, self)
 
-    def holds(self, block: Block) -> bool:
-        """Whether what a block waits for is true: waituntil."""
+    def holds(self, block: ProgramBlock) -> bool:
+        """True if the condition of waituntil is true."""
         wait = block.wait
         return wait is None or compare(self.of(wait.left), wait.relation, self.of(wait.right))
 
-    def jump(self, block: Block) -> int | None:
-        """The block that the first comparison that is true leads to."""
+    def jump(self, block: ProgramBlock) -> int | None:
+        """The block that the first true comparison leads to."""
         for jump in block.jumps:
             if compare(self.of(jump.left), jump.relation, self.of(jump.right)):
                 return whole(self.of(jump.target), Code.NO_BLOCK)
         return None
 
-    def assign(self, block: Block) -> Later:
-        """Carry out the assignments; what is to be written in real time is returned."""
+    def assign(self, block: ProgramBlock) -> Later:
+        """Carry out the assignments; returns those to be written in real time."""
         later: Later = []
         for assign in block.assignments:
             value = None if assign.value is None else self.of(assign.value)
@@ -99,8 +100,8 @@ class Values:
         if own:
             self._written(number, value)
 
-    def synchronises(self, block: Block) -> bool:
-        """Whether analysis waits for one of the parameters that a block writes."""
+    def synchronises(self, block: ProgramBlock) -> bool:
+        """True if analysis waits for one of the parameters that a block writes."""
         return any(self._synchronises(assign) for assign in block.assignments)
 
     def _synchronises(self, assign: Assign) -> bool:
@@ -111,23 +112,16 @@ class Values:
 
 
 def _internal(name: str, index: int) -> str:
-    """The name of an internal variable, which has no index (manual 3.6: only those of parameters have)."""
+    """Only symbols of parameters have an index (manual 3.6)."""
     if index:
         raise ProgramError(Code.NO_SYMBOL, f"{name}[{index}]: an index needs a symbol that is bound to a parameter")
     return name
 
 
+_RELATIONS: Final[Mapping[str, Callable[[float, float], bool]]] = {
+    "=": eq, "<>": ne, ">": gt, "<": lt, ">=": ge, "<=": le
+}  # fmt: skip
+
+
 def compare(left: float, relation: str, right: float) -> bool:
-    """A comparison of jumps and waituntil: = <> > < >= <=."""
-    match relation:
-        case "=":
-            return left == right
-        case "<>":
-            return left != right
-        case ">":
-            return left > right
-        case "<":
-            return left < right
-        case ">=":
-            return left >= right
-    return left <= right
+    return _RELATIONS[relation](left, right)

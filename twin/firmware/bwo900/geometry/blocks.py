@@ -1,8 +1,8 @@
-"""What an executed block is to the path: its elements in machine coordinates, and what happens before and after them.
+"""Blocks for the path: elements in machine coordinates, and what happens before and after them.
 
     interpreter --- PathBlock ---> contour (G12, G123) ---> radius correction (G41, G42) ---> path, real time
 
-Everything on this way takes blocks and gives blocks, in order, and changes elements only.
+Each stage takes blocks and gives blocks, in order, and changes elements only.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from enum import Enum
 
 from isel_twin.firmware.bwo900.geometry.elements import XY, Arc, Element, Plane, Point
 from isel_twin.firmware.bwo900.geometry.in_force import AT_REST, InForce
-from isel_twin.firmware.bwo900.programs.syntax import Text
+from isel_twin.firmware.bwo900.programs.words import Text
 
 
 class BlockEnd(Enum):
@@ -43,14 +43,13 @@ class Correction:
 
 
 @dataclass(frozen=True, slots=True)
-class Machine:
-    """An M function on its way to the PLC: number, values behind its points; halt: until it is acknowledged."""
+class MFunction:
+    """An M function for the PLC: number, extensions; halt: until it is acknowledged."""
 
     code: int
     extensions: tuple[float, ...] = ()
     halt: bool = False
-    jump: bool = False
-    """Its acknowledgement deletes the path, and the program goes on elsewhere."""
+    jump: bool = False  # its acknowledgement deletes the path, and the program goes on elsewhere
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,76 +57,57 @@ class PathBlock:
     """One block of a program, or of a cycle, that has been analysed."""
 
     program: str
-    number: int
-    """Of the block; of the block that called, within a cycle."""
+    number: int  # of the block; of the block that called, within a cycle
     column: int = 0
-    start: Point = (0.0, 0.0, 0.0)
-    """Where it begins, in machine coordinates, before any radius correction."""
-    elements: tuple[Element, ...] = ()
-    """None: no path."""
+    start: Point = (0.0, 0.0, 0.0)  # where it begins, in machine coordinates, before any radius correction
+    elements: tuple[Element, ...] = ()  # empty: no path
     plane: Plane = XY
     rapid: bool = False
-    feed_mm_min: float | None = None
-    """Path feed; None with rapid."""
-    end_feed_mm_min: float | None = None
-    """Feed that the block ends with (`f`)."""
-    override: bool = True
-    """False: G63, 100 %."""
+    feed_mm_min: float | None = None  # path feed; None with rapid
+    end_feed_mm_min: float | None = None  # feed that the block ends with (`f`)
+    override: bool = True  # False: G63, 100 %
     end: BlockEnd = BlockEnd.CONTINUOUS
     correction: Correction = Correction()
-    tool_mm: float = 0.0
-    """Radius of the tool that cuts, for drawings; 0: none is known, or nothing is cut."""
-    chamfer_mm: float | None = None
-    """G12 with P70: at the corner to the next path."""
-    rounding_mm: float | None = None
-    """G12 with P71."""
-    three_points: bool = False
-    """G123: its only element is a line; the next one decides what becomes of both."""
-    pre: tuple[Machine, ...] = ()
-    post: tuple[Machine, ...] = ()
-    dwell_s: float | None = None
-    """G04: after the path, before the post functions."""
-    speeds: Mapping[int, float] = field(default_factory=dict)
-    """S words: spindle 1 to 8, in 1/min."""
-    tool: int | None = None
-    """T word."""
+    tool_mm: float = 0.0  # radius of the tool that cuts, for drawings; 0: none is known, or nothing is cut
+    chamfer_mm: float | None = None  # G12 with P70: at the corner to the next path
+    rounding_mm: float | None = None  # G12 with P71
+    three_points: bool = False  # G123: its only element is a line; the next one decides what becomes of both
+    pre: tuple[MFunction, ...] = ()
+    post: tuple[MFunction, ...] = ()
+    dwell_s: float | None = None  # G04: after the path, before the post functions
+    speeds: Mapping[int, float] = field(default_factory=dict)  # S words: spindle 1 to 8, in 1/min
+    tool: int | None = None  # T word
     parameters: tuple[tuple[int, float | None], ...] = ()
     """Parameters that are written when the block is executed: number, value."""
     text: Text | None = None
     stop: Stop = Stop.NONE
-    watched: bool = False
-    """M26: a signal deletes its path and its dwell."""
-    main: bool = True
-    """A block of a program; False: an intermediate one, of a cycle."""
-    target: Point = (0.0, 0.0, 0.0)
-    """Where it ends, in the program's coordinates, mm."""
-    in_force: InForce = AT_REST
-    """What else holds meanwhile."""
+    watched: bool = False  # M26: a signal deletes its path and its dwell
+    main: bool = True  # a block of a program; False: an intermediate one, of a cycle
+    target: Point = (0.0, 0.0, 0.0)  # where it ends, in the program's coordinates, mm
+    in_force: InForce = AT_REST  # what else holds meanwhile
 
     @property
     def finish(self) -> Point:
-        """Where it ends."""
         return self.elements[-1].end if self.elements else self.start
 
     @property
     def length_mm(self) -> float:
-        """Of its path."""
         return sum(element.length_mm for element in self.elements)
 
     @property
     def speaks(self) -> bool:
-        """Whether something happens as it begins."""
+        """True if something happens when it begins."""
         said = self.text is not None or self.tool is not None
         return bool(self.pre or self.parameters or self.speeds or self.watched or said)
 
     @property
     def in_real_time(self) -> bool:
-        """Whether it is more than parameters and jumps."""
+        """True if it is not only assignments and jumps."""
         return bool(self.elements or self.post or self.dwell_s is not None or self.stop is not Stop.NONE or self.speaks)
 
     @property
     def stands(self) -> bool:
-        """Whether the axes stand at its end and something is waited for: their following error, a time, M00, M01."""
+        """True if the axes stand at its end and something is waited for: their following error, a time, M00, M01."""
         return self.end is BlockEnd.EXACT_STOP or self.dwell_s is not None or self.stop is not Stop.NONE
 
     @property

@@ -16,7 +16,7 @@ from typing import Final
 
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
 from isel_twin.firmware.bwo900.geometry.circles import arc_by_centre
-from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Line, Plane
+from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Plane, Straight
 from isel_twin.firmware.bwo900.geometry.plane import (
     UV,
     cut,
@@ -36,17 +36,14 @@ NEAR: Final = 1e-9
 
 
 class Contour:
-    """Takes blocks and gives them on, corners done; see the module."""
+    """Takes blocks and gives them on with their corners done."""
 
     def __init__(self) -> None:
-        self._first: PathBlock | None = None
-        """The block whose corner waits for the next path."""
+        self._first: PathBlock | None = None  # the block whose corner waits for the next path
         self._between: list[PathBlock] = []
-        self._second = False
-        """The next path is the second one of a pair of G123, and none of the next."""
 
     def push(self, block: PathBlock) -> list[PathBlock]:
-        """The blocks that are done now."""
+        """Take a block; the blocks that are finished by it."""
         first = self._first
         if first is None:
             return self._begin(block)
@@ -67,7 +64,7 @@ class Contour:
         return [before, *(_moved(other, plane.of(a.end)) for other in between), *self._begin(after)]
 
     def flush(self) -> list[PathBlock]:
-        """Nothing comes that a corner could wait for. Raises ProgramError M1226 if one does."""
+        """No more blocks come. Raises ProgramError M1226 if a corner still waits for the next path."""
         if self._first is not None:
             first, self._first, self._between = self._first, None, []
             raise ProgramError(Code.NO_NEXT_PATH, "the next path is missing").at(
@@ -84,20 +81,19 @@ class Contour:
 
     def _pair(self, first: PathBlock, second: PathBlock) -> tuple[PathBlock, PathBlock]:
         a, b = through(first.elements[-1], second.elements[0], first.plane)
-        return (
-            replace(first, elements=(*first.elements[:-1], a)),
-            replace(second, elements=(b, *second.elements[1:])),
-        )
+        return (replace(first, elements=(*first.elements[:-1], a)), replace(second, elements=(b, *second.elements[1:])))
 
 
 def _flat(block: PathBlock) -> bool:
-    """Whether it has a path in its plane."""
+    """True if it has a path in its plane."""
     return any(flat_length(element, block.plane) > NEAR for element in block.elements)
 
 
 def _moved(block: PathBlock, place: UV) -> PathBlock:
     """A block of moves across the plane, at another place of it."""
-    elements = tuple(Line(block.plane.into(e.start, *place), block.plane.into(e.end, *place)) for e in block.elements)
+    elements = tuple(
+        Straight(block.plane.into(e.start, *place), block.plane.into(e.end, *place)) for e in block.elements
+    )
     return replace(block, elements=elements, start=block.plane.into(block.start, *place))
 
 
@@ -120,7 +116,7 @@ def chamfered(a: Element, b: Element, plane: Plane, leg: float) -> tuple[Element
     p = (corner[0] - leg * d[0], corner[1] - leg * d[1])
     q = (corner[0] + leg * e[0], corner[1] + leg * e[1])
     first, last = cut(a, plane, None, p), cut(b, plane, q, None)
-    return first, Line(first.end, last.start), last
+    return first, Straight(first.end, last.start), last
 
 
 def rounded(a: Element, b: Element, plane: Plane, radius: float) -> tuple[Element, Element, Element]:
@@ -144,7 +140,7 @@ def rounded(a: Element, b: Element, plane: Plane, radius: float) -> tuple[Elemen
 
 def _foot(element: Element, plane: Plane, centre: UV) -> UV:
     """The point of its line or circle that is nearest to a point."""
-    if isinstance(element, Line):
+    if isinstance(element, Straight):
         u, v = plane.of(element.start)
         d = heading(element, plane, 0.0)
         along = (centre[0] - u) * d[0] + (centre[1] - v) * d[1]
@@ -161,7 +157,7 @@ def through(a: Element, b: Element, plane: Plane) -> tuple[Element, Element]:
     """Two elements through the same points: arcs of one circle, or lines."""
     p, q, r = plane.of(a.start), plane.of(a.end), plane.of(b.end)
     chord = math.dist(p, r)
-    lines = Line(a.start, a.end), Line(b.start, b.end)
+    lines = Straight(a.start, a.end), Straight(b.start, b.end)
     if chord <= NEAR:
         return lines
     d = ((r[0] - p[0]) / chord, (r[1] - p[1]) / chord)

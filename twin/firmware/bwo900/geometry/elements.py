@@ -36,16 +36,13 @@ class Plane:
         return tuple(changed)
 
 
-XY: Final = Plane(0, 1, 2)
-"""G17"""
-ZX: Final = Plane(2, 0, 1)
-"""G18"""
-YZ: Final = Plane(1, 2, 0)
-"""G19"""
+XY: Final = Plane(0, 1, 2)  # G17
+ZX: Final = Plane(2, 0, 1)  # G18
+YZ: Final = Plane(1, 2, 0)  # G19
 
 
 @dataclass(frozen=True)
-class Line:
+class Straight:
     """A straight line."""
 
     start: Point
@@ -75,9 +72,9 @@ class Line:
         """Lowest and highest coordinate of an axis on it."""
         return min(self.start[axis], self.end[axis]), max(self.start[axis], self.end[axis])
 
-    def reversed(self) -> Line:
+    def reversed(self) -> Straight:
         """The same, the other way."""
-        return Line(self.end, self.start)
+        return Straight(self.end, self.start)
 
 
 @dataclass(frozen=True)
@@ -139,9 +136,7 @@ class Arc:
         turn = radius * self.sweep_rad
         slope = tuple(b - a for a, b in zip(self.start, self.end, strict=True))
         slope = self.plane.into(
-            slope,
-            grows * math.cos(angle) - turn * math.sin(angle),
-            grows * math.sin(angle) + turn * math.cos(angle),
+            slope, grows * math.cos(angle) - turn * math.sin(angle), grows * math.sin(angle) + turn * math.cos(angle)
         )
         length = math.hypot(*slope) or 1.0
         return tuple(s / length for s in slope)
@@ -163,5 +158,4 @@ class Arc:
         return Arc(self.end, self.start, self.plane, self.centre, -self.sweep_rad)
 
 
-Element: TypeAlias = Line | Arc
-"""One piece of a path."""
+Element: TypeAlias = Straight | Arc  # one piece of a path

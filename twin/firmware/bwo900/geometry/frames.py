@@ -10,12 +10,10 @@
       sense of each axis           P8892
     = machine position
 
-In the plane (u, v) with the origin (U0, V0) of the rotation, E and (dU, dV) with what has been added to them:
+In the plane (u, v); (U0, V0): origin of the rotation, E: its angle, (dU, dV): P165, P166:
 
     rotate, then shift    p = mirror(R(E) (uv + dUV)) + U0V0 + G92
     shift, then rotate    p = mirror(R(E) (uv + dUV + G92)) + U0V0
-
-Everything is a value: a `Frame` says what is in force, and is replaced, not changed.
 """
 
 from __future__ import annotations
@@ -30,7 +28,7 @@ from isel_twin.firmware.bwo900.geometry.elements import XY, Plane, Point
 
 @dataclass(frozen=True, slots=True)
 class Rotation:
-    """G45: origin P160, P161 and angle P163 in degrees, and the sums of P165, P166, P168 since."""
+    """G45: origin P160, P161, angle P163, and the sums of P165, P166, P168 since."""
 
     u0: float = 0.0
     v0: float = 0.0
@@ -44,7 +42,7 @@ class Rotation:
         return replace(self, du=self.du + du, dv=self.dv + dv, dangle_deg=self.dangle_deg + dangle_deg)
 
     def set(self, u0: float | None = None, v0: float | None = None, angle_deg: float | None = None) -> Rotation:
-        """P160, P161, P163 anew: what was added to it is gone."""
+        """P160, P161, P163 anew, each without what was added to it."""
         changed = self
         if u0 is not None:
             changed = replace(changed, u0=u0, du=0.0)
@@ -70,55 +68,44 @@ UNTURNED: Final = Rotation()
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """What is in force between program and machine; lengths in mm, one an axis. See the module."""
+    """All that lies between program and machine; lengths in mm, points have one for each axis."""
 
     axes: int = 3
     plane: Plane = XY
-    correction: Point = (0.0, 0.0, 0.0)
-    """G44."""
+    correction: Point = (0.0, 0.0, 0.0)  # G44
     rotation: Rotation | None = None
-    shift_first: bool = False
-    """P8859 2 and 3: G92 is added before the rotation."""
-    mirror_first: bool = False
-    """G61."""
-    mirror_second: bool = False
-    """G62."""
-    shift: Point = (0.0, 0.0, 0.0)
-    """G92."""
+    shift_first: bool = False  # P8859 2 and 3: G92 is added before the rotation
+    mirror_first: bool = False  # G61
+    mirror_second: bool = False  # G62
+    shift: Point = (0.0, 0.0, 0.0)  # G92
     zero: Point = (0.0, 0.0, 0.0)
-    """The zero point in force."""
-    length: float = 0.0
-    """Tool length, along the third axis of the plane."""
-    senses: Point | None = None
-    """P8892: -1 for axes that run the other way; None: none does."""
-    order: tuple[int, ...] = (0, 1, 2)
-    """The machine's axis of each axis of the program (P8880)."""
+    length: float = 0.0  # of the tool, along the third axis of the plane
+    senses: Point | None = None  # P8892: -1 for axes that are turned round; None: none is
+    order: tuple[int, ...] = (0, 1, 2)  # the machine's axis of each axis of the program (P8880)
 
     @property
     def mirrored(self) -> bool:
-        """One of G61 and G62, or of the plane's axes turned: circles turn, and corrections lie, the other way."""
+        """True if circles turn, and corrections lie, the other way round."""
         other = self.senses is not None and self.senses[self.plane.first] != self.senses[self.plane.second]
         return (self.mirror_first != self.mirror_second) != other
 
     @property
     def bare(self) -> Frame:
-        """G66: nothing of it, for one block."""
+        """G66, for one block: senses and order alone."""
         nothing = (0.0,) * self.axes
         return Frame(self.axes, self.plane, nothing, shift=nothing, zero=nothing, senses=self.senses, order=self.order)
 
     def machine(self, program: Point) -> Point:
-        """The place of the machine of a point of the program, correction included."""
-        point = tuple(map(add, program, self.correction))
-        return self._outer(self._inner(point))
+        """The place of the machine for a point of the program, correction included."""
+        point = self._inner(tuple(map(add, program, self.correction)))
+        return self.sensed(tuple(map(add, map(add, point, self.zero), self.plane_length)))
 
     def centre(self, program: tuple[float, float]) -> tuple[float, float]:
-        """The same of a centre in the plane: corrections of axes move paths, so they move their centres, too."""
-        u, v = program
-        whole = self.plane.into((0.0,) * self.axes, u, v)
-        return self.plane.of(self.machine(whole))
+        """The same for a centre in the plane: corrections of axes move centres, too."""
+        return self.plane.of(self.machine(self.plane.into((0.0,) * self.axes, *program)))
 
     def program(self, machine: Point) -> Point:
-        """The point of the program that stands at a place of the machine: `machine` backwards."""
+        """The point of the program for a place of the machine: the inverse of `machine`."""
         point = tuple(map(sub, map(sub, self.sensed(machine), self.zero), self.plane_length))
         rotation = self.rotation or UNTURNED
         if not self.shift_first:
@@ -126,8 +113,7 @@ class Frame:
         u, v = self.plane.of(point)
         u, v = u - rotation.u0, v - rotation.v0
         u, v = (-u if self.mirror_first else u), (-v if self.mirror_second else v)
-        back = Rotation(angle_deg=-(rotation.angle_deg + rotation.dangle_deg))
-        u, v = back.turned(u, v)
+        u, v = Rotation(angle_deg=-(rotation.angle_deg + rotation.dangle_deg)).turned(u, v)
         point = self.plane.into(point, u - rotation.du, v - rotation.dv)
         if self.shift_first:
             point = tuple(map(sub, point, self.shift))
@@ -162,16 +148,12 @@ class Frame:
             point = tuple(map(add, point, self.shift_mirrored))
         return point
 
-    def _outer(self, point: Point) -> Point:
-        """Zero point and tool length, and the sense of each axis."""
-        return self.sensed(tuple(map(add, map(add, point, self.zero), self.plane_length)))
-
     def sensed(self, point: Point) -> Point:
-        """A place with the sense of each axis; its own inverse."""
+        """P8892 applied; its own inverse."""
         return point if self.senses is None else tuple(map(mul, point, self.senses))
 
 
 def polar(pole: tuple[float, float], radius: float, angle_deg: float) -> tuple[float, float]:
-    """The point of polar coordinates about a pole in the plane; the radius counts without its sign (manual 4.10)."""
+    """The point (u, v) for a pole (u, v); the radius counts without its sign (manual 4.10)."""
     u, v = Rotation(angle_deg=angle_deg).turned(abs(radius), 0.0)
     return pole[0] + u, pole[1] + v

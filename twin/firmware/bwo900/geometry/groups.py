@@ -15,6 +15,7 @@ from isel_twin.firmware.bwo900.numbers import G
 MOTION, POLAR, TANGENT, TRANSFORMED, PLANE, EXACT, RADIUS, CORRECTION = range(8)
 ROTATION, COORDINATES, ZERO, MIRROR, OVERRIDE, DIMENSION, SHIFT, FEED, SPEED = range(8, 17)
 
+CIRCLES: Final = (G.CIRCLE_CLOCKWISE, G.CIRCLE_COUNTER_CLOCKWISE)
 ZERO_POINTS: Final = frozenset(
     (
         G.MACHINE_ZERO,
@@ -106,5 +107,4 @@ class Modal:
         return self if name is None else replace(self, **{name: number})  # type: ignore[arg-type]
 
 
-START: Final = Modal()
-"""At the start of a program, before P8650 and what follows."""
+START: Final = Modal()  # at the start of a program, before P8650 and what follows

@@ -22,23 +22,14 @@ NO_FRAME: Final = Frame(3, XY, (0.0, 0.0, 0.0), shift=(0.0, 0.0, 0.0), zero=(0.0
 class InForce:
     """Of a block. Places are names of programs and numbers of blocks."""
 
-    modal: Modal = START
-    """G functions."""
-    frame: Frame = NO_FRAME
-    """Zero point, G92, tool length, plane ..."""
-    feed_mm_min: float = 0.0
-    """F; 0: there has been none yet."""
-    depth: int = 0
-    """Subprograms that are open."""
-    caller: tuple[str, int] = ("", 0)
-    """Where the last one was called."""
-    cycle: int | None = None
-    """Number of the cycle that the block belongs to."""
-    called_by: tuple[str, int] | None = None
-    """Where a cycle of the user was called by a program."""
-    loop: tuple[int, int] = (0, 0)
-    """Of the innermost one: passes, and the present one."""
+    modal: Modal = START  # G functions
+    frame: Frame = NO_FRAME  # zero point, G92, tool length, plane
+    feed_mm_min: float = 0.0  # F; 0: there has been none yet
+    depth: int = 0  # subprograms that are open
+    caller: tuple[str, int] = ("", 0)  # where the last one was called
+    cycle: int | None = None  # number of the cycle that the block belongs to
+    called_by: tuple[str, int] | None = None  # where a cycle of the user was called by a program
+    loop: tuple[int, int] = (0, 0)  # of the innermost one: passes, and the present one
 
 
-AT_REST = InForce()
-"""Without a program."""
+AT_REST = InForce()  # without a program

@@ -13,9 +13,8 @@
     switching off    a line, which begins where the corrected path has ended
     another radius   an element begins at the old distance and ends at the new one
 
-Blocks without a path in the plane are carried out at the meeting point, or at the end of the arc. At most 12 of them
-may follow each other (M1157). What a corner becomes depends on both its elements and on nothing else. A contour that
-the tool cannot follow is a message:
+Blocks without a path in the plane are carried out at the meeting point, or at the end of the arc; at most 12 in a row
+(M1157). A corner depends on its two elements alone. A contour that the tool cannot follow gives a message:
 
     M1152    an inner circle that is not larger than the tool
     M1153    switched on or off with a circle
@@ -32,38 +31,32 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 from isel_twin.firmware.bwo900.geometry.blocks import Correction, PathBlock
-from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Line, Plane, Point
+from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Plane, Point, Straight
 from isel_twin.firmware.bwo900.geometry.plane import UV, flat_length, heading, meetings, offset, share_of, turn
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 
-MOST_EMPTY: Final = 12
-"""Blocks without a path in a row (M1157)."""
+MOST_EMPTY: Final = 12  # blocks without a path in a row (M1157)
 STRAIGHT_RAD: Final = 1e-6
 NEAR_MM: Final = 1e-7
-NEAR: Final = 1e-9
-"""Of a share."""
-SHARPEST: Final = 120.0
-"""P8845 = 0: an arc above this change of direction, degrees."""
+NEAR: Final = 1e-9  # share of an element
+SHARPEST: Final = 120.0  # degrees, for P8845 = 0: above this change of direction an arc
 
 
 def corner_arc(deviation_deg: float, threshold: float | None) -> bool:
-    """Whether an outer corner gets an arc. threshold: P8845, None deleted: always; 0: above 120 degrees."""
-    if threshold is None:
-        return True
-    return deviation_deg > (threshold or SHARPEST)
+    """True if an outer corner gets an arc. threshold: P8845; None: deleted."""
+    return threshold is None or deviation_deg > (threshold or SHARPEST)
 
 
 @dataclass
 class _Open:
-    """A block whose elements are being corrected, and those that are done."""
+    """A block whose elements are being corrected."""
 
     block: PathBlock
-    left: int
-    """Elements that are not done."""
+    left: int  # elements still to be corrected
     done: list[Element] = field(default_factory=list)
 
     def add(self, *elements: Element) -> None:
-        """What one of its elements has become."""
+        """One more of its elements has become these."""
         self.done += elements
         self.left -= 1
 
@@ -75,24 +68,21 @@ class _Last:
     element: Element
     moved: Element
     begin: Point
-    share: float
-    """Of the moved element, at which it begins."""
+    share: float  # of the moved element, where it begins
     open: _Open
     correction: Correction
-    approach: bool = False
-    """It is the line that switches the correction on: its end is not known yet."""
+    approach: bool = False  # the line that switches the correction on: its end is not known yet
 
     @property
     def plane(self) -> Plane:
         return self.open.block.plane
 
 
-_Place = tuple[Point, float]
-"""A point of a moved element, and the share of its way."""
+_Place = tuple[Point, float]  # a point of a moved element, and its share of the element
 
 
 class Offset:
-    """Takes blocks and gives them on, corrected; see the module."""
+    """Takes blocks and hands them on, corrected."""
 
     def __init__(self, threshold: float | None = None) -> None:
         """threshold: P8845."""
@@ -100,13 +90,13 @@ class Offset:
         self._open: deque[_Open] = deque()
         self._last: _Last | None = None
         self._place: tuple[Plane, UV] | None = None
-        """Where the corrected path has got to, after the correction was switched off in a block without a path."""
+        """Where the corrected path ended, if the correction was switched off in a block without a path."""
         self._waiting: list[tuple[_Open, Element]] = []
-        """Moves across the plane: they stand where the next element begins, which is not known yet."""
+        """Moves across the plane, until it is known where the next element begins."""
         self._empty = 0
 
     def push(self, block: PathBlock) -> list[PathBlock]:
-        """The blocks that are done now. Raises ProgramError."""
+        """Returns the blocks that are complete. Raises ProgramError."""
         on = bool(block.correction.side) and (block.correction.radius_mm > 0.0 or self._last is not None)
         flat = any(flat_length(element, block.plane) > NEAR_MM for element in block.elements)
         if self._last is None and self._place is None and not on:
@@ -131,14 +121,11 @@ class Offset:
         return self._done()
 
     def flush(self) -> list[PathBlock]:
-        """Nothing comes that the last element could meet: it ends at right angles to its end."""
+        """Returns all blocks: no element follows."""
         self._finish_last()
         return self._done()
 
-    # ---- blocks ------------------------------------------------------------------------------------------------------
-
     def _done(self) -> list[PathBlock]:
-        """Blocks whose elements are all done, in order."""
         ready = []
         while self._open and self._open[0].left == 0:
             entry = self._open.popleft()
@@ -148,7 +135,6 @@ class Offset:
         return ready
 
     def _pathless(self, entry: _Open) -> None:
-        """A block without a way in the plane."""
         if self._last is not None and (entry.block.number or entry.block.main):
             self._empty += 1
             if self._empty > MOST_EMPTY:
@@ -157,19 +143,16 @@ class Offset:
             self._across(entry, element)
 
     def _across(self, entry: _Open, element: Element) -> None:
-        """A move across the plane: where the tool is, not where the contour is. It waits for that to be known."""
+        """A move across the plane is made where the tool is, not the contour; it waits until that is known."""
         if self._last is not None:
             self._waiting.append((entry, element))
         else:
             entry.add(element if self._place is None else _at(element, *self._place))
 
     def _crossed(self, plane: Plane, place: Point) -> None:
-        """Moves across the plane that waited for this place."""
         for entry, element in self._waiting:
             entry.add(_at(element, plane, plane.of(place)))
         self._waiting.clear()
-
-    # ---- elements ----------------------------------------------------------------------------------------------------
 
     def _corrected(self, entry: _Open, element: Element) -> None:
         correction, plane = entry.block.correction, entry.block.plane
@@ -177,23 +160,21 @@ class Offset:
         if last is None:
             if isinstance(element, Arc):
                 raise ProgramError(Code.NO_APPROACH, "the correction is switched on with a line")
-            begin = element.start if self._place is None else _moved(element.start, *self._place)
+            begin = element.start if self._place is None else self._place[0].into(element.start, *self._place[1])
             self._place = None
             self._last = _Last(element, element, begin, 0.0, entry, correction, approach=True)
             return
         moved = _beside(element, plane, correction)
         if last.approach:
             begin, share = moved.start, 0.0
-            self._over(last, Line(last.begin, plane.into(last.element.end, *plane.of(begin))))
+            self._over(last, Straight(last.begin, plane.into(last.element.end, *plane.of(begin))))
         else:
             begin, share = self._meet(last, element, correction.side)
         self._last = _Last(element, moved, begin, share, entry, correction)
 
     def _meet(self, last: _Last, element: Element, side: int) -> _Place:
-        """End the last element where the next one begins, with what lies between them; where that is.
-
-        A radius that is another one for the next element counts from its end on: here it is still the old one.
-        """
+        """End the last element with its corner; returns where the next one begins. A new radius counts only from the
+        end of the next element on."""
         plane, old = last.plane, last.correction
         moved = _beside(element, plane, replace(old, side=side))
         angle = turn(heading(last.element, plane, 1.0), heading(element, plane, 0.0))
@@ -215,31 +196,30 @@ class Offset:
         return plane.into(moved.start, *point), begin
 
     def _over(self, last: _Last, *elements: Element) -> None:
-        """An element is done, and has become these."""
         last.open.add(*elements)
         self._crossed(last.plane, elements[-1].end)
 
     def _finish_last(self) -> None:
-        """Nothing comes that the last element could meet: it ends at right angles to its end."""
+        """No element follows: the last one ends at right angles to its contour's end."""
         last, self._last = self._last, None
         if last is None:
             return
         if last.approach:
-            self._over(last, Line(last.begin, last.element.end))
+            self._over(last, Straight(last.begin, last.element.end))
             return
         self._over(last, _between(last, last.moved.end, 1.0))
         self._place = last.plane, last.plane.of(last.moved.end)
 
     def _off(self, entry: _Open, element: Element) -> None:
-        """The line that switches the correction off, or an element behind it."""
+        """The line that switches the correction off, or an element after it."""
         self._finish_last()
-        place, self._place = self._place, None
-        if place is None:
+        if self._place is None:
             entry.add(element)
             return
+        (plane, place), self._place = self._place, None
         if isinstance(element, Arc):
             raise ProgramError(Code.NO_APPROACH, "the correction is switched off with a line")
-        entry.add(Line(_moved(element.start, *place), element.end))
+        entry.add(Straight(plane.into(element.start, *place), element.end))
 
 
 def _beside(element: Element, plane: Plane, correction: Correction) -> Element:
@@ -252,7 +232,7 @@ def _beside(element: Element, plane: Plane, correction: Correction) -> Element:
 
 
 def _over_the_path(side: int, angle: float) -> float:
-    """Sweep about a corner of this angle from one side to the other: the shorter one; straight on: forwards."""
+    """Sweep about a corner from one side of the path to the other: the shorter one; straight on: forwards."""
     return -side * math.pi if abs(angle) < STRAIGHT_RAD else angle - math.copysign(math.pi, angle)
 
 
@@ -276,7 +256,7 @@ def _meeting(a: Element, b: Element, plane: Plane, *, outer: bool) -> tuple[UV, 
 
 
 def _beyond(element: Element, share: float, least: float) -> float:
-    """The share of a place behind the end of an element that is prolonged: on a circle a turn later."""
+    """The share of a place beyond the end of a prolonged element; on a circle a turn later."""
     if isinstance(element, Arc) and share < least - NEAR:
         return share + 2.0 * math.pi / abs(element.sweep_rad)
     return share
@@ -285,12 +265,12 @@ def _beyond(element: Element, share: float, least: float) -> float:
 def _between(last: _Last, end: Point, share: float) -> Element:
     """The moved element from where it begins to `end`. Raises ProgramError M1223."""
     moved, plane = last.moved, last.plane
-    if isinstance(moved, Line):
+    if isinstance(moved, Straight):
         d = heading(moved, plane, 0.0)
         (u, v), (begin_u, begin_v) = plane.of(end), plane.of(last.begin)
         if (u - begin_u) * d[0] + (v - begin_v) * d[1] < -NEAR_MM:
             raise _too_short(last, "path")
-        return Line(last.begin, end)
+        return Straight(last.begin, end)
     if share < last.share - NEAR:
         raise _too_short(last, "arc")
     return replace(moved, start=last.begin, end=end, sweep_rad=(share - last.share) * moved.sweep_rad)
@@ -302,10 +282,6 @@ def _too_short(last: _Last, what: str) -> ProgramError:
     return error.at(block.program, block.number, block.column)
 
 
-def _moved(point: Point, plane: Plane, place: UV) -> Point:
-    return plane.into(point, *place)
-
-
 def _at(element: Element, plane: Plane, place: UV) -> Element:
-    """A move across the plane at another place of it."""
-    return Line(_moved(element.start, plane, place), _moved(element.end, plane, place))
+    """The move across the plane, at this place of it."""
+    return Straight(plane.into(element.start, *place), plane.into(element.end, *place))

@@ -11,7 +11,7 @@ import math
 from dataclasses import replace
 from typing import Final, TypeAlias
 
-from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Line, Plane, Point
+from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Plane, Point, Straight
 
 UV: TypeAlias = tuple[float, float]
 NEAR: Final = 1e-9
@@ -44,9 +44,9 @@ def flat_length(element: Element, plane: Plane) -> float:
 
 def offset(element: Element, plane: Plane, distance: float) -> Element | None:
     """The element moved to its left by a distance (right: negative); None for an arc that vanishes."""
-    if isinstance(element, Line):
+    if isinstance(element, Straight):
         normal = left_of(heading(element, plane, 0.0))
-        return Line(*(_moved(p, plane, normal, distance) for p in (element.start, element.end)))
+        return Straight(*(_moved(p, plane, normal, distance) for p in (element.start, element.end)))
     sense = 1.0 if element.sweep_rad > 0.0 else -1.0
     ends = []
     for point, radius in ((element.start, element.radius_mm), (element.end, element.end_radius_mm)):
@@ -66,11 +66,11 @@ def _moved(point: Point, plane: Plane, direction: UV, distance: float) -> Point:
 
 def meetings(a: Element, b: Element, plane: Plane) -> list[UV]:
     """Where the whole line or circle of one element meets that of the other: none, one or two points."""
-    if isinstance(a, Line) and isinstance(b, Line):
+    if isinstance(a, Straight) and isinstance(b, Straight):
         return _lines(plane.of(a.start), heading(a, plane, 0.0), plane.of(b.start), heading(b, plane, 0.0))
-    if isinstance(a, Line) and isinstance(b, Arc):
+    if isinstance(a, Straight) and isinstance(b, Arc):
         return _line_circle(plane.of(a.start), heading(a, plane, 0.0), b.centre, b.end_radius_mm)
-    if isinstance(a, Arc) and isinstance(b, Line):
+    if isinstance(a, Arc) and isinstance(b, Straight):
         return _line_circle(plane.of(b.start), heading(b, plane, 0.0), a.centre, a.radius_mm)
     assert isinstance(a, Arc)
     assert isinstance(b, Arc)
@@ -111,7 +111,7 @@ def _circles(a: UV, r: float, b: UV, s: float) -> list[UV]:
 
 def share_of(element: Element, plane: Plane, point: UV) -> float:
     """The share of its way at which a point of its line or circle lies; on an arc the one nearest to 0 .. 1."""
-    if isinstance(element, Line):
+    if isinstance(element, Straight):
         u, v = plane.of(element.start)
         length = flat_length(element, plane)
         d = heading(element, plane, 0.0)
@@ -125,11 +125,11 @@ def share_of(element: Element, plane: Plane, point: UV) -> float:
 
 
 def cut(element: Element, plane: Plane, begin: UV | None, end: UV | None) -> Element:
-    """The element between two points of its line or circle; None: its own end. Other axes end as they did."""
+    """The part of an element between two of its points; None: to its own end. Other axes keep their ends."""
     first = 0.0 if begin is None else share_of(element, plane, begin)
     last = 1.0 if end is None else share_of(element, plane, end)
     start = element.start if begin is None else plane.into(element.start, *begin)
     stop = element.end if end is None else plane.into(element.end, *end)
-    if isinstance(element, Line):
-        return Line(start, stop)
+    if isinstance(element, Straight):
+        return Straight(start, stop)
     return replace(element, start=start, end=stop, sweep_rad=(last - first) * element.sweep_rad)

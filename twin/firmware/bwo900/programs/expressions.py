@@ -1,10 +1,9 @@
-"""Expressions: what stands where a number may stand (manual 3.4, 3.6).
+"""Expressions, wherever a number may stand (manual 3.4, 3.6).
 
     P30:(P20+35)*3        P500:P500 or $100;        P1:sinP2        X:_wegx[1]
 
-Lowest first: or | and | + - | * / % mod | not, sign, functions. Angles are in degrees. Functions need no brackets in
-the standard syntax. An expression is read once and evaluated as often as its block is executed, against an
-`Environment`.
+Precedence, lowest first: or | and | + - | * / % mod | not, sign, functions. Angles are in degrees. Functions need no
+brackets in the standard syntax. An expression is parsed once and evaluated whenever its block is executed.
 """
 
 from __future__ import annotations
@@ -16,22 +15,19 @@ from typing import Final, Protocol, TypeAlias
 
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 
-DEEPEST: Final = 10
-"""Brackets inside each other (M1209)."""
+DEEPEST: Final = 10  # nested brackets (M1209)
 TOO_LARGE: Final = int(Code.TOO_LARGE)
 """Bound once: a member of an enumeration takes 0.2 us to look up, and every parameter of a program asks for it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Number:
-    """A literal."""
-
     value: float
 
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """P or q with a number of its own or a computed one: P500, q11, P(500+P1), P[K1,500]."""
+    """P500, q11, P(500+P1), P[K1,500]."""
 
     area: str
     number: Expression
@@ -48,7 +44,7 @@ class Symbol:
 
 @dataclass(frozen=True, slots=True)
 class Function:
-    """A function, "not" or "-" of one operand."""
+    """A function, "not" or "-"."""
 
     name: str
     operand: Expression
@@ -56,8 +52,6 @@ class Function:
 
 @dataclass(frozen=True, slots=True)
 class Binary:
-    """Two operands."""
-
     operator: str
     left: Expression
     right: Expression
@@ -67,14 +61,14 @@ Expression: TypeAlias = Number | Parameter | Symbol | Function | Binary
 
 
 class Environment(Protocol):
-    """What an expression is evaluated against. Both raise ProgramError: M1221 or M1300 for what has no value."""
+    """Values of parameters and symbols. Both raise ProgramError: M1221 or M1300 for one without a value."""
 
     def parameter(self, area: str, number: int, channel: int) -> float: ...
     def symbol(self, name: str, index: int) -> float: ...
 
 
 def evaluate(expression: Expression, environment: Environment) -> float:
-    """The value. Raises ProgramError: M1203 division by zero, M1212 root, M1213 no value; those of the environment."""
+    """Raises ProgramError: M1203 division by zero, M1212 root, M1213 no value; those of the environment."""
     match expression:
         case Number(value):
             return value
@@ -90,7 +84,7 @@ def evaluate(expression: Expression, environment: Environment) -> float:
 
 
 def whole(value: float, error: int = Code.SYNTAX) -> int:
-    """An integer that was computed, rounded; ProgramError with that number for one that is none or too large."""
+    """A value as an integer. Raises ProgramError `error` if it is not whole, or too large."""
     nearest = round(value) if math.isfinite(value) else 0
     if abs(value - nearest) > 1e-6 or abs(nearest) > 9_999_999_999:
         raise ProgramError(error, f"{value:g} is no number of its kind")
@@ -98,7 +92,7 @@ def whole(value: float, error: int = Code.SYNTAX) -> int:
 
 
 def depends_on(expression: Expression) -> int:
-    """How many parameters and symbols an expression asks for."""
+    """Number of parameters and symbols in an expression."""
     match expression:
         case Number():
             return 0
@@ -130,11 +124,10 @@ def _degrees(function: Callable[[float], float]) -> Callable[[float], float]:
     def of(angle: float) -> float:
         quarter, rest = divmod(angle, 90.0)
         if rest == 0.0:
-            sine = (0.0, 1.0, 0.0, -1.0)[int(quarter) % 4]
-            cosine = (1.0, 0.0, -1.0, 0.0)[int(quarter) % 4]
-            if function is math.sin:
-                return sine
-            return cosine if function is math.cos else sine / cosine if cosine else math.nan
+            sine, cosine = ((0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0))[int(quarter) % 4]
+            if function is math.tan:
+                return sine / cosine if cosine else math.nan
+            return sine if function is math.sin else cosine
         return function(math.radians(angle))
 
     return of

@@ -15,14 +15,12 @@ from typing import Final
 
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.programs.lines import Lines, without_number
-from isel_twin.firmware.bwo900.programs.syntax import Block, parse_block
+from isel_twin.firmware.bwo900.programs.syntax import parse_block
+from isel_twin.firmware.bwo900.programs.words import ProgramBlock
 
-ROOM: Final = 65_536
-"""Bytes of lines that can wait; the manual names no number."""
-HIGH: Final = ROOM // 2
-"""The host waits as soon as so many do,"""
-LOW: Final = ROOM // 4
-"""and goes on when no more than these do."""
+ROOM: Final = 65_536  # bytes of lines that can wait; the manual names no number
+HIGH: Final = ROOM // 2  # the host waits as soon as so many do,
+LOW: Final = ROOM // 4  # and goes on when no more than these do
 KEPT: Final = 2048
 """Lines that are known after they have been analysed: more than are ever analysed ahead of the block under way."""
 
@@ -35,23 +33,15 @@ class Feed:
     def __init__(self, name: str) -> None:
         """name: of the program that is started, whatever the file says."""
         self.name = name
-        self.complete = False
-        """Its last line has come."""
-        self.level = 0
-        """Bytes that have come and not been analysed (P8561)."""
-        self.waits = False
-        """The host has been asked to wait."""
-        self.begun = False
-        """Its file has begun to come."""
-        self.given_up = False
-        """Nobody will ask for more."""
+        self.complete = False  # its last line has come
+        self.level = 0  # bytes that have come and not been analysed (P8561)
+        self.waits = False  # the host has been asked to wait
+        self.begun = False  # its file has begun to come
+        self.given_up = False  # nobody will ask for more
         self._lines = Lines(numbered=True)
-        self._known: deque[tuple[str, int]] = deque()
-        """Text and number of blocks, those that are forgotten left out."""
-        self._texts: dict[int, str] = {}
-        """The same by number."""
-        self._dropped = 0
-        """Blocks that are forgotten."""
+        self._known: deque[tuple[str, int]] = deque()  # text and number of the blocks that are still kept
+        self._texts: dict[int, str] = {}  # the same by number
+        self._dropped = 0  # blocks that are forgotten
         self._analysed = 0
 
     def add(self, number: int, line: str) -> None:
@@ -68,12 +58,12 @@ class Feed:
         self.waits = self.waits or self.level >= HIGH
 
     def end(self) -> None:
-        """That was the last line. Raises ProgramError M1111 if it is chained to nothing."""
+        """The last line has come. Raises ProgramError M1111 if it waits for a line to be joined with."""
         self.complete, self.waits = True, False
         self._lines.end()
 
     def give_up(self) -> None:
-        """Nobody will ask for more: what comes still is thrown away."""
+        """The program is broken off: throw away the lines that still come."""
         self.given_up, self.waits, self.level = True, False, 0
         self._known.clear()
         self._texts.clear()
@@ -81,9 +71,8 @@ class Feed:
     def __len__(self) -> int:
         return self._dropped + len(self._known)
 
-    def block(self, place: int) -> Block:
-        """The block at a place, from 0, read; with that all before it are analysed. Raises ProgramError if it cannot
-        be."""
+    def block(self, place: int) -> ProgramBlock:
+        """Read the block at a place, from 0; it and those before it count as analysed. Raises ProgramError."""
         text, _ = self._known[place - self._dropped]
         if place >= self._analysed:
             self._analysed = place + 1
@@ -99,7 +88,7 @@ class Feed:
         return self._known[place - self._dropped][1] if self._dropped <= place < len(self) else -1
 
     def after(self, number: int) -> str:
-        """What stands behind a block's number; empty if there is no such block among those that are known."""
+        """The text behind a block's number; empty if no such block is kept."""
         return without_number(self._texts.get(number, ""))
 
     def place(self, number: int) -> int:

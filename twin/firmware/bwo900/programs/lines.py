@@ -9,10 +9,8 @@ from isel_twin.firmware.bwo900.messages import Code, ProgramError
 
 END: Final = "#"
 """What stands behind the last block of a file."""
-MOST_LINE: Final = 400
-"""Characters of a line of a file (M1113)."""
-MOST_DIGITS: Final = 10
-"""Of a block's number."""
+MOST_LINE: Final = 400  # characters of a line of a file (M1113)
+MOST_DIGITS: Final = 10  # of a block's number
 _NUMBER = re.compile(r"\s*/?\s*N\s*(\d+)")
 
 
@@ -22,8 +20,7 @@ class Lines:
     def __init__(self, *, numbered: bool = False) -> None:
         """numbered: every block must begin with N or /N."""
         self._numbered = numbered
-        self.highest = -1
-        """Number of a block so far, -1 if there is none."""
+        self.highest = -1  # number of a block so far, -1 if there is none
         self._chained = ""
 
     def block(self, number: int, line: str) -> tuple[str, int] | None:

@@ -19,18 +19,19 @@ from typing import ClassVar, Protocol
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.programs.feed import Feed
 from isel_twin.firmware.bwo900.programs.lines import END, Lines, without_number
-from isel_twin.firmware.bwo900.programs.syntax import Block, parse_block
+from isel_twin.firmware.bwo900.programs.syntax import parse_block
+from isel_twin.firmware.bwo900.programs.words import ProgramBlock
 
 _NAME = re.compile(r"\s*([PZ])\s*(\d{1,10})\s*$")
 
 
 @lru_cache(maxsize=4096)
-def _parsed(text: str, line: int) -> Block:
+def _parsed(text: str, line: int) -> ProgramBlock:
     return parse_block(text, line)
 
 
 class Blocks(Protocol):
-    """What an interpreter asks of a program, be it kept (`Program`) or fed (`feed.Feed`)."""
+    """What an interpreter asks of a program, be it kept (`StoredProgram`) or fed (`feed.Feed`)."""
 
     @property
     def name(self) -> str:
@@ -38,7 +39,7 @@ class Blocks(Protocol):
 
     @property
     def linear(self) -> bool:
-        """Nothing leads back in it, and no block is looked for."""
+        """It has no jumps and no loops, as one that is fed."""
 
     @property
     def complete(self) -> bool:
@@ -47,39 +48,33 @@ class Blocks(Protocol):
     def __len__(self) -> int:
         """Number of blocks that are known."""
 
-    def block(self, place: int) -> Block:
-        """See Program.block."""
+    def block(self, place: int) -> ProgramBlock:
+        """The block at a place, from 0, read. Raises ProgramError if it makes no sense."""
 
     def number(self, place: int) -> int:
-        """See Program.number."""
+        """The number of the block at a place, -1 if it has none."""
 
     def after(self, number: int) -> str:
-        """See Program.after."""
+        """The text behind a block's number; empty if there is no such block."""
 
     def place(self, number: int) -> int:
-        """See Program.place."""
+        """The place of the block with that number. Raises ProgramError M1255, M1269."""
 
 
 @dataclass(frozen=True, eq=False)
-class Program:
+class StoredProgram:
     """A program: name (P or Z and its number), and its blocks one after the other, chained lines joined."""
 
     linear: ClassVar = False
-    """Nothing leads back in it, see `feed`."""
     complete: ClassVar = True
-    """Its last line is known."""
     name: str
-    text: bytes
-    """Of all blocks, each ended by LF, Latin-1."""
-    begins: array[int]
-    """Where each begins in it, and where the last one ends."""
-    numbers: array[int]
-    """Number of each, -1 without one; those that there are rise."""
-    highest: array[int]
-    """The highest number up to each."""
+    text: bytes  # of all blocks, each ended by LF, Latin-1
+    begins: array[int]  # where each begins in it, and where the last one ends
+    numbers: array[int]  # number of each, -1 without one; those that there are rise
+    highest: array[int]  # the highest number up to each
 
     @classmethod
-    def of(cls, name: str, blocks: Iterable[str]) -> Program:
+    def of(cls, name: str, blocks: Iterable[str]) -> StoredProgram:
         """A program of lines. Raises ProgramError as `Builder` does."""
         builder = Builder(name)
         for number, line in enumerate(blocks, start=1):
@@ -98,23 +93,19 @@ class Program:
         """The text of the block at a place, from 0."""
         return self.text[self.begins[place] : self.begins[place + 1] - 1].decode("latin-1")
 
-    def block(self, place: int) -> Block:
-        """The block at a place, read. Raises ProgramError if it cannot be."""
+    def block(self, place: int) -> ProgramBlock:
         return _parsed(self.line(place), place + 1)
 
     def number(self, place: int) -> int:
-        """The number of the block at a place, -1 if it has none."""
         return self.numbers[place]
 
     def after(self, number: int) -> str:
-        """What stands behind a block's number; empty if there is no such block."""
         try:
             return without_number(self.line(self.place(number)))
         except ProgramError:
             return ""
 
     def place(self, number: int) -> int:
-        """The place of the block with that number. Raises ProgramError M1255 if there is none."""
         at = bisect_left(self.highest, number)
         if at == len(self) or self.numbers[at] != number:
             raise ProgramError(Code.NO_BLOCK, f"N{number} in {self.name}")
@@ -146,10 +137,10 @@ class Builder:
         self._numbers.append(own)
         self._highest.append(self._lines.highest)
 
-    def program(self) -> Program:
+    def program(self) -> StoredProgram:
         """The program of these lines. Raises ProgramError M1111 if the last one is chained to nothing."""
         self._lines.end()
-        return Program(self._name, bytes(self._text), self._begins, self._numbers, self._highest)
+        return StoredProgram(self._name, bytes(self._text), self._begins, self._numbers, self._highest)
 
 
 def program_name(line: str) -> str:
@@ -158,7 +149,7 @@ def program_name(line: str) -> str:
     return "" if match is None else f"{match[1]}{int(match[2])}"
 
 
-class Store(dict[str, Program]):
+class Store(dict[str, StoredProgram]):
     """The memory for programs, by name; and the one that is fed, if there is one, before one of that name."""
 
     feed: Feed | None = None

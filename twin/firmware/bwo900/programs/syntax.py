@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Final, NoReturn
 
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
@@ -27,9 +26,9 @@ from isel_twin.firmware.bwo900.programs.expressions import (
     Symbol,
     depends_on,
 )
+from isel_twin.firmware.bwo900.programs.words import Assign, GWord, Jump, MWord, ProgramBlock, Text, Wait, Word
 
-LONGEST: Final = 200
-"""Characters of a block."""
+LONGEST: Final = 200  # characters of a block
 MOST: Final[Mapping[str, int]] = {
     "G": 8,
     "M": 8,
@@ -44,120 +43,12 @@ MOST: Final[Mapping[str, int]] = {
     "T": 1,
 }
 """How often each may stand in a block; other words once a name."""
-MOST_WAITED: Final = 8
-"""Parameters that `waituntil` may depend on (M1222)."""
-LARGEST: Final = 9_999_999_999
-"""Of a block, program, tool and G number: ten digits."""
-
-
-@dataclass(frozen=True, slots=True)
-class Word:
-    """An address with a value: an axis (X, X2, x), F, f, S, S2, I, J, K, R, T, t, tr, tl, tq. column: from 1."""
-
-    name: str
-    value: Expression
-    column: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class GWord:
-    """A path condition or cycle; extension: what stands behind the point, the seconds of G04."""
-
-    number: int
-    extension: Expression | None = None
-    column: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class MWord:
-    """An M function. extensions: what stands behind its points, None for nothing (`M28..20`); last: behind `_`."""
-
-    number: int
-    extensions: tuple[Expression | None, ...] = ()
-    last: Expression | None = None
-    column: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class Assign:
-    """`P500:value`, `_v:=value`; value None deletes (`--`). bind: `_v::=500`, the symbol stands for that parameter."""
-
-    target: Parameter | Symbol
-    value: Expression | None
-    bind: bool = False
-    column: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class Jump:
-    """`P500<250.15.30`: if P500 < 250.15, go to N30."""
-
-    left: Expression
-    relation: str
-    right: Expression
-    target: Expression
-    column: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class Wait:
-    """`waituntil left relation right`."""
-
-    left: Expression
-    relation: str
-    right: Expression
-
-
-@dataclass(frozen=True, slots=True)
-class Text:
-    """`!text`: a message for the operator; text None clears. colour: 0 black on grey, 1 white on blue, from 80h the
-    back and the fore."""
-
-    text: str | None
-    colour: int = 1
-
-
-@dataclass(frozen=True, slots=True)
-class Block:
-    """A block that has been read. number: None without N; skip: `/`; line: of the file, from 1."""
-
-    number: int | None
-    text: str
-    line: int = 0
-    skip: bool = False
-    words: tuple[Word, ...] = ()
-    g: tuple[GWord, ...] = ()
-    m: tuple[MWord, ...] = ()
-    assignments: tuple[Assign, ...] = ()
-    jumps: tuple[Jump, ...] = ()
-    wait: Wait | None = None
-    calls: tuple[Expression, ...] = ()
-    """`sc:n`"""
-    message: Text | None = None
-
-    @property
-    def column(self) -> int:
-        """Where to look for what is wrong with its path: the words of a circle, its axes, its G and M words, from 1."""
-        axis = None
-        for word in self.words:  # from the left to the right
-            letter = word.name[0]
-            if letter in "IJKR":
-                return word.column
-            if axis is None and letter not in "FfSTt":
-                axis = word.column
-        if axis is not None:
-            return axis
-        return min([*(g.column for g in self.g), *(m.column for m in self.m)], default=1)
-
-    def word(self, name: str) -> Word | None:
-        """The word of that name."""
-        return next((word for word in self.words if word.name == name), None)
-
+MOST_WAITED: Final = 8  # parameters that `waituntil` may depend on (M1222)
+LARGEST: Final = 9_999_999_999  # of a block, program, tool and G number: ten digits
 
 _SPACE = re.compile(r"[\s;]*")
 _HEAD = re.compile(r"\s*(/)?\s*(?:N\s*(\d+))?")
-_PLAIN = re.compile(r"([A-FH-LOQ-Z])([-+]?\d+(?:\.\d*)?)(?=[\sA-Z;]|$)")
-"""Most words: a letter and a number."""
+_PLAIN = re.compile(r"([A-FH-LOQ-Z])([-+]?\d+(?:\.\d*)?)(?=[\sA-Z;]|$)")  # most words: a letter and a number
 _INDEXED = re.compile(r"([A-Z])([1-8])\s*:(?![:=])")
 _G = re.compile(r"G\s*(\d+)")
 _M = re.compile(r"M\s*(\d+)")
@@ -173,7 +64,7 @@ _DELETED = re.compile(r"\s*(?:-\s?-(?=\s*(?:$|[^\s\d.,+-]))|[-–—\x96\x97](?=
 _TEXT = re.compile(r"!\s*(?:(\$[0-9A-Fa-f]+|\d+)\s*,\s*)?(.*)", re.DOTALL)
 
 
-def parse_block(text: str, line: int = 0) -> Block:
+def parse_block(text: str, line: int = 0) -> ProgramBlock:
     """The block of a line, chained lines joined. Raises ProgramError with the column."""
     return _Parser(text, line).block()
 
@@ -207,7 +98,7 @@ class _Parser:
 
     # Blocks
 
-    def block(self) -> Block:
+    def block(self) -> ProgramBlock:
         if len(self.text) > LONGEST:
             raise ProgramError(Code.TOO_MANY, f"{len(self.text)} characters; allowed: {LONGEST}", LONGEST + 1)
         head = _HEAD.match(self.text)
@@ -256,7 +147,7 @@ class _Parser:
                 case _:
                     self.refuse(Code.UNKNOWN_AXIS if letter.isalpha() else Code.SYNTAX, f"{self.rest()!r}")
         self._count(words, g, m, len(assignments) + len(jumps))
-        return Block(
+        return ProgramBlock(
             number,
             self.text,
             self.line,

@@ -25,12 +25,9 @@ from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.realtime.surroundings import Surroundings
 
-BLOCK_NS: Final = 1_500_000
-"""Block cycle time (manual: below 1.5 to 6 ms), of blocks without a path."""
-AHEAD: Final = 400
-"""Blocks that are analysed ahead of the one that is made."""
-REFILL: Final = 200
-"""Analysis goes on when no more than these wait."""
+BLOCK_NS: Final = 1_500_000  # block cycle time (manual: below 1.5 to 6 ms), of blocks without a path
+AHEAD: Final = 400  # blocks that are analysed ahead of the one that is made
+REFILL: Final = 200  # analysis goes on when no more than these wait
 
 
 class Filter(Protocol):
@@ -46,28 +43,20 @@ def filters(parameters: Parameters) -> list[Filter]:
 
 
 class Ahead:
-    """The blocks that wait, and the filters on their way."""
-
     def __init__(self, interpreter: Interpreter, around: Surroundings) -> None:
         self._interpreter, self._around = interpreter, around
         self._filters: Sequence[Filter] = ()
-        self.blocks: deque[PathBlock] = deque()
-        """Those that wait, the next one first."""
-        self.ended = True
-        """Nothing more comes from the interpreter."""
-        self.poll_ns: int | None = None
-        """When analysis goes on that waits for a condition, or supervises."""
-        self.error: Message | None = None
-        """What has ended analysis."""
+        self.blocks: deque[PathBlock] = deque()  # those that wait, the next one first
+        self.ended = True  # nothing more comes from the interpreter
+        self.poll_ns: int | None = None  # when analysis goes on that waits for a condition, or supervises
+        self.error: Message | None = None  # what has ended analysis
 
     def start(self) -> None:
-        """A program has been begun in the interpreter."""
         self.renew_filters()
         self.blocks.clear()
         self.ended, self.poll_ns, self.error = False, None, None
 
     def end(self) -> None:
-        """It is over, or broken off."""
         self._interpreter.end()
         self.blocks.clear()
         self.ended, self.error = True, None
@@ -155,7 +144,7 @@ class Ahead:
         """Keep an error about a block, None: about the one that is analysed; the first error counts."""
         if self.error is not None:
             return
-        here = (block.program, block.number) if block else self._interpreter.place
+        here = (block.program, block.number) if block else self._interpreter.stack.place
         program, number = error.place or here
         column = error.column or (block.column if block else 0)
         self.error = message(

@@ -8,6 +8,7 @@ A run that does not continue the one before begins where the axes stand.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Final
 
@@ -24,19 +25,13 @@ from isel_twin.motion import SetPointRun
 
 AXES: Final = 3
 NAMES: Final = "XYZ"
-INCREMENTS_PER_MM: Final = 1_000.0
-"""P12012 over P12013 where nobody has set them."""
-SETTLE_MS: Final = 3_000.0
-"""P12018 where nobody has set it."""
-COARSEST, FINEST = 1e-3, 1e6
-"""Increments per mm that a measuring system may have."""
-PULSES: Final = 5_000
-"""Increments from zero pulse to zero pulse."""
+INCREMENTS_PER_MM: Final = 1_000.0  # P12012 over P12013 where nobody has set them
+SETTLE_MS: Final = 3_000.0  # P12018 where nobody has set it
+COARSEST, FINEST = 1e-3, 1e6  # increments per mm that a measuring system may have
+PULSES: Final = 5_000  # increments from zero pulse to zero pulse
 
 
 class Axes:
-    """The axes of the machine as the control knows them."""
-
     def __init__(self, parameters: Parameters, levels: Mapping[str, bool]) -> None:
         """levels: of the inputs, limit switches among them, kept up to date by the caller."""
         self._parameters, self._levels = parameters, levels
@@ -44,14 +39,11 @@ class Axes:
         """Encoders; None: there are none, and the axes stand exactly at their set positions."""
         self.referenced = [False] * AXES
         self.run: SetPointRun | None = None
-        """The motion in execution."""
         self._base: tuple[int, ...] = (0,) * AXES
         self.now_ns = 0
         self._watch = LagWatch(parameters)
         self._known: tuple[int, MotionLimits] | None = None
         """The limits, and the revision of the parameters they were made from."""
-
-    # Where they are
 
     def counts_at(self, t_ns: int) -> tuple[int, ...]:
         """Set positions in increments, at a time within the run in execution."""
@@ -61,23 +53,17 @@ class Axes:
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """Set positions in increments, now."""
         return self.counts_at(self.now_ns)
 
     @property
     def position(self) -> tuple[float, ...]:
-        """Set positions in mm, now."""
         per_mm = self.limits().increments_per_mm
         return tuple(count / per for count, per in zip(self.counts, per_mm, strict=True))
-
-    def set_mm(self, axis: int) -> float:
-        """Set position of an axis, mm."""
-        return self.position[axis]
 
     def actual_mm(self, axis: int) -> float:
         """Measured position of an axis, mm."""
         drives, per_mm = self.drives, self.limits().increments_per_mm[axis]
-        return self.set_mm(axis) if drives is None else drives.encoder[axis] / per_mm
+        return self.position[axis] if drives is None else drives.encoder[axis] / per_mm
 
     def speed_mm_s(self, axis: int) -> float:
         """Set speed of an axis, mm/s."""
@@ -94,19 +80,15 @@ class Axes:
 
     def at_limit(self, axis: int) -> tuple[bool, bool]:
         """True if an axis stands at its software limit + (P12030), - (P12031), or beyond."""
-        p, place = self._parameters, self.set_mm(axis)
-        high, low = of_axis(axis, Axis.LIMIT_HIGH), of_axis(axis, Axis.LIMIT_LOW)
-        return p.loaded(high) and place >= p.get(high), p.loaded(low) and place <= p.get(low)
+        place, (low, high) = self.position[axis], self.software_limits(axis)
+        return place >= high, place <= low
 
     def driven(self, axis: int) -> bool:
         """True if an axis moves, or is not yet within its exact-stop window."""
         moving = self.run is not None and self.now_ns < self.run.end_ns and self.speed_mm_s(axis) != 0.0
         return moving or axis in self.unsettled()
 
-    # What moves them
-
     def follow(self, run: SetPointRun | None) -> None:
-        """Make this the motion in execution."""
         shown = self.run
         if run is shown:
             return
@@ -123,7 +105,6 @@ class Axes:
         return value
 
     def forget(self, axis: int) -> None:
-        """An axis loses its reference point."""
         self.referenced[axis] = False
         self._parameters.write(of_axis(axis, Axis.REFERENCED), 0.0)
 
@@ -131,8 +112,6 @@ class Axes:
         """Increments to the next zero pulse."""
         past = 0 if self.drives is None else self.drives.past_zero_pulse[axis] % PULSES
         return (PULSES - past) % PULSES
-
-    # How far and how well
 
     def limits(self) -> MotionLimits:
         """Limits of axes and path by the parameters as they are now."""
@@ -151,15 +130,11 @@ class Axes:
 
     def unsettled(self) -> list[int]:
         """Axes that are not within the exact-stop window."""
-        drives = self.drives
-        if drives is None:
+        if (drives := self.drives) is None:
             return []
-        return [
-            axis
-            for axis, per_mm in enumerate(self.limits().increments_per_mm)
-            if not drives.in_position[axis]
-            or abs(drives.lag[axis]) / per_mm > window_mm(self._parameters, axis, per_mm)
-        ]
+        all_per_mm = self.limits().increments_per_mm
+        windows = [window_mm(self._parameters, axis, per_mm) for axis, per_mm in enumerate(all_per_mm)]
+        return [a for a in range(AXES) if not drives.in_position[a] or abs(drives.lag[a]) / all_per_mm[a] > windows[a]]
 
     def settling_ns(self, axis: int) -> int:
         """How long an axis may take to reach its window: P12018."""
@@ -171,12 +146,12 @@ class Axes:
             self._watch.end()
             return None
         self._watch.begin(self.now_ns, self.counts)
-        per_mm = self.limits().increments_per_mm if self._watch.is_due(self.now_ns) else ()
-        return self._watch.look(self.now_ns, self.counts, self.drives.lag, per_mm) if per_mm else None
+        if not self._watch.is_due(self.now_ns):
+            return None
+        return self._watch.look(self.now_ns, self.counts, self.drives.lag, self.limits().increments_per_mm)
 
     @property
     def next_look_ns(self) -> int | None:
-        """When `late` is due."""
         return self._watch.due_ns
 
     def struck(self, axis: int, end: int) -> bool:
@@ -185,20 +160,21 @@ class Axes:
 
     def obstacle(self, block: PathBlock) -> ProgramError | None:
         """Why the path of a block must not be made: a software limit (P12030, P12031), or a struck switch."""
-        p = self._parameters
-        for axis in range(AXES):
+        for axis in range(AXES) if block.elements else ():
             extents = [element.extent(axis) for element in block.elements]
-            if not extents:
-                continue
             low, high = min(e[0] for e in extents), max(e[1] for e in extents)
-            here = block.elements[0].start[axis]
-            highest, lowest = of_axis(axis, Axis.LIMIT_HIGH), of_axis(axis, Axis.LIMIT_LOW)
-            if p.loaded(highest) and high > p.get(highest):
+            here, (lowest, highest) = block.elements[0].start[axis], self.software_limits(axis)
+            if high > highest:
                 return ProgramError(Code.SOFTWARE_LIMIT_HIGH, NAMES[axis])
-            if p.loaded(lowest) and low < p.get(lowest):
+            if low < lowest:
                 return ProgramError(Code.SOFTWARE_LIMIT_LOW, NAMES[axis])
             if high > here and self.struck(axis, 2):
                 return ProgramError(Code.HARDWARE_LIMIT_HIGH, NAMES[axis])
             if low < here and self.struck(axis, 1):
                 return ProgramError(Code.HARDWARE_LIMIT_LOW, NAMES[axis])
         return None
+
+    def software_limits(self, axis: int) -> tuple[float, float]:
+        """P12031 and P12030, mm; infinite where they are deleted."""
+        p, low, high = self._parameters, of_axis(axis, Axis.LIMIT_LOW), of_axis(axis, Axis.LIMIT_HIGH)
+        return p.get(low) if p.loaded(low) else -math.inf, p.get(high) if p.loaded(high) else math.inf

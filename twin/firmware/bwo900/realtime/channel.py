@@ -23,7 +23,7 @@ from typing import Final
 
 from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter, Waiting
-from isel_twin.firmware.bwo900.geometry.blocks import Machine, PathBlock, Stop
+from isel_twin.firmware.bwo900.geometry.blocks import MFunction, PathBlock, Stop
 from isel_twin.firmware.bwo900.messages import Code, ProgramError, message
 from isel_twin.firmware.bwo900.realtime.ahead import BLOCK_NS, Ahead
 from isel_twin.firmware.bwo900.realtime.axes import NAMES
@@ -38,8 +38,6 @@ JUMP_NS: Final = 20 * MILLISECOND_NS
 
 
 class State(Enum):
-    """Of a channel."""
-
     IDLE = "no program"
     READY = "the next block begins"
     EMPTY = "a block without a path takes its time, or analysis has no block yet"
@@ -59,8 +57,6 @@ HELD: Final = (State.HELD, State.HELD_AT_PATH, State.HELD_ON_PATH)
 
 
 class Channel:
-    """Carries out what an interpreter analyses."""
-
     def __init__(self, interpreter: Interpreter, around: Surroundings) -> None:
         self._interpreter, self._around = interpreter, around
         self._axes, self._plc, self._deletion = around.axes, around.plc, around.deletion
@@ -68,14 +64,10 @@ class Channel:
         self._ahead = Ahead(interpreter, around)
         self.path = PathRun(interpreter, self._ahead, around)
         self.state = State.IDLE
-        self._current: PathBlock | None = None
-        """Block whose path has ended, and whose end is being carried out."""
-        self._due_ns: int | None = None
-        """When the state ends, or is looked at again; None: it waits for something else."""
-        self._stands_ns = 0
-        """When the axes ought to have come to a stand."""
-        self._holds = False
-        """Stop has been asked for: hold as soon as the axes stand."""
+        self._current: PathBlock | None = None  # block whose path has ended, and whose end is being carried out
+        self._due_ns: int | None = None  # when the state ends, or is looked at again; None: it waits for something else
+        self._stands_ns = 0  # when the axes ought to have come to a stand
+        self._holds = False  # Stop has been asked for: hold as soon as the axes stand
 
     # ---- what there is to see ---------------------------------------------------------------------------------------
 
@@ -90,18 +82,11 @@ class Channel:
         return self.state in HELD
 
     @property
-    def aborting(self) -> bool:
-        """It is broken off, and still brakes."""
-        return self.state is State.ABORTING
-
-    @property
     def run(self) -> SetPointRun | None:
-        """Set points, while there are any."""
         return self.path.stretch.run
 
     @property
     def next_ns(self) -> int | None:
-        """When `advance` is due."""
         return self.path.next_ns if self.state in MOVING else self._due_ns
 
     @property
@@ -124,7 +109,6 @@ class Channel:
     # ---- operating --------------------------------------------------------------------------------------------------
 
     def start(self) -> None:
-        """A program has been begun in the interpreter; carry it out."""
         self._ahead.start()
         self.path.stretch.clear()
         self.path.stand()
@@ -184,7 +168,6 @@ class Channel:
     # ---- going on ---------------------------------------------------------------------------------------------------
 
     def advance(self) -> None:
-        """Do everything that is due now."""
         for _ in range(100_000):
             before = self._progress()
             self._step()
@@ -228,10 +211,7 @@ class Channel:
     def _enter(self, state: State, due_ns: int | None = None) -> None:
         self.state, self._due_ns = state, due_ns
 
-    # Blocks
-
     def _begin(self) -> None:
-        """The next block, if there is one."""
         if self._holds:
             self._enter(State.HELD)
             return
@@ -272,19 +252,16 @@ class Channel:
             self._end(aborted=True)
         elif self._ahead.ended:
             self._end(aborted=False)
-        else:  # waituntil, or an acknowledgement: look again
+        else:  # waituntil, or an acknowledgement
             self._enter(State.EMPTY, self._axes.now_ns + BLOCK_NS)
 
     def _without_path(self, block: PathBlock) -> None:
-        """A block without a path: on with what comes behind one."""
         if block.stands:
             self._settle()
         elif _halting(block.pre):
             self._after_stop()
         else:
             self._post()
-
-    # The path
 
     def _begin_path(self) -> None:
         """A stretch begins with the first of the waiting blocks, whose functions have been sent."""
@@ -299,10 +276,9 @@ class Channel:
             return
         try:
             self.path.begin()
+            self.state = State.PATH
         except ProgramError as error:
             self._break_off(error)
-            return
-        self.state = State.PATH
 
     def _follow(self) -> None:
         """The stretch runs: pass on from block to block, append what has been analysed, end."""
@@ -320,7 +296,6 @@ class Channel:
             self._break_off(error)
 
     def _path_ended(self) -> None:
-        """Set points have come to an end: of the stretch, or because it was held."""
         if self.state is State.ABORTING:
             self._end(aborted=True)
             return
@@ -333,7 +308,6 @@ class Channel:
             self._post()
 
     def _resume(self) -> None:
-        """Go on where it was held."""
         match self.state:
             case State.HELD:
                 self._enter(State.READY, self._axes.now_ns)
@@ -342,8 +316,6 @@ class Channel:
             case State.HELD_ON_PATH:
                 self.path.resume()
                 self.state = State.PATH
-
-    # The end of a block
 
     def _settle(self) -> None:
         self._stands_ns = self._axes.now_ns
@@ -368,7 +340,6 @@ class Channel:
             self._post()
 
     def _post(self) -> None:
-        """Post functions, and the wait for those with halt."""
         block = self._current
         assert block is not None
         send(self._around, block.post)
@@ -379,7 +350,6 @@ class Channel:
             self._block_over()
 
     def _block_over(self) -> None:
-        """A block has been carried out whole."""
         block, self._current = self._current, None
         assert block is not None
         path = self.path
@@ -411,7 +381,6 @@ class Channel:
             self._enter(State.EMPTY, self._axes.now_ns + BLOCK_NS)
 
     def _end(self, *, aborted: bool) -> None:
-        """No program any more."""
         self._ahead.end()
         self.path.stretch.clear()
         self._current, self._holds = None, False
@@ -420,6 +389,5 @@ class Channel:
         self._around.ended(self.executed.place if aborted else None)
 
 
-def _halting(functions: Iterable[Machine]) -> bool:
-    """True if a function is waited for until the PLC acknowledges it."""
+def _halting(functions: Iterable[MFunction]) -> bool:
     return any(function.halt and not function.jump for function in functions)

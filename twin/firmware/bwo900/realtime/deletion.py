@@ -23,7 +23,6 @@ from isel_twin.firmware.bwo900.realtime.axes import AXES, Axes
 from isel_twin.firmware.bwo900.realtime.executed import Executed
 
 PROBE: Final = "e0.6"
-"""Terminal of the probe."""
 
 
 class DeletionWatch:
@@ -34,7 +33,6 @@ class DeletionWatch:
         self._parameters, self._levels, self._axes, self._executed = parameters, levels, axes, executed
 
     def begins(self) -> None:
-        """A block with M26 begins."""
         self._parameters.write(P.DELETED, -1.0)
         for axis in range(AXES):
             self._state(axis, taken=False)
@@ -44,12 +42,10 @@ class DeletionWatch:
         return bool(self._parameters.get(P.DELETE)) or self._probed(block)
 
     def deleted(self) -> None:
-        """A path or a dwell has been deleted."""
         self._parameters.write(P.DELETED, float(self._executed.place[1]))
         self.keep()
 
     def keep(self) -> None:
-        """Keep where the axes are."""
         p = self._parameters
         mask, shown = int(p.get(P.KEEP_MASK)), bool(byte(p.get(P.MEASURED_DISPLAY), 1))
         for axis in range(AXES):

@@ -16,20 +16,14 @@ class Executed:
     def __init__(self, interpreter: Interpreter) -> None:
         self._interpreter = interpreter
         self.active = False
-        """A program is carried out."""
-        self.block: PathBlock | None = None
-        """None: no program, or its first block has not begun."""
-        self.place = ("", 0)
-        """Program and number of the block; kept after the end of the program."""
-        self.column = 0
-        """Of the path's words in the text of the block."""
+        self.block: PathBlock | None = None  # None: no program, or its first block has not begun
+        self.place = ("", 0)  # program and number of the block; kept after the end of the program
+        self.column = 0  # of the path's words in the text of the block
 
     def start(self) -> None:
-        """A program begins."""
         self.active, self.place = True, ("", 0)
 
     def end(self) -> None:
-        """It is over."""
         self.active, self.block = False, None
 
     def enter(self, block: PathBlock) -> bool:
@@ -54,7 +48,6 @@ class Executed:
 
     @property
     def dwell_s(self) -> float:
-        """Of the block; 0: none."""
         return 0.0 if self.block is None else self.block.dwell_s or 0.0
 
     @property

@@ -22,27 +22,22 @@ class Hand:
         self._parameters, self._axes, self._outgoing = parameters, axes, outgoing
         self.homing: Homing | None = None
         self.jog: Jog | None = None
-        self.direction = 0
-        """Of a key that waits for power: +1, -1; 0: there is none."""
+        self.direction = 0  # of a key that waits for power: +1, -1; 0: there is none
         self.wants: list[int] = []
-        """Axes whose reference run waits for power."""
 
     @property
     def move(self) -> Homing | Jog | None:
-        """The move under way."""
         return self.homing or self.jog
 
     @property
     def next_ns(self) -> int | None:
-        """When `advance` is due."""
         return None if self.move is None else self.move.next_ns
 
     def advance(self) -> None:
-        """Let time pass, or a switch change."""
         if self.homing is not None:
             self.homing.advance()
             self._axes.follow(self.homing.run)
-            if not self.homing.active:
+            if self.homing.run is None:
                 self._homed()
         if self.jog is not None:
             self.jog.advance()
@@ -51,11 +46,7 @@ class Hand:
                 self.jog = None
 
     def cut(self) -> None:
-        """Power is lost."""
-        if self.homing is not None:
-            self.homing.stop()
-            self.homing = None
-        self.jog, self.direction = None, 0
+        self.homing, self.jog, self.direction = None, None, 0
 
     def brake(self) -> None:
         """Stop, or an abort: whatever moves brakes, and what waits is forgotten."""
@@ -64,15 +55,12 @@ class Hand:
         if self.homing is not None:
             self.homing.brake()
 
-    # Keys of an axis
-
     def release(self, *, everything: bool = False) -> None:
         """The key is released; everything: a step ends, too."""
         if self.jog is not None:
             self.jog.release(everything=everything)
 
     def scale(self, override: float) -> None:
-        """Another override, for the key that is held and for steps."""
         if self.jog is not None:
             self.jog.scale(override)
 
@@ -90,7 +78,6 @@ class Hand:
         return True
 
     def begin_jog(self) -> None:
-        """Begin the move of the key that waits."""
         sign, self.direction = self.direction, 0
         axes = self._axes
         try:
@@ -105,15 +92,11 @@ class Hand:
         self.jog = jog
         axes.follow(jog.run)
 
-    # Reference runs
-
     def refer(self, axis: int, *, free: bool) -> bool:
         """A reference run is asked for; free: mode and program allow it. True if it is to begin."""
-        if not free or self.jog is not None:
-            self._say(message(Code.NOT_IN_HAND, detail="a reference run"))
-            return False
-        if self.homing is not None:
-            self._say(message(Code.NOT_IN_HAND, detail="a reference run is under way"))
+        if not free or self.move is not None:
+            under_way = " is under way" if free and self.jog is None else ""
+            self._say(message(Code.NOT_IN_HAND, detail=f"a reference run{under_way}"))
             return False
         self.wants.append(axis)
         return True
@@ -127,7 +110,6 @@ class Hand:
         self._axes.follow(self.homing.run)
 
     def _homed(self) -> None:
-        """All axes have made theirs, or one has found no switch."""
         assert self.homing is not None
         failed, self.homing = self.homing.failed, None
         if failed is not None:

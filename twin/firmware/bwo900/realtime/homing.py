@@ -21,15 +21,11 @@ from isel_twin.motion.indexer import Indexer, at_rest
 
 FAST_HZ, SLOW_HZ = 10_000.0, 2_000.0
 ACCELERATION_HZ_S = 100_000.0
-SEARCH = 1_200_000
-"""Increments after which a search ends without a switch."""
-FREE = 40_000
-"""Increments after which the switch must have been left."""
+SEARCH = 1_200_000  # increments after which a search ends without a switch
+FREE = 40_000  # increments after which the switch must have been left
 
 
 class Leg(Enum):
-    """Of a reference run."""
-
     SEARCH = "towards the switch"
     BRAKE = "the switch is struck: brake"
     FREE = "off the switch"
@@ -47,36 +43,25 @@ class Homing:
         self._serial = 0
         self._leg = Leg.STOP
         self.run: SetPointRun | None = None
-        self.failed: int | None = None
-        """The axis that has found no switch."""
+        self.failed: int | None = None  # the axis that has found no switch
         self._next()
 
     @property
-    def active(self) -> bool:
-        """Something is left to be done."""
-        return self.run is not None
-
-    @property
     def next_ns(self) -> int | None:
-        """When `advance` is due."""
         return None if self.run is None else self.run.end_ns
 
     def advance(self) -> None:
-        """Let time pass, or a switch change."""
         while self.run is not None and self._go_on():
             pass
 
     def stop(self) -> None:
-        """It ends here."""
         self.run, self._order = None, []
 
     def brake(self) -> None:
-        """The axis brakes, and that is the end."""
         if self.run is not None:
             self._brake(self._order[0], Leg.STOP)
 
     def _next(self) -> None:
-        """The next axis begins."""
         if not self._order:
             self.run = None
             return
@@ -116,19 +101,20 @@ class Homing:
         return True
 
     def _move(self, axis: int, way: float, speed_hz: float, leg: Leg) -> None:
-        plan, k = self._plan()
+        plan, k = under_way(self.run, self._axes.now_ns)
         self._begin(plan.to(axis, k, plan.displacement(k)[axis] + way, speed_hz), leg)
 
     def _brake(self, axis: int, leg: Leg) -> None:
-        plan, k = self._plan()
+        plan, k = under_way(self.run, self._axes.now_ns)
         self._begin(plan.braked(axis, k), leg)
-
-    def _plan(self) -> tuple[Indexer, int]:
-        """The plan under way, and its next tick."""
-        assert self.run is not None
-        assert isinstance(self.run.plan, Indexer)
-        return self.run.plan, self.run.next_tick(self._axes.now_ns)
 
     def _begin(self, plan: Indexer, leg: Leg) -> None:
         assert self.run is not None
         self.run, self._leg = self.run.with_plan(plan), leg
+
+
+def under_way(run: SetPointRun | None, now_ns: int) -> tuple[Indexer, int]:
+    """The plan of a run, and its next tick."""
+    assert run is not None
+    assert isinstance(run.plan, Indexer)
+    return run.plan, run.next_tick(now_ns)

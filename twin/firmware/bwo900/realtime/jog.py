@@ -13,17 +13,15 @@ from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.numbers import Axis, P
 from isel_twin.firmware.bwo900.parameters import Parameters, of_axis
 from isel_twin.firmware.bwo900.realtime.axes import AXES, NAMES, Axes
+from isel_twin.firmware.bwo900.realtime.homing import under_way
 from isel_twin.firmware.bwo900.realtime.stretch import PERIOD_NS
 from isel_twin.motion import SetPointRun
-from isel_twin.motion.indexer import Indexer, at_rest
+from isel_twin.motion.indexer import at_rest
 
 CONTINUOUS, STEP = 1, 2
-FURTHEST_MM: Final = 10_000.0
-"""A continuous move without software limits ends here."""
-SPEED_MM_MIN: Final = 1_000.0
-"""P8755 where nobody has set it."""
-STEPS_MM: Final = (10.0, 1.0, 0.1, 0.01, 0.001, 0.0, 0.0)
-"""P8763 to P8769 where nobody has set them."""
+FURTHEST_MM: Final = 10_000.0  # a continuous move without software limits ends here
+SPEED_MM_MIN: Final = 1_000.0  # P8755 where nobody has set it
+STEPS_MM: Final = (10.0, 1.0, 0.1, 0.01, 0.001, 0.0, 0.0)  # P8763 to P8769 where nobody has set them
 
 
 def step_mm(parameters: Parameters) -> float:
@@ -48,13 +46,9 @@ def step_on(parameters: Parameters) -> None:
 
 
 class Jog:
-    """A move in HAND."""
-
     def __init__(self, parameters: Parameters, axes: Axes, sign: int, override: float) -> None:
-        """sign: +1, -1. override: of the speed; 0: it waits.
-
-        Raises ProgramError: M1216 no such axis, M1321 no such kind, M2103, M2104 a step would leave the limits.
-        """
+        """sign: +1, -1. override: of the speed; 0: it waits. Raises ProgramError: M1216 no such axis, M1321 no such
+        kind, M2103, M2104 a step would leave the limits."""
         p, limits, counts = parameters, axes.limits(), axes.counts
         axis = int(p.given(P.HAND_AXIS, 1.0)) - 1
         if not 0 <= axis < AXES:
@@ -74,23 +68,18 @@ class Jog:
         self._parameters, self._axes, self._per_mm = p, axes, per_mm
         self._speed_mm_s = min(p.given(P.HAND_FEED, SPEED_MM_MIN) / 60.0, fastest)
         self._acceleration = limits.rapid_acceleration[axis] * per_mm
-        self._left = float(round(way * per_mm))
-        """Way that is left where the present run began."""
+        self._left = float(round(way * per_mm))  # way that is left where the present run began
         self._override = 0.0
-        self._released = False
-        """The key is released: it brakes."""
+        self._released = False  # the key is released: it brakes
         self.over = False
-        """It has come to its end."""
         self.run: SetPointRun | None = None
         self.scale(override)
 
     @property
     def next_ns(self) -> int | None:
-        """When `advance` is due."""
         return None if self.run is None else self.run.end_ns
 
     def advance(self) -> None:
-        """Let time pass."""
         run = self.run
         if run is not None and self._axes.now_ns >= run.end_ns:
             self._left -= float(run.displacement(run.end_ns)[self.axis])
@@ -104,7 +93,7 @@ class Jog:
         self._parameters.write(P.HAND_FEED_NOW, override * self._speed_mm_s * 60.0)
         speed, now_ns = override * self._speed_mm_s * self._per_mm, self._axes.now_ns
         if self.run is not None:
-            plan, tick = self._plan(self.run)
+            plan, tick = under_way(self.run, now_ns)
             plan = plan.towards(self.axis, tick, self._left, speed) if override > 0.0 else plan.braked(self.axis, tick)
             self.run = self.run.with_plan(plan)
         elif override > 0.0:
@@ -118,11 +107,6 @@ class Jog:
         self._released = True
         if self.run is None:
             self.over = True
-            return
-        plan, tick = self._plan(self.run)
-        self.run = self.run.with_plan(plan.braked(self.axis, tick))
-
-    def _plan(self, run: SetPointRun) -> tuple[Indexer, int]:
-        """The plan under way, and its next tick."""
-        assert isinstance(run.plan, Indexer)
-        return run.plan, run.next_tick(self._axes.now_ns)
+        else:
+            plan, tick = under_way(self.run, self._axes.now_ns)
+            self.run = self.run.with_plan(plan.braked(self.axis, tick))

@@ -9,16 +9,13 @@ from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
 from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.realtime.surroundings import Surroundings
 
-ONLY_REAL_TIME: Final = 0x1010
-"""Of P8806: single block stops only after blocks that are something to the real time (byte 1 or 2, bit 4)."""
+ONLY_REAL_TIME: Final = 0x1010  # of P8806 (byte 1, 2, bit 4): single block stops only after blocks with real-time work
 
 
 def halts(block: PathBlock, around: Surroundings) -> bool:
     """True if single block stops after it."""
-    if not around.single:
-        return False
     p = around.parameters
-    if not (block.main or int(p.get(P.SINGLE_EVERY))):
+    if not around.single or not (block.main or int(p.get(P.SINGLE_EVERY))):
         return False
     return not int(p.get(P.START_FLAGS_1)) & ONLY_REAL_TIME or block.in_real_time
 
@@ -43,9 +40,7 @@ def joining(waiting: deque[PathBlock], last: PathBlock | None, around: Surroundi
     chosen: list[PathBlock] = []
     while waiting:
         block = waiting[0]
-        if last is not None and (
-            not joins(last, block, around) or around.axes.obstacle(block) is not None or not around.plc.room
-        ):
+        if last and (not joins(last, block, around) or around.axes.obstacle(block) or not around.plc.room):
             break
         chosen.append(waiting.popleft())
         last = block

@@ -5,7 +5,7 @@
                                   at constant speed v: s = v / KV, "feed / (60 KV)"
     allowed                       (1 + P12024 / 100) |s| + coarse window (P12017), passed for no longer than P12025
 
-P12024 is 50 % and P12025 50 ms unless set; P12025 = -1: no watch. While something moves, it looks every `LOOK_NS`.
+P12024 is 50 % and P12025 50 ms unless set; P12025 = -1: no watch.
 """
 
 from __future__ import annotations
@@ -22,8 +22,7 @@ from isel_twin.firmware.bwo900.realtime.path import KV_1_S, positive
 LOOK_NS: Final = 25 * MILLISECOND_NS
 MORE_PERCENT: Final = 50.0
 LONGEST_MS: Final = 50.0
-COARSE: Final = 8.0
-"""P12017 over P12016 where nobody has set it."""
+COARSE: Final = 8.0  # P12017 over P12016 where nobody has set it
 OFF: Final = -1.0
 
 
@@ -33,17 +32,15 @@ def window_mm(parameters: Parameters, axis: int, per_mm: float) -> float:
 
 
 class LagWatch:
-    """Watches all axes. Positions and lags are increments."""
+    """Watches all axes, every `LOOK_NS` while something moves. Positions and lags are increments."""
 
     def __init__(self, parameters: Parameters) -> None:
         self._parameters = parameters
-        self.due_ns: int | None = None
-        """When it looks next; None: nothing moves."""
+        self.due_ns: int | None = None  # when it looks next; None: nothing moves
         self._last_ns = 0
         self._counts: tuple[int, ...] = (0,) * MACHINE_AXES
         self._ought = [0.0] * MACHINE_AXES
-        self._since_ns: list[int | None] = [None] * MACHINE_AXES
-        """Since when the lag of an axis is more than allowed."""
+        self._since_ns: list[int | None] = [None] * MACHINE_AXES  # since when the lag of an axis is more than allowed
         self._known: tuple[int, list[tuple[float, float, float, float]]] | None = None
         """Settings, and the revision of the parameters they were made from."""
 
@@ -51,18 +48,16 @@ class LagWatch:
         """Of each axis: KV in 1/s, P12024 in %, P12025 in ms, coarse window in mm."""
         p = self._parameters
         if self._known is None or self._known[0] != p.revision:
-            self._known = (
-                p.revision,
-                [
-                    (
-                        positive(p.axis(axis, Axis.KV, 0.0), KV_1_S),
-                        positive(p.axis(axis, Axis.LAG_PERCENT, 0.0), MORE_PERCENT),
-                        p.axis(axis, Axis.LAG_MS, 0.0),
-                        positive(p.axis(axis, Axis.WINDOW_COARSE, 0.0), COARSE * window_mm(p, axis, per_mm[axis])),
-                    )
-                    for axis in range(MACHINE_AXES)
-                ],
-            )
+            settings = [
+                (
+                    positive(p.axis(axis, Axis.KV, 0.0), KV_1_S),
+                    positive(p.axis(axis, Axis.LAG_PERCENT, 0.0), MORE_PERCENT),
+                    p.axis(axis, Axis.LAG_MS, 0.0),
+                    positive(p.axis(axis, Axis.WINDOW_COARSE, 0.0), COARSE * window_mm(p, axis, per_mm[axis])),
+                )
+                for axis in range(MACHINE_AXES)
+            ]
+            self._known = p.revision, settings
         return self._known[1]
 
     def begin(self, now_ns: int, counts: Sequence[int]) -> None:
@@ -72,17 +67,13 @@ class LagWatch:
             self._ought, self._since_ns = [0.0] * MACHINE_AXES, [None] * MACHINE_AXES
 
     def end(self) -> None:
-        """Nothing moves any more."""
         self.due_ns = None
 
     def is_due(self, now_ns: int) -> bool:
-        """True if it is time to look."""
         return self.due_ns is not None and now_ns >= self.due_ns
 
     def look(self, now_ns: int, counts: Sequence[int], lag: Sequence[float], per_mm: Sequence[float]) -> int | None:
-        """Look, if it is time; returns the axis that has lagged for too long."""
-        if not self.is_due(now_ns):
-            return None
+        """Look; returns the axis that has lagged for too long."""
         self.due_ns = now_ns + LOOK_NS
         passed_s, self._last_ns = (now_ns - self._last_ns) / SECOND_NS, now_ns
         before, self._counts = self._counts, tuple(counts)

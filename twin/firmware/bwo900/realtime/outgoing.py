@@ -21,27 +21,21 @@ CELLS: Final[Mapping[Effect, int]] = {
     Effect.STOP: P.MESSAGE_LOW,
     Effect.SHOWN: P.MESSAGE_SHOWN,
 }
-INTERPOLATOR: Final = (20, 21)
-"""Messages of these hundreds are about an axis."""
+INTERPOLATOR: Final = (20, 21)  # messages of these hundreds are about an axis
 INFOS: Final = (P.MESSAGE_INFO_1, P.MESSAGE_INFO_2, P.MESSAGE_INFO_3)
 MOST_MESSAGES: Final = 1_000
-"""Of the history."""
 
 
 class Outgoing:
-    """Events that have not been taken, and messages."""
-
     def __init__(self, parameters: Parameters) -> None:
         self._parameters = parameters
         self._events: list[Event] = []
         self._outputs: dict[str, int] = {}
-        self.standing: list[Message] = []
-        """Messages that have not been cleared, the newest last."""
+        self.standing: list[Message] = []  # messages that have not been cleared, the newest last
         self.history: list[tuple[int, Message]] = []
         self.fault = False
 
     def add(self, *events: Event) -> None:
-        """Append events."""
         self._events += events
 
     def take(self) -> list[Event]:
@@ -50,13 +44,11 @@ class Outgoing:
         return events
 
     def output(self, name: str, value: int) -> None:
-        """Set an output; tells it if it changes."""
         if self._outputs.get(name) != value:
             self._outputs[name] = value
             self.add(Output(name, value))
 
     def pulse(self, name: str) -> None:
-        """An output rises and falls."""
         self.add(Output(name, 1), Output(name, 0))
 
     def say(self, t_ns: int, said: Message) -> None:
@@ -82,14 +74,13 @@ class Outgoing:
         self.add(Remark(str(said)))
 
     def acknowledge(self) -> None:
-        """The operator has read the messages that stand."""
         self.standing.clear()
         cells = (*CELLS.values(), P.MESSAGE_AXIS, *(of_axis(axis, Axis.MESSAGE) for axis in range(MACHINE_AXES)))
         for number in cells:
             self._parameters.write(number, 0.0)
 
     def clear(self) -> None:
-        """As `acknowledge`, and the fault is over."""
+        """The operator has read the messages that stand, and the fault is over."""
         self.acknowledge()
         self.fault = False
         self.output("message", 0)

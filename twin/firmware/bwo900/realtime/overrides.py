@@ -19,13 +19,10 @@ from isel_twin.firmware.bwo900.numbers import Axis, P
 from isel_twin.firmware.bwo900.parameters import Parameters
 
 COUNT: Final = 8
-SIZE: Final = 5
-"""Parameters of an override: value, raw value, lowest, highest, table."""
+SIZE: Final = 5  # parameters of an override: value, raw value, lowest, highest, table
 VALUE, RAW, LOWEST_OFFSET, HIGHEST_OFFSET, TABLE = range(SIZE)
-HIGHEST: Final = 120.0
-"""% that a potentiometer goes up to (3.7)."""
-FULL: Final = 255
-"""Highest value of a potentiometer."""
+HIGHEST: Final = 120.0  # % that a potentiometer goes up to (3.7)
+FULL: Final = 255  # its highest value
 
 FACTORY_OVERRIDES: Final[Mapping[int, float]] = {
     **{P.OVERRIDE_5: 0.0, P.OVERRIDE_6: 10.0, P.OVERRIDE_7: 50.0, P.OVERRIDE_8: 100.0},
@@ -36,7 +33,6 @@ FACTORY_OVERRIDES: Final[Mapping[int, float]] = {
 
 
 def is_override(number: int) -> bool:
-    """True if a parameter P belongs to an override."""
     return P.OVERRIDE <= number < P.OVERRIDE + COUNT * SIZE
 
 
@@ -57,9 +53,7 @@ def factor(parameters: Parameters, axes: int) -> float:
 
 
 def _percent(parameters: Parameters, override: int) -> float:
-    if not 1 <= override <= COUNT:
-        override = 1
-    first = P.OVERRIDE + SIZE * (override - 1)
+    first = P.OVERRIDE + SIZE * (override - 1 if 1 <= override <= COUNT else 0)
     return _limited(parameters, first, parameters.get(first, 100.0))
 
 

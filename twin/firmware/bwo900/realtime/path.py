@@ -26,29 +26,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.firmware.bwo900.geometry.blocks import BlockEnd, Correction, PathBlock
-from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Line, Point
+from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Point, Straight
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.numbers import Axis, P
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
 from isel_twin.motion.pieces import Pieces
 
 MINUTE_S: Final = 60.0
-FASTEST_MM_MIN: Final = 6_000.0
-"""P12004 where nobody has set it."""
-DYNAMICS_MS: Final = 250.0
-"""P12008 where nobody has set it: time from standstill to the highest speed."""
-KV_1_S: Final = 16.0
-"""P12020 where nobody has set it."""
-FURTHEST: Final = 2.0**31
-"""Increments from zero that a counter of 32 bits holds."""
-SHARE: Final = math.sqrt(0.5)
-"""Of the acceleration, on circles: across the path and along it."""
-STRAIGHT: Final = 1e-9
-"""Sine of an angle that is none."""
-NO_CONTOUR_MM: Final = 1e-6
-"""Radius of a contour that is a corner."""
-SLOWEST: Final = 0.01
-"""Of the feed is left, whatever P8848 and P8849 take away."""
+FASTEST_MM_MIN: Final = 6_000.0  # P12004 where nobody has set it
+DYNAMICS_MS: Final = 250.0  # P12008 where nobody has set it: time from standstill to the highest speed
+KV_1_S: Final = 16.0  # P12020 where nobody has set it
+FURTHEST: Final = 2.0**31  # increments from zero that a counter of 32 bits holds
+SHARE: Final = math.sqrt(0.5)  # of the acceleration, on circles: across the path and along it
+STRAIGHT: Final = 1e-9  # sine of an angle that is none
+NO_CONTOUR_MM: Final = 1e-6  # radius of a contour that is a corner
+SLOWEST: Final = 0.01  # of the feed is left, whatever P8848 and P8849 take away
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,31 +48,19 @@ class MotionLimits:
     """What axes and path can do, from the parameters; tuples have one value an axis."""
 
     increments_per_mm: tuple[float, ...]
-    speed: Point
-    """mm/s, of paths."""
-    hand: Point
-    """mm/s, of moves without a program."""
-    acceleration: Point
-    """mm/s^2, with feed."""
-    rapid_acceleration: Point
-    """mm/s^2, with G00."""
-    rapid: float
-    """mm/s, of the axis with the longest way."""
-    corner: float
-    """Exponent of the corner factor; negative: off."""
-    deviation_mm: float
-    """P8852, 0: off."""
+    speed: Point  # mm/s, of paths
+    hand: Point  # mm/s, of moves without a program
+    acceleration: Point  # mm/s^2, with feed
+    rapid_acceleration: Point  # mm/s^2, with G00
+    rapid: float  # mm/s, of the axis with the longest way
+    corner: float  # exponent of the corner factor; negative: off
+    deviation_mm: float  # P8852, 0: off
     kv: float
-    test_feed: float | None
-    """P8815, mm/s: in place of all feeds."""
-    feed_share: float = 1.0
-    """P8818: of every programmed feed."""
-    contour_mm: float = 0.0
-    """P8857, 0: off."""
+    test_feed: float | None  # P8815, mm/s: in place of all feeds
+    feed_share: float = 1.0  # P8818: of every programmed feed
+    contour_mm: float = 0.0  # P8857, 0: off
     convex: float = 0.0
-    """P8848, as a share of the feed: -1 to 1."""
-    concave: float = 0.0
-    """P8849"""
+    concave: float = 0.0  # P8848 and P8849, as a share of the feed: -1 to 1
     reference_mm: float = 0.0
     """P8850: 0 off, 1 the feed of the point of contact, above that the largest radius with another feed."""
     sine: bool = False
@@ -88,13 +68,10 @@ class MotionLimits:
 
     @classmethod
     def of(cls, parameters: Parameters, increments_per_mm: Sequence[float]) -> MotionLimits:
-        """The limits as the parameters are now."""
         p, axes = parameters, range(len(increments_per_mm))
         fastest = tuple(positive(p.axis(a, Axis.SPEED, 0.0), FASTEST_MM_MIN) / MINUTE_S for a in axes)
-        first = tuple(
-            v / (1e-3 * positive(p.axis(a, Axis.DYNAMICS_1, 0.0), DYNAMICS_MS))
-            for a, v in zip(axes, fastest, strict=True)
-        )
+        rise_ms = [positive(p.axis(a, Axis.DYNAMICS_1, 0.0), DYNAMICS_MS) for a in axes]
+        first = tuple(v / (1e-3 * ms) for v, ms in zip(fastest, rise_ms, strict=True))
         second = tuple(
             min(v / (1e-3 * ms), f) if (ms := p.axis(a, Axis.DYNAMICS_2, 0.0)) > 0.0 else f
             for a, v, f in zip(axes, fastest, first, strict=True)
@@ -138,10 +115,8 @@ def circumradius(a: Point, b: Point, c: Point) -> float:
 
 
 def feed_factor(arc: Arc, correction: Correction, limits: MotionLimits) -> float:
-    """Factor of the feed on an arc of the tool's centre beside a contour (P8848 to P8850); 1 without a contour.
-
-    An arc around an outer corner has no contour of its own: 1.
-    """
+    """Factor of the feed on an arc of the tool's centre beside a contour (P8848 to P8850); 1 without a contour, and
+    on an arc around an outer corner, which has none of its own."""
     reference, tool, centre = limits.reference_mm, correction.radius_mm, arc.radius_mm
     if not correction.side or tool <= 0.0 or reference < 1.0:
         return 1.0
@@ -159,11 +134,10 @@ def feed_factor(arc: Arc, correction: Correction, limits: MotionLimits) -> float
 
 def _slope(p: Parameters, axis: int, fastest: float) -> float:
     """Speed that P12136 allows an axis, mm/s: P12005 by byte 1, P12006 by byte 2, 10 and 20 % of P12004 unless set."""
-    asked = p.axis(axis, Axis.SLOPE, 0.0)
-    most = fastest
-    for number, share in ((1, 0.1), (2, 0.2)):
+    asked, most = p.axis(axis, Axis.SLOPE, 0.0), fastest
+    for number, speed, share in ((1, Axis.SLOPE_SPEED_1, 0.1), (2, Axis.SLOPE_SPEED_2, 0.2)):
         if byte(asked, number) & 1:
-            most = min(most, positive(p.axis(axis, 4 + number, 0.0) / MINUTE_S, share * fastest))
+            most = min(most, positive(p.axis(axis, speed, 0.0) / MINUTE_S, share * fastest))
     return most
 
 
@@ -173,14 +147,11 @@ def _share(percent: float) -> float:
 
 
 def corner_factor(cosine: float, exponent: float) -> float:
-    """Factor of the speed at a corner: cosine of the change of direction, 1 straight on, 0 and less: none.
+    """Factor of the speed at a corner (P8851); cosine: of the change of direction, 1 straight on, 0 and less: none.
 
-    P8851 of the manual: exponent 1 gives 0, 0.5, 0.707, 0.866, 1 at 90, 120, 135, 150, 180 degrees between the lines;
-    negative: off.
+    Exponent 1 gives 0, 0.5, 0.707, 0.866, 1 at 90, 120, 135, 150, 180 degrees between the lines; negative: off.
     """
-    if exponent < 0.0:
-        return 1.0
-    return min(max(cosine, 0.0), 1.0) ** exponent
+    return 1.0 if exponent < 0.0 else min(max(cosine, 0.0), 1.0) ** exponent
 
 
 class PieceMaker:
@@ -197,7 +168,6 @@ class PieceMaker:
 
     def pieces(self, blocks: Sequence[PathBlock]) -> tuple[Pieces, list[int]]:
         """The pieces of these blocks, and how many each has. Raises ProgramError: M1230 no feed, M1237."""
-        axes = len(self._place)
         rows: list[Point] = []
         columns: list[tuple[float, float, float, float, float]] = []
         curves: list[tuple[int, _Curve]] = []
@@ -220,7 +190,7 @@ class PieceMaker:
                 columns.append((length, wanted, limit, acceleration, entry))
                 self._place = end
                 self._end = element.tangent(1.0), min(wanted, limit)
-                line = isinstance(element, Line) and not block.rapid
+                line = isinstance(element, Straight) and not block.rapid
                 self._line = (element.start, element.end) if line else None
             if block.end is not BlockEnd.CONTINUOUS:
                 self.stop()
@@ -228,11 +198,10 @@ class PieceMaker:
                 self._end = self._end[0], min(self._end[1], block.end_feed_mm_min / MINUTE_S)
             counts.append(len(rows) - before)
         table = np.array(columns, dtype=np.float64).reshape(len(rows), 5).T
-        ways = np.array(rows, dtype=np.float64).reshape(len(rows), axes)
+        ways = np.array(rows, dtype=np.float64).reshape(len(rows), len(self._place))
         return Pieces(ways, table[0], table[1], table[2], table[3], table[4], tuple(curves)), counts
 
     def stop(self) -> None:
-        """The axes stand at the end of the last piece: the next one begins with speed 0."""
         self._end = self._line = None
 
     def _increments(self, place: Point) -> tuple[int, ...]:
@@ -262,7 +231,6 @@ class PieceMaker:
         return wanted, limit, acceleration * (math.pi / 2.0 if limits.sine else 1.0)
 
     def _around(self, arc: Arc, able: Point) -> tuple[float, float]:
-        """Highest speed and acceleration on an arc."""
         limits, plane = self.limits, arc.plane
         radius = min(arc.radius_mm, arc.end_radius_mm)
         flat = abs(arc.sweep_rad) * (arc.radius_mm + arc.end_radius_mm) / 2.0 / arc.length_mm
@@ -296,7 +264,6 @@ class PieceMaker:
         return limits.kv * math.sqrt(2.0 * radius * limits.contour_mm)
 
     def _entry(self, element: Element, speed: float) -> float:
-        """Highest speed at the joint with the piece before."""
         if self._end is None:
             return 0.0
         before, last = self._end

@@ -21,10 +21,8 @@ class Cut(Flag):
     """Why the rest of the path of the block in execution is given up."""
 
     NONE = 0
-    JUMP = 1
-    """Its M function with a jump has been acknowledged in time."""
-    SIGNAL = 2
-    """M26: a signal deletes it."""
+    JUMP = 1  # its M function with a jump has been acknowledged in time
+    SIGNAL = 2  # M26: a signal deletes it
 
 
 class PathRun:
@@ -36,9 +34,7 @@ class PathRun:
         self.stretch = Stretch()
         self.cut = Cut.NONE
         self.override = 1.0
-        """0 to 1.2."""
-        self.locked = False
-        """P8701, P8702: the axes may not move."""
+        self.locked = False  # P8701, P8702: the axes may not move
 
     @property
     def next_ns(self) -> int:
@@ -51,7 +47,6 @@ class PathRun:
 
     @property
     def over(self) -> bool:
-        """The set points have come to an end."""
         return self.stretch.over(self._axes.now_ns)
 
     @property
@@ -62,8 +57,6 @@ class PathRun:
 
     def _scale_of(self, block: PathBlock | None) -> float:
         return 0.0 if self.locked else 1.0 if block is not None and not block.override else self.override
-
-    # ---- going on ---------------------------------------------------------------------------------------------------
 
     def begin(self) -> None:
         """A stretch begins with the first of the waiting blocks. Raises ProgramError, about that block."""
@@ -82,10 +75,8 @@ class PathRun:
             speak(self._around, block)
 
     def extend(self, *, holds: bool) -> bool:
-        """Analyse further and append what joins, unless the channel is to hold; True: a message asks it to.
-
-        Raises ProgramError, about the first block that was to be appended.
-        """
+        """Analyse further and append what joins, unless the channel is to hold; True: a message asks it to. Raises
+        ProgramError, about the first block that was to be appended."""
         stretch, ahead = self.stretch, self._ahead
         is_open = not holds and self._is_open()
         if not ahead.ended and not stretch.held and (ahead.poll_ns is not None or (is_open and len(stretch) <= REFILL)):
@@ -102,7 +93,6 @@ class PathRun:
         return False
 
     def _is_open(self) -> bool:
-        """The stretch could go on with another block."""
         last = self.stretch.last
         return last is not None and not breaks_after(last, self._around)
 
@@ -110,18 +100,13 @@ class PathRun:
         """The set points have ended: the last block, whose path has been made or is given up; None: it was held."""
         return self.stretch.finish(gives_up=bool(self.cut))
 
-    # ---- what slows, holds and cuts it ------------------------------------------------------------------------------
-
     def hold(self, wanted: bool) -> None:
-        """Brake along the path, or go on."""
         self.stretch.replan(self._axes.now_ns, hold=wanted)
 
     def rescale(self) -> None:
-        """The override or the lock has changed."""
         self.stretch.replan(self._axes.now_ns, scale=self.scale)
 
     def resume(self) -> None:
-        """Go on where it was held."""
         self.stretch.resume(self.scale, self._axes.now_ns)
 
     def set_feed(self, mm_min: float) -> None:
@@ -157,7 +142,6 @@ class PathRun:
         self.stretch.replan(self._axes.now_ns, hold=True, drop=True)
 
     def stand(self) -> None:
-        """The next path begins where the axes stand."""
         self.stretch.stand(self._axes.limits(), self._axes.position)
 
     def begin_anew(self) -> None:
@@ -168,7 +152,6 @@ class PathRun:
 
 
 def has_jump(block: PathBlock) -> bool:
-    """True if the block has an M function with a jump."""
     return any(function.jump for function in block.pre)
 
 

@@ -21,16 +21,12 @@ POWER_NS: Final = 500 * MILLISECOND_NS
 
 
 class Power:
-    """State of the drives' power."""
-
     def __init__(self, levels: Mapping[str, bool], outgoing: Outgoing) -> None:
         """levels: of the inputs, kept up to date by the caller."""
         self._levels, self._outgoing = levels, outgoing
         self.faulty = [False] * AXES
-        """Drives that have switched themselves off."""
         self.on = False
-        self.until_ns: int | None = None
-        """The control waits for power until then; None: it does not wait."""
+        self.until_ns: int | None = None  # the control waits for power until then; None: it does not wait
 
     @property
     def ready(self) -> bool:
@@ -39,12 +35,10 @@ class Power:
 
     @property
     def there(self) -> bool:
-        """The axes can move now."""
         return self.on and self.ready
 
     @property
     def missing(self) -> int:
-        """The message that says why it is not ready."""
         return Code.EMERGENCY_STOP if not self._levels.get("estop", True) else Code.DRIVES_OFF
 
     def request(self, now_ns: int) -> None:
@@ -55,7 +49,6 @@ class Power:
         self.until_ns = now_ns + POWER_NS
 
     def switch(self, *, on: bool) -> None:
-        """Switch stages and brake."""
         self.on = on
         self._outgoing.output("stages", int(on))
         self._outgoing.output("brake", int(on))

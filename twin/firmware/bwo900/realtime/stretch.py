@@ -43,15 +43,11 @@ class Stretch:
 
     def __init__(self) -> None:
         self.run: SetPointRun | None = None
-        """Set points, while there are any."""
         self._plan: Joined | None = None
         self._pieces: PieceMaker | None = None
         self._entries: deque[_Entry] = deque()
-        self._made = 0
-        """Pieces of the stretch that were made in earlier runs of it."""
+        self._made = 0  # pieces of the stretch that were made in earlier runs of it
         self._serial = 0
-
-    # ---- what there is to see ---------------------------------------------------------------------------------------
 
     def __len__(self) -> int:
         """Blocks that are not over."""
@@ -59,27 +55,18 @@ class Stretch:
 
     @property
     def first(self) -> PathBlock | None:
-        """The block whose path is made."""
         return self._entries[0].block if self._entries else None
 
     @property
     def last(self) -> PathBlock | None:
-        """The last block of the stretch so far."""
         return self._entries[-1].block if self._entries else None
 
     @property
-    def begun(self) -> bool:
-        """There is a motion: it is made, or was held."""
-        return self._plan is not None
-
-    @property
     def runs(self) -> bool:
-        """Set points are made."""
         return self.run is not None and self._plan is not None
 
     @property
     def brakes(self) -> bool:
-        """It has been asked to hold."""
         return self._plan is not None and self._plan.hold
 
     @property
@@ -88,21 +75,17 @@ class Stretch:
         return self._plan is not None and self._plan.held
 
     def over(self, now_ns: int) -> bool:
-        """True if its set points have come to an end."""
         return self.run is not None and now_ns >= self.run.end_ns
 
     def speed_mm_s(self, now_ns: int) -> float:
-        """Along the path."""
         run, plan = self.run, self._plan
         if run is None or plan is None or now_ns >= run.end_ns:
             return 0.0
         return plan.speed(run.count(now_ns))
 
     def next_ns(self, now_ns: int, refill: int | None) -> int:
-        """When something is due: the end of the set points, the next block that speaks, room for more blocks.
-
-        refill: the number of blocks that are left by then; None: no more will come.
-        """
+        """When the set points end, the next block speaks, or there is room for more blocks: when no more than `refill`
+        blocks are left; None: no more will come."""
         run, plan = self.run, self._plan
         if run is None or plan is None:
             return now_ns
@@ -131,14 +114,11 @@ class Stretch:
             return self.run.end_ns
         return self.run.start_ns + (tick - self.run.first) * PERIOD_NS
 
-    # ---- what happens to it -----------------------------------------------------------------------------------------
-
     def stand(self, limits: MotionLimits, position: Point) -> None:
         """The next path begins here, mm."""
         self._pieces = PieceMaker(limits, position)
 
     def clear(self) -> None:
-        """Forget the stretch."""
         self._entries.clear()
         self._plan, self.run = None, None
 
@@ -194,7 +174,6 @@ class Stretch:
         return last
 
     def resume(self, scale: float, now_ns: int) -> None:
-        """Go on where it was held."""
         assert self._plan is not None
         self._serial += 1
         self._plan = self._plan.remainder(self._serial, scale=scale)

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from isel_twin.firmware.bwo900.geometry.blocks import Machine, PathBlock
+from isel_twin.firmware.bwo900.geometry.blocks import MFunction, PathBlock
 from isel_twin.firmware.bwo900.machine_plc import MachinePlc
 from isel_twin.firmware.bwo900.messages import Message
 from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.parameters import Parameters
-from isel_twin.firmware.bwo900.programs.syntax import Text
+from isel_twin.firmware.bwo900.programs.words import Text
 from isel_twin.firmware.bwo900.realtime.axes import Axes
 from isel_twin.firmware.bwo900.realtime.deletion import DeletionWatch
 from isel_twin.firmware.bwo900.realtime.executed import Executed
@@ -31,17 +31,10 @@ class Surroundings(Protocol):
     def single(self) -> bool:
         """Single block: the channel stops after every block."""
 
-    def write(self, number: int, value: float | None) -> None:
-        """Write a parameter P of a block that is carried out."""
-
+    def write(self, number: int, value: float | None) -> None: ...
     def say(self, said: Message) -> None: ...
-
-    def show(self, text: Text) -> None:
-        """Show a text of the program to the operator."""
-
-    def begun(self, t_ns: int, block: PathBlock) -> None:
-        """A block of a program has begun at t_ns."""
-
+    def show(self, text: Text) -> None: ...
+    def begun(self, t_ns: int, block: PathBlock) -> None: ...
     def ended(self, broken: tuple[str, int] | None) -> None:
         """The program has ended by itself (None), or was broken off in a block of a program."""
 
@@ -51,7 +44,7 @@ def mute(around: Surroundings) -> bool:
     return bool(int(around.parameters.get(P.WITHOUT_M)))
 
 
-def send(around: Surroundings, functions: tuple[Machine, ...]) -> None:
+def send(around: Surroundings, functions: tuple[MFunction, ...]) -> None:
     """Send M functions to the PLC, unless programs are carried out without."""
     if functions and not mute(around):
         for function in functions:

@@ -22,7 +22,7 @@ class Kind(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Move:
+class CycleMove:
     """One step of a cycle. Everything in program coordinates, absolute, mm.
 
     target: by axis number; axes that are not named stay. centre: of an arc, (first, second) axis of the plane. feed:
@@ -37,8 +37,7 @@ class Move:
     dwell_s: float | None = None
     m: tuple[int, ...] = ()
     exact_stop: bool = False
-    cycle: int | None = None
-    """Pattern cycles: the machining cycle that is called at the target; None: none."""
+    cycle: int | None = None  # pattern cycles: the machining cycle that is called at the target; None: none
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,17 +19,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
-from isel_twin.firmware.bwo900.analysis.cycles.call import Call, Kind, Move
+from isel_twin.firmware.bwo900.analysis.cycles.call import Call, CycleMove, Kind
 from isel_twin.firmware.bwo900.messages import Code, ProgramError, invalid
 from isel_twin.firmware.bwo900.numbers import G, M, P
 
-SAFETY_MM: Final = 1.0
-"""P38 where it is not programmed."""
-MOST: Final = 10_000
-"""Strokes of a hole; more is a slip in a parameter (M8036)."""
+SAFETY_MM: Final = 1.0  # P38 where it is not programmed
+MOST: Final = 10_000  # strokes of a hole; more is a slip in a parameter (M8036)
 
 
-def drilling(call: Call) -> Iterator[Move]:
+def drilling(call: Call) -> Iterator[CycleMove]:
     """G81: down with feed, dwell, back in rapid."""
     if not call.words:
         return
@@ -39,7 +37,7 @@ def drilling(call: Call) -> Iterator[Move]:
     yield from _end(call, approach)
 
 
-def deep_hole(call: Call) -> Iterator[Move]:
+def deep_hole(call: Call) -> Iterator[CycleMove]:
     """G83: in strokes, equal ones (P36 of them) or degressive ones (P37, then P36 less each time)."""
     if not call.words:
         return
@@ -54,7 +52,7 @@ def deep_hole(call: Call) -> Iterator[Move]:
             yield _to(call, Kind.RAPID, depths[number - 1] + back)
         last = number == len(depths) - 1
         yield _to(call, Kind.LINE, reached, feed, dwell_s=_dwell(call) if last else None, exact_stop=True)
-    if call.given(P.CYCLES_LAST) is not None:
+    if call.given(P.DEGRESSIVE) is not None:
         yield _to(call, Kind.RAPID, approach)
     yield from _end(call, approach)
 
@@ -62,7 +60,7 @@ def deep_hole(call: Call) -> Iterator[Move]:
 def strokes(call: Call, depth: float, approach: float) -> list[float]:
     """Where each stroke of G83 ends. Raises ProgramError: M8036, M8037."""
     whole = depth - approach
-    if call.given(P.CYCLES_LAST) is None:
+    if call.given(P.DEGRESSIVE) is None:
         count = int(abs(call.needed(P.STROKES)))
         if not 1 <= count <= MOST:
             raise ProgramError(invalid(P.STROKES), f"P36 is {call.get(P.STROKES):g}; allowed: 1 to {MOST}")
@@ -87,7 +85,7 @@ def strokes(call: Call, depth: float, approach: float) -> list[float]:
     return ends
 
 
-def tapping(call: Call) -> Iterator[Move]:
+def tapping(call: Call) -> Iterator[CycleMove]:
     """G84: down with the spindle (feed = speed times pitch), it turns round, and back."""
     if not call.words:
         return
@@ -97,12 +95,12 @@ def tapping(call: Call) -> Iterator[Move]:
     yield from _begin(call, approach, M.SPINDLE_LEFT if left else M.SPINDLE_RIGHT)
     yield _to(call, Kind.TAP, depth, feed, exact_stop=True, m=(M.SPINDLE_RIGHT if left else M.SPINDLE_LEFT,))
     if (dwell := _dwell(call)) is not None:
-        yield Move(Kind.LINE, dwell_s=dwell)
+        yield CycleMove(Kind.LINE, dwell_s=dwell)
     yield _to(call, Kind.TAP, approach, feed, exact_stop=True)
     yield from _end(call, approach)
 
 
-def boring(call: Call) -> Iterator[Move]:
+def boring(call: Call) -> Iterator[CycleMove]:
     """G85: down with feed, dwell, back with feed."""
     if not call.words:
         return
@@ -134,11 +132,11 @@ def _dwell(call: Call) -> float | None:
     return call.given(P.HOLE_DWELL)
 
 
-def _begin(call: Call, approach: float, spindle: int | None = None) -> Iterator[Move]:
+def _begin(call: Call, approach: float, spindle: int | None = None) -> Iterator[CycleMove]:
     """Spindle on, to the place in rapid, or, with polar coordinates on a circle, with F; to the approach plane."""
     on = spindle or (M.SPINDLE_RIGHT if call.turning > 0 else M.SPINDLE_LEFT)
-    yield Move(Kind.RAPID, m=(on,))
-    yield Move(
+    yield CycleMove(Kind.RAPID, m=(on,))
+    yield CycleMove(
         Kind.PROGRAMMED
         if call.polar and call.motion in (G.CIRCLE_CLOCKWISE, G.CIRCLE_COUNTER_CLOCKWISE)
         else Kind.RAPID,
@@ -147,7 +145,7 @@ def _begin(call: Call, approach: float, spindle: int | None = None) -> Iterator[
     yield _to(call, Kind.RAPID, approach)
 
 
-def _end(call: Call, approach: float) -> Iterator[Move]:
+def _end(call: Call, approach: float) -> Iterator[CycleMove]:
     """To the retract plane in rapid, spindle off."""
     retract = call.get(P.RETRACT_PLANE)
     yield _to(call, Kind.RAPID, approach if retract is None else retract, m=(M.SPINDLE_OFF,))
@@ -161,6 +159,6 @@ def _to(
     dwell_s: float | None = None,
     m: tuple[int, ...] = (),
     exact_stop: bool = False,
-) -> Move:
+) -> CycleMove:
     """A move along the drilling axis."""
-    return Move(kind, {call.plane.third: height}, None, feed, dwell_s, m, exact_stop=exact_stop)
+    return CycleMove(kind, {call.plane.third: height}, None, feed, dwell_s, m, exact_stop=exact_stop)

@@ -6,19 +6,19 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import islice
 
-from isel_twin.firmware.bwo900.analysis.cycles.call import Call, Move
+from isel_twin.firmware.bwo900.analysis.cycles.call import Call, CycleMove
 
 
-class Moves(Iterator[Move]):
+class Moves(Iterator[CycleMove]):
     """Moves of a cycle. Cycles are pure functions: a copy begins anew and leaves out what has been."""
 
     def __init__(self, cycles: Mapping[int, object], number: int, call: Call) -> None:
         """cycles: functions by their G number, `Call -> Iterator[Move]`; number: the one that is called."""
         self._cycles, self._number, self._call = cycles, number, call
         self.made = 0
-        self._rest: Iterator[Move] | None = None
+        self._rest: Iterator[CycleMove] | None = None
 
-    def __next__(self) -> Move:
+    def __next__(self) -> CycleMove:
         if self._rest is None:
             self._rest = islice(self._all(), self.made, None)
         move = next(self._rest)
@@ -28,7 +28,7 @@ class Moves(Iterator[Move]):
     def __getstate__(self) -> dict[str, object]:
         return {**self.__dict__, "_rest": None}
 
-    def _all(self) -> Iterator[Move]:
+    def _all(self) -> Iterator[CycleMove]:
         call = self._call
         place = call.position
         for move in self._cycles[self._number](call):  # type: ignore[operator]

@@ -18,14 +18,13 @@ from dataclasses import dataclass
 from itertools import chain
 from typing import Final
 
-from isel_twin.firmware.bwo900.analysis.cycles.call import Call, Kind, Move
+from isel_twin.firmware.bwo900.analysis.cycles.call import Call, CycleMove, Kind
 from isel_twin.firmware.bwo900.geometry.frames import Rotation
 from isel_twin.firmware.bwo900.messages import Code, ProgramError, invalid
 from isel_twin.firmware.bwo900.numbers import G, P, Ray
 
 TURNS: Final = {G.CIRCLE_CLOCKWISE: Kind.CLOCKWISE, G.CIRCLE_COUNTER_CLOCKWISE: Kind.COUNTER_CLOCKWISE}
-AGREE_MM: Final = 1e-3
-"""What is said twice may differ by so much."""
+AGREE_MM: Final = 1e-3  # what is said twice may differ by so much
 RAY_CODES: Final[Mapping[int, tuple[Code, Code, Code]]] = {
     P.RAY_1: (Code.RAY_1_PLACES_MISSING, Code.RAY_1_LENGTH_TWICE, Code.RAY_1_PLACES_TWICE),
     P.RAY_2: (Code.RAY_2_PLACES_MISSING, Code.RAY_2_LENGTH_TWICE, Code.RAY_2_PLACES_TWICE),
@@ -47,7 +46,7 @@ class _Ray:
         return share * self.u, share * self.v
 
 
-def ray(call: Call) -> Iterator[Move]:
+def ray(call: Call) -> Iterator[CycleMove]:
     """G86."""
     begin, line = _start(call), _ray(call, P.RAY_1)
     yield from _come(call, begin)
@@ -58,7 +57,7 @@ def ray(call: Call) -> Iterator[Move]:
         yield _place(call, begin, line.at(number), True)
 
 
-def perimeter(call: Call) -> Iterator[Move]:
+def perimeter(call: Call) -> Iterator[CycleMove]:
     """G87."""
     begin, first, second = _start(call), _ray(call, P.RAY_1), _ray(call, P.RAY_2)
     yield from _come(call, begin)
@@ -70,7 +69,7 @@ def perimeter(call: Call) -> Iterator[Move]:
         yield _place(call, begin, _sum(first, i, second, j), bool(first.count and second.count))
 
 
-def grid(call: Call) -> Iterator[Move]:
+def grid(call: Call) -> Iterator[CycleMove]:
     """G88."""
     begin, first, second = _start(call), _ray(call, P.RAY_1), _ray(call, P.RAY_2)
     yield from _come(call, begin)
@@ -78,10 +77,10 @@ def grid(call: Call) -> Iterator[Move]:
     for j in range(m):
         for i in range(n) if j % 2 == 0 else range(n - 1, -1, -1):
             yield _place(call, begin, _sum(first, i, second, j), bool(first.count and second.count))
-    yield Move(Kind.RAPID, {call.plane.first: begin[0], call.plane.second: begin[1]})
+    yield CycleMove(Kind.RAPID, {call.plane.first: begin[0], call.plane.second: begin[1]})
 
 
-def circle(call: Call) -> Iterator[Move]:
+def circle(call: Call) -> Iterator[CycleMove]:
     """G89."""
     centre = (call.needed(P.CENTRE_X), call.needed(P.CENTRE_Y))
     radius = abs(call.needed(P.DIAMETER)) / 2.0
@@ -193,10 +192,10 @@ def _start(call: Call) -> tuple[float, float]:
     return call.words.get(call.plane.first, u), call.words.get(call.plane.second, v)
 
 
-def _come(call: Call, begin: tuple[float, float]) -> Iterator[Move]:
+def _come(call: Call, begin: tuple[float, float]) -> Iterator[CycleMove]:
     """To A and what the block says of other axes, if it has words."""
     if call.words:
-        yield Move(Kind.RAPID, {**call.words, call.plane.first: begin[0], call.plane.second: begin[1]})
+        yield CycleMove(Kind.RAPID, {**call.words, call.plane.first: begin[0], call.plane.second: begin[1]})
 
 
 def _sum(first: _Ray, i: int, second: _Ray, j: int) -> tuple[float, float]:
@@ -204,7 +203,7 @@ def _sum(first: _Ray, i: int, second: _Ray, j: int) -> tuple[float, float]:
     return a + c, b + d
 
 
-def _place(call: Call, begin: tuple[float, float], offset: tuple[float, float], machines: bool) -> Move:
+def _place(call: Call, begin: tuple[float, float], offset: tuple[float, float], machines: bool) -> CycleMove:
     return _move(call, Kind.RAPID, (begin[0] + offset[0], begin[1] + offset[1]), machines)
 
 
@@ -216,8 +215,8 @@ def _move(
     centre: tuple[float, float] | None = None,
     feed: float | None = None,
     others: Mapping[int, float] | None = None,
-) -> Move:
+) -> CycleMove:
     """To a place, where the machining cycle is called; without one it is an exact stop. others: words of other axes."""
     target = {**(others or {}), call.plane.first: place[0], call.plane.second: place[1]}
     cycle = call.inner if machines else None
-    return Move(kind, target, centre, feed, exact_stop=cycle is None, cycle=cycle)
+    return CycleMove(kind, target, centre, feed, exact_stop=cycle is None, cycle=cycle)

@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Final
 
 from isel_twin.firmware.bwo900.analysis.cycles import drilling, milling, pattern
-from isel_twin.firmware.bwo900.analysis.cycles.call import Call, Move
+from isel_twin.firmware.bwo900.analysis.cycles.call import Call, CycleMove
 from isel_twin.firmware.bwo900.numbers import G
 
-CYCLES: Final[Mapping[int, Callable[[Call], Iterator[Move]]]] = {
+CYCLES: Final[Mapping[int, Callable[[Call], Iterator[CycleMove]]]] = {
     G.RECTANGLE: milling.rectangle,
     G.RECTANGLE_ZIGZAG: milling.rectangle_zigzag,
     G.RECTANGLE_FINISHED: milling.rectangle_finished,

@@ -1,0 +1,203 @@
+"""What `isel-twin tune` says while it tries settings, and at the end: JSON for programs, a table for people."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from isel_twin.base.errors import one_line
+from isel_twin.cli.outputs import many, progress, say, say_json
+
+if TYPE_CHECKING:
+    from isel_twin.many.tuning import Judgement, Tuned
+    from isel_twin.many.tuning.result import Tried
+    from isel_twin.many.tuning.study import Study
+
+
+class Output:
+    """Is told how the study goes."""
+
+    def begun(self, study: Study) -> None:
+        """The references have been judged; `study.tried` has the trials of earlier calls."""
+
+    def tried(self, tried: Tried) -> None: ...
+
+    def puts_together(self) -> None:
+        """The best settings of each move are about to be put together."""
+
+    def mended(self, why: str) -> None:
+        """Together they did not hold, and are about to be mended."""
+
+    def confirms(self, tried: Tried) -> None:
+        """A setting is about to be confirmed on further machines, or falls there."""
+
+    def confirmed(self, repetition: Judgement) -> None: ...
+
+    def fell(self, tried: Tried, why: str) -> None: ...
+
+    def over(self, job: Path, study: Study, found: Tuned | None, stopped: bool, files: Sequence[Path]) -> None:
+        """files: written if something was found."""
+
+
+class Json(Output):
+    """A line a trial and one for the summary."""
+
+    def begun(self, study: Study) -> None:
+        for tried in study.tried:
+            self.tried(tried)
+
+    def tried(self, tried: Tried) -> None:
+        say_json(_told(tried.number, tried))
+
+    def mended(self, why: str) -> None:
+        say_json({"trial": None, "not_confirmed": why})
+
+    def fell(self, tried: Tried, why: str) -> None:
+        say_json({"trial": tried.number, "not_confirmed": why})
+
+    def over(self, job: Path, study: Study, found: Tuned | None, stopped: bool, files: Sequence[Path]) -> None:
+        written = [str(file) for file in files] if found is not None else []
+        say_json({**_summary(study, found), "interrupted": stopped, "written": written})
+
+
+class Table(Output):
+    """What is better than all before, as it is found; a line of progress on a terminal. A context manager."""
+
+    def __init__(self, trials: int, confirm: int) -> None:
+        from rich.console import Console
+        from rich.progress import TimeRemainingColumn
+
+        self._trials, self._confirm = trials, confirm
+        out, messages = Console(), Console(stderr=True)
+        self._progress = progress(
+            out if out.is_terminal else messages,
+            TimeRemainingColumn,
+            redirect_stdout=out.is_terminal,  # a file must get what goes there
+            redirect_stderr=messages.is_terminal,
+        )
+        self._task = self._progress.add_task("job as it stands", total=trials)
+        self._seen: list[Tried] = []
+
+    def __enter__(self) -> Table:
+        self._progress.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._progress.stop()
+
+    def begun(self, study: Study) -> None:
+        problem, had = study.problem, study.tried
+        what = f"{many(len(problem.parameters), 'parameter')} for {many(len(problem.moves), 'move')}"
+        print(f"{what}; ways from {problem.rapid_from_hz} Hz are rapid", flush=True)
+        for what, name in (("as it stands", "job as it stands"), ("defaults", "controller's defaults")):
+            judgement = study.reference(what)
+            if judgement is not None:
+                print(f"{name:<22} {_words(judgement)}", flush=True)
+        if had:
+            print(f"goes on after {many(len(had), 'trial')}", flush=True)
+        self._seen = list(had)
+        self._progress.update(self._task, completed=len(had), description="trials")
+
+    def tried(self, tried: Tried) -> None:
+        from isel_twin.many.tuning.front import in_words
+        from isel_twin.many.tuning.result import front
+
+        self._seen.append(tried)
+        best = front(self._seen)
+        if tried in best:
+            print(f"trial {tried.number:<16} {_words(tried.judgement)}  {in_words(tried.values)}", flush=True)
+        fastest = f": best {best[0].judgement.time_s:.2f} s" if best else ""
+        self._progress.update(self._task, completed=len(self._seen), description=f"trials{fastest}")
+
+    def puts_together(self) -> None:
+        self._progress.update(self._task, description="puts the best of each move together", total=None)
+
+    def mended(self, why: str) -> None:
+        print(f"the best of each move does not hold, is mended: {why}", flush=True)
+
+    def confirms(self, tried: Tried) -> None:
+        doing = f"confirms trial {tried.number}"
+        self._progress.update(self._task, description=doing, total=self._confirm, completed=0)
+
+    def confirmed(self, repetition: Judgement) -> None:
+        self._progress.advance(self._task)
+
+    def fell(self, tried: Tried, why: str) -> None:
+        print(f"trial {tried.number} does not hold: {why}", flush=True)
+
+    def over(self, job: Path, study: Study, found: Tuned | None, stopped: bool, files: Sequence[Path]) -> None:
+        from isel_twin.many.tuning.front import rows
+
+        self._progress.stop()
+        before = study.reference("as it stands")
+        if before is not None:
+            print()
+            table = [("trial", "time / s", "saved", "margin", "settings")]
+            table += rows(study.tried, before, None if found is None else found.tried.number)
+            for trial, time_s, saved, margin, settings in table:
+                print(f"{trial:>6}{time_s:>11}{saved:>9}{margin:>9}  {settings}")
+            print()
+        if stopped:
+            say(f"{job}: interrupted after {len(study.tried)} of {self._trials} trials; the same command goes on")
+        elif found is None:
+            say(f"{job}: no setting keeps the margin on all machines; a smaller --margin, or more --trials, may")
+        else:
+            _print_found(found, study, files)
+
+
+def _print_found(found: Tuned, study: Study, files: Sequence[Path]) -> None:
+    from isel_twin.many.tuning.result import ALONE
+
+    told, held = _summary(study, found), found.held
+    saved = [
+        f", {100.0 * told[key]:.1f} % less than {what}"
+        for key, what in (("saved", "the job as it stands"), ("saved_against_defaults", "the defaults"))
+        if told[key] is not None
+    ]
+    print(f"tuned: {found.tried.judgement.time_s:.3f} s{''.join(saved)}")
+    print(
+        f"margin: {100.0 * held.margin:.1f} % or more on {many(held.made, 'machine')} that no trial has seen, "
+        f"{100.0 * held.nearly_all:.1f} % or more on {100 - ALONE} % of them; nothing lost"
+    )
+    print(f"written: {', '.join(map(str, files))}")
+    print(f"permanent in the controller by: {'  '.join(found.permanent)}")
+
+
+def _summary(study: Study, found: Tuned | None) -> dict[str, Any]:
+    from isel_twin.many.tuning.result import PUT_TOGETHER, as_json, front, gain
+
+    as_it_stands, defaults = study.reference("as it stands"), study.reference("defaults")
+    told: dict[str, Any] = {
+        "summary": True,
+        "found": found is not None,
+        "trials": len(study.tried),
+        "pruned": sum(not tried.judgement.good for tried in study.tried),
+        "as_it_stands": None if as_it_stands is None else as_json(as_it_stands),
+        "defaults": None if defaults is None else as_json(defaults),
+        "front": [_told(one.number, one) for one in front(study.tried)],
+    }
+    if found is not None:
+        held, time_s = found.held, found.tried.judgement.time_s
+        number = None if found.tried.number == PUT_TOGETHER else found.tried.number
+        told["tuned"] = _told(number, found.tried)
+        told["permanent"] = list(found.permanent)
+        told["confirmed"] = {
+            "repetitions": held.made, "lost": held.lost, "margin": round(held.margin, 4),
+            "margin_of_95_percent": round(held.nearly_all, 4),
+        }  # fmt: skip
+        for key, before in (("saved", as_it_stands), ("saved_against_defaults", defaults)):
+            told[key] = round(gain(time_s, before.time_s), 6) if before is not None and before.good else None
+    return told
+
+
+def _told(number: int | None, tried: Tried) -> Mapping[str, Any]:
+    from isel_twin.many.tuning.result import as_json
+
+    return {"trial": number, "values": dict(tried.values), **as_json(tried.judgement)}
+
+
+def _words(judgement: Judgement) -> str:
+    if not judgement.good:
+        return one_line(judgement.why)
+    return f"{judgement.time_s:>9.3f} s {100.0 * judgement.margin:5.1f} %"
