@@ -24,15 +24,13 @@ OUTPUTS: Mapping[str, int] = {
 
 @dataclass(frozen=True)
 class Output:
-    """A new level of a named output.
+    """A new level of a named output. Names that drives and cabinet understand (others are recorded and shown, no more):
 
-    Names that drives and cabinet understand, with the levels of OUTPUTS at the beginning:
-    `stages` (1: motor currents on), `power_request` (rising edge: close the safety relay),
-    `current_lowering` (1: reduced current at rest), `brake` (1: brake energised, that is, released),
-    `moving` (1 during a motion: a hood opened then is an emergency), `spindle`, `hood_release` (1: the hood may be
-    opened), `analog` (0..255 for 0..10 V), `lamp_start`, `lamp_stop`, `lamp_fault`, `software_ok`, `user` (byte of user
-    outputs), `flash_fault` (1: the flash image handed in cannot be read), `drive_reset` (rising edge: drives that have
-    switched themselves off forget why). Other names are recorded and shown, no more.
+    `stages` (1: motor currents on), `power_request` (rising edge: close the safety relay), `current_lowering` (1: lower
+    current at rest), `brake` (1: energised, that is, released), `moving` (1 during a motion: a hood opened then is an
+    emergency), `spindle`, `hood_release` (1: the hood may be opened), `analog` (0..255 for 0..10 V), `lamp_start`,
+    `lamp_stop`, `lamp_fault`, `software_ok`, `user` (byte of user outputs), `flash_fault` (1: the flash image handed in
+    cannot be read), `drive_reset` (rising edge: drives that have switched themselves off forget why).
     """
 
     name: str

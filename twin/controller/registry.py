@@ -1,7 +1,4 @@
-"""The installed controllers: third parties add theirs by an entry point in the group `isel_twin.controllers`.
-
-See docs/controllers.md.
-"""
+"""The installed controllers, by entry points in the group `isel_twin.controllers` (docs/controllers.md)."""
 
 from __future__ import annotations
 
@@ -87,10 +84,7 @@ def _build(
 
 
 def controller_settings(wanted: Iterable[str]) -> Mapping[str, Setting]:
-    """Settings that installed controllers take, by name. Controllers are loaded until all those `wanted` are found.
-
-    A controller that does not work takes none.
-    """
+    """Settings that installed, working controllers take, by name; they are loaded until all `wanted` are found."""
     if not set(wanted) <= _settings.keys():
         for entry in installed(_GROUP):
             with suppress(PluginError), plugin_errors("controller", entry):

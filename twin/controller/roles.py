@@ -87,10 +87,7 @@ class UsesDrives(Protocol):
     """
 
     def drive_inputs(self) -> Sequence[DriveInput]:
-        """Terminals that drives feed. Their edges come by `set_input`, at the sub-step in which the limit is passed.
-
-        Asked once, before `power_on`.
-        """
+        """Terminals that drives feed, asked once before `power_on`; edges come in the sub-step that passes it."""
 
     def use_drives(self, drives: Drives) -> None:
         """The drives to be asked during later calls. Handed over once, before `power_on`."""

@@ -105,8 +105,6 @@ class Executor:
         assert self.motion is None
         self._base = (*self._base[:axis], value, *self._base[axis + 1 :])
 
-    # ---- going on ---------------------------------------------------------------------------------------------------
-
     def start(self, activity: Activity, ended: EndedBy) -> None:
         """Begin an activity at once; none is in progress. `ended` is called unless it is discarded or forgotten."""
         assert self._activity is None

@@ -1,7 +1,4 @@
-"""The installed languages, by entry points in the group `isel_twin.languages` with the name of the controller.
-
-See docs/controllers.md.
-"""
+"""The installed languages, by entry points in the group `isel_twin.languages`, named like their controllers."""
 
 from __future__ import annotations
 

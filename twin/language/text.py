@@ -43,9 +43,7 @@ class Pieces:
     """
 
     def __init__(self, ends: bytes, alone: bytes = b"", longest: int = 4096) -> None:
-        self._ends = ends
-        self._alone = alone
-        self._longest = longest
+        self._ends, self._alone, self._longest = ends, alone, longest
         self._rest = bytearray()
 
     @property

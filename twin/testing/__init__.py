@@ -21,10 +21,8 @@ The operator's elements, safety relay and spindle contactor are those of `isel_t
     desk.steps.t_ns, desk.steps.delta            # every tick since the first power-on
 
 A controller that asks its drives (`UsesDrives`) has ideal ones here: encoders at the counters, no lag, no fault; the
-terminals they feed are low until `set` says otherwise.
-
-The desk watches the border while it drives it, and raises ProtocolError for a `next_ns` in the past, counters that are
-not the sum of the stream, or a terminal fed by a contact that no machine has.
+terminals they feed are low until `set` says otherwise. The desk raises ProtocolError for a `next_ns` in the past,
+counters that are not the sum of the stream, or a terminal fed by a contact that no machine has.
 """
 
 from __future__ import annotations

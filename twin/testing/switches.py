@@ -14,7 +14,7 @@ from isel_twin.base.axes import AXIS_NAMES
 
 @dataclass(frozen=True)
 class PositionSwitch:
-    """An opener that the carriage strikes: open at and beyond `trip` (steps, motor sense), on the side `side` (-1, +1).
+    """An opener: open at and beyond `trip` (steps, motor sense) on the side `side` (-1, +1).
 
     It closes again once the carriage is more than `hysteresis` steps back from the trip point.
     """

@@ -44,10 +44,7 @@ def admit_initialisation(device: Device, mask: int) -> tuple[int]:
 
 
 def initialise(device: Device, mask: int) -> Activity:
-    """`@0<axes>`: close the safety relay if need be, switch the stages on, set the axes (2.2.1).
-
-    Ends with Refusal(9) if the relay does not close.
-    """
+    """`@0<axes>`: close the safety relay if need be (else 9), switch the stages on, set the axes (2.2.1)."""
     if not powered(device.inputs):
         device.outputs["power_request"] = 1
         try:

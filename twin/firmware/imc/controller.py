@@ -228,8 +228,6 @@ class Imc:
             if counts[axis]:
                 self._events.append(CounterSet(axis, 0))
 
-    # ---- commands ---------------------------------------------------------------------------------------------------
-
     def _execute(self, line: bytes, recorder: Recorder | None) -> None:
         """Refuse one line, or carry it out: reply, or start a task. recorder: it belongs to a data field."""
         try:

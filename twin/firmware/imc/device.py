@@ -92,8 +92,6 @@ class Device:
     def lose_references(self) -> None:
         self.referenced = [False] * AXES
 
-    # ---- what may be done -------------------------------------------------------------------------------------------
-
     def note(self, event: SafetyEvent) -> None:
         self.safety = TRANSITIONS.get((self.safety, event), self.safety)
 
@@ -137,10 +135,7 @@ class Device:
         return bool(self.axes >> axis & 1) and not self.settings.rotary >> axis & 1 and not self.test_mode
 
     def require_room(self, *legs: Displacement, unreferenced: bool = False) -> None:
-        """Raise Refusal unless these legs may be travelled one after the other: 24 bits (1), reference (R).
-
-        unreferenced: no reference is needed.
-        """
+        """Raise Refusal unless these legs may follow each other: 24 bits (1), reference (R) unless `unreferenced`."""
         counts = self.counts
         for leg in legs:
             counts = added(counts, leg)
@@ -165,8 +160,6 @@ class Device:
         for name in ("stages", "brake", "spindle"):
             self.outputs[name] = 0
         self.lose_references()
-
-    # ---- modal values -----------------------------------------------------------------------------------------------
 
     @property
     def start_stop_hz(self) -> int:

@@ -163,9 +163,6 @@ def straight_leg(device: Device, steps: Displacement, speed_hz: int) -> Leg:
     return Leg(line(steps), device.law(speed_hz))
 
 
-# ---- moves until an event ------------------------------------------------------------------------------------------
-
-
 def until_port_parameters(device: Device) -> tuple[Number, ...]:
     """Port, mask, value, speed, and the steps of each axis (2.2.30)."""
     byte = Number(0, 255)

@@ -145,9 +145,6 @@ def _masked(bit: int, value: int) -> tuple[int, int]:
     return (255, value) if bit == WHOLE_BYTE else (1 << bit, value << bit)
 
 
-# ---- running -------------------------------------------------------------------------------------------------------
-
-
 def run_program(device: Device, table: Mapping[str, Any]) -> Activity:
     """Run the stored program; `table` maps codes to commands. Ends like a command: return, or Refusal with its code.
 
@@ -161,7 +158,10 @@ def run_program(device: Device, table: Mapping[str, Any]) -> Activity:
     try:
         while 0 <= number < len(lines):
             code, values = lines[number]
-            result = yield from _carry_out(device, table[code], values)
+            command = table[code]
+            result = command.do(device, *command.admitted(device, values))
+            if isinstance(result, Generator):
+                result = yield from result
             target = _next(number, result, loops, device.profile.loop_depth)
             if target <= number:
                 if device.now_ns == last_branch_ns:
@@ -170,13 +170,6 @@ def run_program(device: Device, table: Mapping[str, Any]) -> Activity:
             number = target
     finally:
         device.port_condition = None
-
-
-def _carry_out(device: Device, command: Any, values: tuple[int, ...]) -> Activity:
-    result = command.do(device, *command.admitted(device, values))
-    if isinstance(result, Generator):
-        result = yield from result
-    return result
 
 
 def _next(number: int, result: Jump | Loop | None, loops: list[list[int]], depth: int) -> int:

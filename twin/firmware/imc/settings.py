@@ -147,10 +147,9 @@ def decode(image: bytes) -> Flash | None:
         tree = json.loads(body)
         program = tree["program"]
         lines = tuple((code, tuple(values)) for code, values in program["lines"])
-        flash = Flash(
-            _build(Settings, tree["settings"]),
-            StoredProgram(ProgramState(program["state"]), lines, program["axes"], _build(Modal, program["modal"])),
-        )
+        modal = _build(Modal, program["modal"])
+        stored = StoredProgram(ProgramState(program["state"]), lines, program["axes"], modal)
+        flash = Flash(_build(Settings, tree["settings"]), stored)
     except (ValueError, TypeError, KeyError, RecursionError):
         return None
     return flash if _possible(flash) else None

@@ -134,10 +134,7 @@ class Supervisor:
         return isinstance(self._executor.request, Listen)
 
     def stop(self) -> bool:
-        """Byte 253 or the stop key: park the task; a reference run is broken off.
-
-        Returns False if it is ignored, as in a delay of a program (3.2.6).
-        """
+        """Park the task, or break off a reference run; False if ignored, as in a delay of a program (3.2.6)."""
         executor = self._executor
         if isinstance(executor.purpose, Reference):
             self.break_off()
@@ -162,24 +159,17 @@ class Supervisor:
         elif self.moving or self.task.program:
             self._executor.break_off(Refusal(code))
 
-    # ---- inputs -----------------------------------------------------------------------------------------------------
-
     def input_changed(self, port: int, bit: int) -> None:
         device = self._device
         if port == LIMIT_PORT:
             self._limit_changed(bit)
         if device.safety is not State.FAULT and not powered(device.inputs):
             self._power_lost()
-        self._check_condition()
+        purpose = self._executor.purpose
+        if isinstance(purpose, Until) and not self._executor.stopping and purpose.condition():
+            self._executor.event()
         if self.task is not None and self._cycle_ns is None:
             self._cycle_ns = device.now_ns + device.profile.cycle_ms * MILLISECOND_NS
-
-    def _check_condition(self) -> None:
-        executor = self._executor
-        if executor.motion is None or executor.stopping:
-            return
-        if isinstance(executor.purpose, Until) and executor.purpose.condition():
-            executor.event()
 
     def _power_lost(self) -> None:
         """Fault: everything ends at once and answers 9."""

@@ -27,9 +27,9 @@ from isel_twin.firmware.executor import Executor, Parked
 from isel_twin.firmware.ismif.commands import STEPS_LIMIT, Instruction, Target
 from isel_twin.firmware.ismif.configuration import Configuration
 from isel_twin.firmware.ismif.moves import FullSteps, ramp
-from isel_twin.motion import line
+from isel_twin.motion import Displacement, line
 
-AXES = range(3)
+AXES, COUNTERS = range(3), 4  # X, Y, Z, and a counter that nothing moves
 REST_NS = 50 * MILLISECOND_NS
 """Standstill before each motion of a reference run: the carriage settles, the switch stops bouncing (S8)."""
 SEARCH_LIMIT = 200_000
@@ -60,7 +60,7 @@ class Actions:
 
     def __init__(self, events: list[Event], error_ppm: int) -> None:
         """events: where everything that happens is noted; error_ppm: how far the output frequency is off (S5)."""
-        self.executor = Executor(4)  # X, Y, Z, and one that nothing moves
+        self.executor = Executor(COUNTERS)
         self.configuration = Configuration()
         self.input = True
         self._events = events
@@ -83,11 +83,9 @@ class Actions:
                 self._configure(instruction)
         return None
 
-    # ---- what takes time --------------------------------------------------------------------------------------------
-
     def _vector(self, index: int, *targets: Target) -> Activity:
         """6.14: all axes together, led by the longest way. Z of a plotter is the relay, switched first (S12)."""
-        steps = [0, 0, 0]
+        steps = [0] * COUNTERS
         ends = [self.position_steps(axis) for axis in AXES]
         for target in targets:
             start = ends[target.axis]
@@ -98,7 +96,7 @@ class Actions:
         if self.configuration.plotter:
             self._set_pen(ends[2])
             steps[2] = 0
-        yield from self._travel((steps[0], steps[1], steps[2]), index)
+        yield from self._travel(tuple(steps), index)
 
     def _reference_run(self, axes: tuple[int, ...]) -> Activity:
         """6.13: each axis in turn. Z of a plotter has nothing to search for, its pen is lifted first (S12)."""
@@ -122,10 +120,10 @@ class Actions:
         self._set_counter(axis, 0)
         self._known[axis] = True
 
-    def _travel(self, steps: tuple[int, int, int], index: int, search: Search | None = None) -> Activity:
+    def _travel(self, steps: Displacement, index: int, search: Search | None = None) -> Activity:
         """Move straight by `steps`, with `search` to the change of the input. Raises Failure if that does not come."""
         settings = self.configuration
-        straight = line((*steps, 0))
+        straight = line(steps)
         path = FullSteps(straight) if settings.half_steps == 2 else straight
         made = 0
         while made < path.ticks and not (search is not None and self.input == search.level):
@@ -139,7 +137,7 @@ class Actions:
                 self._remark_not_found(steps, search)
                 raise Failure
 
-    def _remark_not_found(self, steps: tuple[int, int, int], search: Search) -> None:
+    def _remark_not_found(self, steps: Displacement, search: Search) -> None:
         axis = next(axis for axis in AXES if steps[axis])
         level, way, limit = ("high", "free run", FREE_LIMIT) if search.level else ("low", "search", SEARCH_LIMIT)
         what = f"the reference input has not gone {level} in {limit} half steps of the {way}"
@@ -163,14 +161,12 @@ class Actions:
         if self.executor.stopping and self.executor.due:
             self.executor.tick()
 
-    # ---- what takes none --------------------------------------------------------------------------------------------
-
     def power_on(self, level: bool) -> None:
         """The drive signals come up, nothing is referenced."""
         self.input = level
         self.request_power()
-        for name in ("stages", "brake"):
-            self._put(name, 1)
+        self._put("stages", 1)
+        self._put("brake", 1)
         self._put("current_lowering", 0)
         self._put_drive_signals()
         self._put_safe()
@@ -179,7 +175,6 @@ class Actions:
         """6.16: no motion, no position; the settings stay, the signals go off (S11)."""
         self.executor.discard()
         self._known = [False] * 3
-        self._pen = 0
         for axis in AXES:
             self._set_counter(axis, 0)
         self._put_safe()
@@ -227,9 +222,7 @@ class Actions:
 
     def position_steps(self, axis: int) -> int:
         """Position of an axis in the steps that commands count in."""
-        if self._is_pen(axis):
-            return self._pen
-        return self.executor.counts[axis] // self.configuration.half_steps
+        return self._pen if self._is_pen(axis) else self.executor.counts[axis] // self.configuration.half_steps
 
     def _is_pen(self, axis: int) -> bool:
         return self.configuration.plotter and axis == 2
@@ -252,6 +245,5 @@ def _stand(ns: int, purpose: Standing) -> Activity:
         left = yield Pause(left, purpose)
 
 
-def _along(axis: int, steps: int) -> tuple[int, int, int]:
-    x, y, z = (steps if axis == i else 0 for i in AXES)
-    return x, y, z
+def _along(axis: int, steps: int) -> Displacement:
+    return tuple(steps if axis == i else 0 for i in range(COUNTERS))

@@ -53,10 +53,7 @@ class Instruction:
 
 @dataclass(frozen=True)
 class Command:
-    """A row of the table: section of the manual, meaning, and a reader for each comma-separated parameter.
-
-    The last reader takes up to `repeat` parameters.
-    """
+    """A row of the table: a reader for each comma-separated parameter, the last for up to `repeat` of them."""
 
     section: str
     meaning: str

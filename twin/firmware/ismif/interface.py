@@ -113,8 +113,6 @@ class Ismif:
         """Half-step stages of the size that was built for these machines (S7)."""
         return {"axes.all.steps_per_rev": 400, "axes.all.stage.supply": 32.0, "axes.all.stage.current": 2.0}
 
-    # ---- lines ------------------------------------------------------------------------------------------------------
-
     def _receive_line(self, line: bytes, starts: bool) -> None:
         """A master command that ends with 01h also starts what is stored."""
         if line.lstrip(b" ").startswith(b"@"):
@@ -126,13 +124,13 @@ class Ismif:
         self._jobs.work()
 
     def _carry_out_master(self, line: bytes) -> None:
+        reply = None
         try:
             command = read(line)
+            reply = self._masters[command.code](*command.arguments)
         except CommandError:
             self._jobs.error = True
-            self._reply(ACKNOWLEDGED)
-            return
-        self._reply(self._masters[command.code](*command.arguments) or ACKNOWLEDGED)
+        self._reply(reply or ACKNOWLEDGED)
 
     def _reply(self, data: bytes) -> None:
         self._events.append(Reply(data + CR))

@@ -38,8 +38,6 @@ class Jobs:
         self._told_full = False
         self._entry: Entry | None = None
 
-    # ---- lines to memory --------------------------------------------------------------------------------------------
-
     def receive(self, line: bytes, starts: bool) -> None:
         """A line that is no master command, without its end; `starts`: it came with 01h."""
         if line or starts:
@@ -81,8 +79,6 @@ class Jobs:
         """Forget what is stored of the job that is being received, and the rest of it up to its 01h (S1)."""
         self.error = self._void = True
         self._memory.drop_stored()
-
-    # ---- memory to commands -----------------------------------------------------------------------------------------
 
     def work(self) -> None:
         """Carry out commands until one takes time or none is left."""
@@ -130,8 +126,6 @@ class Jobs:
             self._entry = None
             self._void_job()
         self._use_room()
-
-    # ---- what stops them --------------------------------------------------------------------------------------------
 
     def pause(self) -> None:
         """6.17: ramp down and stand; a waiting time stands still too (S10)."""

@@ -6,8 +6,8 @@ are carried out. Only *released* ones may leave: 01h releases everything stored 
       head |==========released==========|------stored------|.........free.........|
            next to be carried out                           ^ tail        RESERVE: 03h from here on
 
-`ends_job` marks the command that came with 01h: when it has been carried out, 02h is due. A host that ignores 03h sends
-lines that do not fit any more. They wait in the receive queue, which has an end too: what does not fit there is lost.
+`ends_job` marks the command that came with 01h: when it has been carried out, 02h is due. Lines that do not fit, from a
+host that ignores 03h, wait in the receive queue; what does not fit there is lost.
 """
 
 from __future__ import annotations
