@@ -16,8 +16,7 @@ from isel_twin.base.files import Claim, atomic_write
 
 log = logging.getLogger("isel_twin")
 
-FLASH_BYTES = 1 << 24
-"""Largest file taken for a flash image: 16 MiB, hundreds of times what a controller stores."""
+FLASH_BYTES = 1 << 24  # largest file taken for a flash image: 16 MiB, hundreds of times what a controller stores
 
 
 class HasFlash(Protocol):

@@ -29,8 +29,7 @@ from typing import Any, Final
 from isel_twin.plant import Cut
 from isel_twin.wiring import cut_table
 
-Note = Callable[[int, str, Any], None]
-"""note(time_ns, kind, what); see the module."""
+Note = Callable[[int, str, Any], None]  # note(time_ns, kind, what); see the module
 
 SETTINGS: Final = ("line_speed", "watch_margin")
 """Keys of an `operated` table that no scenario has: how the line is, and that the least margins begin anew."""

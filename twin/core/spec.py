@@ -24,10 +24,8 @@ if TYPE_CHECKING:
     from isel_twin.machine import Machine
     from isel_twin.wiring import ScenarioEvent
 
-MACHINE: Final = "4030"
-"""The machine of whoever names none."""
-_IMAGE = b"isel-twin "
-"""What flash images of the package's controllers begin with."""
+MACHINE: Final = "4030"  # the machine of whoever names none
+_IMAGE = b"isel-twin "  # what flash images of the package's controllers begin with
 
 
 @dataclass(frozen=True)

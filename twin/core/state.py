@@ -32,8 +32,7 @@ from isel_twin.wiring import ScenarioEvent
 _OUTSIDE = ("before_change", "on_reply", "on_lost", "on_event")
 """Attributes of the parts that lead out of the twin: to whoever is told of something."""
 
-BY_CHANCE = ("seed", "flash", "line_speed", "start_mm")
-"""Fields of `TwinSpec` in which twins of one kind may differ."""
+BY_CHANCE = ("seed", "flash", "line_speed", "start_mm")  # fields of `TwinSpec` in which twins of one kind may differ
 
 
 @dataclass(frozen=True)

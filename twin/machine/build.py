@@ -35,19 +35,15 @@ from isel_twin.machine.schema import (
 
 T = TypeVar("T")
 
-_STEPS_PER_REV = Limits("1", 200.0, 51_200.0, whole=True)
-"""Full steps of the motor times the stage's microsteps."""
-_STRIBECK_MM_S = Limits("mm/s", 0.01, 100.0)
-"""Carriage speed at which half of the excess over Coulomb friction is gone."""
+_STEPS_PER_REV = Limits("1", 200.0, 51_200.0, whole=True)  # full steps of the motor times the stage's microsteps
+_STRIBECK_MM_S = Limits("mm/s", 0.01, 100.0)  # carriage speed at which half of the excess over Coulomb friction is gone
 _MASS_KG = Limits("kg", 1e-3, 1e4)
-_PAYLOAD_KG = Limits("kg", 0.0, 100.0)
-"""What tables of this class carry; ten times as much would be another machine."""
+_PAYLOAD_KG = Limits("kg", 0.0, 100.0)  # what tables of this class carry; ten times as much would be another machine
 
 
 DRIVES: Mapping[str, tuple[str, ...]] = {"stepper": ("motor", "stage", "steps_per_rev"), "servo": ("servo",)}
 """Kinds of drives, and the keys of an axis that are of that kind only."""
-DEFAULT_DRIVE: Final = "stepper"
-"""That of an axis that names none."""
+DEFAULT_DRIVE: Final = "stepper"  # that of an axis that names none
 
 
 _TEXTS: Mapping[str, tuple[str, ...]] = {

@@ -33,8 +33,7 @@ class _Loaded(NamedTuple):
 
 
 _MOST_LOADED = 32
-_loaded: dict[Path, _Loaded] = {}
-"""Machines by their file: read again only when a file has changed."""
+_loaded: dict[Path, _Loaded] = {}  # machines by their file: read again only when a file has changed
 
 
 def load_machine(name_or_path: str | Path) -> Machine:

@@ -5,7 +5,7 @@ machine.toml (isel_twin.base.parameters: a number is a table with value, unit, g
 its motor has been found, the microsteps follow from it, imperfections that are off are zero.
 
 Machine coordinates of an axis run from 0, the nominal trip point of the motor-end switch, away from the motor to
-`travel_mm`, that of the far-end switch (decision P1).
+`travel_mm`, that of the far-end switch (decision plant/1).
 """
 
 from __future__ import annotations
@@ -57,8 +57,7 @@ CABINETS: Final[Mapping[str, tuple[str, ...]]] = {
 
 safety-relay: E-stop circuits, hood and supply hold a relay that gives the power stages and the spindle their power.
 """
-DEFAULT_CABINET: Final = "safety-relay"
-"""That of a file that names none."""
+DEFAULT_CABINET: Final = "safety-relay"  # that of a file that names none
 
 
 class MachineError(FileError):

@@ -69,8 +69,9 @@ def load_profile(name: str, settings: Mapping[str, Any]) -> Profile:
         elif isinstance(value, bool) or not isinstance(value, int) or value <= 0:
             raise ValueError(f"controller setting {key} = {value!r}: give a positive whole number")
         values[key] = value
-    chosen = {field.name: values[field.name] for field in fields(Profile)}
-    return Profile(**{name: tuple(value) if isinstance(value, list) else value for name, value in chosen.items()})
+    chosen: dict[str, Any] = {field.name: values[field.name] for field in fields(Profile)}
+    lists = {name: tuple(value) for name, value in chosen.items() if isinstance(value, list)}
+    return Profile(**{**chosen, **lists})
 
 
 @cache

@@ -20,7 +20,7 @@ class ReferenceSettings:
 
 @dataclass
 class Configuration:
-    """The settings; they are lost without power (S13)."""
+    """The settings; they are lost without power (ismif/13)."""
 
     clock: bool = False
     full_step: bool = False
@@ -32,7 +32,7 @@ class Configuration:
 
     @property
     def half_steps(self) -> int:
-        """Half steps of the stage in one step of a command: 2 for full steps out of the pattern generator (S4)."""
+        """Half steps of the stage in one step of a command: 2 for full steps out of the pattern generator (ismif/4)."""
         return 2 if self.full_step and not self.clock else 1
 
     def set(self, command: Instruction) -> None:
@@ -50,8 +50,8 @@ class Configuration:
                 self.speed_hz[index] = speed_hz
             case "#R", (ramp_ms,):
                 self.ramp_ms = ramp_ms
-            case "#D", (axis, positive, *speeds):
+            case "#D", (axis, positive, search, free, offset_speed):
                 offset = self.reference[axis].offset
-                self.reference[axis] = ReferenceSettings(positive == 1, *speeds, offset)
+                self.reference[axis] = ReferenceSettings(positive == 1, search, free, offset_speed, offset)
             case "#O", (axis, offset):
                 self.reference[axis] = replace(self.reference[axis], offset=offset)

@@ -32,8 +32,7 @@ from isel_twin.firmware.bwo900.programs.words import MWord, ProgramBlock, Word
 CENTRES: Final = "IJK"
 LONGEST_DWELL_S: Final = 999_999.999
 DRILLING: Final = frozenset((G.DRILLING, G.DRILLING_WITH_DWELL, G.DEEP_HOLE, G.TAPPING, G.BORING))
-STAYING, ADDRESSED = 0x01, 0x02
-"""Bits of P8806, byte 3: drilling cycles stay until G80; their parameters are words."""
+STAYING, ADDRESSED = 0x01, 0x02  # bits of P8806, byte 3: drilling cycles stay until G80; their parameters are words
 WITH_Z5, WITHOUT_TABLE = 0x01, 0x02  # bits of P8807, byte 1: T needs Z5; T takes nothing from the table
 
 
