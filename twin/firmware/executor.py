@@ -69,8 +69,6 @@ class Executor:
         self._pause_end_ns: int | None = None
         self._stopping: _Stopping | None = None
 
-    # ---- what there is to see ---------------------------------------------------------------------------------------
-
     @property
     def counts(self) -> Displacement:
         """Counters of all axes now."""
@@ -202,8 +200,6 @@ class Executor:
         if self._activity is not None:
             self._release().close()
         self.forget()
-
-    # ---- inside -----------------------------------------------------------------------------------------------------
 
     def _go_on(self, result: Ended | int | None) -> None:
         """Let the activity go on with the result of its request, up to its next one that takes time."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+import itertools
 import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ClassVar
@@ -85,10 +86,9 @@ class Desk:
         self.steps_without_stages = 0
         self._terminals_given = terminals
         self._chunks: list[tuple[NDArray[np.int64], NDArray[np.int8]]] = []
-        self._recorded = 0
         self._unread = 0
         self._agenda: list[tuple[int, int, Callable[[], object]]] = []
-        self._agenda_entries = 0
+        self._entry_numbers = itertools.count()
         self._forced_contacts: dict[str, bool] = {}
         self._forced_terminals: dict[str, bool] = {}
         self._struck = {switch.contact: False for switch in self.position_switches}
@@ -104,8 +104,6 @@ class Desk:
         """A desk for the installed controller `name` with these settings, and its language."""
         options.setdefault("language", create_language(name))
         return cls(lambda flash: create_controller(name, flash=flash, settings=settings), **options)
-
-    # --- mains -----------------------------------------------------------------------------------------------------
 
     def power_on(self) -> None:
         """Mains on: the controller gets the levels as they are and starts with its counters at 0."""
@@ -215,8 +213,7 @@ class Desk:
 
     def at(self, seconds: float, action: Callable[[], object]) -> None:
         """Do something momentary (set, send) `seconds` from now, whoever lets the time pass."""
-        self._agenda_entries += 1
-        heapq.heappush(self._agenda, (self.time_ns + round(seconds * SECOND_NS), self._agenda_entries, action))
+        heapq.heappush(self._agenda, (self.time_ns + round(seconds * SECOND_NS), next(self._entry_numbers), action))
 
     # --- observation -----------------------------------------------------------------------------------------------
 
@@ -238,7 +235,7 @@ class Desk:
     @property
     def ticks(self) -> int:
         """Number of ticks made since the first power-on: a mark to hand to `steps_since`."""
-        return self._recorded
+        return sum(len(t_ns) for t_ns, _ in self._chunks)
 
     def steps_since(self, mark: int) -> Ticks:
         """The ticks after the first `mark` ones."""
@@ -312,7 +309,6 @@ class Desk:
             if changed[:n].any():
                 n = int(np.argmax(changed)) + 1
         self._chunks.append((t_ns[:n], delta[:n]))
-        self._recorded += n
         if not (self.outputs.get("stages") and self.cabinet.relay):
             self.steps_without_stages += n
         self.carriage = positions[n - 1].copy()

@@ -31,8 +31,6 @@ from isel_twin.firmware.imc.supervisor import Supervisor, signal_error, watched
 from isel_twin.firmware.imc.waiting import WaitingLines
 from isel_twin.motion import Displacement, Motion
 
-FORMAT, SLOW_FORMAT = SerialFormat(19_200), SerialFormat(9_600)
-
 Effect = Callable[[], str | None]
 """What a line that was not refused does. Returns the reply, or None if it comes later or not at all."""
 
@@ -57,8 +55,8 @@ class Imc:
         self._shown: dict[str, bool] = {}
         self._device = Device(self._profile, self._flash, self._inputs, self._events)
         self._device.executor.now_ns = now_ns
-        self._supervisor = Supervisor(self._device, self._device.send)
-        self._format = SLOW_FORMAT if self._device.settings.baud_9600 else FORMAT
+        self._supervisor = Supervisor(self._device)
+        self._format = SerialFormat(9_600 if self._device.settings.baud_9600 else 19_200)
         self._device.outputs.reset()
         self._device.outputs["flash_fault"] = int(self._flash is None)
         if powered(self._inputs):
@@ -145,8 +143,6 @@ class Imc:
         """The axes have stepper motors; the stages may be any."""
         return {"axes.all.drive": "stepper"}
 
-    # ---- one instant ------------------------------------------------------------------------------------------------
-
     def _settle(self) -> None:
         """Do all that is due now: ends of runs and pauses, then the next lines."""
         while True:
@@ -214,7 +210,7 @@ class Imc:
         elif byte == grammar.RESET:
             self._reset()
         elif self._supervisor.listening and byte not in (grammar.CR, grammar.LF):
-            self._supervisor.hear(byte)
+            self._device.executor.hear(byte)
         else:
             line = self._assembler.feed(byte)
             if line is None:
@@ -294,8 +290,6 @@ class Imc:
             raise
         return lambda: OK
 
-    # ---- starting ---------------------------------------------------------------------------------------------------
-
     def _admit_start(self, *, answers: bool) -> Effect:
         """Go on with what was stopped, or start the stored program (2.2.23). Raises Refusal."""
         device, parked = self._device, self._supervisor.parked
@@ -310,7 +304,6 @@ class Imc:
         return partial(self._resume, answers=answers)
 
     def _resume(self, *, answers: bool) -> None:
-        """Go on with what was stopped, then with what waited behind it."""
         self._lines.release()
         self._supervisor.resume(answers=answers)
 

@@ -62,8 +62,6 @@ class Device:
     def _present_settings(self) -> Settings:
         return self.settings
 
-    # ---- time and counters ------------------------------------------------------------------------------------------
-
     @property
     def now_ns(self) -> int:
         return self.executor.now_ns
@@ -77,8 +75,6 @@ class Device:
     def direction(self) -> Displacement:
         """Motor sense of each counter (`@0ID`)."""
         return _senses(self.settings.inverted)
-
-    # ---- axes and references ----------------------------------------------------------------------------------------
 
     @property
     def axis_list(self) -> tuple[int, ...]:
@@ -157,8 +153,6 @@ class Device:
         if not all(self.referenced[axis] for axis in axes):
             raise Refusal(NOT_REFERENCED)
 
-    # ---- power ------------------------------------------------------------------------------------------------------
-
     def energise(self) -> None:
         """Stages on, brake released."""
         self.outputs["stages"] = int(not self.settings.io_only)
@@ -213,8 +207,6 @@ class Device:
             start_stop_hz=self.start_stop_hz,
             acceleration_hz_per_s=1000 * self.acceleration_hz_per_ms,
         )
-
-    # ---- flash ------------------------------------------------------------------------------------------------------
 
     def store(self, *, settings: Settings | None = None, program: StoredProgram | None = None) -> None:
         """Write the flash: new settings or a new program beside what it holds of the other."""

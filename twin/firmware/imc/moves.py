@@ -32,9 +32,6 @@ class Leg:
     law: Callable[[int], TimeLaw]
 
 
-# ---- travelling ----------------------------------------------------------------------------------------------------
-
-
 def travel(device: Device, legs: Sequence[Leg], until: Until | None = None) -> Activity | None:
     """Travel the legs one after the other; a stop in between resumes where it was. `until` ends all of it.
 
@@ -86,9 +83,6 @@ def sense(path: StepPath, axis: int, *spans: tuple[int, int]) -> int:
     return 0
 
 
-# ---- parameters ----------------------------------------------------------------------------------------------------
-
-
 def move_parameters(device: Device) -> tuple[Number, ...]:
     """Pairs of steps and speed: one an axis, with X, Y and Z four (2.2.2)."""
     pairs = 4 if device.axes == XYZ else len(device.axis_list)
@@ -97,19 +91,17 @@ def move_parameters(device: Device) -> tuple[Number, ...]:
 
 def check_relative(device: Device, *values: int) -> None:
     """Refuse speeds out of range (D); that of a second Z way only if there is one."""
-    _check_speeds(device, values, second_z=bool(len(values) > 6 and values[6]) and not device.three_d)
+    second_z = device.axes == XYZ and values[6] and not device.three_d
+    _check_speeds(device, values, 4 if second_z else len(device.axis_list))
 
 
 def check_absolute(device: Device, *values: int) -> None:
     """Refuse speeds out of range (D); the second Z pair is ignored."""
-    _check_speeds(device, values, second_z=False)
+    _check_speeds(device, values, len(device.axis_list))
 
 
-def _check_speeds(device: Device, values: Sequence[int], second_z: bool) -> None:
-    speeds = values[1::2]
-    if device.axes == XYZ and not second_z:
-        speeds = speeds[:3]
-    for speed_hz in speeds:
+def _check_speeds(device: Device, values: Sequence[int], count: int) -> None:
+    for speed_hz in values[1 : 2 * count : 2]:
         speed(device).check(speed_hz)
 
 
@@ -146,12 +138,12 @@ def _plan_linear(
     device: Device, steps: dict[int, int], speeds: Sequence[int], second_z: int, *, unreferenced: bool = False
 ) -> tuple[Sequence[Leg]]:
     device.require_move()
-    speed_of = dict(zip(device.axis_list, speeds, strict=False))
     if device.three_d:
         ways = [(steps, speeds[0])]
     else:
         plane = {axis: n for axis, n in steps.items() if axis < 2}
         leader = max(plane, key=lambda axis: abs(plane[axis]), default=0)
+        speed_of = dict(zip(device.axis_list, speeds, strict=False))
         ways = [(plane, speed_of.get(leader, 0))]
         ways += [({axis: n}, speed_of[axis]) for axis, n in steps.items() if axis >= 2]
         if second_z:
@@ -201,8 +193,8 @@ PLANES = ((0, 1, 2), (0, 2, 1), (1, 2, 0))
 
 def arc_parameters(device: Device) -> tuple[Number, ...]:
     """Length, speed, D, start point, directions (2.2.28)."""
-    steps, sign = Number(0), Number(-1, 1)
-    return steps, speed(device), Number(-(1 << 47), 1 << 47), Number(), Number(), sign, sign
+    sign = Number(-1, 1)
+    return Number(0), speed(device), Number(-(1 << 47), 1 << 47), Number(), Number(), sign, sign
 
 
 def helix_parameters(device: Device) -> tuple[Number, ...]:

@@ -69,9 +69,8 @@ def load_profile(name: str, settings: Mapping[str, Any]) -> Profile:
         elif isinstance(value, bool) or not isinstance(value, int) or value <= 0:
             raise ValueError(f"controller setting {key} = {value!r}: give a positive whole number")
         values[key] = value
-    chosen: dict[str, Any] = {field.name: values[field.name] for field in fields(Profile)}
-    lists = {name: tuple(value) for name, value in chosen.items() if isinstance(value, list)}
-    return Profile(**{**chosen, **lists})
+    as_tuples: dict[str, Any] = {key: tuple(v) if isinstance(v, list) else v for key, v in values.items()}
+    return Profile(**{field.name: as_tuples[field.name] for field in fields(Profile)})
 
 
 @cache

@@ -99,9 +99,6 @@ def plain(text: str) -> str:
     return readable(text.strip(" ").encode("latin-1"))
 
 
-# ---- answers in words ------------------------------------------------------------------------------------------------
-
-
 def _position_words(answer: str, text: str) -> str:
     """24 bits an axis, two's complement (2.2.21)."""
     counts = [(int(answer[at : at + 6], 16) ^ 1 << 23) - (1 << 23) for at in range(0, len(answer), 6)]

@@ -16,7 +16,6 @@ are looked at once a cycle (imc/31).
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from isel_twin.base.units import MILLISECOND_NS
@@ -40,12 +39,9 @@ class Task:
 
 
 class Supervisor:
-    """Watches over what a device does; `reply(text)` sends to the host."""
-
-    def __init__(self, device: Device, reply: Callable[[str], None]) -> None:
+    def __init__(self, device: Device) -> None:
         self._device = device
         self._executor = device.executor
-        self._reply = reply
         self.task: Task | None = None
         self.parked: Task | None = None
         """A stopped task that can be resumed."""
@@ -91,14 +87,12 @@ class Supervisor:
         if task.program:
             signal_error(self._device, code != OK)
         if task.answers or code == STOPPED:
-            self._reply(code)
+            self._device.send(code)
 
     def _parked(self) -> None:
         self.parked, self.task = self.task, None
         self._stood = tuple(self._device.referenced), self._device.direction
-        self._reply(STOPPED)
-
-    # ---- time -------------------------------------------------------------------------------------------------------
+        self._device.send(STOPPED)
 
     @property
     def next_ns(self) -> int | None:
@@ -138,9 +132,6 @@ class Supervisor:
     def listening(self) -> bool:
         """The stored program waits for a byte."""
         return isinstance(self._executor.request, Listen)
-
-    def hear(self, byte: int) -> None:
-        self._executor.hear(byte)
 
     def stop(self) -> bool:
         """Byte 253 or the stop key: park the task; a reference run is broken off.

@@ -75,7 +75,7 @@ class Actions:
             case "$H":
                 return self._reference_run(*instruction.arguments)
             case "W":
-                return self._wait(*instruction.arguments)
+                return _stand(instruction.arguments[0] * MILLISECOND_NS, Standing.WAITING)
             case "A":
                 self._set_signal(*instruction.arguments)
             case _:
@@ -83,10 +83,6 @@ class Actions:
         return None
 
     # ---- what takes time --------------------------------------------------------------------------------------------
-
-    def _wait(self, ms: int) -> Activity:
-        """6.20."""
-        yield from _stand(ms * MILLISECOND_NS, Standing.WAITING)
 
     def _vector(self, index: int, *targets: Target) -> Activity:
         """6.14: all axes together, led by the longest way. Z of a plotter is the relay, switched first (ismif/12)."""
@@ -147,8 +143,6 @@ class Actions:
         level, way, limit = ("high", "free run", FREE_LIMIT) if search.level else ("low", "search", SEARCH_LIMIT)
         what = f"the reference input has not gone {level} in {limit} half steps of the {way}"
         self._events.append(Remark(f"reference run of {AXIS_NAMES[axis].upper()}: {what}"))
-
-    # ---- what ends it -----------------------------------------------------------------------------------------------
 
     @property
     def purpose(self) -> object:
@@ -224,8 +218,6 @@ class Actions:
 
     def _put(self, name: str, level: int) -> None:
         self._events.append(Output(name, level))
-
-    # ---- what there is to ask ---------------------------------------------------------------------------------------
 
     @property
     def position_known(self) -> bool:

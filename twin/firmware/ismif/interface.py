@@ -52,7 +52,7 @@ class Ismif:
 
     @property
     def counts(self) -> Displacement:
-        """Half steps of X, Y, Z from the zero point at the time of the last call; A is always 0."""
+        """Half steps of X, Y, Z from the zero point; A is always 0."""
         return self._executor.counts
 
     @property
@@ -96,7 +96,6 @@ class Ismif:
             self._jobs.work()
 
     def advance(self, t_ns: int) -> None:
-        """Pulses up to t_ns; then what is due."""
         self._executor.now_ns = t_ns
         self._executor.tick()
         self._jobs.work()
@@ -141,7 +140,6 @@ class Ismif:
     # ---- master commands: the reply, None for an acknowledgement ----------------------------------------------------
 
     def _version(self) -> bytes:
-        """6.2."""
         return f"@V {VERSION}".encode()
 
     def _status(self) -> bytes:
@@ -158,7 +156,6 @@ class Ismif:
         return b"@X" + b"".join(b"1" if bit else b"0" for bit in bits)
 
     def _position(self, axis: int) -> bytes:
-        """6.4."""
         return f"@L{AXIS_LETTERS[axis]}{self._actions.position_steps(axis)}".encode()
 
     def _reset(self) -> None:

@@ -164,8 +164,6 @@ class Jobs:
         self._waiting_lines.clear()
         self._void = self._told_full = False
 
-    # ---- what there is to ask ---------------------------------------------------------------------------------------
-
     @property
     def referencing(self) -> bool:
         return self._entry is not None and self._entry.command is not None and self._entry.command.code == "$H"

@@ -67,8 +67,6 @@ class IsmifLanguage:
         self._sent, self._received = Pieces(ends=CR + START), Pieces(ends=CR)
         self._begun = b""
 
-    # ---- what a host says -------------------------------------------------------------------------------------------
-
     def frame(self, text: str) -> bytes:
         """The text and CR; a text that ends in 01h starts the job, and the CR after it is an empty line."""
         return encoded(text) + CR
@@ -100,8 +98,6 @@ class IsmifLanguage:
     def break_off(self) -> bytes:
         """`@B`: the vector is over; nothing else is stored when it comes from `move`."""
         return self.frame("@B")
-
-    # ---- what goes over the line ------------------------------------------------------------------------------------
 
     def messages(self, data: bytes, sent: bool) -> Iterator[Message]:
         pieces = (self._sent if sent else self._received).cut(data)
