@@ -7,7 +7,7 @@ Three rules make files short:
     [axes.all]            holds for X, Y and Z; [axes.x] and so on override it
     [switches]            holds for all position switches; an entry in [contacts] may override it
 
-Settings under [controller] belong to the controllers, who tell which there are (`isel_twin.controller.takes`).
+Settings under [controller] are those of `isel_twin.controller.takes`.
 """
 
 from __future__ import annotations
@@ -15,15 +15,13 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.parameters import Place, merge, parse_toml, read_text, spread, table
 from isel_twin.machine.build import DEFAULT_DRIVE, DRIVES, build, file_content, model_files
 from isel_twin.machine.schema import DEFAULT_CABINET, Machine, MachineError
 from isel_twin.models import machine_names, models_folder
-
-T = TypeVar("T")
 
 
 class _Loaded(NamedTuple):
@@ -82,7 +80,7 @@ def _find(name_or_path: str | Path, relative_to: Path | None = None) -> Path:
 
 
 def _read_file(file: Path, seen: list[Path]) -> dict[str, Any]:
-    """The file's tree with `based_on` and the tables that hold for all resolved; seen: gets the files read so far."""
+    """The tree with `based_on` and [axes.all] resolved; seen: gets the files read."""
     place = Place(file, MachineError)
     if file in seen:
         raise place.at("based_on").wrong("goes round in a circle; allowed: a machine that does not need this one")
@@ -105,7 +103,7 @@ def _read_file(file: Path, seen: list[Path]) -> dict[str, Any]:
 
 
 def _without_other_drives(parent: Mapping[str, Any], tree: Mapping[str, Any], place: Place) -> dict[str, Any]:
-    """The parent without the keys of its drives where the tree says another kind."""
+    """The parent without the keys of its drives where the tree has another kind."""
     result = copy.deepcopy(dict(parent))
     for name, axis in table(tree.get("axes", {}), place.at("axes")).items():
         before = result["axes"][name]
