@@ -163,44 +163,22 @@ class Code(IntEnum):
     DIVISION_ANGLE_ZERO = 8334, _KA, "division angle is 0 (P125)"
 
 
-LOCKED: Final = 1304  # a parameter is locked: given without a text of its own
+LOCKED: Final = 1304  # a locked parameter; has no text of its own
 
 _INVALID: Final[Mapping[int, str]] = {
-    P.SIZE_1: "first size of the pocket",
-    P.SIZE_2: "second size of the pocket",
-    P.POCKET_DEPTH: "depth of the pocket",
-    P.POCKET_RADIUS: "radius",
-    P.ALLOWANCE: "allowance",
-    P.INFEED_ACROSS: "infeed across",
-    P.INFEED_DEPTH: "infeed in depth",
-    P.DEPTH_ALLOWANCE: "allowance on the depth",
-    P.POCKET_SAFETY: "safety distance",
-    P.FINISHING_INFEED: "infeed of finishing",
-    P.PLUNGING_FEED: "plunging feed",
-    P.HOLE_FEED: "feed",
-    P.HOLE_DEPTH: "depth",
-    P.APPROACH_PLANE: "approach plane",
-    P.STROKES: "number of strokes",
-    P.FIRST_STROKE: "first stroke",
-    P.HOLE_SAFETY: "safety distance",
-    P.RAY_1 + Ray.X: "X of A to B",
-    P.RAY_1 + Ray.Y: "Y of A to B",
-    P.RAY_1 + Ray.ANGLE: "angle of ray 1",
-    P.RAY_1 + Ray.LENGTH: "length of ray 1",
-    P.RAY_1 + Ray.DIVISION: "division of ray 1",
-    P.RAY_2 + Ray.X: "X of A to C",
-    P.RAY_2 + Ray.Y: "Y of A to C",
-    P.RAY_2 + Ray.ANGLE: "angle of ray 2",
-    P.RAY_2 + Ray.LENGTH: "length of ray 2",
-    P.RAY_2 + Ray.DIVISION: "division of ray 2",
-    P.CENTRE_X: "X of the circle's centre",
-    P.CENTRE_Y: "Y of the circle's centre",
-    P.DIAMETER: "diameter of the circle",
-    P.START_ANGLE: "start angle",
-    P.TRAVEL_ANGLE: "travel angle",
-    P.DIVISION_ANGLE: "division angle",
-    P.PLACES: "number of places",
-}
+    P.SIZE_1: "first size of the pocket", P.SIZE_2: "second size of the pocket",
+    P.POCKET_DEPTH: "depth of the pocket", P.POCKET_RADIUS: "radius", P.ALLOWANCE: "allowance",
+    P.INFEED_ACROSS: "infeed across", P.INFEED_DEPTH: "infeed in depth", P.DEPTH_ALLOWANCE: "allowance on the depth",
+    P.POCKET_SAFETY: "safety distance", P.FINISHING_INFEED: "infeed of finishing", P.PLUNGING_FEED: "plunging feed",
+    P.HOLE_FEED: "feed", P.HOLE_DEPTH: "depth", P.APPROACH_PLANE: "approach plane", P.STROKES: "number of strokes",
+    P.FIRST_STROKE: "first stroke", P.HOLE_SAFETY: "safety distance", P.RAY_1 + Ray.X: "X of A to B",
+    P.RAY_1 + Ray.Y: "Y of A to B", P.RAY_1 + Ray.ANGLE: "angle of ray 1", P.RAY_1 + Ray.LENGTH: "length of ray 1",
+    P.RAY_1 + Ray.DIVISION: "division of ray 1", P.RAY_2 + Ray.X: "X of A to C", P.RAY_2 + Ray.Y: "Y of A to C",
+    P.RAY_2 + Ray.ANGLE: "angle of ray 2", P.RAY_2 + Ray.LENGTH: "length of ray 2",
+    P.RAY_2 + Ray.DIVISION: "division of ray 2", P.CENTRE_X: "X of the circle's centre",
+    P.CENTRE_Y: "Y of the circle's centre", P.DIAMETER: "diameter of the circle", P.START_ANGLE: "start angle",
+    P.TRAVEL_ANGLE: "travel angle", P.DIVISION_ANGLE: "division angle", P.PLACES: "number of places",
+}  # fmt: skip
 """Parameters P of cycles, as named in the message that they are not valid."""
 
 
