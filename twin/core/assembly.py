@@ -95,10 +95,8 @@ def build_plant(
 def power_on_mm(
     machine: Machine, random: np.random.Generator, wanted_mm: Sequence[float] | None
 ) -> NDArray[np.float64]:
-    """float64 [3], carriage positions at power-on: as wanted, or random.
-
-    Raises ValueError unless the wanted positions lie between the hard stops.
-    """
+    """float64 [3], carriage positions at power-on: as wanted, or random. Raises ValueError unless the wanted positions
+    lie between the hard stops."""
     if wanted_mm is None:
         return np.array([random.uniform(axis.power_on_low_mm, axis.power_on_high_mm) for axis in machine.axes])
     if len(wanted_mm) != len(machine.axes):

@@ -56,10 +56,8 @@ class FlashFile:
         return self._path.read_bytes() if self._path.exists() else b""
 
     def attach(self, twin: HasFlash) -> None:
-        """Keep what this twin writes to its flash. A flash nobody has written to yet is an empty file.
-
-        Raises OSError as `hold` does, or if the file cannot be written.
-        """
+        """Keep what this twin writes to its flash. A flash nobody has written to yet is an empty file. Raises OSError
+        as `hold` does, or if the file cannot be written."""
         self.hold()
         _remove_left_overs(self._target)
         if twin.flash != self.image or self.image is None:

@@ -57,10 +57,8 @@ def load_machine(name_or_path: str | Path) -> Machine:
 
 
 def machine_from_tree(tree: Mapping[str, Any], file: Path) -> Machine:
-    """The machine of a tree (`Machine.tree`) that was read some other time; file: where a machine.toml would be.
-
-    Raises MachineError as `load_machine` does.
-    """
+    """The machine of a tree (`Machine.tree`) that was read some other time; file: where a machine.toml would be. Raises
+    MachineError as `load_machine` does."""
     return build(copy.deepcopy(dict(tree)), file)
 
 

@@ -122,10 +122,8 @@ class Axis:
 
 @dataclass(frozen=True)
 class Mode:
-    """A structural mode: a passive joint of the MuJoCo model that moves along one axis.
-
-    Its frequency follows from what the joint carries: f = sqrt(k / m) / 2 pi (`isel_twin.plant.model.mode_hz`).
-    """
+    """A structural mode: a passive joint of the MuJoCo model that moves along one axis. Its frequency follows from what
+    the joint carries: f = sqrt(k / m) / 2 pi (`isel_twin.plant.model.mode_hz`)."""
 
     joint: str
     axis: str = word(*CARRIAGES)
@@ -169,10 +167,8 @@ class Imperfections:
 
 @dataclass(frozen=True)
 class Contact:
-    """One contact of the machine. The terminal it leads to is the controller's affair (`Controller.terminals`).
-
-    Level at the terminal: high when the contact is closed, the other way round if `inverted`.
-    """
+    """One contact of the machine. The terminal it leads to is the controller's affair (`Controller.terminals`). Level
+    at the terminal: high when the contact is closed, the other way round if `inverted`."""
 
     name: str
     kind: str = word("switch", "signal", "bridge")

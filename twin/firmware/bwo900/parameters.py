@@ -193,10 +193,8 @@ class Parameters:
 
     @property
     def axes(self) -> Iterator[tuple[str, int]]:
-        """Name and physical number of each axis of the machine, in order.
-
-        A descriptor without a letter, and all of them if two names are equal, are as in a new control.
-        """
+        """Name and physical number of each axis of the machine, in order. A descriptor without a letter, and all of
+        them if two names are equal, are as in a new control."""
         given = [self._values.get(Q.AXIS_1 + axis, 0.0) for axis in range(MACHINE_AXES)]
         known = [FACTORY[Q.AXIS_1 + axis] for axis in range(MACHINE_AXES)]
         chosen = [value if _name(value) else other for value, other in zip(given, known, strict=True)]
@@ -206,10 +204,8 @@ class Parameters:
             yield _name(value), byte(value, 3)
 
     def zero_point(self, number: int, axis: int, workspace: int = 1) -> float:
-        """The shift of a zero point, 0 for G53 to 6 for G59 and on to G154 ..., of an axis from 0.
-
-        With additional groups (q172) it is their sum. Raises ProgramError M1240: no such workspace.
-        """
+        """The shift of a zero point, 0 for G53 to 6 for G59 and on to G154 ..., of an axis from 0. With additional
+        groups (q172) it is their sum. Raises ProgramError M1240: no such workspace."""
         if not 1 <= workspace <= int(self.given(Q.ZERO_SETS, 1, "q")):
             raise ProgramError(Code.NO_WORKSPACE, f"workspace {workspace}")
         groups = int(self.get(Q.ZERO_GROUPS, 0, "q"))

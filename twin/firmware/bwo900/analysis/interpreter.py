@@ -84,9 +84,7 @@ class Interpreter:
 
     def begin(self, name: str, position: Point, block: int | None = None, skips: bool = False) -> None:
         """Begin a program, at a block if given. position: machine coordinates, mm. skips: blocks with `/` are left out.
-
-        Raises ProgramError: M1252 there is no such program, M1255 no such block.
-        """
+        Raises ProgramError: M1252 there is no such program, M1255 no such block."""
         program = self._store.find(name)
         place = 0 if block is None else program.place(block)
         self._reset(position)
@@ -161,10 +159,8 @@ class Interpreter:
         self._reader.functions.take_over()
 
     def acknowledged(self, jumps: bool) -> None:
-        """The M function with a jump was acknowledged and its path deleted (jumps), or the path has been made.
-
-        Raises ProgramError: there is no such goal. Beside M30 nothing is left that could go on elsewhere.
-        """
+        """The M function with a jump was acknowledged and its path deleted (jumps), or the path has been made. Raises
+        ProgramError: there is no such goal. Beside M30 nothing is left that could go on elsewhere."""
         if self._waiting is Waiting.ACKNOWLEDGEMENT:
             self._waiting = None
             goal = self._jump_to if jumps else self._otherwise

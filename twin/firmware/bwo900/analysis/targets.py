@@ -61,10 +61,8 @@ class Targets:
                 self._radius = self._values.of(word.value)
 
     def read_axes(self, said: Said, taken: frozenset[str]) -> dict[int, float] | None:
-        """Targets in program coordinates by axis; None if the block has none, or G44, G92 or a pole takes them.
-
-        taken: words of a drilling cycle; with its depth alone it drills where the tool stands.
-        """
+        """Targets in program coordinates by axis; None if the block has none, or G44, G92 or a pole takes them. taken:
+        words of a drilling cycle; with its depth alone it drills where the tool stands."""
         coordinates = self._coordinates
         names, modal, plane = coordinates.names, coordinates.modal, coordinates.frame.plane
         named: dict[int, float] = {}

@@ -76,9 +76,7 @@ class Straight:
 @dataclass(frozen=True)
 class Arc:
     """An arc in a plane around `centre` (first, second axis), sweep_rad counter-clockwise; other axes run with it.
-
-    Radii at start and end may differ a little: the radius runs evenly with the angle, so that both ends are exact.
-    """
+    Radii at start and end may differ a little: the radius runs evenly with the angle, so that both ends are exact."""
 
     start: Point
     end: Point
