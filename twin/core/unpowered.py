@@ -17,7 +17,6 @@ class Unpowered:
     fault = False
 
     def __init__(self, controller: Controller) -> None:
-        """controller: the one that has lost its supply."""
         self.counts = (0,) * len(controller.counts)
         self.direction = controller.direction
         self.serial_format: SerialFormat = controller.serial_format

@@ -47,7 +47,7 @@ _PAYLOAD_KG = Limits("kg", 0.0, 100.0)
 DRIVES: Mapping[str, tuple[str, ...]] = {"stepper": ("motor", "stage", "steps_per_rev"), "servo": ("servo",)}
 """Kinds of drives, and the keys of an axis that are of that kind only."""
 DEFAULT_DRIVE: Final = "stepper"
-"""That of an axis that names none."""
+"""Of an axis that names none."""
 
 
 _TEXTS: Mapping[str, tuple[str, ...]] = {
@@ -238,7 +238,6 @@ def _servo(
 
 
 def _check(machine: Machine, place: Place) -> None:
-    """Checks that concern several values."""
     timing = machine.timing
     if timing.mujoco_step_ns % timing.substep_ns:
         raise place.at("timing.mujoco_step").wrong(
@@ -267,12 +266,8 @@ def _check(machine: Machine, place: Place) -> None:
                 f"{axis.travel_mm:g} mm; allowed: up to {longest_mm[axis.name]:g} mm, "
                 f"where joint {axis.name} ends in {machine.model_file}"
             )
-    _check_signals(machine, place.at("contacts"))
-
-
-def _check_signals(machine: Machine, place: Place) -> None:
-    """Signals must be known to the cabinet, which sets them."""
-    known([c.name for c in machine.contacts if c.kind == "signal"], CABINETS[machine.cabinet], place)
+    signals = [contact.name for contact in machine.contacts if contact.kind == "signal"]
+    known(signals, CABINETS[machine.cabinet], place.at("contacts"))
 
 
 def file_content(path: Path) -> bytes | None:

@@ -26,8 +26,7 @@ from isel_twin.models import machine_names, models_folder
 
 class _Loaded(NamedTuple):
     machine: Machine
-    contents: Mapping[Path, bytes | None]
-    """Of every file that it was read from; None: there is none."""
+    contents: Mapping[Path, bytes | None]  # of every file that it was read from; None: there is none
 
 
 _MOST_LOADED = 32
@@ -63,7 +62,6 @@ def machine_from_tree(tree: Mapping[str, Any], file: Path) -> Machine:
 
 
 def _find(name_or_path: str | Path, relative_to: Path | None = None) -> Path:
-    """The machine.toml that a name or a path means."""
     candidates = [models_folder() / name_or_path] if str(name_or_path) in machine_names() else []
     path = Path(name_or_path).expanduser()
     candidates.append(relative_to / path if relative_to else path)

@@ -223,7 +223,6 @@ class Interpreter:
         return self._ready.popleft() if self._ready else self._output.empty(block)
 
     def _renew(self, renewal: Renewal) -> None:
-        """The block that was waited for has been executed."""
         self._renewal = None
         if renewal is Renewal.TOOL:
             self._tools.change()
@@ -248,7 +247,6 @@ class Interpreter:
     # One block
 
     def _execute(self, block: ProgramBlock) -> None:
-        """One block, in the manual's order."""
         level = self.stack.top
         if (block.calls or self._supervision.keeping is not OFF) and self._supervision.call(
             whole(self._values.of(number)) for number in block.calls
@@ -295,7 +293,6 @@ class Interpreter:
                 self._coordinates.renew()
 
     def _words(self, said: Said) -> None:
-        """Path and feed: a PathBlock, or those of a cycle."""
         self._reader.select_tool(said)
         taken = self._reader.drilling_words(said)
         self._targets.read_feed(said, taken)
@@ -379,7 +376,6 @@ class Interpreter:
             self._go_on_with(self._cycle_now)
 
     def _go_on_with(self, cycle: Cycle) -> None:
-        """The next move of a cycle, or its end."""
         said = cycle.said
         if (move := next(cycle.moves, None)) is not None:
             pre: list[MFunction] = []

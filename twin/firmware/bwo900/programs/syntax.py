@@ -67,8 +67,6 @@ def parse_expression(text: str) -> Expression:
 
 
 class _Parser:
-    """Reads one line from left to right."""
-
     def __init__(self, text: str, line: int) -> None:
         self.text, self.line, self.at = text, line, 0
         self._depth = 0
@@ -231,7 +229,6 @@ class _Parser:
     # Parameters
 
     def _parameter_word(self, column: int, assignments: list[Assign], jumps: list[Jump]) -> None:
-        """An assignment or a jump by comparison."""
         target = self._primary()
         assert isinstance(target, Parameter | Symbol)
         self._blank()
@@ -263,7 +260,6 @@ class _Parser:
         jumps.append(Jump(target, relation[1], right, to, column))
 
     def _part(self, text: str, offset: int = 0) -> Expression:
-        """A part of the line as an expression."""
         try:
             return parse_expression(text)
         except ProgramError as error:

@@ -172,7 +172,6 @@ def rectangle_finished(call: Call) -> Iterator[CycleMove]:
 
 
 def _zigzag(pocket: _Pocket, lines: Sequence[float]) -> Iterator[Way]:
-    """Rows forth and back; from one to the next straight."""
     at: UV | None = None
     for number, y in enumerate(lines):
         x = pocket.extent(y) if number % 2 == 0 else -pocket.extent(y)
@@ -275,7 +274,7 @@ def _circular(call: Call) -> tuple[Job, int]:
 
 
 def _radius(call: Call, job: Job, allowance: float) -> float:
-    """Of the tool's centre on the wall."""
+    """Of the tool's centre at the wall."""
     return call.needed(P.POCKET_RADIUS) - allowance - job.radius
 
 
@@ -297,12 +296,10 @@ def _spiral(call: Call, job: Job, last: float, turn: int) -> Iterator[Way]:
 
 
 def _full(radius: float, turn: int) -> Iterator[Way]:
-    """A full circle from the first axis, in halves."""
     yield Way((radius, 0.0), (-radius, 0.0), (0.0, 0.0), turn)
     yield Way((-radius, 0.0), (radius, 0.0), (0.0, 0.0), turn)
 
 
 def _away(radius: float, turn: int) -> Way:
-    """The half circle away from the wall."""
     inwards = min(HALF_CIRCLE_MM, radius / 2.0)
     return Way((radius, 0.0), (radius - 2.0 * inwards, 0.0), (radius - inwards, 0.0), turn)

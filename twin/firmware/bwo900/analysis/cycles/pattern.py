@@ -34,8 +34,6 @@ RAY_CODES: Final[Mapping[int, tuple[Code, Code, Code]]] = {
 
 @dataclass(frozen=True, slots=True)
 class _Ray:
-    """A vector, and the number of places on it."""
-
     u: float
     v: float
     count: int
@@ -141,8 +139,8 @@ def _ray(call: Call, base: int) -> _Ray:
     missing, length_twice, places_twice = RAY_CODES[base]
     if u is not None or v is not None:
         if u is None or v is None:
-            missing_one = invalid(base + (Ray.X if u is None else Ray.Y))
-            raise ProgramError(missing_one, f"P{base} and P{base + 1} are the end, one has no value")
+            wrong = invalid(base + (Ray.X if u is None else Ray.Y))
+            raise ProgramError(wrong, f"P{base} and P{base + 1} are the end, one has no value")
         size = math.hypot(u, v)
         if length is not None and abs(length - size) > AGREE_MM:
             raise ProgramError(length_twice, f"P{base + 4} is {length:g}, the vector {size:g} mm long")
