@@ -51,21 +51,18 @@ OVERLOAD = (
 
 class _Host:
     def __init__(self, port: str, baud: int) -> None:
-        self._serial = serial.Serial(port, baud, timeout=REPLY_TIMEOUT_S)
+        self.serial = serial.Serial(port, baud, timeout=REPLY_TIMEOUT_S)
         self._language = needed(create_language(CONTROLLER), CONTROLLER)
 
     def ask(self, command: str) -> str:
         """Send a command, read until its reply is complete. Raises TimeoutError."""
         data = self._language.frame(command)
-        self._serial.write(data)
+        self.serial.write(data)
         self._language.messages(data, sent=True)
-        while byte := self._serial.read(1):
+        while byte := self.serial.read(1):
             for message in self._language.messages(byte, sent=False):
                 return message.text
         raise TimeoutError(f"no complete reply to {command!r} within {REPLY_TIMEOUT_S:g} s")
-
-    def close(self) -> None:
-        self._serial.close()
 
 
 def _session(console: Console, host: _Host, twin: Twin, title: str, commands: tuple[tuple[str, str], ...]) -> None:
@@ -113,7 +110,7 @@ def main() -> None:
     _session(console, host, twin, "A session", SESSION)
     console.print("Differences of some um are load, friction and backlash; no step is lost.\n")
     _session(console, host, twin, "The same way, too fast", OVERLOAD)
-    host.close()
+    host.serial.close()
     wall_s = time.monotonic() - began
     server.stop()
     thread.join()

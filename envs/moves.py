@@ -84,14 +84,8 @@ class Setup:
     @property
     def spec(self) -> TwinSpec:
         """The twin, but for where its carriages stand. Raises ValueError with one line."""
-        spec = TwinSpec(
-            self.machine,
-            self.controller,
-            self.plant,
-            self.seed,
-            None if self.scenario is None else Path(self.scenario),
-            overrides=self.overrides,
-        )
+        scenario = None if self.scenario is None else Path(self.scenario)
+        spec = TwinSpec(self.machine, self.controller, self.plant, self.seed, scenario, overrides=self.overrides)
         if self.load_nm <= 0.0:
             return spec
         axes = with_overrides(spec.as_built, self.overrides).axes

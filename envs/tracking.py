@@ -51,7 +51,7 @@ TRACK = np.dtype(  # settings and state of an episode
     align=True,
 )
 
-LANE = np.dtype(  # an axis
+LANE = np.dtype(  # settings and state of an axis
     [
         ("highest_hz", "f8"),
         ("steps_per_mm", "f8"),

@@ -34,10 +34,7 @@ _MOST_KEPT = 16  # seeds whose machines are kept
 
 
 def to_settings(action: NDArray[np.floating[Any]], ranges: Ranges = SETTINGS_RANGES) -> Settings:
-    """Settings that an action [3] stands for, clipped to -1 .. 1. ranges: what the controller takes.
-
-    Raises ValueError for anything but three finite numbers.
-    """
+    """Settings of an action, three finite numbers (else ValueError), clipped to -1 .. 1, over a controller's ranges."""
     values = np.asarray(action, dtype=np.float64)
     if values.shape != (3,) or not np.isfinite(values).all():
         raise ValueError(f"action is {action!r}; it must be three finite numbers from -1 to 1")
@@ -207,12 +204,8 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
             job, machine, controller, plant, 0, changes, scenario, load_nm, tolerance_mm, settle_s, time_limit_s
         )
         self.ranges: Ranges = moves.spoken(self.setup).ranges  # what the action space spans
-        self._lost_steps_penalty = lost_steps_penalty
-        self._tolerance_penalty = tolerance_penalty
-        self._abort_penalty = abort_penalty
-        self._made = 0
-        self._time_s = 0.0
-        self._over = True
+        self._penalties = lost_steps_penalty, tolerance_penalty, abort_penalty
+        self._made, self._time_s, self._over = 0, 0.0, True
         self._picture: Picture | None = None
         self._begun: OrderedDict[int, TwinState] = OrderedDict()  # by seed, after the reference run
 
@@ -261,10 +254,7 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         return observation, math.fsum(rewards.values()), terminated, truncated, info
 
     def render(self) -> NDArray[np.uint8] | None:
-        """uint8 [480, 640, 3], the machine as it stands now; None unless render_mode is "rgb_array".
-
-        Raises RuntimeError with one line if there is no OpenGL to draw with.
-        """
+        """uint8 [480, 640, 3], the machine; None unless render_mode is "rgb_array". RuntimeError without OpenGL."""
         if self.render_mode is None:
             return None
         if self.twin is None:
@@ -291,10 +281,7 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         return Episode(self.twin.save(), self.setup, self._made, self._time_s, self._over)
 
     def restore(self, episode: Episode) -> None:
-        """Go on where the episode was when it was saved, here or in another environment made with the same arguments.
-
-        Raises ValueError with one line if those differ.
-        """
+        """Go on where the episode was saved, here or in an environment with the same arguments (else ValueError)."""
         if dataclasses.replace(self.setup, seed=episode.setup.seed, job=episode.setup.job) != episode.setup:
             raise ValueError("the episode is of another setup; restore it into an environment with the same arguments")
         if self.twin is None:
@@ -341,12 +328,13 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
 
     def _rewards(self, move: Move) -> dict[str, float]:
         outside = bool((np.abs(move.error_mm) > self.setup.tolerance_mm).any())
+        lost_steps, tolerance, abort = self._penalties
         return {
             "reward_time": -move.time_s,
             "reward_settling": -move.settling_s,
-            "reward_lost_steps": -self._lost_steps_penalty * move.slipped,
-            "reward_tolerance": -self._tolerance_penalty * outside,
-            "reward_abort": -self._abort_penalty * (not move.done),
+            "reward_lost_steps": -lost_steps * move.slipped,
+            "reward_tolerance": -tolerance * outside,
+            "reward_abort": -abort * (not move.done),
         }
 
     def _observation(

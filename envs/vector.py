@@ -47,8 +47,7 @@ Environment = gymnasium.Env[Any, Any]
 class _Cell:
     def __init__(self, make: Callable[[], Environment], autoreset: AutoresetMode) -> None:
         self.env = make()
-        self._autoreset = autoreset
-        self._over = False
+        self._autoreset, self._over = autoreset, False
 
     def reset(self, seed: int | None, options: dict[str, Any] | None) -> tuple[Any, dict[str, Any]]:
         self._over = False

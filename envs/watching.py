@@ -31,9 +31,7 @@ class Watch:
 
     def __init__(self, twin: Twin, interval_ns: int) -> None:
         """interval_ns: a multiple of the sub-step. `in_loop` says whether the plant takes the samples."""
-        self._twin = twin
-        self._interval_ns = interval_ns
-        self._begin_ns = twin.time_ns
+        self._twin, self._interval_ns, self._begin_ns = twin, interval_ns, twin.time_ns
         self._steps_per_mm = _steps_per_mm(twin)
         self._samples: list[TwinSamples] = []
         self.in_loop = twin.sample(self._take, interval_ns, from_ns=twin.time_ns) is not None

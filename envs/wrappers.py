@@ -1,4 +1,4 @@
-"""Wrappers that make the environments easier to learn.
+"""Wrappers that make the environments easier to learn. Each raises ValueError with one line for what it cannot wrap.
 
 Scaled        JobTuning-v0 with observations within -1 .. 1
 Randomised    TrackPath-v0 on another machine in every episode
@@ -31,7 +31,7 @@ class Scaled(gymnasium.ObservationWrapper[NDArray[np.float64], NDArray[np.float3
     """JobTuning-v0 with observations within a `Box(-1, 1, (15,), float64)`.
 
     What has bounds is taken over them. What has none is bent: x / (|x| + u) is 1/2 at u, almost x / u far below it, and
-    goes to 1: an error of half a millimetre and one of five are told apart, and neither drowns the micrometres.
+    goes to 1, so that errors of five millimetres do not drown the micrometres.
 
     | Num   | Observation                    | Scaled                | Unit u                                       |
     |-------|--------------------------------|-----------------------|----------------------------------------------|
@@ -45,7 +45,6 @@ class Scaled(gymnasium.ObservationWrapper[NDArray[np.float64], NDArray[np.float3
     """
 
     def __init__(self, env: Observations) -> None:
-        """Raises ValueError for an environment that is no JobTuning."""
         RecordConstructorArgs.__init__(self)
         super().__init__(env)
         tuning = env.unwrapped
@@ -88,10 +87,7 @@ class Randomised(gymnasium.Wrapper[NDArray[np.float64], NDArray[np.float32], NDA
     """
 
     def __init__(self, env: Observations, **ranges: Sequence[float]) -> None:
-        """ranges: by name of an option (isel_twin.envs.variations.VARIATIONS), lowest and highest value.
-
-        Raises ValueError with one line for an unknown name, a range out of bounds, or another environment.
-        """
+        """ranges: by name of an option (isel_twin.envs.variations.VARIATIONS), lowest and highest value."""
         constructed: dict[str, Any] = dict(ranges)
         RecordConstructorArgs.__init__(self, **constructed)
         super().__init__(env)
@@ -134,7 +130,6 @@ class AlongPath(gymnasium.Wrapper[NDArray[np.float64], NDArray[np.float32], NDAr
     """
 
     def __init__(self, env: Observations, feed_mm_s: float = 40.0, offset_mm: float = 0.03) -> None:
-        """Raises ValueError for an environment that is no TrackPath, and for a number that is not positive."""
         RecordConstructorArgs.__init__(self, feed_mm_s=feed_mm_s, offset_mm=offset_mm)
         super().__init__(env)
         track = env.unwrapped

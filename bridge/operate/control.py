@@ -35,7 +35,7 @@ from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.bridge.serve.pacing import HIGHEST_SPEED, LOWEST_SPEED
 from isel_twin.bridge.serve.server import Server
 from isel_twin.core.twin import Twin
-from isel_twin.wiring import ACTS, EVENT_KEYS, ScenarioEvent, event_now
+from isel_twin.wiring import ACTS, EVENT_KEYS, event_now
 
 Answer = dict[str, Any]
 
@@ -131,14 +131,15 @@ class Operator:
 
     @property
     def settable(self) -> Mapping[str, tuple[str, ...]]:
-        """Everything that can be set, and the states of each."""
         return self._twin.settable
 
     def happen(self, content: dict[str, Any]) -> Answer:
         """Let an event of a scenario (without `at`) happen now; the answer has what it set: inputs, or all keys."""
         place = Place("request", ControlError)
         event = event_now(content, place, self.settable, self._twin.keys)
-        self._check_physics(event, content, place)
+        if event.physical and not self._twin.physics:
+            key = next(key for key in content if key in ACTS and ACTS[key].physical)
+            raise place.at(key).wrong("does nothing without physics; allowed: with the plant mujoco")
         self._twin.carry_out(event)
         inputs = self._twin.inputs
         keys = {"keys": dict(self._twin.key_values)} if "key" in event.acts else {}
@@ -150,7 +151,6 @@ class Operator:
         return self._now()
 
     def resume(self) -> Answer:
-        """Let virtual time go on from where it stands."""
         if self._pacer.paused:
             self._server.go_on(self._pacer.speed)
         return self._now()
@@ -173,7 +173,6 @@ class Operator:
         return self._add(Pending(made, None, math.inf, "step"))
 
     def stop(self) -> Answer:
-        """Let the server end, as a signal does."""
         self._server.stop()
         return self._now()
 
@@ -185,7 +184,7 @@ class Operator:
         return self._add(Pending(condition, until_ns, self._pacer.wall_s + wall_s, "wait", pause))
 
     def forget(self, pending: Pending) -> None:
-        """Drop a wait: whoever asked has gone."""
+        """Whoever asked has gone."""
         if pending in self._pending:
             self._pending.remove(pending)
         self._mind()
@@ -280,11 +279,6 @@ class Operator:
             pending.error = "wait: not so in time: wall_s of wall time has passed"
         elif pending.what == "step" and (self._pacer.hold_ns is None or self._twin.time_ns >= self._pacer.hold_ns):
             pending.error = "step: broken off by pause or resume"
-
-    def _check_physics(self, event: ScenarioEvent, content: Mapping[str, Any], place: Place) -> None:
-        if event.physical and not self._twin.physics:
-            key = next(key for key in content if key in ACTS and ACTS[key].physical)
-            raise place.at(key).wrong("does nothing without physics; allowed: with the plant mujoco")
 
     def _step(self, value: Any, place: Place) -> Pending:
         return self.step(round(plain(value, _STEP_S, place) * SECOND_NS))

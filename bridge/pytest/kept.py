@@ -89,7 +89,6 @@ class KeptTwins:
         return twin
 
     def forget(self, twin: Twin) -> None:
-        """No test will use it any more."""
         self._kept = [kept for kept in self._kept if kept.twin is not twin]
 
     def tell(self, item: pytest.Item, tmp_path: Path | None) -> tuple[str, list[Path]]:
@@ -156,7 +155,7 @@ def _of(error: OSError, path: Path | None) -> str:
 
 
 def _record(kept: _Kept, recording: Path, picture: Path) -> list[str]:
-    """The same twin again, recorded; lines about the picture, and about what came otherwise. Raises OSError."""
+    """Play the causes again; lines about the picture, and about what came otherwise. Raises OSError."""
     from isel_twin.base.parameters import Place
     from isel_twin.core.twin import Twin
     from isel_twin.recordings.recorder import Recorder

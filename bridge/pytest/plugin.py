@@ -35,8 +35,8 @@ INI: Mapping[str, str] = {  # keys of the ini file, with isel_twin_ before them
     "seed": "whole number",
     "artifacts": "folder for what failing tests leave, seen from the ini file; without it the temporary folder of each",
 }
-KEYS = ("machine", "controller", "plant", "scenario", "seed", "overrides", "start_mm")  # of the marker
 LISTED = ("machine", "controller", "plant", "scenario", "seed")  # keys of which a list makes a test of each
+KEYS = (*LISTED, "overrides", "start_mm")  # of the marker
 OF_SERVERS = ("endpoint", "speed")  # keys for `twin_server` alone
 
 MARKER = (
@@ -64,8 +64,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def _defaults(config: pytest.Config) -> dict[str, Any]:
-    said = {key: config.getini(f"isel_twin_{key}") for key in ("machine", "controller", "plant", "scenario", "seed")}
-    call: dict[str, Any] = {key: value for key, value in said.items() if value}
+    call: dict[str, Any] = {key: value for key in LISTED if (value := config.getini(f"isel_twin_{key}"))}
     if "seed" in call:
         call["seed"] = int(call["seed"])
     return {key: _seen_from(_folder(config), key, value) for key, value in call.items()}
@@ -79,10 +78,7 @@ def _folder(config: pytest.Config) -> Path:
 
 
 def _marked(node: Any) -> dict[str, Any]:
-    """What all twin markers of a node say; the nearer one goes before, overrides are laid over each other.
-
-    Fails with one line for a key or value that is none.
-    """
+    """What all twin markers of a node say, the nearest first, overrides merged. A wrong key or value fails the test."""
     call: dict[str, Any] = {}
     for mark in reversed(list(node.iter_markers("twin"))):
         if mark.args:
@@ -105,10 +101,9 @@ def _seen_from(folder: Path, key: str, value: Any) -> Any:
 
 
 def _checked(call: Mapping[str, Any], where: str) -> dict[str, Any]:
-    allowed = (*KEYS, *OF_SERVERS)
     for key, value in call.items():
-        if key not in allowed:
-            _wrong(f"{where}: unknown key {key!r}; there are: {', '.join(allowed)}")
+        if key not in (*KEYS, *OF_SERVERS):
+            _wrong(f"{where}: unknown key {key!r}; there are: {', '.join((*KEYS, *OF_SERVERS))}")
         for one in value if key in LISTED and isinstance(value, list | tuple) else (value,):
             if key == "seed" and (not isinstance(one, int) or isinstance(one, bool) or one < 0):
                 _wrong(f"{where}: seed={one!r}; must be a whole number from 0")

@@ -15,10 +15,7 @@ from isel_twin.bridge.serve.tcp import TcpEndpoint
 def open_endpoints(
     ptys: Sequence[str] | None, tcps: Sequence[str] | None, rfc2217s: Sequence[str] | None, stack: ExitStack
 ) -> list[Endpoint]:
-    """Listen everywhere, so that a taken port is found before anything else; by default at a pseudo terminal.
-
-    Raises CallError.
-    """
+    """Listen, by default at a pseudo terminal, before anything else is done. Raises CallError for a taken port."""
     endpoints: list[Endpoint] = []
     with call_errors():
         for link in ptys or ([] if tcps or rfc2217s else [""]):

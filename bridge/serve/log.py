@@ -49,10 +49,10 @@ class PatientHandler(logging.Handler):
 
     def __init__(self, stream: int | TextIO, count: bool = True, period_s: float = PERIOD_S) -> None:
         super().__init__()
-        self._stream = stream
-        self._file = _descriptor(stream)
-        self._count = count
-        self._period_s = period_s
+        self._stream, self._count, self._period_s = stream, count, period_s
+        self._file = stream if isinstance(stream, int) else None
+        with suppress(AttributeError, OSError, ValueError):  # a stream in memory has no descriptor
+            self._file = stream.fileno()  # type: ignore[union-attr]
         self._queue: deque[bytes] = deque()
         self._lost = 0
         self._repeated: dict[str, _Repeated] = {}  # by text before its arguments
@@ -143,16 +143,6 @@ class PatientHandler(logging.Handler):
         if self._thread is not threading.current_thread():
             self._thread.join(FAREWELL_S)
         super().close()
-
-
-def _descriptor(stream: int | TextIO) -> int | None:
-    """What to write to past the buffer of a stream; None if it has none, as one in memory."""
-    if isinstance(stream, int):
-        return stream
-    try:
-        return stream.fileno()
-    except (OSError, ValueError):
-        return None
 
 
 @contextmanager

@@ -2,8 +2,7 @@
 
     the twin records itself (recordings/recording.py) --> gathered in memory --> flush, FLUSH_S after the first of it
 
-The recording has what is done to the twin from the twin itself. What is done to its time (pause, speed, steps) the twin
-does not know, so it is written down here.
+What is done to the twin it records itself; what is done to its time (pause, speed, steps) is written down here.
 """
 
 from __future__ import annotations
@@ -19,8 +18,6 @@ from isel_twin.bridge.serve.server import Guest
 from isel_twin.recordings.recording import FileRecording
 
 FLUSH_S = 0.5  # wall time for which what has been recorded stays in memory
-
-_TIME_KEYS = frozenset(("pause", "resume", "speed", "step"))
 
 
 class Freshness(Guest):
@@ -60,5 +57,5 @@ class TimeTap(WireTap):
     def act(self, time_ns: int, text: str) -> None:
         with suppress(ValueError):
             request = json.loads(text)
-            if isinstance(request, dict) and _TIME_KEYS & request.keys():
+            if isinstance(request, dict) and {"pause", "resume", "speed", "step"} & request.keys():
                 self._recording.tell_time(text)

@@ -4,11 +4,9 @@
         {"pid": 4711, "command": "serve", "machine": "4030", "controller": "imc-s8",
          "ports": [{"kind": "pty", "address": "/tmp/imc", "device": "/dev/pts/7"}]}
 
-A server keeps its file open and locked as long as it lives. So whoever reads the folder can tell the file of one that
-was killed, and removes it: by the lock, or on Windows by the fact that an open file cannot be removed there. The number
-of a process tells nothing; it may be somebody else's by then.
-
-Nothing depends on the registry: a folder that cannot be written to is no reason not to serve.
+A server keeps its file open and locked as long as it lives. A reader removes the file of one that was killed, told by
+the lock, or on Windows by the fact that an open file cannot be removed; the number of a process may be somebody else's
+by then. A folder that cannot be written to is no reason not to serve.
 """
 
 from __future__ import annotations

@@ -103,9 +103,7 @@ class Server:
         strict_baud: a host whose port is set otherwise than the controller's line hears and is heard as over a real
         one (uart.py). What it sends at once goes without a pause; what it hears is handed on once the line is silent.
         """
-        self.twin = twin
-        self.pacer = pacer
-        self.endpoints = tuple(endpoints)
+        self.twin, self.pacer, self.endpoints = twin, pacer, tuple(endpoints)
         self._wire = wire
         self._strict_baud = strict_baud
         self._misfits = MisfitLog(strict_baud)

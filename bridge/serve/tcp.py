@@ -91,10 +91,7 @@ def listen(address: str) -> tuple[socket.socket, str]:
 
 
 class Spare:
-    """A file kept free for a connection when no other is left.
-
-    Else the listening socket would stay ready, and the server busy with it, until a file becomes free.
-    """
+    """A file kept free for when no other is left: else the listening socket would stay ready, the server busy."""
 
     def __init__(self) -> None:
         self.file: int | None = None

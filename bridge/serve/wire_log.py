@@ -74,10 +74,8 @@ class WireLog(WireTap):
         others: str = "ctl",
         say: Callable[[WireLine], None] = print_line,
     ) -> None:
-        self._controller = controller
-        self._others = others
-        self._language = language
-        self._say = say
+        self._controller, self._others = controller, others
+        self._language, self._say = language, say
         self._begun = bytearray()
         self._sent = True
         self._time_ns = 0

@@ -47,10 +47,6 @@ class Arrived(NamedTuple):
     note: str = ""  # instead of bytes: the port has gone, or is back
 
 
-# Open ports: one thread reads, one writes; `cancel` ends a read or write that blocks in another thread. All methods but
-# `cancel` and `close` raise OSError once the port has gone.
-
-
 class _TcpPort:
     """A raw connection: no settings."""
 
@@ -152,6 +148,8 @@ def _plain(error: OSError) -> str:
     return error.strerror or text
 
 
+# An open port: one thread reads, one writes; `cancel` ends a read or write that blocks in another thread. All methods
+# but `cancel` and `close` raise OSError once the port has gone.
 Port = _TcpPort | _SerialPort
 
 
@@ -167,14 +165,12 @@ class RealPort:
 
     def __init__(self, address: str, settings: Mapping[str, Any], wake: Callable[[], None]) -> None:
         self.address = address
-        self._settings = dict(settings)
-        self._wake = wake
+        self._settings, self._wake = dict(settings), wake
         self._changed = threading.Condition()
         self._arrived: deque[Arrived] = deque()
         self.held = 0  # bytes that have come and were not taken
         self._outgoing: deque[bytes | Mapping[str, Any]] = deque()
-        self._waiting = 0
-        self._ending = False
+        self._waiting, self._ending = 0, False
         self._writing = threading.Lock()
         self._port: Port | None = open_port(address, self._settings)
         self.nowhere = 0  # bytes put while there was no port

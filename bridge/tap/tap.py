@@ -47,8 +47,7 @@ class BookWriter:
         self._entries: deque[tuple[str, int, bytes | str]] = deque()
         self._unwritten = 0
         self._changed = threading.Condition()
-        self._closing = False
-        self._whole = True
+        self._closing, self._whole = False, True
         self._thread = threading.Thread(target=self._write, daemon=True)
         self._thread.start()
 
@@ -101,7 +100,7 @@ def port_settings(form: SerialFormat) -> dict[str, Any]:
 class Tap:
     """Passes bytes between hosts and a controller's port until `stop`. Raises OSError, ValueError without the port.
 
-    address: the controller's port (real_port.py). serial_format: of its line, until a host sets another.
+    serial_format: of the controller's line, until a host sets another.
     """
 
     def __init__(

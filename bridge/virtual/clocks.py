@@ -54,13 +54,9 @@ def _now_or(position: int, real: Callable[..., Any]) -> StandIn:
     return StandIn(real, virtual)
 
 
-def _clock_gettime(whole: bool) -> Callable[..., Any]:
-    def virtual(active: Turns, clock: int) -> float | int:
-        active.look()
-        now_ns = active.now_ns + (EPOCH_NS if clock == time.CLOCK_REALTIME else UPTIME_NS)
-        return now_ns if whole else now_ns / SECOND_NS
-
-    return virtual
+def _gettime_ns(active: Turns, clock: int) -> int:
+    active.look()
+    return active.now_ns + (EPOCH_NS if clock == time.CLOCK_REALTIME else UPTIME_NS)
 
 
 class _DateMeta(type):
@@ -116,9 +112,9 @@ def stand_ins() -> list[tuple[Any, Any]]:
         for suffix in ("", "_ns"):
             if (real := getattr(time, name + suffix, None)) is not None:
                 pairs.append((real, _clock(real, zero_ns, bool(suffix))))
-    for name, position in (("localtime", 0), ("gmtime", 0), ("ctime", 0), ("asctime", 0), ("strftime", 1)):
-        pairs.append((getattr(time, name), _now_or(position, getattr(time, name))))
-    for name in ("clock_gettime", "clock_gettime_ns"):
-        if (real := getattr(time, name, None)) is not None:
-            pairs.append((real, StandIn(real, _clock_gettime(name.endswith("_ns")))))
+    pairs += [(real, _now_or(0, real)) for real in (time.localtime, time.gmtime, time.ctime, time.asctime)]
+    pairs.append((time.strftime, _now_or(1, time.strftime)))
+    if hasattr(time, "clock_gettime"):
+        in_s = StandIn(time.clock_gettime, lambda active, clock: _gettime_ns(active, clock) / SECOND_NS)
+        pairs += [(time.clock_gettime, in_s), (time.clock_gettime_ns, StandIn(time.clock_gettime_ns, _gettime_ns))]
     return pairs

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-_STARTERS = ("_start_joinable_thread", "_start_new_thread")  # `Thread.start` calls: from Python 3.13 on, before
+_STARTERS = ("_start_joinable_thread", "_start_new_thread")  # called by `Thread.start` from Python 3.13 on; before it
 
 # Functions below `subprocess` and `asyncio` that a host must not reach, by module.
 PRIVATE_FUNCTIONS: dict[str, tuple[str, ...]] = {

@@ -32,7 +32,5 @@ class HostThread:
         self.deadline_ns: int | None = None
         self.why = "start"
         self.hears = False  # it waits for bytes
-        self.spun_ns = 0
-        self.free_looks = 0
-        self.strikes = 0
+        self.spun_ns = self.free_looks = self.strikes = 0
         self.ended = False

@@ -16,8 +16,7 @@ REAL_START = _thread.start_new_thread
 
 FOR_EVER_S = 1e9  # timeouts from here on mean no limit: hosts that want to hear Ctrl-C give `threading.TIMEOUT_MAX`
 
-_real_join = threading.Thread.join
-_real_is_alive = threading.Thread.is_alive
+_real_join, _real_is_alive = threading.Thread.join, threading.Thread.is_alive
 _real_is_set = threading.Event.is_set
 
 
@@ -83,9 +82,7 @@ class VirtualRLock:
     def __exit__(self, *_: object) -> None:
         self.release()
 
-    # what threading.Condition wants of it
-
-    def _recursion_count(self) -> int:
+    def _recursion_count(self) -> int:  # this and the next are what threading.Condition wants
         return self._count if self._owner == _thread.get_ident() else 0
 
     def _is_owned(self) -> bool:

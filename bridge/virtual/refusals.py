@@ -43,14 +43,13 @@ def _called_by(*packages: str) -> str | None:
 
 def _refused(what: str) -> Callable[..., Any]:
     def virtual(_: Turns, *args: Any, **kwargs: Any) -> Any:
-        by = _called_by("asyncio", "multiprocessing", "concurrent", "subprocess")
         told = {
             "asyncio": "asyncio, whose loop waits in real time,",
             "multiprocessing": "multiprocessing",
             "concurrent": "a pool of processes",
             "subprocess": "subprocess",
         }
-        if by == "asyncio":
+        if (by := _called_by(*told)) == "asyncio":
             warnings.filterwarnings("ignore", message="coroutine .* was never awaited")  # nor will it be
         refuse(told.get(by or "", what), SERVE)
 

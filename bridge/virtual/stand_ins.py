@@ -33,6 +33,9 @@ from isel_twin.bridge.virtual.turns import Turns
 from isel_twin.bridge.virtual.virtual_serial import VirtualSerial
 
 _real_monotonic = time.monotonic
+_real_select = select.select
+_real_signal, _real_getsignal = signal.signal, signal.getsignal
+_real_register, _real_unregister = atexit.register, atexit.unregister
 _ABSENT = object()  # what a class does not have itself, but inherits
 
 
@@ -62,9 +65,6 @@ def _select(active: Turns, r: Any, w: Any, x: Any, timeout: float | None = None,
     return look()
 
 
-_real_select = select.select
-
-
 def _signal(active: Turns, number: int, handler: Any, /) -> Any:
     before = _real_signal(number, active.signals.deferred(handler) if callable(handler) else handler)
     active.signals.handlers.setdefault(number, before)
@@ -74,10 +74,6 @@ def _signal(active: Turns, number: int, handler: Any, /) -> Any:
 def _getsignal(_: Turns, number: int, /) -> Any:
     now = _real_getsignal(number)
     return getattr(now, "__wrapped__", now)
-
-
-_real_signal = signal.signal
-_real_getsignal = signal.getsignal
 
 
 def _register(active: Turns, function: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
@@ -93,16 +89,12 @@ def _unregister(active: Turns, function: Callable[..., Any]) -> None:
     _real_unregister(function)
 
 
-_real_register = atexit.register
-_real_unregister = atexit.unregister
-
-
 _OWN: dict[Any, Callable[..., Any]] = {
-    select.select: _select,
-    signal.signal: _signal,
-    signal.getsignal: _getsignal,
-    atexit.register: _register,
-    atexit.unregister: _unregister,
+    _real_select: _select,
+    _real_signal: _signal,
+    _real_getsignal: _getsignal,
+    _real_register: _register,
+    _real_unregister: _unregister,
 }
 
 # Modules that keep the real functions, with all below them: the twin, and what imports modules.

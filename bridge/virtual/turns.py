@@ -67,7 +67,7 @@ class Turns:
     ports: Any  # `isel_twin.bridge.virtual.virtual_serial.Ports`
 
     def __init__(self, twin: Twin, wire: WireTap | None, limit_s: float | None) -> None:
-        self.twin = twin
+        self.twin, self._wire, self._limit_s = twin, wire, limit_s
         self._lead_ns = 0  # time that looks have taken and the twin has not been given yet
         self.at_exit: list[tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]] = []  # `atexit.register`
         self.signals = Signals(self._at_work)
@@ -75,15 +75,12 @@ class Turns:
         self.ending: Ending | None = None  # set when the host cannot go on
         self.broken: BaseException | None = None  # an error in the twin itself: no fault of the host
         self.left: list[str] = []  # threads that would not end
-        self._wire = wire
-        self._limit_s = limit_s
         self._limit_ns = self.deadline(limit_s)
         self.give_up: Callable[[], object] | None = None  # if the main thread goes on after its end; does not return
         self._main = self._running = HostThread("MainThread", daemon=False)
         self._waiting: deque[HostThread] = deque()
         self._tasks: weakref.WeakKeyDictionary[threading.Thread, HostThread] = weakref.WeakKeyDictionary()
-        self._inside = False
-        self._exempt = False
+        self._inside = self._exempt = False
         self._busy_ns = 0
         self._undo: Callable[[], None] | None = None
 

@@ -84,10 +84,7 @@ class HostRun:
 
 
 def parse_program(words: Sequence[str]) -> HostProgram:
-    """What a command says: `python host.py ...`, `python -m host ...`, `/path/of/python ...`, or `host.py ...` alone.
-
-    Raises CallError for everything that is no Python.
-    """
+    """`python host.py ...`, `python -m host ...`, `/path/of/python ...`, `host.py ...`; else raises CallError."""
     if not words:
         raise CallError("there is no host program; give one: exec -- python host.py")
     first, rest = words[0], list(words[1:])

@@ -198,10 +198,7 @@ class VirtualSerial(NoModemLines):
     # writing
 
     def write(self, data: Any, /) -> int:
-        """Hand bytes to the line; returns at once unless BUFFER bytes are waiting to go.
-
-        Raises SerialTimeoutException if they do not go within write_timeout.
-        """
+        """Returns at once unless BUFFER bytes are waiting; raises SerialTimeoutException after write_timeout."""
         with self._waiting() as time:
             sent = to_bytes(data)
             self.ports.check_settings(self)

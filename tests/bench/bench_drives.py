@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from isel_twin.drives import MOTORS, Screw, Stage, pull_out_torque
-from isel_twin.drives.curves import follow, mean_command
+from isel_twin.drives.curves import follow, mean_command, pull_out_torque
 from isel_twin.drives.dynamics import axis_parameters
+from isel_twin.drives.motor import MOTORS
+from isel_twin.drives.screw import Screw
 from isel_twin.drives.shaft import axis_states
+from isel_twin.drives.stage import Stage
 
 SUB_STEPS = 400_000
 DT = 25e-6

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from isel_twin.motion import SetPointRun, StepPath, StepRun, Steps, TimeLaw, circle, constant, helix, line, trapezoid
+from isel_twin.motion import SetPointRun, StepPath, StepRun, Steps, TimeLaw, circle, constant, line, trapezoid
 
 TICKS = 1_000_000
 CHUNK = 1 << 16
@@ -21,7 +21,7 @@ RUNS = {
     "line, triangle": (line((TICKS, -333_333, 5, 77)), trapezoid(TICKS, 100_000, 300, 5000)),
     "line, constant": (line((TICKS, 1, 0, 0)), constant(TICKS, 10_000)),
     "circle": (circle(TICKS, -62_500, 125_000, 0, -1, 1, False), trapezoid(TICKS, 10_000, 400, 100_000)),
-    "helix": (helix(TICKS, -62_500, 125_000, 0, -1, 1, False, (0, 1), 2, 9999), constant(TICKS, 10_000)),
+    "helix": (circle(TICKS, -62_500, 125_000, 0, -1, 1, False, (0, 1), 2, 9999), constant(TICKS, 10_000)),
 }
 
 

@@ -35,7 +35,7 @@ def referenced(served):
     """A port of a machine whose reference runs are over."""
     port = served.open()
     port.write(REFERENCE)
-    port.write_timeout = 20.0
+    port.write_timeout = 60.0
     wait(lambda: (now := state(served))["time_ns"] > 5e9 and not now["outputs"].get("moving"))
     return port
 

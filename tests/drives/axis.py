@@ -6,13 +6,16 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from drives.energy import stored_energy_j
 from numba import njit
 from numpy.typing import NDArray
 
-from isel_twin.drives import MOTORS, Motor, Screw, Stage
 from isel_twin.drives.curves import follow, mean_command
-from isel_twin.drives.dynamics import axis_parameters, step_axis, stored_energy_j
+from isel_twin.drives.dynamics import axis_parameters, step_axis
+from isel_twin.drives.motor import MOTORS, Motor
+from isel_twin.drives.screw import Screw
 from isel_twin.drives.shaft import axis_states
+from isel_twin.drives.stage import Stage
 
 DT = 25e-6
 

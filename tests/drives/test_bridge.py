@@ -12,10 +12,12 @@ import numpy as np
 import pytest
 from drives.bridge import AUTO, MIXED, SLOW, Rig, pull_out, run, run_adaptive
 
-from isel_twin.drives import MOTORS, Screw, Stage, pull_out_torque
-from isel_twin.drives.curves import follow, mean_command
+from isel_twin.drives.curves import follow, mean_command, pull_out_torque
 from isel_twin.drives.dynamics import axis_parameters
+from isel_twin.drives.motor import MOTORS
+from isel_twin.drives.screw import Screw
 from isel_twin.drives.shaft import axis_states
+from isel_twin.drives.stage import Stage
 
 IRON = 1650 * 3.2e-3 ** (2 / 3) * 0.65 ** (1 / 3)
 NEMA23 = Rig(0.65, 3.2e-3, 2.4 / (math.sqrt(2) * 4.0), 2 * 530e-7, 0.06, IRON, 72.0, supply=48.0, current=4.2)

@@ -13,11 +13,7 @@ import math
 import numpy as np
 import pytest
 
-from isel_twin.drives import (
-    MOTORS,
-    Motor,
-    Screw,
-    Stage,
+from isel_twin.drives.curves import (
     pull_in_rate,
     pull_out_envelope,
     pull_out_prediction,
@@ -25,7 +21,9 @@ from isel_twin.drives import (
     resonance_hz,
     starts_in_step,
 )
-from isel_twin.drives.motor import from_datasheet
+from isel_twin.drives.motor import MOTORS, Motor, from_datasheet
+from isel_twin.drives.screw import Screw
+from isel_twin.drives.stage import Stage
 
 SPEEDS_RPM = (90, 210, 300, 390, 510, 600)
 PUBLISHED_NM = {

@@ -8,8 +8,9 @@ from typing import Any
 
 import pytest
 
-from isel_twin.drives import MOTORS, Motor, Screw, Stage
-from isel_twin.drives.motor import from_datasheet
+from isel_twin.drives.motor import MOTORS, Motor, from_datasheet
+from isel_twin.drives.screw import Screw
+from isel_twin.drives.stage import Stage
 
 
 def test_holding_torque_is_measured_with_both_phases_on() -> None:

@@ -8,10 +8,10 @@ import math
 import numpy as np
 import pytest
 from drives.axis import DT, Rig, trapezoid
+from drives.energy import stored_energy_j
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from isel_twin.drives import MOTORS, Screw, Stage
 from isel_twin.drives.curves import mean_command
 from isel_twin.drives.dynamics import (
     BOTH,
@@ -20,9 +20,11 @@ from isel_twin.drives.dynamics import (
     PHASE_B,
     axis_parameters,
     step_axis,
-    stored_energy_j,
 )
+from isel_twin.drives.motor import MOTORS
+from isel_twin.drives.screw import Screw
 from isel_twin.drives.shaft import AXIS_STATE, at_rest, axis_states
+from isel_twin.drives.stage import Stage
 
 NEMA23 = MOTORS["23HS32-4004S"]
 NO_DETENT = dataclasses.replace(NEMA23, detent_torque_nm=0.0)

@@ -7,8 +7,8 @@ import math
 import pytest
 
 from isel_twin import Twin
-from isel_twin.drives import Stage
 from isel_twin.drives.heat import StageHeat, later_c, steady_c
+from isel_twin.drives.stage import Stage
 
 # 2 W quiescent and 0.2 ohm x (4 A)^2 = 3.2 W at full current; a quarter of that at half current.
 STAGE = Stage(supply_v=48.0, current_a=4.0, ambient_c=25.0, thermal_resistance_k_per_w=10.0, thermal_limit_c=60.0)

@@ -16,6 +16,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from drives.energy import stored_energy_j
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba import njit
@@ -23,8 +24,7 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from isel_twin.cli.motor import motor as motor_command
-from isel_twin.drives import Screw
-from isel_twin.drives.dynamics import stored_energy_j
+from isel_twin.drives.screw import Screw
 from isel_twin.drives.servo import LAG_FAULT, cool, forget, servo_parameters, servo_torque, step_servo
 from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
 from isel_twin.drives.servo_report import servo_table

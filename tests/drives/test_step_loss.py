@@ -13,8 +13,10 @@ from drives.axis import X_AXIS, trapezoid, travel
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from isel_twin.drives import MOTORS, Screw, Stage
 from isel_twin.drives.curves import mean_command
+from isel_twin.drives.motor import MOTORS
+from isel_twin.drives.screw import Screw
+from isel_twin.drives.stage import Stage
 
 STAGE_48 = Stage(supply_v=48, current_a=4.2, microsteps=8)
 STAGE_36 = Stage(supply_v=36, current_a=4.2, microsteps=8)

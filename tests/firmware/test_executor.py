@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -12,9 +11,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
-from isel_twin.firmware.activity import Activity, Ended, Listen, Make, Pause, Travel, Unfinished
+from isel_twin.firmware.activity import Activity, Ended, Listen, Pause, Travel, Unfinished
 from isel_twin.firmware.executor import Executor
-from isel_twin.motion import Displacement, SetPointRun, StepRun, Stream, TimeLaw, constant, line, trapezoid
+from isel_twin.motion import Displacement, Stream, TimeLaw, constant, line, trapezoid
 
 MS = MILLISECOND_NS
 
@@ -44,7 +43,7 @@ class Toy:
 
     # ---- activities ----
 
-    def ask(self, *requests: Make | Travel | Pause | Listen, name: str = "asking") -> Activity:
+    def ask(self, *requests: Travel | Pause | Listen, name: str = "asking") -> Activity:
         """Each request once."""
         try:
             for request in requests:
@@ -154,8 +153,8 @@ def test_what_takes_no_time_is_over_in_the_same_call(toy: Toy) -> None:
 
 def test_a_motion_of_no_ticks_is_not_shown_and_takes_no_time(toy: Toy) -> None:
     nothing, resumed = Travel(line((0, 0)), law(0)), Travel(line((5, 0)), law(0), first=5)
-    executor = toy.start(toy.ask(nothing, resumed, Make(lambda t: SetPointRun(Plan(()), MS, t)), Pause(MS)))
-    assert toy.results == [(0, Ended(0)), (0, Ended(5)), (0, Ended(0))]
+    executor = toy.start(toy.ask(nothing, resumed, Pause(MS)))
+    assert toy.results == [(0, Ended(0)), (0, Ended(5))]
     assert executor.motion is None
     assert isinstance(executor.request, Pause)
 
@@ -547,68 +546,3 @@ def test_what_an_activity_holds_it_gives_back_before_its_end_is_told(toy: Toy) -
     toy.executor.start(activity, lambda reason: toy.closed.append("told"))
     toy.executor.abort(Unfinished())
     assert toy.closed == ["asking", "told"]
-
-
-# --- other motions --------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Plan:
-    """Set points of one axis; a stop takes the speed down by one increment a period."""
-
-    changes: tuple[int, ...]
-    name: str = "plan"
-
-    @property
-    def ticks(self) -> int:
-        return len(self.changes)
-
-    @property
-    def axes(self) -> int:
-        return 1
-
-    @property
-    def identity(self) -> object:
-        return self.name
-
-    def deltas(self, first: int, last: int) -> NDArray[np.int32]:
-        return np.array(self.changes[first:last], dtype=np.int32).reshape(-1, 1)
-
-    def displacement(self, k: int) -> Displacement:
-        return (sum(self.changes[:k]),)
-
-    def stopped(self, k: int) -> Plan:
-        speed = self.changes[k - 1] if k else 0
-        return replace(self, changes=(*self.changes[:k], *range(speed - 1, 0, -1)))
-
-
-def test_set_points_are_stopped_and_counted_like_steps() -> None:
-    """Six set points made, the last of 5: stopped by 4, 3, 2, 1."""
-    toy, plan = Toy(axes=1), Plan((1, 2, 3, 4, 5, 5, 5, 5, 4, 3, 2, 1))
-    executor = toy.start(toy.ask(Make(lambda t: SetPointRun(plan, 4 * MS, t))))
-    toy.pass_to(6 * 4 * MS + 1)
-    assert executor.counts == (20,)
-    toy.park()
-    toy.finish()
-    assert toy.ticks[1][:, 0].tolist() == [1, 2, 3, 4, 5, 5, 4, 3, 2, 1]
-    assert executor.counts == (30,)
-    assert executor.parked is not None
-    assert executor.parked.result == Ended(10)
-    assert toy.parkings == [10 * 4 * MS]
-
-
-def test_look_ahead_replaces_a_motion_by_one_that_continues_it() -> None:
-    toy, plan = Toy(axes=1), Plan((1, 2, 3, 2, 1))
-    executor = toy.start(toy.ask(Make(lambda t: SetPointRun(plan, 4 * MS, t))))
-    toy.pass_to(3 * 4 * MS)
-    executor.replace(SetPointRun(replace(plan, changes=(1, 2, 3, 3, 3, 2, 1)), 4 * MS, 0))
-    toy.follow()
-    toy.finish()
-    assert toy.ticks[1][:, 0].tolist() == [1, 2, 3, 3, 3, 2, 1]
-    assert toy.results == [(7 * 4 * MS, Ended(7))]
-    assert executor.counts == (15,)
-
-
-def test_a_travel_is_a_step_run() -> None:
-    path = line((9, 4))
-    assert Travel(path, law(5), first=4).begin(77) == StepRun(path, law(5), 77, first=4)

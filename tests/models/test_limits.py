@@ -11,9 +11,10 @@ from typing import Any
 import pytest
 
 from isel_twin.base.parameters import FileError, Limits
-from isel_twin.drives import Motor, Screw, Stage
-from isel_twin.drives.screw import Rod
+from isel_twin.drives.motor import Motor
+from isel_twin.drives.screw import Rod, Screw
 from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
+from isel_twin.drives.stage import Stage
 from isel_twin.machine import (
     Axis,
     Contact,

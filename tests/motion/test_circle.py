@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from isel_twin.motion import circle, helix
+from isel_twin.motion import circle
 from isel_twin.motion.circle import Circle, squared_radius
 
 RADII = [7, 8, 9, 10, 13, 20, 25, 64, 99, 100, 200, 401, 1000, 5001, 20_000]
@@ -94,7 +94,7 @@ def test_the_arc_printed_in_the_manual() -> None:
 
 def test_the_helix_printed_in_the_manual() -> None:
     """w32000,600,-1000,-2000,0,1,-1,6000: 32000 = 2 x 8 x 2000, two turns of R = 2000 from 180 degrees."""
-    spiral = helix(32_000, -1000, -2000, 0, 1, -1, False, (0, 1), 2, 6000)
+    spiral = circle(32_000, -1000, -2000, 0, 1, -1, False, (0, 1), 2, 6000)
     path = points(spiral, -2000, 0)
     assert off(path, 2000) <= 1
     assert turns(path) == pytest.approx(2)
@@ -203,7 +203,7 @@ def test_planes(axes: tuple[int, int]) -> None:
 @pytest.mark.parametrize("axis_count", [2, 3, 6, 8])
 def test_as_many_axes_as_the_controller_has(axis_count: int) -> None:
     plane = (axis_count - 1, 0)
-    arc = circle(200, -50, 100, 0, -1, 1, False, plane, axis_count)
+    arc = circle(200, -50, 100, 0, -1, 1, False, plane, axis_count=axis_count)
     delta = arc.deltas(0, 200)
     assert (arc.axes, delta.shape, delta.dtype) == (axis_count, (200, axis_count), np.int8)
     assert (np.abs(delta).sum(axis=1) == 1).all()
@@ -211,14 +211,14 @@ def test_as_many_axes_as_the_controller_has(axis_count: int) -> None:
     expected[plane[0]], expected[plane[1]] = -100, 100
     assert arc.displacement(200) == tuple(expected)
     with pytest.raises(ValueError, match=f"out of 0..{axis_count - 1}"):
-        circle(200, -50, 100, 0, -1, 1, False, (0, axis_count), axis_count)
+        circle(200, -50, 100, 0, -1, 1, False, (0, axis_count), axis_count=axis_count)
 
 
 @pytest.mark.parametrize("third_steps", [0, 1, -1, 777, -3200, 3200])
 @pytest.mark.parametrize("third_axis", [2, 3])
 def test_helix_spreads_the_third_axis(third_axis: int, third_steps: int) -> None:
     flat = circle(3200, -200, 400, 0, -1, 1, False)
-    spiral = helix(3200, -200, 400, 0, -1, 1, False, (0, 1), third_axis, third_steps)
+    spiral = circle(3200, -200, 400, 0, -1, 1, False, (0, 1), third_axis, third_steps)
     delta = spiral.deltas(0, 3200)
     assert delta[:, :2].tolist() == flat.deltas(0, 3200)[:, :2].tolist()
     made = np.cumsum(delta[:, third_axis].astype(int))
@@ -231,7 +231,7 @@ def test_helix_spreads_the_third_axis(third_axis: int, third_steps: int) -> None
 @settings(deadline=None, max_examples=30)
 def test_windows_and_displacements_do_not_depend_on_how_they_are_cut(cuts: list[int]) -> None:
     """160000 ticks: some twenty checkpoints."""
-    spiral = helix(160_000, -10_000, 20_000, 0, -1, 1, False, (1, 0), 3, -5000)
+    spiral = circle(160_000, -10_000, 20_000, 0, -1, 1, False, (1, 0), 3, -5000)
     whole = spiral.deltas(0, 160_000)
     made = np.cumsum(whole.astype(np.int64), axis=0)
     edges = sorted({0, 160_000, *cuts})
@@ -260,7 +260,7 @@ def test_lengths_around_a_checkpoint(ticks: int) -> None:
 )
 def test_what_is_no_circle(arguments: tuple, message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        helix(*arguments)
+        circle(*arguments)
 
 
 def test_ticks_that_do_not_exist() -> None:

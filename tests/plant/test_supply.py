@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from plant.energy import mechanical_energy_j
 
 from isel_twin.machine import MachineError, load_machine, with_overrides
 from isel_twin.plant.kinematic import KinematicPlant
@@ -141,12 +142,12 @@ def stop_from_speed(bench, overrides):
     begin_ns = int(1e9 * even[-1]) // MS * MS
     first = t_ns <= begin_ns
     b.feed(begin_ns, t_ns[first], ticks(int(first.sum()), 1, 1, 1))
-    energy_j, volts = b.plant.energy_j, [b.plant.supply_v]
+    energy_j, volts = mechanical_energy_j(b.plant.built), [b.plant.supply_v]
     for start_ns in range(begin_ns, begin_ns + 40 * MS, MS // 2):
         now = t_ns[(t_ns > start_ns) & (t_ns <= start_ns + MS // 2)] - start_ns
         b.feed(MS // 2, now, ticks(len(now), 1, 1, 1))
         volts.append(b.plant.supply_v)
-    return b, np.array(volts), energy_j - b.plant.energy_j
+    return b, np.array(volts), energy_j - mechanical_energy_j(b.plant.built)
 
 
 LIVELY = {"axes.all.stage.current": 3.0, "supply.source_resistance": 0.05, "axes.all.coupling_inertia": 1e-4}

@@ -26,22 +26,14 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Generator, Iterator, MutableSequence, Sequence
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    BrokenExecutor,
-    CancelledError,
-    Executor,
-    Future,
-    ProcessPoolExecutor,
-    ThreadPoolExecutor,
-    wait,
-)
+from concurrent import futures
+from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext
 from dataclasses import dataclass
 from itertools import count
 from typing import Any, TypeVar
 
-from isel_twin.base.errors import CallError
+from isel_twin.base.errors import CallError, one_line
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -113,15 +105,13 @@ class Crew:
 
 def here(executor: Executor | None = None) -> Crew:
     """Work with an executor that is already open; None: in this process, one by one."""
-    flags = bytearray(CALLS) if isinstance(executor, ThreadPoolExecutor) else None
+    flags = bytearray(CALLS) if isinstance(executor, futures.ThreadPoolExecutor) else None
     return Crew(lambda: nullcontext(executor), 1 if executor is None else 1024, flags)
 
 
 def local(number: int, preload: Sequence[str] = ()) -> Crew:
-    """So many processes of this computer. preload: modules that are imported once, for all, where processes can fork.
-
-    They are imported by the first crew of a process that has any.
-    """
+    """So many processes of this computer. preload: modules that the first crew of this process imports, once for all
+    workers, where processes can fork."""
     if number == 1:
         return here()
     flags: Any = multiprocessing.RawArray("b", CALLS)
@@ -129,10 +119,8 @@ def local(number: int, preload: Sequence[str] = ()) -> Crew:
 
 
 def cluster(address: str) -> Crew:
-    """The workers of a dask scheduler, as many as there are. Raises CallError for no address, or without distributed.
-
-    Its first use raises CallError if the scheduler is not there.
-    """
+    """The workers of a dask scheduler, as many as there are. Raises CallError for no address, or without distributed;
+    its first use does if the scheduler is not there."""
     if not _ADDRESS.fullmatch(address):
         raise CallError(f"cluster {address!r}: must be the address of a dask scheduler, tcp://HOST:PORT", option=True)
     try:
@@ -142,17 +130,13 @@ def cluster(address: str) -> Crew:
     return Crew(lambda: _dask(address), 256)
 
 
-# What they compute ----------------------------------------------------------------------------------------------------
-
-
 def finished(
     function: Callable[[Item], Result], items: Sequence[Item], crew: Crew, stop: Stop | None = None
 ) -> Generator[tuple[int, Result | Lost], None, None]:
-    """Index and result of each item, as they come; once each.
+    """Index and result of each item, as they come; once each. Whoever closes this iterator gives up the rest.
 
-    stop: asked now and then; once it returns True nothing more comes. Whoever closes this iterator gives up the rest.
-    An exception of the function is raised, unless it says that its worker is gone. Raises CallError if all workers die
-    again and again.
+    stop: asked now and then; once it returns True nothing more comes. An exception of the function is raised, unless it
+    says that its worker is gone. Raises CallError if all workers die again and again.
     """
     to_do = list(range(len(items)))[::-1]
     slot = next(crew._calls) % CALLS
@@ -171,7 +155,9 @@ def finished(
                     yield index, result
                     continue
                 broken = not _submit(executor, function, items, to_do, pending, crew, slot)
-                for future in () if broken else wait(pending, POLL_S if stop else None, FIRST_COMPLETED).done:
+                for future in (
+                    () if broken else futures.wait(pending, POLL_S if stop else None, futures.FIRST_COMPLETED).done
+                ):
                     index = pending.pop(future)
                     try:
                         result = _result(future)
@@ -202,10 +188,7 @@ def finished(
 def in_order(
     function: Callable[[Item], Result], items: Sequence[Item], crew: Crew | None = None, stop: Stop | None = None
 ) -> Generator[Result, None, None]:
-    """Results in the order of their items, fewer if it was stopped; otherwise as `finished`. crew None: here.
-
-    Raises LostError for a result that was lost.
-    """
+    """As `finished`, in the order of the items; crew None: here. Raises LostError for a result that was lost."""
     waiting: dict[int, Result] = {}
     upcoming = 0
     with closing(finished(function, items, crew or here(), stop)) as found:
@@ -245,15 +228,13 @@ def _submit(
 def _result(future: Future[Result]) -> Result | Lost:
     try:
         return future.result()
-    except CancelledError:
+    except futures.CancelledError:
         return Lost("the cluster is gone")
     except Exception as error:
         if type(error).__name__ != "KilledWorker":  # distributed's, which need not be installed
             raise
-        return Lost(" ".join(str(error).split()))
+        return Lost(one_line(str(error)))
 
-
-# Whether anybody still waits ------------------------------------------------------------------------------------------
 
 _asked = threading.local()
 _flags: Sequence[int] = ()  # in a local worker: those of its crew
@@ -283,14 +264,11 @@ def _work(function: Callable[[Item], Result], shared: Sequence[int] | None, slot
         return function(item)
 
 
-# Local processes ------------------------------------------------------------------------------------------------------
-
-
 @contextmanager
 def _processes(number: int, preload: Sequence[str], flags: Any) -> Iterator[Executor]:
     forks = sys.platform.startswith("linux")
     context = multiprocessing.get_context("forkserver" if forks else "spawn")
-    executor = ProcessPoolExecutor(number, mp_context=context, initializer=_serve, initargs=(flags,))
+    executor = futures.ProcessPoolExecutor(number, mp_context=context, initializer=_serve, initargs=(flags,))
     with _without_ctrl_c():  # those begun in the block never heed it; what the server forks does as the server
         if forks:
             from multiprocessing import forkserver
@@ -332,32 +310,22 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-# A cluster ------------------------------------------------------------------------------------------------------------
-
-
 @contextmanager
 def _dask(address: str) -> Iterator[Executor]:
     from distributed import Client
 
-    with _silent("distributed"), _connected(Client, address) as client:
+    with _silent("distributed"), ExitStack() as open_:
+        try:
+            client: Any = Client(address, timeout="10s", set_as_default=False)
+        except (OSError, ValueError, TypeError) as error:
+            why = one_line(str(error)) or type(error).__name__
+            raise CallError(f"cluster {address}: {why}", option=True) from None
+        open_.callback(client.close, timeout=5)
         if not client.ncores():
             log.warning("%s: the cluster has no workers yet", address)
         executor = client.get_executor(pure=False)
         yield executor
         executor.shutdown(wait=False)
-
-
-@contextmanager
-def _connected(kind: Any, address: str) -> Iterator[Any]:
-    try:
-        client = kind(address, timeout="10s", set_as_default=False)
-    except (OSError, ValueError, TypeError) as error:
-        why = " ".join(str(error).split()) or type(error).__name__
-        raise CallError(f"cluster {address}: {why}", option=True) from None
-    try:
-        yield client
-    finally:
-        client.close(timeout=5)
 
 
 @contextmanager

@@ -31,10 +31,10 @@ def call_errors(about: object = None) -> Iterator[None]:
         yield
     except CallError:
         raise
-    except FileNotFoundError as error:
-        raise CallError(f"{error.filename2 or error.filename or about}: there is no such file") from error
     except OSError as error:
         where = error.filename2 or error.filename or about
+        if isinstance(error, FileNotFoundError):
+            raise CallError(f"{where}: there is no such file") from error
         raise CallError(f"{f'{where}: ' if where else ''}{error.strerror or error}") from error
     except ValueError as error:
         raise CallError(one_line(str(error))) from error

@@ -26,7 +26,6 @@ from pathlib import Path
 log = logging.getLogger("isel_twin")
 
 _numbers = itertools.count()
-
 _WINDOWS = os.name == "nt"
 
 
@@ -153,13 +152,13 @@ def _open_lock(lock: str) -> tuple[int | None, bool]:
     Another user's file can only be read, which is enough to lock it.
     """
     while True:
-        made: type[OSError] | None = None
+        errors: list[type[OSError]] = []
         for flags, found in ((os.O_RDWR | os.O_CREAT | os.O_EXCL, False), (os.O_RDWR, True), (os.O_RDONLY, True)):
             try:
                 return os.open(lock, flags | os.O_CLOEXEC, 0o666), found
             except OSError as error:
-                made, last = made or type(error), type(error)
-        came_and_went = (made, last) == (FileExistsError, FileNotFoundError) and not os.path.islink(lock)
+                errors.append(type(error))
+        came_and_went = (errors[0], errors[-1]) == (FileExistsError, FileNotFoundError) and not os.path.islink(lock)
         if not came_and_went:  # else its owner has let go of it in between
             return None, False
 

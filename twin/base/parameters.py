@@ -30,8 +30,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
-GRADES = ("measured", "datasheet", "estimate", "setting")
-"""How far a number can be trusted; a setting is what people choose."""
+GRADES = ("measured", "datasheet", "estimate", "setting")  # how far a number can be trusted; people choose a setting
 
 T = TypeVar("T")
 
@@ -164,10 +163,8 @@ def read(cls: Any, content: Mapping[str, Any], place: Place) -> dict[str, Any]:
                 raise where.wrong("missing")
         elif isinstance(rule, Limits):
             values[item.name] = quantity(content[key], rule, where)
-        elif rule is bool:
-            values[item.name] = _boolean(content[key], where)
         else:
-            values[item.name] = text(content[key], where, rule)
+            values[item.name] = _word(content[key], rule, where)
     return values
 
 
@@ -265,18 +262,20 @@ def free(value: Any, rule: Limits | tuple[str, ...] | type[bool], place: Place) 
         any_number = Limits(value.get("unit", ""), -sys.float_info.max, sys.float_info.max)
         held = quantity(value, any_number, place)
         value = int(held) if isinstance(value["value"], int) else held
-    if rule is bool:
-        return _boolean(value, place)
-    if isinstance(rule, tuple):
-        return text(value, place, rule)
-    if isinstance(rule, Limits):
-        plain(value, rule, place)
-        if rule.whole and not isinstance(value, int):
-            raise place.wrong(f"{value}; allowed: whole numbers")
+    if not isinstance(rule, Limits):
+        return _word(value, rule, place)
+    plain(value, rule, place)
+    if rule.whole and not isinstance(value, int):
+        raise place.wrong(f"{value}; allowed: whole numbers")
     return value
 
 
-def _boolean(value: Any, place: Place) -> bool:
+def _word(value: Any, rule: tuple[str, ...] | type[bool], place: Place) -> str | bool:
+    return text(value, place, rule) if isinstance(rule, tuple) else boolean(value, place)
+
+
+def boolean(value: Any, place: Place) -> bool:
+    """The value, which must be true or false."""
     if not isinstance(value, bool):
         raise place.wrong(f"{value!r}; allowed: true, false")
     return value
@@ -294,8 +293,9 @@ def merge(base: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
     result = dict(base)
     for key, value in change.items():
         old = result.get(key)
-        deep = isinstance(old, Mapping) and isinstance(value, Mapping) and "value" not in value
-        result[key] = merge(old, value) if deep and isinstance(old, Mapping) else value
+        if isinstance(old, Mapping) and isinstance(value, Mapping) and "value" not in value:
+            value = merge(old, value)
+        result[key] = value
     return result
 
 
@@ -317,12 +317,9 @@ def override(tree: Mapping[str, Any], key: str, value: Any, place: Place) -> dic
     result = content = dict(tree)
     for name in path:
         inner = content.get(name)
-        if not isinstance(inner, dict):
-            raise _no_row(tree, key, place)
-        content[name] = inner = dict(inner)
-        content = inner
+        content[name] = content = dict(inner) if isinstance(inner, dict) else {}
     if last not in content:
-        raise _no_row(tree, key, place)
+        raise place.at(key).wrong(f"unknown key; {hint(key, [row.parameter for row in rows(tree)])}")
     if not isinstance(content[last], dict):
         content[last] = value
     elif "value" in content[last]:
@@ -330,10 +327,6 @@ def override(tree: Mapping[str, Any], key: str, value: Any, place: Place) -> dic
     else:
         raise place.at(key).wrong(f"is a section; allowed: one of its keys: {', '.join(content[last])}")
     return result
-
-
-def _no_row(tree: Mapping[str, Any], key: str, place: Place) -> FileError:
-    return place.at(key).wrong(f"unknown key; {hint(key, [row.parameter for row in rows(tree)])}")
 
 
 @dataclass(frozen=True)
@@ -360,10 +353,9 @@ def rows(tree: Mapping[str, Any], prefix: str = "") -> Iterator[Row]:
 
 def gather(listed: Iterable[Row], name: str, members: Sequence[str]) -> list[Row]:
     """The opposite of `spread`: rows of tree[name] that are the same for every member become one row "name.all..."."""
-    lines = list(listed)
-    by_key = {row.parameter: row for row in lines}
+    by_key = {row.parameter: row for row in listed}
     result = []
-    for row in lines:
+    for row in by_key.values():
         section_name, _, rest = row.parameter.partition(".")
         member, _, key = rest.partition(".")
         if section_name != name or not key:

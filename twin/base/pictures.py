@@ -1,4 +1,4 @@
-"""Pictures by matplotlib, which is an extra: whether one can be drawn, curves, and the bytes of any."""
+"""Pictures by matplotlib, which is an extra."""
 
 from __future__ import annotations
 

@@ -16,9 +16,7 @@ def installed(group: str) -> tuple[importlib.metadata.EntryPoint, ...]:
 
 
 @lru_cache(16)
-def _found(
-    entry_points: Callable[..., Any], group: str, folders: tuple[tuple[str, int], ...]
-) -> tuple[importlib.metadata.EntryPoint, ...]:
+def _found(entry_points: Callable[..., Any], group: str, folders: tuple[tuple[str, int], ...]) -> tuple[Any, ...]:
     return tuple(entry_points(group=group))
 
 

@@ -37,8 +37,8 @@ class LinePlace(Place):
 
 def read_lines(file: str | Path, error: type[FileError]) -> tuple[dict[str, Any], LinePlace]:
     """The tree of a file, and its place. Raises OSError if it cannot be opened, `error` if it is no TOML."""
-    text = read_text(Place(file, error))
-    return parse_toml(text, Place(file, error)), LinePlace(file, error, text=text)
+    place = LinePlace(file, error, text=read_text(Place(file, error)))
+    return parse_toml(place.text, Place(file, error)), place
 
 
 def line_of(lines: Sequence[str], key: str) -> int:

@@ -83,10 +83,7 @@ def check_roles(signals: Mapping[str, Signal]) -> None:
 
 
 def recognise(names: Sequence[str]) -> dict[str, Signal]:
-    """Signals by role among the names of a file, `scope.name` in dumps; outputs of this package by their own names.
-
-    Raises CaptureError if two signals could have the same role, or none has any.
-    """
+    """Signals by role among the names of a file. Raises CaptureError if two may have the same role, or none has any."""
     own = dict(_own(names))
     if own:
         return own

@@ -28,8 +28,7 @@ class Strikes:
     """Watches the switches of a twin from now on."""
 
     def __init__(self, twin: Twin) -> None:
-        self.seen: list[Strike] = []
-        """The first strike of each switch, in the order of time; a switch struck from the beginning counts."""
+        self.seen: list[Strike] = []  # the first of each switch, in the order of time; struck at the beginning counts
         self._known: set[str] = set()
         twin.observe(self._look, 100 * MILLISECOND_NS)
 
@@ -62,7 +61,6 @@ def play(
     """Let the twin make the motions of its player; a result each, then time passes to over_ns.
 
     allowed: says of a switch whether it may be struck; a motion that strikes another is not ok, and its reply names it.
-    stop: asked whenever something has happened; once it returns True, the play ends.
     """
     for line, motion in zip(lines_of(player), player.motions, strict=True):
         twin.run_until(motion.start_ns, stop)

@@ -108,12 +108,9 @@ class Player:
         self.direction = (1,) * axes
         self.motions: tuple[StepRun, ...] = tuple(_motions(ticks, gap_ns))
         self.run: StepRun | None = None
-        self._ticks = ticks
-        self._contacts = contacts
-        self._gap_ns = gap_ns
-        self._outputs = ticks.outputs
-        self._told = 0
-        self._begun = 0
+        self._ticks, self._outputs = ticks, ticks.outputs
+        self._contacts, self._gap_ns = contacts, gap_ns
+        self._told = self._begun = 0
         self._made: Displacement = (0,) * axes
         self._t_ns = 0
         self._events: list[Event] = []

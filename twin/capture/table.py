@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
+from numpy.typing import NDArray
 
 from isel_twin.base.compiling import njit
 from isel_twin.base.units import SECOND_NS
@@ -64,7 +65,7 @@ class Table:
     def __init__(self, path: Path, time_unit: str | None = None, sample_rate_hz: float | None = None) -> None:
         """time_unit: one of UNITS, of a time column whose name says none. sample_rate_hz: of a table without times.
 
-        Raises CaptureError for a file that is no such table, OSError for one that cannot be read.
+        Raises CaptureError, OSError.
         """
         self.path = path
         with path.open("rb") as file:
@@ -98,10 +99,9 @@ class Table:
         return list(self._columns)
 
     def read(self, names: Sequence[str]) -> Capture:
-        """Levels of some columns, by the names they are asked for; large and small letters count only if they must.
+        """Levels of some columns, by the names they are asked for. Times that begin before 0 are shifted to begin at 0.
 
-        Raises CaptureError for a name that is not there and for a row that is damaged. Times that begin before 0 are
-        shifted so that they begin at 0.
+        Raises CaptureError for a name that is not there and for a row that is damaged.
         """
         found = [self._find(name) for name in names]
         order = list(dict.fromkeys(found))
@@ -116,7 +116,7 @@ class Table:
         how = data, ord(self._delimiter), columns, self._time is not None, power, state, levels, first
         pieces = scanned(lambda times, which: _scan(*how, times, which), data.size, state)
         if state[_PROBLEM]:
-            self._tell(*state[[_LINE, _PROBLEM, _COLUMN]].tolist(), bytes(data[state[_PLACE] : state[_PLACE] + 40]))
+            self._tell(state, bytes(data[state[_PLACE] : state[_PLACE] + 40]))
         last = int(state[_TIME])
         if self._rate_hz is not None:
             rate = round(self._rate_hz)
@@ -131,7 +131,8 @@ class Table:
         resolution = SECOND_NS / self._rate_hz if self._rate_hz is not None else 0.0
         return Capture(waves, max(last + shift, 0), resolution, shift)
 
-    def _tell(self, line: int, problem: int, column: int, data: bytes) -> NoReturn:
+    def _tell(self, state: NDArray[np.int64], data: bytes) -> NoReturn:
+        line, problem, column = state[[_LINE, _PROBLEM, _COLUMN]].tolist()
         where = next((name for name, place in self._columns.items() if place == column), "")
         cell = [*data.decode("latin-1").splitlines(), ""][0].split(self._delimiter)[0]
         shown = ascii(cell[:24].strip())

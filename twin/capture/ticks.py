@@ -59,8 +59,7 @@ class Ticks:
     t_ns: NDArray[np.int64]  # int64 [n], strictly increasing
     delta: NDArray[np.int8]  # int8 [n, axes]
     end_ns: int
-    outputs: tuple[tuple[int, str, int], ...] = ((0, "stages", 1),)
-    """(time, output, level), in the order of time: what the drives are told beside steps."""
+    outputs: tuple[tuple[int, str, int], ...] = ((0, "stages", 1),)  # what drives are told: (time, output, level)
     timing: Mapping[str, AxisTiming] = field(default_factory=dict)  # by axis; empty if the file has no signals
     resolution_ns: float = 0.0  # time between two samples, 0 if unknown
     shift_ns: int = 0  # what was added to the times of the file

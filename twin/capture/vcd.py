@@ -133,10 +133,7 @@ class Dump:
 
 
 def scanned(scan: Callable[..., int], size: int, state: NDArray[np.int64]) -> list[Piece]:
-    """Changes as a scanner finds them, to the end of the file or to the first problem.
-
-    scan(times, which): fills both, moves `state` on and returns how many it has found.
-    """
+    """Changes to the end of the file or the first problem. scan(times, which): fills both, moves `state`, counts."""
     pieces = []
     while state[_PLACE] < size and not state[_PROBLEM]:
         times, which = np.empty(MOST_CHANGES, dtype=np.int64), np.empty(MOST_CHANGES, dtype=np.uint8)

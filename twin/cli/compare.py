@@ -133,10 +133,8 @@ def _print_table(result: Comparison, recordings: tuple[Recorded, Recorded], ever
 def _row(pair: Pair, tolerance_ns: int) -> str:
     from isel_twin.language import readable
 
-    durations = [
-        f"{'-':>12}" if side.duration_ns is None else f"{side.duration_ns / SECOND_NS:>12.6f}"
-        for side in (pair.a, pair.b)
-    ]
+    took_ns = pair.a.duration_ns, pair.b.duration_ns
+    durations = [f"{'-':>12}" if ns is None else f"{ns / SECOND_NS:>12.6f}" for ns in took_ns]
     later = "-" if pair.later_ns is None else f"{pair.later_ns / 1e6:+.3f}"
     found = []
     for name in pair.differs(tolerance_ns):

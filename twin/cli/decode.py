@@ -23,8 +23,7 @@ if TYPE_CHECKING:
 
 CHUNK_BYTES = 1 << 16  # read at once, so that a file of any size takes the same memory
 MARKED_BYTES = 1 << 26  # largest file of marked lines: 64 MiB
-_FILE_NAME = re.compile(r".*/.*|[\w-][\w. -]*\.[A-Za-z]\w{0,7}", re.DOTALL)
-"""What looks like the name of a file rather than like a command."""
+_FILE_NAME = re.compile(r".*/.*|[\w-][\w. -]*\.[A-Za-z]\w{0,7}", re.DOTALL)  # rather than a command
 
 
 def decode(
@@ -47,8 +46,9 @@ def decode(
     """
     if sent + received + marked > 1:
         raise CallError("--sent, --received, --marked: only one of them can be so")
-    from isel_twin.jobs.decode import explain
+    from isel_twin.jobs.decode import Piece, explain
     from isel_twin.language import create_language
+    from isel_twin.recordings.compare import traffic
 
     recorded = _recording(source) if not text else None
     if recorded is not None and sent + received + marked:
@@ -59,11 +59,10 @@ def decode(
     if language is None:
         raise CallError(f"controller {controller!r} has no language: nobody knows what its bytes mean")
     with call_errors(source):
-        pieces = (
-            _pieces(source, text, marked, not received, language, controller)
-            if recorded is None
-            else _of_recording(recorded)
-        )
+        if recorded is None:
+            pieces = _pieces(source, text, marked, not received, language, controller)
+        else:
+            pieces = (Piece(data, by_host, time_ns) for time_ns, data, by_host, _ in traffic(recorded))
         first = next(pieces, None)  # whatever is wrong with the source, before anything is printed
     timed = recorded is not None
     if not json:
@@ -86,13 +85,6 @@ def _recording(source: str) -> Recorded | None:
             if file.read(len(MAGIC)) != MAGIC:
                 return None
         return read(path)
-
-
-def _of_recording(recorded: Recorded) -> Iterator[Piece]:
-    from isel_twin.jobs.decode import Piece
-    from isel_twin.recordings.compare import traffic
-
-    return (Piece(data, by_host, time_ns) for time_ns, data, by_host, _ in traffic(recorded))
 
 
 def _pieces(
@@ -173,15 +165,8 @@ def _line(row: Row, timed: bool) -> str:
 def _json(row: Row) -> str:
     from json import dumps
 
-    return dumps(
-        {
-            "number": row.number,
-            "offset": row.offset,
-            "sent": row.sent,
-            "hex": row.data.hex(),
-            "text": row.text,
-            "explanation": row.explanation,
-            "complete": row.complete,
-            **({} if row.time_ns is None else {"time_s": row.time_ns / SECOND_NS}),
-        }
-    )
+    told = {
+        "number": row.number, "offset": row.offset, "sent": row.sent, "hex": row.data.hex(), "text": row.text,
+        "explanation": row.explanation, "complete": row.complete,
+    }  # fmt: skip
+    return dumps(told if row.time_ns is None else {**told, "time_s": row.time_ns / SECOND_NS})

@@ -170,17 +170,13 @@ def _summary(path: Path, ticks: Ticks, strikes: Strikes, allowed: Callable[[str]
     """What the capture was, and what became of it, in JSON's types."""
     import dataclasses
 
+    first_ns, last_ns = int(ticks.t_ns[0]), int(ticks.t_ns[-1])
     return {
-        "file": str(path),
-        "ticks": len(ticks.t_ns),
-        "first_ns": int(ticks.t_ns[0]),
-        "cycle_ns": int(ticks.t_ns[-1] - ticks.t_ns[0]),
-        "end_ns": ticks.end_ns,
-        "shift_ns": ticks.shift_ns,
-        "resolution_ns": ticks.resolution_ns,
+        "file": str(path), "ticks": len(ticks.t_ns), "first_ns": first_ns, "cycle_ns": last_ns - first_ns,
+        "end_ns": ticks.end_ns, "shift_ns": ticks.shift_ns, "resolution_ns": ticks.resolution_ns,
         "struck": [{**dataclasses.asdict(strike), "allowed": allowed(strike.switch)} for strike in strikes.seen],
         "timing": {axis: dataclasses.asdict(timing) for axis, timing in ticks.timing.items()},
-    }
+    }  # fmt: skip
 
 
 def _in_words(

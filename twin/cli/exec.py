@@ -136,16 +136,10 @@ def summary(done: HostRun) -> dict[str, Any]:
     return {
         "summary": True,
         **verdict,
-        "ok": done.ok,
-        "machine_ok": done.verdict.ok,
-        "code": done.code,
-        "ending": done.ending,
-        "reason": done.reason,
+        "ok": done.ok, "machine_ok": done.verdict.ok, "code": done.code, "ending": done.ending, "reason": done.reason,
         "virtual_s": (done.ended_ns - done.began_ns) / SECOND_NS,
-        "struck": list(done.struck),
-        "was_struck": list(done.was_struck),
-        "notes": list(done.notes),
-    }
+        "struck": list(done.struck), "was_struck": list(done.was_struck), "notes": list(done.notes),
+    }  # fmt: skip
 
 
 def told(done: HostRun) -> str:

@@ -51,9 +51,8 @@ def experiment(
     speeds.
     """
     if name.suffix:
-        raise CallError(
-            f"{name}: the name of an experiment has no ending; {name.stem}.txt and {name.stem}.toml will be made"
-        )
+        files = f"{name.stem}.txt and {name.stem}.toml"
+        raise CallError(f"{name}: the name of an experiment has no ending; {files} will be made")
     if not 1 <= blocks <= 100:
         raise CallError(f"blocks {blocks}: must be from 1 to 100", option=True)
     with call_errors():
@@ -119,12 +118,10 @@ def _known(file: Path, unknowns: list[Unknown]) -> NDArray[np.float64]:
         try:
             names = [item["name"] for item in content["parameters"]]
             covariance = np.array(content["covariance"], dtype=np.float64)
-            order = [names.index(item.name) if item.name in names else -1 for item in unknowns]
+            there = [k for k, item in enumerate(unknowns) if item.name in names]
+            which = [names.index(unknowns[k].name) for k in there]
             found = np.eye(len(unknowns))
-            for row, i in enumerate(order):
-                for column, j in enumerate(order):
-                    if i >= 0 and j >= 0:
-                        found[row, column] = covariance[i, j]
+            found[np.ix_(there, there)] = covariance[np.ix_(which, which)]
         except (KeyError, TypeError, ValueError, IndexError):
             raise CallError(f"{file}: is no result of `isel-twin identify --json`") from None
     return found

@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     from isel_twin.recordings.recorder import Recorder
     from isel_twin.recordings.recording import FileRecording
 
-MOST_SAMPLES = 100_000_000
-"""Samples of a trace beyond which a job is not begun: ten gigabytes, and two hours to take them."""
+MOST_SAMPLES = 100_000_000  # of a trace, beyond which a job is not begun: ten gigabytes, two hours to take them
 StepsPath = Annotated[Path | None, Parameter(help="Write the step stream (npz: t_ns, delta).")]
 VcdPath = Annotated[Path | None, Parameter(help="Write step, direction, levels and positions (VCD).")]
 TracePath = Annotated[Path | None, Parameter(help="Write samples of counters, positions, levels (.parquet, .csv).")]
@@ -40,8 +39,6 @@ MCAP = ".mcap"
 
 @dataclass(frozen=True)
 class Files:
-    """The files that a call asks for."""
-
     steps: Path | None
     vcd: Path | None
     trace: Path | None
@@ -90,18 +87,13 @@ class Files:
 
 @dataclass(frozen=True)
 class Writing:
-    """Files in the making."""
-
     files: Files
     twin: Twin
     recorder: Recorder | None
     recording: FileRecording | None
 
     def write(self, page: Callable[[Path, Recorder], None]) -> bool:
-        """Write all of them, `page` the report; return whether the recording is whole.
-
-        Raises the last CallError when all others have been written.
-        """
+        """Write all, the report by `page`; True if the recording is whole. Raises the last CallError after all."""
         files, whole = self.files, True
         failures: list[CallError] = []
         from isel_twin.recordings.write import write_trace
@@ -134,10 +126,7 @@ def check_record(record: Path | None) -> None:
 
 
 def begin(record: Path, twin: Twin, interval_s: float, said: Mapping[str, str], stack: ExitStack) -> FileRecording:
-    """Begin the recording: in its place, or, if it is to be of another kind, in the folder for temporary files.
-
-    Raises CallError.
-    """
+    """Begin the recording: in its place or, if it is to be of another kind, in a temporary folder. Raises CallError."""
     from isel_twin.recordings.recording import FileRecording
 
     path = record
@@ -153,10 +142,7 @@ def begin(record: Path, twin: Twin, interval_s: float, said: Mapping[str, str], 
 
 
 def keep(recording: FileRecording, record: Path) -> bool:
-    """End the recording; of another kind, write it as that. False if there was no room for some of it.
-
-    Raises OSError.
-    """
+    """End the recording, and write it as its kind. False if there was no room for some of it. Raises OSError."""
     whole = recording.close()
     if record.suffix != MCAP:
         from isel_twin.recordings.write import export

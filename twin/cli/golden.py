@@ -148,8 +148,7 @@ def _write(file: Path, run: Golden) -> None:
 
 
 def _in_words(run: Golden) -> str:
-    verdict = "ok" if run.end["ok"] else "not ok"
-    return f"{many(len(run.moves), 'command')}, {run.end['cycle_s']:.3f} s, {verdict}"
+    return f"{many(len(run.moves), 'command')}, {run.end['cycle_s']:.3f} s, {'ok' if run.end['ok'] else 'not ok'}"
 
 
 def _tell(job: Path, run: Golden, found: Sequence[Difference], json: bool) -> None:

@@ -125,9 +125,8 @@ def read_all(files: Sequence[Path] | None) -> Measured:
             one = read_measured(file)
         total = one if total is None else total + one
     if total is None:
-        raise CallError(
-            "measured: name at least one file of measurements; `isel-twin experiment` makes one", option=True
-        )
+        why = "name at least one file of measurements; `isel-twin experiment` makes one"
+        raise CallError(f"measured: {why}", option=True)
     if total.unread:
         say(f"{'1 entry is' if total.unread == 1 else f'{total.unread} entries are'} not filled in (nan) and left out")
     return total
@@ -172,9 +171,8 @@ def _split(sessions: Sequence[Session], hold_out: Sequence[str] | None) -> tuple
     names = [session.name for session in sessions]
     wanted = list(hold_out) if hold_out else ["1" if len(sessions) > 1 else "0"]
     if wanted == ["1"] and len(sessions) == 1:
-        raise CallError(
-            "hold-out 1: there is one recording, and it has to be fitted; --hold-out 0 goes without", option=True
-        )
+        why = "there is one recording, and it has to be fitted; --hold-out 0 goes without"
+        raise CallError(f"hold-out 1: {why}", option=True)
     held: set[str] = set()
     for name in wanted:
         stem = Path(name).stem if name.endswith(".mcap") else name
@@ -183,10 +181,8 @@ def _split(sessions: Sequence[Session], hold_out: Sequence[str] | None) -> tuple
         elif name.isdigit() and int(name) < len(sessions):
             held |= set(names[len(names) - int(name) :])
         else:
-            raise CallError(
-                f"hold-out {name!r}: no such recording; allowed: {', '.join(names)}, or a number below {len(names)}",
-                option=True,
-            )
+            known = f"{', '.join(names)}, or a number below {len(names)}"
+            raise CallError(f"hold-out {name!r}: no such recording; allowed: {known}", option=True)
     if held == set(names):
         raise CallError("hold-out: nothing is left to be fitted", option=True)
     return [one for one in sessions if one.name not in held], [one for one in sessions if one.name in held]

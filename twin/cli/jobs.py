@@ -15,8 +15,7 @@ if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
     from isel_twin.jobs.job import Line
 
-JOB_BYTES = 1 << 24
-"""Longest job file: 16 MiB, some four hundred thousand moves. What is longer is no job, or one to be cut."""
+JOB_BYTES = 1 << 24  # longest job file: 16 MiB, some four hundred thousand moves
 PROGRAM_BYTES = 1 << 30  # longest file for a controller that runs programs, which are long
 
 

@@ -11,7 +11,7 @@ from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli.options import Json, Overrides, check_writable, parse_overrides
 
 if TYPE_CHECKING:
-    from isel_twin.drives import Stage
+    from isel_twin.drives.stage import Stage
     from isel_twin.machine import Machine
 
 
@@ -83,7 +83,7 @@ def _show_servo(machine: Machine, name: str, picture: Path | None, json: bool) -
 
 def _stage(machine: Machine, motor: str) -> Stage | None:
     """The stage of the first axis with that motor."""
-    from isel_twin.drives import Stage
+    from isel_twin.drives.stage import Stage
 
     stages = (a.stage for a in machine.axes if machine.tree["axes"][a.name].get("motor") == motor)
     return next((stage for stage in stages if isinstance(stage, Stage)), None)

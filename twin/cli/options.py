@@ -139,10 +139,7 @@ def crew_of(workers: int) -> Crew:
 
 
 def check_kind(option: str, path: Path | None, *kinds: str) -> str:
-    """The kind of file that an option is to write, as its name says: ".csv"; without an ending, the first of kinds.
-
-    Raises CallError for a name that says otherwise, or a kind that needs an extra which is not installed.
-    """
+    """The kind of file that an option is to write, by its ending; without one, the first of kinds. Raises CallError."""
     from isel_twin.recordings.write import check_kind as check_extra
 
     if path is None:

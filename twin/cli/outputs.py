@@ -219,8 +219,7 @@ class TableOutput:
         error = {axis: e for axis, e in zip(axes, verdict.following_error, strict=False) if e is not None}
         if error:
             lost = f"following error: {', '.join(f'{axis} {round(e):g}' for axis, e in error.items())}"
-        off = [f"{axis}: {why}" for axis, why in zip(axes, verdict.switched_off, strict=False) if why]
-        lost += "".join(f", {each}" for each in off)
+        lost += "".join(f", {axis}: {why}" for axis, why in zip(axes, verdict.switched_off, strict=False) if why)
         if verdict.controller_fault:
             lost += ", the controller shows an error"
         if verdict.flash_fault:

@@ -19,9 +19,8 @@ def ports(*, json: Annotated[bool, Parameter(help="One JSON object.")] = False) 
     from isel_twin.cli.outputs import say_json
 
     served_now = served()
-    real = [
-        {"device": port.device, "description": port.description, "hardware": port.hwid} for port in sorted(comports())
-    ]
+    found = sorted(comports())
+    real = [{"device": each.device, "description": each.description, "hardware": each.hwid} for each in found]
     if json:
         say_json({"served": served_now, "real": real})
         return 0

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from isel_twin.bridge.serve.borders import WireTap
     from isel_twin.bridge.serve.server import Guest
 
-KEPT_MOTIONS = 1000
-"""Motions in the record of a server: what its panel or a visitor may want to look back at; recordings have all."""
+KEPT_MOTIONS = 1000  # in the record of a server: what its panel may want to look back at; recordings have all
 PANEL = "127.0.0.1:8217"  # where the panel is without an address
 
 

@@ -67,8 +67,7 @@ def sweep(
         from isel_twin.many.studies.sensitivity import check_picture
 
         check_picture(sensitivity, read)
-    call = read.call
-    check_writable(file, journal_of(file), sensitivity, kept=(plan, call.scenario))
+    check_writable(file, journal_of(file), sensitivity, kept=(plan, read.call.scenario))
     _try_out(read)
     with Table(file, read, wanted) as table:
         code = _fill(table, read, _crew(workers, cluster, len(table.missing())), json)
@@ -151,9 +150,8 @@ class _Progress:
         from rich.progress import TimeRemainingColumn
 
         self._json = json
-        self._bar = outputs.progress(
-            Console(stderr=True), TimeRemainingColumn, shown=not json, speed_estimate_period=600.0
-        )
+        console = Console(stderr=True)
+        self._bar = outputs.progress(console, TimeRemainingColumn, shown=not json, speed_estimate_period=600.0)
         self._task = self._bar.add_task("rows", total=total, completed=had)
         self._failed = 0
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
@@ -104,7 +104,7 @@ def tune(
         image = flash.read_bytes() if flash is not None else None
         check(call, robust + confirm)
         lines = decode_job(job.read_bytes())
-        more = {"each_move": each_move, "rapid_hz": rapid, "ranges": ranges, "repetitions": robust}
+        more: dict[str, Any] = {"each_move": each_move, "rapid_hz": rapid, "ranges": ranges, "repetitions": robust}
         problem = Problem(lines, call, timeout_s=timeout, flash=image, **more)
     with ExitStack() as stack:
         if file is not None:
@@ -204,7 +204,7 @@ def _chosen(study: Study, confirm: int, crew: Crew, stopped: Sequence[int], show
         if held.good:
             return tuned(problem, tried, held)
         show.fell(tried, held.why)
-        if held.last is not None and held.last.number not in hard:
+        if held.last.number not in hard:
             hard.append(held.last.number)
     return None
 

@@ -11,7 +11,6 @@ from isel_twin.cli.outputs import many, progress, say, say_json
 
 if TYPE_CHECKING:
     from isel_twin.many.tuning import Judgement, Tuned
-    from isel_twin.many.tuning.judge import Repetition
     from isel_twin.many.tuning.result import Tried
     from isel_twin.many.tuning.study import Study
 
@@ -31,13 +30,11 @@ class Output:
         """Together they did not hold, and are about to be mended."""
 
     def confirms(self, tried: Tried) -> None:
-        """A setting is about to be confirmed on further machines."""
+        """A setting is about to be confirmed on further machines, or falls there."""
 
-    def confirmed(self, repetition: Repetition) -> None:
-        """One of these machines has made the job."""
+    def confirmed(self, repetition: Judgement) -> None: ...
 
-    def fell(self, tried: Tried, why: str) -> None:
-        """The setting did not hold there."""
+    def fell(self, tried: Tried, why: str) -> None: ...
 
     def over(self, job: Path, study: Study, found: Tuned | None, stopped: bool, files: Sequence[Path]) -> None:
         """files: written if something was found."""
@@ -123,7 +120,7 @@ class Table(Output):
         doing = f"confirms trial {tried.number}"
         self._progress.update(self._task, description=doing, total=self._confirm, completed=0)
 
-    def confirmed(self, repetition: Repetition) -> None:
+    def confirmed(self, repetition: Judgement) -> None:
         self._progress.advance(self._task)
 
     def fell(self, tried: Tried, why: str) -> None:

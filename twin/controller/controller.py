@@ -2,8 +2,7 @@
 
 A controller does no input or output itself (sans-I/O). It is told what happens and when (bytes from the host, input
 levels, the passing of time) and says what it does (reply bytes, output levels, counter settings, flash images) and
-which motion it is making. It never reads a clock, a socket or a file, and nothing above or below it knows which
-controller it is.
+which motion it is making. Nothing above or below it knows which controller it is.
 
 Protocol of time
 ----------------
@@ -22,13 +21,9 @@ and including t: a limit switch ends the motion there, and no rollback is needed
         |--- ticks of run ----|- - - cancelled - - -|
         advance(t0)   set_input(t1, ...)
 
-What `run` may become while it is made is stated in `isel_twin.motion.motion`.
-
-What drives report
-------------------
-A controller that closes loops of its own asks for it: see `UsesDrives` in roles.py.
-
-What its bytes mean to people and tools is a second, optional border: `isel_twin.language.Language`.
+What `run` may become while it is made is stated in `isel_twin.motion.motion`. A controller that closes loops of its own
+asks for what drives report: `UsesDrives` in roles.py. What its bytes mean to people and tools is a second, optional
+border: `isel_twin.language.Language`.
 
 Several devices on one shared line are themselves a controller: one object that hands each byte to all of them, sends
 what they answer, and shows the motion of the one that has axes.
@@ -63,7 +58,6 @@ class SerialFormat:
 
     @property
     def byte_ns(self) -> int:
-        """Time of a byte on the line in ns."""
         return round(self.bits * SECOND_NS / self.baud)
 
     def __str__(self) -> str:

@@ -14,21 +14,10 @@ class Reply:
 
 
 OUTPUTS: Mapping[str, int] = {
-    "stages": 0,
-    "power_request": 0,
-    "current_lowering": 0,
-    "brake": 0,
-    "moving": 0,
-    "spindle": 0,
+    **dict.fromkeys(("stages", "power_request", "current_lowering", "brake", "moving", "spindle"), 0),
     "hood_release": 1,
-    "analog": 0,
-    "lamp_start": 0,
-    "lamp_stop": 0,
-    "lamp_fault": 0,
-    "software_ok": 0,
-    "user": 0,
-    "flash_fault": 0,
-    "drive_reset": 0,
+    **dict.fromkeys(("analog", "lamp_start", "lamp_stop", "lamp_fault", "software_ok", "user"), 0),
+    **dict.fromkeys(("flash_fault", "drive_reset"), 0),
 }
 """Outputs that every controller may use, and their levels at the beginning; see `Output`."""
 

@@ -69,7 +69,7 @@ def create_controller(
 def controller_factory(name: str) -> Callable[[bytes | None, Mapping[str, Any]], Controller]:
     """A function that builds the controller called `name` from a flash image and settings at every call.
 
-    Both raise what `create_controller` raises. Looking it up takes ten milliseconds, building one much less.
+    Both raise what `create_controller` raises. The look-up takes ten milliseconds, building one much less.
     """
     for entry in installed(_GROUP):
         if entry.name == name:

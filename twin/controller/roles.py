@@ -1,7 +1,4 @@
-"""Roles: what a controller may offer beside `Controller`. Whoever needs one asks `offers` for it.
-
-drives = controller if offers(controller, UsesDrives) else None
-"""
+"""Roles: what a controller may offer beside `Controller`. Whoever needs one asks `offers` for it."""
 
 from __future__ import annotations
 
@@ -16,9 +13,9 @@ Role = TypeVar("Role")
 
 
 def offers(thing: object, role: Callable[..., Role]) -> TypeGuard[Role]:
-    """Whether a controller or language has all members that a role adds. Raises PluginError if it has only some.
+    """True if a controller or language has all members that a role adds. Raises PluginError if it has only some.
 
-    Members that `__getattr__` passes on count: `isinstance` looks past them, and takes a part of a role for none of it.
+    Members that `__getattr__` passes on count, which `isinstance` would not see.
     """
     members: list[str] = [name for name in vars(role) if not name.startswith("_")]
     missing = [name for name in members if not hasattr(type(thing), name) and not hasattr(thing, name)]
@@ -46,8 +43,7 @@ class Drives(Protocol):
 
     @property
     def fault(self) -> tuple[bool, ...]:
-        """Whether the drive of each axis has switched itself off: a servo drive until the output `drive_reset` rises or
-        the stages come on anew."""
+        """Whether each drive has switched itself off: a servo drive until `drive_reset` rises or the stages come on."""
 
     @property
     def in_position(self) -> tuple[bool, ...]:
@@ -63,9 +59,9 @@ class Drives(Protocol):
 
     @property
     def past_zero_pulse(self) -> tuple[int, ...]:
-        """Increments of each encoder past its last zero pulse, of which there is one a revolution.
+        """Increments of each encoder since its last zero pulse, one a revolution, rising in the sense of the counters.
 
-        0 to one less than a revolution has, rising in the sense of the counters; 0 for axes without an encoder.
+        Less than a revolution has; 0 for axes without an encoder.
         """
 
 
@@ -104,8 +100,7 @@ class NamesOutputs(Protocol):
     """Offered by a controller that has outputs beyond OUTPUTS: events can wait for them."""
 
     @property
-    def output_names(self) -> Sequence[str]:
-        """Their names."""
+    def output_names(self) -> Sequence[str]: ...
 
 
 KeyValue: TypeAlias = float | str | bool
@@ -124,14 +119,13 @@ class Key:
 
     @property
     def allowed(self) -> str:
-        """Its values in words."""
         if isinstance(self.value, tuple):
             return ", ".join(self.value)
         return "true" if self.value is None else str(self.value) if isinstance(self.value, Limits) else "true, false"
 
 
 class HasKeys(Protocol):
-    """Offered by a controller that people operate by keys of its own, not by the cabinet's.
+    """Offered by a controller with keys of its own, beside the cabinet's.
 
     They are pressed by an event, `key = { mode = "auto" }`, and shown by panels from this table.
     """

@@ -1,26 +1,25 @@
 """What a motor can do on a stage: pull-out torque, pull-in rate, and the closed form beside them.
 
-The goal of this code is to measure on a virtual test bench, with the very sub-step that moves the machine, what makers
-publish about their motors:
+The goal of this code is to measure on a virtual bench, with the sub-step that moves the machine, what makers publish:
 
     pull-out torque   the largest load at which a motor that runs already stays in step
     pull-in rate      the highest step rate at which it starts from rest in step
 
 The bench is the motor, an inertia on its shaft and a generator as brake, whose torque is proportional to speed. The
-motor accelerates against it to the speed in question and must hold it. A motor is out of step for good once it lags by
-four full steps, one turn of the electrical angle.
+motor accelerates against it to the speed in question and must hold it. It is out of step once it lags by four full
+steps, one turn of the electrical angle.
 
-Two closed forms stand beside it. Neither knows anything of motion, and so of instability. The first bounds what the
-bench finds (P. Acarnley, Stepping Motors: phasor diagram), with one limit at a time:
+Two closed forms stand beside it; neither knows of motion, and so of instability. The first is an upper bound
+(P. Acarnley, Stepping Motors: phasor diagram), with one limit at a time:
 
     T(w) = min(g Km I, Nr psi V1/|Z| - Nr we psi^2 R/|Z|^2) - T_fe(w)
     we = Nr w,  psi = Km/Nr,  |Z|^2 = R^2 + we^2 L^2,  V1 = 4/pi V,  g: fundamental of the current wave over I
 
-V is the mean of what drives a current and what it flows back against, since a limited stage does both in turn.
+V is the mean of the voltages that drive a current and against which it flows back: a limited stage does both in turn.
 
 The second predicts it, to about 6 % where the motor does not swing itself out of step. Both limits hold at once: in
 axes that turn with the rotor (d along its magnets, T = Km i_q) the current vector lies in the circle that the stage
-asks for, and in the one that the voltage allows:
+asks for and in the one that the voltage allows:
 
     |i| <= g I            |(R + j we L) i + j we psi| <= V1            T(w) = Km max i_q - T_fe(w)
 
@@ -45,11 +44,8 @@ from isel_twin.drives.screw import Screw
 from isel_twin.drives.shaft import axis_states
 from isel_twin.drives.stage import Stage
 
-SUB_STEP_S = 25e-6
-"""Sub-step of the bench, the same as the machine's."""
-
-START_RPM = 60.0
-"""Speed from which the bench accelerates."""
+SUB_STEP_S = 25e-6  # of the bench, the same as the machine's
+START_RPM = 60.0  # speed from which the bench accelerates
 
 
 def mean_command(phase: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -63,8 +59,7 @@ def mean_command(phase: NDArray[np.float64]) -> NDArray[np.float64]:
     passed = end - whole
     steps = np.floor(passed)
     area = 0.5 * steps * (steps - 1.0) + steps * (passed - steps)
-    length = np.where(end > begin, end - begin, 1.0)
-    mean: NDArray[np.float64] = whole + area / length
+    mean: NDArray[np.float64] = whole + area / np.where(end > begin, end - begin, 1.0)
     return mean
 
 
@@ -72,11 +67,8 @@ def mean_command(phase: NDArray[np.float64]) -> NDArray[np.float64]:
 def follow(parameters, states, command, load_torque_nm, limit):
     """Let the drive parameters[0], states[0] follow a command on a bench without a nut.
 
-    command         float64 [n], mean of the microstep counter in each sub-step
-    load_torque_nm  float64 [n], torque against positive rotation
-    limit           microsteps; ends early when the rotor is further than this from the command
-
-    Returns the number of sub-steps made: n if the rotor stayed within the limit.
+    command float64 [n]: mean of the microstep counter in each sub-step; load_torque_nm float64 [n]: against positive
+    rotation; limit: microsteps between rotor and command, beyond which it ends. Returns the sub-steps made.
     """
     p = parameters[0]
     s = states[0]
@@ -101,23 +93,22 @@ def pull_out_torque(
 ) -> float:
     """Pull-out torque in Nm at a speed in rev/min, 0 if the motor cannot hold the speed at all.
 
-    load_inertia_kgm2: what turns with the rotor on the bench (None: as much as the rotor itself).
-    constant_load: a load that does not depend on speed, and rises after the speed is reached, instead of a brake. It
-    does not damp, so that mid-band instability shows: torque is lost early, and irregularly with speed.
+    load_inertia_kgm2: what turns with the rotor on the bench (None: as much as the rotor itself). constant_load: in
+    place of the brake a load independent of speed, which rises once the speed is reached. It does not damp, so that
+    mid-band instability shows: torque is lost early, and irregularly with speed.
 
     Raises ValueError for a negative or infinite speed.
     """
     if not 0.0 <= speed_rpm < math.inf:
         raise ValueError(f"speed_rpm must be 0 or more, not {speed_rpm!r}")
     inertia = motor.rotor_inertia_kgm2 if load_inertia_kgm2 is None else load_inertia_kgm2
-    # Slower than a revolution a minute is standstill to any motor, and takes for ever.
+    # Below a revolution a minute any motor stands, and the bench would take for ever.
     omega = max(speed_rpm, 1.0) * 2.0 * math.pi / 60.0
     rate_hz = omega / (2.0 * math.pi) * motor.full_steps_per_rev * stage.microsteps
     start_omega = min(omega, START_RPM * 2.0 * math.pi / 60.0)
     peak_nm = math.sqrt(2.0) * motor.torque_constant_nm_per_a * stage.current_a
 
-    # Accelerate with at most 1.5 % of the peak torque, little even beside what is left at speed; hold for at least
-    # twenty turns of the electrical angle.
+    # Accelerate with at most 1.5 % of the peak torque; hold for at least twenty turns of the electrical angle.
     total_inertia = motor.rotor_inertia_kgm2 + inertia
     accelerate_s = max(0.3, 100.0 * total_inertia * (omega - start_omega) / peak_nm)
     hold_s = max(0.4, 20.0 * 2.0 * math.pi / (omega * motor.pole_pairs))
@@ -146,11 +137,8 @@ def pull_in_rate(
     *,
     dt_s: float = SUB_STEP_S,
 ) -> float:
-    """Highest rate at which the motor starts from rest in step, in the stage's own steps per second.
-
-    That is full steps/s with microsteps = 1, half steps/s with 2, microsteps/s above. Lower rates within the resonance
-    band (see `resonance_hz`) may fail all the same: use `starts_in_step` for one rate. 0 if it never starts.
-    """
+    """Highest rate at which the motor starts from rest in step, in the stage's own steps (full, half, micro) per
+    second; 0 if it never starts. Lower rates near its resonance may fail all the same: see `starts_in_step`."""
 
     def starts(rate_hz: float) -> bool:
         return starts_in_step(motor, stage, rate_hz, Screw(inertia_kgm2=load_inertia_kgm2), load_torque_nm, dt_s=dt_s)
@@ -171,10 +159,8 @@ def starts_in_step(
 ) -> bool:
     """True if the motor, at rest with the stage on, starts at rate_hz and makes that many full steps, losing none.
 
-    rate_hz: the stage's own steps per second, as in `pull_in_rate`.
-    screw: what is on the shaft (None: nothing); its nut does not take part.
-
-    Raises ValueError for a rate that is not above 0.
+    rate_hz: as in `pull_in_rate`. screw: what is on the shaft; its nut does not take part. Raises ValueError for a rate
+    that is not above 0.
     """
     if not 0.0 < rate_hz < math.inf:
         raise ValueError(f"rate_hz must be above 0, not {rate_hz!r}")
@@ -186,17 +172,15 @@ def starts_in_step(
 
 
 def resonance_hz(motor: Motor, stage: Stage, load_inertia_kgm2: float = 0.0) -> float:
-    """Natural frequency of the rotor in the field of the stage at standstill: sqrt(Nr T / J) / 2 pi.
-
-    Full steps near this rate, or a whole fraction of it, excite it.
-    """
+    """Natural frequency of the rotor in the field of the stage at standstill: sqrt(Nr T / J) / 2 pi. Full steps near
+    this rate, or a whole fraction of it, excite it."""
     length = math.sqrt(2.0) if stage.microsteps == 1 else 1.0
     stiffness = motor.pole_pairs * length * motor.torque_constant_nm_per_a * stage.current_a
     return math.sqrt(stiffness / (motor.rotor_inertia_kgm2 + load_inertia_kgm2)) / (2.0 * math.pi)
 
 
 def pull_out_envelope(motor: Motor, stage: Stage, speed_rpm: float) -> float:
-    """Upper bound of the pull-out torque in Nm at a speed in rev/min, in closed form (see the module), 0 or more."""
+    """Upper bound of the pull-out torque in Nm (first closed form of the module), 0 or more."""
     omega = speed_rpm * 2.0 * math.pi / 60.0
     electrical = motor.pole_pairs * omega
     resistance = motor.resistance_ohm + stage.extra_resistance_ohm
@@ -209,7 +193,7 @@ def pull_out_envelope(motor: Motor, stage: Stage, speed_rpm: float) -> float:
 
 
 def pull_out_prediction(motor: Motor, stage: Stage, speed_rpm: float) -> float:
-    """Pull-out torque in Nm at a speed in rev/min as the closed form predicts it (see the module), 0 or more."""
+    """Pull-out torque in Nm as the second closed form of the module predicts it, 0 or more."""
     omega = speed_rpm * 2.0 * math.pi / 60.0
     electrical = motor.pole_pairs * omega
     impedance = complex(motor.resistance_ohm + stage.extra_resistance_ohm, electrical * motor.inductance_h)
@@ -240,11 +224,8 @@ def _highest(current: float, centre: complex, radius: float) -> complex:
 
 
 def _fundamental(stage: Stage) -> float:
-    """Amplitude of the first harmonic of the stepped current wave over the peak current.
-
-    The current vector stands still between two steps, which costs sin(x)/x with half a step for x; its mean length is 1
-    in microstep, (1 + sqrt 2)/2 in half step and sqrt 2 in full step.
-    """
+    """Amplitude of the first harmonic of the stepped current wave over the peak current: the vector, of mean length 1
+    in microstep, (1 + sqrt 2)/2 in half step and sqrt 2 in full step, stands between steps: sin(x)/x, x half a step."""
     half_step = math.pi / (4.0 * stage.microsteps)
     length = {1: math.sqrt(2.0), 2: 0.5 + math.sqrt(0.5)}.get(stage.microsteps, 1.0)
     return length * math.sin(half_step) / half_step
@@ -260,10 +241,7 @@ def _in_step(
     dt_s: float,
     brake_nm_s_per_rad: float = 0.0,
 ) -> bool:
-    """True if the motor follows the whole command without ever being four full steps off.
-
-    brake_nm_s_per_rad: what the bench adds to the drag; a strong one at low speed, more than any screw has.
-    """
+    """True if the motor is never four full steps off the command. The bench adds a brake to the drag."""
     states = axis_states(1)
     states["omega_rad_s"] = omega_rad_s
     parameters = axis_parameters(motor, stage, screw, dt_s)

@@ -8,12 +8,12 @@ fast enough for 10^7 axis sub-steps a second, with true sticking and without eve
     T   = -Km i_A sin(Nr th) + Km i_B cos(Nr th) - Td sin(4 Nr th) - T_fe(w)         i_A, i_B: mean of i and i'
     T_fe = (Km^2/Rm) w / (1 + (w/w_k)^2)                                             iron loss, see motor.py
 
-What the torque does with rotor, screw and nut stands in shaft.py: the other half of the sub-step, for any motor.
-(MathWorks Simscape "Stepper Motor"; the stage is a current source that the supply limits, without chopper ripple.)
+(MathWorks Simscape "Stepper Motor"; the stage is a current source that the supply limits, without chopper ripple.) What
+the torque does with rotor, screw and nut is in shaft.py: the other half of the sub-step, for any motor.
 
-i_ref is the wave of the stage at the commanded angle, turned and shifted by its errors (stage.py). A stage with
-electronic damping turns the current vector further by what the load angle swings about its low pass, as a digital
-microstep drive does that watches its motor (D9):
+i_ref is the wave of the stage at the commanded angle, turned and shifted by its errors (stage.py). Electronic damping
+turns the current vector further by the swing of the load angle about its low pass, as a digital microstep drive does
+that watches its motor (D9):
 
     lambda = phi_cmd - Nr th     d lambda_f/dt = 2 pi f_c (lambda - lambda_f)     phi = phi_cmd + g (lambda - lambda_f)
 
@@ -23,16 +23,7 @@ For lambda the command is smoothed between its pulses.
     |-----------|          pulses within the sub-step act in it by the time mean of the command:
     __|``````````          a pulse after 0.2 dt moves the mean by 0.8 microsteps
 
-How a kernel uses it, with the records of shaft.py:
-
-    parameters = np.concatenate([axis_parameters(motor, stage, screw, dt_s) for ...])    # [n] AXIS_PARAMETERS
-    states = axis_states(n)                                                               # [n] AXIS_STATE
-
-    @njit
-    def kernel(parameters, states, ...):
-        for i in range(len(states)):
-            mean = ...                  # time mean of the microstep counter over this sub-step, a fraction is right
-            force_n = step_axis(parameters[i], states[i], mean, phases, fraction, x_mid_m, v_m_s, 0.0)
+`follow` in curves.py shows how compiled code uses it, with the records of shaft.py.
 """
 
 from __future__ import annotations
@@ -54,20 +45,12 @@ from isel_twin.drives.shaft import STEPPER, shaft_parameters, turn
 from isel_twin.drives.stage import Stage
 from isel_twin.drives.trigonometry import sine_and_cosine
 
-OPEN = 0
-"""`phases`: both phases open, the motor is limp."""
-PHASE_A = 1
-"""`phases`: phase A alone is connected (a broken wire in B)."""
-PHASE_B = 2
-"""`phases`: phase B alone is connected (a broken wire in A)."""
-BOTH = 3
-"""`phases`: the stage drives both phases."""
-
-SMOOTHING = 5.0
-"""Corner of the smooth command of the electronic damping over its own corner: else it would amplify single pulses."""
-
-SETTLED_RAD = 1e-12
-"""Electronic damping takes a smaller swing of the load angle (electrical) for none, so that a drive comes to rest."""
+OPEN = 0  # `phases`: both phases open, the motor is limp
+PHASE_A = 1  # `phases`: phase A alone is connected (a broken wire in B)
+PHASE_B = 2  # `phases`: phase B alone is connected (a broken wire in A)
+BOTH = 3  # `phases`: the stage drives both phases
+SMOOTHING = 5.0  # corner of the smoothed command over that of the damping, which would else amplify single pulses
+SETTLED_RAD = 1e-12  # swing of the (electrical) load angle that damping takes for none, so that a drive comes to rest
 
 
 def axis_parameters(motor: Motor, stage: Stage, screw: Screw, dt_s: float) -> NDArray[np.void]:
@@ -77,7 +60,6 @@ def axis_parameters(motor: Motor, stage: Stage, screw: Screw, dt_s: float) -> ND
     """
     p = shaft_parameters(screw, motor.rotor_inertia_kgm2, dt_s)
     resistance = motor.resistance_ohm + stage.extra_resistance_ohm
-    decay = math.exp(-resistance * dt_s / motor.inductance_h)
     gain = -math.expm1(-resistance * dt_s / motor.inductance_h) / resistance
     p["kind"] = STEPPER
     p["microstep_rad"] = 2.0 * math.pi * motor.pole_pairs / (motor.full_steps_per_rev * stage.microsteps)
@@ -89,7 +71,7 @@ def axis_parameters(motor: Motor, stage: Stage, screw: Screw, dt_s: float) -> ND
     p["current_a"] = stage.current_a
     p["drive_v"] = stage.drive_v
     p["return_v"] = stage.supply_v
-    p["decay"] = decay
+    p["decay"] = math.exp(-resistance * dt_s / motor.inductance_h)
     p["gain_a_per_v"] = gain
     p["gain_v_per_a"] = 1.0 / gain
     p["torque_constant_nm_per_a"] = motor.torque_constant_nm_per_a
@@ -107,16 +89,15 @@ def axis_parameters(motor: Motor, stage: Stage, screw: Screw, dt_s: float) -> ND
 def _corner(angle_rad):
     """The switched counterpart of the cosine: 1 up to pi/4, 0 at pi/2, -1 from 3 pi/4; linear between.
 
-    The counter stands on multiples of pi/4 (half step) or odd multiples (full step) only. Between them the line gives
-    the time mean of the current wanted in a sub-step with a pulse in it.
-    """
+    The counter stands on multiples of pi/4 (half step), or odd ones (full step); between them is the time mean of the
+    wanted current in a sub-step with a pulse in it."""
     wrapped = angle_rad - 2.0 * math.pi * math.floor(angle_rad / (2.0 * math.pi) + 0.5)
     return min(1.0, max(-1.0, 2.0 - abs(wrapped) * (4.0 / math.pi)))
 
 
 @njit(error_model="numpy")
 def _shape(p, s, phi):
-    """Wanted currents of any stage at an electrical angle, turned and shifted by its errors."""
+    """Wanted currents at an electrical angle, turned and shifted by the stage's errors."""
     if p.stepped != 0.0:
         shape_a, shape_b = _corner(phi), _corner(phi - 0.5 * math.pi)
         turn = math.sin(phi - p.phase_offset_rad)
@@ -132,10 +113,8 @@ def _shape(p, s, phi):
 
 @njit(error_model="numpy")
 def _phase(p, current_a, wanted_a, emf_v):
-    """Phase current after a sub-step: what is wanted, or as far as the supply gets it.
-
-    Drops in the switches take from the voltage that drives a current, not from the one it flows back against (D1).
-    """
+    """Phase current after a sub-step: what is wanted, or as far as the supply gets it. Drops in the switches reduce the
+    voltage that drives a current, not the one it flows back against (D1)."""
     voltage_v = (wanted_a - p.decay * current_a) * p.gain_v_per_a + emf_v
     highest_v = p.drive_v if current_a >= 0.0 else p.return_v
     if voltage_v > highest_v:
@@ -150,9 +129,8 @@ def _phase(p, current_a, wanted_a, emf_v):
 def step_axis(p, s, command, phases, current_fraction, nut_position_m, nut_velocity_m_s, load_torque_nm):
     """Advance one drive by one sub-step; return the force on the nut in N (mean over the sub-step).
 
-    p                 record of AXIS_PARAMETERS
-    s                 record of AXIS_STATE, changed in place
-    command           time mean over the sub-step of the microstep counter (a pulse in it: a fraction)
+    p, s              records of AXIS_PARAMETERS and AXIS_STATE; s is changed in place
+    command           time mean over the sub-step of the microstep counter
     phases            BOTH with the stage on, OPEN with it off, PHASE_A or PHASE_B with a wire broken. An open phase
                       carries no current from this sub-step on (in truth it fades within 0.3 ms, decision D5)
     current_fraction  phase current over nominal, for the lowered current at rest
@@ -224,26 +202,14 @@ def stepper_torque(p, s, command, phases, current_fraction, load_torque_nm):
     return torque, drag, steady
 
 
-@njit(error_model="numpy")
-def stored_energy_j(p, s, nut_position_m):
-    """Energy in the rotor, the detent and the nut spring, J (phase currents not counted)."""
-    angle = p.pole_pairs * s.theta_rad + p.phase_offset_rad
-    stretch = max(0.0, abs(p.travel_m_per_rad * s.theta_rad - nut_position_m) - p.half_backlash_m)
-    return (
-        0.5 * p.inertia_kgm2 * s.omega_rad_s**2
-        + p.detent_torque_nm / (4.0 * p.pole_pairs) * (1.0 - math.cos(4.0 * angle))
-        + 0.5 * p.stiffness_n_per_m * stretch**2
-    )
-
-
 _FILES = (__file__, shaft.__file__, trigonometry.__file__)
 
 
 def drop_stale_code(function: Any, *files: str) -> None:
-    """Delete the compiled code that numba has cached of a function if other files compiled into it have changed.
+    """Delete the code that numba has cached of a function if other files compiled into it have changed: numba looks at
+    the function's own file alone, so a digest of the others is kept beside the code.
 
-    numba asks only whether the function's own file has changed. So the digest of the others is kept beside the code.
-    files: the others, those of `step_axis` if none is named. Call it once, right after the function is defined.
+    files: the others; if none is named, those of `step_axis`. Call it right after the function is defined.
     """
     cache = function._cache
     if cache.cache_path is None:  # nothing is kept

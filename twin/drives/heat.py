@@ -2,12 +2,11 @@
 
     tau dT/dt = T_ambient + R_th P - T          P = P_idle + R I^2 f^2,  f: phase current over nominal
 
-The two phase currents of a stage are sine and cosine, so their losses add up to R I^2 whatever the microstep. A stage
-that reaches its limit opens the over-temperature contact, and closes it again when it has cooled by HYSTERESIS_K.
+Phase currents are sine and cosine, so their losses add up to R I^2 whatever the microstep. A stage that reaches its
+limit opens the over-temperature contact, and closes it again when it has cooled by HYSTERESIS_K.
 
-The currents are looked at once a second of virtual time, on a grid counted from power-on, which is often enough for a
-time constant of minutes and does not depend on how time is cut into calls. Stages that cannot reach their limit at
-continuous full current are not looked at.
+Currents are sampled once a second of virtual time from power-on: often enough for a time constant of minutes, and
+independent of how time is cut into calls. Stages that cannot reach their limit at full current are left out.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ HYSTERESIS_K = 10.0
 
 
 def steady_c(stage: AnyStage, current_fraction: float) -> float:
-    """Temperature that a stage tends to, in degrees Celsius, at a fraction of its nominal current (0: stage off)."""
+    """Temperature that a stage tends to at a fraction of its nominal current (0: off)."""
     if current_fraction == 0.0:
         return stage.ambient_c
     return stage.ambient_c + stage.thermal_resistance_k_per_w * stage.loss_w(current_fraction)
@@ -35,24 +34,18 @@ def later_c(stage: AnyStage, temperature_c: float, current_fraction: float, seco
 
 
 class StageHeat:
-    """Temperatures of a machine's stages, and whether one of them is too hot."""
+    """Temperatures of a machine's stages, and whether one of them is too hot; all start at ambient temperature."""
 
     def __init__(self, stages: Sequence[AnyStage]) -> None:
-        """All stages start at ambient temperature."""
         self._stages = tuple(stages)
-        self.temperature_c = [stage.ambient_c for stage in stages]
-        """By their losses; what `warm` adds comes on top of it."""
+        self.temperature_c = [stage.ambient_c for stage in stages]  # without what `warm` adds
         self.extra_k = [0.0 for _ in stages]
         self.hot = False
         matters = any(steady_c(stage, 1.0) >= stage.thermal_limit_c for stage in stages)
-        self.next_ns: int | None = GRID_NS if matters else None
-        """When the stages are to be looked at next; None: they cannot overheat."""
+        self.next_ns: int | None = GRID_NS if matters else None  # next `advance`; None: they cannot overheat
 
     def warm(self, number: int, extra_k: float, t_ns: int) -> None:
-        """From t_ns on a stage is so much warmer than its losses make it: a blocked fan, a loose heat sink.
-
-        A stage that has not been looked at before is at ambient temperature then.
-        """
+        """From t_ns on a stage is this much warmer than its losses make it: a blocked fan, a loose heat sink."""
         if number >= len(self._stages):
             return
         self.extra_k[number] = extra_k
@@ -61,7 +54,7 @@ class StageHeat:
         self._judge()
 
     def advance(self, current_fractions: Sequence[float]) -> None:
-        """Let one interval of the grid pass with these currents, one fraction of nominal (0: off) a stage."""
+        """One interval of the grid passes with these currents, a fraction of nominal (0: off) for each stage."""
         if self.next_ns is None:
             return
         self.next_ns += GRID_NS

@@ -5,11 +5,11 @@ follows from the holding torque, which is measured with both phases at rated cur
 
     Km = T_hold / (sqrt(2) I)
 
-Sheets print that current without saying whether it is the peak of the microstep wave or its RMS value. Km is the same;
-the drive may be set to I, or to sqrt(2) I, and the torque in microstep differs by as much. Taken for peak unless named.
+Sheets do not say whether that current is the peak of the microstep wave or its RMS value. Km is the same; the drive may
+be set to I, or to sqrt(2) I, and the torque in microstep differs by as much. It is taken for the peak unless named RMS.
 
-The magnets of a turning rotor drive eddy currents through the iron of the teeth, with the phases open as well as on.
-Their path has a resistance and an inductance, as a short-circuited winding has, so the drag has a knee:
+The magnets of a turning rotor drive eddy currents through the iron of the teeth, with phases open or on. Their path has
+a resistance and an inductance, like a short-circuited winding, so the drag has a knee:
 
     T_fe(w) = (Km^2 / Rm) w / (1 + (w / w_k)^2)
 
@@ -20,8 +20,8 @@ Their path has a resistance and an inductance, as a short-circuited winding has,
          +------------|------------- w
                      w_k
 
-Three quantities are rarely printed. No rule below changes when the same motor is wound anew (z times the turns: R, L
-and Rm grow with z^2, Km with z), so they say something about the iron and not about the wire:
+Three quantities are rarely printed. These rules do not change when the same motor is wound anew (z times the turns: R,
+L and Rm grow with z^2, Km with z), so they describe the iron and not the wire:
 
     iron loss   Rm = 1650 s^(-2/3) L^(2/3) R^(1/3)   31 ohm at 3.2 mH, 0.65 ohm
     its knee    w_k = 3600 rad/s / Nr                at 1.8 degrees 72 rad/s, 690 rev/min
@@ -44,35 +44,21 @@ from types import MappingProxyType
 from isel_twin.base.parameters import check, number
 
 log = logging.getLogger("isel_twin")
-
-IRON_LOSS = 1650.0
-"""Iron-loss resistance over L^(2/3) R^(1/3), s^(-2/3) (chosen on two curves; see decision D2)."""
-
-IRON_KNEE_RAD_S = 3600.0
-"""Electrical angular frequency of the knee of the iron drag, rad/s (decision D2)."""
-
-RUNNING_SHARE = (0.8, 1.15)
-"""Torque at low speed in microstep over Km times the peak current: detent, friction and ripple take a little."""
-
-DETENT_PER_MOTOR_CONSTANT = 0.12
-"""Detent torque over Km / sqrt(R), sqrt(W) (estimate; see decision D3)."""
+IRON_LOSS = 1650.0  # iron-loss resistance over L^(2/3) R^(1/3), s^(-2/3) (chosen on two curves; see decision D2)
+IRON_KNEE_RAD_S = 3600.0  # electrical angular frequency of the knee of the iron drag, rad/s (decision D2)
+RUNNING_SHARE = (0.8, 1.15)  # torque at low speed over Km times the peak current: detent, friction, ripple take some
+DETENT_PER_MOTOR_CONSTANT = 0.12  # detent torque over Km / sqrt(R), sqrt(W) (estimate; see decision D3)
 
 
 @dataclass(frozen=True)
 class Motor:
-    """A two-phase hybrid stepper motor. The first four fields suffice; what is left out follows from rules.
+    """The first four fields suffice; what is left out follows from rules. Raises ValueError for an impossible value."""
 
-    Raises ValueError for a value that no motor can have.
-    """
-
-    resistance_ohm: float = number("ohm", 1e-3, 1e3, key="resistance_ohm")
-    """Phase resistance."""
-    inductance_h: float = number("H", 1e-6, 10.0, key="inductance_h")
-    """Phase inductance."""
+    resistance_ohm: float = number("ohm", 1e-3, 1e3, key="resistance_ohm")  # of a phase
+    inductance_h: float = number("H", 1e-6, 10.0, key="inductance_h")  # of a phase
     torque_constant_nm_per_a: float = number("N m/A", 1e-4, 1e3, key="torque_constant_nm_per_a")
     """Km: peak torque of one phase per ampere, and back-EMF in V s/rad."""
     rotor_inertia_kgm2: float = number("kg m2", 1e-9, 10.0, key="rotor_inertia_kgm2")
-    """Rotor inertia."""
     detent_torque_nm: float = number("N m", 0.0, 1e3, key="detent_torque_nm", optional=True, default=math.nan)
     """Peak detent torque; nan: by rule from Km and R."""
     iron_loss_ohm: float = number("ohm", 1e-3, math.inf, key="iron_loss_ohm", optional=True, default=math.nan)
@@ -90,13 +76,13 @@ class Motor:
             rule = DETENT_PER_MOTOR_CONSTANT * self.torque_constant_nm_per_a / math.sqrt(self.resistance_ohm)
             object.__setattr__(self, "detent_torque_nm", rule)
         if math.isnan(self.iron_loss_ohm):
-            object.__setattr__(self, "iron_loss_ohm", _iron_loss_ohm(self))
+            rule = IRON_LOSS * self.inductance_h ** (2.0 / 3.0) * self.resistance_ohm ** (1.0 / 3.0)
+            object.__setattr__(self, "iron_loss_ohm", rule)
         if math.isnan(self.iron_knee_rad_s):
             object.__setattr__(self, "iron_knee_rad_s", IRON_KNEE_RAD_S / self.pole_pairs)
 
     @property
     def full_steps_per_rev(self) -> int:
-        """Full steps in a revolution: four a pole pair."""
         return 4 * self.pole_pairs
 
     @property
@@ -105,12 +91,8 @@ class Motor:
         return self.torque_constant_nm_per_a**2 / self.iron_loss_ohm
 
     def iron_torque_nm(self, omega_rad_s: float) -> float:
-        """Drag torque of the iron loss at a speed; a turning rotor feels it with and without current."""
+        """Drag torque of the iron loss at a speed, with and without current."""
         return self.iron_drag_nm_s_per_rad * omega_rad_s / (1.0 + (omega_rad_s / self.iron_knee_rad_s) ** 2)
-
-
-def _iron_loss_ohm(motor: Motor) -> float:
-    return IRON_LOSS * motor.inductance_h ** (2.0 / 3.0) * motor.resistance_ohm ** (1.0 / 3.0)
 
 
 def from_datasheet(
@@ -127,12 +109,10 @@ def from_datasheet(
 ) -> Motor:
     """The motor whose data sheet gives these figures; the holding torque with both phases at the current it prints.
 
-    rated_current_a      the printed current, taken for the peak of the microstep wave
-    rated_current_rms_a  the same, taken for its RMS value: the peak, which the motor then has as `rated_current_a`, is
-                         41 % more, and so is its torque in microstep. Give one of the two
-    running_torque_nm    what the sheet's torque curve begins with, in microstep at that current, if it has one; about
-                         Km times the peak. One line of the log tells a figure that does not fit, and whether it
-                         fits the other meaning of the current
+    rated_current_a      the printed current, taken for the peak of the microstep wave, or else
+    rated_current_rms_a  taken for its RMS value: the peak, `Motor.rated_current_a`, is 41 % more, and so is the torque
+    running_torque_nm    where the sheet's torque curve in microstep begins, if it has one; about Km times the peak. The
+                         log tells if it does not fit, and whether it fits the other meaning of the current
 
     Raises ValueError for no current or for both, and for what `Motor` refuses.
     """

@@ -1,7 +1,7 @@
 """The torque curve of a motor as a table, as bars in a terminal and as a picture.
 
 The goal of this code is to show what a motor and a stage can do, with the closed forms beside what the bench found, and
-how far anybody has compared it with a measurement:
+where it was compared with a measurement:
 
        rpm   pull-out  predicted      bound    0 ... Nm
        300 *    1.651      1.660      1.662    ##########################|
@@ -17,18 +17,11 @@ from json import dumps
 from pathlib import Path
 
 from isel_twin.base.pictures import Curve, draw_curves
-from isel_twin.drives.curves import (
-    pull_in_rate,
-    pull_out_envelope,
-    pull_out_prediction,
-    pull_out_torque,
-    resonance_hz,
-)
+from isel_twin.drives import curves
 from isel_twin.drives.motor import MOTORS, Motor
 from isel_twin.drives.stage import Stage
 
-SPEEDS_RPM = (30, 60, 90, *range(150, 1001, 50))
-"""Speeds of the table."""
+SPEEDS_RPM = (30, 60, 90, *range(150, 1001, 50))  # speeds of the table
 
 COMPARED = {
     "23HS32-4004S": ((36.0, 48.0), (90.0, 600.0), "36 and 48 V, 4.2 A peak, microstep, digital drive"),
@@ -37,14 +30,11 @@ COMPARED = {
 }
 """Supplies in V and speeds in rev/min between which, and conditions under which a maker's curve was compared."""
 
-BAR = 40
-"""Characters of the longest bar."""
+BAR = 40  # characters of the longest bar
 
 
 @dataclass(frozen=True)
 class TorquePoint:
-    """One line of the table."""
-
     speed_rpm: float
     pull_out_nm: float
     predicted_nm: float
@@ -53,22 +43,8 @@ class TorquePoint:
 
 def torque_table(motor: Motor, stage: Stage, speeds_rpm: Sequence[float] = SPEEDS_RPM) -> list[TorquePoint]:
     """Pull-out torque from the bench and from both closed forms, for each speed."""
-    return [
-        TorquePoint(
-            rpm,
-            pull_out_torque(motor, stage, rpm),
-            pull_out_prediction(motor, stage, rpm),
-            pull_out_envelope(motor, stage, rpm),
-        )
-        for rpm in speeds_rpm
-    ]
-
-
-def find_motor(name: str, motors: Mapping[str, Motor] = MOTORS) -> Motor:
-    """The motor called `name`. Raises ValueError with the names there are."""
-    if name not in motors:
-        raise ValueError(f"unknown motor {name!r}; there are: {', '.join(motors)}")
-    return motors[name]
+    columns = curves.pull_out_torque, curves.pull_out_prediction, curves.pull_out_envelope
+    return [TorquePoint(rpm, *(column(motor, stage, rpm) for column in columns)) for rpm in speeds_rpm]
 
 
 def default_stage(motor: Motor) -> Stage:
@@ -85,18 +61,17 @@ def show_motor(
     *,
     json: bool = False,
 ) -> None:
-    """Print what motor `name` does on a stage (None: `default_stage`), as a table or as one JSON object; with
-    `picture`, draw the curve into that file.
-
-    Raises ValueError for an unknown motor, or if a picture is asked for and matplotlib is missing.
+    """Print what motor `name` does on a stage (None: `default_stage`), as a table or as one JSON object; draw it into
+    `picture`. Raises ValueError for an unknown motor, or if a picture is asked for and matplotlib is missing.
     """
-    motor = find_motor(name, motors)
+    if name not in motors:
+        raise ValueError(f"unknown motor {name!r}; there are: {', '.join(motors)}")
+    motor = motors[name]
     stage = stage or default_stage(motor)
     table = torque_table(motor, stage)
     if json:
-        print(
-            dumps({"motor": name, "data": asdict(motor), "stage": asdict(stage), "curve": [asdict(p) for p in table]})
-        )
+        data = {"motor": name, "data": asdict(motor), "stage": asdict(stage), "curve": [asdict(p) for p in table]}
+        print(dumps(data))
     else:
         print("\n".join(_text(name, motor, stage, table)))
     if picture is not None:
@@ -104,17 +79,14 @@ def show_motor(
 
 
 def draw_torque(table: Sequence[TorquePoint], title: str, file: Path) -> None:
-    """Draw the curve with its envelope into a file (type by suffix: png, svg, pdf).
-
-    Raises ValueError if matplotlib is not installed.
-    """
+    """Draw the curves into a file (type by suffix: png, svg, pdf). Raises ValueError without matplotlib."""
     speeds = [point.speed_rpm for point in table]
-    curves = [
+    lines = [
         Curve("closed form: bound", speeds, [point.envelope_nm for point in table], "--"),
         Curve("closed form: prediction", speeds, [point.predicted_nm for point in table], ":"),
         Curve("pull-out torque", speeds, [point.pull_out_nm for point in table], "o-"),
     ]
-    draw_curves(file, title, "speed, rev/min", "torque, Nm", curves)
+    draw_curves(file, title, "speed, rev/min", "torque, Nm", lines)
 
 
 def _title(name: str, stage: Stage) -> str:
@@ -144,12 +116,12 @@ def _text(name: str, motor: Motor, stage: Stage, table: Sequence[TorquePoint]) -
         mark = "*" if compared and speeds[0] <= point.speed_rpm <= speeds[1] else " "
         figures = " ".join(f"{nm:12.3f}" for nm in (point.pull_out_nm, point.predicted_nm, point.envelope_nm))
         lines.append(f"{point.speed_rpm:6g} {mark} {figures}  {picture}")
-    rate = pull_in_rate(motor, stage)
+    rate = curves.pull_in_rate(motor, stage)
     lines += [
         "",
         f"starts from rest, unloaded: up to {rate:.0f} steps/s of this stage "
         f"({rate / stage.microsteps:.0f} full steps/s), except near its resonance",
-        f"resonance, unloaded: {resonance_hz(motor, stage):.0f} Hz",
+        f"resonance, unloaded: {curves.resonance_hz(motor, stage):.0f} Hz",
         f"* compared with the maker's curve, at {conditions}, {speeds[0]:g} to {speeds[1]:g} rev/min: docs/fidelity.md"
         if conditions
         else "no maker's curve of this motor was compared; the law was on others: see docs/fidelity.md",

@@ -1,21 +1,21 @@
 """The shaft behind the motor as data: screw, bearings, coupling and nut.
 
-The shaft turns with the rotor. A nut of lead p moves r = p (1 + lead error) / 2 pi metres a radian and hangs on the
-screw by a spring and damper with a dead zone, the backlash. Losses in the nut are friction in proportion to its force:
+A nut of lead p moves r = p (1 + lead error) / 2 pi metres a radian and hangs on the screw by a spring and damper with a
+dead zone, the backlash. Losses in the nut are friction in proportion to its force:
 
     forward   T = F r / efficiency                    back-driven   T = F r * backdrive_efficiency
 
-What a screw of steel adds to the rotor's inertia is that of a plain rod of its nominal diameter, less the thread:
+A steel screw adds to the rotor's inertia that of a plain rod of its nominal diameter, less the thread:
 
     J = fill * pi/32 rho d^4 l + coupling
 
 It gives along its free length, from the nut to the fixed bearing at the motor's end, like a rod of that diameter less
-the thread; bearing and nut give the rest. All of it together is the stiffness stated, in the middle of the travel:
+the thread; bearing and nut give the rest. Together they have the stated stiffness in the middle of the travel:
 
     1/k(x) = 1/k_bearing+nut + (x + l_0)/(E A)         x: place of the nut, l_0: free length where x = 0
     E A = E sqrt(fill) pi/4 d^2                        (fill goes with d^4, the section with d^2)
 
-A thread wobbles once a turn: nut at  r th + a sin(x / r). A warm one is longer, in proportion to its warming.
+A thread wobbles once a turn, nut at r th + a sin(x / r), and grows in proportion to its warming.
 """
 
 from __future__ import annotations
@@ -26,16 +26,13 @@ from dataclasses import dataclass
 from isel_twin.base.parameters import check, number
 
 STEEL_KG_M3 = 7850.0
-STEEL_GROWTH_PER_K = 11.5e-6
-"""Thermal expansion."""
+STEEL_GROWTH_PER_K = 11.5e-6  # thermal expansion
 
 
 @dataclass(frozen=True)
 class Screw:
-    """What turns with the rotor, and the nut on it. `Screw()` is a bare motor shaft.
-
-    Raises ValueError for a value that no screw can have.
-    """
+    """What turns with the rotor, and the nut on it. `Screw()` is a bare motor shaft. Raises ValueError for a value that
+    no screw can have."""
 
     inertia_kgm2: float = number("kg m2", 0.0, 1.0, default=0.0)
     """Everything that turns with the rotor: screw, coupling, a load at a test bench."""
@@ -46,9 +43,7 @@ class Screw:
     stribeck_rad_s: float = number("rad/s", 1e-6, 1e6, default=2.5)
     """Shaft speed at which half of the surplus at rest is gone."""
     viscous_nm_s_per_rad: float = number("N m s", 0.0, 0.1, key="shaft_viscous", default=0.0)
-    """Viscous friction."""
     lead_mm: float = number("mm", 0.5, 100.0, key="lead", default=5.0)
-    """Travel a revolution."""
     lead_error: float = number("%", -1.0, 1.0, key="lead_error", scale=1e-2, default=0.0)
     """Relative error of the lead: +0.00046 is a carriage that goes 0.46 mm too far in 1 m."""
     warming_k: float = number("K", -50.0, 100.0, key="screw_warming", optional=True, default=0.0)
@@ -60,18 +55,13 @@ class Screw:
     backdrive_efficiency: float = number("1", -100.0, 1.0, default=math.nan)
     """The same when the nut drives, 0 or less: self-locking; nan becomes 2 - 1 / efficiency (same loss both ways)."""
     backlash_mm: float = number("mm", 0.0, 1.0, key="backlash", default=0.0)
-    """Free travel of the nut."""
     stiffness_n_per_m: float = number("N/um", 1.0, 200.0, key="stiffness", scale=1e6, default=0.0)
     """Axial stiffness between screw and nut: screw, fixed bearing and nut in series; 0: no nut. Where the screw gives
     along its length (`rod_n`), that in the middle of the travel."""
-    rod_n: float = number("N", 1e5, math.inf, default=math.inf)
-    """E A of the screw, inf: the stiffness is the same everywhere."""
-    free_length_m: float = number("m", 0.0, 10.0, default=0.0)
-    """l_0: from the fixed bearing to the nut where x = 0."""
-    middle_m: float = number("m", 0.0, 10.0, default=0.0)
-    """Where the stiffness is the stated one."""
-    damping_n_s_per_m: float = number("N s/m", 0.0, 20_000.0, key="damping", default=0.0)
-    """Axial damping beside it."""
+    rod_n: float = number("N", 1e5, math.inf, default=math.inf)  # E A; inf: the stiffness is the same everywhere
+    free_length_m: float = number("m", 0.0, 10.0, default=0.0)  # l_0: from the fixed bearing to the nut where x = 0
+    middle_m: float = number("m", 0.0, 10.0, default=0.0)  # where the stiffness is the stated one
+    damping_n_s_per_m: float = number("N s/m", 0.0, 20_000.0, key="damping", default=0.0)  # axial
 
     def __post_init__(self) -> None:
         check(self)
@@ -95,7 +85,6 @@ class Screw:
         return 1.0 / self.stiffness_n_per_m - (self.free_length_m + self.middle_m) / self.rod_n
 
     def stiffness_at(self, position_m: float) -> float:
-        """k(x), N/m; the nut never gets into the bearing."""
         if self.rod_n == math.inf:
             return self.stiffness_n_per_m
         return 1.0 / (self.bearing_m_per_n + max(0.0, position_m + self.free_length_m) / self.rod_n)
@@ -103,16 +92,14 @@ class Screw:
 
 @dataclass(frozen=True)
 class Rod:
-    """A threaded steel rod and its coupling, whose inertia is a screw's. Raises ValueError."""
+    """A threaded steel rod and its coupling, as files describe a screw. Raises ValueError."""
 
     diameter_mm: float = number("mm", 4.0, 100.0, key="screw_diameter")
-    """Nominal diameter."""
     length_mm: float = number("mm", 10.0, 10_000.0, key="screw_length")
     fill: float = number("1", 0.3, 1.0, key="screw_fill")
     """Inertia of the threaded rod over that of a plain one of the nominal diameter."""
     coupling_inertia_kgm2: float = number("kg m2", 0.0, 1e-2, key="coupling_inertia")
     modulus_n_per_m2: float = number("GPa", 10.0, 1000.0, key="screw_modulus", scale=1e9, optional=True, default=206e9)
-    """Young's modulus."""
     free_length_mm: float = number("mm", 0.0, 10_000.0, key="free_length", optional=True, default=math.nan)
     """From the fixed bearing to the nut at position 0; nan: half of what the screw is longer than the travel."""
 
@@ -121,7 +108,6 @@ class Rod:
 
     @property
     def inertia_kgm2(self) -> float:
-        """Of rod and coupling about their axis."""
         plain_kgm2 = math.pi / 32.0 * STEEL_KG_M3 * (1e-3 * self.diameter_mm) ** 4 * 1e-3 * self.length_mm
         return self.fill * plain_kgm2 + self.coupling_inertia_kgm2
 

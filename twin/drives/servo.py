@@ -1,7 +1,6 @@
 """One servo drive, one sub-step: from the command in increments to the force on the nut.
 
-Goal: beside the stepper, with the same mechanics (shaft.py) and at its cost, a drive that closes its own loops and can
-be followed by hand:
+Goal: with the mechanics of the stepper (shaft.py) and at its cost, a drive that closes its own loops:
 
     e     = command - shift - floor(th increments_per_rev / 2 pi)            following error, in every sub-step
     w_ref = (Kv e + Kff d command/dt) 2 pi / increments_per_rev             every loop period, as all up to here
@@ -13,15 +12,14 @@ be followed by hand:
         command --(-)--> e --Kv--> w_ref --(-)--> PI --i_ref--> [current in one sub-step, |v| <= U] --K--> shaft
                    '--------- encoder -----'----- w -----'
 
-The command comes as its time mean over the sub-step, led from set point to set point by the plant: that is the fine
-interpolation of a drive that gets a set point every few milliseconds. Kp = J w_v / K and Ti = ratio / w_v, J being what
-turns. The speed is the shaft's, as an observer knows it: differences of encoder counts would be coarse at this rate.
+The command is its time mean over the sub-step, led from set point to set point by the plant: the fine interpolation of
+a drive that gets a set point every few milliseconds. Kp = J w_v / K and Ti = ratio / w_v, J: all that turns. The speed
+is the shaft's, as of an observer: differences of encoder counts would be coarse at this rate.
 
-Switched on, a drive takes the place where it stands for the one it is told (`shift`). |e| beyond the limit is a fault:
-no current from that sub-step on, until the fault is forgotten (`forget`) and the drive is on again. A motor with a
-broken cable has no current, though its drive does not know.
-
-At rest with e = 0 nothing changes any more, and time may be skipped; `cool` then lets the I2t go on.
+When switched on, a drive takes the place where it stands for the one it is told (`shift`). |e| beyond the limit is a
+fault: no current from that sub-step on, until it is cleared (`forget`) and the drive is on again. A motor with a broken
+cable has no current, though its drive does not know. At rest with e = 0 nothing changes and time may be skipped; `cool`
+then lets the I2t go on.
 """
 
 from __future__ import annotations
@@ -38,19 +36,14 @@ from isel_twin.drives.screw import Screw
 from isel_twin.drives.servo_drive import I2T_BACK, ServoDrive, ServoMotor
 from isel_twin.drives.shaft import SERVO, shaft_parameters, turn
 
-LAG_FAULT = 1
-"""`fault`: the following error has passed its limit."""
-VOLTAGE_FAULT = 2
-"""`fault`: the common supply had too little voltage while the drive was on."""
+LAG_FAULT = 1  # `fault`: the following error has passed its limit
+VOLTAGE_FAULT = 2  # `fault`: the common supply had too little voltage while the drive was on
 CAUSES: Mapping[int, str] = {0: "", LAG_FAULT: "following error exceeded", VOLTAGE_FAULT: "too little supply voltage"}
-"""The same for people."""
 
 
 def servo_parameters(motor: ServoMotor, drive: ServoDrive, screw: Screw, dt_s: float) -> NDArray[np.void]:
-    """Constants of a servo drive for sub-steps of dt_s: one record of AXIS_PARAMETERS, shape [1].
-
-    Raises ValueError if the sub-step is too long for the nut spring, or the loop period is not whole sub-steps.
-    """
+    """Constants of a servo drive: one record of AXIS_PARAMETERS, shape [1]. Raises ValueError if the sub-step dt_s is
+    too long for the nut spring, or the loop period is not whole sub-steps."""
     p = shaft_parameters(screw, motor.rotor_inertia_kgm2, dt_s)
     loop = round(drive.loop_period_s / dt_s)
     if loop < 1 or abs(loop * dt_s - drive.loop_period_s) > 1e-9 * drive.loop_period_s:
@@ -87,7 +80,7 @@ def servo_parameters(motor: ServoMotor, drive: ServoDrive, screw: Screw, dt_s: f
 
 @njit(error_model="numpy")
 def _off(s):
-    """Loops open, nothing wanted; what is latched stays."""
+    """Open the loops; what is latched stays."""
     s.on = 0
     s.wanted_a = 0.0
     s.integral_rad_s = 0.0
@@ -97,7 +90,6 @@ def _off(s):
 
 @njit(error_model="numpy")
 def fail(s, cause):
-    """Switch the drive off until the fault is forgotten."""
     s.fault = cause
     s.cause = cause
     s.faults += 1
@@ -106,9 +98,8 @@ def fail(s, cause):
 
 @njit(error_model="numpy")
 def step_servo(p, s, command, phases, current_fraction, nut_position_m, nut_velocity_m_s, load_torque_nm):
-    """Advance one servo drive by one sub-step; return the force on the nut in N (mean over the sub-step).
+    """As `step_axis`, for a servo drive: command in increments, phases OPEN or not; current_fraction means nothing.
 
-    Arguments as in `step_axis`; command in increments, phases OPEN or anything else; current_fraction means nothing.
     Finite arguments give finite results. With phases OPEN, or a fault, it never adds energy.
     """
     torque, drag, steady = servo_torque(p, s, command, phases)
@@ -190,5 +181,5 @@ def cool(p, s, substeps):
 
 @njit(error_model="numpy")
 def forget(s):
-    """Forget the fault; if the drive is told to be on, it is so from the next sub-step on."""
+    """Clear the fault; a drive that is told to be on is on from the next sub-step."""
     s.fault = 0

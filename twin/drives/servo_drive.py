@@ -1,15 +1,14 @@
 """Servo motors and their drives as data: what the plates say, and what a drive is set to.
 
-The motor is the direct-current motor that a brushless one with its commutation is equal to: one winding, one current,
-and one constant for torque and back-EMF (in N m/A and V s/rad it is the same number; taken per phase or as RMS values
-plates differ, so bring them to one winding first).
+A brushless motor with its commutation equals a direct-current motor: one winding, one current, and one constant for
+torque and back-EMF (the same number in N m/A and V s/rad; plates may give it per phase or as RMS value).
 
     U = R i + L di/dt + K w          T = K i
 
 The drive closes three loops (servo.py): current in every sub-step, speed and position every `loop_period`. Its encoder
-sits on the motor and counts whole increments; one increment is the unit of the commands. It limits the current to
-`peak_current`, and to `rated_current` while the low pass of (i / rated)^2, the I2t, has been beyond 1 and is not back
-below I2T_BACK. It switches itself off, until it is told to forget it, if the following error passes its limit.
+on the motor counts whole increments, the unit of the commands. It limits the current to `peak_current`, and to
+`rated_current` after the I2t, the low pass of (i / rated)^2, has passed 1 until it is back below I2T_BACK. If the
+following error passes its limit it switches itself off until the fault is cleared.
 """
 
 from __future__ import annotations
@@ -19,8 +18,7 @@ from dataclasses import dataclass
 
 from isel_twin.base.parameters import check, number
 
-I2T_BACK = 0.9
-"""I2t below which an overload is over."""
+I2T_BACK = 0.9  # I2t below which an overload is over
 
 
 @dataclass(frozen=True)
@@ -28,20 +26,17 @@ class ServoMotor:
     """A direct-current motor. Raises ValueError for a value that no motor can have."""
 
     resistance_ohm: float = number("ohm", 1e-3, 1e3, key="resistance")
-    """Of the winding."""
     inductance_h: float = number("mH", 1e-3, 1e4, key="inductance", scale=1e-3)
-    """Of the winding."""
     torque_constant_nm_per_a: float = number("N m/A", 1e-4, 1e3, key="torque_constant")
     """K: torque over current, and back-EMF over speed."""
     rotor_inertia_kgm2: float = number("kg m2", 1e-9, 10.0, key="rotor_inertia")
     rated_current_a: float = number("A", 1e-3, 1e3, key="rated_current")
-    """Current that it can carry continuously."""
 
     def __post_init__(self) -> None:
         check(self)
 
     def torque_nm(self, drive: ServoDrive, speed_rad_s: float, current_a: float) -> float:
-        """Torque at a speed, by at most this current and what the drive's voltage leaves after the back-EMF."""
+        """Torque at a speed with at most this current, as far as voltage less back-EMF drives it."""
         voltage_v = drive.drive_v - self.torque_constant_nm_per_a * speed_rad_s
         by_voltage_a = voltage_v / (self.resistance_ohm + drive.extra_resistance_ohm)
         return self.torque_constant_nm_per_a * max(0.0, min(current_a, by_voltage_a))
@@ -56,15 +51,14 @@ class ServoMotor:
 class ServoDrive:
     """Amplifier, encoder and loops of one servo axis. Raises ValueError for settings that no drive can have."""
 
-    supply_v: float = number("V", 5.0, 800.0, key="supply")
-    """Largest voltage at the motor."""
+    supply_v: float = number("V", 5.0, 800.0, key="supply")  # largest voltage at the motor
     peak_current_a: float = number("A", 1e-3, 1e3, key="peak_current")
     increments_per_rev: int = number("1", 50, 10_000_000, key="increments_per_rev", whole=True)
     """Of the encoder, all edges counted: the unit of the commands."""
     position_gain_per_s: float = number("1/s", 0.1, 1000.0, key="position_gain")
     """Kv: speed wanted over following error. Without feed-forward an axis at speed v lags by v / Kv."""
     feed_forward: float = number("1", 0.0, 1.5, key="feed_forward")
-    """Part of the speed of the command that is wanted beside; 1: no lag at constant speed."""
+    """Part of the command's speed that is added to it; 1: no lag at constant speed."""
     speed_bandwidth_rad_s: float = number("Hz", 1.0, 1000.0, key="speed_bandwidth", scale=2.0 * math.pi)
     """w_v: of the speed loop without its integral, by the inertia of all that turns (the carriage not counted)."""
     integral_ratio: float = number("1", 0.5, 1e6, key="integral_ratio")
@@ -90,25 +84,21 @@ class ServoDrive:
     """Temperature of the air in the cabinet."""
     thermal_limit_c: float = number("C", -50.0, 300.0, key="thermal_limit", optional=True, default=85.0)
     """Where the over-temperature contact opens (estimate)."""
-    rated_current_a: float = number("A", 1e-3, 1e3, default=math.nan)
-    """Of the motor: what the I2t counts in."""
+    rated_current_a: float = number("A", 1e-3, 1e3, default=math.nan)  # of the motor, for the I2t
 
     def __post_init__(self) -> None:
         check(self)
 
     @property
     def drive_v(self) -> float:
-        """Largest voltage that drives a current."""
         return self.supply_v
 
     @property
     def supply_factor(self) -> float:
-        """Part of the supply that can drive a current: all of it."""
         return 1.0
 
     @property
     def current_a(self) -> float:
-        """Largest current."""
         return self.peak_current_a
 
     def loss_w(self, current_fraction: float) -> float:

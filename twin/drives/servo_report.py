@@ -1,7 +1,7 @@
 """The torque-speed curve of a servo motor on its drive, as a table, as bars in a terminal and as a picture.
 
-Two lines bound what it can do, both closed forms: what the peak current gives for moments, and the rated one for ever;
-where the back-EMF leaves too little voltage for it, both fall to nothing at U / K:
+Two closed forms bound it: what the peak current gives for moments and the rated one for ever; both fall to nothing at
+U / K, where the back-EMF leaves no voltage:
 
        rpm    peak Nm   rated Nm    0 ... Nm
          0      1.200      0.400    #############---------------------------
@@ -19,17 +19,13 @@ from pathlib import Path
 from isel_twin.base.pictures import Curve, draw_curves
 from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
 
-BAR = 40
-"""Characters of the longest bar."""
-LINES = 13
-"""Speeds in the table, from 0 to where there is no torque left."""
+BAR = 40  # characters of the longest bar
+LINES = 13  # speeds in the table, from 0 to where there is no torque left
 _RPM = 30.0 / math.pi
 
 
 @dataclass(frozen=True)
 class ServoPoint:
-    """One line of the table."""
-
     speed_rpm: float
     peak_nm: float
     rated_nm: float
@@ -52,8 +48,7 @@ def servo_table(motor: ServoMotor, drive: ServoDrive, speeds_rpm: Sequence[float
 def show_servo(
     name: str, motor: ServoMotor, drive: ServoDrive, lead_mm: float, picture: Path | None = None, *, json: bool = False
 ) -> None:
-    """Print what the motor of an axis does on its drive, as a table or as one JSON object; with `picture`, draw the
-    curve into that file.
+    """Print what the motor of an axis does on its drive, as a table or as one JSON object; draw it into `picture`.
 
     lead_mm: of its screw. Raises ValueError if a picture is asked for and matplotlib is missing.
     """
@@ -63,23 +58,17 @@ def show_servo(
     else:
         print("\n".join(_text(name, motor, drive, lead_mm, table)))
     if picture is not None:
-        draw_servo(table, _title(name, drive), picture)
-
-
-def draw_servo(table: Sequence[ServoPoint], title: str, file: Path) -> None:
-    """Draw the curve into a file (type by suffix: png, svg, pdf). Raises ValueError if matplotlib is not installed."""
-    speeds = [point.speed_rpm for point in table]
-    curves = [
-        Curve("peak current, for moments", speeds, [point.peak_nm for point in table], "--"),
-        Curve("rated current, for ever", speeds, [point.rated_nm for point in table]),
-    ]
-    draw_curves(file, title, "speed, rev/min", "torque, Nm", curves)
+        speeds = [point.speed_rpm for point in table]
+        curves = [
+            Curve("peak current, for moments", speeds, [point.peak_nm for point in table], "--"),
+            Curve("rated current, for ever", speeds, [point.rated_nm for point in table]),
+        ]
+        draw_curves(picture, _title(name, drive), "speed, rev/min", "torque, Nm", curves)
 
 
 def _title(name: str, drive: ServoDrive) -> str:
-    return (
-        f"servo motor of {name} at {drive.supply_v:g} V, {drive.rated_current_a:g} A, {drive.peak_current_a:g} A peak"
-    )
+    amps = f"{drive.rated_current_a:g} A, {drive.peak_current_a:g} A peak"
+    return f"servo motor of {name} at {drive.supply_v:g} V, {amps}"
 
 
 def _text(name: str, motor: ServoMotor, drive: ServoDrive, lead_mm: float, table: Sequence[ServoPoint]) -> list[str]:

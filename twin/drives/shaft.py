@@ -1,7 +1,7 @@
 """Rotor, screw and nut of an axis in one sub-step, whatever motor turns them; and the records of an axis drive.
 
-Goal: stepper and servo drives differ in how a command becomes a torque, and in nothing else. What the torque does with
-rotor, friction, screw, backlash and nut stands here once, compiled into both (dynamics.py, servo.py):
+Goal: stepper and servo drives differ only in how a command becomes a torque. What the torque does with rotor, friction,
+screw, backlash and nut stands here once, compiled into both (dynamics.py, servo.py):
 
     F = k dead_zone(r th - x, backlash) + c (r w - v_nut)          force on the nut
     J dw/dt = T - B w - F r - T_load - friction
@@ -13,8 +13,8 @@ exactly 0 and the angle does not change by a bit.
 
     th --drift--> torque of the motor --turn: kick, drift--> th'
 
-Records, not objects: AXIS_STATE and AXIS_PARAMETERS are numpy structured dtypes; in compiled code `states[i]` is a
-reference with named fields.
+AXIS_STATE and AXIS_PARAMETERS are numpy structured dtypes; in compiled code `states[i]` is a reference with named
+fields.
 """
 
 from __future__ import annotations
@@ -27,13 +27,9 @@ from numpy.typing import NDArray
 from isel_twin.base.compiling import njit
 from isel_twin.drives.screw import Screw
 
-STEPPER = 0
-"""`kind`: open loop, two phases (dynamics.py)."""
-SERVO = 1
-"""`kind`: closed loop (servo.py)."""
-
-REST_RAD_S = 1e-9
-"""Below this shaft speed before and after a sub-step a drive counts as standing (friction brings it to exactly 0)."""
+STEPPER = 0  # `kind`: open loop, two phases (dynamics.py)
+SERVO = 1  # `kind`: closed loop (servo.py)
+REST_RAD_S = 1e-9  # shaft speed up to which a drive counts as standing (friction brings it to exactly 0)
 
 AXIS_PARAMETERS = np.dtype(
     [
@@ -126,10 +122,8 @@ AXIS_STATE = np.dtype(
 
 
 def shaft_parameters(screw: Screw, rotor_inertia_kgm2: float, dt_s: float) -> NDArray[np.void]:
-    """Constants of what turns, for sub-steps of dt_s: one record, shape [1], whose motor is still to be filled in.
-
-    Raises ValueError if the sub-step is too long for the nut spring on this shaft.
-    """
+    """Constants of all but the motor: one record, shape [1]. Raises ValueError if the sub-step dt_s is too long for the
+    nut spring on this shaft."""
     if not 0.0 < dt_s <= 1e-3:
         raise ValueError(f"drive: the sub-step must lie in 0 .. 1 ms, not {dt_s!r} s")
     inertia = rotor_inertia_kgm2 + screw.inertia_kgm2
@@ -158,7 +152,7 @@ def shaft_parameters(screw: Screw, rotor_inertia_kgm2: float, dt_s: float) -> ND
 def axis_states(n: int) -> NDArray[np.void]:
     """n drives at rest at counter 0, without current: shape [n], dtype AXIS_STATE."""
     states = np.zeros(n, AXIS_STATE)
-    states["command"] = math.nan  # no shape yet: the first sub-step finds it
+    states["command"] = math.nan  # the first sub-step finds the shape
     return states
 
 
@@ -166,10 +160,8 @@ def axis_states(n: int) -> NDArray[np.void]:
 def turn(p, s, torque, drag, nut_position_m, nut_velocity_m_s, steady):
     """Let a torque turn the shaft through one sub-step; return the force on the nut in N (its mean).
 
-    p, s                  records of AXIS_PARAMETERS and AXIS_STATE; s is changed in place
-    torque, drag          of motor and load in N m, and what is linear in the speed in N m s/rad, without the nut
-    nut_position_m, nut_velocity_m_s   see `step_axis`
-    steady                whether nothing else in the drive has changed in this sub-step
+    torque, drag: of motor and load without the nut, in N m, and what is linear in the speed, in N m s/rad. steady:
+    nothing else in the drive has changed in this sub-step. The others: see `step_axis`.
     """
     half_dt = 0.5 * p.dt_s
     omega = s.omega_rad_s
@@ -218,9 +210,6 @@ def turn(p, s, torque, drag, nut_position_m, nut_velocity_m_s, steady):
 
 @njit(error_model="numpy")
 def at_rest(s):
-    """True if the last sub-step changed neither angle nor currents.
-
-    Then a sub-step with the same arguments changes nothing either, bit for bit if there is friction, and time may be
-    skipped until an argument changes.
-    """
+    """True if the last sub-step changed neither angle nor currents. Others with the same arguments change nothing
+    either, to the bit if there is friction: time may be skipped until an argument changes."""
     return s.at_rest != 0

@@ -1,13 +1,13 @@
 """The power stage as data: a chopper that drives two phase currents from a limited supply.
 
 The current it wants is I (cos phi, sin phi), phi being the electrical angle of the microstep counter. In half and full
-step the two waves have the corners of a switch instead:
+step the two waves are switched instead:
 
     half step, A:  1  1  0 -1 -1 -1  0  1        full step, A:  1 -1 -1  1       (B: a quarter period later)
 
 so the torque at standstill is Km I in microstep, alternately Km I and sqrt(2) Km I in half step, and sqrt(2) Km I in
-full step. What it can do ends at the supply: supply_factor * supply_v can drive a current, and a current that the stage
-wants to get rid of flows back against supply_v.
+full step. The supply limits it: supply_factor * supply_v can drive a current, and one that is to fall flows back
+against supply_v.
 
 Two errors that repeat every electrical period, four full steps, and do not add up (a full step is pi/2 electrical):
 
@@ -29,9 +29,7 @@ class Stage:
     """A two-phase power stage. Raises ValueError for a setting that no stage can have."""
 
     supply_v: float = number("V", 5.0, 200.0, key="supply")
-    """Supply voltage."""
-    current_a: float = number("A", 0.1, 20.0, key="current")
-    """Peak phase current in motion."""
+    current_a: float = number("A", 0.1, 20.0, key="current")  # peak phase current in motion
     microsteps: int = number("1", 1, 256, whole=True, default=8)
     """Microsteps a full step: 1 full step (both phases on), 2 half step, 8 for 1600 a revolution at 1.8 degrees."""
     idle_current_fraction: float = number("1", 0.0, 1.0, key="idle_current", default=0.5)
@@ -56,7 +54,6 @@ class Stage:
     """Electronic damping: advance of the current vector over the swing of the load angle; 0: none. Microstep only."""
     damping_corner_hz: float = number("Hz", 10.0, 2000.0, key="damping_corner", optional=True, default=300.0)
     """Corner of the low pass that tells the mean load angle from its swing."""
-
     step_error: float = number("%", 0.0, 50.0, key="step_accuracy", scale=1e-2, optional=True, default=0.0)
     """Largest error of the angle at which motor and stage hold, over a full step."""
     current_offset: float = number("%", -50.0, 50.0, key="current_offset", scale=1e-2, optional=True, default=0.0)
@@ -80,5 +77,4 @@ class Stage:
         return self.microsteps <= 2
 
 
-AnyStage: TypeAlias = Stage | ServoDrive
-"""What gives a motor its currents: supply, losses and heat are asked of both alike."""
+AnyStage: TypeAlias = Stage | ServoDrive  # both tell their supply, losses and heat alike

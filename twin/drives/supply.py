@@ -6,23 +6,23 @@
                         |          |             |          P = sum of T w + R i^2 + d(L i^2 / 2)/dt + what stages
     -------------------+----------+-------------+              use for themselves while on
 
-T w is what the currents do on the rotors, exactly that by which the rotors gain energy in a sub-step; R i^2 the loss in
-windings and stage. A motor that brakes makes P negative: the rectifier blocks, and what is not lost on the way raises
-the capacitor. The chopper is switched so fast that it is a clamp: above its voltage it takes what is too much, up to
-what its resistor takes at that voltage, U^2 / R_c. Below `undervoltage_v` the stages open their phases (what their
-inductances hold flows back) until U is above `release_v` again: they hold nothing meanwhile, and steps are lost.
+T w is the work of the currents on the rotors, exactly the energy that the rotors gain in a sub-step; R i^2 the loss in
+windings and stage. A braking motor makes P negative: the rectifier blocks, and what is not lost charges the capacitor.
+The chopper switches so fast that it is a clamp: above its voltage it takes the excess, at most U^2 / R_c. Below
+`undervoltage_v` the stages open their phases (what their inductances hold flows back) until U is above `release_v`
+again: motors hold nothing meanwhile, and steps are lost.
 
 P is summed over a window of MuJoCo and U follows once a window, with P / U constant in it:
 
     charging, U < U0     U' = U_e + (U - U_e) exp(-h / R_s C)      U_e = U0 - R_s P / U
     blocked              U'^2 = U^2 - 2 h P / C
 
-so U is a window late (0.5 ms), which is little as long as it hardly changes in one: a capacitor is refused that the
-greatest power of the stages could change by more than LARGEST_CHANGE in a window. The law runs in isel_twin.plant.feed.
+so U is a window (0.5 ms) late. That is little as long as it hardly changes in one: a capacitor whose voltage the
+greatest power of the stages could change by more than LARGEST_CHANGE in a window is refused. The law runs in
+isel_twin.plant.feed.
 
-The stages see drive_v = supply_factor U and return_v = U. The factor stands for the stage's own drops here, though its
-fitted value holds sag of the makers' benches as well (decision D1); what a chopping stage loses in switching is in the
-quiescent loss.
+The stages see drive_v = supply_factor U and return_v = U. The factor stands for the stage's own drops, though its
+fitted value holds the sag of the makers' benches, too (decision D1); switching losses are in the quiescent loss.
 """
 
 from __future__ import annotations
@@ -34,26 +34,20 @@ from dataclasses import dataclass
 from isel_twin.base.parameters import check, flag, number
 from isel_twin.drives.stage import AnyStage
 
-LARGEST_CHANGE = 0.05
-"""Of the voltage in a window at the greatest power that the stages can draw at once; real moves are far below it."""
+LARGEST_CHANGE = 0.05  # of the voltage in a window at the greatest power of all stages; real moves are far below it
 
 
 @dataclass(frozen=True)
 class Supply:
     """The common supply of the stages. Raises ValueError for one that cannot work."""
 
-    enabled: bool = flag()
-    """Off: every stage has a stiff supply of its own."""
+    enabled: bool = flag()  # off: every stage has a stiff supply of its own
     capacitance_f: float = number("uF", 100.0, 1e6, key="capacitance", scale=1e-6)
-    source_ohm: float = number("ohm", 0.01, 100.0, key="source_resistance")
-    """Transformer, rectifier and mains as one resistance: sag per ampere."""
-    chopper_v: float = number("V", 5.0, 400.0, key="chopper_voltage")
-    """Where the brake resistor begins to take what is too much."""
+    source_ohm: float = number("ohm", 0.01, 100.0, key="source_resistance")  # transformer, rectifier and mains as one
+    chopper_v: float = number("V", 5.0, 400.0, key="chopper_voltage")  # where the brake resistor begins to conduct
     chopper_ohm: float = number("ohm", 0.1, 1e6, key="chopper_resistance")
-    undervoltage_v: float = number("V", 0.0, 200.0, key="undervoltage")
-    """Below it the stages drop."""
-    release_v: float = number("V", 0.0, 200.0, key="release")
-    """Above it they come back."""
+    undervoltage_v: float = number("V", 0.0, 200.0, key="undervoltage")  # below it the stages drop
+    release_v: float = number("V", 0.0, 200.0, key="release")  # above it they come back
 
     def __post_init__(self) -> None:
         check(self)

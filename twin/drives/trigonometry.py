@@ -1,6 +1,6 @@
-"""Sine and cosine of one angle at once, to the last digit, at a third of the cost of asking for one after the other.
+"""Sine and cosine of one angle at once, to the last digit, at a third of the cost of one after the other.
 
-Goal: a drive's sub-step is half sines. The angle is taken to the nearest quarter turn, where two short polynomials do:
+Goal: half of the cost of a drive's sub-step is sines. Reduced to the nearest quarter turn, two short polynomials do:
 
     n = round(x 2/pi),  r = x - n pi/2,  |r| <= pi/4           pi/2 in two parts, n times the first of them is exact
 
@@ -12,27 +12,20 @@ Coefficients: fdlibm (Sun Microsystems, 1993, freely granted), k_sin.c and k_cos
 within 2^-52 of the truth, and below 10^6 rad does not depend on the machine's mathematical library.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 
 from isel_twin.base.compiling import njit
 
-FAR_RAD = 1e6
-"""From here on the library is asked: 3000 turns of a rotor with 50 pole pairs."""
-
-_ROUND = 6755399441055744.0
-"""1.5 2^52: added and taken away, it leaves the nearest whole number."""
-_HALF_PI_HIGH = 1.57079632673412561417
-"""The first 33 bits of pi/2."""
+FAR_RAD = 1e6  # from here on the library is asked: 3000 turns of a rotor with 50 pole pairs
+_ROUND = 6755399441055744.0  # 1.5 2^52: added and taken away, it leaves the nearest whole number
+_HALF_PI_HIGH = 1.57079632673412561417  # the first 33 bits of pi/2
 _HALF_PI_LOW = 6.07710050650619224932e-11
 
 
 @njit(error_model="numpy")
 def sine_and_cosine(angle_rad):
-    """sin and cos of an angle in rad."""
     if not abs(angle_rad) < FAR_RAD:
         return math.sin(angle_rad), math.cos(angle_rad)
     quarters = (angle_rad * (2.0 / math.pi) + _ROUND) - _ROUND

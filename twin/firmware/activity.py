@@ -1,15 +1,14 @@
 """What takes time: activities, and what they may ask for.
 
 An activity is a generator. It yields a request, is suspended while the request is carried out, and goes on with the
-result. So what a command does reads from top to bottom, whatever may happen in between:
+result. So what a command does reads from top to bottom:
 
     ended = yield Travel(path, law)      make these ticks              -> Ended: ticks made so far, by an event?
-    ended = yield Make(begin)            make the motion begin(now)    -> Ended
     left = yield Pause(50_000_000)       let time pass                 -> None, or the ns left of it
     byte = yield Listen()                wait for a byte               -> the byte, or None
 
-A stop takes the activity aside wherever it is. When it goes on, it gets the second kind of result: fewer ticks than it
-asked for, time left, no byte. Nothing is repeated behind its back: what is left, the activity asks for again, or not.
+A stop sets the activity aside wherever it is. When it goes on, it gets the second kind of result: fewer ticks than it
+asked for, time left, no byte. What is left, the activity asks for again, or not.
 
     made = 0
     while made < path.ticks:
@@ -17,31 +16,21 @@ asked for, time left, no byte. Nothing is repeated behind its back: what is left
         made = ended.ticks
 
 It ends by returning, or early by an exception of the kind `Unfinished`. Whatever it holds it gives back in a `finally`:
-an activity that is broken off or forgotten is closed.
-
-`purpose` is what a request is for, in the firmware's own terms (towards this switch, a rest before the next motion);
-only the firmware looks at it.
+an activity that is broken off or forgotten is closed. `purpose` is what a request is for, in the firmware's own terms
+(towards this switch, a rest before the next motion); only the firmware looks at it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from dataclasses import dataclass
 from typing import Any
 
-from isel_twin.motion import Motion, StepPath, StepRun, TimeLaw
+from isel_twin.motion import StepPath, TimeLaw
 
 
 class Unfinished(Exception):
-    """An activity has ended before its work was done. Firmwares derive their own, with what they need to tell."""
-
-
-@dataclass(frozen=True)
-class Make:
-    """Make the motion that `begin` gives for its start time in ns. Result: `Ended`."""
-
-    begin: Callable[[int], Motion]
-    purpose: object = None
+    """An activity has ended before its work was done. Firmwares derive their own."""
 
 
 @dataclass(frozen=True)
@@ -52,10 +41,6 @@ class Travel:
     law: TimeLaw
     first: int = 0
     purpose: object = None
-
-    def begin(self, start_ns: int) -> StepRun:
-        """The motion, started at this time."""
-        return StepRun(self.path, self.law, start_ns, self.first)
 
 
 @dataclass(frozen=True)
@@ -81,5 +66,5 @@ class Listen:
     purpose: object = None
 
 
-Request = Make | Travel | Pause | Listen
+Request = Travel | Pause | Listen
 Activity = Generator[Request, Any, Any]

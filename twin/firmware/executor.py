@@ -1,7 +1,7 @@
 """Carries out activities, one at a time, in virtual time; keeps the motion in execution and the counters.
 
-Goal: how something is stopped, set aside and gone on with is the same in every controller and stands here once. What a
-limit switch, a fault or a stop byte *means* is the firmware's business: it calls one of these.
+Goal: how something is stopped, set aside and resumed stands here once. What a limit switch, a fault or a stop byte
+*means* is the firmware's business: it calls one of these.
 
     park         stop ramp   the activity is set aside; `resume` goes on with it, `forget` closes it
     event        stop ramp   it goes on, with Ended(by_event=True)
@@ -26,8 +26,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from isel_twin.firmware.activity import Activity, Ended, Listen, Make, Pause, Request, Travel, Unfinished
-from isel_twin.motion import Displacement, Motion
+from isel_twin.firmware.activity import Activity, Ended, Listen, Pause, Request, Travel, Unfinished
+from isel_twin.motion import Displacement, StepRun
 from isel_twin.motion.path import added
 
 EndedBy = Callable[[Unfinished | None], None]
@@ -57,14 +57,15 @@ class Executor:
     """Carries out one activity at a time."""
 
     def __init__(self, axes: int) -> None:
-        """A controller of so many axes, at rest, all counters 0, at time 0."""
         self.now_ns = 0
         self.parked: Parked | None = None
+        self.motion: StepRun | None = None
+        """The motion in execution."""
+        self.request: Request | None = None
+        """What the activity in progress waits for; None at rest."""
         self._base: Displacement = (0,) * axes
-        self._motion: Motion | None = None
         self._activity: Activity | None = None
         self._ended: EndedBy | None = None
-        self._request: Request | None = None
         self._pause_end_ns: int | None = None
         self._stopping: _Stopping | None = None
 
@@ -73,22 +74,12 @@ class Executor:
     @property
     def counts(self) -> Displacement:
         """Counters of all axes now."""
-        return self._base if self._motion is None else added(self._base, self._motion.displacement(self.now_ns))
-
-    @property
-    def motion(self) -> Motion | None:
-        """The motion in execution."""
-        return self._motion
-
-    @property
-    def request(self) -> Request | None:
-        """What the activity in progress waits for; None at rest."""
-        return self._request
+        return self._base if self.motion is None else added(self._base, self.motion.displacement(self.now_ns))
 
     @property
     def purpose(self) -> object:
-        """What that request is for, in the firmware's terms."""
-        return None if self._request is None else self._request.purpose
+        """What the request is for, in the firmware's terms."""
+        return None if self.request is None else self.request.purpose
 
     @property
     def busy(self) -> bool:
@@ -103,20 +94,17 @@ class Executor:
     @property
     def next_ns(self) -> int | None:
         """When something is due; None if only the outside can change anything."""
-        end_ns = self._pause_end_ns if self._motion is None else self._motion.end_ns
+        end_ns = self._pause_end_ns if self.motion is None else self.motion.end_ns
         return None if end_ns is None else max(end_ns, self.now_ns)
 
     @property
     def due(self) -> bool:
-        """Something is due now."""
         next_ns = self.next_ns
         return next_ns is not None and next_ns <= self.now_ns
 
-    # ---- counters ---------------------------------------------------------------------------------------------------
-
     def set_counter(self, axis: int, value: int) -> None:
         """Set a counter without a tick; no motion is in execution."""
-        assert self._motion is None
+        assert self.motion is None
         self._base = (*self._base[:axis], value, *self._base[axis + 1 :])
 
     # ---- going on ---------------------------------------------------------------------------------------------------
@@ -128,10 +116,10 @@ class Executor:
         self._go_on(None)
 
     def tick(self) -> None:
-        """Do what is due now: end the motion or the pause, and do all that follows without taking time."""
+        """End the motion or the pause that is due, and do all that follows without taking time."""
         if not self.due:
             return
-        if self._motion is None:
+        if self.motion is None:
             self._go_on(None)
             return
         stopping = self._stopping or _Stopping()
@@ -144,19 +132,8 @@ class Executor:
             self._go_on(result)
 
     def hear(self, byte: int) -> None:
-        """Give the activity the byte it listens for."""
-        assert isinstance(self._request, Listen)
+        assert isinstance(self.request, Listen)
         self._go_on(byte)
-
-    def replace(self, motion: Motion) -> None:
-        """Give the motion in execution another future, as look-ahead or another speed demands.
-
-        `motion` continues it (see `Motion.continues`), and the one in execution is not in a stop ramp.
-        """
-        assert self._motion is not None
-        assert self._stopping is None
-        assert motion.continues(self._motion)
-        self._motion = motion
 
     # ---- stopping ---------------------------------------------------------------------------------------------------
 
@@ -165,11 +142,10 @@ class Executor:
 
         Does nothing at rest, or in a stop ramp that has a reason to end the activity.
         """
-        if self._motion is not None:
-            self._stop()
-            assert self._stopping is not None
-            if self._stopping.reason is None:
-                self._stopping = replace(self._stopping, park=parked)
+        if self.motion is not None:
+            stopping = self._stop()
+            if stopping.reason is None:
+                self._stopping = replace(stopping, park=parked)
         elif self._pause_end_ns is not None:
             self._set_aside(self._pause_end_ns - self.now_ns, parked)
         elif self._activity is not None:
@@ -184,7 +160,7 @@ class Executor:
         self._go_on(parked.result)
 
     def forget(self) -> None:
-        """The parked activity, if there is one, is closed; nobody is told."""
+        """Close the parked activity, if there is one; nobody is told."""
         if self.parked is not None:
             self.parked.activity.close()
             self.parked = None
@@ -194,37 +170,34 @@ class Executor:
 
         A motion that is being stopped already keeps what follows it.
         """
-        if self._motion is not None:
-            self._stop()
-            self._note_event()
+        if self.motion is not None:
+            self._stopping = replace(self._stop(), by_event=True)
 
     def cut(self) -> None:
         """The same without a ramp: the last tick made is the last one. A parked motion counts as ended by it, too."""
-        if self._motion is not None:
-            self._motion = self._motion.cut(self.now_ns)
-            self._note_event()
+        if self.motion is not None:
+            self.motion = self.motion.cut(self.now_ns)
+            self._stopping = replace(self._stopping or _Stopping(), by_event=True)
         elif self.parked is not None and isinstance(self.parked.result, Ended):
             self.parked = replace(self.parked, result=replace(self.parked.result, by_event=True))
 
     def break_off(self, reason: Unfinished) -> None:
         """End the activity, after the stop ramp if a motion is in execution. The latest reason holds."""
-        if self._motion is not None:
-            self._stop()
-            assert self._stopping is not None
-            self._stopping = replace(self._stopping, reason=reason)
+        if self.motion is not None:
+            self._stopping = replace(self._stop(), reason=reason)
         else:
             self.abort(reason)
 
     def abort(self, reason: Unfinished) -> None:
         """End the activity at once; the last tick made is the last one."""
-        if self._motion is not None:
+        if self.motion is not None:
             self._end_motion()
         if self._activity is not None:
             self._finish(reason)
 
     def discard(self) -> None:
         """Everything ends at once, the parked activity too, and nobody is told. Counters keep what has been made."""
-        if self._motion is not None:
+        if self.motion is not None:
             self._end_motion()
         if self._activity is not None:
             self._release().close()
@@ -235,7 +208,7 @@ class Executor:
     def _go_on(self, result: Ended | int | None) -> None:
         """Let the activity go on with the result of its request, up to its next one that takes time."""
         while self._activity is not None:
-            self._request = self._pause_end_ns = self._stopping = None
+            self.request = self._pause_end_ns = self._stopping = None
             try:
                 request = self._activity.send(result)
             except StopIteration:
@@ -244,39 +217,36 @@ class Executor:
             except Unfinished as reason:
                 self._finish(reason)
                 return
-            self._request = request
+            self.request = request
             match request:
                 case Pause(ns):
                     self._pause_end_ns = self.now_ns + ns
-                case Make() | Travel():
-                    motion = request.begin(self.now_ns)
-                    if motion.first == motion.last:
-                        result = Ended(motion.last)
+                case Travel(path, law, first):
+                    if not law.ticks:
+                        result = Ended(first)
                         continue
-                    self._motion = motion
+                    self.motion = StepRun(path, law, self.now_ns, first)
             return
 
-    def _stop(self) -> None:
-        """Put the motion on its stop ramp, once."""
-        assert self._motion is not None
+    def _stop(self) -> _Stopping:
+        """Put the motion on its stop ramp, once; return what follows it."""
+        assert self.motion is not None
         if self._stopping is None:
-            self._motion = self._motion.stopped(self.now_ns)
+            self.motion = self.motion.stopped(self.now_ns)
             self._stopping = _Stopping()
-
-    def _note_event(self) -> None:
-        self._stopping = replace(self._stopping or _Stopping(), by_event=True)
+        return self._stopping
 
     def _end_motion(self) -> int:
         """The motion is over; return the number of its last tick made."""
-        assert self._motion is not None
-        ticks = self._motion.count(self.now_ns)
-        self._base, self._motion = self.counts, None
+        assert self.motion is not None
+        ticks = self.motion.count(self.now_ns)
+        self._base, self.motion = self.counts, None
         return ticks
 
     def _set_aside(self, result: Ended | int | None, parked: Callable[[], None]) -> None:
         assert self._ended is not None
-        assert self._request is not None
-        ended, request = self._ended, self._request
+        assert self.request is not None
+        ended, request = self._ended, self.request
         self.parked = Parked(self._release(), ended, request, result)
         parked()
 
@@ -290,5 +260,5 @@ class Executor:
         """End the activity in progress without telling anybody; return it."""
         assert self._activity is not None
         activity = self._activity
-        self._activity = self._ended = self._request = self._pause_end_ns = self._stopping = None
+        self._activity = self._ended = self.request = self._pause_end_ns = self._stopping = None
         return activity

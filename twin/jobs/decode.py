@@ -19,7 +19,6 @@ from isel_twin.language import Language, encoded, readable
 
 _LINE_END = re.compile(r"\r\n|\r|\n")
 _BYTE = re.compile(r"<0*([0-9]{1,3})>")
-_SENT, _RECEIVED = ">", "<"
 
 
 class DecodeError(ValueError):
@@ -63,14 +62,12 @@ def explain(pieces: Iterable[Piece], language: Language) -> Iterator[Row]:
             yield row(message.data, message.text, message.explanation, piece.sent, piece.time_ns)
     for sent in (True, False):
         if begun := language.rest(sent):
-            yield row(begun, readable(begun), "not complete", sent, None, complete=False)
+            yield row(begun, "", "not complete", sent, None, complete=False)
 
 
 def typed(text: str, sent: bool, language: Language, controller: str) -> list[Piece]:
-    """Text as somebody types it: commands as in a job file, or a reply in which <13> is the byte 13.
-
-    Raises DecodeError for what no line can carry.
-    """
+    """Text as somebody types it: commands as in a job file, or a reply in which <13> is the byte 13. Raises DecodeError
+    for what no line can carry."""
     try:
         if not sent:
             return [Piece(_BYTE.sub(_byte, encoded(text).decode("latin-1")).encode("latin-1"), sent)]
@@ -80,17 +77,15 @@ def typed(text: str, sent: bool, language: Language, controller: str) -> list[Pi
 
 
 def marked(text: str, language: Language, controller: str) -> Iterator[Piece]:
-    """Both directions: lines that begin with `>` were sent by the host, with `<` by the controller; see `typed`.
-
-    Raises DecodeError for a line that is not marked.
-    """
+    """Both directions: lines that begin with `>` were sent by the host, with `<` by the controller; see `typed`. Raises
+    DecodeError for a line that is not marked."""
     for number, line in enumerate(_LINE_END.split(text), 1):
         if not line.strip():
             continue
-        if line[0] not in (_SENT, _RECEIVED):
+        if line[0] not in "><":
             raise DecodeError(f"line {number}: begins neither with > (sent by the host) nor with < (by the controller)")
         try:
-            yield from typed(line[1:].removeprefix(" "), line[0] == _SENT, language, controller)
+            yield from typed(line[1:].removeprefix(" "), line[0] == ">", language, controller)
         except DecodeError as error:
             raise DecodeError(f"line {number}: {error}") from None
 

@@ -78,11 +78,14 @@ _STEPS = {"steps": 1.0, "step": 1.0}
 
 @dataclass(frozen=True)
 class _Quantity:
-    units: Mapping[str, float]
-    """What may follow a number, and its factor; the first one is that of a number alone, and of what is shown."""
+    units: Mapping[str, float]  # what may follow a number, and its factor; the first: of a number alone, and shown
     axes: tuple[str, ...] = ()
     alone: bool = True  # it has a value without an axis
     whole: bool = False
+
+    @property
+    def unit_names(self) -> str:
+        return ", ".join(filter(None, self.units)) or "none"
 
 
 _QUANTITIES: Mapping[str, _Quantity] = {
@@ -130,18 +133,17 @@ class Expected:
 
     @property
     def wait_ns(self) -> int | None:
-        """Time after which the line is over, whatever the controller does; None: when the controller is idle."""
+        """Time after which the line is over, whatever the controller does; None: once the controller is idle."""
         return self.within_ns if self.parts is None else None
 
     def why_not(self, reply: bytes, complete: bool, took_ns: int, text: str | None = None) -> str:
-        """Why a line with this reply, over or given up after took_ns, is not as expected; "" if it is.
-
-        text: what the controller's language reads in it, which may be expected as well as the bytes.
-        """
+        """Why a line with this reply, over or given up after took_ns, is not as expected; "" if it is. text: what the
+        controller's language reads in it, which may be expected as well as the bytes."""
         read = reply if text is None else text.encode("latin-1", "replace")
         binary = read.rstrip() != reply.rstrip()
         answered = f"answered {text if binary else readable(reply)}" if reply else "not answered"
-        fits = not reply if self.parts is None else any(_fits_either(each, self.parts) for each in (reply, read))
+        ways = (reply, read, reply.rstrip(), read.rstrip())  # white space at the end need not be written
+        fits = not reply if self.parts is None else any(_fits(each, self.parts) for each in ways)
         took = f"{took_ns / SECOND_NS:.6g} s"
         if not complete:
             return f"{answered}, not over after {took}"
@@ -150,11 +152,6 @@ class Expected:
         if self.wait_ns is None and self.within_ns is not None and took_ns > self.within_ns:
             return f"over after {took}"
         return ""
-
-
-def _fits_either(reply: bytes, parts: tuple[bytes, ...]) -> bool:
-    """With white space at its end, such as that of a line, or without."""
-    return _fits(reply, parts) or _fits(reply.rstrip(), parts)
 
 
 def _fits(reply: bytes, parts: tuple[bytes, ...]) -> bool:
@@ -176,7 +173,6 @@ def _fits(reply: bytes, parts: tuple[bytes, ...]) -> bool:
 def parse_expected(text: str) -> Expected:
     """What stands behind `=>`. Raises ExpectError."""
     stripped = text.strip(" \t")
-    begin = text.find(stripped)
     within_ns = None
     body = text.rstrip(" \t")
     if within := _WITHIN.search(text):
@@ -184,13 +180,14 @@ def parse_expected(text: str) -> Expected:
         within_ns = _duration(text, within.end())
     wanted = body.strip(" \t")
     if not wanted:
-        raise ExpectError("say what is expected: a reply, * (anything) or none", begin if stripped else len(text))
+        raise ExpectError(
+            "say what is expected: a reply, * (anything) or none", text.find(stripped) if stripped else len(text)
+        )
     if wanted == "none":
         return Expected(stripped, None, within_ns)
     parts, place = [b""], body.find(wanted)
-    end = len(body)
-    while place < end:
-        if item := _ITEM.match(body, place, end):
+    while place < len(body):
+        if item := _ITEM.match(body, place):
             if item[0] == "*":
                 parts.append(b"")
             elif (byte := _BYTE.fullmatch(item[1])) and int(byte[1]) < 256:
@@ -209,7 +206,7 @@ def parse_expected(text: str) -> Expected:
 
 def _duration(text: str, begin: int) -> int:
     """A time that is all of the text from `begin` on, in ns."""
-    at = begin + len(text[begin:]) - len(text[begin:].lstrip(" \t"))
+    at = _skip(text, begin)
     found = _DURATION.fullmatch(text[at:].rstrip(" \t"))
     if found is None:
         raise ExpectError("within needs a time, such as 5 s, 200 ms or 2 min", at)
@@ -308,10 +305,9 @@ def lost_steps(twin: Twin) -> NDArray[np.float64]:
 
 
 def _measured(twin: Twin, name: str, axis: str, last: Result | None) -> float | None:
-    number = AXIS_NAMES.index(axis) if axis else None
+    own = slice(None) if not axis else slice(AXIS_NAMES.index(axis), AXIS_NAMES.index(axis) + 1)
     if name == "lost":
-        lost = lost_steps(twin)
-        return float(lost.sum() if number is None else lost[number])
+        return float(lost_steps(twin)[own].sum())
     if name in CARRIAGES:
         return float(twin.position_mm[CARRIAGES.index(name)])
     if name == "error":
@@ -325,17 +321,14 @@ def _measured(twin: Twin, name: str, axis: str, last: Result | None) -> float | 
     if name == "fault":
         return float(twin.fault)
     if name == "lag":
-        lag = twin.following_error
-        return float(np.abs(lag).max() if number is None else lag[number])
+        return float(twin.following_error[own][0] if axis else np.abs(twin.following_error).max())
     if name == "drive_faults":
-        faults = [times for times, _ in twin.drive_faults]
-        return float(sum(faults) if number is None else faults[number])
+        return float(sum(times for times, _ in twin.drive_faults[own]))
     if last is None:
         return None
     if name == "time":
         return (last.end_ns - last.time_ns) / SECOND_NS
-    margins = [m for m in (last.margin if number is None else last.margin[number : number + 1]) if m is not None]
-    return min(margins, default=None)
+    return min((margin for margin in last.margin[own] if margin is not None), default=None)
 
 
 def parse_condition(text: str) -> Condition:
@@ -383,8 +376,7 @@ def parse_condition(text: str) -> Condition:
             f"{name[0]} is measured: use <, > or == with a tolerance, such as +- 0.03", comparison.start()
         )
     if at < end:
-        units = ", ".join(unit for unit in quantity.units if unit) or "none"
-        raise ExpectError(f"this cannot follow; units of {name[0]}: {units}", at)
+        raise ExpectError(f"this cannot follow; units of {name[0]}: {quantity.unit_names}", at)
     value *= factor
     if not (math.isfinite(value) and math.isfinite(tolerance)):
         raise ExpectError("the number is too large", value_at)
@@ -398,7 +390,9 @@ def _quantity(name: str, at: int) -> _Quantity:
         if head in _KINDS and not rest:
             raise ExpectError(f"{head} needs a name behind it: {head}.NAME", at)
         if dot and head not in _KINDS:
-            raise ExpectError(f"unknown name {name}; with a dot there are {_dotted()}", at)
+            dotted = [f"{name}.x" for name, quantity in _QUANTITIES.items() if quantity.axes]
+            there = ", ".join([*dotted, *(f"{kind}.NAME" for kind in _KINDS)])
+            raise ExpectError(f"unknown name {name}; with a dot there are {there}", at)
         return _PLAIN
     if dot and rest not in quantity.axes:
         some = f"{head}.{', '.join(quantity.axes)}" if quantity.axes else f"{head} alone"
@@ -408,24 +402,15 @@ def _quantity(name: str, at: int) -> _Quantity:
     return quantity
 
 
-def _dotted() -> str:
-    return ", ".join(
-        [f"{name}.x" for name, quantity in _QUANTITIES.items() if quantity.axes] + [f"{k}.NAME" for k in _KINDS]
-    )
-
-
 def _unit(text: str, at: int, end: int, quantity: _Quantity) -> tuple[float, int, int | None]:
     """Factor of the unit at a place, the place after it, and its own; the first unit if there is none."""
     word = _WORD.match(text, at, end)
     if word is None:
         return next(iter(quantity.units.values())), at, None
     if word[0] not in quantity.units:
-        units = ", ".join(unit for unit in quantity.units if unit) or "none"
-        raise ExpectError(f"unit {word[0]} does not fit; allowed: {units}", at)
+        raise ExpectError(f"unit {word[0]} does not fit; allowed: {quantity.unit_names}", at)
     return quantity.units[word[0]], _skip(text, word.end()), at
 
 
 def _skip(text: str, at: int) -> int:
-    while at < len(text) and text[at] in " \t":
-        at += 1
-    return at
+    return len(text) - len(text[at:].lstrip(" \t"))

@@ -23,6 +23,7 @@ import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -70,21 +71,18 @@ class Move:
     ticks: tuple[int, ...] = ()  # ticks in which each axis moves; () if none does
     axes: tuple[str, ...] = ()  # digest of each axis, "-": it stands
     windows: tuple[str, ...] = ()
+    # not in the file, in ns since the command was sent: first and last tick of each window; steps of a program
     spans_ns: tuple[tuple[int, int], ...] = field(default=(), compare=False)
-    """First and last tick of each window, in ns since the command was sent; not in the file."""
     steps: tuple[tuple[int, str], ...] = field(default=(), compare=False)
-    """Of a program: when each began, in ns since the command was sent, and what it is; not in the file."""
 
 
 @dataclass(frozen=True)
 class Golden:
     """A run of a job."""
 
-    call: Mapping[str, Any] = field(default_factory=dict)
-    """job, machine, controller, plant, seed and scenario: how it was run."""
+    call: Mapping[str, Any] = field(default_factory=dict)  # how it was run: job, machine, controller, plant, seed ...
     moves: tuple[Move, ...] = ()
-    end: Mapping[str, Any] = field(default_factory=dict)
-    """ok, cycle_s, counts, position_mm and lost_steps of the verdict."""
+    end: Mapping[str, Any] = field(default_factory=dict)  # of the verdict, by the keys _END
 
 
 class Scribe:
@@ -108,19 +106,20 @@ class Scribe:
         size = max(WINDOW_TICKS, -(-len(t_ns) // WINDOWS))
         cuts = [slice(first, first + size) for first in range(0, len(t_ns), size)]
         axes = range(delta.shape[1]) if len(t_ns) else ()
-        move = Move(
-            line=result.number,
-            sent=result.command,
-            reply=result.reply,
-            took_ns=result.end_ns - result.time_ns,
-            counts=result.counts,
-            ticks=tuple(int(np.count_nonzero(delta[:, i])) for i in axes),
-            axes=tuple(_axis_digest(t_ns, delta[:, i]) for i in axes),
-            windows=tuple(_digest(t_ns[cut], delta[cut]) for cut in cuts),
-            spans_ns=tuple((int(t_ns[cut][0]), int(t_ns[cut][-1])) for cut in cuts),
-            steps=tuple((part.time_ns - result.time_ns, part.text) for part in result.parts if part.position_mm),
+        self._moves.append(
+            Move(
+                line=result.number,
+                sent=result.command,
+                reply=result.reply,
+                took_ns=result.end_ns - result.time_ns,
+                counts=result.counts,
+                ticks=tuple(int(np.count_nonzero(delta[:, i])) for i in axes),
+                axes=tuple(_axis_digest(t_ns, delta[:, i]) for i in axes),
+                windows=tuple(_digest(t_ns[cut], delta[cut]) for cut in cuts),
+                spans_ns=tuple((int(t_ns[cut][0]), int(t_ns[cut][-1])) for cut in cuts),
+                steps=tuple((part.time_ns - result.time_ns, part.text) for part in result.parts if part.position_mm),
+            )
         )
-        self._moves.append(move)
 
     def golden(self, verdict: Verdict) -> Golden:
         """The whole job, now that it is over; without its call."""
@@ -144,12 +143,12 @@ def _since(steps: Steps, ticks: int) -> tuple[NDArray[np.int64], NDArray[Any]]:
         left -= count
     if not parts:
         return np.empty(0, dtype=np.int64), np.empty((0, steps.axes), dtype=np.int32)
-    parts.reverse()
-    return np.concatenate([t_ns for t_ns, _ in parts]), np.concatenate([delta for _, delta in parts])
+    times, changes = zip(*reversed(parts), strict=True)
+    return np.concatenate(times), np.concatenate(changes)
 
 
 def _digest(t_ns: NDArray[np.int64], delta: NDArray[Any]) -> str:
-    data = t_ns.astype("<i8").tobytes() + np.ascontiguousarray(delta).tobytes()
+    data = t_ns.astype("<i8").tobytes() + delta.tobytes()
     return hashlib.sha256(data).hexdigest()[:DIGITS]
 
 
@@ -158,37 +157,33 @@ def _axis_digest(t_ns: NDArray[np.int64], delta: NDArray[Any]) -> str:
     return _digest(t_ns[own], delta[own]) if len(own) else "-"
 
 
-# The file
-
-
 def golden_file(job: Path) -> Path:
     return job.with_suffix(SUFFIX)
 
 
 def called(run: Golden, call: TwinSpec, job: Path, file: Path) -> Golden:
     """The run with what it was called with; files as seen from the golden file."""
+
+    def seen(path: Path) -> str:
+        return Path(os.path.relpath(path.resolve(), file.resolve().parent)).as_posix()
+
     head: dict[str, Any] = {"job": job.name, "machine": call.machine_name, "controller": call.controller}
     head |= {"plant": call.plant, "seed": call.seed}
     if Path(call.machine_name).is_dir():
-        head["machine"] = _seen_from(file, Path(call.machine_name))
+        head["machine"] = seen(Path(call.machine_name))
     if call.overrides:
         head["set"] = dict(call.overrides)
     if call.scenario is not None:
-        head["scenario"] = _seen_from(file, call.scenario)
+        head["scenario"] = seen(call.scenario)
     return replace(run, call=head)
-
-
-def _seen_from(file: Path, path: Path) -> str:
-    return Path(os.path.relpath(path.resolve(), file.resolve().parent)).as_posix()
 
 
 def dumps(run: Golden) -> str:
     """The text of a golden file: TOML, one line for each line of the job."""
-    head = [toml_line(key, run.call[key]) for key in _HEAD[1:] if run.call.get(key) not in (None, "")]
     lines = [
         "# What this job did once: `isel-twin golden compare` says what it does differently.",
         f"format = {FORMAT}",
-        *head,
+        *(toml_line(key, run.call[key]) for key in _HEAD[1:] if run.call.get(key) not in (None, "")),
         "",
         "lines = [",
         *(f"  {_inline(move)}," for move in run.moves),
@@ -228,22 +223,13 @@ def load(path: str | Path) -> Golden:
     return Golden(call, moves, {key: _checked(end, key, place.at("end")) for key in _END if key in end})
 
 
-_KINDS: Mapping[str, tuple[type, ...]] = {
-    "seed": (int,),
-    "set": (dict,),
-    "ok": (bool,),
-    "cycle_s": (int, float),
-    "counts": (list,),
-    "ticks": (list,),
-    "position_mm": (list,),
-    "lost_steps": (list,),
-    "line": (int,),
-}
-"""Of values that are no text."""
+# of values that are no text
+_KINDS: dict[str, tuple[type, ...]] = {"seed": (int,), "line": (int,), "set": (dict,), "ok": (bool,)}
+_KINDS |= {"cycle_s": (int, float), **dict.fromkeys(("counts", "ticks", "position_mm", "lost_steps"), (list,))}
 
 
 def _checked(content: Mapping[str, Any], key: str, place: Place) -> Any:
-    """A value of the kind it must be; numbers in a list are not looked at one by one but for being numbers."""
+    """A value of the kind it must be; a list is one of numbers."""
     value, kinds = content[key], _KINDS.get(key, (str,))
     right = isinstance(value, kinds) and (kinds == (bool,) or not isinstance(value, bool))
     if isinstance(value, list):
@@ -261,17 +247,12 @@ def _move(entry: Any, place: Place) -> Move:
             raise place.at(key).wrong("missing")
     values = {key: _checked(content, key, place) for key in content}
     try:
-        took_ns = round(float(values.pop("took_s")) * SECOND_NS)
+        values["took_ns"] = round(float(values.pop("took_s")) * SECOND_NS)
     except (ValueError, OverflowError):
         raise place.at("took_s").wrong(f"{content['took_s']!r}; must be a time in s") from None
-    for key in ("axes", "windows"):
-        values[key] = tuple(values.get(key, "").split())
-    for key in ("counts", "ticks"):
-        values[key] = tuple(values.get(key, ()))
-    return Move(took_ns=took_ns, **values)
-
-
-# What is different
+    values |= {key: tuple(values.get(key, "").split()) for key in ("axes", "windows")}
+    values |= {key: tuple(values.get(key, ())) for key in ("counts", "ticks")}
+    return Move(**values)
 
 
 @dataclass(frozen=True)
@@ -289,7 +270,8 @@ def differences(golden: Golden, run: Golden) -> Iterator[Difference]:
     """What the run does differently, in the order of the job, so that the first is the first divergence."""
     for key in _HEAD[1:]:
         if (was := golden.call.get(key)) != (now := run.call.get(key)) and key != "job":
-            yield Difference(None, f"{key}: {_or_none(was)} -> {_or_none(now)}")
+            a, b = ("none" if value in (None, "") else value for value in (was, now))
+            yield Difference(None, f"{key}: {a} -> {b}")
     for was, now in zip(golden.moves, run.moves, strict=False):
         yield from _of_moves(was, now)
     for move in golden.moves[len(run.moves) :]:
@@ -297,10 +279,6 @@ def differences(golden: Golden, run: Golden) -> Iterator[Difference]:
     for move in run.moves[len(golden.moves) :]:
         yield Difference(move.line, f"{move.sent}: is new")
     yield from _of_ends(golden.end, run.end)
-
-
-def _or_none(value: Any) -> str:
-    return "none" if value in (None, "") else str(value)
 
 
 def _of_moves(was: Move, now: Move) -> Iterator[Difference]:
@@ -324,20 +302,21 @@ def _where(was: Move, now: Move) -> str:
     """Which axes differ, and from when on."""
     names = [
         f"{name} {a} -> {b} ticks" if a != b else f"{name} at other times"
-        for name, a, b, x, y in zip(
-            AXIS_NAMES, *_filled(was.ticks, now.ticks), *_filled(was.axes, now.axes), strict=False
+        for name, (a, b), (x, y) in zip(
+            AXIS_NAMES,
+            zip_longest(was.ticks, now.ticks, fillvalue=0),  # an axis that is not named stands
+            zip_longest(was.axes, now.axes, fillvalue="-"),
+            strict=False,
         )
         if x != y
     ]
-    first = next(
-        (k for k, (a, b) in enumerate(zip(was.windows, now.windows, strict=False)) if a != b),
-        min(len(was.windows), len(now.windows)),
-    )
+    first = next(k for k, (a, b) in enumerate(zip_longest(was.windows, now.windows)) if a != b)
     if first < len(now.spans_ns):
         begin_ns, end_ns = now.spans_ns[first]
         when = f"first from {begin_ns / SECOND_NS:.6f} to {end_ns / SECOND_NS:.6f} s after it was sent"
-        ends = zip(now.steps, _ends(now.steps), strict=True)
-        made = [text for (begun_ns, text), over_ns in ends if begun_ns <= end_ns and over_ns > begin_ns]
+        ends = [*(begun_ns for begun_ns, _ in now.steps[1:]), math.inf]
+        steps = zip(now.steps, ends, strict=False)
+        made = [text for (begun_ns, text), over_ns in steps if begun_ns <= end_ns and over_ns > begin_ns]
         if made:
             when += f" ({made[0][:LONG_STEP]}{f' to {made[-1][:LONG_STEP]}' if len(made) > 1 else ''})"
     else:
@@ -345,20 +324,10 @@ def _where(was: Move, now: Move) -> str:
     return f"{when}: {', '.join(names) or 'the axes apart are the same'}"
 
 
-def _ends(steps: Sequence[tuple[int, str]]) -> list[float]:
-    return [*(begun_ns for begun_ns, _ in steps[1:]), *[math.inf] * bool(steps)]
-
-
-def _filled(was: Sequence[Any], now: Sequence[Any]) -> tuple[list[Any], list[Any]]:
-    """Both as long as the longer one: an axis that is not named stands."""
-    size = max(len(was), len(now))
-    empty: Any = "-" if any(isinstance(value, str) for value in (*was, *now)) else 0
-    return [*was, *[empty] * (size - len(was))], [*now, *[empty] * (size - len(now))]
-
-
 def _of_ends(was: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[Difference]:
     if was.get("ok") != now["ok"]:
-        yield Difference(None, f"verdict: {_verdict(was.get('ok'))} -> {_verdict(now['ok'])}")
+        a, b = ("ok" if run.get("ok") else "not ok" for run in (was, now))
+        yield Difference(None, f"verdict: {a} -> {b}")
     if abs(was.get("cycle_s", 0.0) - now["cycle_s"]) > 0.5 / SECOND_NS:
         a, b = was.get("cycle_s", 0.0), now["cycle_s"]
         percent = f", {100.0 * (b - a) / a:+.2f} %" if a else ""
@@ -371,10 +340,6 @@ def _of_ends(was: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[Differe
     for name, a, b in zip(AXIS_NAMES, was.get("lost_steps", ()), now["lost_steps"], strict=False):
         if abs(a - b) > TOLERANCE_STEPS:
             yield Difference(None, f"lost steps of {name} {a} -> {b}")
-
-
-def _verdict(ok: Any) -> str:
-    return "ok" if ok else "not ok"
 
 
 def _listed(values: Sequence[Any]) -> str:

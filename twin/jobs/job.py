@@ -22,24 +22,18 @@ from __future__ import annotations
 import codecs
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import takewhile
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from isel_twin.base.axes import AXIS_NAMES
+from isel_twin.base.crew import Stop
 from isel_twin.base.units import SECOND_NS
 from isel_twin.controller import offers
 from isel_twin.core.snapshot import snapshot
-from isel_twin.jobs.expect import (
-    Condition,
-    Expected,
-    ExpectError,
-    excerpt,
-    lost_steps,
-    parse_condition,
-    parse_expected,
-)
+from isel_twin.jobs import expect
+from isel_twin.jobs.expect import Condition, Expected, ExpectError
 from isel_twin.jobs.result import Part, Result
 from isel_twin.language import Language, LanguageError, RunsPrograms, encoded, needed, programs_for, readable
 
@@ -78,11 +72,9 @@ class Line:
     actions: tuple[bytes | int, ...]
     expected: Expected | None = None
     condition: Condition | None = None
-    source: str = ""
-    """The line as it stands in the file, of a program all of it; and where what is parsed of its condition begins."""
-    begin: int = 0
-    program: Iterable[bytes] = ()
-    """Of one that loads or runs a program, in place of actions: what is sent, see RunsPrograms."""
+    source: str = ""  # the line as it stands in the file, of a program all of it
+    begin: int = 0  # where what is parsed of its condition begins
+    program: Iterable[bytes] = ()  # in place of actions, if it loads or runs a program: what is sent, see RunsPrograms
 
     @property
     def sent(self) -> bytes:
@@ -94,10 +86,7 @@ class Line:
 
 
 def decode_job(data: bytes) -> str:
-    """Text of a job file: UTF-8 (with or without byte order mark), or Latin-1 if it is not valid UTF-8.
-
-    Raises JobError for UTF-16 and for what is no text at all.
-    """
+    """Text of a job file. Raises JobError for UTF-16 and for what is no text at all."""
     if b"\0" in data or data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         raise JobError("is UTF-16 or no text at all; save it as UTF-8, and write a byte 0 in a command as <0>")
     try:
@@ -107,10 +96,8 @@ def decode_job(data: bytes) -> str:
 
 
 def parse_job(text: str, language: Language | None, controller: str) -> list[Line]:
-    """Lines of a job for a controller and its language, without empty lines and comments. Raises JobError.
-
-    Only text that has to be framed needs the language.
-    """
+    """Lines of a job without empty lines and comments. Only text that has to be framed needs the language. Raises
+    JobError."""
     if offers(language, RunsPrograms):
         try:
             steps = language.job(text)
@@ -142,9 +129,7 @@ def parse_job(text: str, language: Language | None, controller: str) -> list[Lin
 
 def check_controller(text: str, language: Language | None, controller: str) -> None:
     """Raise JobError for a text that can only be a program of another controller than the one that is named."""
-    if offers(language, RunsPrograms):
-        return
-    if others := programs_for(text):
+    if not offers(language, RunsPrograms) and (others := programs_for(text)):
         raise JobError(
             f"is a program for {' or '.join(others)}, which {controller} cannot run; name the controller, {others[0]}, "
             "and a machine for it. A job begins with a command or a remark (# ...)"
@@ -154,7 +139,7 @@ def check_controller(text: str, language: Language | None, controller: str) -> N
 def expect_error(error: ExpectError, number: int, source: str, begin: int = 0) -> JobError:
     """The error of a line of a job. begin: where what was parsed begins in it."""
     at = begin + error.at
-    return JobError(f"line {number}, column {at + 1}: {error}", excerpt(source, at))
+    return JobError(f"line {number}, column {at + 1}: {error}", expect.excerpt(source, at))
 
 
 def check_conditions(lines: Sequence[Line], twin: Twin) -> None:
@@ -169,7 +154,7 @@ def check_conditions(lines: Sequence[Line], twin: Twin) -> None:
 
 def _condition_line(number: int, raw: str, told: str, begin: int) -> Line:
     try:
-        condition = parse_condition(told[begin:])
+        condition = expect.parse_condition(told[begin:])
     except ExpectError as error:
         raise ExpectError(str(error), begin + error.at) from None
     return Line(number, told.strip(_BLANKS), (), None, condition, raw, begin)
@@ -179,7 +164,7 @@ def _expected(told: str, marker: re.Match[str] | None) -> Expected | None:
     if marker is None:
         return None
     try:
-        return parse_expected(told[marker.end() :])
+        return expect.parse_expected(told[marker.end() :])
     except ExpectError as error:
         raise ExpectError(str(error), marker.end() + error.at) from None
 
@@ -208,9 +193,7 @@ def _actions(command: str, language: Language | None, controller: str) -> Iterat
         yield together
 
 
-def play(
-    twin: Twin, lines: Sequence[Line], timeout_s: float, stop: Callable[[], bool] | None = None
-) -> Iterator[Result]:
+def play(twin: Twin, lines: Sequence[Line], timeout_s: float, stop: Stop | None = None) -> Iterator[Result]:
     """Send the lines one after the other, each when the one before is over.
 
     timeout_s: virtual seconds after which a line without complete reply is given up; it counts as refused, and the job
@@ -290,7 +273,7 @@ def _parts(twin: Twin, line: Line, before: tuple[int, str] | None) -> tuple[Part
     return tuple(sorted(parts + said, key=lambda part: part.time_ns))
 
 
-def _feed(twin: Twin, pieces: Iterable[bytes], timeout_s: float, stop: Callable[[], bool] | None) -> bool:
+def _feed(twin: Twin, pieces: Iterable[bytes], timeout_s: float, stop: Stop | None) -> bool:
     """Send pieces, each when the controller has taken the one before; return whether it has taken all."""
     for piece in pieces:
         twin.write(piece)
@@ -307,14 +290,12 @@ def _look(twin: Twin, line: Line, condition: Condition, last: Result | None) -> 
     found = condition.look(twin, last)
     seen = snapshot(twin)
     quantity, _, axis = condition.name.partition(".")
-    known: tuple[float | None, ...] = ()
-    faults: tuple[int | None, ...] = ()
+    values: Sequence[Any] = ()
     if found.met and quantity == "lost":
-        each = zip(AXIS_NAMES, lost_steps(twin).tolist(), strict=False)
-        known = tuple(steps if axis in ("", name) else None for name, steps in each)
-    if found.met and quantity == "drive_faults":
-        drives = zip(AXIS_NAMES, twin.drive_faults, strict=False)
-        faults = tuple(number if axis in ("", name) else None for name, (number, _) in drives)
+        values = expect.lost_steps(twin).tolist()
+    elif found.met and quantity == "drive_faults":
+        values = [number for number, _ in twin.drive_faults]
+    known = tuple(value if axis in ("", name) else None for name, value in zip(AXIS_NAMES, values, strict=False))
     return Result(
         number=line.number,
         command=line.command,
@@ -327,13 +308,13 @@ def _look(twin: Twin, line: Line, condition: Condition, last: Result | None) -> 
         expected=condition.text,
         why="" if found.met else f"is {found.value}",
         condition=True,
-        lost_known=known,
+        lost_known=known if quantity == "lost" else (),
         fault_known=found.met and quantity == "fault",
-        drive_faults_known=faults,
+        drive_faults_known=known if quantity == "drive_faults" else (),
     )
 
 
-def _converse(twin: Twin, line: Line, timeout_s: float, stop: Callable[[], bool] | None) -> bool:
+def _converse(twin: Twin, line: Line, timeout_s: float, stop: Stop | None) -> bool:
     """Send a line and wait until it is over; return whether it is."""
     start_ns = twin.time_ns
     for action in line.actions:

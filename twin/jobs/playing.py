@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from isel_twin.base.axes import AXIS_NAMES
-from isel_twin.base.crew import GivenUp, given_up
+from isel_twin.base.crew import GivenUp, Stop, given_up
 from isel_twin.jobs.job import Line, play
 from isel_twin.jobs.result import Result
 from isel_twin.jobs.verdict import Verdict, judge, lost
@@ -56,7 +56,7 @@ def played(
     lines: Sequence[Line],
     watchers: Sequence[Callable[[Result], object]] = (),
     timeout_s: float = TIMEOUT_S,
-    stop: Callable[[], bool] | None = None,
+    stop: Stop | None = None,
     begins: Callable[[Line], object] | None = None,
 ) -> Played:
     """Play a job, let the machine come to rest, and judge.
@@ -77,7 +77,7 @@ def followed(
     lines: Sequence[Line],
     results: Iterator[Result],
     watchers: Sequence[Callable[[Result], object]] = (),
-    stop: Callable[[], bool] | None = None,
+    stop: Stop | None = None,
     begins: Callable[[Line], object] | None = None,
 ) -> Played:
     """As `played`, of results that come from elsewhere than `play`; fewer than lines: the job has ended early."""

@@ -1,7 +1,5 @@
-"""Importing this loads all that playing a job needs: modules, and compiled code.
-
-A process that will fork workers imports it first, so that it is paid for once (base/crew.py).
-"""
+"""All that playing a job needs, modules and compiled code: a process that will fork workers imports it first
+(base/crew.py), so that it is paid for once."""
 
 from isel_twin.core.warm import warm_up
 from isel_twin.jobs import playing, robust

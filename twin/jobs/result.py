@@ -7,28 +7,19 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Part:
-    """On the way through a line that runs a program of the controller's: a step of it, or what the controller remarks.
+    """In a line that runs a program of the controller's: a step of the program, or a remark of the controller."""
 
-    time_ns: when the step began, or when it was said; position_mm [3]: what the controller has counted by the
-    end of the step, () for a remark.
-    """
-
-    time_ns: int
+    time_ns: int  # when the step began, or when it was said
     text: str
-    position_mm: tuple[float, ...] = ()
-    plane: tuple[int, int] = (0, 1)
-    """Axes of the plane in which the step cuts, and the radius of its tool, 0 if it cuts nothing or nobody knows."""
-    tool_mm: float = 0.0
-    at: tuple[int, int] | None = None
-    """Line and column of the file where it stands, or where to look for what is remarked; None: nowhere in it."""
+    position_mm: tuple[float, ...] = ()  # [3], counted by the end of the step; () for a remark
+    plane: tuple[int, int] = (0, 1)  # axes of the plane in which the step cuts
+    tool_mm: float = 0.0  # radius of its tool, 0 if it cuts nothing or nobody knows
+    at: tuple[int, int] | None = None  # line and column of the file where it, or what is remarked, stands
 
 
 @dataclass(frozen=True)
 class Result:
-    """What became of a line: sent at time_ns, over at end_ns; counters [axes] and true positions [3] mm at its end.
-
-    complete: all of it was sent, and the controller has answered and stands still. If not, the job ends with it.
-    """
+    """What became of a line: sent at time_ns, over at end_ns; counters [axes] and true positions [3] mm at its end."""
 
     number: int
     command: str
@@ -38,18 +29,14 @@ class Result:
     end_ns: int
     counts: tuple[int, ...]
     position_mm: tuple[float, ...]
-    margin: tuple[float | None, ...] = ()
-    """Least pull-out margin of each axis meanwhile, `Twin.margin`; None for an axis without a motor."""
-    complete: bool = True
-    expected: str | None = None
-    """What the line expects; None if it expects nothing. `ok` then says whether it was so, and `why` why not.
-    Of a line that loads or runs a program and expects nothing: what the controller says is wrong."""
-    why: str = ""
-    condition: bool = False
+    margin: tuple[float | None, ...] = ()  # least pull-out margin of each axis meanwhile; None without a motor
+    complete: bool = True  # all was sent, the controller has answered and stands still; if not, the job ends here
+    expected: str | None = None  # what the line expects; `ok` says whether it was so
+    why: str = ""  # why not; of a program of which nothing is expected: what the controller says is wrong
+    condition: bool = False  # it is no command: the reply is what was found
     lost_known: tuple[float | None, ...] = ()  # steps lost of each axis that a condition on them has found well
     fault_known: bool = False  # the same of the controller's fault
     drive_faults_known: tuple[int | None, ...] = ()  # the same of the faults of each drive: how many
-
     parts: tuple[Part, ...] = ()  # of a line that loads or runs a program; the last ones, if there are very many
 
     @property

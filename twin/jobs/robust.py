@@ -15,14 +15,14 @@ A job is robust if all repetitions end as the job itself does: accepted or not, 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from isel_twin.base.axes import CARRIAGES
-from isel_twin.base.crew import Crew, in_order
+from isel_twin.base.crew import Crew, Stop, in_order
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs.playing import played
@@ -36,8 +36,7 @@ if TYPE_CHECKING:
 SUPPLY = 0.05  # largest part by which the supply of the stages differs
 FRICTION = 0.2  # largest part by which the friction of an axis differs
 LOAD = 0.1  # largest part by which each mass differs
-
-_FRICTION_KEYS = ("guide_friction", "shaft_coulomb", "shaft_viscous")
+FRICTION_KEYS = ("guide_friction", "shaft_coulomb", "shaft_viscous")  # of an axis
 
 
 @dataclass(frozen=True)
@@ -46,8 +45,7 @@ class Repetition:
 
     number: int  # from 1
     seed: int  # of the twin: power-on positions, switch scatter, bounce
-    factors: Mapping[str, float]
-    """By what the numbers of the machine were multiplied: supply, friction_x .. friction_z, and each mass."""
+    factors: Mapping[str, float]  # of the machine's numbers: supply, friction_x .. friction_z, and each mass
     verdict: Verdict
 
 
@@ -55,26 +53,23 @@ def perturbation(machine: Machine, seed: int, number: int) -> tuple[int, dict[st
     """Seed of a twin, factors and machine overrides of a repetition; the same for the same seed and number."""
     draw = np.random.default_rng([seed, number])
     twin_seed = int(draw.integers(2**31))
-    factors = {"supply": 1.0 + SUPPLY * draw.uniform(-1.0, 1.0)}
+    factors: dict[str, float] = {}
     overrides: dict[str, Any] = {}
+
+    def drawn(name: str, most: float) -> float:
+        factors[name] = 1.0 + most * draw.uniform(-1.0, 1.0)
+        return factors[name]
+
     tree = machine.tree
-
-    def times(factor: float, *keys: str) -> None:
-        value: Any = tree
-        for key in keys:
-            value = value[key]
-        overrides[".".join(keys)] = value["value"] * factor
-
+    supply = drawn("supply", SUPPLY)
     for name in CARRIAGES:
-        factors[f"friction_{name}"] = 1.0 + FRICTION * draw.uniform(-1.0, 1.0)
-        times(factors["supply"], "axes", name, "servo" if "servo" in tree["axes"][name] else "stage", "supply")
-        for key in _FRICTION_KEYS:
-            times(factors[f"friction_{name}"], "axes", name, key)
-    for name in tree["masses"]:
-        factors[name] = 1.0 + LOAD * draw.uniform(-1.0, 1.0)
-        times(factors[name], "masses", name)
-    factors["payload"] = 1.0 + LOAD * draw.uniform(-1.0, 1.0)
-    times(factors["payload"], "payload", "mass")
+        axis, friction = tree["axes"][name], drawn(f"friction_{name}", FRICTION)
+        drive = "servo" if "servo" in axis else "stage"
+        overrides[f"axes.{name}.{drive}.supply"] = axis[drive]["supply"]["value"] * supply
+        overrides |= {f"axes.{name}.{key}": axis[key]["value"] * friction for key in FRICTION_KEYS}
+    for name, mass in tree["masses"].items():
+        overrides[f"masses.{name}"] = mass["value"] * drawn(name, LOAD)
+    overrides["payload.mass"] = tree["payload"]["mass"]["value"] * drawn("payload", LOAD)
     return twin_seed, factors, overrides
 
 
@@ -100,7 +95,7 @@ def repetitions(
     timeout_s: float,
     flash: bytes | None = None,
     crew: Crew | None = None,
-    stop: Callable[[], bool] | None = None,
+    stop: Stop | None = None,
 ) -> Iterator[Repetition]:
     """Repeat a job so many times with small perturbations; in the order of their numbers, whatever crew makes them.
 
@@ -113,8 +108,8 @@ def repetitions(
 
 def agree(verdict: Verdict, other: Verdict) -> bool:
     """Whether two runs of a job ended alike: accepted or not, as expected or not, and lost or not on each axis."""
-    ends = [(v.ok, v.refused, v.unmet, v.lost) for v in (verdict, other)]
-    return ends[0] == ends[1]
+    end, other_end = ((v.ok, v.refused, v.unmet, v.lost) for v in (verdict, other))
+    return end == other_end
 
 
 def perturbed_twin(call: TwinSpec, number: int, flash: bytes | None = None) -> tuple[Twin, int, dict[str, float]]:

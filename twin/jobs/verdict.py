@@ -36,8 +36,7 @@ if TYPE_CHECKING:
 
 HALFWAY = 0.375  # part of a slip from the nearest place that holds beyond which a rotor counts as resting halfway
 
-SETTLE_S = 0.5
-"""Virtual time for the machine to come to rest after the last command, before it is asked what it has lost."""
+SETTLE_S = 0.5  # virtual time for the machine to come to rest after the last command, before losses are looked at
 
 
 def lost(steps: ArrayLike, slip_steps: ArrayLike) -> NDArray[np.bool_]:
@@ -52,8 +51,7 @@ def lost(steps: ArrayLike, slip_steps: ArrayLike) -> NDArray[np.bool_]:
 def whole_slips(steps: ArrayLike, slip_steps: ArrayLike) -> NDArray[np.float64]:
     """float64 [axes], steps of the whole slips by which an axis is off, 0 if none are lost. Arguments as in `lost`."""
     slip = np.asarray(slip_steps, dtype=np.float64)
-    whole: NDArray[np.float64] = np.floor(np.abs(steps) / slip + 0.5) * slip
-    return whole
+    return np.asarray(np.floor(np.abs(steps) / slip + 0.5) * slip)
 
 
 def halfway(steps: ArrayLike, slip_steps: ArrayLike) -> NDArray[np.bool_]:
@@ -61,9 +59,8 @@ def halfway(steps: ArrayLike, slip_steps: ArrayLike) -> NDArray[np.bool_]:
 
     Arguments as in `lost`. No load does that: beyond a quarter of a slip the torque of a motor falls with the angle.
     """
-    slip = np.asarray(slip_steps, dtype=np.float64)
-    off = np.abs(np.asarray(steps) / slip - np.round(np.asarray(steps) / slip))
-    return off >= HALFWAY
+    slips = np.asarray(steps) / np.asarray(slip_steps, dtype=np.float64)
+    return np.abs(slips - np.round(slips)) >= HALFWAY
 
 
 @dataclass(frozen=True)
@@ -85,21 +82,19 @@ class Verdict:
     ended_ns: int  # when the last one was over
     time_ns: int  # when the verdict was given, the machine at rest
     machine: str
-    margin: tuple[float | None, ...] = ()
-    """Least pull-out margin of each axis in all lines of the job; None for an axis without a motor."""
+    margin: tuple[float | None, ...] = ()  # least pull-out margin of each axis in all lines; None without a motor
     unsent: int = 0  # commands of the job that were never sent, as it ended before
     interrupted: bool = False  # somebody stopped the job
-    flash_fault: bool = False
-    """The flash image handed to the controller could not be read, and has not been written anew."""
+    flash_fault: bool = False  # the flash image handed over could not be read, and has not been written anew
     expectations: int = 0  # replies and conditions that the job expects, as far as it came
     unmet: tuple[int, ...] = ()  # numbers of the lines with one that was not so
     lost_known: tuple[float, ...] = ()  # steps lost of each axis that the job has expected: they do not count as lost
     fault_known: bool = False  # the job has expected the controller's error
-    drive_faults: tuple[tuple[int, str], ...] = ()
-    """How often each servo drive has switched itself off since power-on, and why it did last."""
+    drive_faults: tuple[
+        tuple[int, str], ...
+    ] = ()  # how often each servo drive switched itself off, and why it did last
     drive_faults_known: tuple[int, ...] = ()  # as many of each as the job has expected
-    following_error: tuple[float | None, ...] = ()
-    """Of each servo drive at rest, in increments; None for an axis without one."""
+    following_error: tuple[float | None, ...] = ()  # of each servo drive at rest, in increments; None: no such drive
     events_after_end: int = 0  # events of the scenario that were still to come when the last command was over
     events_without_effect: int = 0  # forces, cuts and lost phases of the scenario on a plant without physics
 
@@ -141,17 +136,15 @@ class Verdict:
 
     @property
     def ok(self) -> bool:
-        """Every command sent and accepted or answered as expected, no step lost or half lost, no drive switched off by
-        itself, no error left in the controller, every condition met."""
+        """Every command sent and accepted or answered as expected, every condition met, no step lost or half lost, no
+        drive switched off by itself, no error left in the controller."""
         whole = self.unsent == 0 and not self.interrupted and self.refused == 0 and not self.unmet
         held = not any(self.lost) and not any(self.halfway) and not any(self.switched_off)
         return whole and held and (self.fault_known or not self.controller_fault) and not self.flash_fault
 
     def summary(self) -> dict[str, Any]:
-        """The verdict in JSON's types, for the summary line of `isel-twin run --json` and for tables. What is of servo
-        drives is there if the machine has any."""
-        servo = any(error is not None for error in self.following_error)
-        return {
+        """In JSON's types, as `isel-twin run --json` has it; with what is of servo drives if the machine has any."""
+        told = {
             "ok": self.ok,
             "commands": self.commands,
             "refused": self.refused,
@@ -172,12 +165,10 @@ class Verdict:
             "halfway": list(self.halfway),
             "expectations": self.expectations,
             "unmet": list(self.unmet),
-            **(
-                {"following_error": list(self.following_error), "switched_off": list(self.switched_off)}
-                if servo
-                else {}
-            ),
         }
+        if any(error is not None for error in self.following_error):
+            told |= {"following_error": list(self.following_error), "switched_off": list(self.switched_off)}
+        return told
 
 
 def judge(twin: Twin, results: Sequence[Result], unsent: int = 0, interrupted: bool = False) -> Verdict:

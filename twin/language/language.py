@@ -10,9 +10,8 @@ move made needs to know what they mean, and only the controller's `Language` doe
     reference, move, break_off  --->  what a host would send for it
     job_moves, retimed, permanent  -->  roles.py: other settings for a job that exists, and for the controller
 
-It is optional. A controller without one runs like any other, and its job files give every byte as a number; nothing
-here guesses how a line might end. A language has no clock and never sees a controller: it knows the bytes of both
-directions, in the order in which they went over the line.
+It is optional: the job files of a controller without one give every byte as a number. A language has no clock and never
+sees a controller: it knows the bytes of both directions, in the order in which they went over the line.
 """
 
 from __future__ import annotations
@@ -44,7 +43,6 @@ class MoveSettings:
     speed_hz: int = 10_000
     """Step frequency of the leading axis, the one with the most steps."""
     acceleration_hz_per_ms: int = 100
-    """Of the ramps."""
     start_stop_hz: int = 300
     """Frequency at which ramps begin and end."""
 
@@ -69,7 +67,6 @@ class Message:
     text: str
     """Readable: as in a job file, without the end that `Language.frame` adds."""
     explanation: str
-    """A few plain words."""
     sent: bool
     """By the host (True) or by the controller."""
 
@@ -92,10 +89,7 @@ class Language(Protocol):
         """A whole reply, as `Twin.query` and results of jobs give it."""
 
     def accepted(self, sent: bytes, reply: bytes) -> bool:
-        """True if `reply`, all bytes that came for `sent`, refuses nothing.
-
-        An empty reply is accepted only if nothing that was sent demanded one.
-        """
+        """True if `reply`, all bytes that came for `sent`, refuses nothing, and is empty only if none was demanded."""
 
     def messages(self, data: bytes, sent: bool) -> Iterator[Message]:
         """Messages that are complete with these bytes of one direction; a message begun is kept until its end comes.
@@ -105,7 +99,7 @@ class Language(Protocol):
         """
 
     def rest(self, sent: bool) -> bytes:
-        """The message of one direction that has been begun and not ended."""
+        """The bytes of the message begun in one direction."""
 
     def reference(self) -> Sequence[bytes]:
         """What a host sends to initialise and reference all axes, so that `move` can follow; each reply is awaited."""

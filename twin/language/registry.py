@@ -1,6 +1,6 @@
-"""The installed languages: third parties add theirs by an entry point in the group `isel_twin.languages`.
+"""The installed languages, by entry points in the group `isel_twin.languages` with the name of the controller.
 
-It has the name of the controller; see docs/controllers.md.
+See docs/controllers.md.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ import importlib.metadata
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
+from types import NoneType
 
 from isel_twin.base.plugins import installed
 from isel_twin.controller import PluginError, UnknownNameError, controller_names, offers, plugin_errors
@@ -38,7 +39,7 @@ def create_language(controller: str) -> Language | None:
 def language_factory(controller: str) -> Callable[[], Language | None]:
     """A function that makes a fresh language of the controller with this name at every call, or None if it has none.
 
-    Both raise what `create_language` raises. Looking for the language takes ten milliseconds, making one much less.
+    Both raise what `create_language` raises. The look-up takes ten milliseconds, making one much less.
     """
     for entry in installed(_GROUP):
         if entry.name == controller:
@@ -47,7 +48,7 @@ def language_factory(controller: str) -> Callable[[], Language | None]:
             return partial(_build, entry, factory)
     if controller not in (names := controller_names()):
         raise UnknownNameError(f"unknown controller {controller!r}; installed: {', '.join(names)}")
-    return partial(_none, controller)
+    return NoneType  # called, it gives None
 
 
 def programs_for(text: str) -> list[str]:
@@ -68,10 +69,6 @@ def programs_for(text: str) -> list[str]:
 def _build(entry: importlib.metadata.EntryPoint, factory: LanguageFactory) -> Language:
     with plugin_errors("language", entry):
         return factory(entry.name)
-
-
-def _none(controller: str) -> None:
-    """It has none."""
 
 
 def needed(language: Language | None, controller: str) -> Language:

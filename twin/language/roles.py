@@ -14,7 +14,7 @@ class JobMove:
     """A line of a job that makes a motion with ramps, as the job stands."""
 
     line: int
-    """Which line, from 0."""
+    """From 0."""
     speeds_hz: tuple[int, ...]
     """Speeds in it that can be changed, also those that do not matter for this move; may be empty."""
     acceleration_hz_per_ms: int

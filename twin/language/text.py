@@ -1,4 +1,4 @@
-"""Parts for languages of text: bytes as a job file has them, targets, messages that end with certain bytes."""
+"""Parts for languages of text."""
 
 from __future__ import annotations
 
@@ -50,11 +50,9 @@ class Pieces:
 
     @property
     def rest(self) -> bytes:
-        """The piece begun."""
         return bytes(self._rest)
 
     def cut(self, data: bytes) -> list[bytes]:
-        """The pieces that are whole with these bytes."""
         pieces = []
         for byte in data:
             if byte in self._alone and self._rest:

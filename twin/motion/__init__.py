@@ -2,7 +2,7 @@
 
 A motion is a sequence of ticks; at each tick every axis changes its command by a whole number.
 
-    motion.py       the protocol: what every motion offers, and what it means that one continues another
+    motion.py       the protocol, and what it means that one motion continues another
     time_law.py     when the ticks of steps fall: the trapezoidal law, exact to the nanosecond
     path.py         which axes step at a tick: line
     circle.py       the paths that are not straight: circle, helix
@@ -22,7 +22,7 @@ Definitions and closed forms are in docs/step_streams.md and docs/set_points.md.
 
 from __future__ import annotations
 
-from isel_twin.motion.circle import circle, helix
+from isel_twin.motion.circle import circle
 from isel_twin.motion.motion import Motion
 from isel_twin.motion.path import Displacement, StepPath, line
 from isel_twin.motion.record import Steps
@@ -43,7 +43,6 @@ __all__ = [
     "TimeLaw",
     "circle",
     "constant",
-    "helix",
     "line",
     "trapezoid",
 ]

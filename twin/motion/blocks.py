@@ -20,25 +20,21 @@ from numpy.typing import NDArray
 from isel_twin.motion.look_ahead import DT, LENGTH, SPEED, T, places, positions
 from isel_twin.motion.pieces import Curve, Pieces, table
 
-BLOCK = 512
-"""Phases in a block of a plan, at least: more are copied less often, fewer are copied sooner."""
+BLOCK = 512  # phases in a block of a plan, at least: more are copied less often, fewer are copied sooner
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PlanBlock:
     """A stretch of the plan: phases in the order of time, and the pieces that they, or later ones, lead along."""
 
-    first: int
-    """Number of its first piece; it may be the last one of the block before."""
+    first: int  # number of its first piece; it may be the last one of the block before
     phases: NDArray[np.float64]
     piece: NDArray[np.int32]
     back: NDArray[np.int8]
-    corner: NDArray[np.float64]
-    """float64 [pieces + 1, axes], where pieces begin and the last one ends, increments from tick 0 on."""
+    corner: NDArray[np.float64]  # [pieces + 1, axes], increments at which pieces begin and the last one ends
     table: NDArray[np.float64]
     curves: tuple[tuple[int, Curve], ...]
-    settled: int
-    """The last piece (of the block) whose beginning keeps its speed whatever is appended."""
+    settled: int  # the last piece (of the block) whose beginning keeps its speed whatever is appended
 
     @property
     def start_s(self) -> float:
@@ -49,7 +45,7 @@ class PlanBlock:
         return float(self.phases[-1, T] + self.phases[-1, DT]) if len(self.phases) else 0.0
 
     def row(self, t_s: float) -> int:
-        """The phase at this time; -1 before the first."""
+        """Number of the phase at this time; -1 before the first."""
         return int(self.phases[:, T].searchsorted(t_s, side="right")) - 1
 
     def split(self, row: int) -> tuple[PlanBlock, PlanBlock]:
@@ -149,16 +145,11 @@ class State:
     ended: bool
 
 
-# ---- blocks one after the other --------------------------------------------------------------------------------------
-
-
 def long_enough(rows: int) -> bool:
-    """True if so many phases may be a block of their own."""
     return rows >= BLOCK
 
 
 def block_at(blocks: Sequence[PlanBlock], t_s: float) -> int:
-    """Number of the block at this time."""
     return max(bisect_right(blocks, t_s, key=lambda block: block.start_s) - 1, 0)
 
 

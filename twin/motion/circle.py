@@ -11,19 +11,19 @@ which the axes go, one of them inwards (c falls), the other outwards (c rises):
             ry -1  |  ry +1            the circle by more than about half a step.
 
 The controller is not told R but the start point Xs, Ys, the senses Rx, Ry there and the start value D of its register.
-The register of this algorithm is (g - 1) / 2 = (c + rx x + ry y) / 2, with the sign -Rx Ry so that in every quadrant
-"positive" means that X steps and "negative" that Y does (zero: the one that goes inwards):
+Its register is (g - 1) / 2 = (c + rx x + ry y) / 2 with the sign -Rx Ry, so that in every quadrant X steps while it is
+positive and Y while it is negative (zero: the one that goes inwards):
 
     D = Rx Ry (R^2 - Xs (Xs + Rx) - Ys (Ys + Ry)) / 2,    hence    R^2 = 2 Rx Ry D + Xs (Xs + Rx) + Ys (Ys + Ry)   (1)
 
-That is the manual's formula (iMC manual 2.3.3, 2.3.6)
+which is the manual's formula (iMC manual 2.3.3, 2.3.6)
 
     D = (Rx Ry R + Rx Ry Summe(R - 1) - Rx Summe(Xs + (Rx - Ry)/2) + Ry Summe(Ys + (Rx + Ry)/2)) / 2             (2)
 
-with Summe(n) = n (|n| + 1), and both commands printed in the manual agree with it: `y400,1500,119,-141,141,-1,-1` gives
-R = 200, `w32000,600,-1000,-2000,0,1,-1,6000` gives R = 2000. Its worked example finds the same 119 by two slips that
-cancel: Summe(-141) computed as |n| (n + 1), and Ys + (Rx - Ry)/2 instead of Ys + (Rx + Ry)/2. A host written from that
-text sends another D, worth up to two steps of radius; `squared_radius` recognises it (decision M3).
+with Summe(n) = n (|n| + 1). Both commands printed in the manual agree: `y400,1500,119,-141,141,-1,-1` gives R = 200,
+`w32000,600,-1000,-2000,0,1,-1,6000` gives R = 2000. Its worked example finds the same 119 by two slips that cancel:
+Summe(-141) computed as |n| (n + 1), and Ys + (Rx - Ry)/2 instead of Ys + (Rx + Ry)/2. A host written from that text
+sends another D, off by up to two steps of radius; `squared_radius` recognises it (decision M3).
 """
 
 from __future__ import annotations
@@ -38,17 +38,11 @@ from numpy.typing import NDArray
 from isel_twin.base.compiling import njit
 from isel_twin.motion.path import Displacement, check_range, even, fill_even
 
-INTERVAL = 8192
-"""Ticks between two checkpoints: some 30 us to walk, 24 bytes to keep."""
-
+INTERVAL = 8192  # ticks between two checkpoints: some 30 us to walk, 24 bytes to keep
 HANDICAP = 0.2
-"""Steps by which another reading of D must be nearer to the start point than the one the manual's text leads to.
-
-Found by trying radii and start points, see docs/step_streams.md: that reading is hardly ever mistaken then.
-"""
-
-LARGEST = 1 << 28
-"""Coordinates and tick numbers stay below this, so that squares fit into 64 bits (the controller's numbers have 24)."""
+"""Steps by which another reading of D must be nearer to the start point than the one of the manual's text. Found by
+trying radii and start points (docs/step_streams.md): a host that follows the text is then hardly ever misread."""
+LARGEST = 1 << 28  # bound of coordinates and tick numbers: squares fit into 64 bits (the controller's have 24)
 
 
 def circle(
@@ -60,35 +54,19 @@ def circle(
     ry: int,
     clockwise: bool,
     axes: tuple[int, int] = (0, 1),
+    third_axis: int | None = None,
+    third_steps: int = 0,
     axis_count: int = 4,
 ) -> Circle:
-    """An arc of `ticks` single-axis steps; iMC manual 2.2.28 and 2.3.
+    """An arc of `ticks` single-axis steps; iMC manual 2.2.28 and 2.3. A helix (2.2.27) has a third axis, whose
+    `third_steps` (signed) are spread evenly over the ticks.
 
-    d: start value of the difference register, any integer. xs, ys: start point in steps, from the centre. rx, ry: sense
-    of each axis in the first quadrant (only their signs count, and only to understand d: position and direction say the
-    same). axes: the two axes of the plane (0 X, 1 Y ...), first and second of the command; axis_count: of all axes.
+    d: start value of the difference register. xs, ys: start point in steps from the centre. rx, ry: sense of each axis
+    at the start; only the signs count, and only to understand d, as position and direction say the same. axes: first
+    and second axis of the plane (0 X, 1 Y ...) out of axis_count.
 
-    Raises ValueError for a negative or too large tick number, too large coordinates, or axes that are not two.
-    """
-    return helix(ticks, d, xs, ys, rx, ry, clockwise, axes, None, 0, axis_count)
-
-
-def helix(
-    ticks: int,
-    d: int,
-    xs: int,
-    ys: int,
-    rx: int,
-    ry: int,
-    clockwise: bool,
-    axes: tuple[int, int],
-    third_axis: int | None,
-    third_steps: int,
-    axis_count: int = 4,
-) -> Circle:
-    """A circle whose third axis makes `third_steps` (signed) evenly over the ticks, together with them; manual 2.2.27.
-
-    Raises ValueError like `circle`, and if the third axis has more steps than there are ticks.
+    Raises ValueError for a negative or too large tick number, too large coordinates, axes that are not different, or a
+    third axis with more steps than there are ticks.
     """
     used = [*axes] if third_axis is None else [*axes, third_axis]
     if len(axes) != 2 or len(set(used)) != len(used) or not set(used) <= set(range(axis_count)):
@@ -106,12 +84,12 @@ def helix(
 def squared_radius(d: int, xs: int, ys: int, rx: int, ry: int) -> int:
     """R^2 that a host means by D = d, counter-clockwise (decision M3).
 
-    (2) is solved for R^2 in three readings of its text: with Summe(n) = |n| (n + 1) as the worked example has it; with
-    Summe(n) = n (|n| + 1), which is (1); with both slips of the example. A reading counts if it yields the square of a
-    whole number whose circle, rounded, has the start point; R^2 may miss the square by 1, because an odd R makes 2 D
-    odd and the host rounds D. If several count, the radius nearest to the start point is meant. If none does, R is not
-    whole or D comes from another formula: then (1) is taken as it stands, but not farther from the start point than
-    cutting a point of the circle to whole steps can put it, 3/2 steps.
+    (2) is solved for R^2 in three readings: with Summe(n) = |n| (n + 1) as in the worked example; with Summe(n) =
+    n (|n| + 1), which is (1); with both slips of the example. A reading counts if it gives the square of a whole number
+    whose circle, rounded, has the start point; it may miss the square by 1, because an odd R makes 2 D odd and the host
+    rounds D. Of several the radius nearest to the start point is meant. If none counts, R is not whole or D comes from
+    another formula: then (1) holds, but at most 3/2 steps from the start point, as far as cutting a point of the circle
+    to whole steps can move it.
     """
     x, y, y_slip = xs + (rx - ry) // 2, ys + (rx + ry) // 2, ys + (rx - ry) // 2
     printed, slipped = (rx * ry * (2 * d + rx * abs(x) * (x + 1) - ry * abs(n) * (n + 1)) for n in (y, y_slip))
@@ -128,7 +106,7 @@ def squared_radius(d: int, xs: int, ys: int, rx: int, ry: int) -> int:
 
 
 def _rounds_to(radius: int, x: int, y: int) -> bool:
-    """Whether the circle passes through the square around (x, y) whose points are rounded to (x, y)."""
+    """True if the circle passes through the square of the points that are rounded to (x, y)."""
     x, y = abs(x), abs(y)
     nearest = max(2 * x - 1, 0) ** 2 + max(2 * y - 1, 0) ** 2
     farthest = (2 * x + 1) ** 2 + (2 * y + 1) ** 2
@@ -137,7 +115,7 @@ def _rounds_to(radius: int, x: int, y: int) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Circle:
-    """Made by `circle` or `helix`: an arc in the counter-clockwise frame (axes exchanged if it is clockwise)."""
+    """An arc in the counter-clockwise frame: axes are exchanged if it is clockwise."""
 
     ticks: int
     xs: int
@@ -187,11 +165,8 @@ def _checkpoints(path: Circle) -> NDArray[np.int64]:
 
 @njit(nogil=True)
 def _walk(x, y, c, delta, first, second):
-    """Make len(delta) ticks from (x, y) with c = x^2 + y^2 - R^2; write the step of each to one of the columns first
-    and second; return the state reached.
-
-    A quadrant includes the half axis on which the counter-clockwise path enters it.
-    """
+    """Make len(delta) ticks from (x, y), c = x^2 + y^2 - R^2, each a step in column `first` or `second`; return the
+    state reached. A quadrant includes the half axis on which the counter-clockwise path enters it."""
     for i in range(delta.shape[0]):
         rx = -1 if y > 0 or (y == 0 and x > 0) else 1
         ry = 1 if x > 0 or (x == 0 and y < 0) else -1

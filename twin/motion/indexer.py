@@ -5,13 +5,14 @@
       |       /        ...              \\              /   \\
       +------/------------ path          \\____        /     \\____
 
-An axis has phases, each a parabola s(t) = s0 + v0 t + a t^2 / 2 from its time on; a plan is replaced by one with other
-phases behind a tick when a switch is met. Times are seconds from the start of the plan, ways increments.
+An axis has phases, each a parabola s(t) = s0 + v0 t + a t^2 / 2 from its time on; when a switch is met, the plan is
+replaced by one with other phases after a tick. Times are seconds from the start of the plan, ways increments.
 """
 
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,8 +44,7 @@ class Indexer:
 
     phases: tuple[tuple[Phase, ...], ...]
     period_ns: int
-    acceleration: float
-    """Increments/s^2, of `stopped`."""
+    acceleration: float  # increments/s^2, of `stopped`
     identity: object
 
     @property
@@ -78,14 +78,10 @@ class Indexer:
         return plan
 
     def stands_at(self, axis: int) -> int:
-        """The tick from which on this axis stands."""
         return math.ceil(round(self.phases[axis][-1].t * SECOND_NS / self.period_ns, 6))
 
     def stands(self, axis: int, k: int) -> bool:
-        """True if this axis stands from tick k on."""
         return k >= self.stands_at(axis)
-
-    # ---- other phases from tick k on --------------------------------------------------------------------------------
 
     def braked(self, axis: int, k: int, sharpness: float = 1.0) -> Indexer:
         """Down to standstill; the acceleration is `sharpness` times that of the plan."""
@@ -93,7 +89,8 @@ class Indexer:
         if v == 0.0:
             return self._with(axis, k, [Phase(t, s, 0.0)])
         a = -math.copysign(self.acceleration * sharpness, v)
-        return self._with(axis, k, [Phase(t, s, v, a), _stand(Phase(t, s, v, a), t - v / a)])
+        ramp = Phase(t, s, v, a)
+        return self._with(axis, k, [ramp, Phase(t - v / a, ramp.at(t - v / a)[0], 0.0)])
 
     def to(self, axis: int, k: int, target: float, speed: float) -> Indexer:
         """From standstill to a place (way since the start of the plan), at most at this speed."""
@@ -143,27 +140,16 @@ class Indexer:
 
 
 def at_rest(axes: int, period_ns: int, acceleration: float, identity: object) -> Indexer:
-    """A plan in which no axis moves yet."""
     return Indexer(((Phase(0.0, 0.0, 0.0),),) * axes, period_ns, acceleration, identity)
 
 
 def _phase(phases: tuple[Phase, ...], t: float) -> Phase:
-    found = phases[0]
-    for phase in phases[1:]:
-        if phase.t > t:
-            break
-        found = phase
-    return found
-
-
-def _stand(phase: Phase, t: float) -> Phase:
-    return Phase(t, phase.at(t)[0], 0.0)
+    return phases[max(bisect_right(phases, t, key=lambda phase: phase.t) - 1, 0)]
 
 
 @dataclass(frozen=True, eq=False)
 class Braked:
-    """Set points of `plan` up to tick k, then each axis down to standstill from the speed it has there; follows
-    `isel_twin.motion.SetPoints`."""
+    """Follows `isel_twin.motion.SetPoints`: `plan` up to tick k, then each axis down to standstill by `ramp`."""
 
     plan: SetPoints
     k: int
@@ -188,13 +174,12 @@ class Braked:
     def deltas(self, first: int, last: int) -> NDArray[np.int32]:
         if not 0 <= first <= last <= self.ticks:
             raise IndexError(f"set points {first}..{last} of {self.ticks}")
-        joint = min(max(first, self.k), last)
-        parts = []
+        parts = [np.zeros((0, self.axes), np.int32)]
         if first < self.k:
             parts.append(self.plan.deltas(first, min(last, self.k)))
         if last > self.k:
-            parts.append(self.ramp.deltas(joint - self.k, last - self.k))
-        return np.concatenate(parts) if parts else np.zeros((0, self.axes), np.int32)
+            parts.append(self.ramp.deltas(max(first - self.k, 0), last - self.k))
+        return np.concatenate(parts)
 
     def stopped(self, k: int) -> Braked:
         return self

@@ -23,9 +23,8 @@ Set point k of axis i is the beginning of its piece + round(n_i s(k period) / L)
 
 A plan is a value. `replanned` gives another one that has the same set points up to tick k and goes on from the
 momentary place and speed: with more pieces, another scale or ceiling, a hold. It is described, not stored: some 200
-bytes a piece, whatever the piece takes. A piece more at the end costs the pieces within the braking distance.
-
-Definitions and closed forms are in docs/set_points.md.
+bytes a piece, whatever the piece takes. A piece more at the end costs the pieces within the braking distance. More in
+docs/set_points.md.
 """
 
 from __future__ import annotations
@@ -33,6 +32,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,8 +44,7 @@ from isel_twin.motion.path import Displacement, check_range
 from isel_twin.motion.pieces import Pieces
 from isel_twin.motion.planning import Ramps, now
 
-GRID_NOISE = 1e-6
-"""Periods by which an end may miss a tick and fall on it: some nanoseconds, in which nothing moves at an end."""
+GRID_NOISE = 1e-6  # periods by which an end may miss a tick and still fall on it: nanoseconds at standstill
 
 
 def joined(
@@ -65,23 +64,15 @@ def joined(
     """
     if period_ns <= 0:
         raise ValueError(f"the period of set points must be positive, got {period_ns} ns")
-    block = PlanBlock(
-        0,
-        np.empty((0, 6)),
-        np.empty(0, dtype=np.int32),
-        np.empty(0, dtype=np.int8),
-        np.zeros((1, pieces.axes)),
-        np.empty((0, 5)),
-        (),
-        0,
-    )
+    numbers = np.empty(0, dtype=np.int32), np.empty(0, dtype=np.int8)
+    block = PlanBlock(0, np.empty((0, 6)), *numbers, np.zeros((1, pieces.axes)), np.empty((0, 5)), (), 0)
     empty = Joined(pieces.axes, period_ns, sine, 1.0, math.inf, identity, False, False, 0, (block,))
     return empty.replanned(0, append=pieces, scale=scale, ceiling=ceiling)
 
 
 @dataclass(frozen=True, eq=False)
 class Joined:
-    """Made by `joined`; follows `isel_twin.motion.SetPoints`. Immutable; see the module."""
+    """Made by `joined`; follows `isel_twin.motion.SetPoints`."""
 
     axes: int
     period_ns: int
@@ -90,14 +81,10 @@ class Joined:
     ceiling: float
     identity: object
     hold: bool
-    """It has been told to hold."""
-    dropped: bool
-    """It has been stopped: pieces that were left are forgotten, and none can be appended."""
-    ticks: int
-    """Number of set points: after the last one it stands, at the end of the chain or where it is held."""
+    dropped: bool  # it has been stopped: pieces that were left are forgotten, and none can be appended
+    ticks: int  # number of set points: after the last one it stands, at the end of the chain or where it is held
     blocks: tuple[PlanBlock, ...]
-    forgotten: int = 0
-    """Ticks at the beginning whose set points are no longer known; see `forgetting`."""
+    forgotten: int = 0  # ticks at the beginning whose set points are no longer known; see `forgetting`
 
     @property
     def held(self) -> bool:
@@ -106,7 +93,7 @@ class Joined:
 
     @property
     def pieces(self) -> int:
-        """Number of pieces: those that were made, that are being made and that are waiting."""
+        """Number of pieces, made, being made or waiting."""
         return self.blocks[-1].first + len(self.blocks[-1].table)
 
     @property
@@ -120,7 +107,7 @@ class Joined:
         return np.diff(block_positions(self.blocks, self.period_s, self.sine, first, last), axis=0).astype(np.int32)
 
     def displacement(self, k: int) -> Displacement:
-        """Costs the logarithm of the number of pieces. Beyond the last tick: the end."""
+        """In logarithmic time. Beyond the last tick: the end."""
         self._check_known(k)
         return tuple(block_positions(self.blocks, self.period_s, self.sine, k, k)[0].tolist())
 
@@ -140,10 +127,9 @@ class Joined:
         return block.first + at + int(ended)
 
     def passed(self, j: int) -> int:
-        """The first tick at which `finished` is j or more, as planned now; j = 1 .. pieces. 0 for j = 0.
+        """The first tick at which `finished` is j or more, as planned now; j = 0 .. pieces.
 
-        Raises IndexError if it will not get there: for another number, or beyond the place where it is held; and for
-        what is forgotten.
+        Raises IndexError for another number, a piece beyond the place where it is held, and for what is forgotten.
         """
         if j == 0 and not self.forgotten:
             return 0
@@ -163,15 +149,12 @@ class Joined:
 
     @property
     def known_pieces(self) -> int:
-        """Number of pieces that take memory: all but those that are forgotten."""
+        """Number of pieces that are not forgotten."""
         return self.pieces - self.blocks[0].first
 
     def forgetting(self, k: int) -> Joined:
-        """The same without what was before tick k, so that the memory of an endless motion stays bounded. Numbers of
-        ticks and pieces, and displacements, do not change.
-
-        Raises IndexError for a tick that is forgotten already.
-        """
+        """The same without what was before tick k, so that the memory of an endless motion stays bounded; numbers and
+        displacements stay. Raises IndexError for a tick that is forgotten already."""
         self._check_known(k)
         k = min(k, self.ticks)
         kept = self.blocks[block_at(self.blocks, k * self.period_s) :]
@@ -193,13 +176,12 @@ class Joined:
         sharpness: float = 1.0,
         wanted: tuple[int, float] | None = None,
     ) -> Joined:
-        """The same up to tick k, then otherwise; what is not said stays. k may lie beyond the last tick: it stood.
+        """The same up to tick k, which may lie beyond the last one, then otherwise; what is not given stays.
 
         drop: forget the pieces that have not begun, but for those it needs to stop; with hold, the rest of all. append:
         pieces at the end, after what was dropped. scale, ceiling: see `joined`; speeds above them fall as the ramps
-        allow, joints keep their entry speeds. hold: True brakes along the path and stands, with what is left waiting;
-        False goes on. sharpness: factor of the accelerations of the pieces while it brakes for a hold. wanted: number
-        of pieces, and another wanted speed on what is left of them.
+        allow, joints keep their entry speeds. hold: True brakes along the path and stands, False goes on. sharpness:
+        factor of the accelerations while it brakes for a hold. wanted: number of pieces, and their new wanted speed.
 
         A ramp under way goes on unchanged if the new plan has the same; otherwise a new one begins at the momentary
         speed. A falling sin^2 ramp without which a joint would be passed too fast is finished first.
@@ -208,10 +190,10 @@ class Joined:
         for a plan that was dropped while held.
         """
         new = self._changed(k, scale, ceiling, hold, sharpness, wanted)
-        if append is not None and (append.axes != self.axes or self.dropped):
-            raise ValueError(
-                "what was dropped takes no more" if self.dropped else f"{append.axes} axes, not {self.axes}"
-            )
+        if append is not None and self.dropped:
+            raise ValueError("what was dropped takes no more")
+        if append is not None and append.axes != self.axes:
+            raise ValueError(f"{append.axes} axes, not {self.axes}")
         if self.dropped:
             return self
         same = (new.scale, new.ceiling, new.hold) == (self.scale, self.ceiling, self.hold)
@@ -247,14 +229,9 @@ class Joined:
         wanted: tuple[int, float] | None,
     ) -> Joined:
         """This with other settings, its phases still those of the old ones. Raises ValueError, see `replanned`."""
-        new = self
-        if not (scale is None and ceiling is None and hold is None):
-            new = replace(
-                self,
-                scale=self.scale if scale is None else scale,
-                ceiling=self.ceiling if ceiling is None else ceiling,
-                hold=self.hold if hold is None else hold,
-            )
+        given = {"scale": scale, "ceiling": ceiling, "hold": hold}
+        changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+        new = replace(self, **changes) if changes else self
         sound = 0 <= new.scale < math.inf and new.ceiling > 0 and 0 < sharpness < math.inf
         if k < 0 or not sound or (wanted is not None and not 0 < wanted[1] < math.inf):
             raise ValueError(f"no plan at tick {k} for scale {new.scale}, ceiling {new.ceiling}, sharpness {sharpness}")
@@ -271,12 +248,9 @@ class Joined:
         return self._with(self.blocks[:-1], grown.with_phases(row, tail.settled, law), k)
 
     def remainder(self, identity: object = 0, *, scale: float | None = None) -> Joined:
-        """What is left of a plan that is held, from where it stands (its last tick), as a motion of its own that is not
-        told to hold; with another scale if one is given.
-
-        For a controller that ends the motion when it stands and begins another one when it goes on. Set points fall on
-        the same whole numbers: they are rounded from where the pieces began.
-        """
+        """What is left of a held plan, from where it stands (its last tick), as a motion of its own: for a controller
+        that begins another motion when it goes on. Set points fall on the same whole numbers: they are rounded from
+        where the pieces began."""
         here = np.array(self.displacement(self.ticks), dtype=np.float64)
         tail = self.blocks[-1]
         _, first, s = now(tail, self._state(self.ticks)[1])
@@ -299,8 +273,6 @@ class Joined:
         if k < self.forgotten:
             raise IndexError(f"set point {k}" + f": those before {self.forgotten} are forgotten" * (k >= 0))
 
-    # ---- places ----------------------------------------------------------------------------------------------------
-
     @property
     def period_s(self) -> float:
         return self.period_ns / SECOND_NS
@@ -316,13 +288,13 @@ class Joined:
     def _state(self, k: int) -> tuple[int, State]:
         """Number of the block at tick k, and where it is there."""
         t_s = k * self.period_s
-        number = len(self.blocks) - 1 if k >= self.ticks else block_at(self.blocks, t_s)
-        block = self.blocks[number]
         if k >= self.ticks:
+            number, block = len(self.blocks) - 1, self.blocks[-1]
             row = len(block.phases) - 1
-            if row < 0:
-                return number, State(-1, 0, 0.0, 0.0, t_s, True)
-            return number, State(row, int(block.piece[row]), float(block.phases[row, S1]), 0.0, t_s, True)
+            piece, s = (int(block.piece[row]), float(block.phases[row, S1])) if row >= 0 else (0, 0.0)
+            return number, State(row, piece, s, 0.0, t_s, True)
+        number = block_at(self.blocks, t_s)
+        block = self.blocks[number]
         row = block.row(t_s)
         place, at = np.empty(1), np.empty(1, dtype=np.int64)
         places(k, self.period_s, block.phases, block.piece, self.sine, place, at)

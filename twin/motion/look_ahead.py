@@ -10,23 +10,15 @@ A chain is a table, one row a piece; a law is a list of phases, one to three a p
 Times are double precision: beside the seconds of a day their last digit is 10 ps.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 
 from isel_twin.base.compiling import njit
 
-LENGTH, SPEED, LIMIT, ACCELERATION, ENTRY = range(5)
-"""Columns of a table of pieces."""
-
-T, DT, S0, S1, V0, V1 = range(6)
-"""Columns of phases."""
-
-FRACTIONS = 65536.0
-"""Displacements are whole multiples of one part in so many of an increment, so that sums of them are exact."""
-
+LENGTH, SPEED, LIMIT, ACCELERATION, ENTRY = range(5)  # columns of a table of pieces
+T, DT, S0, S1, V0, V1 = range(6)  # columns of phases
+FRACTIONS = 65536.0  # displacements are whole multiples of an increment over this, so that sums of them are exact
 LARGEST = 2.0**31
 
 FAULTS = (
@@ -39,11 +31,8 @@ FAULTS = (
 )
 """Messages by the number that `faults` returns."""
 
-NOISE = 1e-11
-"""Relative rounding error of v^2: a joint that is missed by less counts as kept."""
-
-PLACE_NOISE = 1e-12
-"""Relative rounding error of places on a piece."""
+NOISE = 1e-11  # relative rounding error of v^2: a joint that is missed by less counts as kept
+PLACE_NOISE = 1e-12  # relative rounding error of places on a piece
 
 
 @njit(nogil=True, error_model="numpy")
@@ -77,8 +66,8 @@ def lay(t, s, v, table, wanted, factor, phases, piece, back):
 
     wanted: greatest speeds, one a piece. factor: mean acceleration of a ramp over the greatest. Writes to phases
     [3 n, 6], piece [3 n] (row of the table), back [3 n] (phases since the beginning of the piece or, in the first one,
-    of the plan). Returns their number, the first joint that does not depend on where the chain ends, counted from the
-    end, and whether all entry speeds are kept and it stands at the end.
+    of the plan). Returns their number, the last joint that does not depend on where the chain ends, and whether all
+    entry speeds are kept and it stands at the end.
     """
     n = table.shape[0]
     joint = np.empty(n + 1)

@@ -11,15 +11,13 @@ The goal of this protocol is that nobody below a controller knows how it moves i
 Both are described, not stored: a window of ticks is expanded where it is looked at, so that a job of 10^8 ticks needs
 little memory.
 
-Replacing a motion by another
------------------------------
 A motion is immutable. A controller that changes its mind in mid-motion (a stop ramp, a limit switch, a new plan) puts
 another one in its place. If that one *continues* the former, it is the same motion with another future:
 
     b continues a at time t:   b.start_ns == a.start_ns, b.first == a.first, and the ticks at or before t are the same
 
-Only the controller knows the last of it, and it must hold: ticks that have been made are not taken back. `continues`
-tells the rest. A motion that does not continue the former ends it at the present time and begins anew.
+Only the controller can make sure of the last: ticks that have been made are not taken back. `continues` tells the rest.
+A motion that does not continue the former ends it at the present time and begins anew.
 """
 
 from __future__ import annotations
@@ -33,8 +31,6 @@ from isel_twin.motion.path import Displacement
 
 
 class Motion(Protocol):
-    """A described stream of ticks; see the module."""
-
     @property
     def axes(self) -> int:
         """Number of axes, 1 to 8."""
@@ -76,4 +72,4 @@ class Motion(Protocol):
         """The same, ended at t_ns: only the ticks at or before it."""
 
     def continues(self, other: Motion) -> bool:
-        """Whether this is `other` with, at most, another future; see the module."""
+        """True if this is `other` with, at most, another future; see the module."""

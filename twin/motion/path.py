@@ -20,31 +20,26 @@ from numpy.typing import NDArray
 from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.base.compiling import njit
 
-Displacement = tuple[int, ...]
-"""Whole numbers of steps or increments, one an axis."""
+Displacement = tuple[int, ...]  # whole numbers of steps or increments, one an axis
 
 
 def added(a: Sequence[int], b: Sequence[int]) -> Displacement:
-    """One after the other."""
     return tuple(m + n for m, n in zip(a, b, strict=True))
 
 
 def between(before: Sequence[int], now: Sequence[int]) -> Displacement:
-    """From one to the other."""
     return tuple(n - b for b, n in zip(before, now, strict=True))
 
 
 class StepPath(Protocol):
-    """What a `StepRun` asks of a path. Immutable, and equal to another path of the same ticks; a controller may bring
-    its own."""
+    """What a `StepRun` asks of a path. Immutable, equal to another path of the same ticks; controllers may have
+    others."""
 
     @property
-    def ticks(self) -> int:
-        """Number of ticks of the whole path."""
+    def ticks(self) -> int: ...
 
     @property
-    def axes(self) -> int:
-        """Number of axes."""
+    def axes(self) -> int: ...
 
     def deltas(self, first: int, last: int) -> NDArray[np.int8]:
         """int8 [last - first, axes], steps at ticks first + 1 .. last. IndexError if the path has fewer."""
@@ -65,8 +60,6 @@ def line(steps: Sequence[int]) -> StepLine:
 
 @dataclass(frozen=True, slots=True)
 class StepLine:
-    """Made by `line`."""
-
     steps: Displacement
     ticks: int
 

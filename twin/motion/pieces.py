@@ -1,13 +1,9 @@
-"""Pieces of a path as columns: what a chain is made of before anything is planned; `joined` says what it is for.
-
-piece     where each axis goes on it, its length, how fast, how steeply, and how fast it may be entered
-chain     one piece after the other
-"""
+"""Pieces of a path as columns: what a chain is made of before anything is planned; `joined` says what it is for."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -50,16 +46,19 @@ class Pieces:
     def __post_init__(self) -> None:
         if self.displacement.ndim != 2 or not 1 <= self.displacement.shape[1] <= len(AXIS_NAMES):
             raise ValueError(f"displacements are a table of 1 to {len(AXIS_NAMES)} axes, not {self.displacement.shape}")
-        columns = self.length, self.speed, self.limit, self.acceleration, self.entry
-        if any(column.shape != (len(self.displacement),) for column in columns):
+        if any(column.shape != (len(self.displacement),) for column in self.columns[1:]):
             raise ValueError(f"columns of pieces must all have {len(self.displacement)} rows")
-        fault = faults(*(np.ascontiguousarray(column, dtype=np.float64) for column in (self.displacement, *columns)))
+        fault = faults(*(np.ascontiguousarray(column, dtype=np.float64) for column in self.columns))
         if fault:
             raise ValueError(FAULTS[fault])
 
     @property
+    def columns(self) -> tuple[NDArray[np.float64], ...]:
+        """displacement, length, speed, limit, acceleration, entry."""
+        return self.displacement, self.length, self.speed, self.limit, self.acceleration, self.entry
+
+    @property
     def axes(self) -> int:
-        """Number of axes."""
         return int(self.displacement.shape[1])
 
     def __len__(self) -> int:
@@ -75,12 +74,9 @@ def piece(
     entry: float = math.inf,
     curve: Curve | None = None,
 ) -> Pieces:
-    """One piece; see `Pieces`."""
-    columns = np.array([[length], [speed], [limit], [acceleration], [entry]], dtype=np.float64)
+    columns = ([values] for values in (displacement, length, speed, limit, acceleration, entry))
     curves = () if curve is None else ((0, curve),)
-    return Pieces(
-        np.array([displacement], dtype=np.float64), columns[0], columns[1], columns[2], columns[3], columns[4], curves
-    )
+    return _pieces((np.array(column, dtype=np.float64) for column in columns), curves)
 
 
 def chain(parts: Sequence[Pieces]) -> Pieces:
@@ -93,17 +89,15 @@ def chain(parts: Sequence[Pieces]) -> Pieces:
     for part in parts:
         curves += [(done + j, curve) for j, curve in part.curves]
         done += len(part)
-    return Pieces(
-        np.concatenate([part.displacement for part in parts]),
-        np.concatenate([part.length for part in parts]),
-        np.concatenate([part.speed for part in parts]),
-        np.concatenate([part.limit for part in parts]),
-        np.concatenate([part.acceleration for part in parts]),
-        np.concatenate([part.entry for part in parts]),
-        tuple(curves),
-    )
+    columns = zip(*(part.columns for part in parts), strict=True)
+    return _pieces(map(np.concatenate, columns), tuple(curves))
+
+
+def _pieces(columns: Iterable[NDArray[np.float64]], curves: tuple[tuple[int, Curve], ...]) -> Pieces:
+    displacement, length, speed, limit, acceleration, entry = columns
+    return Pieces(displacement, length, speed, limit, acceleration, entry, curves)
 
 
 def table(pieces: Pieces) -> NDArray[np.float64]:
     """float64 [n, 5], the columns that `look_ahead` names."""
-    return np.column_stack((pieces.length, pieces.speed, pieces.limit, pieces.acceleration, pieces.entry))
+    return np.column_stack(pieces.columns[1:])

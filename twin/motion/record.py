@@ -30,29 +30,23 @@ class Steps:
     """
 
     def __init__(self, axes: int, motions: Iterable[Motion] = (), keep: int | None = None) -> None:
-        """axes: number of axes of every motion. keep: number of motions that are kept, the last ones; None for all.
-
-        Raises ValueError if that is less than one, or as `append` does.
-        """
+        """keep: number of motions that are kept, the last ones; None for all. Raises ValueError below 1, or as
+        `append`."""
         if keep is not None and keep < 1:
             raise ValueError(f"a record keeps at least one motion, not {keep}")
         self.axes = axes
-        self.dropped = 0
-        """Motions at the beginning that are not kept,"""
+        self.dropped = 0  # motions at the beginning that are not kept
         self.dropped_ticks = 0
-        """and their ticks."""
         self._motions: deque[Motion] = deque(maxlen=keep)
         for motion in motions:
             self.append(motion)
 
     @property
     def keep(self) -> int | None:
-        """Number of motions that are kept, None for all."""
         return self._motions.maxlen
 
     @property
     def motions(self) -> tuple[Motion, ...]:
-        """The motions, in the order of time."""
         return tuple(self._motions)
 
     def append(self, motion: Motion) -> None:
@@ -86,11 +80,10 @@ class Steps:
 
     @property
     def made(self) -> int:
-        """Number of ticks, those of motions that are not kept among them."""
+        """Number of ticks, with those of motions that are not kept; `len` is without them."""
         return self.dropped_ticks + len(self)
 
     def __len__(self) -> int:
-        """Number of ticks that are kept."""
         return sum(motion.last - motion.first for motion in self._motions)
 
     @property
@@ -107,19 +100,16 @@ class Steps:
     @property
     def t_ns(self) -> NDArray[np.int64]:
         """int64 [n], times of all ticks in ns."""
-        out = np.empty(len(self), dtype=np.int64)
-        done = 0
-        for t_ns, _ in self.chunks():
-            out[done : done + t_ns.size] = t_ns
-            done += t_ns.size
-        return out
+        return self._filled(np.empty(len(self), dtype=np.int64), 0)
 
     @property
     def delta(self) -> NDArray[Any]:
         """int8 or int32 [n, axes], change of each axis at each tick; -1, 0 or +1 where steps are made."""
-        out = np.empty((len(self), self.axes), dtype=self.dtype)
+        return self._filled(np.empty((len(self), self.axes), dtype=self.dtype), 1)
+
+    def _filled(self, out: NDArray[Any], column: int) -> NDArray[Any]:
         done = 0
-        for _, delta in self.chunks():
-            out[done : done + len(delta)] = delta
-            done += len(delta)
+        for chunk in self.chunks():
+            out[done : done + len(chunk[column])] = chunk[column]
+            done += len(chunk[column])
         return out

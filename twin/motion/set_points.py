@@ -22,10 +22,10 @@ from isel_twin.motion.path import Displacement, between
 
 
 class SetPoints(Protocol):
-    """What a `SetPointRun` asks of a plan. Immutable; it is the controller that brings it.
+    """What a `SetPointRun` asks of a plan. Immutable.
 
-    A plan may be replaced while it runs by one that has the same set points up to the present (`identity` is then the
-    same): that is how moves are joined, braked and replanned.
+    It may be replaced while it runs by one with the same set points up to the present and the same `identity`: that is
+    how moves are joined, braked and replanned.
     """
 
     @property
@@ -33,16 +33,14 @@ class SetPoints(Protocol):
         """Number of set points."""
 
     @property
-    def axes(self) -> int:
-        """Number of axes."""
+    def axes(self) -> int: ...
 
     @property
     def identity(self) -> object:
         """What makes two plans the same motion: equal for a plan and those that replace it."""
 
     def deltas(self, first: int, last: int) -> NDArray[np.int32]:
-        """int32 [last - first, axes], changes in increments at ticks first + 1 .. last. IndexError if there are
-        fewer."""
+        """int32 [last - first, axes], increments at ticks first + 1 .. last. IndexError if there are fewer."""
 
     def displacement(self, k: int) -> Displacement:
         """Sum of the changes of ticks 1 .. k, 0 <= k <= ticks."""
@@ -85,7 +83,6 @@ class SetPointRun:
 
     @property
     def lead_ns(self) -> int:
-        """One period."""
         return self.period_ns
 
     def count(self, t_ns: int) -> int:
@@ -93,7 +90,6 @@ class SetPointRun:
         return self.first + min(max(made, 0), self.last - self.first)
 
     def window(self, k0: int, k1: int) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-        """Changes are int32."""
         if not self.first <= k0 <= k1 <= self.last:
             raise IndexError(f"set points {k0}..{k1} of a run from {self.first} to {self.last}")
         times = self.start_ns + np.arange(k0 + 1 - self.first, k1 + 1 - self.first, dtype=np.int64) * self.period_ns
@@ -107,7 +103,6 @@ class SetPointRun:
         return self.first + max(0, -((self.start_ns - t_ns) // self.period_ns))
 
     def with_plan(self, plan: SetPoints) -> SetPointRun:
-        """The same run of a plan that replaces its own; see `SetPoints`."""
         return replace(self, plan=plan)
 
     def stopped(self, t_ns: int) -> SetPointRun:

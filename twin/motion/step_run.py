@@ -45,15 +45,12 @@ class StepRun:
 
     @property
     def lead_ns(self) -> int:
-        """0: a stage takes a step at once."""
-        return 0
+        return 0  # a stage takes a step at once
 
     def count(self, t_ns: int) -> int:
-        """Path ticks made at t_ns, those of earlier runs of the path included: first .. last."""
         return self.first + self.law.count(t_ns - self.start_ns)
 
     def window(self, k0: int, k1: int) -> tuple[NDArray[np.int64], NDArray[np.int8]]:
-        """Changes are int8."""
         times = self.law.times(k0 - self.first, k1 - self.first)
         times += self.start_ns
         return times, self.path.deltas(k0, k1)

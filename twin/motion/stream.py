@@ -19,16 +19,11 @@ from isel_twin.base.units import SECOND_NS
 from isel_twin.motion.motion import Motion
 from isel_twin.motion.record import Steps
 
-CHUNK = 1 << 15
-"""Ticks of a motion expanded at once; bounds the memory of long moves."""
-
-RATE_TICKS = 16
-"""Ticks before and after the present over which a step frequency is taken."""
+CHUNK = 1 << 15  # ticks of a motion expanded at once; bounds the memory of long moves
+RATE_TICKS = 16  # ticks before and after the present over which a step frequency is taken
 
 
 class Stream:
-    """See the module."""
-
     def __init__(self, axes: int, keep: int | None = None) -> None:
         """keep: number of motions that the record keeps, the last ones; None for all. Raises ValueError below 1."""
         self._record = Steps(axes, keep=keep)
@@ -40,17 +35,14 @@ class Stream:
 
     @property
     def keep(self) -> int | None:
-        """Number of motions that the record keeps, None for all."""
         return self._record.keep
 
     @property
     def moving(self) -> bool:
-        """A motion is being made."""
         return self._motion is not None
 
     @property
     def lead_ns(self) -> int:
-        """`Motion.lead_ns` of the motion being made, 0 if there is none."""
         return 0 if self._motion is None else self._motion.lead_ns
 
     def steps(self, t_ns: int) -> Steps:
@@ -96,7 +88,7 @@ class Stream:
         return self._t_ns[at:end], self._delta[at:end]
 
     def more_after(self, count: int) -> bool:
-        """Whether ticks follow that are not expanded yet, if `count` of the present ones are made."""
+        """True if ticks follow that are not expanded yet once `count` of the present ones are made."""
         motion = self._motion
         return self._at + count == len(self._t_ns) and motion is not None and self._made + count < motion.last
 

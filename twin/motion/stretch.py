@@ -18,18 +18,12 @@ from isel_twin.motion.look_ahead import LENGTH, T
 class Stretch(NamedTuple):
     """Phases of a plan one after the other, and the straight pieces they lead along."""
 
-    first: int
-    """Number of the first piece."""
-    ticks: int
-    """Of the whole plan."""
-    phases: NDArray[np.float64]
-    """float64 [n, 6]: time of the beginning and duration in s, place from and to, speed from and to."""
-    piece: NDArray[np.int32]
-    """int32 [n]: number of the piece of each phase, from the first one on."""
-    corner: NDArray[np.float64]
-    """float64 [pieces + 1, axes]: where pieces begin and the last one ends, in increments."""
-    length: NDArray[np.float64]
-    """float64 [pieces]."""
+    first: int  # number of the first piece
+    ticks: int  # of the whole plan
+    phases: NDArray[np.float64]  # [n, 6]: begin and duration in s, place from and to, speed from and to
+    piece: NDArray[np.int32]  # [n]: number of the piece of each phase, from the first one on
+    corner: NDArray[np.float64]  # [pieces + 1, axes]: where pieces begin and the last one ends, in increments
+    length: NDArray[np.float64]  # [pieces]
 
 
 def since(plan: Joined, k: int) -> Stretch | None:

@@ -11,12 +11,12 @@ and V <= f0 has no ramps: s = V t. Solved for the time, with x(d) = (sqrt(f0^2 +
 
     rise  t_k = x(k)        cruise  t_k = t_r + (k - s_r) / V        fall  t_k = T - x(S - k),  S = n
 
-A stop at time t_q leaves the ticks up to t_q as they are and falls from the momentary phase s_q and frequency f_q:
-the same `fall` with S = s_q + (f_q^2 - f0^2) / (2 a) and T = t_q + (f_q - f0) / a; the last tick is floor(S).
+A stop at time t_q keeps the ticks up to t_q and falls from the momentary phase s_q and frequency f_q: the same `fall`
+with S = s_q + (f_q^2 - f0^2) / (2 a) and T = t_q + (f_q - f0) / a; the last tick is floor(S).
 
 Every t_k is rounded to the nearest nanosecond, ties to even. Cruise times are rational: an integer accumulator gives
-them without a division per tick. Ramp times are computed in double precision by x(d) = 2 d / (sqrt(f0^2 + 2 a d) + f0),
-which loses no digits; the few that lie too near to the middle between two nanoseconds are decided in exact arithmetic.
+them without a division per tick. Ramp times are computed in double precision as x(d) = 2 d / (sqrt(f0^2 + 2 a d) + f0),
+which cancels no digits; the few too near to the middle between two nanoseconds are decided in exact arithmetic.
 """
 
 from __future__ import annotations
@@ -34,32 +34,21 @@ from numpy.typing import NDArray
 from isel_twin.base.compiling import njit
 from isel_twin.base.units import SECOND_NS
 
-Rational = int | Fraction
-"""Frequencies and accelerations may be any exact number; floats would not say what is meant."""
-
-LONGEST_NS = 1 << 62
-"""Times must stay below this (146 years), so that sums of two fit into 64 bits."""
-
+Rational = int | Fraction  # frequencies and accelerations may be any exact number; floats would not say what is meant
+LONGEST_NS = 1 << 62  # times must stay below this (146 years), so that sums of two fit into 64 bits
 DOUBT = 12 * 2.0**-53
-"""Bound for the error of the double-precision ramp time, relative to x(d) + 1 ns.
+"""Bound for the error of the double-precision ramp time, relative to x(d) + 1 ns. With u = 2^-53 the relative errors
+are at most: d 2 u, 2 a d 4 u, radicand 5 u, root 3.5 u, plus f0 4.5 u, numerator 4 u, quotient 9.5 u; adding the
+rounded rest of T costs 1 u of the sum and 1 u of the rest."""
 
-With u = 2^-53 the relative errors add up to: d 2 u, 2 a d 4 u, the radicand 5 u, its root 3.5 u, plus f0 4.5 u, the
-numerator 4 u, the quotient 9.5 u; adding the rounded rest of T costs 1 u of the sum and 1 u of the rest: below 12 u.
-"""
-
-ROOT_DIGITS = 128
-"""Binary digits after the point to which irrational times are known."""
-
-
-# ---- the public part -----------------------------------------------------------------------------------------------
+ROOT_DIGITS = 128  # binary digits after the point to which irrational times are known
 
 
 class TimeLaw(Protocol):
-    """What a `StepRun` asks of a time law. Immutable; a controller may bring its own."""
+    """What a `StepRun` asks of a time law. Immutable; controllers may have others."""
 
     @property
-    def ticks(self) -> int:
-        """Number of ticks."""
+    def ticks(self) -> int: ...
 
     @property
     def duration_ns(self) -> int:
@@ -79,45 +68,32 @@ class TimeLaw(Protocol):
 
 
 def constant(ticks: int, speed_hz: Rational) -> Trapezoid:
-    """`ticks` ticks at a constant frequency; the first one falls 1/speed_hz after the start.
-
-    Raises ValueError for a negative number of ticks, a frequency that is not positive, or a time beyond 64 bits.
-    """
+    """Constant frequency; the first tick falls 1/speed_hz after the start. Raises ValueError like `trapezoid`."""
     return trapezoid(ticks, speed_hz, speed_hz, 1)
 
 
 def trapezoid(ticks: int, speed_hz: Rational, start_stop_hz: Rational, acceleration_hz_per_s: Rational) -> Trapezoid:
-    """`ticks` ticks that start and end with the start-stop frequency and rise to `speed_hz` as far as they get.
+    """From the start-stop frequency up to `speed_hz`, or as far as the ticks allow, and down again; without ramps if
+    speed_hz <= start_stop_hz.
 
-    Without ramps, at constant frequency, if speed_hz <= start_stop_hz. Raises ValueError like `constant`.
+    Raises ValueError for a negative number of ticks, numbers that are not positive, or a time beyond 64 bits.
     """
     if ticks < 0:
         raise ValueError(f"ticks must not be negative, got {ticks}")
-    for name, value in (
-        ("speed_hz", speed_hz),
-        ("start_stop_hz", start_stop_hz),
-        ("acceleration_hz_per_s", acceleration_hz_per_s),
-    ):
+    names = ("speed_hz", "start_stop_hz", "acceleration_hz_per_s")
+    for name, value in zip(names, (speed_hz, start_stop_hz, acceleration_hz_per_s), strict=True):
         if value <= 0:
             raise ValueError(f"{name} must be positive, got {value}")
     if ticks * SECOND_NS >= LONGEST_NS * min(speed_hz, start_stop_hz):
         raise ValueError(f"{ticks} ticks at {min(speed_hz, start_stop_hz)} Hz take longer than 64 bits of nanoseconds")
     unit_s = math.lcm(speed_hz.denominator, start_stop_hz.denominator, acceleration_hz_per_s.denominator)
-    return Trapezoid(
-        ticks,
-        _Law(
-            ticks,
-            int(speed_hz * unit_s),
-            int(start_stop_hz * unit_s),
-            int(acceleration_hz_per_s * unit_s**2),
-            unit_s * SECOND_NS,
-        ),
-    )
+    speed, start_stop = int(speed_hz * unit_s), int(start_stop_hz * unit_s)
+    return Trapezoid(ticks, _Law(ticks, speed, start_stop, int(acceleration_hz_per_s * unit_s**2), unit_s * SECOND_NS))
 
 
 @dataclass(frozen=True)
 class Trapezoid:
-    """Made by `trapezoid` or `constant`: times of ticks 1 .. `ticks`, in ns after the start. See `TimeLaw`."""
+    """The first `ticks` ticks of a law."""
 
     ticks: int
     _law: _Law
@@ -137,7 +113,7 @@ class Trapezoid:
         return out
 
     def count(self, t_ns: int) -> int:
-        """By the closed form of s(t), corrected by the rounded times: costs the same for any number of ticks."""
+        """By the closed form of s(t), corrected by the rounded times: the same cost for any number of ticks."""
         if t_ns >= self.duration_ns:
             return self.ticks
         estimate = 0
@@ -156,7 +132,7 @@ class Trapezoid:
         return self if t_ns >= self.duration_ns else replace(self, ticks=self.count(t_ns))
 
     def stopped(self, t_ns: int) -> Trapezoid:
-        """Ramps down to the start-stop frequency. Unchanged on its last ramp; ends at once if it has no ramps."""
+        """Unchanged on its last ramp; ends at once if it has no ramps."""
         if self._law.flat:
             return self.cut(t_ns)
         end = _stop_ramp(self._law, t_ns)
@@ -175,7 +151,7 @@ def law_numbers(law: Trapezoid) -> list[int | None]:
 
 
 def law_from_numbers(numbers: Sequence[int | None]) -> Trapezoid:
-    """The law that these numbers of `law_numbers` say. Raises ValueError if they say none."""
+    """The opposite of `law_numbers`. Raises ValueError for numbers that are no law."""
     *of_law, stop_ns = numbers
     if len(of_law) != 6 or not all(isinstance(n, int) and n > 0 for n in of_law[2:]):
         raise ValueError(f"no numbers of a time law: {list(numbers)!r}")
@@ -189,10 +165,8 @@ def law_from_numbers(numbers: Sequence[int | None]) -> Trapezoid:
 
 
 class _Law(NamedTuple):
-    """What a time law follows from: the numbers of the planned motion, and when it was stopped.
-
-    All are whole: the unit of time is so many seconds that frequencies and acceleration are, one second as a rule.
-    """
+    """The planned motion, and when it was stopped. All numbers are whole: the unit of time, one second as a rule, is
+    chosen so that frequencies and acceleration are."""
 
     ticks: int
     speed: int
@@ -207,12 +181,12 @@ class _Law(NamedTuple):
 
     @property
     def double_rise(self) -> int:
-        """2 a s_r = V^2 - f0^2: more than a n in a motion too short to reach its speed."""
+        """2 a s_r = V^2 - f0^2; more than a n if the motion is too short to reach its speed."""
         return self.speed**2 - self.start_stop**2
 
 
 def _stop_ramp(law: _Law, t_ns: int) -> tuple[Fraction, Fraction] | None:
-    """Phase S and time T in units at which the stop ramp begun at t_ns ends; None if the last ramp has begun before."""
+    """Phase S and time T (units of the law) of the end of a stop ramp begun at t_ns; None on the last ramp."""
     if law.stop_ns is not None and t_ns >= law.stop_ns:
         return None
     n, v, f0, a = law.ticks, law.speed, law.start_stop, law.acceleration
@@ -231,7 +205,7 @@ def _stop_ramp(law: _Law, t_ns: int) -> tuple[Fraction, Fraction] | None:
 
 @lru_cache(maxsize=64)
 def _phases(law: _Law) -> tuple[_Cruise | _Ramp, ...]:
-    """The phases of a law in their order, none of them empty."""
+    """The phases of a law in order, none of them empty."""
     n, v, f0, a, unit_ns, stop_ns = law
     if law.flat:
         return (_cruise(0, n, unit_ns, 0, v),) if n else ()
@@ -284,7 +258,6 @@ class _Cruise(NamedTuple):
 
 
 def _cruise(first: int, last: int, slope: int, offset: int, denominator: int) -> _Cruise:
-    """In lowest terms."""
     common = math.gcd(slope, offset, denominator)
     return _Cruise(first, last, slope // common, offset // common, denominator // common)
 
@@ -318,8 +291,7 @@ class _Ramp(NamedTuple):
     law: _Law
     s: Rational
     end: int
-    over: int
-    """T is end / over ns; to much better than the double-precision error if there is a peak, else exactly."""
+    over: int  # T is end / over ns; to much better than the double-precision error if there is a peak, else exactly
     peak: int = 0
 
     def estimate(self, t_ns: int) -> int:
@@ -328,7 +300,6 @@ class _Ramp(NamedTuple):
         return math.floor(self.s) + math.floor(self.sign * d + float(self.s % 1))
 
     def fill(self, out: NDArray[np.int64], k: int) -> None:
-        """Write the times of ticks k, k + 1, ... to out."""
         law = self.law
         s, s_rest = math.floor(self.s), float(self.s % 1)
         t, t_rest = divmod(self.end, self.over)
@@ -347,7 +318,7 @@ class _Ramp(NamedTuple):
         shift = -f0 if self.peak else Fraction(a * self.end, self.over * unit_ns) - self.sign * f0
         r = f0 * f0 + 2 * a * self.sign * (k - self.s)
         plus, minus = (r, 0) if self.sign > 0 else (self.peak, r)
-        # An approximation that is right or one too small or too great; then ask on which side of a middle t_k lies.
+        # n is right or off by one; which of them depends on which side of the middle between two t_k lies.
         roots = Fraction(_root(plus) - _root(minus), 1 << ROOT_DIGITS)
         n = round((shift + roots) * unit_ns / a)
         for middle in (2 * n - 1, 2 * n + 1):

@@ -1,18 +1,14 @@
 """Torque to motion: the plants, and what every plant offers to the twin.
 
-margin.py      how far a motor was from falling out of step
-lead.py        the command of an axis between two set points, led evenly from one to the next
-kernel.py      the compiled loop: drives and MuJoCo together, up to the first threshold passed
-glide.py       MuJoCo's step between the stops, written out
-built.py       a machine put together for it: model and arrays
-altered.py     what events change in the model while it works
-mujoco.py      the MuJoCo plant (default)
-samples.py     samples that the loop takes by itself
-model.py       the MuJoCo model of a machine
-cutting.py     forces of a milling cutter: what it is, equations
-teeth.py       and tooth by tooth, compiled
-picture.py     what it looks like
 kinematic.py   the carriage follows its command exactly; thresholds still work
+mujoco.py      the MuJoCo plant (default)
+built.py       a machine put together for it: model.py (the MuJoCo model) and memory.py (arrays)
+altered.py     what events change in the model while it works
+kernel.py      the compiled loop: drives and MuJoCo together, up to the first threshold passed; in it
+               lead.py (commands led between set points), glide.py (MuJoCo's step between the stops), thread.py (uneven
+               screws), feed.py (common supply), margin.py (distance from falling out of step), teeth.py (of cutting.py)
+samples.py     samples that the loop takes by itself
+picture.py     what it looks like
 """
 
 from __future__ import annotations
@@ -31,11 +27,8 @@ from isel_twin.plant.cutting import Cut
 
 __all__ = ["MOST_SAMPLES", "PLACES", "Cut", "Plant", "Quantity", "Sampled", "Samples", "Threshold"]
 
-PLACES: Mapping[str, str] = {"tool": "tool", "table": "table_top"}
-"""Where a force can act from outside, and the site of the MuJoCo model that stands for it."""
-
-Quantity = Literal["position", "lag", "fault"]
-"""What a threshold watches."""
+PLACES: Mapping[str, str] = {"tool": "tool", "table": "table_top"}  # where a force can act: name, site of the model
+Quantity = Literal["position", "lag", "fault"]  # what a threshold watches
 
 
 @dataclass(frozen=True)
@@ -46,18 +39,14 @@ class Threshold:
         lag        following error: passed while |command as led by now - rotor| > limit, in microsteps of the command
         fault      passed while the drive of the axis is faulty; limit, sense and hysteresis mean nothing
 
-    It stays passed until the quantity is back by at least the hysteresis. Raises ValueError for an unknown quantity, an
-    axis that cannot have it, a sense that is neither 1 nor -1, and numbers that are not finite.
+    It stays passed until the quantity is back by at least the hysteresis. Raises ValueError for what it cannot be.
     """
 
-    axis: int
-    """0 X, 1 Y ...; a carriage (X, Y, Z) if it is a position."""
+    axis: int  # 0 X, 1 Y ...; a carriage (X, Y, Z) if it is a position
     quantity: Quantity
     limit: float = 0.0
-    sense: int = 1
-    """Of a position: -1 motor end, struck below the limit; +1 far end, struck above it."""
-    hysteresis: float = 0.0
-    """In the unit of the limit."""
+    sense: int = 1  # of a position: -1 motor end, struck below the limit; +1 far end, struck above it
+    hysteresis: float = 0.0  # in the unit of the limit
 
     def __post_init__(self) -> None:
         if self.quantity not in get_args(Quantity):
@@ -95,21 +84,17 @@ class Plant(Protocol):
     call. One without them knows no grid.
     """
 
-    physics: bool
-    """Forces from outside and lost motor phases have an effect."""
-    time_ns: int
-    """Time reached: a multiple of the sub-step, if there are sub-steps."""
-    edge: bool
-    """The last `advance` has ended because a threshold was passed or left."""
+    physics: bool  # forces from outside and lost motor phases have an effect
+    time_ns: int  # time reached: a multiple of the sub-step, if there are sub-steps
+    edge: bool  # the last `advance` has ended because a threshold was passed or left
 
     def advance(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any], lead_ns: int = 0) -> int:
         """Advance to until_ns or to the end of the first sub-step in which a threshold was passed or left (without
         sub-steps: to the first nanosecond at which one is); return the time reached.
 
         t_ns [n], never decreasing, delta [n, axes]: all ticks in (last until_ns or time reached, until_ns]; lead_ns:
-        the time over which each of them is led, 0 if they are steps.
-        When it returns early (at time t), the ticks after t have not been made and must be handed in again if they
-        still happen; those at or before t have. Returns until_ns otherwise.
+        the time over which each is led, 0 for steps. When it returns early, the ticks after that time have not been
+        made and must be handed in again if they still happen.
         """
 
     def trips(self) -> NDArray[np.bool_]:
@@ -128,18 +113,16 @@ class Plant(Protocol):
         """Push the machine from outside along one axis (0 X .. 2 Z), in N, until told otherwise: a hand.
 
         place: one of PLACES; "": the one that this axis moves. A positive force pushes tool or table the way that
-        `position_mm` rises, and loads every joint between there and the ground. An axis has one push: a new one
-        replaces it, wherever it was. ValueError for a place that does not exist.
+        `position_mm` rises, and loads every joint between there and the ground. A new push replaces that of the axis,
+        wherever it was. ValueError for a place that does not exist.
         """
 
     def set_cut(self, cut: Cut | None) -> None:
-        """Begin a cut (cutting.py), which pushes the tool, and the table the other way, as long as the tool goes over
-        the table; None ends it. A new one replaces it.
-        """
+        """Begin a cut (cutting.py) in place of the present one: it pushes the tool, and the table the other way, while
+        the tool goes over the table. None ends it."""
 
     def reset_drives(self) -> None:
-        """Clear the faults of drives that have switched themselves off, so that they have current again while their
-        stages are on. Switching the stages on clears them, too."""
+        """Clear the faults of drives that have switched themselves off, as switching the stages on does."""
 
     def set_phase_lost(self, axis: int, phases: str) -> None:
         """Interrupt motor phases of one axis: "a", "b", "ab", or "" to restore them. A servo motor has no current with
@@ -149,15 +132,14 @@ class Plant(Protocol):
         """Add dry friction to the guides of one axis, in N, 0 or more."""
 
     def set_obstacle(self, axis: int, position_mm: float | None) -> None:
-        """Put something in the way of a carriage, as firm as its hard stops: it cannot go beyond this position in
-        machine coordinates, seen from where it is now, whatever the other axes do. None takes it away."""
+        """Put something as firm as a hard stop in the way of a carriage: it cannot pass this position in machine
+        coordinates, seen from where it is now. None takes it away."""
 
     def set_payload(self, place: str, mass_kg: float) -> None:
-        """Add a load at one of PLACES to what the machine carries there: a mass at its site, 0 or more."""
+        """Add a load of 0 or more at the site of one of PLACES."""
 
     def set_undervoltage(self, missing: float) -> None:
-        """Take away this part of the supply voltage of all drives, 0 to 0.95; of the source, if they have a common
-        supply, so that they switch off where it goes too low."""
+        """Take away this part, 0 to 0.95, of the supply voltage of all drives, or of the source of a common supply."""
 
     @property
     def position_mm(self) -> NDArray[np.float64]:
@@ -165,7 +147,7 @@ class Plant(Protocol):
 
     @property
     def velocity_mm_s(self) -> NDArray[np.float64]:
-        """float64 [3], true carriage velocities X, Y, Z."""
+        """float64 [3]."""
 
     @property
     def commanded(self) -> NDArray[np.int64]:
@@ -195,8 +177,8 @@ class Plant(Protocol):
 
     @property
     def fault(self) -> NDArray[np.bool_]:
-        """bool [axes], which drives have switched themselves off; the stage of a stepper motor only while a common
-        supply has too little voltage for it; a servo drive for that, or a following error, until `reset_drives`."""
+        """bool [axes], which drives have switched themselves off: a stepper's stage while a common supply has too
+        little voltage; a servo drive for that, or a following error, until `reset_drives`."""
 
     @property
     def closed_loop(self) -> NDArray[np.bool_]:
@@ -204,17 +186,15 @@ class Plant(Protocol):
 
     @property
     def drive_faults(self) -> tuple[tuple[int, str], ...]:
-        """[axes], how often each servo drive has switched itself off since power-on, and why it did last ("": never);
-        what has been forgotten counts, too."""
+        """[axes], how often each servo drive has switched itself off since power-on, and why last ("": never)."""
 
     @property
     def overloaded(self) -> NDArray[np.bool_]:
-        """bool [axes], which servo drives let no more than the rated current flow, by their I2t."""
+        """bool [axes], which servo drives are held to the rated current by their I2t."""
 
     @property
     def in_position(self) -> NDArray[np.bool_]:
-        """bool [axes], where the following error has been within its window for its time (servo drives that are on), or
-        is nothing (all others)."""
+        """bool [axes], where the following error has been within its window for its time (servo drives), or is 0."""
 
     @property
     def rotor_speed(self) -> NDArray[np.float64]:
@@ -226,12 +206,12 @@ class Plant(Protocol):
 
     @property
     def stages(self) -> tuple[AnyStage, ...]:
-        """The power stages, in the order of the axes; none if the plant has no currents."""
+        """Of the axes; none if the plant has no currents."""
 
     @property
     def current_fraction(self) -> NDArray[np.float64]:
-        """float64, one for each of `stages`: phase current over nominal at this moment, 0 while it is off. Of a servo
-        drive: its current over the rated one, root mean square over the time of its I2t."""
+        """float64 [stages], phase current over nominal now, 0 while off; of a servo drive: current over the rated one,
+        root mean square over the time of its I2t."""
 
     @property
     def supply_v(self) -> float:
@@ -239,20 +219,19 @@ class Plant(Protocol):
 
     @property
     def margin(self) -> NDArray[np.float64]:
-        """float64 [axes], least pull-out margin of each motor since `watch_margin`, or since power-on: 1 nothing was
-        asked of it, 0 it may have lost its hold (margin.py); nan for axes without a motor. Of a servo drive: what is
-        left to the limit of its following error, 0 it has switched itself off."""
+        """float64 [axes], least pull-out margin of each motor since `watch_margin`, or power-on: from 1 (idle) to 0
+        (may have lost its hold; margin.py), nan without a motor. Of a servo drive: part of its lag limit that is
+        left."""
 
     def take_margin(self) -> NDArray[np.float64]:
-        """float64 [axes], `margin`, which begins anew without a look of its own: 1 until the next window is over."""
+        """`margin`, which begins anew: 1 until the next window is over."""
 
     def watch_margin(self) -> None:
-        """Begin anew with the least margins, from a look at the present."""
+        """Begin anew with the least margins, from those of now."""
 
     @property
     def slip_steps(self) -> NDArray[np.float64]:
-        """float64 [axes], microsteps in one slip of a motor: a period of its torque, four full steps; one for a motor
-        that does not slip."""
+        """float64 [axes], microsteps in one slip of a motor, four full steps; 1 for one that does not slip."""
 
     @property
     def at_rest(self) -> bool:
@@ -262,30 +241,22 @@ class Plant(Protocol):
         """The whole state as copies that can be pickled, without the samples that wait."""
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Take over the state saved by a plant of the same machine, thresholds and axes, to the bit. Samples that wait
-        are dropped; how often they are taken stays as it is."""
+        """Take over the state saved by a plant of the same machine, thresholds and axes, to the bit. Waiting samples
+        are dropped; how often they are taken stays."""
 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
     """n samples of a plant, as its properties would have been at those times. Arrays are copies."""
 
-    time_ns: NDArray[np.int64]
-    """int64 [n], rising."""
-    position_mm: NDArray[np.float64]
-    """float64 [n, 3]"""
-    velocity_mm_s: NDArray[np.float64]
-    """float64 [n, 3]"""
-    commanded: NDArray[np.int64]
-    """int64 [n, axes]"""
-    rotor: NDArray[np.float64]
-    """float64 [n, axes]"""
-    current_fraction: NDArray[np.float64]
-    """float64 [n, m], of the stages."""
-    margin: NDArray[np.float64]
-    """float64 [n, axes]"""
-    supply_v: NDArray[np.float64]
-    """float64 [n]"""
+    time_ns: NDArray[np.int64]  # int64 [n], rising
+    position_mm: NDArray[np.float64]  # float64 [n, 3]
+    velocity_mm_s: NDArray[np.float64]  # float64 [n, 3]
+    commanded: NDArray[np.int64]  # int64 [n, axes]
+    rotor: NDArray[np.float64]  # float64 [n, axes]
+    current_fraction: NDArray[np.float64]  # float64 [n, m], of the stages
+    margin: NDArray[np.float64]  # float64 [n, axes]
+    supply_v: NDArray[np.float64]  # float64 [n]
 
 
 @runtime_checkable
@@ -299,9 +270,9 @@ class Sampled(Protocol):
         """True if the plant can take samples at this interval: its own grid has these times."""
 
     def sample_every(self, interval_ns: int, from_ns: int = 0) -> None:
-        """Take samples from now on, at from_ns and so often before and after it; 0: no more, and those that wait are
-        dropped. Between sub-steps positions are as `Plant.position_mm` has them; all else is as after the last whole
-        one. ValueError if the interval does not fit."""
+        """Take samples from now on, on a grid that has from_ns; 0: no more, and those that wait are dropped. Between
+        sub-steps positions are those of `Plant.position_mm`, all else of the last whole one. ValueError if the interval
+        does not fit."""
 
     def sample_again(self) -> None:
         """Take a sample at the next time of the grid even if nothing moves: something beside the plant has changed."""
@@ -310,9 +281,7 @@ class Sampled(Protocol):
     def samples_waiting(self) -> int:
         """Samples not read yet; beyond MOST_SAMPLES they are lost."""
 
-    def take_samples(self) -> Samples:
-        """Read the samples that wait."""
+    def take_samples(self) -> Samples: ...
 
 
-MOST_SAMPLES = 2048
-"""Samples that a plant keeps until they are read."""
+MOST_SAMPLES = 2048  # samples that a plant keeps until they are read

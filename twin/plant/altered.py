@@ -14,13 +14,10 @@ from isel_twin.plant import PLACES, kernel
 from isel_twin.plant.built import Built, weigh
 from isel_twin.plant.glide import gliding
 
-Arrays = dict[str, NDArray[Any]]
-"""Numbers of a model by name."""
+Arrays = dict[str, NDArray[Any]]  # numbers of a model by name
 
 
 class Alterations:
-    """The model of a built machine, and what it was before it was changed."""
-
     def __init__(self, built: Built) -> None:
         model = built.model
         self._built = built
@@ -28,8 +25,7 @@ class Alterations:
         self._loss_n = model.dof_frictionloss.copy()
         self._stops_m = model.jnt_range.copy()
         self._mass_kg = model.body_mass.copy()
-        self._as_built: Arrays | None = None
-        """The model before it was first changed; None: it has not been."""
+        self._as_built: Arrays | None = None  # the model before it was first changed; None: it has not been
 
     def set_friction(self, axis: int, extra_n: float) -> None:
         built = self._begin()
@@ -66,7 +62,6 @@ class Alterations:
         return None if self._as_built is None else _numbers(self._built.model)
 
     def restore(self, saved: Mapping[str, NDArray[Any]] | None) -> None:
-        """Let the model be as it was when it was saved."""
         if saved is not None:
             self._keep()
         for name, numbers in (saved or self._as_built or {}).items():

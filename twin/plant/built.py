@@ -36,19 +36,14 @@ from isel_twin.plant.memory import Parts
 from isel_twin.plant.model import left_of_x, reach, tool_motion
 from isel_twin.plant.thread import SCREW, feel
 
-REST_TIME_S = 0.025
-"""Standstill before the plant is frozen; a swinging joint is slow only at its turning points, never this long."""
+REST_TIME_S = 0.025  # standstill before the plant is frozen; a swinging joint is never slow for so long
 LARGEST_STEP_RATIO = 1.9
 """Largest MuJoCo step times the highest frequency (rad/s) of the machine on all its springs, nuts and structure. Above
 2 the exchange of forces feeds what swings, and sticking and sliding in turn can (decision P3)."""
-NEAR_M = 1e-9
-"""The loop compares a carriage with its position switches from this far before them on; rounding is far below."""
-
-_LEAST_V = 5.0
-"""A stage is not defined below this supply (Stage.supply_v): what a motor can do there is taken from here."""
+NEAR_M = 1e-9  # distance from a position switch at which the loop begins to compare; rounding is far below
+_LEAST_V = 5.0  # least Stage.supply_v: what a motor can do below is taken from here
 _QUANTITIES = {"position": memory.POSITION, "lag": memory.LAG, "fault": memory.FAULT}
-_LIBRARIES = ("libmujoco.so*", "libmujoco*.dylib", "mujoco*.dll")
-"""Names of the library of the mujoco package on Linux, macOS and Windows."""
+_LIBRARIES = ("libmujoco.so*", "libmujoco*.dylib", "mujoco*.dll")  # on Linux, macOS and Windows
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,34 +54,21 @@ class Built:
     model: mujoco.MjModel
     data: mujoco.MjData
     parts: Parts
-    memory: NDArray[np.void]
-    """MEMORY [1] of the parts."""
-    dof: NDArray[np.int64]
-    """int64 [3], place of the joint of X, Y and Z in qpos and qvel."""
-    shape_mm: NDArray[np.float64]
-    """float64 [3, nv], what a metre of each joint moves the tool over the table along X, Y and Z, mm."""
-    reach: Mapping[str, NDArray[np.float64]]
-    """By place, see `isel_twin.plant.model.reach`."""
-    left: float
-    """See `isel_twin.plant.model.left_of_x`."""
-    closed: NDArray[np.bool_]
-    """bool [3], which axes have servo drives."""
-    coulomb_nm: NDArray[np.float64]
-    """float64 [3], dry friction of each shaft with its brake released."""
-    brake_nm: NDArray[np.float64]
-    """float64 [3], what the brake adds when it holds."""
-    inertia: NDArray[np.float64]
-    """float64 [nv, nv], kg."""
-    mobility: NDArray[np.float64]
-    """float64 [nv, nv], its inverse."""
-    weight: NDArray[np.float64]
-    """float64 [nv], N."""
+    memory: NDArray[np.void]  # MEMORY [1] of the parts
+    dof: NDArray[np.int64]  # [3], place of the joint of X, Y and Z in qpos and qvel
+    shape_mm: NDArray[np.float64]  # [3, nv], mm that a metre of each joint moves the tool over the table
+    reach: Mapping[str, NDArray[np.float64]]  # by place, see model.py
+    left: float  # see model.py, `left_of_x`
+    closed: NDArray[np.bool_]  # [3], which axes have servo drives
+    coulomb_nm: NDArray[np.float64]  # [3], dry friction of each shaft with its brake released
+    brake_nm: NDArray[np.float64]  # [3], what the brake adds when it holds
+    inertia: NDArray[np.float64]  # [nv, nv], kg
+    mobility: NDArray[np.float64]  # [nv, nv], its inverse
+    weight: NDArray[np.float64]  # [nv], N
 
     def split(self, joints_n: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Forces on the joints [nv] as forces on the nuts [3] that accelerate the carriages alike, and the rest [nv].
-
-        Returns the rest first: sub-steps know carriages and nuts alone, MuJoCo all joints.
-        """
+        """Forces on the joints [nv] as those on the nuts [3] that accelerate the carriages alike (second), for the
+        sub-steps, and the rest [nv] (first), for MuJoCo."""
         nuts_n = (self.mobility @ joints_n)[self.dof] / self.parts.axes["mobility_per_kg"]
         joints_n = joints_n.copy()
         joints_n[self.dof] -= nuts_n
@@ -96,7 +78,7 @@ class Built:
 def build(
     machine: Machine, thresholds: Sequence[Threshold], start_mm: NDArray[np.float64], axes: int, model: mujoco.MjModel
 ) -> Built:
-    """Arguments and errors: `isel_twin.plant.mujoco.MujocoPlant`."""
+    """Arguments and errors: `MujocoPlant`."""
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION  # the motors are those of the drives
     data = mujoco.MjData(model)
     dof = np.array([model.joint(name).dofadr[0] for name in CARRIAGES])
@@ -152,7 +134,7 @@ def weigh(built: Built, data: mujoco.MjData) -> None:
 
 
 def find_available(built: Built, left: float) -> None:
-    """Fill in the torque that the stepper motors have with this part of their supply voltage."""
+    """Fill in the torque of the stepper motors at this part of their supply voltage."""
     for i, axis in enumerate(built.machine.axes):
         if isinstance(axis.stage, Stage) and isinstance(axis.motor, Motor):
             stage = axis.stage
@@ -227,7 +209,6 @@ def _parts(
 
 
 def _fill_axes(machine: Machine, axes: NDArray[np.void], dof: NDArray[np.int64]) -> None:
-    """What the machine says of its axes."""
     axes["dof"] = dof
     axes["friction_n"] = [axis.guide_friction_n for axis in machine.axes]
     axes["phases"] = OPEN
@@ -262,7 +243,7 @@ def _lay_screws(machine: Machine, parts: Parts) -> bool:
 
 
 def _check_steps(built: Built) -> None:
-    """Refuse a MuJoCo step in which the machine would swing too far on its springs."""
+    """Refuse a MuJoCo step that is too long for the springs of the machine."""
     machine, model = built.machine, built.model
     stiffness = model.jnt_stiffness[model.dof_jntid]
     stiffness[built.dof] = [_stiffest_n_per_m(axis) for axis in machine.axes]

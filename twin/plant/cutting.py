@@ -1,6 +1,6 @@
 """A cut: the forces of a milling cutter on tool and workpiece, tooth by tooth.
 
-Goal: a spindle at work shows where it hurts, in following, vibration and margin. The smallest model that has teeth
+Goal: show what a working spindle does to following, vibration and margin. The smallest model that has teeth
 (Y. Altintas, Manufacturing Automation, chapter 2): a force in proportion to the section of the chip,
 
     h = f sin(phi)        f = v T: feed of a tooth,  T = 1 / (teeth x turns a second),  v: speed of tool over workpiece
@@ -18,15 +18,12 @@ for every tooth between entry and exit. A cutter with all its width in the mater
 e = acos(1 - 2 width / diameter) one that climbs has the material on its right and cuts from 180 - e on, a conventional
 one on its left, up to e. The power is kc x depth x width x feed speed, whatever the rest.
 
-v is what the screws make of it (rotor speed times lead), behind a lag of T: a chip is the way of a whole tooth. What
-the frame swings beside that leaves no mark: vibration is forced by the teeth, and never feeds itself (no chatter).
-Below 1 um/s there is no chip, and none is thicker than the cutter's radius.
+v is that of the screws (rotor speed times lead), behind a lag of T: a chip is the way of a whole tooth. What the frame
+swings beside that leaves no mark: vibration is forced by the teeth and never feeds itself (no chatter). Below 1 um/s
+there is no chip, and none is thicker than the cutter's radius.
 
 Not in it: material that is removed (who says that there is a cut says how deep), feed along Z, helix and edge radius,
-the torque on the spindle, wear. kc is that of the chips in question: by Kienzle kc = kc1 (h / 1 mm)^-m, more for thin
-ones.
-
-CUT is a numpy structured dtype; in compiled code (teeth.py) `cuts[0]` is a reference with named fields.
+torque on the spindle, wear. kc is that of these chips: by Kienzle kc = kc1 (h / 1 mm)^-m, more for thin ones.
 """
 
 from __future__ import annotations
@@ -71,19 +68,12 @@ class Cut:
 
     diameter_mm: float = number("mm", 0.1, 100.0, key="diameter")
     flutes: int = number("1", 1.0, 12.0, key="flutes", whole=True)
-    depth_mm: float = number("mm", 0.001, 100.0, key="depth")
-    """Along the axis of the tool."""
-    width_mm: float = number("mm", 0.001, 100.0, key="width")
-    """Across the feed; the diameter is a slot."""
-    spindle_rpm: float = number("1/min", 60.0, 60_000.0, key="spindle")
-    """Clockwise, seen from above."""
-    kc_n_mm2: float = number("N/mm2", 0.1, 20_000.0, key="kc")
-    """Specific cutting force, at the thickness of these chips."""
-    radial: float = number("1", 0.0, 2.0, key="radial", optional=True, default=0.3)
-    """Radial over tangential force."""
-    climb: bool = flag(default=True)
-    """The material is on the right of the feed, and a tooth begins with a thick chip; else on the left. No matter in a
-    slot."""
+    depth_mm: float = number("mm", 0.001, 100.0, key="depth")  # along the axis of the tool
+    width_mm: float = number("mm", 0.001, 100.0, key="width")  # across the feed; the diameter is a slot
+    spindle_rpm: float = number("1/min", 60.0, 60_000.0, key="spindle")  # clockwise, seen from above
+    kc_n_mm2: float = number("N/mm2", 0.1, 20_000.0, key="kc")  # specific cutting force at the thickness of these chips
+    radial: float = number("1", 0.0, 2.0, key="radial", optional=True, default=0.3)  # over tangential force
+    climb: bool = flag(default=True)  # the material is on the right of the feed; no matter in a slot
 
     def __post_init__(self) -> None:
         check(self)

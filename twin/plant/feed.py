@@ -15,8 +15,7 @@ from isel_twin.drives.shaft import SERVO
 from isel_twin.drives.stage import AnyStage
 from isel_twin.drives.supply import Supply
 
-STEADY = 1e-9
-"""Change of the voltage in a window, over U0, that counts as none."""
+STEADY = 1e-9  # change of the voltage in a window, over U0, that counts as none
 
 SUPPLY = np.dtype(
     [
@@ -41,7 +40,6 @@ SUPPLY = np.dtype(
     ],
     align=True,
 )
-"""State of a supply; built by `supply_state`."""
 
 
 def supply_state(supply: Supply | None, stages: Sequence[AnyStage], window_s: float) -> NDArray[np.void]:
@@ -62,11 +60,8 @@ def supply_state(supply: Supply | None, stages: Sequence[AnyStage], window_s: fl
 
 @njit(error_model="numpy")
 def feed(supply, axes, drives, states):
-    """Bring the voltage to the end of a window in which the stages took `energy_j`, and tell the drives of it.
-
-    axes [3] AXIS of the kernel, drives [3] AXIS_PARAMETERS, states [3] AXIS_STATE. A stage without enough voltage is
-    off.
-    """
+    """Bring the voltage to the end of a window in which the stages took `energy_j`, and tell the drives of it. axes [3]
+    AXIS, drives [3] AXIS_PARAMETERS, states [3] AXIS_STATE. A stage without enough voltage is off."""
     magnetic_j = 0.0
     own_w = 0.0
     for i in range(axes.shape[0]):

@@ -25,10 +25,8 @@ from numpy.typing import NDArray
 from isel_twin.base.compiling import njit
 from isel_twin.plant.model import blank
 
-DEFLECTION_M = 2e-3
-"""Bounds of a joint without stops: no frame gives as much in service."""
-AGREE_M_S = 1e-9
-"""Largest difference of speed after a step from MuJoCo's, whose solver stops at about a tenth of that."""
+DEFLECTION_M = 2e-3  # bounds of a joint without stops: no frame gives as much in service
+AGREE_M_S = 1e-9  # largest difference of speed after a step from MuJoCo's, whose solver stops at a tenth of that
 
 JOINT = np.dtype(
     [
@@ -44,7 +42,6 @@ JOINT = np.dtype(
     ],
     align=True,
 )
-"""One joint coordinate."""
 
 _SHAPELESS = (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD)
 

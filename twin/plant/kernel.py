@@ -1,37 +1,33 @@
 """The compiled loop: three drives and MuJoCo together, up to the first threshold passed.
 
-Goal: advance the whole plant at little more than the cost of MuJoCo alone, so that how time is cut into calls never
-changes a bit. Time is counted in sub-steps of dt from power-on; every n sub-steps, a window, MuJoCo makes one step:
+Goal: advance the whole plant at little more than the cost of MuJoCo alone, to the bit the same however time is cut into
+calls. Time is counted in sub-steps of dt from power-on; every n sub-steps, a window, MuJoCo makes one step:
 
       window: one MuJoCo step                       sub-step: F_j = drive(command, x_j, v_j)
     |--+--+--+--+--+--+--+--|                       v_j+1 = v_j + dt (F_j / m + a), less the friction's dt F_f / m
        F_1 F_2 ...      F_n   -> mean F on the nut  x_j+1 = x_j + dt (v_j + v_j+1) / 2
                               -> mj_step            window start: v from MuJoCo, a from its last step
 
-Inside the window the drives see a carriage that answers to the nut force and to guide friction (m: inertia that the nut
-feels); what else acts on it counts as in the window before, but for the springs and dampers of the structure, which
-count as at the start of this one: a window late they would feed what swings. At the end MuJoCo, which knows friction,
-stops, structure and contacts, says what the velocity really is. The position is corrected by what that velocity
-differs:
+Inside the window the drives see a carriage that answers to nut force and guide friction (m: inertia that the nut
+feels); what else acts on it counts as in the window before, but springs and dampers of the structure as at the start
+of this one: a window late they would feed what swings. At the end MuJoCo, which knows friction, stops, structure and
+contacts, gives the velocity, and the position is corrected by the difference:
 
     x = x_n + h (v_MuJoCo - v_n)                    h = n dt
 
 which is MuJoCo's own rule (x' = x + h v') for all it alone knows, and the sub-steps' for the nut force and the moment
-at which friction stops a carriage: both are resolved at dt, not at h (decision P3). MuJoCo's dry friction yields a
-little (below 1 um/s); a carriage that the sub-steps saw stick does not. Thresholds (position switches, following
-errors, drive faults) are looked at after every sub-step.
+at which friction stops a carriage: both are resolved at dt, not at h (decision P3). MuJoCo's dry friction creeps (below
+1 um/s); a carriage that the sub-steps saw stick does not. Thresholds are looked at after every sub-step.
 
-A drive is told the time mean of its command over the sub-step, exactly: the sum of the ticks, each by the part of the
+A drive is told the exact time mean of its command over the sub-step: the sum of the ticks, each by the part of the
 sub-step that follows it, less the mean of what is still to come of led ticks (lead.py).
 
-Rest: when drives and joints have stood still for `rest_windows` windows and nothing is led, the plant is frozen. A
-frozen sub-step changes nothing, so any number of them is skipped up to the next tick or change of current.
+Rest: when drives and joints have stood still for `rest_windows` windows and nothing is led, the plant is frozen: all
+sub-steps up to the next tick or change of current are skipped.
 
-MuJoCo is called by the address of `mj_step`, passed in as an integer so that the compiled code can be cached. Between
-the stops, with nothing to meet, its step is written out instead (glide.py).
+MuJoCo is called by the address of `mj_step`, an integer, so that the compiled code can be cached. Between the stops,
+with nothing to meet, its step is written out instead (glide.py).
 """
-
-from __future__ import annotations
 
 import math
 
@@ -46,32 +42,18 @@ from isel_twin.drives import dynamics, servo, shaft, trigonometry
 from isel_twin.drives.dynamics import OPEN, stepper_torque
 from isel_twin.drives.servo import cool, servo_torque
 from isel_twin.drives.shaft import SERVO, at_rest, turn
-from isel_twin.plant import feed as feeding
-from isel_twin.plant import glide as gliding
-from isel_twin.plant import lead, teeth, thread
-from isel_twin.plant import margin as margins
-from isel_twin.plant import memory as memories
-from isel_twin.plant.feed import feed
-from isel_twin.plant.glide import glide
+from isel_twin.plant import feed, glide, lead, margin, memory, teeth, thread
 from isel_twin.plant.lead import begin, behind, mean_behind
-from isel_twin.plant.margin import margin
 from isel_twin.plant.memory import AXES, LAG, POSITION, parts_of
-from isel_twin.plant.teeth import bite
-from isel_twin.plant.thread import feel
 
-REST_M_S = 5e-6
-"""Joint speed below which a joint counts as standing."""
-HELD_M_S2 = 1e-3
-"""Constraint acceleration beyond that of friction from which a carriage counts as held; rounding is far below."""
-FAR_M = 1e3
-"""A joint further away than this has run away, finite or not."""
+REST_M_S = 5e-6  # joint speed below which a joint counts as standing
+HELD_M_S2 = 1e-3  # constraint acceleration beyond friction that counts as a carriage held; rounding is far below
+FAR_M = 1e3  # a joint further away than this has run away, finite or not
 NEVER = np.iinfo(np.int64).max
 
 
 @intrinsic
 def _call_mj_step(typingctx, address, model, data):
-    """Call the C function void(*)(mjModel*, mjData*) at an address."""
-
     def build(context, builder, signature, arguments):
         word = ir.IntType(64)
         function = ir.FunctionType(ir.VoidType(), [word, word])
@@ -111,19 +93,13 @@ def _wake(plant, axes, drives, states, supply):
 
 @njit(nogil=True, error_model="numpy")
 def wake(memory):
-    """Leave the frozen state, before something is changed from outside."""
+    """Leave the frozen state: something is changed from outside."""
     parts = parts_of(memory)
     _wake(parts.plant[0], parts.axes, parts.drives, parts.states, parts.supply[0])
 
 
 @njit(nogil=True, error_model="numpy")
 def begin_window(memory):
-    """Take the carriages from MuJoCo before the first window."""
-    _enter_window(memory)
-
-
-@njit(nogil=True, error_model="numpy")
-def _enter_window(memory):
     """Take the carriages from MuJoCo at the start of a window.
 
     Of what the constraints did, as much as guide friction can do is friction, the rest is a stop or a collision: the
@@ -171,7 +147,7 @@ def _leave_window(memory):
         before[j] = qpos[j]
         rates[j] = qvel[j]
     window_s = 1e-9 * plant.substep_ns * plant.window
-    if not glide(parts.joints_law, parts.mobility, window_s, qpos, qvel, parts.qacc, parts.qacc_smooth, qfrc):
+    if not glide.glide(parts.joints_law, parts.mobility, window_s, qpos, qvel, parts.qacc, parts.qacc_smooth, qfrc):
         _call_mj_step(plant.mj_step, plant.model, plant.data)  # type: ignore[call-arg]
     for i in range(AXES):
         axis = axes[i]
@@ -193,8 +169,8 @@ def _leave_window(memory):
         cut.x_m_s = 0.0
         cut.y_m_s = 0.0
     if plant.uneven:
-        feel(parts.screws, axes, parts.drives, parts.states)
-    _enter_window(memory)
+        thread.feel(parts.screws, axes, parts.drives, parts.states)
+    begin_window(memory)
     for i in range(AXES):
         for j in range(qvel.shape[0]):
             axes[i].rest_m_s2 += springs[0, i, j] * (qpos[j] - before[j]) + springs[1, i, j] * (qvel[j] - rates[j])
@@ -226,16 +202,16 @@ def _look(memory):
         elif axis.phases != OPEN:
             command = parts.commanded[i] - behind(parts.leads[i], now_ns)
             lag = (command - state.theta_rad * axis.steps_per_rad) * axis.full_steps
-            now = margin(axis.mean_nm, lag, faster * state.omega_rad_s, parts.available[i], axis.fraction)
+            speed_rad_s = faster * state.omega_rad_s
+            now = margin.margin(axis.mean_nm, lag, speed_rad_s, parts.available[i], axis.fraction)
             axis.margin = min(axis.margin, now)
 
 
 @njit(nogil=True, error_model="numpy")
 def _take(parts, at):
-    """Take a sample: the sub-step `at`, which is now or, if nothing moves, later; places and speeds of the joints [nv]
-    each, what was commanded and the rotors [m] each, current fractions and margins [3] each, voltage of the supply.
-
-    Places are those `sample_ahead_ns` after it, as `advance` has them at the end of a call."""
+    """Take a sample: the sub-step `at` (now or, if nothing moves, later), places and speeds of the joints [nv],
+    commanded and rotors [m], current fractions and margins [3], supply voltage. Places are those `sample_ahead_ns`
+    after it."""
     plant, axes = parts.plant[0], parts.axes
     if plant.sampled == parts.samples.shape[0]:
         return
@@ -362,7 +338,7 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
 
         if cut.on:
             x_m_s = drives[0].travel_m_per_rad * states[0].omega_rad_s
-            bite(cut, plant.now, x_m_s, drives[1].travel_m_per_rad * states[1].omega_rad_s)
+            teeth.bite(cut, plant.now, x_m_s, drives[1].travel_m_per_rad * states[1].omega_rad_s)
         for i in range(AXES):
             axis = axes[i]
             x_mid_m = axis.x_m + 0.5 * dt_s * axis.v_m_s
@@ -396,7 +372,7 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
                 axes[i].sum_nm = 0.0
             _look(memory)
             if supply.on:
-                feed(supply, axes, drives, states)
+                feed.feed(supply, axes, drives, states)
             _leave_window(memory)
             if plant.lost_dof >= 0:
                 break
@@ -420,19 +396,8 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
     return made
 
 
-CONTAINED = (
-    isel_twin.plant.__file__,
-    dynamics.__file__,
-    servo.__file__,
-    shaft.__file__,
-    trigonometry.__file__,
-    feeding.__file__,
-    gliding.__file__,
-    lead.__file__,
-    margins.__file__,
-    memories.__file__,
-    teeth.__file__,
-    thread.__file__,
-)
+_DRIVES = dynamics, servo, shaft, trigonometry
+_PARTS = feed, glide, lead, margin, memory, teeth, thread
+CONTAINED = tuple(str(module.__file__) for module in (isel_twin.plant, *_DRIVES, *_PARTS))
 """Files whose code the compiled loop contains."""
 dynamics.drop_stale_code(advance, *CONTAINED)

@@ -2,9 +2,8 @@
 
     position = start + command * lead of the screw / steps_per_rev
 
-For host tests that want only protocol and timing. No time passes between a command and the motion it makes, so nothing
-lags, and a switch changes at the very tick that strikes it or, where the command is led (lead.py), at the first whole
-nanosecond at which the carriage is beyond its trip point:
+For host tests of protocol and timing. Nothing lags, and a switch changes at the very tick that strikes it or, where the
+command is led (lead.py), at the first whole nanosecond at which the carriage is beyond its trip point:
 
     motor end:  struck while position <  trip, free again from trip + hysteresis on
     far end:    struck while position >  trip, free again from trip - hysteresis on
@@ -25,11 +24,10 @@ from isel_twin.base.units import SECOND_NS
 from isel_twin.drives.dynamics import drop_stale_code
 from isel_twin.drives.stage import AnyStage
 from isel_twin.machine import Machine
-from isel_twin.plant import Cut, Threshold, lead
+from isel_twin.plant import Threshold, lead
 from isel_twin.plant.lead import all_behind, begin, behind, no_leads
 
-FAR = 1 << 62
-"""A count that no axis reaches."""
+FAR = 1 << 62  # a count that no axis reaches
 
 
 @njit()
@@ -51,7 +49,6 @@ def _bounds(axes, axis, sense, strike, release, struck):
 
 @njit()
 def _changes(s, t_ns, commanded, leads, axis, sense, strike, release, struck):
-    """True if switch s is in another state at t_ns."""
     beyond = sense[s] * (commanded[axis[s]] - behind(leads[axis[s]], t_ns))
     return (beyond > (release[s] if struck[s] else strike[s])) != struck[s]
 
@@ -133,7 +130,7 @@ def _first_change(start_ns, until_ns, commanded, leads, axis, sense, strike, rel
 
 @njit()
 def _lead(start_ns, until_ns, lead_ns, t_ns, delta, commanded, leads, axis, sense, strike, release, struck):
-    """Go on from start_ns with ticks and what is led until a switch changes. Return (ticks made, time reached)."""
+    """Go on with ticks and what is led until a switch changes. Return (ticks made, time reached)."""
     made = 0
     ticks = t_ns.shape[0]
     now_ns = start_ns
@@ -161,14 +158,14 @@ drop_stale_code(_lead, lead.__file__)
 
 
 class KinematicPlant:
-    """Implements `isel_twin.plant.Plant` without physics: forces, brake and phases have no effect, nothing lags."""
+    """Implements `isel_twin.plant.Plant` without physics: nothing lags, forces, brake and phases have no effect."""
 
     physics = False
 
     def __init__(
         self, machine: Machine, thresholds: Sequence[Threshold], start_mm: NDArray[np.float64], axes: int = 4
     ) -> None:
-        """Place the carriages at start_mm [3] in machine coordinates. axes: number of the controller's axes."""
+        """start_mm [3]: of the carriages, in machine coordinates. axes: number of the controller's axes."""
         self.time_ns = 0
         self.edge = False
         self._start_mm = np.array(start_mm, dtype=np.float64)
@@ -183,8 +180,7 @@ class KinematicPlant:
 
         self._thresholds = tuple(thresholds)
         self._passed = np.array([t.quantity == "lag" and t.limit < 0.0 for t in thresholds], dtype=np.bool_)
-        self._places = np.flatnonzero([t.quantity == "position" for t in thresholds])
-        """int64 [s], place of each switch among the thresholds."""
+        self._places = np.flatnonzero([t.quantity == "position" for t in thresholds])  # of switches among thresholds
         switches = [self._thresholds[place] for place in self._places]
         self._strike = np.empty(len(switches))
         self._release = np.empty(len(switches))
@@ -201,7 +197,6 @@ class KinematicPlant:
             self._release,
             self._struck,
         )
-        """What the compiled functions work on."""
 
     def advance(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any], lead_ns: int = 0) -> int:
         if lead_ns == 0 and self._led_until_ns <= self.time_ns:
@@ -224,35 +219,15 @@ class KinematicPlant:
         return passed
 
     def set_power(self, stages: bool, brake_released: bool, lowering: bool) -> None:
-        """It only shows in `powered`."""
         self._stages_on = stages
 
-    def apply_force(self, axis: int, force_n: float, place: str = "") -> None:
-        """Without physics there is nothing to push."""
+    def _no_effect(self, *_: Any, **__: Any) -> None:
+        """What only a plant with physics does."""
 
-    def set_cut(self, cut: Cut | None) -> None:
-        """Without physics there is nothing that a cut could push."""
-
-    def reset_drives(self) -> None:
-        """Drives without physics are never faulty."""
-
-    def set_phase_lost(self, axis: int, phases: str) -> None:
-        """Without physics there are no phases."""
-
-    def set_friction(self, axis: int, extra_n: float) -> None:
-        """Without physics nothing rubs."""
-
-    def set_obstacle(self, axis: int, position_mm: float | None) -> None:
-        """Without physics nothing is in the way."""
-
-    def set_payload(self, place: str, mass_kg: float) -> None:
-        """Without physics nothing has a mass."""
-
-    def set_undervoltage(self, missing: float) -> None:
-        """Without physics there is no voltage."""
+    apply_force = set_cut = reset_drives = set_phase_lost = watch_margin = _no_effect
+    set_friction = set_obstacle = set_payload = set_undervoltage = _no_effect
 
     def set_trip_point(self, threshold: int, position_mm: float) -> None:
-        """Kept in steps from the start position, in the sense of the switch."""
         switch = self._thresholds[threshold]
         if switch.quantity != "position":
             raise ValueError(f"threshold {threshold} is a {switch.quantity}, not a position")
@@ -267,10 +242,7 @@ class KinematicPlant:
 
     @property
     def velocity_mm_s(self) -> NDArray[np.float64]:
-        """Zero for a carriage that jumps from step to step."""
-        leads = self._leads[:3]
-        led = leads["end_ns"] > self.time_ns
-        return np.where(led, leads["pending"] * SECOND_NS / leads["lead_ns"], 0.0) * self._step_mm
+        return self._speed()[:3] * self._step_mm
 
     @property
     def commanded(self) -> NDArray[np.int64]:
@@ -286,49 +258,39 @@ class KinematicPlant:
 
     @property
     def rotor(self) -> NDArray[np.float64]:
-        """The rotor is where it is told to be."""
         return self.command
 
     @property
     def lag(self) -> NDArray[np.float64]:
-        """Zero."""
         return np.zeros(self._count)
 
     @property
     def powered(self) -> NDArray[np.bool_]:
-        """What `set_power` has said."""
         return np.full(self._count, self._stages_on)
 
     @property
     def fault(self) -> NDArray[np.bool_]:
-        """None."""
         return np.zeros(self._count, dtype=np.bool_)
 
     @property
     def closed_loop(self) -> NDArray[np.bool_]:
-        """An ideal drive."""
         return self._closed.copy()
 
     @property
     def drive_faults(self) -> tuple[tuple[int, str], ...]:
-        """None."""
         return ((0, ""),) * self._count
 
     @property
     def overloaded(self) -> NDArray[np.bool_]:
-        """None."""
         return np.zeros(self._count, dtype=np.bool_)
 
     @property
     def in_position(self) -> NDArray[np.bool_]:
-        """All."""
         return np.ones(self._count, dtype=np.bool_)
 
     @property
     def rotor_speed(self) -> NDArray[np.float64]:
-        """Zero for an axis that jumps from step to step."""
-        leads = self._leads[: self._count]
-        return np.where(leads["end_ns"] > self.time_ns, leads["pending"] * SECOND_NS / leads["lead_ns"], 0.0)
+        return self._speed()[: self._count]
 
     @property
     def turn_steps(self) -> NDArray[np.float64]:
@@ -336,38 +298,29 @@ class KinematicPlant:
 
     @property
     def stages(self) -> tuple[AnyStage, ...]:
-        """None: there are no currents."""
         return ()
 
     @property
     def current_fraction(self) -> NDArray[np.float64]:
-        """Of no stage."""
         return np.empty(0)
 
     @property
     def supply_v(self) -> float:
-        """There is none here."""
         return math.nan
 
     @property
     def margin(self) -> NDArray[np.float64]:
-        """There are no motors here."""
-        return np.full(len(self.slip_steps), np.nan)
+        return np.full(self._count, np.nan)
 
     def take_margin(self) -> NDArray[np.float64]:
         return self.margin
 
-    def watch_margin(self) -> None:
-        """There is no margin here."""
-
     @property
     def slip_steps(self) -> NDArray[np.float64]:
-        """One step: there is no motor that could slip."""
         return np.ones(self._count)
 
     @property
     def at_rest(self) -> bool:
-        """Nothing moves by itself, but what is led."""
         return self._led_until_ns <= self.time_ns
 
     def save(self) -> Mapping[str, Any]:
@@ -385,6 +338,11 @@ class KinematicPlant:
     def _kept(self) -> tuple[NDArray[Any], ...]:
         """Arrays that change; the compiled functions hold them, so none may be replaced."""
         return (self._start_mm, self._passed, self._commanded, self._leads, self._strike, self._release, self._struck)
+
+    def _speed(self) -> NDArray[np.float64]:
+        """Zero for an axis that jumps from step to step."""
+        leads = self._leads
+        return np.where(leads["end_ns"] > self.time_ns, leads["pending"] * SECOND_NS / leads["lead_ns"], 0.0)
 
     def _command(self) -> NDArray[np.float64]:
         if self.at_rest:

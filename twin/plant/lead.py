@@ -11,14 +11,12 @@ A tick at t0 changes the command by d, which is led evenly over the lead L > 0 t
     u  ______________________|-'
                              t0              end
 
-A tick that comes before the end of the lead before takes along what is left: pending' = behind(t) + d, end' = t + L'.
-So u has no jump, and follows from the ticks alone, without knowing of the future.
+A tick that comes before the end of the former lead takes along what is left: pending' = behind(t) + d, end' = t + L'.
+So u has no jump and follows from the past ticks alone.
 
 A drive that advances in sub-steps is told the mean of u over each. Over [a, b] behind(t) has the integral
 
     pending (b' - a) (2 end - a - b') / (2 L),      b' = min(b, end)
-
-LEAD is a numpy structured dtype; in compiled code `leads[i]` is a reference with named fields.
 """
 
 from __future__ import annotations
@@ -36,18 +34,15 @@ LEAD = np.dtype(
     ],
     align=True,
 )
-"""Lead of one axis."""
 
 
 def no_leads(axes: int) -> NDArray[np.void]:
-    """LEAD [axes], nothing to come."""
     leads = np.zeros(axes, LEAD)
     leads["lead_ns"] = 1
     return leads
 
 
 def all_behind(leads: NDArray[np.void], t_ns: int) -> NDArray[np.float64]:
-    """float64 [axes], `behind` of each."""
     left_ns = np.maximum(leads["end_ns"] - t_ns, 0)
     behind_steps: NDArray[np.float64] = leads["pending"] * left_ns / leads["lead_ns"]
     return behind_steps
@@ -70,7 +65,6 @@ def mean_behind(lead, start_ns, end_ns, dt_ns):
 
 @njit(nogil=True, error_model="numpy")
 def begin(lead, t_ns, change, lead_ns):
-    """A tick at t_ns."""
     lead.pending = behind(lead, t_ns) + change
     lead.end_ns = t_ns + lead_ns
     lead.lead_ns = lead_ns

@@ -1,7 +1,7 @@
 """How far a motor was from falling out of step: its pull-out margin, looked at after every window of the kernel.
 
-Goal: one number for each axis that is 1 while nothing is asked of the motor and 0 where it is lost, so that a job that
-just works can be told from one that works. Two things end a motor's grip; the margin is the lesser of what is left:
+Goal: one number for each axis, 1 while nothing is asked of the motor and 0 where it is lost, that tells a job that just
+works from one that works. Two things end a motor's grip; the margin is the lesser of what is left:
 
     torque       1 - |T| / T_max(w)   T: torque of the currents, mean over the window; T_max: the closed form of the
                                       pull-out torque at this speed by current and voltage, before iron loss
@@ -28,24 +28,15 @@ from isel_twin.drives.curves import pull_out_prediction
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.stage import Stage
 
-SPEED_STEP_RAD_S = 2.0
-"""Distance of the speeds in a table of available torque."""
-SPEEDS = 256
-"""Speeds in it: to 4870 rev/min, where no motor here has any torque left; the last one stands for all beyond."""
-_LEAST_NM = 1e-6
-"""What counts as no torque."""
-
-
-def available_torque(motor: Motor, stage: Stage) -> NDArray[np.float64]:
-    """float64 [SPEEDS], largest mean torque of the currents in N m at 0, SPEED_STEP_RAD_S, ... of the shaft.
-
-    It begins at the torque of the current vector where that stands, without what single steps cost it.
-    """
-    return _available_torque(motor, stage).copy()
+SPEED_STEP_RAD_S = 2.0  # distance of the speeds in a table of available torque
+SPEEDS = 256  # in it: to 4870 rev/min, where no motor here has torque left; the last one stands for all beyond
+_LEAST_NM = 1e-6  # what counts as no torque
 
 
 @lru_cache(64)
-def _available_torque(motor: Motor, stage: Stage) -> NDArray[np.float64]:
+def available_torque(motor: Motor, stage: Stage) -> NDArray[np.float64]:
+    """float64 [SPEEDS], largest mean torque of the currents in N m at 0, SPEED_STEP_RAD_S, ... of the shaft; not to be
+    written to. It begins at the torque of the standing current vector, without what single steps cost."""
     omega = SPEED_STEP_RAD_S * np.arange(SPEEDS)
     net = np.array([pull_out_prediction(motor, stage, w * 60.0 / (2.0 * math.pi)) for w in omega])
     iron = np.array([motor.iron_torque_nm(w) for w in omega])
@@ -54,11 +45,8 @@ def _available_torque(motor: Motor, stage: Stage) -> NDArray[np.float64]:
 
 @njit(nogil=True, error_model="numpy")
 def margin(torque_nm, lag_full_steps, speed_rad_s, available_nm, fraction):
-    """Pull-out margin at one moment.
-
-    torque_nm of the currents, mean over a window; speed_rad_s as the voltage makes it; available_nm [SPEEDS] as
-    `available_torque` has it; fraction of the nominal current that flows: at rest it may be lowered.
-    """
+    """Pull-out margin at one moment. torque_nm: mean over a window; speed_rad_s: as the voltage scales it;
+    available_nm: `available_torque`; fraction: of the nominal current, which may be lowered at rest."""
     place = min(abs(speed_rad_s) / SPEED_STEP_RAD_S, SPEEDS - 1.0)
     k = min(int(place), SPEEDS - 2)
     largest_nm = available_nm[k] + (place - k) * (available_nm[k + 1] - available_nm[k])

@@ -27,10 +27,8 @@ from isel_twin.plant.glide import JOINT
 from isel_twin.plant.lead import LEAD
 from isel_twin.plant.thread import SCREW
 
-AXES = 3
-"""Axes with mechanics."""
-SAMPLES = MOST_SAMPLES
-"""Samples that can wait to be read."""
+AXES = 3  # with mechanics
+SAMPLES = MOST_SAMPLES  # samples that can wait to be read
 
 PLANT = np.dtype(
     [
@@ -57,7 +55,6 @@ PLANT = np.dtype(
     ],
     align=True,
 )
-"""State of the loop."""
 
 AXIS = np.dtype(
     [
@@ -94,11 +91,8 @@ AXIS = np.dtype(
     ],
     align=True,
 )
-"""State of an axis beside its drive."""
 
-
-POSITION, LAG, FAULT = 0, 1, 2
-"""Quantities of thresholds."""
+POSITION, LAG, FAULT = 0, 1, 2  # quantities of thresholds
 
 THRESHOLD = np.dtype(
     [
@@ -115,52 +109,30 @@ THRESHOLD = np.dtype(
 
 
 class Parts(NamedTuple):
-    """All that the loop works on, by reference. nv: number of joints, of which the carriages are three."""
+    """All that the loop works on, by reference; float64 unless said. nv: number of joints, the carriages among them."""
 
-    plant: Any
-    """PLANT [1]."""
-    axes: Any
-    """AXIS [3]."""
-    drives: Any
-    """AXIS_PARAMETERS [3]."""
-    screws: Any
-    """SCREW [3]."""
-    states: Any
-    """AXIS_STATE [3]."""
-    thresholds: Any
-    """THRESHOLD [k]."""
-    commanded: Any
-    """int64 [m], microsteps, m >= 3."""
-    leads: Any
-    """LEAD [m]."""
-    available: Any
-    """float64 [3, s], see margin.py."""
-    joints_law: Any
-    """JOINT [nv], see glide.py."""
-    mobility: Any
-    """float64 [nv, nv], see glide.py."""
-    push: Any
-    """float64 [2, nv], forces on the joints beside `push_n`: now, and a correction of this window's sum."""
-    springs: Any
-    """float64 [2, 3, nv], acceleration of each carriage by the way and by the speed of each joint on its spring."""
-    cut: Any
-    """CUT [1]."""
-    cut_nuts: Any
-    """float64 [2, 3], what a newton of the cut along X and Y is at the nuts."""
-    cut_joints: Any
-    """float64 [2, nv], what it is at the joints beside that."""
-    supply: Any
-    """SUPPLY [1]."""
-    before: Any
-    """float64 [nv], joint positions one window ago."""
-    rates: Any
-    """float64 [nv], joint velocities one window ago."""
-    samples: Any
-    """float64 [SAMPLES, w], rows of the loop's `_take`; who has them taken reads them before there are more."""
-    place: Any
-    """float64 [nv], where the joints are at the end of the last call, within a sub-step along their velocities."""
-    qpos: Any
-    """float64 [nv], this and the rest as MuJoCo names its arrays."""
+    plant: Any  # PLANT [1]
+    axes: Any  # AXIS [3]
+    drives: Any  # AXIS_PARAMETERS [3]
+    screws: Any  # SCREW [3]
+    states: Any  # AXIS_STATE [3]
+    thresholds: Any  # THRESHOLD [k]
+    commanded: Any  # int64 [m], microsteps, m >= 3
+    leads: Any  # LEAD [m]
+    available: Any  # [3, s], see margin.py
+    joints_law: Any  # JOINT [nv], see glide.py
+    mobility: Any  # [nv, nv], see glide.py
+    push: Any  # [2, nv], forces on the joints beside `push_n`: now, and a correction of this window's sum
+    springs: Any  # [2, 3, nv], acceleration of each carriage by the way and by the speed of each joint on its spring
+    cut: Any  # CUT [1]
+    cut_nuts: Any  # [2, 3], what a newton of the cut along X and Y is at the nuts
+    cut_joints: Any  # [2, nv], what it is at the joints beside that
+    supply: Any  # SUPPLY [1]
+    before: Any  # [nv], joint positions one window ago
+    rates: Any  # [nv], joint velocities one window ago
+    samples: Any  # [SAMPLES, w], rows of the loop's `_take`
+    place: Any  # [nv], joint positions at the end of the last call, within a sub-step along their velocities
+    qpos: Any  # [nv], this and the rest as MuJoCo names its arrays
     qvel: Any
     qacc: Any
     qacc_smooth: Any
@@ -171,22 +143,19 @@ MEMORY = np.dtype(
     [(name, "i8") for name in (*Parts._fields, "joints", "number_of_thresholds", "commands", "speeds", "fields")],
     align=True,
 )
-"""Where the parts are, and how many of each: one small argument, where twenty-five arrays took longer to hand over than
-a millisecond of motion takes to compute. Who keeps it must keep the arrays, too."""
+"""Addresses and sizes of the parts: handing over twenty-five arrays would take longer than computing a millisecond of
+motion. Who keeps it must keep the arrays, too."""
 
 
 @intrinsic
 def _pointer(typingctx: Any, address: Any) -> Any:
-    """The address as a pointer."""
-
     def build(context, builder, signature, arguments):
         return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
 
     return types.voidptr(types.int64), build
 
 
-at_address: Any = _pointer
-"""`_pointer` as compiled code calls it: with the address alone."""
+at_address: Any = _pointer  # `_pointer` as compiled code calls it: with the address alone
 
 
 @njit(nogil=True, error_model="numpy")
@@ -224,7 +193,7 @@ def parts_of(memory):
 
 
 def memory_of(parts: Parts) -> NDArray[np.void]:
-    """One MEMORY of these arrays, shape [1]; whoever keeps it keeps them. Raises TypeError for an array in pieces."""
+    """MEMORY [1] of these arrays. Raises TypeError for an array in pieces."""
     memory = np.zeros(1, MEMORY)
     for name, array in zip(parts._fields, parts, strict=True):
         if not array.flags.c_contiguous:
@@ -238,13 +207,6 @@ def memory_of(parts: Parts) -> NDArray[np.void]:
     return memory
 
 
-drop_stale_code(  # what a record holds, and how many there are, is in the compiled code
-    parts_of,
-    isel_twin.plant.__file__,
-    shaft.__file__,
-    cutting.__file__,
-    feed.__file__,
-    glide.__file__,
-    lead.__file__,
-    thread.__file__,
-)
+# What a record holds, and how many there are, is in the compiled code.
+_RECORDS = isel_twin.plant, shaft, cutting, feed, glide, lead, thread
+drop_stale_code(parts_of, *(str(module.__file__) for module in _RECORDS))

@@ -1,15 +1,15 @@
 """The machine's MuJoCo model: its MJCF file with what machine.toml says about it.
 
 Goal: an override changes the physics and not the file. The MJCF brings the tree of bodies; masses, travel, guide
-friction, payload, fixture and structural modes are set when the model is loaded. What the MJCF has for those who use it
-in MuJoCo alone is left out: rotor and screw (armature, friction and damping of the shaft), actuators, sensors and
-keyframes. Drives are simulated beside the model, and would count twice.
+friction, payload, fixture and structural modes are set when the model is loaded. What the MJCF has for use in MuJoCo
+alone is left out, as drives are simulated beside the model: armature, friction and damping of rotor and screw,
+actuators, sensors, keyframes.
 
     structure   k as stated,  c = 2 zeta sqrt(k m),  f = sqrt(k / m) / 2 pi       m: what the mode's joint carries
 
-so that a push at standstill gives as much as the springs between there and the ground say, and what rings follows (the
-damper is that of the machine without payload). A force F that acts at a place, on the tool or on the table, loads the
-joints by tau = J^T F, J: motion of that place by the joints.
+so that a static push deflects as the springs between there and the ground say, and ringing follows (the damper is that
+of the machine without payload). A force F at a place, tool or table, loads the joints by tau = J^T F, J: motion of that
+place by the joints.
 
 Positions are what a gauge between tool and table would show: axis joint plus structural joint, plus the errors of
 squareness (decision P4).
@@ -26,16 +26,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.axes import CARRIAGES
+from isel_twin.base.errors import one_line
 from isel_twin.machine import Machine, MachineError
 from isel_twin.plant import PLACES
 
 
 def load_model(machine: Machine, *, visual: bool = True) -> mujoco.MjModel:
-    """The machine's MuJoCo model with what machine.toml says about it.
+    """The model with what machine.toml says about it. visual: keep geoms that are for the eye; a step takes a third
+    longer.
 
-    visual: keep the geoms that only look; without them a step takes a quarter less time.
-    Raises MachineError if the model or the fixture cannot be read, if a joint or body the machine names is missing,
-    or if a joint is not described by one number.
+    Raises MachineError if model or fixture cannot be read, a joint or body that the machine names is missing, or a
+    joint has not one coordinate.
     """
     model = compile_model(machine, visual=visual)
     _dress(machine, model)
@@ -43,8 +44,8 @@ def load_model(machine: Machine, *, visual: bool = True) -> mujoco.MjModel:
 
 
 def dressed(model: mujoco.MjModel, machine: Machine) -> mujoco.MjModel:
-    """What `load_model` would give for a machine, from the `compile_model` of another one that differs from it in guide
-    friction, payload and structure alone: a copy with those, in a fiftieth of the time."""
+    """What `load_model` would give for a machine, in a fiftieth of the time: a copy of the `compile_model` of another
+    one that differs in guide friction, payload and structure alone."""
     model = copy.copy(model)
     for axis in machine.axes:
         model.dof_frictionloss[model.joint(axis.name).dofadr] = axis.guide_friction_n
@@ -53,11 +54,11 @@ def dressed(model: mujoco.MjModel, machine: Machine) -> mujoco.MjModel:
 
 
 def compile_model(machine: Machine, *, visual: bool = True) -> mujoco.MjModel:
-    """The machine's model without the springs of its structure and without payload. Arguments, errors: `load_model`."""
+    """The model without springs of the structure and payload. Arguments, errors: `load_model`."""
     try:
         spec = mujoco.MjSpec.from_file(str(machine.model_file))
     except ValueError as error:
-        raise MachineError(f"{machine.model_file}: {_one_line(error)}") from None
+        raise MachineError(f"{machine.model_file}: {one_line(str(error))}") from None
     _need(machine, spec, [axis.name for axis in machine.axes], "joint")
     _need(machine, spec, [mode.joint for mode in machine.structure], "joint")
     _need(machine, spec, machine.masses_kg, "body")
@@ -72,7 +73,7 @@ def compile_model(machine: Machine, *, visual: bool = True) -> mujoco.MjModel:
             fixture = mujoco.MjSpec.from_file(str(machine.fixture_file))
             spec.attach(fixture, prefix="fixture/", site=spec.site("table_top"))
         except ValueError as error:
-            raise MachineError(f"{machine.fixture_file}: {_one_line(error)}") from None
+            raise MachineError(f"{machine.fixture_file}: {one_line(str(error))}") from None
     if not visual:
         for geom in list(spec.geoms):
             if geom.contype == 0 and geom.conaffinity == 0:
@@ -92,22 +93,22 @@ def compile_model(machine: Machine, *, visual: bool = True) -> mujoco.MjModel:
     try:
         model = spec.compile()
     except ValueError as error:
-        raise MachineError(f"{machine.model_file}: {_one_line(error)}") from None
+        raise MachineError(f"{machine.model_file}: {one_line(str(error))}") from None
     if model.nq != model.nv:
         raise MachineError(f"{machine.file}: model, fixture: a ball or free joint; allowed: slide and hinge joints")
     return model
 
 
 def _dress(machine: Machine, model: mujoco.MjModel) -> None:
-    """Give a compiled model the springs of its structure and its payload."""
     if machine.imperfections.structure:
         for mode in machine.structure:
             joint = model.joint(mode.joint)
             mass_kg = model.body_subtreemass[model.jnt_bodyid[joint.id]]
             model.jnt_stiffness[joint.id] = mode.stiffness_n_per_m
             model.dof_damping[joint.dofadr] = 2.0 * mode.damping_ratio * math.sqrt(mode.stiffness_n_per_m * mass_kg)
-    if machine.payload_kg > 0.0:
-        _add_payload(model, machine.payload_kg)
+    if machine.payload_kg > 0.0:  # at the table's centre of gravity: the table does not turn, so the place is no matter
+        model.body_mass[model.body("table").id] += machine.payload_kg
+        mujoco.mj_setConst(model, mujoco.MjData(model))
 
 
 def tool_motion(machine: Machine, model: mujoco.MjModel) -> NDArray[np.float64]:
@@ -153,7 +154,7 @@ def left_of_x(machine: Machine, model: mujoco.MjModel, scratch: mujoco.MjData | 
 
 
 def blank(model: mujoco.MjModel, scratch: mujoco.MjData | None) -> mujoco.MjData:
-    """The scratch data as new, which takes a tenth of the time of new ones; new ones if there are none."""
+    """The scratch data as new (ten times faster than new data), or new data if there is none."""
     if scratch is None:
         return mujoco.MjData(model)
     mujoco.mj_resetData(model, scratch)
@@ -177,23 +178,12 @@ def _ways(machine: Machine, model: mujoco.MjModel, jacobian: dict[str, NDArray[n
 
 
 def mode_hz(machine: Machine, model: mujoco.MjModel) -> dict[str, float]:
-    """Frequency of each structural mode by its joint, Hz: of what the joint carries on its spring, axes at rest."""
+    """Frequency of each structural mode by its joint, Hz: what the joint carries, on its spring."""
     found = {}
     for mode in machine.structure:
         mass_kg = model.body_subtreemass[model.jnt_bodyid[model.joint(mode.joint).id]]
         found[mode.joint] = math.sqrt(mode.stiffness_n_per_m / mass_kg) / (2.0 * math.pi)
     return found
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())
-
-
-def _add_payload(model: mujoco.MjModel, mass_kg: float) -> None:
-    """A point of mass at the table's centre of gravity (the table does not turn, so where it sits is no matter)."""
-    body = model.body("table").id
-    model.body_mass[body] += mass_kg
-    mujoco.mj_setConst(model, mujoco.MjData(model))
 
 
 def _need(machine: Machine, spec: mujoco.MjSpec, names: Iterable[str], kind: str) -> None:

@@ -19,7 +19,7 @@ from isel_twin.drives.dynamics import BOTH, OPEN
 from isel_twin.drives.servo import CAUSES, cool, forget
 from isel_twin.drives.stage import AnyStage
 from isel_twin.machine import Machine
-from isel_twin.plant import PLACES, Samples, Threshold, kernel, memory
+from isel_twin.plant import PLACES, Threshold, kernel, memory
 from isel_twin.plant.altered import Alterations
 from isel_twin.plant.built import build, find_available, find_free
 from isel_twin.plant.cutting import Cut, set_cut
@@ -27,16 +27,11 @@ from isel_twin.plant.lead import all_behind
 from isel_twin.plant.model import load_model
 from isel_twin.plant.samples import GRID, LoopSamples
 
-_PHASES = {"": BOTH, "a": BOTH & ~1, "b": BOTH & ~2, "ab": OPEN}
-"""Phases that are left, by those that are interrupted."""
+_PHASES = {"": BOTH, "a": BOTH & ~1, "b": BOTH & ~2, "ab": OPEN}  # those that are left, by the interrupted ones
 _NOW, _EDGE, _LOST_DOF = map((memory.PLANT.names or ()).index, ("now", "edge", "lost_dof"))
-"""Places of fields in memory.PLANT."""
-_ADDRESSES = ("mj_step", "model", "data")
-"""Fields of memory.PLANT that belong to this process."""
-_SAVED = tuple(name for name in memory.Parts._fields if name != "samples")
-"""Parts that a state holds: all but the samples, which have been read."""
-_OWN = ("inertia", "mobility", "weight")
-"""Arrays of `Built` beside the parts that change."""
+_ADDRESSES = ("mj_step", "model", "data")  # fields of memory.PLANT that belong to this process
+_SAVED = tuple(name for name in memory.Parts._fields if name != "samples")  # which have been read
+_OWN = ("inertia", "mobility", "weight")  # arrays of `Built` beside the parts that change
 _DATA = ("qacc_warmstart", "act", "ctrl", "xfrc_applied", "eq_active", "mocap_pos", "mocap_quat", "userdata")
 """What MuJoCo's next step depends on (mjSTATE_INTEGRATION), beside the parts and the time."""
 
@@ -45,7 +40,7 @@ class PlantError(RuntimeError):
     """A joint has run away: the numbers mean nothing any more."""
 
 
-class MujocoPlant:
+class MujocoPlant(LoopSamples):
     """Implements `isel_twin.plant.Plant` and `Sampled` with motors, screws and MuJoCo."""
 
     physics = True
@@ -58,15 +53,16 @@ class MujocoPlant:
         axes: int = 4,
         model: mujoco.MjModel | None = None,
     ) -> None:
-        """Place the carriages at start_mm [3] in machine coordinates, stages off, brakes closed.
+        """Carriages at start_mm [3] in machine coordinates, stages off, brakes closed.
 
         axes: number of the controller's axes; those beyond the carriages have no mechanics and follow their command.
-        model: the machine's, if somebody has it (`isel_twin.plant.model.dressed`); it belongs to the plant then.
+        model: the machine's, if there is one (`isel_twin.plant.model.dressed`); it belongs to the plant then.
 
         Raises MachineError if the model does not fit the machine or its time steps are too long for its stiffness.
         """
         model = load_model(machine, visual=False) if model is None else model
         self.built = build(machine, thresholds, start_mm, axes, model)
+        super().__init__(self.built, axes)
         self.machine = machine
         self.model = model
         self.data = self.built.data
@@ -74,21 +70,14 @@ class MujocoPlant:
         self._memory = self.built.memory
         self.time_ns = 0
         self.edge = False
-        self._count = axes
         self._altered = Alterations(self.built)
-        self._sampling = LoopSamples(self.built, axes)
-        self._pushes = np.zeros((memory.AXES, model.nv))
-        """float64 [3, nv], what the push along each axis is at the joints."""
-        self._lost = [""] * memory.AXES
-        """Interrupted phases of each motor."""
-        self._power = (False, False, False)
-        """As `set_power` was told."""
+        self.set_friction = self._altered.set_friction
+        self.set_obstacle = self._altered.set_obstacle
+        self._pushes = np.zeros((memory.AXES, model.nv))  # [3, nv], what the push along each axis is at the joints
+        self._lost = [""] * memory.AXES  # interrupted phases of each motor
+        self._power = (False, False, False)  # as `set_power` was told
         self._none = np.empty(0, dtype=np.int64), np.empty((0, axes), dtype=np.int32), np.empty(0, dtype=np.int64)
-        self._late = self._none
-        """Times, changes and leads of the ticks after the last whole sub-step."""
-        self._words = self.parts.plant.view(np.int64)
-        """The state of the loop as whole numbers, by place: reading one is quicker so."""
-        self._substep_ns = machine.timing.substep_ns
+        self._late = self._none  # times, changes and leads of the ticks after the last whole sub-step
 
     def __reduce_ex__(self, protocol: object) -> NoReturn:
         """Neither copy nor pickle: the kernel would go on with the memory of this one, by its address."""
@@ -123,10 +112,9 @@ class MujocoPlant:
         self._lost = list(lost)
         self._late = (late[0].copy(), late[1].copy(), late[2].copy())
         self._altered.restore(state["model"])
-        self._sampling.keep_grid(grid, sample_at)
+        self.keep_grid(grid, sample_at)
 
     def model_as_built(self) -> mujoco.MjModel:
-        """A copy of the model as it was before anything was changed in it: for another plant of this machine."""
         return self._altered.model_as_built()
 
     # Time
@@ -234,14 +222,7 @@ class MujocoPlant:
 
     # Forces and changes from outside
 
-    def set_friction(self, axis: int, extra_n: float) -> None:
-        self._altered.set_friction(axis, extra_n)
-
-    def set_obstacle(self, axis: int, position_mm: float | None) -> None:
-        self._altered.set_obstacle(axis, position_mm)
-
     def set_payload(self, place: str, mass_kg: float) -> None:
-        """What is pushed now is pushed on."""
         self._altered.set_payload(place, mass_kg)
         self._share_pushes()
 
@@ -270,11 +251,6 @@ class MujocoPlant:
     def set_cut(self, cut: Cut | None) -> None:
         kernel.wake(self._memory)
         set_cut(self.parts.cut, cut, int(self.parts.plant["now"][0]), self._substep_ns * 1e-9, self.built.left)
-
-    @property
-    def cut_n(self) -> NDArray[np.float64]:
-        """float64 [2], force of the cut on the tool along X and Y in the last sub-step; the table has the opposite."""
-        return np.array([self.parts.cut["x_n"][0], self.parts.cut["y_n"][0]])
 
     # Places and speeds
 
@@ -335,7 +311,6 @@ class MujocoPlant:
 
     @property
     def slip_steps(self) -> NDArray[np.float64]:
-        """One step on an axis that has no motor here."""
         return self._all([float(axis.slip_steps) for axis in self.machine.axes], 1.0)
 
     @property
@@ -344,7 +319,7 @@ class MujocoPlant:
 
     @property
     def _live(self) -> NDArray[np.bool_]:
-        """bool [3], which motors are let have current."""
+        """bool [3], which motors may have current."""
         phases = self.parts.axes["phases"] & self.parts.supply["gate"]
         live: NDArray[np.bool_] = (phases != OPEN) & (self.parts.states["fault"] == 0)
         return live
@@ -402,35 +377,16 @@ class MujocoPlant:
         """[axes], values of the axes with mechanics, and one for all others."""
         return np.append(carriages, [others] * self._count)[: self._count]
 
-    # Samples taken in the loop, for recordings: `isel_twin.plant.Sampled`
-
-    def fits(self, interval_ns: int) -> bool:
-        return self._sampling.fits(interval_ns)
-
-    def sample_every(self, interval_ns: int, from_ns: int = 0) -> None:
-        self._sampling.sample_every(interval_ns, from_ns)
-
-    def sample_again(self) -> None:
-        self._sampling.sample_again()
-
-    @property
-    def samples_waiting(self) -> int:
-        return self._sampling.samples_waiting
-
-    def take_samples(self) -> Samples:
-        return self._sampling.take_samples()
-
     # For loops of others, compiled together with the kernel, and for pictures
 
     @property
     def memory(self) -> NDArray[np.void]:
-        """MEMORY [1], for compiled code that calls `kernel.advance` itself, of a plant that it keeps alive. `time_ns`,
-        `edge` and all that is made of them stay behind: such a plant is advanced in that way alone."""
+        """MEMORY [1], for compiled code that calls `kernel.advance` itself and keeps the plant alive. `time_ns`, `edge`
+        and what follows from them stay behind: such a plant must be advanced in that way alone."""
         return self._memory
 
     @property
     def shape_mm(self) -> NDArray[np.float64]:
-        """float64 [3, nv], what a metre of each joint moves the tool over the table along X, Y and Z, mm."""
         return self.built.shape_mm.copy()
 
     def scene(self) -> tuple[mujoco.MjModel, mujoco.MjData]:

@@ -1,11 +1,11 @@
 """The machine as it looks: the scene of its model, drawn without a window.
 
-Goal: whoever shows the machine (a rendering environment, a page, a document) gets the same picture from one place:
+Goal: one picture for all who show the machine (environments, pages, documents):
 
     draw(load_machine("4030"), (200.0, 150.0, 70.0), height=900, width=1200)        uint8 [900, 1200, 3]
 
-`draw` is for one picture; a `Picture` keeps model and renderer for as many as wanted, a `Window` shows the machine on
-the screen. A path is drawn where it lies on the workpiece, so it goes along with the table.
+`draw` is for one picture; a `Picture` keeps model and renderer for more, a `Window` shows the machine on the screen. A
+path is drawn where it lies on the workpiece, so it goes along with the table.
 """
 
 from __future__ import annotations
@@ -23,10 +23,8 @@ from isel_twin.machine import Machine
 from isel_twin.plant import PLACES
 from isel_twin.plant.model import load_model
 
-HEIGHT, WIDTH = 480, 640
-"""Size of a picture in pixels, unless told otherwise."""
-MOST_PIECES = 300
-"""Of a path as it is drawn."""
+HEIGHT, WIDTH = 480, 640  # size of a picture in pixels, unless told otherwise
+MOST_PIECES = 300  # of a path as it is drawn
 _RED = np.array([0.9, 0.1, 0.1, 1.0], dtype=np.float32)
 _LINE_M = 5e-4
 
@@ -77,13 +75,12 @@ class Picture:
         return self._renderer.render()
 
     def _line(self, path_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-        """float64 [m, 3], points of the path from the table, m; looked up once for each path."""
+        """float64 [m, 3], points of the path from the table, m; computed once for each path."""
         if self._path is not path_mm and not np.array_equal(self._path, path_mm):
             self._path, self._from_table = path_mm, on_table(self._model, self._names, path_mm)
         return self._from_table
 
     def close(self) -> None:
-        """Free the renderer."""
         self._renderer.close()
 
     def __enter__(self) -> Picture:
@@ -122,7 +119,6 @@ class Window:
         self._viewer.sync()
 
     def close(self) -> None:
-        """Close the window."""
         self._viewer.close()
 
 
@@ -139,7 +135,6 @@ def on_table(model: mujoco.MjModel, names: Sequence[str], path_mm: NDArray[np.fl
 
 
 def _near(distance_m: float) -> mujoco.MjvCamera:
-    """A camera that looks down on what is so far away."""
     camera = mujoco.MjvCamera()
     camera.distance, camera.azimuth, camera.elevation = distance_m, -60.0, -40.0
     return camera
@@ -180,10 +175,8 @@ def draw(
 
 
 def _renderer(model: mujoco.MjModel, height: int, width: int) -> mujoco.Renderer:
-    """A renderer; on a Linux machine without a screen, unless MUJOCO_GL says otherwise, one that needs none.
-
-    MuJoCo chooses its OpenGL backend once and for all when it is imported, and then one that needs a screen.
-    """
+    """A renderer; on Linux without a screen, unless MUJOCO_GL says otherwise, one that needs none: when imported,
+    MuJoCo chooses an OpenGL backend that does."""
     from mujoco.rendering.classic import gl_context
 
     screen = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")

@@ -12,21 +12,18 @@ from numpy.typing import NDArray
 from isel_twin.plant import Samples, kernel, memory
 from isel_twin.plant.built import Built
 
-GRID = ("sample_every", "sample_ahead_ns")
-"""Fields of memory.PLANT that say when samples are taken."""
+GRID = ("sample_every", "sample_ahead_ns")  # fields of memory.PLANT that say when samples are taken
 _SAMPLED = (memory.PLANT.names or ()).index("sampled")
 
 
 class LoopSamples:
-    """Implements `isel_twin.plant.Sampled` for the loop of a built machine."""
+    """Implements `isel_twin.plant.Sampled` for a plant with the loop; axes: number of the controller's."""
 
     def __init__(self, built: Built, axes: int) -> None:
-        """axes: number of the controller's axes."""
-        self._built = built
+        self.built = built
         self._plant = built.parts.plant
-        self._words = self._plant.view(np.int64)
-        """The same as whole numbers, by place: reading one is quicker so."""
-        self._axes = axes
+        self._words = self._plant.view(np.int64)  # the same as whole numbers, by place: reading one is quicker so
+        self._count = axes
         self._substep_ns = built.machine.timing.substep_ns
 
     def fits(self, interval_ns: int) -> bool:
@@ -52,7 +49,7 @@ class LoopSamples:
         return self._words.item(_SAMPLED)
 
     def take_samples(self) -> Samples:
-        parts, shape_mm, count = self._built.parts, self._built.shape_mm, self._axes
+        parts, shape_mm, count = self.built.parts, self.built.shape_mm, self._count
         rows = parts.samples[: self.samples_waiting]
         self._plant["sampled"] = 0
         joints, commands = len(parts.qpos), len(parts.commanded)

@@ -1,13 +1,10 @@
 """The teeth of a cutter in one sub-step, compiled; the equations stand in cutting.py."""
 
-from __future__ import annotations
-
 import math
 
 from isel_twin.base.compiling import njit
 
-LEAST_M_S = 1e-6
-"""Feed below which a tooth rubs and takes no chip."""
+LEAST_M_S = 1e-6  # feed below which a tooth rubs and takes no chip
 
 
 @njit(nogil=True, error_model="numpy")

@@ -1,7 +1,7 @@
 """An uneven screw: travel, zero and stiffness of its nut where it now stands.
 
-Goal: sub-steps know a screw that is everywhere the same; once a window they are told the one that it is here. With
-place x_0 of the nut at rotor angle 0, mean travel r and amplitude a of the error that repeats every turn, the nut is at
+Goal: sub-steps know a screw that is everywhere the same; once a window they are told what it is here. With the nut at
+x_0 for rotor angle 0, mean travel r and amplitude a of the error that repeats every turn, it is at
 
     n(th) = x_0 + r th + a (sin u - sin(x_0/r))          u = th + x_0/r: the same place has the same error
 
@@ -13,8 +13,6 @@ At the end of a window of h the tangent is off by a (w h)^2 / 2: 1 nm with 5 um 
 stiffness is that of bearing and nut and of the free length of the screw (isel_twin.drives.screw). From one window to
 the next a nut keeps its stretch, not its force: at 60 mm/s that is 2e-5 of what is stored in it.
 """
-
-from __future__ import annotations
 
 import math
 
@@ -38,8 +36,7 @@ SCREW = np.dtype(
 
 @njit(nogil=True, error_model="numpy")
 def feel(screws, axes, drives, states):
-    """Tell the drives what their screws are like where their nuts stand: [3] each of SCREW, AXIS, AXIS_PARAMETERS and
-    AXIS_STATE."""
+    """Tell the drives what their screws are like where the nuts stand: [3] SCREW, AXIS, AXIS_PARAMETERS, AXIS_STATE."""
     for i in range(screws.shape[0]):
         screw, drive, theta_rad = screws[i], drives[i], states[i].theta_rad
         place_m = screw.start_m + screw.travel_m_per_rad * theta_rad

@@ -23,8 +23,7 @@ from isel_twin.language import Language, readable
 from isel_twin.recordings.reading import Recorded, RecordingError
 
 MOST_UNLIKE = 4000
-"""Commands that are matched as a text is; between longer stretches without a likeness at their ends each is compared
-with the one at its place."""
+"""Most commands that are matched as a text is; in longer stretches each is compared with the one at its place."""
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,9 @@ began). The channels are in CHANNELS; each but `/samples` carries JSON with its 
     head: metadata, attachments | chunk | chunk | chunk | ... | index, end
                                                  ^ killed here: everything up to the last whole chunk can be read
 
-Written as it goes: messages gather in a chunk, and `flush` hands the chunk to the operating system. A file of that name
-is replaced only when the head of the new one is on the disk: a call that fails earlier leaves the old recording as it
-was. The file is claimed by one recording at a time. When the disk is full, the recording ends with one line in the log
-and keeps what it has; the twin goes on.
+`flush` hands the chunk in progress to the operating system. A file of that name is replaced only when the head of the
+new one is on the disk, and is claimed by one recording at a time. When the disk is full, the recording ends with one
+line in the log and keeps what it has; the twin goes on.
 """
 
 from __future__ import annotations
@@ -185,8 +184,7 @@ class RecordingWriter:
 class _File:
     """The file of a recording: its head under a temporary name, the rest in its place.
 
-    Closed and opened again in between, because Windows renames no open file. What is no regular file (/dev/stdout) is
-    written to as it stands. Raises OSError.
+    Closed in between: Windows renames no open file. What is no regular file (/dev/stdout) is written to as it stands.
     """
 
     def __init__(self, path: Path) -> None:

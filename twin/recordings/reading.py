@@ -2,8 +2,7 @@
 
     read("real.mcap")  ->  Recorded: metadata, attachments, messages in the order in which they were written
 
-A file that ends in the middle, after a kill or on a full disk, is read up to its last whole chunk. Anything that does
-not begin as such a recording is refused in one line.
+A file that ends in the middle, after a kill or on a full disk, is read up to its last whole chunk.
 """
 
 from __future__ import annotations
@@ -190,9 +189,8 @@ def read(path: str | os.PathLike[str]) -> Recorded:
                 whole = True
     if metadata is None:
         raise RecordingError(f"{path}: is no recording of isel-twin; allowed: a file that --record NAME.mcap has made")
-    return Recorded(
-        path, metadata, attachments, tuple(entries), np.array(times_ns, dtype=np.int64), bytes(sample_bytes), whole
-    )
+    samples = np.array(times_ns, dtype=np.int64), bytes(sample_bytes)
+    return Recorded(path, metadata, attachments, tuple(entries), *samples, whole)
 
 
 def _next(records: Iterator[Any]) -> Any:

@@ -1,8 +1,7 @@
-"""Samples of a twin on a grid of virtual time, and every change of an input or output.
+"""Samples of a twin, on a grid of virtual time and whenever a level, input or output changes; and these changes.
 
-A sample is taken on a grid of virtual time and whenever an input or output changes. Samples go to a temporary file, so
-that a long job needs little memory; changes of levels, inputs and outputs are few and stay in memory. When the disk is
-full, the recording ends and the machine goes on.
+Samples go to a temporary file, so that a long job needs little memory; changes are few and stay in memory. When the
+disk is full, the recording ends and the machine goes on.
 
     time    0      1 ms    2 ms         3 ms
     sample  |       |       |    |       |
@@ -77,14 +76,12 @@ class Recorder:
         self.axes = len(twin.counts)
         self.dtype = sample_dtype(self.axes)
         self.ended = False  # True once the disk was full; nothing more is recorded
-        self.counters_set_ns: list[int] = []
-        """When counters were set anew, so that positions before and after are no motion."""
+        self.counters_set_ns: list[int] = []  # counters were set anew: positions before and after are no motion
         self.events: list[tuple[int, str, str]] = []
-        """(time in ns, kind, in words) of what a scenario or somebody did, bytes lost and remarks."""
+        """(time in ns, kind, in words) of what a scenario or somebody did, and remarks."""
         self._last: dict[str, dict[str, int | str]] = {"level": {}, "input": {}, "output": {}}
         self._buffer = np.empty(BUFFER, dtype=self.dtype)
-        self._buffered = 0
-        self._stored = 0
+        self._buffered = self._stored = 0
         self._file = tempfile.TemporaryFile()  # noqa: SIM115  (closed by close())
         twin.listen(self._hear)
         twin.observe(self._look, interval_ns)

@@ -43,8 +43,7 @@ MODEL, FIXTURE = "model", "fixture"
 """Folders that go before the names of the files of the MuJoCo model, and of what is clamped on the table."""
 ASSETS: Final = (".xml", ".stl", ".obj", ".msh")  # files beside a model that it may need
 MOST_ASSET_BYTES = 1 << 24
-GROUPS: Final[Mapping[str, str]] = {"level": "/levels", "input": "/inputs", "output": "/outputs"}
-"""Channel of each group of a `recorder.Change`."""
+GROUPS: Final = {"level": "/levels", "input": "/inputs", "output": "/outputs"}  # channels, by `recorder.Change.group`
 MOST_LOOKS = 100  # most samples of changes that wait for those of the plant
 PACKAGES: Final = ("mujoco", "numpy", "numba")
 
@@ -61,18 +60,15 @@ class Recording:
 
     def __init__(self, twin: Twin, sink: Sink, interval_ns: int) -> None:
         """interval_ns: from sample to sample, virtual time."""
-        self._sink = sink
-        self._twin = twin
-        self._axes = len(twin.counts)
+        self._sink, self._twin = sink, twin
         self._motors = len(twin.current_fraction)
         self._step_mm = twin.step_mm
-        self._dtype = sample_dtype(self._axes, self._motors)
+        self._dtype = sample_dtype(len(twin.counts), self._motors)
         self._schema = samples_schema(self._dtype)
         self._last: dict[str, dict[str, int | str]] = {group: {} for group in GROUPS}
         self._faults: Mapping[str, str | float] = {}
         self._motion: Motion | None = None
-        self._looks: list[tuple[int, NDArray[np.void]]] = []
-        """Samples of changes, which wait for those of the plant that come before them."""
+        self._looks: list[tuple[int, NDArray[np.void]]] = []  # wait for samples of the plant from before them
         self._ended = False
         twin.listen(self._note)
         self._sampler = twin.sample(self._take, interval_ns)

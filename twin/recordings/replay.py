@@ -4,12 +4,11 @@
                                              |
                                              '---> what happens now  ==  what was recorded?   first Difference, or none
 
-With the versions it was recorded with there is no difference, to the bit, at whatever speed it was recorded or is
-played.
+With the versions it was recorded with there is no difference, to the bit, at whatever speed.
 
 A recording of a real controller (kind `tap`) is bytes with times. It is played to a twin that the caller builds, as a
-host would: what was sent after a reply is sent after that reply, as much later as it was then; the replies are compared
-as bytes, not their times (`isel_twin.recordings.compare` does that).
+host would: what was sent after a reply is sent as much later than that reply. Replies are compared, not their times
+(compare.py does that).
 """
 
 from __future__ import annotations
@@ -68,7 +67,7 @@ def versions(recorded: Recorded) -> list[str]:
 
 
 def rebuilt(recorded: Recorded, folder: Path) -> Twin:
-    """The twin of a recording, as it was at power-on; files it needs go to `folder`, which must outlive this call only.
+    """The twin of a recording, as it was at power-on. folder: for files that only this call needs.
 
     Raises RecordingError for a recording that does not say enough, and ValueError as `Twin` does.
     """
@@ -109,10 +108,7 @@ def rebuilt(recorded: Recorded, folder: Path) -> Twin:
 
 
 def replay(recorded: Recorded, twin: Twin, pace: Pace | None = None) -> Difference | None:
-    """Play a recording to its twin, fresh from `rebuilt`; the first difference, None if there is none.
-
-    Raises RecordingError for causes that are none.
-    """
+    """Play a recording to its twin, fresh from `rebuilt`; the first difference. Raises RecordingError."""
     eye = _Eye(recorded, twin)
     recording = Recording(twin, eye, recorded.interval_ns)
     for entry in recorded.of(*CAUSES):
@@ -152,9 +148,7 @@ class _Eye:
 
     def __init__(self, recorded: Recorded, twin: Twin) -> None:
         self.difference: Difference | None = None
-        self._twin = twin
-        self._end_ns = recorded.end_ns
-        self._whole = recorded.whole
+        self._twin, self._end_ns, self._whole = twin, recorded.end_ns, recorded.whole
         self._expected: dict[str, deque[tuple[int, str]]] = {}
         for entry in recorded.entries:
             if entry.channel not in _NOT_COMPARED:
@@ -250,9 +244,6 @@ def _first_field(then: Any, now: Any) -> tuple[str, Any, Any]:
             index = next(i for i in range(len(a)) if a[i].tobytes() != b[i].tobytes())
             return (f"{name}[{index}]" if then[name].shape else name), a[index].item(), b[index].item()
     return "nothing", None, None
-
-
-# ---- a real controller ---------------------------------------------------------------------------------------------
 
 
 def play_host(recorded: Recorded, twin: Twin, pace: Pace | None = None) -> Difference | None:

@@ -91,10 +91,7 @@ def motion_from(table: dict[str, Any], before: Motion | None = None) -> Motion:
 
 
 def add_run(steps: Steps, time_ns: int, content: dict[str, Any]) -> None:
-    """Follow a recording: at time_ns the controller shows the motion that a message of `/runs` has, or none.
-
-    Raises ValueError for a message that is none.
-    """
+    """Follow a recording: from time_ns on the motion is that of a message of `/runs`. Raises ValueError."""
     if content.get("run") is not None and content.get("continues"):
         if not steps.motions:
             raise ValueError("a motion continues none")

@@ -1,11 +1,9 @@
 """One way to write a trace, of a twin or of a recording: the suffix of the file says which.
 
-    .npz        the step stream, exactly                    npz.py
-    .vcd        a value change dump for waveform viewers    vcd.py
-    .parquet    the samples of a recorder as a table        parquet.py, with pyarrow (the extra `trace`)
-    .csv        the same as text                            csv.py
-
-Each module is imported only when it is needed.
+.npz        the step stream, exactly                    npz.py
+.vcd        a value change dump for waveform viewers    vcd.py
+.parquet    the samples of a recorder as a table        parquet.py, with pyarrow (the extra `trace`)
+.csv        the same as text                            csv.py
 """
 
 from __future__ import annotations
@@ -38,11 +36,10 @@ def check_kind(kind: str, about: str) -> None:
 
 
 def write_trace(path: Path, steps: Steps, recorder: Samples | None, kind: str | None = None) -> None:
-    """Write a stream and samples, as they have been taken or read back from a recording.
+    """Write a stream and samples. kind: one of KINDS; without it, the one that the file name ends in.
 
-    kind: one of KINDS; without it, the one that the file name ends in.
-    recorder: has watched the twin; an .npz can do without. Raises ValueError for a name that says nothing and for a
-    recorder that is missing, OSError about `path` if the file cannot be written.
+    Raises ValueError for a name that says nothing and without a recorder, which only .npz can do without; OSError about
+    `path` if the file cannot be written.
     """
     kind = kind or trace_kind(path)
     check_kind(kind, f"{path}:")
@@ -63,10 +60,9 @@ def write_trace(path: Path, steps: Steps, recorder: Samples | None, kind: str | 
 
 
 def export(recording: str | os.PathLike[str], out: str | os.PathLike[str], kind: str | None = None) -> bool:
-    """Write a recording as a file of one of `write.KINDS`; without `kind`, the one that its name ends in.
+    """Write a recording as a file of a kind, as `write_trace` does; return False if it was cut off.
 
-    Returns False if the recording was cut off. Raises RecordingError for one of a real controller, which has nothing
-    but bytes, and as `read` does; ValueError for an unknown kind; OSError.
+    Raises RecordingError for one of a real controller, which has nothing but bytes, and as `read` does.
     """
     from isel_twin.recordings.reading import Played, RecordingError, read
 

@@ -25,8 +25,7 @@ if TYPE_CHECKING:
 
 COLUMNS = 3000  # columns of a curve: what a screen of 1500 pixels shows at twice its width
 MOST_WAY = 16_000  # most vertices of a path
-SHORTEST_NS = 2 * MILLISECOND_NS
-"""Between two samples that a speed is taken of: in less, one step more or less is all there is."""
+SHORTEST_NS = 2 * MILLISECOND_NS  # between samples that a speed is taken of: in less, it is one step more or less
 PIXELS = 1500  # way in pixels of the longest extent: vertices within one are one
 Pair = tuple[NDArray[np.float64], NDArray[np.float64]]  # least and greatest values
 

@@ -17,8 +17,7 @@ from isel_twin.report.svg import WIDTH, Mark, apart, badge, line, nice, number
 if TYPE_CHECKING:
     from isel_twin.jobs.job import Result
 
-COLOURS = ("#1f4e9e", "#2a86b8", "#35a07c", "#c9a227", "#dd7a1c", "#c02a1d")
-"""Of deviations, from none to the largest."""
+COLOURS = ("#1f4e9e", "#2a86b8", "#35a07c", "#c9a227", "#dd7a1c", "#c02a1d")  # of deviations, the largest last
 LEAST_UM = 1.0  # deviation up to which all is one colour: rounding is not worth one
 BOX = 62.0, 28.0, 490.0, 350.0  # of a view: left, top, width and height of the frame, px
 
@@ -118,10 +117,8 @@ def path_view(
     most_um, classes = deviation_classes(columns)
     x, y = view.px(columns.way.position_mm)
     u, v = (CARRIAGES[axis].upper() for axis in axes)
-    about = (
-        f"{u} from {view.low[0]:.3f} to {view.high[0]:.3f} mm, {v} from {view.low[1]:.3f} to {view.high[1]:.3f} mm; "
-        f"the largest deviation is {most_um:.4g} um."
-    )
+    spans = (f"{axis} from {view.low[k]:.3f} to {view.high[k]:.3f} mm" for k, axis in enumerate((u, v)))
+    about = f"{', '.join(spans)}; the largest deviation is {most_um:.4g} um."
     key = f"path-{name}"
     parts = [
         "<svg viewBox='0 0 570 430' width='570' height='430' role='img' "
@@ -149,10 +146,7 @@ def path_view(
 
 
 def finding_picture(columns: Columns, mark: Mark, error_at: tuple[float, float]) -> str:
-    """Where in the path a finding is, and the error within a second of it: both drawn elsewhere on the page.
-
-    error_at: top and height of the errors in the time plots, px.
-    """
+    """Where in the path a finding is, and the error within a second of it, at error_at (top and height, px)."""
     top, height = error_at
     span_ns = columns.last_ns - columns.first_ns
     middle = (mark.time_ns - columns.first_ns) / span_ns * WIDTH

@@ -49,10 +49,9 @@ def write_report(
     checked: Report | None = None,
     bounds: Bounds | None = None,
 ) -> None:
-    """Write the page, or a picture if the name ends in .png.
+    """Write the page, or a picture if the name ends in .png. Raises OSError.
 
-    summary: of the verdict, with "ok". checked: what is wrong with the job; bounds: and what it was measured by.
-    Raises OSError.
+    summary: of the verdict, with "ok". checked: what is wrong with the job; bounds: what it was measured by.
     """
     seen = columns(recorder, twin.step_mm, twin.time_ns)
     findings = () if checked is None else checked.findings
@@ -244,13 +243,9 @@ def _path(seen: Columns, marks: Sequence[Mark], results: Sequence[Result]) -> st
 
 
 def _controls() -> str:
-    buttons = (
-        ("+", "Zoom in", "+"),
-        ("-", "Zoom out", "&minus;"),
-        ("ArrowLeft", "Earlier", "&larr;"),
-        ("ArrowRight", "Later", "&rarr;"),
-        ("0", "Whole job", "All"),
-    )
+    zoom = ("+", "Zoom in", "+"), ("-", "Zoom out", "&minus;")
+    move = ("ArrowLeft", "Earlier", "&larr;"), ("ArrowRight", "Later", "&rarr;")
+    buttons = (*zoom, *move, ("0", "Whole job", "All"))
     made = "".join(
         f"<button type='button' data-act='{act}' aria-label='{name}'>{shown}</button>" for act, name, shown in buttons
     )

@@ -199,11 +199,10 @@ def _events(recorder: Recorder, px: _Pixels, y: float) -> Iterable[str]:
 def _ticks(first_s: float, last_s: float, bottom: float) -> str:
     """Without a script, and in print, the axis has its numbers as well."""
     _, _, step = nice(0.0, (last_s - first_s) * 3.0 / 8.0)
-    ticks = range(math.ceil(first_s / step - 1e-9), math.floor(last_s / step + 1e-9) + 1)
-    places = ((n * step, LEFT + (n * step - first_s) / (last_s - first_s) * WIDTH) for n in ticks)
-    return "".join(
-        f"<text x='{x:.1f}' y='{bottom + 19:g}' text-anchor='middle'>{number(at)}</text>" for at, x in places
-    )
+    ticks = [n * step for n in range(math.ceil(first_s / step - 1e-9), math.floor(last_s / step + 1e-9) + 1)]
+    places = ((at, LEFT + (at - first_s) / (last_s - first_s) * WIDTH) for at in ticks)
+    texts = (f"<text x='{x:.1f}' y='{bottom + 19:g}' text-anchor='middle'>{number(at)}</text>" for at, x in places)
+    return "".join(texts)
 
 
 def _range(row: _Row) -> tuple[float, float, float]:

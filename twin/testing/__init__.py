@@ -1,9 +1,8 @@
 """For tests of controllers: a desk with ideal carriages, position switches, an operator and a clock that never slips.
 
-Goal: drive anything that follows `isel_twin.controller.Controller` with the exact protocol of time and nothing else, so
-that what a test sees is the firmware alone. The carriage follows the counter (no motor, no elasticity), in the sense of
-the motor: carriage += controller.direction * step. A position switch changes at the very tick that moves the carriage
-onto it; the controller hears of it at the time of that tick:
+Goal: drive a controller with the exact protocol of time and nothing else, so that a test sees the firmware alone. The
+carriage follows the counter (no motor, no elasticity), in the sense of the motor: carriage += controller.direction *
+step. A position switch changes at the very tick that moves the carriage onto it; the controller hears of it then:
 
     ticks of run   |   |   |   |   |           |   |
     carriage     103 102 101 100 (trip)       100 101
@@ -11,8 +10,6 @@ onto it; the controller hears of it at the time of that tick:
 
 The operator's elements, safety relay and spindle contactor are those of `isel_twin.wiring.cabinet`.
 
-Use
----
     from isel_twin.testing import Desk
     desk = Desk.of("imc-s8")                     # or Desk(factory), factory(flash) -> Controller
     assert desk.query("@07") == "0"              # as its language frames it; time advances until all is answered

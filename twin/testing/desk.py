@@ -62,7 +62,7 @@ class Desk:
         """`factory(flash)` builds the controller.
 
         language: what `query` and `start` send; None: only `send` can be used. carriage: where the axes stand at first
-        power-on, in steps, one number an axis (2000; so do axes left out). terminals: instead of the controller's own.
+        power-on, in steps, one number an axis (default 2000). terminals: instead of the controller's own.
         """
         self.factory = factory
         self._language = language
@@ -91,10 +91,8 @@ class Desk:
         self._agenda_entries = 0
         self._forced_contacts: dict[str, bool] = {}
         self._forced_terminals: dict[str, bool] = {}
-        self._fed_by_drives: list[str] = []
         self._struck = {switch.contact: False for switch in self.position_switches}
-        for switch in self.position_switches:
-            self._struck[switch.contact] = switch.side * (int(self.carriage[switch.axis]) - switch.trip) >= 0
+        self._strike()
         self.cabinet = SafetyCabinet()
         if Desk.built is not None:
             Desk.built.append(self)
@@ -113,7 +111,7 @@ class Desk:
         """Mains on: the controller gets the levels as they are and starts with its counters at 0."""
         self.terminals = dict(self._terminals_given or self.controller.terminals())
         self._check_terminals()
-        self._fed_by_drives = []
+        self._fed_by_drives: list[str] = []
         if offers(self.controller, UsesDrives):
             self._fed_by_drives = [fed.terminal for fed in self.controller.drive_inputs()]
             self.controller.use_drives(IdealDrives(self))
@@ -131,8 +129,7 @@ class Desk:
         self._agenda.clear()
         for name, value in list(self.outputs.items()):
             if value:
-                self.cabinet.output(name, 0)
-                self._log_output(name, 0)
+                self._output(name, 0)
         self.cabinet.output("moving", 0)
         self.time_ns += round(off_s * SECOND_NS)
         if flash is not None:
@@ -143,20 +140,17 @@ class Desk:
     # --- host ------------------------------------------------------------------------------------------------------
 
     def send(self, data: bytes, *, byte_time_ns: int = 0) -> None:
-        """Bytes reach the controller now, all at once or one every `byte_time_ns` (the last one arrives at the end)."""
+        """Bytes reach the controller now all at once, or one every `byte_time_ns` from now on."""
         if Desk.built is not None:
             self.sent += data
-        if byte_time_ns == 0:
-            self.controller.receive(self.time_ns, data)
-            self._collect()
-            return
-        for value in data:
-            self.advance_to(self.time_ns + byte_time_ns)
-            self.controller.receive(self.time_ns, bytes([value]))
+        for piece in [bytes([value]) for value in data] if byte_time_ns else [data]:
+            if byte_time_ns:
+                self.advance_to(self.time_ns + byte_time_ns)
+            self.controller.receive(self.time_ns, piece)
             self._collect()
 
     def start(self, text: str) -> None:
-        """Send a command as the language frames it, and do not wait."""
+        """Send a command as the language frames it; no time passes."""
         if self._language is None:
             raise ValueError("this desk was given no language: use send")
         self.send(self._language.frame(text))
@@ -228,7 +222,7 @@ class Desk:
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """The controller's counters X, Y, Z, A."""
+        """The controller's counters, one an axis."""
         return tuple(int(n) for n in self.controller.counts)
 
     @property
@@ -252,7 +246,7 @@ class Desk:
         return Ticks(stream.t_ns[mark:], stream.delta[mark:])
 
     def struck(self, contact: str) -> bool:
-        """Is this position switch struck by its carriage?"""
+        """True if this position switch is struck by its carriage."""
         return self._struck[contact]
 
     # --- time ------------------------------------------------------------------------------------------------------
@@ -272,8 +266,7 @@ class Desk:
             spins = spins + 1 if due == self.time_ns else 0
             if spins > _SPIN_LIMIT:
                 raise ProtocolError(f"next_ns stays at {due}: the controller never lets time pass")
-            reached = self._make_steps(due)
-            self.time_ns = reached
+            reached = self.time_ns = self._make_steps(due)
             if self._strike():
                 self._wires_changed()
             self.controller.advance(reached)
@@ -287,15 +280,11 @@ class Desk:
                 return
 
     def _next_event(self, until_ns: int) -> int:
-        due = until_ns
         next_ns = self.controller.next_ns
-        if next_ns is not None:
-            if next_ns < self.time_ns:
-                raise ProtocolError(f"next_ns {next_ns} lies before the present {self.time_ns}")
-            due = min(due, next_ns)
-        if self._agenda:
-            due = min(due, self._agenda[0][0])
-        return max(due, self.time_ns)
+        if next_ns is not None and next_ns < self.time_ns:
+            raise ProtocolError(f"next_ns {next_ns} lies before the present {self.time_ns}")
+        agenda_ns = self._agenda[0][0] if self._agenda else until_ns
+        return max(self.time_ns, min(until_ns, agenda_ns, until_ns if next_ns is None else next_ns))
 
     def _make_steps(self, until_ns: int) -> int:
         """Make the pulses in (time_ns, until_ns], up to the first that changes a switch; return the time reached."""
@@ -322,34 +311,31 @@ class Desk:
             changed = beyond < -switch.hysteresis if self._struck[switch.contact] else beyond >= 0
             if changed[:n].any():
                 n = int(np.argmax(changed)) + 1
-        edge_ns = int(t_ns[n - 1]) if n < len(t_ns) or self._would_strike(positions[n - 1]) else None
         self._chunks.append((t_ns[:n], delta[:n]))
         self._recorded += n
         if not (self.outputs.get("stages") and self.cabinet.relay):
             self.steps_without_stages += n
         self.carriage = positions[n - 1].copy()
         self._expected = [have + int(d) for have, d in zip(self._expected, delta[:n].sum(axis=0), strict=True)]
-        return edge_ns
+        return int(t_ns[n - 1]) if self._now_struck() != self._struck else None
 
-    def _would_strike(self, carriage: NDArray[np.int64]) -> bool:
-        return any(
-            self._is_struck(switch, carriage) != self._struck[switch.contact] for switch in self.position_switches
-        )
-
-    def _is_struck(self, switch: PositionSwitch, carriage: NDArray[np.int64]) -> bool:
-        beyond = switch.side * (int(carriage[switch.axis]) - switch.trip)
-        return beyond >= -switch.hysteresis if self._struck[switch.contact] else beyond >= 0
+    def _now_struck(self) -> dict[str, bool]:
+        """Which switches are struck where the carriage stands, by their contacts."""
+        return {
+            switch.contact: switch.side * (int(self.carriage[switch.axis]) - switch.trip)
+            >= (-switch.hysteresis if self._struck[switch.contact] else 0)
+            for switch in self.position_switches
+        }
 
     def _strike(self) -> bool:
-        struck = {switch.contact: self._is_struck(switch, self.carriage) for switch in self.position_switches}
-        changed = struck != self._struck
-        self._struck = struck
-        return changed
+        """Switch the position switches; True if one has changed."""
+        before, self._struck = self._struck, self._now_struck()
+        return before != self._struck
 
     # --- wires -----------------------------------------------------------------------------------------------------
 
     def _check_terminals(self) -> None:
-        """A name that no machine has would never be wired, and nobody would notice."""
+        """Raise ProtocolError for a contact that no machine has: it would never be wired, and nobody would notice."""
         for terminal, names in self.terminals.items():
             for name in names:
                 if name not in self.cabinet.signals and not _LIMIT_SWITCH.fullmatch(name) and name not in self._struck:
@@ -359,9 +345,7 @@ class Desk:
         contacts = self.cabinet.contacts()
         contacts.update({contact: not struck for contact, struck in self._struck.items()})
         contacts.update(self._forced_contacts)
-        levels = {
-            terminal: all(contacts.get(name, True) for name in names) for terminal, names in self.terminals.items()
-        }
+        levels = {fed: all(contacts.get(name, True) for name in names) for fed, names in self.terminals.items()}
         return {**levels, **dict.fromkeys(self._fed_by_drives, False), **self._forced_terminals}
 
     def _wires_changed(self) -> None:
@@ -369,14 +353,13 @@ class Desk:
         contacts = {**self.cabinet.contacts(), **self._forced_contacts}
         self.cabinet.sense(contacts.__getitem__)
         for _ in range(_SPIN_LIMIT):
-            levels = self._levels()
-            changed = [terminal for terminal, level in levels.items() if level != self.levels[terminal]]
+            changed = [(name, level) for name, level in self._levels().items() if level != self.levels[name]]
             if not changed:
                 return
-            terminal = changed[0]
-            self.levels[terminal] = levels[terminal]
-            self.inputs_log.append((self.time_ns, terminal, levels[terminal]))
-            self.controller.set_input(self.time_ns, terminal, levels[terminal])
+            terminal, level = changed[0]
+            self.levels[terminal] = level
+            self.inputs_log.append((self.time_ns, terminal, level))
+            self.controller.set_input(self.time_ns, terminal, level)
             self._take()
         raise ProtocolError("the controller and its inputs never settle")
 
@@ -392,8 +375,7 @@ class Desk:
                 case Reply(data):
                     self.replies.append((self.time_ns, data))
                 case Output(name, value):
-                    self._log_output(name, value)
-                    self.cabinet.output(name, value)
+                    self._output(name, value)
                 case CounterSet(axis, value):
                     self._expected[axis] = value
                 case FlashWrite(image):
@@ -403,6 +385,7 @@ class Desk:
                     self.remarks.append((self.time_ns, text))
         self.cabinet.output("moving", int(self.controller.run is not None))
 
-    def _log_output(self, name: str, value: int) -> None:
+    def _output(self, name: str, value: int) -> None:
         self.outputs[name] = value
         self.output_log.append((self.time_ns, name, value))
+        self.cabinet.output(name, value)

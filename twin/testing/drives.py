@@ -6,8 +6,6 @@ from typing import Protocol
 
 
 class _Desk(Protocol):
-    """What ideal drives look at."""
-
     outputs: dict[str, int]
 
     @property
@@ -15,7 +13,7 @@ class _Desk(Protocol):
 
 
 class IdealDrives:
-    """Implements `isel_twin.controller.Drives`: every axis is where its counter says."""
+    """Implements `isel_twin.controller.Drives`."""
 
     def __init__(self, desk: _Desk) -> None:
         self._desk = desk
@@ -28,9 +26,7 @@ class IdealDrives:
     def lag(self) -> tuple[float, ...]:
         return (0.0,) * len(self._desk.counts)
 
-    @property
-    def speed(self) -> tuple[float, ...]:
-        return (0.0,) * len(self._desk.counts)
+    speed = lag
 
     @property
     def past_zero_pulse(self) -> tuple[int, ...]:

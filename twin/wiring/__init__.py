@@ -14,7 +14,7 @@ schedule.py   which event is next
 from __future__ import annotations
 
 from isel_twin.wiring.acts import ACTS, Act, check_input, cut_table
-from isel_twin.wiring.cabinet import CABINETS, Cabinet, SafetyCabinet
+from isel_twin.wiring.cabinet import SafetyCabinet
 from isel_twin.wiring.contacts import FAULTS, Contacts
 from isel_twin.wiring.event import EVENT_KEYS, ScenarioEvent, event_now
 from isel_twin.wiring.line import SerialLine
@@ -25,11 +25,9 @@ from isel_twin.wiring.wiring import Wiring, outputs, settable, thresholds
 
 __all__ = [
     "ACTS",
-    "CABINETS",
     "EVENT_KEYS",
     "FAULTS",
     "Act",
-    "Cabinet",
     "Contacts",
     "SafetyCabinet",
     "ScenarioError",

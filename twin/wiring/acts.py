@@ -25,18 +25,15 @@ from isel_twin.plant import PLACES, Cut, Plant
 from isel_twin.wiring.contacts import FAULTS, Contacts
 from isel_twin.wiring.line import SerialLine
 
-Settable: TypeAlias = Mapping[str, tuple[str, ...]]
-"""What can be set, and the states of each; see `isel_twin.wiring.settable`."""
+Settable: TypeAlias = Mapping[str, tuple[str, ...]]  # what can be set, and the states of each
 Form: TypeAlias = Limits | tuple[str, ...] | type[bool] | Literal["state", "contact", "cut", "key"]
-"""What a value may be: a number within limits, one of some words, true and false, a state of an input as
-`Wiring.settable` lists them, the name of a contact, the table of a cut (isel_twin.plant.Cut), or what
-a key of the controller's takes (isel_twin.controller.Key)."""
-NO_KEYS: Mapping[str, Key] = {}
-"""Of a controller without any."""
+"""What a value may be: a number, one of some words, a switch, a state of an input (`Wiring.settable`), the name of a
+contact, the table of a cut (isel_twin.plant.Cut), or what a key takes (isel_twin.controller.Key)."""
+NO_KEYS: Mapping[str, Key] = {}  # of a controller without any
 
 
 class Site(Protocol):
-    """What deeds work on; `Wiring` is one."""
+    """What deeds work on; `Wiring` is one. All values have been checked."""
 
     @property
     def plant(self) -> Plant: ...
@@ -51,7 +48,7 @@ class Site(Protocol):
         """Elements and contacts get these states, all at once."""
 
     def press(self, keys: Mapping[str, KeyValue]) -> None:
-        """Keys of the controller's are put to these values."""
+        """Keys of the controller are put to these values."""
 
     def restart(self) -> None:
         """The controller starts anew."""
@@ -60,15 +57,14 @@ class Site(Protocol):
         """The mains is back or gone."""
 
     def warm(self, axis: int, extra_k: float, t_ns: int) -> None:
-        """The stage of an axis is warmer by so much from t_ns, the present, on."""
+        """The stage of an axis is warmer by this from t_ns, the present, on."""
 
 
 class Moment(NamedTuple):
     """When an event happens, and where its forces act."""
 
     t_ns: int
-    place: str
-    """One of PLACES; "": what each axis moves."""
+    place: str  # one of PLACES; "": what each axis moves
 
 
 class Known(NamedTuple):
@@ -79,27 +75,22 @@ class Known(NamedTuple):
 
     @property
     def contacts(self) -> tuple[str, ...]:
-        """Names of the machine's contacts."""
         return tuple(name for name, states in self.settable.items() if "broken" in states)
 
 
 Reader: TypeAlias = Callable[["Act", Any, Place, Known], Any]
-"""Makes of a value in a file what the deed takes: numbers as float, a table as a dictionary, a cut as a Cut. Raises the
-error of the place."""
-Deed: TypeAlias = Callable[[Site, Any, Moment], None]
-"""Does it, with a value that the reader has made."""
+"""Makes of a value in a file what the deed takes: numbers as float, a cut as a Cut. Raises the error of the place."""
+Deed: TypeAlias = Callable[[Site, Any, Moment], None]  # does it, with a value that the reader has made
 
 
 # ---- readers ---------------------------------------------------------------------------------------------------------
 
 
 def _one(act: Act, value: Any, place: Place, _: Known) -> Any:
-    """A value that stands alone."""
     return _value(act, value, place)
 
 
 def _each(act: Act, value: Any, place: Place, _: Known) -> Any:
-    """A table by axis or place."""
     values = table(value, place)
     known(values, act.members, place)
     return {name: _value(act, entry, place.at(name)) for name, entry in values.items()}
@@ -119,7 +110,6 @@ def _value(act: Act, value: Any, place: Place) -> Any:
 
 
 def _states(act: Act, value: Any, place: Place, there: Known) -> dict[str, str]:
-    """States by input."""
     values = table(value, place)
     for name, state in values.items():
         check_input(name, state, there.settable, place, place.error)
@@ -127,7 +117,6 @@ def _states(act: Act, value: Any, place: Place, there: Known) -> dict[str, str]:
 
 
 def _keys(act: Act, value: Any, place: Place, there: Known) -> dict[str, Any]:
-    """What keys of the controller's are put to."""
     return {name: _key(name, entry, place, there.keys) for name, entry in table(value, place).items()}
 
 
@@ -147,7 +136,7 @@ def _key(name: str, value: Any, place: Place, keys: Mapping[str, Key]) -> Any:
 
 
 def _pairs(act: Act, value: Any, place: Place, there: Known) -> dict[str, str]:
-    """Two contacts that exist for each entry, or a contact and ""."""
+    """By contact, another one or ""."""
     values, contacts = table(value, place), there.contacts
     for name, other in values.items():
         if name not in contacts:
@@ -159,7 +148,7 @@ def _pairs(act: Act, value: Any, place: Place, there: Known) -> dict[str, str]:
 
 
 def _cut(act: Act, value: Any, place: Place, _: Known) -> Cut | str:
-    """A cut from its table, or "off". What somebody sets is a plain number; what the material does has a source."""
+    """A cut or "off". What somebody sets is a plain number; what the material does has a source."""
     if isinstance(value, str):
         return text(value, place, (act.off,))
     numbers = dict(table(value, place))
@@ -171,7 +160,7 @@ def _cut(act: Act, value: Any, place: Place, _: Known) -> Cut | str:
 
 
 def cut_table(cut: Cut) -> dict[str, Any]:
-    """The table of an event that begins this cut: the opposite of `_cut`."""
+    """The opposite of `_cut`."""
     numbers = {item.metadata.get("key") or item.name: getattr(cut, item.name) for item in dataclasses.fields(Cut)}
     kc = {"value": cut.kc_n_mm2, "unit": "N/mm2", "grade": "setting", "source": "set_cut"}
     return numbers | {"kc": kc}
@@ -223,25 +212,18 @@ def _of_line(chance: Literal["noise", "dropped", "doubled"]) -> Deed:
     return lambda site, value, _: setattr(site.line, chance, value)
 
 
-# ---- the table -------------------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class Act:
     """One thing that an event can do."""
 
     key: str
-    meaning: str
-    """In a few words, for people."""
+    meaning: str  # in a few words, for people
     value: Form
     do: Deed
     read: Reader = _one
-    by: Literal["", "axis", "place", "input", "contact", "key"] = ""
-    """What a table of such values is by; "": the value stands alone."""
-    off: Any = None
-    """The value that ends it; None: that depends on what it is done to, or it is over at once."""
-    physical: bool = False
-    """It takes a plant with physics."""
+    by: Literal["", "axis", "place", "input", "contact", "key"] = ""  # what a table is by; "": a single value
+    off: Any = None  # the value that ends it; None: that depends on what it is done to, or it is over at once
+    physical: bool = False  # it takes a plant with physics
     fault: bool = True
     """While it lasts it stands in `Twin.faults`, under its key, or `key.member` if it is by something."""
 
@@ -254,12 +236,11 @@ class Act:
 
     @property
     def members(self) -> tuple[str, ...]:
-        """Keys of its table, where they are the same for every machine."""
+        """Keys of its table that every machine has."""
         return {"axis": tuple(CARRIAGES), "place": tuple(PLACES)}.get(self.by, ())
 
     @property
     def allowed(self) -> str:
-        """Its values in words."""
         if isinstance(self.value, Limits):
             return f"{self.value}" + (f", or {self.off!r}" if isinstance(self.off, str) else "")
         if isinstance(self.value, tuple):
@@ -316,8 +297,7 @@ _LIST = (
     ),
 )  # fmt: skip
 
-ACTS: Mapping[str, Act] = {act.key: act for act in _LIST}
-"""By key."""
+ACTS: Mapping[str, Act] = {act.key: act for act in _LIST}  # by key
 
 BESIDE: Mapping[str, str] = {
     "place": "where its forces act: tool or table",
@@ -327,10 +307,8 @@ BESIDE: Mapping[str, str] = {
 
 
 def ended(act: Act, value: Any, settable: Settable) -> Any:
-    """The value that ends what `value`, which has been checked, has set; None if it does not last.
-
-    An element goes back to its state at power-on, a contact is healed.
-    """
+    """The value that ends what `value` has set, None if it does not last: an element goes back to its state at
+    power-on, a contact is healed."""
     if act.by == "key":
         return None
     if act.by == "input":

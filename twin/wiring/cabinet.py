@@ -1,7 +1,7 @@
 """The control cabinet: operator elements, hood, safety relay and spindle contactor, as hardware without software.
 
-Goal: whatever the firmware believes, the machine loses power when a person needs it to. The cabinet is a small state
-machine with two states; the transitions are all in `SafetyCabinet._settle`:
+Goal: whatever the firmware believes, the machine loses power when a person needs it to. A state machine with two
+states:
 
                        power_request rises, or the operator's power key,
                        and every condition to close holds
@@ -14,8 +14,8 @@ machine with two states; the transitions are all in `SafetyCabinet._settle`:
                        or the hood is open in automatic while axes move or the spindle runs
 
 Conditions to close: supply on, both E-stop circuits closed, stages cool, and the hood closed or the key on setup.
-The spindle contactor closes when the controller begins to ask for it while the relay is closed and the hood too; it
-drops when one of the three ends, and never closes again by itself: the controller has to ask anew.
+The spindle contactor closes when the controller begins to ask for it while relay and hood are closed; it drops when one
+of the three ends, and the controller has to ask anew.
 
 Sources: iMC programming manual 2.2.3, 2.2.4 and section 5 (codes 9 and H); CPM operating manual ch. 5 for the
 operator's side. Decisions W1 to W4 in docs/decisions.md.
@@ -29,9 +29,7 @@ from typing import Protocol
 from isel_twin import machine
 from isel_twin.controller import UnknownNameError
 
-SIGNALS = machine.CABINETS["safety-relay"]
-"""Contacts of the cabinet, as machine files name them."""
-
+SIGNALS = machine.CABINETS["safety-relay"]  # contacts of the cabinet, as machine files name them
 USER_INPUTS = tuple(name for name in SIGNALS if name.startswith("user_"))
 
 ELEMENTS: Mapping[str, tuple[str, ...]] = {
@@ -51,10 +49,8 @@ ELEMENTS: Mapping[str, tuple[str, ...]] = {
 class Cabinet(Protocol):
     """What a machine's cabinet is to its wiring: it is told what happens, and shows contacts, relays and power."""
 
-    elements: Mapping[str, tuple[str, ...]]
-    """What people operate, and the states of each; the first one is the state at power-on."""
-    signals: tuple[str, ...]
-    """Contacts it has."""
+    elements: Mapping[str, tuple[str, ...]]  # what people operate; the first state is that at power-on
+    signals: tuple[str, ...]  # contacts it has
 
     @property
     def states(self) -> Mapping[str, str]:
@@ -66,7 +62,7 @@ class Cabinet(Protocol):
 
     @property
     def relays(self) -> Mapping[str, int]:
-        """State of its relays that people can see, shown beside the controller's outputs."""
+        """Relays that are shown beside the controller's outputs."""
 
     def operate(self, element: str, state: str) -> str:
         """Operate an element; return the state it has now. Raises UnknownNameError for one that does not exist."""
@@ -81,10 +77,10 @@ class Cabinet(Protocol):
         """Look at contacts as they are wired: a broken wire may be open where the element is not."""
 
     def motion(self, moving: bool) -> None:
-        """Tell whether a motion is being made, whatever the controller says of it."""
+        """A motion is being made or not, whatever the controller says of it."""
 
     def heat(self, hot: bool) -> None:
-        """Tell whether a power stage has reached its thermal limit."""
+        """A power stage has reached its thermal limit, or not."""
 
     def mains(self, on: bool) -> None:
         """The mains is gone or back; when it is back, all but what people have set is as at power-on."""
@@ -94,30 +90,24 @@ class Cabinet(Protocol):
 
 
 class SafetyCabinet:
-    """Implements `Cabinet`: elements, safety relay, hood lock and spindle contactor as described in the module."""
+    """Implements `Cabinet` as described in the module."""
 
     elements = ELEMENTS
     signals = SIGNALS
 
     def __init__(self) -> None:
         self.state: dict[str, str] = {name: states[0] for name, states in ELEMENTS.items()}
-        self.relay = True
-        """Safety relay: the power stages and the spindle contactor have supply."""
+        self.relay = True  # safety relay: the power stages and the spindle contactor have supply
         self._outputs = {"hood_release": 1, "spindle": 0, "moving": 0, "power_request": 0}
         self._estop_closed = True
-        self.stages_hot = False
-        """A power stage has reached its thermal limit; set by `heat`."""
-        self.spindle_runs = False
-        """Spindle contactor on."""
+        self.stages_hot = False  # a power stage has reached its thermal limit; set by `heat`
+        self.spindle_runs = False  # spindle contactor on
         self._axes_move = False
         self._user = dict.fromkeys(USER_INPUTS, False)
         self._mains = True
 
     def operate(self, element: str, state: str) -> str:
-        """Operate an element; return the state it has now: a locked hood stays closed unless it is forced.
-
-        Raises UnknownNameError for an element or a state that does not exist.
-        """
+        """A locked hood stays closed unless it is forced."""
         self.operate_all({element: state})
         return self.state[element]
 
@@ -140,7 +130,6 @@ class SafetyCabinet:
         self._settle()
 
     def output(self, name: str, value: int) -> None:
-        """A controller output changes; only those the cabinet is wired to matter."""
         if name not in self._outputs:
             return
         rising = value and not self._outputs[name]
@@ -161,7 +150,6 @@ class SafetyCabinet:
         self._settle()
 
     def heat(self, hot: bool) -> None:
-        """Tell whether a power stage is too hot; the element `overtemperature` says so independently."""
         self.stages_hot = hot
         self._settle()
 
@@ -179,12 +167,11 @@ class SafetyCabinet:
 
     @property
     def states(self) -> Mapping[str, str]:
-        """State of each element now; a hot stage shows as `overtemperature`."""
+        """A hot stage shows as `overtemperature`."""
         return self.state | ({"overtemperature": "hot"} if self.stages_hot else {})
 
     @property
     def powered(self) -> bool:
-        """The safety relay is closed."""
         return self.relay
 
     @property
@@ -198,7 +185,6 @@ class SafetyCabinet:
         return self.state["hood"] == "closed" and not self._outputs["hood_release"]
 
     def contacts(self) -> dict[str, bool]:
-        """Closed (True) or open, for every contact in SIGNALS."""
         released = self.state["estop"] == "released"
         closed = self.state["hood"] == "closed"
         setup = self.state["key"] == "setup"

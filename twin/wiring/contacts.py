@@ -1,17 +1,15 @@
 """From contacts to terminal levels: switch types, series circuits, bounce and broken wires.
 
-A contact is closed or open. At a terminal hang one or more contacts in series; the terminal reads high while all of
-them are closed (a contact marked `inverted` in the machine file reads high while it is open). An end switch is an
-opener: it is closed while nothing strikes it.
+Contacts hang in series at a terminal, which reads high while all of them are closed (one marked `inverted` in the
+machine file: while it is open). An end switch is an opener: it is closed while nothing strikes it.
 
 Bounce: a struck or released position switch changes at once and then chatters for at most `bounce_ms`:
 
     struck    ____|~|_|~~~~~~~~~~~          t0: first change, the instant the controller is told
                   t0      t0 + bounce       an even number of further changes, seeded
 
-Faults of one contact: `broken` (a wire is off: open for ever), `stuck_open`, `stuck_closed`, `bounce` (worn: it
-chatters for WORN_MS at each change, whatever works it), `ok` (healed). Two contacts may be swapped: each leads
-where the other did.
+Faults of one contact: `broken` (a wire is off: open), `stuck_open`, `stuck_closed`, `bounce` (worn: it chatters for
+WORN_MS at each change), `ok` (healed). Two contacts may be swapped: each leads where the other did.
 """
 
 from __future__ import annotations
@@ -30,10 +28,9 @@ FAULTS: Mapping[str, bool | None] = {
     "stuck_closed": True,
     "bounce": None,
 }
-"""Fault names, and the state in which each holds the contact; None: as what works it has it."""
+"""Fault names, and the state in which each holds the contact; None: as it is operated."""
 
-WORN_MS = 20.0
-"""A worn contact is quiet after this time; good switches take 1 to 5 ms."""
+WORN_MS = 20.0  # a worn contact is quiet after this time; good switches take 1 to 5 ms
 _MAX_BOUNCES = 3
 _WORN_BOUNCES = 12
 
@@ -48,11 +45,8 @@ class Contacts:
         signals: Sequence[str],
         random: np.random.Generator,
     ) -> None:
-        """Wire `contacts` to `terminals` (contacts in series), as the controller wants them.
-
-        What the machine lacks is left out, and with it a terminal to which nothing leads. `signals` of the cabinet that
-        the machine file does not list exist too, but lead to no terminal.
-        """
+        """Wire `contacts` in series to the `terminals` of a controller, without those that the machine lacks.
+        `signals` of the cabinet that the machine file does not list lead to no terminal."""
         self._contacts = {contact.name: contact for contact in contacts}
         wired = {terminal: tuple(n for n in names if n in self._contacts) for terminal, names in terminals.items()}
         self._terminals = {terminal: names for terminal, names in wired.items() if names}
@@ -62,14 +56,11 @@ class Contacts:
         self._pending: list[tuple[int, int, str, bool]] = []
         self._sequence = 0
         self._levels: dict[str, bool] | None = None
-        self._swapped: dict[str, str] = {}
-        """The partner of each swapped contact; a pair is in it both ways round."""
-        self._worn: list[str] = []
-        """Worn contacts that have changed at this instant and are still to chatter."""
+        self._swapped: dict[str, str] = {}  # the partner of each swapped contact; a pair is in it both ways round
+        self._worn: list[str] = []  # worn contacts that have changed at this instant and are still to chatter
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of all contacts."""
         return tuple(self._contacts)
 
     @property
@@ -78,32 +69,27 @@ class Contacts:
         return self._pending[0][0] if self._pending else None
 
     def closed(self, name: str) -> bool:
-        """Is the contact closed, its fault included?"""
+        """True if the contact is closed, its fault included."""
         held = FAULTS[self._faults.get(name, "ok")]
         return self._closed[name] if held is None else held
 
     @property
     def faults(self) -> Mapping[str, str]:
-        """Faults by name of the contact, of those that have one, in the order of `names`."""
-        if not self._faults:
-            return {}
+        """By name of the contact, in the order of `names`."""
         return {name: self._faults[name] for name in self.names if name in self._faults}
 
     def fault(self, name: str) -> str:
-        """Name of the contact's fault, `ok` for none."""
         return self._faults.get(name, "ok")
 
     def levels(self) -> dict[str, bool]:
         """Level (True: high) of every wired terminal."""
         if self._levels is None:
             self._levels = {
-                terminal: all(self._high(self._swapped.get(name, name)) for name in names)
-                for terminal, names in self._terminals.items()
+                terminal: all(self._high(name) for name in names) for terminal, names in self._terminals.items()
             }
         return self._levels
 
     def set_fault(self, name: str, fault: str) -> None:
-        """Give a contact a fault, or heal it with `ok`."""
         self._levels = None
         if fault == "ok":
             self._faults.pop(name, None)
@@ -113,7 +99,8 @@ class Contacts:
     @property
     def swapped(self) -> Mapping[str, str]:
         """Contacts whose wires are exchanged, each pair once."""
-        return {name: other for name, other in self._swapped.items() if self._first(name, other)}
+        names = list(self._contacts)
+        return {name: other for name, other in self._swapped.items() if names.index(name) < names.index(other)}
 
     def swap(self, name: str, other: str) -> None:
         """Exchange the wires of two contacts where they lead; "": put those of `name` right. Either may be swapped."""
@@ -168,13 +155,10 @@ class Contacts:
             self._sequence += 1
 
     def _forget(self, name: str) -> None:
-        """Bounces of a contact that are still to come do not."""
+        """Drop the bounces of a contact that are still to come."""
         self._pending = [entry for entry in self._pending if entry[2] != name]
         heapq.heapify(self._pending)
 
     def _high(self, name: str) -> bool:
+        name = self._swapped.get(name, name)
         return self.closed(name) != self._contacts[name].inverted
-
-    def _first(self, name: str, other: str) -> bool:
-        names = list(self._contacts)
-        return names.index(name) < names.index(other)

@@ -18,8 +18,7 @@ from isel_twin.plant import PLACES
 from isel_twin.wiring.acts import ACTS, BESIDE, NO_KEYS, Known, Settable, ended
 from isel_twin.wiring.when import Trigger
 
-EVENT_KEYS = (*ACTS, *BESIDE)
-"""What an event says beside its time."""
+EVENT_KEYS = (*ACTS, *BESIDE)  # what an event says beside its time
 _LASTING = tuple(key for key, act in ACTS.items() if act.off is not None or act.by == "input")
 _FOR_S = Limits("s", 0.0, 1e9)
 
@@ -29,25 +28,16 @@ class ScenarioEvent:
     """What happens at one instant."""
 
     at_ns: int
-    acts: Mapping[str, Any] = field(default_factory=dict)
-    """By key of `isel_twin.wiring.ACTS`, in the order in which they are done: values as `Act.read` has made them."""
-    place: str = ""
-    """Of its forces, one of `isel_twin.plant.PLACES`; "": what each axis moves."""
-    end: ScenarioEvent | None = None
-    """What ends all of it, `for_ns` later; None: it lasts."""
+    acts: Mapping[str, Any] = field(default_factory=dict)  # by key of ACTS, in their order: values that `Act.read` made
+    place: str = ""  # of its forces, one of PLACES; "": what each axis moves
+    end: ScenarioEvent | None = None  # what ends all of it, `for_ns` later; None: it lasts
     for_ns: int = 0
-    when: Trigger | None = None
-    """What it waits for, in place of `at_ns`."""
-    delay_ns: int = 0
-    """From the condition on."""
-    times: int = 1
-    """How often it happens; 0: each time its condition is met."""
-    every_ns: int = 0
-    """From one time to the next, if it has a time and happens several times."""
-    name: str = ""
-    """What other events call it."""
-    number: int = 0
-    """Its place in the file, from 1."""
+    when: Trigger | None = None  # what it waits for, in place of `at_ns`
+    delay_ns: int = 0  # from the condition on
+    times: int = 1  # how often it happens; 0: each time its condition is met
+    every_ns: int = 0  # from one time to the next
+    name: str = ""  # what other events call it
+    number: int = 0  # its place in the file, from 1
     content: Mapping[str, Any] = field(default_factory=dict, compare=False)
     """The table it was read from, without its time: what a recording keeps and `event_now` takes again."""
     table: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
@@ -68,8 +58,7 @@ def _begins(key: str, value: Any) -> bool:
 def event_now(
     content: dict[str, Any], place: Place, settable: Settable, keys: Mapping[str, Key] = NO_KEYS
 ) -> ScenarioEvent:
-    """An event without its time, EVENT_KEYS, for whoever lets it happen at once: `Twin.settable` and `Twin.keys` say
-    what there is. Raises the error of `place`."""
+    """An event without its time (EVENT_KEYS); settable, keys: as of a Twin. Raises the error of `place`."""
     known(content, EVENT_KEYS, place)
     if not any(key in content for key in ACTS):
         raise place.wrong(f"nothing happens; say what: {', '.join(ACTS)}")

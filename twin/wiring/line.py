@@ -6,12 +6,11 @@ instant they are sent (for tests of logic, where the line does not matter).
     host sends  |b0|b1|b2|            at 19200 baud, 8N1: 520.833 us a byte
     arrives        b0 b1 b2           each at the end of its stop bit
 
-What may be wrong with it, both directions alike, each byte by itself: a bit is flipped (`noise`), the byte is lost
-(`dropped`) or comes twice (`doubled`), with a chance each. While the line is cut, bytes that would arrive are lost;
-what is on its way and arrives later is not.
+Faults of each byte in both directions, with a chance each: a bit is flipped (`noise`), the byte is lost (`dropped`) or
+comes twice (`doubled`). While the line is cut, bytes that would arrive are lost; those that arrive later are not.
 
-A controller whose line has a handshake may let its host wait: until it is clear to send again, the time of that
-direction stands still, cut or not.
+A controller with a handshake may let its host wait: until it is clear to send again, the time of that direction stands
+still, cut or not.
 """
 
 from __future__ import annotations
@@ -27,19 +26,16 @@ class _Direction:
 
     def __init__(self) -> None:
         self.queue: deque[tuple[int, bytes]] = deque()
-        self.landed: deque[tuple[int, bytes]] = deque()
-        """What arrived before the line was cut and has not been taken yet."""
+        self.landed: deque[tuple[int, bytes]] = deque()  # arrived before the line was cut, not taken yet
         self.due = 0
         self._free_ns = 0
         self._held_ns: int | None = None
 
     @property
     def held(self) -> bool:
-        """True while the sender has to wait."""
         return self._held_ns is not None
 
     def hold(self, t_ns: int) -> None:
-        """Let the sender wait."""
         if self._held_ns is None:
             self._held_ns = t_ns
 
@@ -98,23 +94,17 @@ class SerialLine:
     """Both directions of the line. All methods take the present time and never look ahead of it."""
 
     def __init__(self, timed: bool, random: np.random.Generator) -> None:
-        self.timed = timed
-        """Bytes sent from now on take the time of their bits."""
+        self.timed = timed  # bytes sent from now on take the time of their bits
         self._random = random
-        self.noise = 0.0
-        """Chance of one flipped bit in each byte."""
+        self.noise = 0.0  # chance of one flipped bit in each byte
+        self.dropped = 0.0  # chance that a byte is lost
+        self.doubled = 0.0  # chance that a byte comes twice
+        self._chances = random.spawn(1)[0]  # of those two alone: they do not change which bits a seed flips
+        self.is_cut = False
         self.on_reply: Callable[[int, bytes, int], None] | None = None
         """Called with what is on its way to the host: when its last byte arrives, the bytes, ns from byte to byte."""
         self.on_lost: Callable[[int, bytes], None] | None = None
-        """Called with what was on its way to the host and does not arrive: when it would have."""
-        self.dropped = 0.0
-        """Chance that a byte is lost."""
-        self.doubled = 0.0
-        """Chance that a byte comes twice."""
-        self._chances = random.spawn(1)[0]
-        """Generator of those two alone, so that they do not change which bits a seed flips."""
-        self.is_cut = False
-        """Nothing passes."""
+        """Called with what is lost on its way to the host, and when it would have arrived."""
         self._to_controller = _Direction()
         self._to_host = _Direction()
 
@@ -130,21 +120,18 @@ class SerialLine:
         self._to_controller.send(t_ns, self._disturbed(data), byte_ns if self.timed else 0, at_once)
 
     def from_controller(self, t_ns: int, data: bytes, byte_ns: int) -> None:
-        """The controller sends bytes at t_ns."""
         data, spacing_ns = self._disturbed(data), byte_ns if self.timed else 0
         arrival_ns = self._to_host.send(t_ns, data, spacing_ns)
         if data and self.on_reply is not None:
             self.on_reply(arrival_ns, data, spacing_ns)
 
     def at_controller(self, t_ns: int, at_once: int | None = None) -> bytes:
-        """Take the bytes that have arrived at the controller by t_ns, at most at_once of them. To be called at each
-        `next_ns`."""
+        """Take what has arrived at the controller by t_ns, at most at_once bytes; to be called at each `next_ns`."""
         if self.is_cut:
             self._lose(t_ns)
         return b"" if self._to_controller.held else self._to_controller.receive(t_ns, at_once)
 
     def at_host(self, t_ns: int) -> bytes:
-        """Take the bytes that have arrived at the host by t_ns."""
         if self.is_cut:
             self._lose(t_ns)
         return self._to_host.receive(t_ns)
@@ -171,7 +158,6 @@ class SerialLine:
 
     @property
     def next_reply_ns(self) -> int | None:
-        """When the next byte arrives at the host."""
         return self._to_host.next_ns
 
     @property

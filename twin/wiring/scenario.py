@@ -19,21 +19,8 @@
     force_n = { x = 50.0 }                   # a hand pushes along the axis, in N, the way positions rise; 0 lets go
     place = "tool"                           # what it pushes, tool or table; without it, what the axis moves
 
-    [[event]]
-    at = 6.0
-    [event.cut]                              # a cutter is in the material, until an event with cut = "off"
-    diameter = 6.0                           # mm; and so are depth and width, across the feed (6 of 6: a slot)
-    flutes = 2
-    depth = 0.5
-    width = 6.0
-    spindle = 18000                          # turns a minute
-    kc = { value = 800, unit = "N/mm2", grade = "estimate", source = "aluminium" }     # specific cutting force
-    radial = 0.3                             # radial over tangential force; may be left out, and so may
-    climb = true                             # the material right of the feed; false: left; see plant/cutting.py
-
-What one event sets changes together, in whatever order it is written; events at the same instant happen one after the
-other, in the order of the file. One file serves the command line, tests and environments: docs/scenarios.md. All of it
-is checked when the file is read.
+What one event sets changes together; events at the same instant happen in the order of the file. All of it is checked
+when the file is read. More in docs/scenarios.md, with the table of a cut.
 """
 
 from __future__ import annotations
@@ -72,12 +59,10 @@ def load_scenario(
     outputs: Sequence[str] = tuple(OUTPUTS),
     keys: Mapping[str, Key] = NO_KEYS,
 ) -> tuple[ScenarioEvent, ...]:
-    """Read a scenario file; events sorted by time, in file order at equal times, those with a condition last.
+    """Events sorted by time, in file order at equal times, those with a condition last.
 
-    settable: what can be set and the states of each, see `Wiring.settable`; switches: which of them are position
-    switches; outputs: of the controller, and relays; keys: of the controller.
-
-    Raises ScenarioError for anything wrong in it, OSError if it cannot be read.
+    settable: see `Wiring.settable`; switches: which of them are position switches; outputs: of the controller, and
+    relays; keys: of the controller. Raises ScenarioError for anything wrong, OSError if the file cannot be read.
     """
     document, place = read_lines(path, ScenarioError)
     for key in document:
@@ -125,7 +110,7 @@ def scenario_text(events: Sequence[ScenarioEvent]) -> str:
 
 
 def _toml(value: Any) -> str:
-    """A value as TOML writes it: numbers, texts, switches, lists and tables in line."""
+    """A value as TOML writes it, tables in line."""
     if isinstance(value, Mapping):
         return "{ " + ", ".join(f"{json.dumps(key)} = {_toml(inner)}" for key, inner in value.items()) + " }"
     if isinstance(value, list | tuple):
@@ -134,7 +119,6 @@ def _toml(value: Any) -> str:
 
 
 def _names(tables: Sequence[Mapping[str, Any]], place: Place) -> tuple[str, ...]:
-    """Names of the events that have one."""
     names: list[str] = []
     for number, entry in enumerate(tables, 1):
         if "name" not in entry:

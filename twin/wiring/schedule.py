@@ -1,7 +1,7 @@
 """When the events of a scenario happen: at a time, or when something is so.
 
-Goal: say at each instant which event is next, the same however time is cut. Whoever knows of a message, an output, a
-state or a position passed tells it here; nothing is looked for on a grid.
+Goal: say at each instant which event is next, the same however time is cut. Messages, outputs, states and positions are
+told here as they happen; nothing is looked for on a grid.
 
     at                      t, and again after `every`, `repeat` times in all
     when, of a message      each message that begins so
@@ -11,9 +11,9 @@ state or a position passed tells it here; nothing is looked for on a grid.
                  so   ___|~~~~~~~~~~|____|~~|_|~~~~~~~~~~
            happens       ^ (delay)        ^    too soon                  REARM_NS after the last time, counted from here
 
-An event with a condition happens once, `times` times, or `always`: on edges, so a condition that stays true is met
-once. A condition met again within REARM_NS does not count, so that a switch that bounces is one event and two events
-that trigger each other are no endless loop.
+An event with a condition happens once, `times` times, or `always`, on rising edges. A condition met again within
+REARM_NS does not count, so that a bouncing switch is one event and two events that trigger each other are no endless
+loop.
 
 At one instant events happen in the order of the file, ends of what lasted (`for`) before them.
 """
@@ -30,11 +30,8 @@ from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.wiring.event import ScenarioEvent
 from isel_twin.wiring.when import Trigger
 
-REARM_NS = 1 * MILLISECOND_NS
-"""Time after which the condition of an event counts again."""
-
-_END = -1
-"""In place of the number of an event: sorts before all of them."""
+REARM_NS = 1 * MILLISECOND_NS  # after which the condition of an event counts again
+_END = -1  # in place of the number of an event: sorts before all of them
 
 
 class Said(Protocol):
@@ -78,13 +75,11 @@ class Schedule:
         self._due: list[tuple[int, int, int, ScenarioEvent, int]] = []
         """Heap of time, number in the file, sequence, event and its place here (_END: none)."""
         self._sequence = 0
-        self._met: list[int] = []
-        """Places of events whose conditions have been met at this instant."""
+        self._met: list[int] = []  # places of events whose conditions have been met at this instant
         self._happened = [0] * len(self.events)
         self._begun = [0] * len(self.events)
         self._armed_ns = [0] * len(self.events)
-        self._so: list[bool | None] = [None] * len(self.events)
-        """Whether the condition of a state holds; None: not told yet."""
+        self._so: list[bool | None] = [None] * len(self.events)  # its condition holds; None: not told yet
         self._by_kind: dict[str, list[int]] = defaultdict(list)
         for place, event in enumerate(self.events):
             if event.when is None:
@@ -108,17 +103,15 @@ class Schedule:
 
     @property
     def positions(self) -> tuple[Trigger, ...]:
-        """Conditions of positions, in the order in which `passed` numbers them."""
+        """Conditions of positions, as `passed` numbers them."""
         return tuple(self._condition(place) for place in self._of("position"))
 
     @property
     def of_states(self) -> bool:
-        """Some event waits for a state of an output or an input."""
         return bool(self._of("output") or self._of("input"))
 
     @property
     def of_messages(self) -> bool:
-        """Some event waits for a message."""
         return bool(self._of("sent") or self._of("replied"))
 
     def take(self, t_ns: int) -> ScenarioEvent | None:
@@ -134,14 +127,14 @@ class Schedule:
         return event
 
     def end_later(self, t_ns: int, event: ScenarioEvent) -> None:
-        """Let an event that ends something happen at t_ns."""
+        """`event`, which ends something, happens at t_ns."""
         self._sequence += 1
         heapq.heappush(self._due, (t_ns, _END, self._sequence, event, _END))
 
     # What is told; `take` follows at the same instant. The first word about a state is how it is at power-on.
 
     def heard(self, data: bytes, sent: bool) -> None:
-        """Bytes of the host have arrived (sent) or the controller has answered some."""
+        """Bytes of the host have arrived (sent), or of the controller."""
         if not self.of_messages:
             return
         kind = "sent" if sent else "replied"
@@ -153,7 +146,6 @@ class Schedule:
             self._met += [place for place in self._of(kind) if text.startswith(self._condition(place).name)]
 
     def passed(self, number: int, beyond: bool) -> None:
-        """The position of condition `number` has been passed or left."""
         self._becomes(self._of("position")[number], beyond)
 
     def look(self, so: Callable[[Trigger], bool]) -> None:
@@ -177,7 +169,6 @@ class Schedule:
         self._so[place] = so
 
     def _begin(self, place: int, t_ns: int, later_ns: int = 0) -> None:
-        """The condition of an event has been met at t_ns."""
         event = self.events[place]
         if t_ns >= self._armed_ns[place] and (not event.times or self._begun[place] < event.times):
             self._begun[place] += 1
@@ -202,5 +193,4 @@ class Schedule:
 
 
 def _bytes(text: str) -> bytes:
-    """The bytes of a readable text, <13> being the byte 13."""
     return re.sub(r"<(\d{1,3})>", lambda found: chr(int(found[1]) % 256), text).encode("latin-1", "replace")

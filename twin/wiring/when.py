@@ -7,8 +7,8 @@
     input hood == open           an element, a position switch (free, struck), or a contact (its fault, or ok)
     0.5 s after trip             so long after the event of this name has happened; ms, too
 
-Messages are found and written as the controller's language does it, without the end of a line; without a language the
-text stands for bytes, <13> being the byte 13, and is found wherever they are.
+Messages are found and written as by the controller's language, without the end of a line; without a language the text
+stands for bytes, <13> being the byte 13, found anywhere.
 """
 
 from __future__ import annotations
@@ -21,17 +21,8 @@ from typing import Literal
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.parameters import Limits, Place, hint, plain
 
-EXAMPLES = (
-    "sent TEXT",
-    "replied TEXT",
-    "x > 120 mm",
-    "output spindle == 1",
-    "input hood == open",
-    "0.5 s after NAME",
-)
-SWITCH_STATES = ("free", "struck")
-"""What a position switch is, beside its faults."""
-
+EXAMPLES = ("sent TEXT", "replied TEXT", "x > 120 mm", "output spindle == 1", "input hood == open", "0.5 s after NAME")
+SWITCH_STATES = ("free", "struck")  # what a position switch is, beside its faults
 _MM = Limits("mm", -1e5, 1e5)
 _LATER_S = Limits("s", 0.0, 1e9)
 _OUTPUT = Limits("", 0, 255)
@@ -62,11 +53,8 @@ def condition(
     outputs: Sequence[str],
     names: Sequence[str],
 ) -> Trigger:
-    """The condition in some words. Raises the error of `place`.
-
-    settable: see `Wiring.settable`; switches: contacts that are position switches; outputs, names: of outputs and
-    relays, and of events.
-    """
+    """The condition in some words. settable: see `Wiring.settable`; switches: contacts that are position switches;
+    outputs: and relays; names: of events. Raises the error of `place`."""
     if not isinstance(words, str) or not words.strip():
         raise place.wrong(f"{words!r}; {_examples()}")
     kind, _, rest = words.strip().partition(" ")

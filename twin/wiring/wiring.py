@@ -1,7 +1,7 @@
 """Everything between machine, people and the controller's input terminals, as one thing that settles itself.
 
-Goal: whoever owns the clock says what time it is, what the controller puts out and what a person does, and is told when
-to come back and which levels the terminals have. What happens in between is decided here:
+Goal: the owner of the clock tells the time, the controller's outputs and what a person does, and is told when to come
+back and which levels the terminals have. In between:
 
     position switches --> contacts --> terminals          bounce, broken wires: contacts.py
     drives -------------------------->     "              lag, fault: `DriveInput`
@@ -34,12 +34,12 @@ from isel_twin.wiring.scenario import ScenarioError
 from isel_twin.wiring.schedule import Decoder, Schedule
 from isel_twin.wiring.when import Trigger
 
-PASSED_MM = 0.05
-"""A carriage has left a position that an event waits for when it is back by this much."""
+PASSED_MM = 0.05  # a carriage has left a position that an event waits for when it is back by this much
+KEPT = 0.9  # of its hysteresis: by at most this part a switch's trip point moves inwards from one time to the next
 
 
 def settable(machine: Machine) -> Settable:
-    """What can be set of a machine, and the states each can be given: elements of its cabinet, faults of contacts."""
+    """What can be set of a machine, and the states of each: elements of its cabinet, faults of contacts."""
     elements = CABINETS[machine.cabinet]().elements
     contacts = [contact.name for contact in machine.contacts]
     names = dict.fromkeys((*elements, *contacts))
@@ -51,24 +51,13 @@ def outputs(machine: Machine) -> tuple[str, ...]:
     return (*OUTPUTS, *CABINETS[machine.cabinet]().relays)
 
 
-KEPT = 0.9
-"""The trip point of a switch moves inwards by at most this part of its hysteresis from one time to the next."""
-
-
 def thresholds(
     machine: Machine, drive_inputs: Sequence[DriveInput], schedule: Schedule | None = None
 ) -> list[Threshold]:
-    """What the plant has to watch: the position switches of a machine, the quantities of `drive_inputs`, positions that
-    events of a schedule wait for."""
+    """What the plant has to watch: position switches, quantities of `drive_inputs`, positions that events wait for."""
     switches = [
-        Threshold(
-            CARRIAGES.index(switch.axis),
-            "position",
-            switch.position_mm,
-            -1 if switch.end == "motor" else 1,
-            switch.hysteresis_mm,
-        )
-        for switch in machine.switches
+        Threshold(CARRIAGES.index(s.axis), "position", s.position_mm, -1 if s.end == "motor" else 1, s.hysteresis_mm)
+        for s in machine.switches
     ]
     places = [
         Threshold(CARRIAGES.index(wait.name), "position", float(wait.value), wait.sense, PASSED_MM)
@@ -78,8 +67,6 @@ def thresholds(
 
 
 class Wiring:
-    """Between plant, people and terminals; see the module."""
-
     def __init__(
         self,
         machine: Machine,
@@ -91,43 +78,31 @@ class Wiring:
         bounces: np.random.Generator,
         schedule: Schedule | None = None,
     ) -> None:
-        """Wire a machine to a controller's `terminals`.
-
-        plant: built with `thresholds` of this machine, these drive inputs and this schedule. line: what a scenario
-        disturbs.
-        trips, bounces: where trip points and bounces are drawn from.
-        """
+        """Wire a machine to a controller's `terminals`. plant: built with `thresholds` of this machine, these drive
+        inputs and this schedule. trips, bounces: trip points and bounces are drawn from them."""
         self.plant = plant
         self.line = line
         self._switches: tuple[Contact, ...] = machine.switches
         self._drive_terminals = tuple(drive_input.terminal for drive_input in drive_inputs)
         self._trips = trips
-        self._trip_mm = [switch.position_mm for switch in machine.switches]
-        """Where each position switch trips the next time."""
+        self._trip_mm = [switch.position_mm for switch in machine.switches]  # where each trips the next time
         self._cabinet = CABINETS[machine.cabinet]()
         self.contacts = Contacts(machine.contacts, terminals, self._cabinet.signals, bounces)
         self._heat = StageHeat(plant.stages)
         self.on_event: Callable[[ScenarioEvent], None] | None = None
         """Called with each event of the scenario just before it happens."""
         self.settable = settable(machine)
-        """Everything `operate` takes, and the states each can be given: elements of the cabinet, faults of contacts."""
+        """Everything `operate` takes, and the states of each."""
         self._schedule = Schedule() if schedule is None else schedule
-        self.events_without_effect = 0
-        """Events of the scenario, or of calls, that had no effect because the plant has no physics."""
-        self._faults: dict[str, str | float] = {}
-        """Faults that acts have set and not ended, by key or `key.member`; contacts keep their own."""
-        self.changes = 0
-        """Goes up whenever an input may have changed."""
-        self.restarts = 0
-        """How often the controller had to start anew or lost its supply."""
-        self._pressed: list[tuple[str, KeyValue]] = []
-        """Keys of the controller's that events have pressed since `take_pressed`, and what they were put to."""
-        self.mains = True
-        """The controller has supply."""
+        self.events_without_effect = 0  # because the plant has no physics
+        self._faults: dict[str, str | float] = {}  # of acts, by key or `key.member`; contacts keep their own
+        self.changes = 0  # goes up whenever an input may have changed
+        self.restarts = 0  # how often the controller had to start anew or lost its supply
+        self._pressed: list[tuple[str, KeyValue]] = []  # keys of the controller and their values since `take_pressed`
+        self.mains = True  # the controller has supply
         self._outputs: dict[str, int] = {}
         self._shown: Mapping[str, bool] = {}
-        self._signals: Mapping[str, bool] = {}
-        """State of the cabinet's contacts when the terminals were last told of them."""
+        self._signals: Mapping[str, bool] = {}  # the cabinet's contacts as the terminals were last told of them
         self._active = plant.trips()
         for switch, struck in zip(self._switches, self._active, strict=False):
             self.contacts.set_closed(switch.name, bool(struck) != (switch.type == "opener"))
@@ -139,7 +114,7 @@ class Wiring:
 
     @property
     def next_ns(self) -> int | None:
-        """When `settle` next has something to do that nobody brings about from outside."""
+        """When `settle` next has something to do by itself."""
         return min((t for t in (self.next_event_ns, self._heat.next_ns) if t is not None), default=None)
 
     @property
@@ -148,7 +123,7 @@ class Wiring:
         return min((t for t in (self.contacts.next_ns, self._schedule.next_ns) if t is not None), default=None)
 
     def settle(self, t_ns: int) -> bool:
-        """Do what is due at t_ns, the present; return whether there was anything. Levels may have changed then."""
+        """Do what is due at t_ns, the present; return whether there was anything: levels may have changed."""
         if self._follow_plant(t_ns):
             return True
         if self._heat.next_ns is not None and self._heat.next_ns <= t_ns:
@@ -188,7 +163,6 @@ class Wiring:
     # What events do: see `isel_twin.wiring.acts.Site`
 
     def set_states(self, changes: Mapping[str, str]) -> None:
-        """Elements and contacts change together; all of it has been checked."""
         self.changes += 1
         elements = self._cabinet.elements
         self._cabinet.operate_all({name: state for name, state in changes.items() if state in elements.get(name, ())})
@@ -198,15 +172,13 @@ class Wiring:
         self._settle_cabinet()
 
     def press(self, keys: Mapping[str, KeyValue]) -> None:
-        """Keys of the controller's are put to these values, when it next asks: `take_pressed`."""
+        """The controller gets them by `take_pressed`."""
         self._pressed.extend(keys.items())
 
     def restart(self) -> None:
-        """The controller has to start anew."""
         self.restarts += 1
 
     def set_mains(self, on: bool) -> None:
-        """The mains is back or gone."""
         if on != self.mains:
             self.mains = on
             self.restart()
@@ -214,7 +186,6 @@ class Wiring:
             self._settle_cabinet()
 
     def warm(self, axis: int, extra_k: float, t_ns: int) -> None:
-        """The stage of an axis is warmer by so much from t_ns, the present, on."""
         self._heat.warm(axis, extra_k, t_ns)
         self._cabinet.heat(self._heat.hot)
         self._settle_cabinet()
@@ -225,13 +196,12 @@ class Wiring:
         self._look()
 
     def take_pressed(self) -> list[tuple[str, KeyValue]]:
-        """Keys that events have pressed since the last call, in their order, and what they were put to."""
+        """Keys that events have pressed since the last call, in order, and their values."""
         pressed, self._pressed = self._pressed, []
         return pressed
 
     @property
     def events_left(self) -> int:
-        """Events of the scenario that are still to come."""
         return self._schedule.left
 
     def heard(self, data: bytes, sent: bool) -> None:
@@ -253,11 +223,10 @@ class Wiring:
         self._settle_cabinet()
 
     def outputs_changed(self) -> None:
-        """Carry the outputs told by `output` to contacts and drives."""
+        """Carry them to contacts and drives."""
         self._settle_cabinet()
 
     def motion(self, moving: bool) -> None:
-        """Tell whether a motion is being made, whatever the controller says of it."""
         self._cabinet.motion(moving)
         self._settle_cabinet()
 
@@ -284,8 +253,7 @@ class Wiring:
 
     @property
     def faults(self) -> Mapping[str, str | float]:
-        """What is wrong now: faults of contacts by name, all else by its key of an event (isel_twin.wiring.ACTS):
-        `noise`, `phase_lost.x`, `swapped.limit_x1`."""
+        """What is wrong now: faults of contacts by name, all else by key of ACTS: `noise`, `phase_lost.x`."""
         found: dict[str, str | float] = dict(self.contacts.faults)
         found |= {f"swapped.{name}": other for name, other in self.contacts.swapped.items()}
         return found | self._faults
@@ -324,18 +292,15 @@ class Wiring:
         return len(self._switches) + len(self._drive_terminals)
 
     def _note(self, fault: str, value: str | float) -> None:
-        """Keep that a fault has this value now, or that it is over."""
         self._faults.pop(fault, None)
         if value != ACTS[fault.partition(".")[0]].off:
             self._faults[fault] = value
 
     def _look(self) -> None:
-        """Tell the schedule that states may have changed."""
         if self._schedule.of_states:
             self._schedule.look(self._holds)
 
     def _holds(self, condition: Trigger) -> bool:
-        """True if the output or input has the state that an event waits for."""
         name, value = condition.name, condition.value
         if condition.kind == "output":
             return bool(self.outputs.get(name, OUTPUTS.get(name, 0)) == value)
@@ -344,10 +309,8 @@ class Wiring:
         return self.inputs.get(name) == value
 
     def _draw_trip_point(self, number: int) -> None:
-        """Draw where a switch, which trips a little elsewhere each time, will trip next.
-
-        It has just been released: a point where the carriage stands now would strike it at once.
-        """
+        """Draw where a switch that has just been released trips next: not where the carriage stands, or it is
+        struck."""
         switch = self._switches[number]
         inwards = 1.0 if switch.end == "motor" else -1.0
         nearest_mm = self._trip_mm[number] + inwards * KEPT * switch.hysteresis_mm

@@ -119,13 +119,10 @@ class _Front:
 
     @property
     def asyncio(self) -> _Front:
-        """`websockets.asyncio`."""
+        """`websockets.asyncio`, and its `server`."""
         return self
 
-    @property
-    def server(self) -> _Front:
-        """`websockets.asyncio.server`."""
-        return self
+    server = asyncio
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._real, name)

@@ -54,10 +54,7 @@ class Monitor(WireTap):
     # For those who look
 
     def lines(self) -> list[dict[str, Any]]:
-        """Messages complete since the last call, the last LINES of them.
-
-        Each with `s` (virtual time in seconds), `who` (host, twin, ctl), `text`, `means`.
-        """
+        """Messages since the last call, LINES at most: `s` (virtual time), `who` (host, twin, ctl), `text`, `means`."""
         lost, self._lost = self._lost, 0
         if lost:
             self.begin(self._controller)  # it has not seen where the first message begins

@@ -62,9 +62,8 @@ class WebSite:
 
     def __init__(self, listener: socket.socket, address: str, token: str | None, take: Callable[[Asked], None]) -> None:
         """listener: bound and listening at `address`. take: is told, in another thread, what browsers want."""
-        self._listener = listener
+        self._listener, self._take = listener, take
         self._gate = Gate(address, token)
-        self._take = take
         self._viser: viser.ViserServer | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._browsers: dict[int, _Browser] = {}

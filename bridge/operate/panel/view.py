@@ -50,15 +50,11 @@ class MachineView:
                 cast_shadow=False,
                 receive_shadow=False,
             )
-        self._look_from(model)
-
-    def _look_from(self, model: Any) -> None:
-        """Put the camera in front, looking at the middle of the machine."""
-        centre, extent = np.array(model.stat.center), float(model.stat.extent)
-        camera = self._server.initial_camera
+        # The camera is in front, looking at the middle of the machine.
+        centre, towards = np.array(model.stat.center), np.array([-0.60, -0.86, 0.55])
+        camera = server.initial_camera
         camera.look_at = tuple(centre.tolist())
-        towards = np.array([-0.60, -0.86, 0.55])
-        camera.position = tuple((centre + 1.22 * extent * towards).tolist())
+        camera.position = tuple((centre + 1.22 * float(model.stat.extent) * towards).tolist())
 
     def show(self, frame: Frame) -> None:
         poses = self._poses.at(frame["machine_position_mm"])

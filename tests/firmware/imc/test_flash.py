@@ -14,9 +14,9 @@ from isel_twin.firmware.imc import commands
 from isel_twin.firmware.imc import settings as image_format
 from isel_twin.firmware.imc.profile import load_profile
 from isel_twin.firmware.imc.settings import (
-    VALID,
     Flash,
     Modal,
+    ProgramState,
     Settings,
     StoredProgram,
     decode,
@@ -43,7 +43,7 @@ flashes = st.builds(
     ),
     st.builds(
         StoredProgram,
-        st.sampled_from(["empty", "incomplete", VALID]),
+        st.sampled_from(ProgramState),
         st.lists(st.tuples(st.sampled_from("0567mz"), st.lists(numbers, max_size=8).map(tuple))).map(tuple),
         st.sampled_from([1, 3, 7, 8, 15]),
         st.builds(Modal, start_stop_hz=st.none() | st.integers(20, 4000), three_d=st.none() | st.booleans()),
@@ -83,7 +83,7 @@ def test_unreadable_flash_gives_defaults_and_says_so(image: bytes) -> None:
     assert desk.outputs["flash_fault"] == 0
 
 
-TREE = json.loads(encode(Flash(DEFAULTS, StoredProgram(VALID, (("5", (1,)),), 7))).partition(b"\n")[2])
+TREE = json.loads(encode(Flash(DEFAULTS, StoredProgram(ProgramState.VALID, (("5", (1,)),), 7))).partition(b"\n")[2])
 
 
 def image_with(part: str, name: str, value: object) -> bytes:
@@ -263,10 +263,10 @@ def test_settings_and_program_do_not_overwrite_each_other() -> None:
     ],
 )
 def test_a_program_no_firmware_would_have_stored_does_not_run(lines: tuple[tuple[str, tuple[int, ...]], ...]) -> None:
-    desk = wake_up(encode(Flash(DEFAULTS, StoredProgram(VALID, lines, 7))))
+    desk = wake_up(encode(Flash(DEFAULTS, StoredProgram(ProgramState.VALID, lines, 7))))
     assert desk.query("@0S") == "G"
     assert desk.ticks == 0
 
 
 def test_a_jump_out_of_the_program_ends_it() -> None:
-    assert wake_up(encode(Flash(DEFAULTS, StoredProgram(VALID, (("3", (0, -5)),), 7)))).query("@0S") == "0"
+    assert wake_up(encode(Flash(DEFAULTS, StoredProgram(ProgramState.VALID, (("3", (0, -5)),), 7)))).query("@0S") == "0"

@@ -11,7 +11,7 @@ import unknown
 from hypothesis import given
 
 from isel_twin.controller import create_controller
-from isel_twin.firmware.imc import commands, replies
+from isel_twin.firmware.imc import commands
 from isel_twin.firmware.imc.controller import Imc
 from isel_twin.firmware.imc.language import CONTROL, LONGEST
 from isel_twin.firmware.imc.replies import WORDS as CODES
@@ -156,14 +156,14 @@ def test_every_control_byte_is_a_message_of_its_own(byte: int) -> None:
     assert (message.data, message.text, message.explanation) == (bytes([byte]), f"<{byte}>", CONTROL[byte])
 
 
-@pytest.mark.parametrize("code", sorted(replies.ALL))
+@pytest.mark.parametrize("code", "0123456789DFGHR")
 def test_every_reply_code_has_words_of_its_own(code: str) -> None:
     language = fresh()
     for _ in range(2):  # the answer to a command, and one that nobody has asked for
         (message,) = language.messages(code.encode(), sent=False)
         assert message == Message(code.encode(), code, f"reply: {CODES[code]}", sent=False)
         told(language, b"@0R7\r")
-    assert len(set(CODES.values())) == len(CODES) == len(replies.ALL)
+    assert len(set(CODES.values())) == len(CODES) == 15
 
 
 @pytest.mark.parametrize(

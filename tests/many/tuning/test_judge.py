@@ -111,6 +111,6 @@ def test_permanent_are_the_ramps_of_the_most_careful_move() -> None:
     asked = problem(each_move=True)
     values = dict(asked.nearest())
     values |= {"acceleration_hz_per_ms.5": 700, "start_stop_hz.6": 250}
-    found = tuned(asked, Tried(0, values, Judgement(1.0, 0.5)), Held(1, 1, 0.5, 0.5))
+    found = tuned(asked, Tried(0, values, Judgement(1.0, 0.5)), Held(1, 0.5, 0.5, Judgement(1.0, 0.5)))
     assert found.permanent == ("@0IL", "@0Ij250", "@0IJ100", "@0IW")
     assert "@0J700\n@0M9600" in found.candidate.text

@@ -14,7 +14,6 @@ from isel_twin.core.spec import TwinSpec
 from isel_twin.many.tuning import Judgement
 from isel_twin.many.tuning import study as study_module
 from isel_twin.many.tuning.compose import best_of_each
-from isel_twin.many.tuning.judge import Repetition
 from isel_twin.many.tuning.result import PUT_TOGETHER, Held, Tried, front
 from isel_twin.many.tuning.study import Study, StudyError
 
@@ -143,8 +142,8 @@ def test_the_best_of_each_move_is_mended_until_it_holds(monkeypatch: pytest.Monk
         moves = invented(candidate, None, ()).moves  # type: ignore[union-attr]
         speed_hz = int(candidate.lines[[line.number for line in candidate.lines].index(7)].command.split(",")[1])
         why = "X has lost 4 steps" if speed_hz > 15_000 else ""
-        last = Repetition(7, 1.0, 0.0 if why else 0.2, why, bool(why), moves[:1] if why else moves)
-        return Held(wanted, 1 if why else wanted, last.margin, last.margin, why, int(bool(why)), last)
+        last = Judgement(1.0, 0.0 if why else 0.2, why, 1, bool(why), moves[:1] if why else moves, 7)
+        return Held(1 if why else wanted, last.margin, last.margin, last, why)
 
     monkeypatch.setattr(study_module, "confirm", confirmed)
     hard: list[int] = []

@@ -1,7 +1,7 @@
 """Commands that set something: axes, zeros, modal values, ports, initialisation values.
 
 `check_...` judge parameters, `admit_...` the state of the machine; both raise Refusal and change nothing. Everything
-else changes something and is never refused.
+else is never refused.
 """
 
 from __future__ import annotations
@@ -16,7 +16,14 @@ from isel_twin.firmware.imc.moves import ANY_SPEED, speed
 from isel_twin.firmware.imc.ports import OUTPUT_PORTS
 from isel_twin.firmware.imc.replies import BAD_AXES, BAD_NUMBER, FAULT, Refusal
 from isel_twin.firmware.imc.safety import Event, State, circuits_closed, hood_safe, powered
-from isel_twin.firmware.imc.settings import AXES, USER_INFO_LENGTH, Settings, StoredProgram, default_settings
+from isel_twin.firmware.imc.settings import (
+    AXES,
+    Settings,
+    StoredProgram,
+    axes_of,
+    default_settings,
+    is_user_info,
+)
 
 A_AXIS = 8
 
@@ -60,25 +67,29 @@ def check_axes(device: Device, mask: int) -> None:
         raise Refusal(BAD_AXES)
 
 
+def admit_powered(device: Device, mask: int) -> tuple[int]:
+    """Refuse unless axes may move; see `Device.require_power`."""
+    device.require_power()
+    return (mask,)
+
+
 def set_virtual_zero(device: Device, mask: int) -> None:
     """`@0n`, `n`: absolute moves count from here."""
-    for axis in range(AXES):
-        if mask >> axis & 1:
-            device.virtual_zero[axis] = device.counts[axis]
+    for axis in axes_of(mask):
+        device.virtual_zero[axis] = device.counts[axis]
 
 
 def simulate_reference(device: Device, mask: int) -> None:
     """`@0N`, `N`: the reference point is here (F25)."""
     device.note(Event.REFERENCE_BEGUN)
-    for axis in range(AXES):
-        if mask >> axis & 1:
-            device.set_reference(axis)
+    for axis in axes_of(mask):
+        device.set_reference(axis)
 
 
 # ---- modal values --------------------------------------------------------------------------------------------------
 
 
-def reference_speed_parameters(device: Device) -> tuple[Number, ...]:
+def speed_for_each_axis(device: Device) -> tuple[Number, ...]:
     """One speed for each axis that is set (2.2.5)."""
     return (speed(device),) * len(device.axis_list)
 
@@ -90,8 +101,9 @@ def four_speeds(device: Device) -> tuple[Number, ...]:
 
 def default_speed_parameters(device: Device) -> tuple[Number, ...]:
     """Four speeds; those of axes that are not set are not checked if the profile says so (F49)."""
-    strict, axes = not device.profile.extra_values, device.axes or (1 << AXES) - 1
-    return tuple(speed(device) if strict or axes >> axis & 1 else ANY_SPEED for axis in range(AXES))
+    if not (device.profile.extra_values and device.axes):
+        return four_speeds(device)
+    return tuple(speed(device) if axis in device.axis_list else ANY_SPEED for axis in range(AXES))
 
 
 def set_default_speeds(device: Device, *speeds_hz: int) -> None:
@@ -109,39 +121,19 @@ def set_reference_speeds(device: Device, *speeds_hz: int) -> None:
     device.set_modal(reference_hz=tuple(now))
 
 
-def set_all_reference_speeds(device: Device, *speeds_hz: int) -> None:
-    """`d` of a stored program: four speeds."""
-    device.set_modal(reference_hz=speeds_hz)
+def set_modal(name: str, kind: type[int] = int) -> Callable[[Device, int], None]:
+    """Handler that puts its parameter into the modal value `name`, as an int or a bool."""
+    return lambda device, value: device.set_modal(**{name: kind(value)})
 
 
-def set_start_stop(device: Device, frequency_hz: int) -> None:
-    """`@0j`, `j`."""
-    device.set_modal(start_stop_hz=frequency_hz)
-
-
-def set_acceleration(device: Device, hz_per_ms: int) -> None:
-    """`@0J`, `J`."""
-    device.set_modal(acceleration_hz_per_ms=hz_per_ms)
-
-
-def set_plane(device: Device, plane: int) -> None:
-    """`@0e`, `e`: 0 XY, 1 XZ, 2 YZ."""
-    device.set_modal(plane=plane)
+def set_modals(name: str) -> Callable[..., None]:
+    """Handler that puts all its parameters into the modal value `name`."""
+    return lambda device, *values: device.set_modal(**{name: values})
 
 
 def set_turn(device: Device, turn: int) -> None:
     """`@0f`, `f`: 0 clockwise, -1 counter-clockwise."""
     device.set_modal(clockwise=turn == 0)
-
-
-def set_three_d(device: Device, on: int) -> None:
-    """`@0z`, `z`."""
-    device.set_modal(three_d=bool(on))
-
-
-def set_test_mode(device: Device, on: int) -> None:
-    """`@0T`, `T`."""
-    device.set_modal(test_mode=bool(on))
 
 
 def set_number(device: Device, number: int) -> None:
@@ -152,19 +144,21 @@ def set_number(device: Device, number: int) -> None:
 # ---- output ports --------------------------------------------------------------------------------------------------
 
 
+def _aliased(device: Device, port: int) -> int:
+    """The port meant: the profile may have another number for that of the spindle."""
+    return 2 if port == device.profile.spindle_port else port
+
+
 def check_port_value(device: Device, port: int, value: int) -> None:
     """Refuse ports that do not exist and values a port does not take (1)."""
-    if port == device.profile.spindle_port:
-        port = 2
+    port = _aliased(device, port)
     if port not in OUTPUT_PORTS or not 0 <= value <= (255 if OUTPUT_PORTS[port].byte else 1):
         raise Refusal(BAD_NUMBER)
 
 
 def admit_port(device: Device, port: int, value: int) -> tuple[Mapping[str, int]]:
     """`@0B`: the outputs and their new levels, unless the spindle or the stages may not be switched on (9, H)."""
-    if port == device.profile.spindle_port:
-        port = 2
-    levels = device.outputs.levels_for(port, value)
+    levels = device.outputs.levels_for(_aliased(device, port), value)
     rising = {name for name, level in levels.items() if level and not device.outputs[name]}
     if rising & {"spindle", "stages"}:
         device.require_supply()
@@ -184,7 +178,7 @@ def _with_brake(device: Device, levels: Mapping[str, int]) -> Mapping[str, int]:
 
 
 def write_outputs(device: Device, levels: Mapping[str, int]) -> None:
-    """`@0B`, `p`: all of them, in their order."""
+    """`@0B`, `p`."""
     for name, level in levels.items():
         device.outputs[name] = level
 
@@ -200,16 +194,14 @@ WHOLE_BYTE = 128
 
 def check_port_bit(device: Device, port: int, bit: int, value: int) -> None:
     """Refuse what `p` cannot write (1)."""
-    if port not in OUTPUT_PORTS and port != device.profile.spindle_port:
-        raise Refusal(BAD_NUMBER)
     if bit == WHOLE_BYTE:
         check_port_value(device, port, value)
-    elif not (0 <= bit <= 7 and 0 <= value <= 1):
+    elif _aliased(device, port) not in OUTPUT_PORTS or not (0 <= bit <= 7 and 0 <= value <= 1):
         raise Refusal(BAD_NUMBER)
 
 
 def admit_port_bit(device: Device, port: int, bit: int, value: int) -> tuple[Mapping[str, int]]:
-    """`p`: the same for one bit of an output port, or the whole."""
+    """`p`: as `admit_port`, for one bit of an output port or the whole."""
     if bit != WHOLE_BYTE and port in OUTPUT_PORTS:
         value = device.outputs.read(port) & ~(1 << bit) | value << bit
     check_port_value(device, port, value)
@@ -221,29 +213,19 @@ def admit_port_bit(device: Device, port: int, bit: int, value: int) -> tuple[Map
 
 def set_values(name: str) -> Callable[..., None]:
     """Handler that puts all its parameters into the initialisation value `name`."""
-
-    def handler(device: Device, *values: int) -> None:
-        device.set_settings(**{name: values})
-
-    return handler
+    return lambda device, *values: device.set_settings(**{name: values})
 
 
 def set_value(name: str) -> Callable[[Device, int], None]:
     """Handler that puts its parameter into the initialisation value `name`."""
-
-    def handler(device: Device, value: int) -> None:
-        device.set_settings(**{name: value})
-
-    return handler
+    return lambda device, value: device.set_settings(**{name: value})
 
 
 def set_inverted(device: Device, mask: int) -> None:
     """`@0ID`: an axis that changes its direction is not referenced any more (F28)."""
-    changed = device.settings.inverted ^ mask
+    for axis in axes_of(device.settings.inverted ^ mask):
+        device.referenced[axis] = False
     device.set_settings(inverted=mask)
-    for axis in range(AXES):
-        if changed >> axis & 1:
-            device.referenced[axis] = False
 
 
 def set_swapped(device: Device, mask: int) -> None:
@@ -261,8 +243,7 @@ def set_io_only(device: Device, on: int) -> None:
 
 
 def check_user_info(device: Device, text: str) -> None:
-    """At most 32 printable characters (4.2.16)."""
-    if len(text) > USER_INFO_LENGTH or not (text.isascii() and text.isprintable()):
+    if not is_user_info(text):
         raise Refusal(BAD_NUMBER)
 
 

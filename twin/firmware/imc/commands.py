@@ -1,9 +1,8 @@
 """Every command of the manual, as data: code, section, parameters, what must hold, what it does.
 
-Three tables, as in chapter 1: DNC (`@<number>` in front), CNC (storable), INITIALISATION (`@<number>I` in front).
-What a reader looks for is here; what a command does is in the module its handler comes from.
-
-A command is refused first and done afterwards; nothing changes before it is certain that it will be done.
+Three tables, as in chapter 1: DNC (`@<number>` in front), CNC (storable), INITIALISATION (`@<number>I` in front). What
+a command does is in the module its handler comes from. A command is refused first and done afterwards; nothing changes
+before it is certain that it will be done.
 
     refuse    axes set (4) -> numbers read (7, 1, the parameter's own code) -> check: parameters -> admit: state of the
               machine (5, 9, H, 2, R, 1)
@@ -16,7 +15,8 @@ Refusal while it runs: that is how it ended, not a command refused.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from isel_twin.firmware.imc import adjust, moves, program, query, reference
@@ -46,9 +46,8 @@ class Command:
 
     parameters: numbers; a function of the device that gives them; None: the rest of the line, as it stands.
     check(device, *values) and admit(device, *values) raise Refusal and change nothing; what admit returns, a tuple, is
-    handed to do in place of the values. do(device, ...) is the handler. needs_axes: answers 4 without axes.
-    forgets_rest: what was stopped before cannot be resumed any more. spare_values: one for each of the four axes may be
-    there, though fewer are set, if the profile has `extra_values`.
+    handed to do in place of the values. needs_axes: answers 4 without axes. spare_values: one for each of the four axes
+    may be there, though fewer are set, if the profile has `extra_values`.
     """
 
     section: str
@@ -58,7 +57,6 @@ class Command:
     check: Callable[..., None] | None = None
     admit: Callable[..., tuple[Any, ...]] | None = None
     needs_axes: bool = False
-    forgets_rest: bool = False
     spare_values: bool = False
 
     def read(self, device: Device, text: str) -> tuple[Any, ...]:
@@ -80,11 +78,7 @@ class Command:
         return values if self.admit is None else self.admit(device, *values)
 
 
-def powered(device: Device, mask: int) -> tuple[int]:
-    """Axes may move: see `Device.require_power`."""
-    device.require_power()
-    return (mask,)
-
+_on_axes = partial(Command, needs_axes=True)
 
 DNC: Mapping[str, Command] = {
     AXES_CODE: Command(
@@ -92,122 +86,59 @@ DNC: Mapping[str, Command] = {
         "set the axes, initialise",
         (Number(),),
         adjust.initialise,
-        check=adjust.check_axis_choice,
-        admit=adjust.admit_initialisation,
-        forgets_rest=True,
+        adjust.check_axis_choice,
+        adjust.admit_initialisation,
     ),
-    "A": Command(
-        "2.2.2",
-        "relative move",
-        moves.move_parameters,
-        moves.follow,
-        check=moves.check_relative,
-        admit=moves.plan_relative,
-        needs_axes=True,
-        forgets_rest=True,
+    "A": _on_axes(
+        "2.2.2", "relative move", moves.move_parameters, moves.follow, moves.check_relative, moves.plan_relative
     ),
     "b": Command("2.2.3", "read a port", (INPUT_PORT,), query.read_port),
     "B": Command(
-        "2.2.4",
-        "write a port",
-        (Number(), Number()),
-        adjust.write_outputs,
-        check=adjust.check_port_value,
-        admit=adjust.admit_port,
+        "2.2.4", "write a port", (Number(), Number()), adjust.write_outputs, adjust.check_port_value, adjust.admit_port
     ),
-    "d": Command(
-        "2.2.5",
-        "reference speeds",
-        adjust.reference_speed_parameters,
-        adjust.set_reference_speeds,
-        needs_axes=True,
-        spare_values=True,
+    "d": _on_axes(
+        "2.2.5", "reference speeds", adjust.speed_for_each_axis, adjust.set_reference_speeds, spare_values=True
     ),
-    "D": Command("2.2.6", "diagnosis", None, query.diagnosis, check=query.check_diagnosis),
-    "e": Command("2.2.7", "plane of arcs", (Number(0, 2),), adjust.set_plane),
+    "D": Command("2.2.6", "diagnosis", None, query.diagnosis, query.check_diagnosis),
+    "e": Command("2.2.7", "plane of arcs", (Number(0, 2),), adjust.set_modal("plane")),
     "f": Command("2.2.8", "direction of arcs", (Number(-1, 0),), adjust.set_turn),
-    "F": Command(
-        "2.2.9",
-        "run free",
-        (Number(),),
-        reference.run_free,
-        check=adjust.check_axes,
-        admit=reference.admit_run_free,
-        needs_axes=True,
-        forgets_rest=True,
-    ),
+    "F": _on_axes("2.2.9", "run free", (Number(),), reference.run_free, adjust.check_axes, reference.admit_run_free),
     "g": Command("2.2.10", "brake", (SWITCH,), adjust.set_brake),
     "G": Command("2.2.11", "device number", (Number(0, 9),), adjust.set_number),
     "h": Command("2.2.12", "limit switches in words", (), query.limit_text),
     "H": Command("2.2.12", "state in words", (), query.status_text),
-    "j": Command("2.2.15", "start-stop frequency", (START_STOP_HZ,), adjust.set_start_stop),
-    "J": Command("2.2.16", "acceleration", (ACCELERATION,), adjust.set_acceleration),
-    "k": Command("2.2.17", "erase the program", (), adjust.erase, forgets_rest=True),
-    "M": Command(
-        "2.2.18",
-        "absolute move",
-        moves.move_parameters,
-        moves.follow,
-        check=moves.check_absolute,
-        admit=moves.plan_absolute,
-        needs_axes=True,
-        forgets_rest=True,
+    "j": Command("2.2.15", "start-stop frequency", (START_STOP_HZ,), adjust.set_modal("start_stop_hz")),
+    "J": Command("2.2.16", "acceleration", (ACCELERATION,), adjust.set_modal("acceleration_hz_per_ms")),
+    "k": Command("2.2.17", "erase the program", (), adjust.erase),
+    "M": _on_axes(
+        "2.2.18", "absolute move", moves.move_parameters, moves.follow, moves.check_absolute, moves.plan_absolute
     ),
-    "n": Command(
-        "2.2.19", "virtual zero", (Number(),), adjust.set_virtual_zero, check=adjust.check_axes, needs_axes=True
-    ),
-    "N": Command(
+    "n": _on_axes("2.2.19", "virtual zero", (Number(),), adjust.set_virtual_zero, adjust.check_axes),
+    "N": _on_axes(
         "2.2.20",
         "simulated reference run",
         (Number(),),
         adjust.simulate_reference,
-        check=adjust.check_axes,
-        admit=powered,
-        needs_axes=True,
+        adjust.check_axes,
+        adjust.admit_powered,
     ),
     "P": Command("2.2.21", "position", (), query.position),
-    "R": Command(
+    "R": _on_axes(
         "2.2.22",
         "reference run",
         (Number(),),
         reference.reference_run,
-        check=adjust.check_axes,
-        admit=reference.admit_reference_run,
-        needs_axes=True,
-        forgets_rest=True,
+        adjust.check_axes,
+        reference.admit_reference_run,
     ),
-    "T": Command("2.2.24", "test mode", (SWITCH,), adjust.set_test_mode),
+    "T": Command("2.2.24", "test mode", (SWITCH,), adjust.set_modal("test_mode", bool)),
     "U": Command("2.2.25", "user information", (), query.user_info),
     "V": Command("2.2.26", "version", (), query.version),
-    "w": Command(
-        "2.2.27",
-        "helix",
-        moves.helix_parameters,
-        moves.follow,
-        check=moves.check_arc,
-        admit=moves.plan_arc,
-        needs_axes=True,
-        forgets_rest=True,
-    ),
-    "y": Command(
-        "2.2.28",
-        "arc",
-        moves.arc_parameters,
-        moves.follow,
-        check=moves.check_arc,
-        admit=moves.plan_arc,
-        needs_axes=True,
-        forgets_rest=True,
-    ),
-    "z": Command("2.2.29", "3D interpolation", (SWITCH,), adjust.set_three_d),
-    "Z": Command(
-        "2.2.30",
-        "move until port event",
-        moves.until_port_parameters,
-        moves.travel,
-        admit=moves.plan_until_port,
-        needs_axes=True,
-        forgets_rest=True,
+    "w": _on_axes("2.2.27", "helix", moves.helix_parameters, moves.follow, moves.check_arc, moves.plan_arc),
+    "y": _on_axes("2.2.28", "arc", moves.arc_parameters, moves.follow, moves.check_arc, moves.plan_arc),
+    "z": Command("2.2.29", "3D interpolation", (SWITCH,), adjust.set_modal("three_d", bool)),
+    "Z": _on_axes(
+        "2.2.30", "move until port event", moves.until_port_parameters, moves.travel, admit=moves.plan_until_port
     ),
 }
 """DNC commands that a device carries out. `@0i` (2.2.13), `@0S` (2.2.23) and the control bytes (2.2.31) concern the
@@ -232,93 +163,53 @@ INITIALISATION: Mapping[str, Command] = {
     "IH": Command("4.2.13", "external hood input of programs", WATCH, adjust.set_values("hood")),
     "IN": Command("4.2.14", "external emergency input of programs", WATCH, adjust.set_values("emergency")),
     "IC": Command("4.2.15", "9600 baud from the next reset on", (SWITCH,), adjust.set_value("baud_9600")),
-    "IU": Command("4.2.16", "set the user information", None, adjust.set_user_info, check=adjust.check_user_info),
+    "IU": Command("4.2.16", "set the user information", None, adjust.set_user_info, adjust.check_user_info),
     "IL": Command("4.2.17", "read the values from flash", (), adjust.load_settings),
     "IW": Command("4.2.18", "write the values to flash", (), adjust.save_settings),
     "IX": Command("4.2.19", "default values", (), adjust.default_all),
 }
 """Initialisation commands."""
 
+
+def _stored(section: str, code: str, **other: Any) -> Command:
+    """The storable form of a DNC command: the same but for its section of the manual and `other` fields."""
+    return replace(DNC[code], section=section, **other)
+
+
 CNC: Mapping[str, Command] = {
-    "0": Command(
-        "3.2.2",
-        "relative move",
-        moves.move_parameters,
-        moves.follow,
-        check=moves.check_relative,
-        admit=moves.plan_relative,
-    ),
+    "0": _stored("3.2.2", "A"),
     "1": Command("3.2.3", "send a character", (VISIBLE,), program.send_sync),
     "2": Command("3.2.4", "wait for a character", (VISIBLE, OFFSET), program.wait_for_sync),
-    "3": Command("3.2.5", "loop, branch", (Number(0, 32767), OFFSET), program.loop, check=program.check_loop),
+    "3": Command("3.2.5", "loop, branch", (Number(0, 32767), OFFSET), program.loop, program.check_loop),
     "5": Command("3.2.6", "delay", (STEPS,), program.delay),
     "6": Command(
-        "3.2.7",
-        "condition of the next move",
-        (USER_PORT, BYTE, BYTE),
-        program.set_port_condition,
-        check=program.check_input,
+        "3.2.7", "condition of the next move", (USER_PORT, BYTE, BYTE), program.set_port_condition, program.check_input
     ),
-    "7": Command(
-        "3.2.8",
-        "reference run",
-        (Number(),),
-        reference.reference_run,
-        check=adjust.check_axes,
-        admit=reference.admit_reference_run,
-    ),
-    "d": Command("3.2.10", "reference speeds", adjust.four_speeds, adjust.set_all_reference_speeds),
-    "e": Command("3.2.11", "plane of arcs", (Number(0, 2),), adjust.set_plane),
-    "f": Command("3.2.12", "direction of arcs", (Number(-1, 0),), adjust.set_turn),
-    "g": Command("3.2.13", "brake", (SWITCH,), adjust.set_brake),
-    "j": Command("3.2.14", "start-stop frequency", (START_STOP_HZ,), adjust.set_start_stop),
-    "J": Command("3.2.15", "acceleration", (ACCELERATION,), adjust.set_acceleration),
-    "m": Command(
-        "3.2.16",
-        "absolute move",
-        moves.move_parameters,
-        moves.follow,
-        check=moves.check_absolute,
-        admit=moves.plan_absolute,
-    ),
-    "n": Command("3.2.17", "virtual zero", (Number(),), adjust.set_virtual_zero, check=adjust.check_axes),
-    "N": Command(
-        "3.2.18",
-        "simulated reference run",
-        (Number(),),
-        adjust.simulate_reference,
-        check=adjust.check_axes,
-        admit=powered,
-    ),
+    "7": _stored("3.2.8", "R"),
+    "d": Command("3.2.10", "reference speeds", adjust.four_speeds, adjust.set_modals("reference_hz")),
+    "e": _stored("3.2.11", "e"),
+    "f": _stored("3.2.12", "f"),
+    "g": _stored("3.2.13", "g"),
+    "j": _stored("3.2.14", "j"),
+    "J": _stored("3.2.15", "J"),
+    "m": _stored("3.2.16", "M"),
+    "n": _stored("3.2.17", "n"),
+    "N": _stored("3.2.18", "N"),
     "o": Command(
-        "3.2.19",
-        "branch on a port",
-        (INPUT_PORT, BYTE, BYTE, OFFSET),
-        program.branch_on_input,
-        check=program.check_input,
+        "3.2.19", "branch on a port", (INPUT_PORT, BYTE, BYTE, OFFSET), program.branch_on_input, program.check_input
     ),
     "p": Command(
-        "3.2.20",
-        "write a port",
-        (Number(),) * 3,
-        adjust.write_outputs,
-        check=adjust.check_port_bit,
-        admit=adjust.admit_port_bit,
+        "3.2.20", "write a port", (Number(),) * 3, adjust.write_outputs, adjust.check_port_bit, adjust.admit_port_bit
     ),
-    "T": Command("3.2.21", "test mode", (SWITCH,), adjust.set_test_mode),
-    "w": Command(
-        "3.2.22", "helix", moves.helix_parameters, moves.follow, check=moves.check_arc_numbers, admit=moves.plan_arc
-    ),
-    "y": Command(
-        "3.2.23", "arc", moves.arc_parameters, moves.follow, check=moves.check_arc_numbers, admit=moves.plan_arc
-    ),
-    "z": Command("3.2.24", "3D interpolation", (SWITCH,), adjust.set_three_d),
+    "T": _stored("3.2.21", "T"),
+    "w": _stored("3.2.22", "w", check=moves.check_arc_numbers),
+    "y": _stored("3.2.23", "y", check=moves.check_arc_numbers),
+    "z": _stored("3.2.24", "z"),
 }
 """Storable commands. `9` (3.2.9) ends the data field: controller.py."""
 
 CNC_ALIASES: Mapping[str, str] = {"F": "f", "G": "g", "M": "m", "O": "o", "P": "p", "W": "w", "Y": "y", "Z": "z"}
 """The overview prints these codes as capitals, their sections as small letters; both are taken."""
-
 
 QUESTIONS = frozenset("bDhHPUV")
 """DNC commands that change nothing and take no time: they are answered even if a stop has overtaken them."""

@@ -8,8 +8,8 @@
 A command begins when its CR arrives, or when the one before it has been answered. Its reply leaves at the time of its
 last pulse. There is no processing time in between (F22).
 
-A line is looked at in one step that may refuse it (`_admit...`: gives back an effect, or raises Refusal), and carried
-out in a second one that may not: the effect.
+A line is looked at in one step that may refuse it (`_admit...`: returns an effect, or raises Refusal), and carried out
+in a second one that may not: the effect.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class Imc:
             self._device.energise()
 
     def _keep_flash(self) -> None:
-        """Take over what the device has written to its flash, for the next start."""
+        """Keep what the device has written to its flash for the next start."""
         self._flash = None if self._device.outputs["flash_fault"] else self._device.flash
 
     # ---- the border -------------------------------------------------------------------------------------------------
@@ -91,7 +91,6 @@ class Imc:
 
     @property
     def next_ns(self) -> int | None:
-        """End of a run or a pause, or the next supervision cycle."""
         return self._supervisor.next_ns
 
     @property
@@ -158,7 +157,7 @@ class Imc:
         self._show()
 
     def _next_line(self) -> bool:
-        """Carry out the next line, or answer one that was lost; return whether there was one."""
+        """Carry out the next line, or answer one that was lost; False if there is none."""
         line = self._lines.take()
         if line is not None:
             self._execute(line, self._recorder)
@@ -170,27 +169,26 @@ class Imc:
         return True
 
     def _answer_held(self) -> bool:
-        """Answer the first line that a stop holds; return whether that was possible (F5).
+        """Answer the first line that a stop holds (F5); False if there is none or it must wait.
 
-        A question is answered; anything else only when there is nothing to go on with any more: `F`.
+        A question is answered at once, anything else by `F` when there is nothing left to resume.
         """
         line = self._lines.first_held
         if line is None:
             return False
         code = commands.dnc_code(line, self._device.number)
-        if code in commands.QUESTIONS:
-            self._lines.drop_first_held()
-            self._execute(line, None)
-        elif self._supervisor.parked is None:
-            self._lines.drop_first_held()
-            if code is not None:
-                self._device.send(STOPPED)
-        else:
+        question = code in commands.QUESTIONS
+        if not question and self._supervisor.parked is not None:
             return False
+        self._lines.drop_first_held()
+        if question:
+            self._execute(line, None)
+        elif code is not None:
+            self._device.send(STOPPED)
         return True
 
     def _show(self) -> None:
-        """Set lamps and outputs that show the state. A lamp the host has switched stays until its state changes."""
+        """Set the outputs that show the state. A lamp the host has switched stays until its state changes."""
         supervisor = self._supervisor
         shown = {
             "moving": supervisor.moving,
@@ -254,10 +252,11 @@ class Imc:
         if parts is None:
             return lambda: None
         letter, code, text = parts
-        if code in ("S", "i"):
+        if code == "S":
             grammar.read_numbers(text, ())
-            if code == "S":
-                return self._admit_start(answers=True)
+            return self._admit_start(answers=True)
+        if code == "i":
+            grammar.read_numbers(text, ())
             admit_recording(device)
             return self._begin_recording
         command = commands.find_dnc(device, code)
@@ -269,15 +268,13 @@ class Imc:
         result = command.do(self._device, *values)
         if not isinstance(result, Generator):
             return result or OK
-        if command.forgets_rest:
-            self._supervisor.forget_parked()
-            while self._answer_held():
-                pass
+        self._supervisor.forget_parked()
+        while self._answer_held():
+            pass
         self._supervisor.start(result, answers=not at_once)
         return OK if at_once else None
 
     def _begin_recording(self) -> str:
-        """`@0i` (2.2.13)."""
         self._recorder = Recorder(self._device)
         return OK
 
@@ -318,7 +315,7 @@ class Imc:
         self._supervisor.resume(answers=answers)
 
     def _start_key(self) -> None:
-        """The start key acts only at rest; no reply tells if it does nothing (F33)."""
+        """The start key acts only at rest; no reply says why it does nothing (F33)."""
         if self._supervisor.task is not None or self._recorder is not None:
             return
         try:
@@ -330,7 +327,7 @@ class Imc:
     def _admit_program(self) -> tuple[int, settings.Modal]:
         """Check that the stored program may run; return its axes and modal values. Raises Refusal."""
         device, program = self._device, self._device.flash.program
-        if program.state != settings.VALID:
+        if program.state is not settings.ProgramState.VALID:
             raise Refusal(INVALID_FIELD)
         device.require_power()
         self._require_watches()

@@ -1,4 +1,4 @@
-"""The controller as a machine: motion, counters, references, settings, outputs. Knows neither lines nor replies.
+"""The controller as a machine: motion, counters, references, settings, outputs. Knows neither lines nor grammar.
 
 Counters count what motions make, and jump only where a CounterSet says so.
 """
@@ -12,7 +12,7 @@ from functools import cache, partial
 from typing import Any
 
 from isel_twin.base.units import MILLISECOND_NS
-from isel_twin.controller import CounterSet, Event, FlashWrite, Output, Remark, Reply
+from isel_twin.controller import CounterSet, Event, FlashWrite, Remark, Reply
 from isel_twin.firmware.executor import Executor
 from isel_twin.firmware.imc import settings as flash_image
 from isel_twin.firmware.imc.limits import LimitSwitches
@@ -30,7 +30,7 @@ from isel_twin.firmware.imc.replies import (
 )
 from isel_twin.firmware.imc.safety import TRANSITIONS, State, hood_safe, powered
 from isel_twin.firmware.imc.safety import Event as SafetyEvent
-from isel_twin.firmware.imc.settings import AXES, Flash, Modal, Settings, StoredProgram
+from isel_twin.firmware.imc.settings import AXES, Flash, Modal, Settings, StoredProgram, axes_of
 from isel_twin.motion import Displacement, TimeLaw, trapezoid
 from isel_twin.motion.path import added
 
@@ -49,7 +49,7 @@ class Device:
         self.settings = self.flash.settings
         self.inputs = inputs
         self.limits = LimitSwitches(inputs, self._present_settings, profile.debounce_ms * MILLISECOND_NS)
-        self.outputs = Outputs(self._put_out)
+        self.outputs = Outputs(events)
         self.safety = State.FAULT
         self.number = 0
         self.axes = 0
@@ -63,25 +63,16 @@ class Device:
     def _present_settings(self) -> Settings:
         return self.settings
 
-    def _put_out(self, name: str, value: int) -> None:
-        self._events.append(Output(name, value))
-
     # ---- time and counters ------------------------------------------------------------------------------------------
 
     @property
     def now_ns(self) -> int:
-        """The present."""
         return self.executor.now_ns
 
     @property
     def counts(self) -> Displacement:
         """Counters X, Y, Z, A now."""
         return self.executor.counts
-
-    def set_counter(self, axis: int, value: int) -> None:
-        """Set a counter without a step."""
-        self.executor.set_counter(axis, value)
-        self._events.append(CounterSet(axis, value))
 
     @property
     def direction(self) -> Displacement:
@@ -93,22 +84,21 @@ class Device:
     @property
     def axis_list(self) -> tuple[int, ...]:
         """Axes that are set, in the order X, Y, Z, A."""
-        return tuple(axis for axis in range(AXES) if self.axes >> axis & 1)
+        return axes_of(self.axes)
 
     def set_reference(self, axis: int) -> None:
-        """Here is the reference point of an axis: counter 0, no virtual zero."""
-        self.set_counter(axis, 0)
+        """The axis stands at its reference point: counter 0, no virtual zero."""
+        self.executor.set_counter(axis, 0)
+        self._events.append(CounterSet(axis, 0))
         self.referenced[axis] = True
         self.virtual_zero[axis] = 0
 
     def lose_references(self) -> None:
-        """No position is known any more."""
         self.referenced = [False] * AXES
 
     # ---- what may be done -------------------------------------------------------------------------------------------
 
     def note(self, event: SafetyEvent) -> None:
-        """Take a step of the safety state machine."""
         self.safety = TRANSITIONS.get((self.safety, event), self.safety)
 
     def limit_struck(self) -> None:
@@ -141,19 +131,19 @@ class Device:
         self.require_hood()
 
     def require_move(self) -> None:
-        """Raise Refusal unless a move is allowed as such: power, hood, and no limit switch struck since (2)."""
+        """Raise Refusal unless axes may move and no limit switch has been struck since (2)."""
         self.require_power()
         if self.safety is State.LIMIT:
             raise Refusal(LIMIT_SWITCH)
 
     def guards(self, axis: int) -> bool:
-        """Do limit switches end the motions of this axis? Not in test mode, not those of a rotary axis (F30)."""
+        """True if limit switches end motions of this axis: not in test mode, nor for a rotary axis (F30)."""
         return bool(self.axes >> axis & 1) and not self.settings.rotary >> axis & 1 and not self.test_mode
 
     def require_room(self, *legs: Displacement, unreferenced: bool = False) -> None:
-        """Raise Refusal unless these displacements, one after the other, are allowed: 24 bits (1), reference (R).
+        """Raise Refusal unless these legs may be travelled one after the other: 24 bits (1), reference (R).
 
-        unreferenced: they may be made without one.
+        unreferenced: no reference is needed.
         """
         counts = self.counts
         for leg in legs:
@@ -186,26 +176,24 @@ class Device:
 
     @property
     def start_stop_hz(self) -> int:
-        """In force now: by `@0j`, or the default."""
+        """In force now: from `@0j`, or the default."""
         return self.modal.start_stop_hz or self.settings.start_stop_hz
 
     @property
     def acceleration_hz_per_ms(self) -> int:
-        """In force now: by `@0J`, or the default."""
+        """In force now: from `@0J`, or the default."""
         return self.modal.acceleration_hz_per_ms or self.settings.acceleration_hz_per_ms
 
     def reference_hz(self, axis: int) -> int:
-        """Reference speed in force now: by `@0d`, or the default."""
+        """In force now: from `@0d`, or the default."""
         return (self.modal.reference_hz or self.settings.reference_hz)[axis]
 
     @property
     def three_d(self) -> bool:
-        """3D interpolation; off by default."""
         return bool(self.modal.three_d)
 
     @property
     def test_mode(self) -> bool:
-        """Test mode; off by default."""
         return bool(self.modal.test_mode)
 
     @property
@@ -219,7 +207,7 @@ class Device:
         return self.modal.clockwise is not False
 
     def law(self, speed_hz: int) -> Callable[[int], TimeLaw]:
-        """Time law, for any number of ticks, with the ramps in force now, however late it is used."""
+        """Time law of any number of ticks, with the ramps in force now, however late it is used."""
         return partial(
             trapezoid,
             speed_hz=speed_hz,
@@ -236,11 +224,9 @@ class Device:
         self._events.append(FlashWrite(flash_image.encode(self.flash)))
 
     def send(self, text: str) -> None:
-        """Bytes to the host."""
         self._events.append(Reply(text.encode("latin-1")))
 
     def remark(self, text: str) -> None:
-        """Tell people why something has failed."""
         self._events.append(Remark(text))
 
     def set_settings(self, **values: Any) -> None:
@@ -249,7 +235,7 @@ class Device:
 
     @contextmanager
     def supposing(self, axes: int, modal: Modal) -> Iterator[None]:
-        """Judge, within the block, as if these axes and modal values were set."""
+        """Within the block, as if these axes and modal values were set."""
         kept = self.axes, self.modal
         self.axes, self.modal = axes, modal
         try:

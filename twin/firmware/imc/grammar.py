@@ -26,7 +26,7 @@ _NUMBER = re.compile(r"([+-]?)(?:([0-9]+)(?:\.[0-9]*)?|\.[0-9]+)")
 
 
 class LineAssembler:
-    """Collects bytes into lines of at most `limit` bytes."""
+    """Collects bytes into lines of at most `limit` bytes; more are dropped, so that memory is bounded."""
 
     def __init__(self, limit: int) -> None:
         self._limit = limit
@@ -34,10 +34,7 @@ class LineAssembler:
         self._too_long = False
 
     def feed(self, byte: int) -> bytes | None:
-        """Take one byte; return a line when this byte ends one. A line that was too long comes out empty.
-
-        Its bytes beyond the limit are dropped, so memory is bounded whatever the host sends.
-        """
+        """Take one byte; return a line when this byte ends one. A line that was too long comes out empty."""
         if byte == LF:
             return None
         if byte != CR:
@@ -48,25 +45,21 @@ class LineAssembler:
             return None
         line = b"" if self._too_long else bytes(self._line)
         complete = self._too_long or line.strip()
-        self.clear()
-        return line if complete else None
-
-    def clear(self) -> None:
-        """Forget the line begun."""
         self._line.clear()
         self._too_long = False
+        return line if complete else None
 
 
 @dataclass(frozen=True)
 class Number:
-    """One numeric parameter: allowed range and the reply when it is outside (also when it is no number: `1`)."""
+    """One numeric parameter: allowed range, and the reply when it is outside."""
 
     low: int = -(1 << 23)
     high: int = (1 << 23) - 1
     code: str = BAD_NUMBER
 
     def check(self, value: int) -> int:
-        """Return value; raise Refusal if it is out of range."""
+        """Return the value; raise Refusal if it is out of range."""
         if not self.low <= value <= self.high:
             raise Refusal(self.code)
         return value
@@ -75,7 +68,7 @@ class Number:
 def split_dnc(line: bytes, device_number: int, aliases: Mapping[str, str]) -> tuple[str, str, str] | None:
     """Split `@<number><letter(s)><parameters>` into (letter as sent, code, parameter text); None: for another device.
 
-    Raises Refusal for anything that does not begin like a command.
+    Raises Refusal(5) for anything that does not begin like a command.
     """
     text = line.decode("latin-1").strip(" ")
     if len(text) < 3 or text[0] != "@" or text[1] not in "0123456789":

@@ -8,14 +8,14 @@ Goal: every command of the tables in commands.py and every reply code in words, 
                  @0P CR   @0x CR                          queue of lines not answered yet:   @0P   @0x
                              0003E80001F4000000  5        oldest line -> form of the answer -> position, then 5
 
-Replies come in the order of the commands, so a queue tells which of them an answer belongs to. A few things change how
-lines are read: the axes that are set, the device number, and a data field between `@0i` and `9`. They are followed
-twice: `_told` by what has been answered, which decides about answers, and `_ahead` by what has been sent, as if all of
-it were accepted, which explains commands. Both are the same whenever nothing is left to be answered.
+Replies come in the order of the commands, so a queue tells which of them an answer belongs to. How lines are read
+depends on the axes that are set, the device number, and a data field between `@0i` and `9`. These are followed twice:
+`_told` by what has been answered, to read answers, and `_ahead` by what has been sent, as if all were accepted, to
+explain commands. Both are the same whenever nothing is left to be answered.
 
 Bytes alone do not tell everything: a byte for a stored program that waits for one is taken for the beginning of a line,
-and a character that a stored program sends is taken for a reply if it is a reply code. After a lost answer each answer
-is explained as that of the command before, until a reset.
+and a reply code that a stored program sends for a reply. After a lost answer each answer is explained as that of the
+command before, until a reset.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ CONTROL: Mapping[int, str] = {
 LONGEST = 4096
 """Bytes after which a message is given out as it stands; no line and no answer has so many."""
 MOST_UNANSWERED = 65_536
-"""Lines that are remembered; the oldest is forgotten if nobody answers."""
+"""Lines remembered while nobody answers; then the oldest is forgotten."""
 
 
 def create(name: str) -> ImcLanguage:
@@ -75,11 +75,9 @@ class ImcLanguage:
     # ---- what a host says -------------------------------------------------------------------------------------------
 
     def frame(self, text: str) -> bytes:
-        """The text and CR."""
         return encoded(text) + CR
 
     def text(self, reply: bytes) -> str:
-        """One character a byte."""
         return reply.decode("latin-1")
 
     def accepted(self, sent: bytes, reply: bytes) -> bool:
@@ -103,14 +101,13 @@ class ImcLanguage:
         return [self.frame(line) for line in lines]
 
     def ask_counters(self) -> Sequence[bytes]:
-        """What a host sends to be told the counters; beyond the protocol of languages, for who asks for it by name."""
+        """Beyond the protocol of languages, for callers that know this language."""
         return [self.frame("@0P")]
 
     def break_off(self) -> bytes:
-        """Byte 255."""
         return bytes([grammar.BREAK])
 
-    # ---- jobs with other settings -----------------------------------------------------------------------------------
+    # ---- jobs with other settings: retiming.py ----------------------------------------------------------------------
 
     def job_moves(self, lines: Sequence[str]) -> Sequence[JobMove]:
         """Straight moves, whose speeds can be others; arcs, helices, moves until a port and programs keep theirs."""
@@ -119,7 +116,6 @@ class ImcLanguage:
     def retimed(
         self, lines: Sequence[str], settings: Mapping[int, MoveSettings], rapid_hz: int
     ) -> Sequence[Sequence[str]]:
-        """`@0j` and `@0J` where they stand or before the moves, speeds in the moves; see retiming.py."""
         return retiming.retimed(lines, settings, rapid_hz)
 
     def permanent(self, settings: MoveSettings) -> Sequence[str]:
@@ -129,7 +125,6 @@ class ImcLanguage:
     # ---- what goes over the line ------------------------------------------------------------------------------------
 
     def messages(self, data: bytes, sent: bool) -> Iterator[Message]:
-        """Lines and control bytes one way, answers the other; see the module."""
         return iter([self._command(piece) for piece in self._pieces.cut(data)] if sent else self._answers(data))
 
     def rest(self, sent: bool) -> bytes:
@@ -149,7 +144,7 @@ class ImcLanguage:
         return Message(piece, text, self._line(line.removesuffix(CR)), sent=True)
 
     def _line(self, line: bytes) -> str:
-        """A whole line: remember that it wants an answer, and say what it means."""
+        """Remember that this line wants an answer, and say what it means."""
         if not line.strip():
             return "an empty line, no command"
         if len(line) > self._line_bytes:

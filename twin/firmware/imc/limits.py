@@ -1,8 +1,8 @@
 """Limit switches: which are struck, which way they lie, and when one is newly struck.
 
 Switch 1 lies in the negative direction of the counter, switch 2 in the positive one; `@0Ie` exchanges them for an axis.
-A switch that a motion has struck lies where that motion went, whatever the settings said before: so even an axis
-inverted by `@0ID` without exchanging its switches finds its way off them (F21). A later `@0Ie` counts again.
+A switch that a motion has struck lies where that motion went, until the next `@0Ie`: so even an axis inverted by `@0ID`
+without exchanging its switches finds its way off them (F21).
 
     level   ______|~|_|~~~~~~~~~~~~~~~|_|~|_______      active high, for the picture
     struck        ^ newly struck: at once
@@ -15,7 +15,7 @@ from collections.abc import Callable
 
 from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.firmware.imc.ports import LIMIT_PORT, Inputs
-from isel_twin.firmware.imc.settings import AXES, Settings
+from isel_twin.firmware.imc.settings import Settings
 
 
 class LimitSwitches:
@@ -40,7 +40,7 @@ class LimitSwitches:
         return [bit for bit in switches_of(axis) if self.active(bit)]
 
     def edge(self, bit: int, now_ns: int) -> bool:
-        """Tell that the level at a switch has changed; return whether it has been newly struck."""
+        """The level at a switch has changed; True if it has been newly struck."""
         if not self.active(bit):
             self._released_ns[bit] = now_ns
             return False
@@ -48,12 +48,12 @@ class LimitSwitches:
         return released_ns is None or now_ns - released_ns > self._debounce_ns
 
     def found(self, bit: int, motor_direction: int) -> None:
-        """Remember that a motion of the motor in this direction (+1, -1) has struck the switch."""
+        """A motion of the motor in this direction (+1, -1) has struck the switch."""
         if motor_direction:
             self._found[bit] = motor_direction
 
     def forget_found(self, axes: int) -> None:
-        """Forget what motions have found of the switches of these axes (mask)."""
+        """Forget what motions have found on these axes (mask)."""
         self._found = {bit: direction for bit, direction in self._found.items() if not axes >> axis_of(bit) & 1}
 
     def lies(self, bit: int) -> int:
@@ -65,21 +65,18 @@ class LimitSwitches:
         return 1 if switch ^ (settings.swapped >> axis & 1) else -1
 
     def blocks(self, axis: int, direction: int) -> bool:
-        """Is a switch struck towards which the axis would go in this direction?"""
+        """True if a switch is struck towards which the axis would go in this direction."""
         return any(self.lies(bit) == direction for bit in self.struck(axis))
 
 
 def switches_of(axis: int) -> tuple[int, int]:
-    """Bits of the two switches of an axis."""
     return 2 * axis, 2 * axis + 1
 
 
 def name_of(bit: int) -> str:
-    """Contact of a limit switch, as machine files call it."""
+    """Contact of the switch, as machine files call it."""
     return f"limit_{AXIS_NAMES[axis_of(bit)]}{1 + bit % 2}"
 
 
 def axis_of(bit: int) -> int:
-    """Axis a limit switch belongs to."""
-    assert 0 <= bit < 2 * AXES
     return bit // 2

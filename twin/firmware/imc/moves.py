@@ -3,9 +3,9 @@
     numbers --plan_...--> legs --follow--> activity
             refuses                may end early: limit switch, fault, stop
 
-A leg is a path with one time law. A relative move in 2.5D is up to three legs: X and Y together, Z by z1, Z by z2; with
-an A axis its way is the last leg. In 3D it is one leg, at the speed given for X (F23). The next leg starts at the time
-of the last pulse of the one before. Everything a move can be refused for is looked at when it is planned.
+A relative move in 2.5D is up to three legs: X and Y together, Z by z1, Z by z2; with an A axis its way is the last leg.
+In 3D it is one leg, at the speed given for X (F23). A leg starts at the time of the last pulse of the one before.
+Everything a move can be refused for is checked when it is planned.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from isel_twin.firmware.imc.device import Device
 from isel_twin.firmware.imc.grammar import Number
 from isel_twin.firmware.imc.purpose import Reference, Until
 from isel_twin.firmware.imc.replies import BAD_AXES, BAD_NUMBER, BAD_SPEED, LIMIT_SWITCH, Refusal
-from isel_twin.motion import Displacement, StepPath, TimeLaw, helix, line
+from isel_twin.motion import Displacement, StepPath, TimeLaw, circle, line
 
 XYZ = 7
 ANY_SPEED = Number(-(1 << 62), 1 << 62)
@@ -39,7 +39,7 @@ class Leg:
 def travel(device: Device, legs: Sequence[Leg], until: Until | None = None) -> Activity | None:
     """Travel the legs one after the other; a stop in between resumes where it was. `until` ends all of it.
 
-    None if there is nothing to travel: that is no motion, and what was stopped before can still be gone on with.
+    None if there is nothing to travel: then what was stopped before can still be resumed.
     """
     return _travel(device, legs, until) if any(leg.path.ticks for leg in legs) else None
 
@@ -67,24 +67,21 @@ def set_off(device: Device, way: Travel) -> Generator[Request, Ended, Ended]:
 
 
 def _blocked(device: Device, way: Travel) -> bool:
-    """Would this travel drive an axis further onto a switch it stands on?"""
-    last = way.first + way.law.ticks
+    """True if this travel would drive an axis further onto a switch it stands on."""
+    first, last = way.first, way.first + way.law.ticks
+    # over the first ticks, as a curved path may turn later; over all if the axis rests in those
+    spans = (first, min(first + 100, last)), (first, last)
     return any(
-        device.limits.blocks(axis, _sense(way.path, way.first, last, axis))
+        device.limits.blocks(axis, sense(way.path, axis, *spans))
         for axis in device.axis_list
         if device.guards(axis) and device.limits.struck(axis)
     )
 
 
-SETTING_OFF = 100
-"""Ticks that tell which way a curved path sets off."""
-
-
-def _sense(path: StepPath, first: int, last: int, axis: int) -> int:
-    """Direction (+1, -1, 0) in which an axis sets off: over the first ticks, or over all if it rests in those."""
-    begin = path.displacement(first)[axis]
-    for k in (min(first + SETTING_OFF, last), last):
-        steps = path.displacement(k)[axis] - begin
+def sense(path: StepPath, axis: int, *spans: tuple[int, int]) -> int:
+    """Direction (+1, -1) of an axis over the first of these spans of ticks in which it moves; 0 if it rests."""
+    for begin, end in spans:
+        steps = path.displacement(end)[axis] - path.displacement(begin)[axis]
         if steps:
             return 1 if steps > 0 else -1
     return 0
@@ -100,7 +97,7 @@ def move_parameters(device: Device) -> tuple[Number, ...]:
 
 
 def check_relative(device: Device, *values: int) -> None:
-    """Refuse speeds out of range (D); that of a second Z way only if it is gone."""
+    """Refuse speeds out of range (D); that of a second Z way only if there is one."""
     _check_speeds(device, values, second_z=bool(len(values) > 6 and values[6]) and not device.three_d)
 
 
@@ -118,7 +115,6 @@ def _check_speeds(device: Device, values: Sequence[int], second_z: bool) -> None
 
 
 def speed(device: Device) -> Number:
-    """The valid range of speeds."""
     return Number(device.profile.min_speed_hz, device.profile.max_speed_hz, BAD_SPEED)
 
 
@@ -126,7 +122,7 @@ def speed(device: Device) -> Number:
 
 
 def follow(device: Device, legs: Sequence[Leg]) -> Activity | None:
-    """Travel what has been planned; the port condition of a stored program is used up by that (3.2.7)."""
+    """Travel what has been planned; that uses up the port condition of a stored program (3.2.7)."""
     condition, device.port_condition = device.port_condition, None
     return travel(device, legs, None if condition is None else _until(device, *condition))
 
@@ -135,8 +131,7 @@ def plan_relative(device: Device, *values: int) -> tuple[Sequence[Leg]]:
     """`@0A`, `0`: by the given steps."""
     steps = dict(zip(device.axis_list, values[0::2], strict=False))
     second_z = values[6] if device.axes == XYZ else 0
-    free = device.profile.relative_unreferenced
-    return _plan_linear(device, steps, values[1::2], second_z, unreferenced=free)
+    return _plan_linear(device, steps, values[1::2], second_z, unreferenced=device.profile.relative_unreferenced)
 
 
 def plan_absolute(device: Device, *values: int) -> tuple[Sequence[Leg]]:
@@ -169,12 +164,10 @@ def _plan_linear(
 
 
 def as_steps(way: dict[int, int]) -> Displacement:
-    """Steps of all four axes from those of some."""
     return way.get(0, 0), way.get(1, 0), way.get(2, 0), way.get(3, 0)
 
 
 def straight_leg(device: Device, steps: Displacement, speed_hz: int) -> Leg:
-    """A straight way with the ramps in force now, however late it is travelled."""
     return Leg(line(steps), device.law(speed_hz))
 
 
@@ -244,7 +237,7 @@ def plan_arc(device: Device, length: int, speed_hz: int, *rest: int) -> tuple[Se
     check_arc(device, length, speed_hz, *rest)
     d, xs, ys, rx, ry, third = (*rest, 0)[:6]
     first, second, other = PLANES[device.plane]
-    path = helix(length, d, xs, ys, rx, ry, device.clockwise, (first, second), other if third else None, third)
+    path = circle(length, d, xs, ys, rx, ry, device.clockwise, (first, second), other if third else None, third)
     if length:
         device.require_reference((first, second, *((other,) if third else ())))
     device.require_room(path.displacement(length))

@@ -6,10 +6,11 @@ Input terminals are called `p<port>.<bit>`; a terminal that is not wired reads 0
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
-INPUT_PORTS = 4
+from isel_twin.controller import Event, Output
+
 _TERMINAL = re.compile(r"p([0-3])\.([0-7])")
 
 SIGNALS: Mapping[str, tuple[int, int]] = {
@@ -27,21 +28,13 @@ SIGNALS: Mapping[str, tuple[int, int]] = {
 }
 """Status inputs: name -> (port, bit). All of them fail safe: an open wire (0) is the alarm or the stricter state."""
 
+CONTACTS = {"cool": "overtemperature", "stop_released": "stop", "setup": "key"}
+"""Contacts of the machine that do not have the name of their signal."""
 LIMIT_PORT = 3
 
 TERMINALS: Mapping[str, tuple[str, ...]] = {
     **{f"p{LIMIT_PORT}.{bit}": (f"limit_{'xyza'[bit // 2]}{bit % 2 + 1}",) for bit in range(8)},
-    "p1.0": ("estop_1",),
-    "p1.1": ("estop_2",),
-    "p1.2": ("overtemperature",),
-    "p1.3": ("start",),
-    "p1.4": ("stop",),
-    "p1.5": ("probe",),
-    "p2.0": ("spindle",),
-    "p2.1": ("power_ok",),
-    "p2.5": ("hood_automatic",),
-    "p2.6": ("hood_setup",),
-    "p2.7": ("key",),
+    **{f"p{port}.{bit}": (CONTACTS.get(signal, signal),) for signal, (port, bit) in SIGNALS.items()},
     **{f"p0.{bit}": (f"user_{bit}",) for bit in range(8)},
 }
 """Where the contacts of machine and cabinet are wired to (2.2.3, 4.2.6; levels: decision W1)."""
@@ -51,12 +44,12 @@ class Inputs:
     """Levels at the input terminals, as port bytes and as named signals."""
 
     def __init__(self, levels: Mapping[str, bool]) -> None:
-        self._ports = [0] * INPUT_PORTS
+        self._ports = [0] * 4
         for terminal, level in levels.items():
             self.set(terminal, level)
 
     def set(self, terminal: str, level: bool) -> tuple[int, int] | None:
-        """Take a new level; return (port, bit) if this changes an input, None if it does not (or is not ours)."""
+        """Take a new level; return (port, bit) if this changes an input, else None."""
         match = _TERMINAL.fullmatch(terminal)
         if match is None:
             return None
@@ -67,11 +60,9 @@ class Inputs:
         return port, bit
 
     def port(self, number: int) -> int:
-        """Byte 0..255 of port 0..3."""
         return self._ports[number]
 
     def bit(self, port: int, bit: int) -> bool:
-        """One input."""
         return bool(self._ports[port] >> bit & 1)
 
     def __getitem__(self, signal: str) -> bool:
@@ -80,7 +71,7 @@ class Inputs:
 
 @dataclass(frozen=True)
 class OutputPort:
-    """An output port: outputs of its bits, lowest first (None: not connected); does it take a byte, or 0 and 1?"""
+    """Outputs of its bits, lowest first (None: not connected); byte: takes 0 to 255, else 0 and 1."""
 
     bits: tuple[str | None, ...]
     byte: bool
@@ -104,32 +95,22 @@ OUTPUT_PORTS: Mapping[int, OutputPort] = {
 
 POWER_ON_LEVELS: Mapping[str, int] = {
     "software_ok": 1,
-    "stages": 0,
-    "power_request": 0,
-    "brake": 0,
-    "spindle": 0,
+    **dict.fromkeys(("stages", "power_request", "brake", "spindle"), 0),
     "hood_release": 1,
     "current_lowering": 1,
-    "analog": 0,
-    "user": 0,
-    "lamp_start": 0,
-    "lamp_stop": 0,
-    "lamp_fault": 0,
-    "moving": 0,
-    "flash_fault": 0,
+    **dict.fromkeys(("analog", "user", "lamp_start", "lamp_stop", "lamp_fault", "moving", "flash_fault"), 0),
 }
 """Every output and its level after power-on or reset, before the power stages are considered (F24)."""
 
 
 class Outputs:
-    """Levels of the outputs; `changed(name, value)` is called for every change, and for all of them at `reset`."""
+    """Levels of the outputs; every change, and all levels at the first `reset`, are noted in `events`."""
 
-    def __init__(self, changed: Callable[[str, int], None]) -> None:
-        self._changed = changed
+    def __init__(self, events: list[Event]) -> None:
+        self._events = events
         self._levels: dict[str, int] = {}
 
     def reset(self) -> None:
-        """All outputs to their power-on level."""
         for name, value in POWER_ON_LEVELS.items():
             self[name] = value
 
@@ -139,17 +120,16 @@ class Outputs:
     def __setitem__(self, name: str, value: int) -> None:
         if self._levels.get(name) != value:
             self._levels[name] = value
-            self._changed(name, value)
+            self._events.append(Output(name, value))
 
     def read(self, number: int) -> int:
-        """Byte an output port shows now."""
         bits = OUTPUT_PORTS[number].bits
         if len(bits) == 1 and bits[0] is not None:
             return self[bits[0]]
         return sum(self[name] << bit for bit, name in enumerate(bits) if name is not None)
 
     def levels_for(self, number: int, value: int) -> dict[str, int]:
-        """The outputs, and their new levels, that writing a value to a port means."""
+        """Outputs that writing a value to a port sets, and their new levels."""
         bits = OUTPUT_PORTS[number].bits
         if len(bits) == 1 and bits[0] is not None:
             return {bits[0]: value}

@@ -47,14 +47,14 @@ class Profile:
 
 
 def settings() -> Mapping[str, Setting]:
-    """What a machine file may set: numbers of the base profile, positive and whole, and what is true or false there."""
+    """What a machine file may set: whole positive numbers, and switches, of the base profile."""
     number = Limits("", 1, 1e9, whole=True)
     base = _profiles()[BASE].items()
     return {key: bool if isinstance(value, bool) else number for key, value in base if isinstance(value, int)}
 
 
 def load_profile(name: str, settings: Mapping[str, Any]) -> Profile:
-    """The profile called `name`, with the numbers and switches in `settings` in place of its own; others are ignored.
+    """The profile called `name` with the numbers and switches in `settings`; other settings are ignored.
 
     Raises ValueError if a setting is not a positive whole number, or not true or false where the profile has that.
     """
@@ -69,11 +69,10 @@ def load_profile(name: str, settings: Mapping[str, Any]) -> Profile:
         elif isinstance(value, bool) or not isinstance(value, int) or value <= 0:
             raise ValueError(f"controller setting {key} = {value!r}: give a positive whole number")
         values[key] = value
-    as_tuples: dict[str, Any] = {key: tuple(v) if isinstance(v, list) else v for key, v in values.items()}
-    return Profile(**{field.name: as_tuples[field.name] for field in fields(Profile)})
+    chosen = {field.name: values[field.name] for field in fields(Profile)}
+    return Profile(**{name: tuple(value) if isinstance(value, list) else value for name, value in chosen.items()})
 
 
 @cache
 def _profiles() -> Mapping[str, dict[str, Any]]:
-    """The file of the package, read once; nobody may change it."""
     return tomllib.loads(files(__package__).joinpath("profiles.toml").read_text("utf-8"))

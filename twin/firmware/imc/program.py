@@ -1,11 +1,11 @@
 """Stored programs (chapter 3): storing, checking, running.
 
-A program is a list of commands with their parameters. Offsets count commands from the branch itself: 5 skips four
-commands, -5 repeats the last five. A loop makes its commands once and then `count` times more (F32).
+Offsets count commands from the branch itself: 5 skips four commands, -5 repeats the last five. A loop makes its
+commands once and then `count` times more (F32).
 
-Storing goes line by line; the flash says `incomplete` from `@0i` on and `valid` from `9` on, so a power loss or an
-error in between leaves a program that cannot run and must be erased. Memory is counted in bytes of the text of a
-command without blanks, its CR included (F12).
+The flash says `incomplete` from `@0i` on and `valid` from `9` on, so a power loss or an error in between leaves a
+program that cannot run and must be erased. Memory is counted in bytes of the text of a command without blanks, its CR
+included (F12).
 """
 
 from __future__ import annotations
@@ -20,11 +20,7 @@ from isel_twin.firmware.imc.adjust import WHOLE_BYTE
 from isel_twin.firmware.imc.device import Device
 from isel_twin.firmware.imc.purpose import WAITING
 from isel_twin.firmware.imc.replies import BAD_NUMBER, INVALID_FIELD, MEMORY_FULL, Refusal
-from isel_twin.firmware.imc.settings import EMPTY, INCOMPLETE, VALID, StoredProgram
-
-Line = tuple[str, tuple[int, ...]]
-DECISECOND_NS = 100 * MILLISECOND_NS
-"""Unit of the delay command (3.2.6)."""
+from isel_twin.firmware.imc.settings import ProgramState, StoredProgram
 
 
 @dataclass(frozen=True)
@@ -48,7 +44,7 @@ class Loop:
 def admit_recording(device: Device) -> None:
     """`@0i`: axes are set (4), the memory is empty (G)."""
     device.require_axes()
-    if device.flash.program.state != EMPTY:
+    if device.flash.program.state is not ProgramState.EMPTY:
         raise Refusal(INVALID_FIELD)
 
 
@@ -56,12 +52,11 @@ class Recorder:
     """Takes the lines between `@0i` and `9`. A line with an error ends the field and spoils it (3.1)."""
 
     def __init__(self, device: Device) -> None:
-        """Begin a data field."""
         self._device = device
-        self._lines: list[Line] = []
+        self._lines: list[tuple[str, tuple[int, ...]]] = []
         self._depth: list[int] = []
         self._used = 0
-        device.store(program=StoredProgram(INCOMPLETE, axes=device.axes))
+        self.spoil()
 
     def add(self, code: str, values: tuple[int, ...]) -> None:
         """Store a command. Raises Refusal: 6 memory full, 1 a branch before the beginning or loops too deep."""
@@ -82,11 +77,13 @@ class Recorder:
         for number, (code, values) in enumerate(self._lines):
             if number + (offset_of(code, values) or 0) > len(self._lines):
                 raise Refusal(BAD_NUMBER)
-        self._device.store(program=StoredProgram(VALID, tuple(self._lines), self._device.axes, self._device.modal))
+        device = self._device
+        device.store(program=StoredProgram(ProgramState.VALID, tuple(self._lines), device.axes, device.modal))
 
     def spoil(self) -> None:
-        """An error: what has been stored so far is invalid."""
-        self._device.store(program=StoredProgram(INCOMPLETE, tuple(self._lines), self._device.axes))
+        """At the beginning, and after an error: what has been stored so far is no valid program."""
+        lines, axes = tuple(self._lines), self._device.axes
+        self._device.store(program=StoredProgram(ProgramState.INCOMPLETE, lines, axes))
 
 
 def offset_of(code: str, values: tuple[int, ...]) -> int | None:
@@ -123,7 +120,7 @@ def wait_for_sync(device: Device, char: int, offset: int) -> Activity:
 
 def delay(device: Device, tenths: int) -> Activity:
     """`5`: in tenths of a second; a stop does not shorten it (3.2.6)."""
-    yield Pause(tenths * DECISECOND_NS)
+    yield Pause(tenths * 100 * MILLISECOND_NS)
 
 
 def check_input(device: Device, port: int, bit: int, value: int, *_: int) -> None:
@@ -154,8 +151,8 @@ def _masked(bit: int, value: int) -> tuple[int, int]:
 def run_program(device: Device, table: Mapping[str, Any]) -> Activity:
     """Run the stored program; `table` maps codes to commands. Ends like a command: return, or Refusal with its code.
 
-    Commands that take no time of their own take none. Only a branch back to where the program has been at this very
-    instant costs a cycle, so that waiting for an input is possible and no program stands still in time (F32).
+    Commands without a duration of their own take no time. Only a second branch back at the same instant costs a cycle,
+    so that waiting for an input is possible and no program stands still in time (F32).
     """
     lines = device.flash.program.lines
     loops: list[list[int]] = []

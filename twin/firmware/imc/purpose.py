@@ -1,12 +1,10 @@
-"""What the iMC's activities ask for things for: what decides how a stop, a switch or an input ends them.
+"""Purposes of the iMC's requests: they decide how a stop, a switch or an input ends them.
 
-    Travel(path, law)                            an ordinary way: a stop parks it, a limit switch is an error
-    Travel(path, law, first, Until(condition))   ... and it ends with the stop ramp as soon as the condition holds
-    Travel(path, law, 0, Reference(seek=2))      towards the reference switch of Z, which ends it at once
-    Pause(ns, REFERENCE)                         standing within a reference run
-    Pause(ns, WAITING)                           a program that waits for an input
-
-Read by the supervisor, and by whoever sets off (`moves.set_off`).
+Travel(path, law)                            an ordinary way: a stop parks it, a limit switch is an error
+Travel(path, law, first, Until(condition))   ... and it ends with the stop ramp as soon as the condition holds
+Travel(path, law, 0, Reference(seek=2))      towards the reference switch of Z, which ends it at once
+Pause(ns, REFERENCE)                         standing within a reference run
+Pause(ns, WAITING)                           a program that waits for an input
 """
 
 from __future__ import annotations
@@ -24,10 +22,7 @@ class Until:
 
 @dataclass(frozen=True)
 class Reference:
-    """Part of a reference run, which a stop breaks off instead of parking it.
-
-    seek: axis whose limit switches, or the stop key, end the motion at once.
-    """
+    """Part of a reference run, which a stop breaks off. seek: axis whose switches, or the stop key, end it at once."""
 
     seek: int | None = None
 
@@ -35,9 +30,5 @@ class Reference:
 REFERENCE = Reference()
 
 
-@dataclass(frozen=True)
-class Waiting:
-    """A pause in which a stop parks the program, as it does in its moves."""
-
-
-WAITING = Waiting()
+WAITING = "waiting"
+"""A pause in which a stop parks the program, as it does in its moves."""

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from isel_twin.firmware.imc.device import Device
 from isel_twin.firmware.imc.replies import OK, SYNTAX, Refusal
 from isel_twin.firmware.imc.safety import State
-from isel_twin.firmware.imc.settings import AXES, VALID
+from isel_twin.firmware.imc.settings import AXES, ProgramState
 from isel_twin.version import VERSION
 
 AXIS_NAMES = "XYZA"
@@ -26,7 +26,7 @@ def read_port(device: Device, port: int) -> str:
 
 
 def check_diagnosis(device: Device, text: str) -> None:
-    """Only what DIAGNOSES lists can be asked for (5)."""
+    """Refuse what DIAGNOSES does not list (5)."""
     if text.strip(" ") not in DIAGNOSES:
         raise Refusal(SYNTAX)
 
@@ -47,7 +47,7 @@ def _status(device: Device) -> int:
         device.safety is State.FAULT,
         device.three_d,
         device.test_mode,
-        device.flash.program.state == VALID,
+        device.flash.program.state is ProgramState.VALID,
     )
     return sum(bool(flag) << bit for bit, flag in enumerate(flags))
 
@@ -62,7 +62,6 @@ DIAGNOSES: Mapping[str, Callable[[Device], int]] = {
     "S0": _status,
 }
 """Limit switches struck in positive and in negative direction, one bit an axis; status."""
-
 
 STATUS_LINES: tuple[tuple[tuple[str, tuple[str, ...]], ...], ...] = (
     (("e-stop", ("estop_1", "estop_2")), ("cool", ("cool",)), ("power", ("power_ok",))),

@@ -1,8 +1,4 @@
-"""How the iMC's lines are read and answered: what a host that listens must follow.
-
-How long an answer is follows from the query; what a line means, from the axes that are set, the device number, and
-whether it stands in a data field between `@0i` and `9`.
-"""
+"""How the iMC's lines are read and answered, as far as it depends on the lines before: `ReadingState`."""
 
 from __future__ import annotations
 
@@ -30,7 +26,6 @@ class AnswerForm:
     """What an answer (without a code before it) to a query with these parameters means; None: it is only a code."""
 
     def whole(self, answer: bytes | bytearray) -> bool:
-        """True if the answer is complete."""
         if self.code_last:
             last = answer.rpartition(LF)[2]
             return len(last) == 1 and chr(last[0]) in replies.WORDS
@@ -39,7 +34,7 @@ class AnswerForm:
         return len(answer) > self.digits and answer.count(LF) >= self.lines
 
     def fits(self, byte: int) -> bool:
-        """True if the byte can continue an answer."""
+        """True if the byte can continue the answer."""
         return not self.digits or chr(byte) in "0123456789ABCDEF"
 
 
@@ -94,7 +89,7 @@ def stored(line: bytes) -> tuple[str, str]:
 
 
 def numbers(text: str) -> list[int] | None:
-    """The numbers of a command; None if they are none."""
+    """The numbers of a command; None if a field is no number."""
     try:
         return [grammar.read_number(field) for field in text.split(",")] if text.strip(" ") else []
     except replies.Refusal:
@@ -115,17 +110,12 @@ def _position_words(answer: str, text: str) -> str:
 
 
 def _byte_words(about: str) -> Callable[[str, str], str]:
-    """Two hexadecimal digits."""
     return lambda answer, text: f"{about} {plain(text)}: {int(answer, 16)} (bits {int(answer, 16):08b})"
 
 
 def _lines_words(about: str) -> Callable[[str, str], str]:
     """The lines of the answer, without the code after them."""
-
-    def words(answer: str, text: str) -> str:
-        return f"{about}: {', '.join(plain(line) for line in answer.split(END)[:-1])}"
-
-    return words
+    return lambda answer, text: f"{about}: {', '.join(plain(line) for line in answer.split(END)[:-1])}"
 
 
 QUERIES: Mapping[str, AnswerForm] = {
@@ -136,4 +126,4 @@ QUERIES: Mapping[str, AnswerForm] = {
     "U": AnswerForm(lines=1, words=_lines_words("answer")),
     "V": AnswerForm(lines=2, words=_lines_words("version")),
 }
-"""Queries that answer with more than a code, by their own code; `@0P` needs to know the axes: `ReadingState.form`."""
+"""Queries that answer with more than a code, by their own code; for `@0P` see `ReadingState.form`."""

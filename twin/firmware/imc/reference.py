@@ -33,7 +33,7 @@ REFERENCE_RUN, RUNNING_FREE = "reference run", "running free"
 
 
 def admit_reference_run(device: Device, mask: int) -> tuple[int]:
-    """`@0R`, `7`: axes may move, and no axis stands between two struck switches (2), unless in test mode."""
+    """`@0R`, `7`: axes may move; two struck switches of one axis (2) matter only outside test mode."""
     device.require_power()
     if not device.test_mode:
         _require_ways_off(device, mask)
@@ -41,14 +41,14 @@ def admit_reference_run(device: Device, mask: int) -> tuple[int]:
 
 
 def admit_run_free(device: Device, mask: int) -> tuple[int]:
-    """`@0F`: axes may move, and no axis stands between two struck switches (2)."""
+    """`@0F`: axes may move, and no axis has both switches struck (2)."""
     device.require_power()
     _require_ways_off(device, mask)
     return (mask,)
 
 
 def _require_ways_off(device: Device, mask: int) -> None:
-    """Raise Refusal(2) if both switches of an axis are struck: nobody knows which way leads off them."""
+    """Raise Refusal(2) if both switches of an axis are struck: either way leads onto one of them."""
     if any(len(device.limits.struck(axis)) > 1 for axis in ORDER if mask >> axis & 1):
         raise Refusal(LIMIT_SWITCH)
 
@@ -91,7 +91,7 @@ def _find_switch(device: Device, axis: int) -> Activity:
         law = device.law(device.reference_hz(axis))(path.ticks)
         ended = yield from set_off(device, Travel(path, law, purpose=Reference(seek=axis)))
         if not ended.by_event:
-            ahead = [name_of(bit) for bit in switches_of(axis) if device.limits.lies(bit) == direction]
+            ahead = (name_of(bit) for bit in switches_of(axis) if device.limits.lies(bit) == direction)
             awaited = " or ".join(ahead) or "a switch"
             _fail(device, axis, REFERENCE_RUN, f"{awaited} has not been struck in {farthest} steps towards it")
         yield Pause(device.profile.settle_ms * MILLISECOND_NS, REFERENCE)
@@ -99,7 +99,7 @@ def _find_switch(device: Device, axis: int) -> Activity:
 
 
 def _fail(device: Device, axis: int, what: str, why: str) -> NoReturn:
-    """Raise Refusal(2), whose reason is said to people."""
+    """Raise Refusal(2) with its reason as a remark."""
     device.remark(f"{what} of {AXIS_NAMES[axis].upper()}: {why}")
     raise Refusal(LIMIT_SWITCH)
 

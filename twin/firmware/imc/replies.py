@@ -22,9 +22,6 @@ INVALID_FIELD = "G"
 HOOD_OPEN = "H"
 NOT_REFERENCED = "R"
 
-ALL = frozenset("0123456789DFGHR")
-"""Every code this family of controllers uses; A, B, C and E belong to other controllers."""
-
 WORDS: Mapping[str, str] = {
     OK: "done",
     BAD_NUMBER: "not a number, or out of range",
@@ -42,7 +39,7 @@ WORDS: Mapping[str, str] = {
     HOOD_OPEN: "hood open in automatic",
     NOT_REFERENCED: "not referenced",
 }
-"""The codes in words."""
+"""Every code of this family in words; A, B, C and E belong to other controllers."""
 
 
 class Refusal(Unfinished):

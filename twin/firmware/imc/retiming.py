@@ -4,10 +4,10 @@
     @0M0,9000,... -->  @0J900                    what is not in force yet is set before the move
                        @0M0,22000,...            speeds from `rapid_hz` upwards; slower ones are feeds
 
-Ramps are in force until the next reset (2.2.15, 2.2.16), so a move that wants the same as the one before gets no line.
-A line with <254> in it may hold any byte, also a reset, so after it ramps are set anew; the same after
-commands that put other defaults in force (`@0IJ`, `@0Ij`, `@0IL`, `@0IX`). Lines between `@0i` and `9` are a stored
-program, whose branches count lines; it stays as it is and travels with the ramps in force when it is started.
+Ramps are in force until the next reset (2.2.15, 2.2.16), so a move with those of the one before gets no line. They are
+set anew after a line with <...> in it, which may be a reset, and after commands that bring other defaults (`@0IJ`,
+`@0Ij`, `@0IL`, `@0IX`). Lines between `@0i` and `9` are a stored program, whose branches count lines; it stays as it is
+and travels with the ramps in force when it is started.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from isel_twin.firmware.imc import commands, grammar, replies
 from isel_twin.language import JobMove, MoveSettings
 
 RAMPS: Mapping[str, str] = {"j": "start_stop_hz", "J": "acceleration_hz_per_ms"}
-"""Commands that set a ramp (2.2.15, 2.2.16), and which of the settings that is."""
+"""Commands that set a ramp (2.2.15, 2.2.16), and the setting it is."""
 STRAIGHT = frozenset("AM")
 """Moves with pairs of steps and speed (2.2.2, 2.2.18)."""
 OTHER_MOTIONS = frozenset("ywZS")
@@ -44,10 +44,6 @@ class _Told:
     @property
     def moves(self) -> bool:
         return self.code in STRAIGHT or self.code in OTHER_MOTIONS
-
-    @property
-    def device(self) -> str:
-        return self.head[:2]
 
 
 def job_moves(lines: Sequence[str], defaults: Mapping[str, int]) -> list[JobMove]:
@@ -78,7 +74,7 @@ def retimed(lines: Sequence[str], settings: Mapping[int, MoveSettings], rapid_hz
             own = [f"{told.head}{value}"]
         elif told.moves and number in settings:
             wanted = {code: _value(settings[number], code) for code in RAMPS}
-            before = [f"{told.device}{code}{value}" for code, value in wanted.items() if in_force.get(code) != value]
+            before = [f"{told.head[:2]}{code}{value}" for code, value in wanted.items() if in_force.get(code) != value]
             in_force.update(wanted)
             own = [*before, _faster(line, told, settings[number].speed_hz, rapid_hz)]
         made.append(own)
@@ -90,7 +86,6 @@ def _value(settings: MoveSettings, code: str) -> int:
 
 
 def _faster(line: str, told: _Told, speed_hz: int, rapid_hz: int) -> str:
-    """The move with `speed_hz` in place of every rapid speed."""
     if told.code not in STRAIGHT or max(told.values[1::2], default=0) < rapid_hz:
         return line
     values = [speed_hz if at % 2 and value >= rapid_hz else value for at, value in enumerate(told.values)]
@@ -105,13 +100,12 @@ def _told(lines: Sequence[str]) -> Iterator[_Told]:
         if storing:
             storing = text != "9"
             yield _Told()
-            continue
-        if PAUSES.fullmatch(text):
+        elif PAUSES.fullmatch(text):
             yield _Told()
-            continue
-        told = _Told(forgets=True) if "<" in text else _read(text)
-        storing = told.code == "i"
-        yield told
+        else:
+            told = _Told(forgets=True) if "<" in text else _read(text)
+            storing = told.code == "i"
+            yield told
 
 
 def _read(text: str) -> _Told:

@@ -1,7 +1,7 @@
 """The safety chain as the firmware sees it: three states, and what each forbids.
 
-Goal: one place that decides whether something may move. The hardware (safety relay, hood lock) works without it; this
-machine reads their contacts, drops the controller's own enable signals and refuses commands.
+The hardware (safety relay, hood lock) works without it; this machine reads their contacts, drops the controller's own
+enable signals and refuses commands.
 
                   initialised (@0<axes>: circuits closed, power on)
           +------------------------------------------------------------+
@@ -29,16 +29,12 @@ from isel_twin.firmware.imc.ports import Inputs
 
 
 class State(enum.Enum):
-    """What the controller allows."""
-
     OPERATING = "operating"
     LIMIT = "limit"
     FAULT = "fault"
 
 
 class Event(enum.Enum):
-    """What changes it."""
-
     INITIALISED = "initialised"
     REFERENCE_BEGUN = "reference begun"
     LIMIT_STRUCK = "limit struck"

@@ -11,6 +11,7 @@ holds a value that no command would have stored counts as none: the device comes
 
 from __future__ import annotations
 
+import enum
 import json
 import zlib
 from collections.abc import Mapping
@@ -26,6 +27,11 @@ AXES = 4
 Watch = tuple[int, int, int]
 """Port, mask, value of 4.2.11 to 4.2.14; mask 0 switches it off."""
 NO_WATCH: Watch = (0, 0, 0)
+
+
+def axes_of(mask: int) -> tuple[int, ...]:
+    """Axes of a mask, in the order X, Y, Z, A."""
+    return tuple(axis for axis in range(AXES) if mask >> axis & 1)
 
 
 @dataclass(frozen=True)
@@ -80,14 +86,19 @@ class Modal:
         return replace(self, **unset)
 
 
-EMPTY, INCOMPLETE, VALID = "empty", "incomplete", "valid"
+class ProgramState(enum.StrEnum):
+    """Of the memory for a stored program. INCOMPLETE: begun and not ended, or spoiled; only erasing helps."""
+
+    EMPTY = "empty"
+    INCOMPLETE = "incomplete"
+    VALID = "valid"
 
 
 @dataclass(frozen=True)
 class StoredProgram:
-    """A stored program: lines of (code, values). `incomplete`: begun and not ended, or spoiled; only erasing helps."""
+    """Lines of (code, values), and the axes and modal values they were stored with."""
 
-    state: str = EMPTY
+    state: ProgramState = ProgramState.EMPTY
     lines: tuple[tuple[str, tuple[int, ...]], ...] = ()
     axes: int = 0
     modal: Modal = field(default_factory=Modal)
@@ -95,14 +106,11 @@ class StoredProgram:
 
 @dataclass(frozen=True)
 class Flash:
-    """Content of the flash."""
-
     settings: Settings
     program: StoredProgram = field(default_factory=StoredProgram)
 
 
 def encode(flash: Flash) -> bytes:
-    """Flash image of this content."""
     body = json.dumps(asdict(flash), separators=(",", ":")).encode("utf-8")
     return MAGIC + b"%08x\n" % zlib.crc32(body) + body
 
@@ -120,16 +128,10 @@ RANGES: Mapping[str, tuple[tuple[int, int], ...]] = {
     "start_stop_hz": ((20, 4000),),
     "acceleration_hz_per_ms": ((1, 4000),),
     "limit_switches": ((0, 65_535),),
-    "swapped": (MASK,),
-    "inverted": (MASK,),
-    "reference_inverted": (MASK,),
-    "rotary": (MASK,),
-    "io_only": (SWITCH,),
-    "baud_9600": (SWITCH,),
-    "abort": (PORT, BYTE, BYTE),
+    **dict.fromkeys(("swapped", "inverted", "reference_inverted", "rotary"), (MASK,)),
+    **dict.fromkeys(("io_only", "baud_9600"), (SWITCH,)),
+    **dict.fromkeys(("abort", "hood", "emergency"), (PORT, BYTE, BYTE)),
     "error_signal": ((0, 0), BYTE, BYTE),
-    "hood": (PORT, BYTE, BYTE),
-    "emergency": (PORT, BYTE, BYTE),
     "plane": ((0, 2),),
 }
 """Ranges of the numbers of each value: those of the command that sets it (commands.py). The range of speeds is a
@@ -137,7 +139,7 @@ setting of the profile, which may be another one at the next start; so for them 
 
 
 def decode(image: bytes) -> Flash | None:
-    """Content of a flash image; None if it is damaged or holds values that no command could have stored."""
+    """None if the image is damaged or holds values that no command could have stored."""
     head, _, body = image.partition(b"\n")
     if head != MAGIC + b"%08x" % zlib.crc32(body):
         return None
@@ -147,7 +149,7 @@ def decode(image: bytes) -> Flash | None:
         lines = tuple((code, tuple(values)) for code, values in program["lines"])
         flash = Flash(
             _build(Settings, tree["settings"]),
-            StoredProgram(program["state"], lines, program["axes"], _build(Modal, program["modal"])),
+            StoredProgram(ProgramState(program["state"]), lines, program["axes"], _build(Modal, program["modal"])),
         )
     except (ValueError, TypeError, KeyError, RecursionError):
         return None
@@ -155,24 +157,24 @@ def decode(image: bytes) -> Flash | None:
 
 
 def _possible(flash: Flash) -> bool:
-    """Whether commands could have stored this."""
-    settings, program = flash.settings, flash.program
-    info = settings.user_info
-    modal = {f.name: getattr(program.modal, f.name) for f in fields(Modal)}
-    switches = ("three_d", "clockwise", "test_mode")
+    settings, program = vars(flash.settings), flash.program
+    modal = {name: value for name, value in vars(program.modal).items() if value is not None}
     return (
-        all(_in_range(name, getattr(settings, name)) for name in (f.name for f in fields(Settings)) if name in RANGES)
-        and (isinstance(info, str) and len(info) <= USER_INFO_LENGTH and info.isascii() and info.isprintable())
-        and all(value is None or isinstance(value, bool) for name, value in modal.items() if name in switches)
-        and all(value is None or _in_range(name, value) for name, value in modal.items() if name not in switches)
-        and program.state in (EMPTY, INCOMPLETE, VALID)
-        and _whole(program.axes, program.state != EMPTY, MASK[1])
+        all(_in_range(name, settings[name]) for name in settings.keys() & RANGES.keys())
+        and is_user_info(settings["user_info"])
+        and all(_in_range(name, value) if name in RANGES else isinstance(value, bool) for name, value in modal.items())
+        and _whole(program.axes, program.state is not ProgramState.EMPTY, MASK[1])
         and program.axes in AXIS_SETS
         and all(
             isinstance(code, str) and all(_whole(value, -WHOLE[1] - 1, WHOLE[1]) for value in values)
             for code, values in program.lines
         )
     )
+
+
+def is_user_info(text: Any) -> bool:
+    """At most 32 printable characters (4.2.16)."""
+    return isinstance(text, str) and len(text) <= USER_INFO_LENGTH and text.isascii() and text.isprintable()
 
 
 def _in_range(name: str, value: Any) -> bool:
@@ -187,7 +189,7 @@ def _in_range(name: str, value: Any) -> bool:
 
 
 def _whole(value: Any, low: int, high: int) -> bool:
-    """Whether it is a whole number (True and False are none) in this range."""
+    """Whether it is a whole number, and no bool, in this range."""
     return type(value) is int and low <= value <= high
 
 

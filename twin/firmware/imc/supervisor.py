@@ -10,8 +10,8 @@ One task at a time:
     limit switch                 ends at once, `2`
     power lost                   ends at once, `9`
 
-A change of an input is looked at when it comes, as far as it concerns safety or the motion; the hood, and the ports a
-stored program watches, once a cycle (F31).
+An input that concerns safety or the motion acts when it changes; the hood, and the ports that a stored program watches,
+are looked at once a cycle (F31).
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.firmware.activity import Activity, Listen, Unfinished
 from isel_twin.firmware.imc.device import Device
 from isel_twin.firmware.imc.limits import axis_of
+from isel_twin.firmware.imc.moves import sense
 from isel_twin.firmware.imc.ports import LIMIT_PORT
 from isel_twin.firmware.imc.purpose import WAITING, Reference, Until
 from isel_twin.firmware.imc.replies import FAULT, HOOD_OPEN, LIMIT_SWITCH, NOT_REFERENCED, OK, STOPPED, Refusal
 from isel_twin.firmware.imc.safety import State, hood_safe, powered
-from isel_twin.firmware.imc.settings import Watch
-from isel_twin.motion import Displacement, Motion, StepRun
+from isel_twin.motion import Displacement, StepRun
 
 
 @dataclass
 class Task:
-    """What is in progress. `answers`: the host is told its end (a stop it is always told); `program`: a stored one."""
+    """A command in progress. answers: the host is told its end, as it is always told a stop; program: a stored one."""
 
     answers: bool
     program: bool
@@ -56,29 +56,25 @@ class Supervisor:
     # ---- starting and ending ----------------------------------------------------------------------------------------
 
     def start(self, activity: Activity, *, answers: bool, program: bool = False) -> None:
-        """Begin a task; there is none in progress."""
+        """Begin a task; none is in progress."""
         self.task = Task(answers, program)
         self._executor.start(activity, self._ended)
 
     def resume(self, *, answers: bool) -> None:
-        """Go on with the parked task. answers: the host has asked for it and wants to know the end."""
+        """Go on with the parked task. answers: the host has asked for that, and is told the end."""
         assert self.parked is not None
         self.task, self.parked = self.parked, None
         self.task.answers |= answers
         self._executor.resume()
 
     def require_unchanged(self) -> None:
-        """Raise Refusal(R) if since the stop an axis has lost its reference or changed its direction.
-
-        The rest would lead elsewhere (F28).
-        """
+        """Raise Refusal(R) if an axis has lost its reference or changed its direction since the stop (F28)."""
         referenced, direction = self._stood
         lost = any(was and not now for was, now in zip(referenced, self._device.referenced, strict=True))
         if lost or direction != self._device.direction:
             raise Refusal(NOT_REFERENCED)
 
     def forget_parked(self) -> None:
-        """The rest of a stopped motion or program is forgotten."""
         self.parked = None
         self._executor.forget()
 
@@ -88,7 +84,6 @@ class Supervisor:
         self._executor.discard()
 
     def _ended(self, reason: Unfinished | None) -> None:
-        """The task has ended."""
         assert self.task is not None
         assert reason is None or isinstance(reason, Refusal)
         task, self.task = self.task, None
@@ -99,7 +94,6 @@ class Supervisor:
             self._reply(code)
 
     def _parked(self) -> None:
-        """The task stands, and waits for a start."""
         self.parked, self.task = self.task, None
         self._stood = tuple(self._device.referenced), self._device.direction
         self._reply(STOPPED)
@@ -108,13 +102,11 @@ class Supervisor:
 
     @property
     def next_ns(self) -> int | None:
-        """When something is due."""
         times = (self._executor.next_ns, self._cycle_ns)
         return min((max(t, self._device.now_ns) for t in times if t is not None), default=None)
 
     @property
     def due(self) -> bool:
-        """Something is due now."""
         return self.next_ns is not None and self.next_ns <= self._device.now_ns
 
     @property
@@ -123,7 +115,6 @@ class Supervisor:
         return self._executor.motion is not None or isinstance(self._executor.purpose, Reference)
 
     def tick(self) -> None:
-        """Do what is due at the device's time."""
         if self._cycle_ns is not None and self._device.now_ns >= self._cycle_ns:
             self._cycle_ns = None
             self._supervise()
@@ -149,13 +140,12 @@ class Supervisor:
         return isinstance(self._executor.request, Listen)
 
     def hear(self, byte: int) -> None:
-        """Give the waiting program its byte."""
         self._executor.hear(byte)
 
     def stop(self) -> bool:
-        """Byte 253 or the stop key: park the task where it can be resumed; a reference run is broken off.
+        """Byte 253 or the stop key: park the task; a reference run is broken off.
 
-        Returns whether it is heard: not within a delay of a program (3.2.6).
+        Returns False if it is ignored, as in a delay of a program (3.2.6).
         """
         executor = self._executor
         if isinstance(executor.purpose, Reference):
@@ -184,7 +174,6 @@ class Supervisor:
     # ---- inputs -----------------------------------------------------------------------------------------------------
 
     def input_changed(self, port: int, bit: int) -> None:
-        """React to an input that has just changed, as far as it concerns safety or the motion in progress."""
         device = self._device
         if port == LIMIT_PORT:
             self._limit_changed(bit)
@@ -195,7 +184,6 @@ class Supervisor:
             self._cycle_ns = device.now_ns + device.profile.cycle_ms * MILLISECOND_NS
 
     def _check_condition(self) -> None:
-        """End a move whose condition has come true, with the stop ramp."""
         executor = self._executor
         if executor.motion is None or executor.stopping:
             return
@@ -223,25 +211,17 @@ class Supervisor:
             self._executor.abort(Refusal(LIMIT_SWITCH))
 
 
-def heading(run: Motion, now_ns: int, axis: int) -> int:
-    """Counter direction (+1, -1, 0) in which a step run moves an axis, over its last ticks."""
-    assert isinstance(run, StepRun)
-    path, made = run.path, run.count(now_ns)
-    for begin in (max(made - 100, 0), 0):  # a slow axis may not have stepped within the last 100 ticks
-        steps = path.displacement(made)[axis] - path.displacement(begin)[axis]
-        if steps:
-            return 1 if steps > 0 else -1
-    return 0
+def heading(run: StepRun, now_ns: int, axis: int) -> int:
+    """Counter direction (+1, -1, 0) in which a motion moves an axis, over its last ticks."""
+    made = run.count(now_ns)
+    # a slow axis may not have stepped within the last 100 ticks
+    return sense(run.path, axis, (max(made - 100, 0), made), (0, made))
 
 
 def watched(device: Device) -> str | None:
     """What the ports watched in CNC mode demand: 9 (emergency), H (hood), F (abort), None (nothing)."""
     settings = device.settings
-    watches: tuple[tuple[Watch, str], ...] = (
-        (settings.emergency, FAULT),
-        (settings.hood, HOOD_OPEN),
-        (settings.abort, STOPPED),
-    )
+    watches = (settings.emergency, FAULT), (settings.hood, HOOD_OPEN), (settings.abort, STOPPED)
     for (port, mask, value), code in watches:
         if (device.inputs.port(port) ^ value) & mask:
             return code

@@ -6,9 +6,8 @@
                      v  |
                      held -------> dropped, if the rest of the stopped motion is forgotten
 
-A stop holds what has come before it; what comes after it is carried out at once. So nothing starts
-to move that was not asked for after the stop, and the position can be asked for. Memory is bounded: lines that do not
-fit are lost and counted.
+A stop holds what has come before it; what comes after it is carried out at once. So nothing moves that was not asked
+for after the stop, and the position can be asked for. Memory is bounded: lines that do not fit are lost and counted.
 """
 
 from __future__ import annotations
@@ -17,8 +16,6 @@ from collections import deque
 
 
 class WaitingLines:
-    """Lines in the order of their arrival, and before them those that are held."""
-
     def __init__(self, limit: int) -> None:
         """limit: bytes, line ends included, that may wait; twice as many may be held."""
         self._limit = limit
@@ -43,7 +40,6 @@ class WaitingLines:
             self._waiting_bytes += size
 
     def take(self) -> bytes | None:
-        """The next line that waits."""
         if not self._waiting:
             return None
         line = self._waiting.popleft()
@@ -51,7 +47,6 @@ class WaitingLines:
         return line
 
     def hold(self) -> None:
-        """A stop: all that waits is held."""
         while (line := self.take()) is not None:
             size = len(line) + 1
             if self._held_bytes + size > 2 * self._limit:
@@ -69,9 +64,7 @@ class WaitingLines:
 
     @property
     def first_held(self) -> bytes | None:
-        """The first line held."""
         return self._held[0] if self._held else None
 
     def drop_first_held(self) -> None:
-        """Forget it: it has been answered."""
         self._held_bytes -= len(self._held.popleft()) + 1

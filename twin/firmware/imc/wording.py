@@ -16,7 +16,6 @@ Details = Callable[[Sequence[int], int], str | None]
 
 
 def line_words(line: bytes, mode: ReadingState) -> str:
-    """A line in words."""
     if mode.storing and not line.lstrip().startswith(b"@"):
         code, text = stored(line)
         if code == END_OF_FIELD:
@@ -40,7 +39,7 @@ def line_words(line: bytes, mode: ReadingState) -> str:
 
 
 def _parameters(details: Details | None, text: str, axes: int) -> str:
-    """The parameters in words, or as they stand if they are not as expected."""
+    """As they stand if their number is not as expected."""
     values = numbers(text)
     if values == []:
         return ""
@@ -58,12 +57,11 @@ def _choice(*names: str, first: int = 0) -> Details:
 
 
 def _letters(mask: int) -> str:
-    """Axes of a mask."""
     return " ".join(name for axis, name in enumerate(AXIS_NAMES) if mask >> axis & 1) or "none"
 
 
 def _names(axes: int, count: int) -> list[str]:
-    """Names of the axes that `count` numbers are for: those set, or if that is not known, the first ones."""
+    """Names of the axes that `count` numbers are for: those set, or the first ones if that is not known."""
     return _letters(axes).split() if axes else list(AXIS_NAMES[:count])
 
 
@@ -145,10 +143,10 @@ def _character(code: int) -> str:
     return repr(chr(code)) if 32 <= code < 127 else str(code)
 
 
-_axes, _hz, _ramp = _one(_letters), _one(lambda value: f"{value} Hz"), _one(lambda value: f"{value} Hz/ms")
+_axes, _number = _one(_letters), _one(str)
+_hz, _ramp = _one(lambda value: f"{value} Hz"), _one(lambda value: f"{value} Hz/ms")
 _switch, _plane = _choice("off", "on"), _choice("XY", "XZ", "YZ")
 _turn = _choice("counter-clockwise", "clockwise", first=-1)
-_number = _one(str)
 
 DNC_DETAILS: Mapping[str, Details] = {
     commands.AXES_CODE: _axes,
@@ -158,35 +156,20 @@ DNC_DETAILS: Mapping[str, Details] = {
     "d": _each(" Hz"),
     "e": _plane,
     "f": _turn,
-    "F": _axes,
-    "g": _switch,
-    "G": _number,
     "j": _hz,
     "J": _ramp,
     "M": _ways("to", None),
-    "n": _axes,
-    "N": _axes,
-    "R": _axes,
-    "T": _switch,
     "w": _arc,
     "y": _arc,
-    "z": _switch,
     "Z": _until_port,
     "Id": _four(" Hz"),
     "IF": _four(""),
     "IJ": _ramp,
     "Ij": _hz,
-    "IO": _switch,
-    "IE": _number,
-    "Ie": _axes,
-    "ID": _axes,
-    "IR": _axes,
-    "IT": _axes,
-    "IA": _watch,
-    "Ia": _watch,
-    "IH": _watch,
-    "IN": _watch,
-    "IC": _switch,
+    **dict.fromkeys(("F", "n", "N", "R", "Ie", "ID", "IR", "IT"), _axes),
+    **dict.fromkeys(("g", "T", "z", "IO", "IC"), _switch),
+    **dict.fromkeys(("G", "IE"), _number),
+    **dict.fromkeys(("IA", "Ia", "IH", "IN"), _watch),
 }
 """Parameters of DNC and initialisation commands in words; those that have none are left out."""
 

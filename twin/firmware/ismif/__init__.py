@@ -8,7 +8,8 @@
     configuration.py   what can be set
     moves.py           ramp law, full steps
 
-docs/ismif.md tells what the manual leaves open and the ramp law in closed form.
+docs/ismif.md has what the manual leaves open and the ramp law in closed form. Sections in the docstrings are the
+manual's; S1, S2 ... are in docs/decisions.md.
 """
 
 from __future__ import annotations

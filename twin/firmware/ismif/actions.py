@@ -25,13 +25,11 @@ from isel_twin.controller import CounterSet, Event, Output, Remark
 from isel_twin.firmware.activity import Activity, Ended, Pause, Travel, Unfinished
 from isel_twin.firmware.executor import Executor, Parked
 from isel_twin.firmware.ismif.commands import STEPS_LIMIT, Instruction, Target
-from isel_twin.firmware.ismif.configuration import SETTINGS, Configuration
+from isel_twin.firmware.ismif.configuration import Configuration
 from isel_twin.firmware.ismif.moves import FullSteps, ramp
 from isel_twin.motion import line
 
 AXES = range(3)
-COUNTERS = 4
-"""X, Y, Z, and one that nothing moves."""
 REST_NS = 50 * MILLISECOND_NS
 """Standstill before each motion of a reference run: the carriage settles, the switch stops bouncing (S8)."""
 SEARCH_LIMIT = 200_000
@@ -62,16 +60,16 @@ class Actions:
 
     def __init__(self, events: list[Event], error_ppm: int) -> None:
         """events: where everything that happens is noted; error_ppm: how far the output frequency is off (S5)."""
-        self.executor = Executor(COUNTERS)
+        self.executor = Executor(4)  # X, Y, Z, and one that nothing moves
         self.configuration = Configuration()
         self.input = True
         self._events = events
         self._error_ppm = error_ppm
-        self._known = [False for _ in AXES]
+        self._known = [False] * 3
         self._pen = 0
 
     def carry_out(self, instruction: Instruction) -> Activity | None:
-        """Do what a stored command says, or return the activity that does."""
+        """Do what a stored command says, or return the activity that does it."""
         match instruction.code:
             case "L":
                 return self._vector(*instruction.arguments)
@@ -81,7 +79,7 @@ class Actions:
                 return self._wait(*instruction.arguments)
             case "A":
                 self._set_signal(*instruction.arguments)
-            case code if code in SETTINGS:
+            case _:
                 self._configure(instruction)
         return None
 
@@ -153,12 +151,16 @@ class Actions:
 
     # ---- what ends it -----------------------------------------------------------------------------------------------
 
+    @property
+    def purpose(self) -> object:
+        """What the command in progress, or in a pause, waits for."""
+        parked = self.executor.parked
+        return self.executor.purpose if parked is None else parked.request.purpose
+
     def set_input(self, level: bool) -> None:
         """The reference input has this level now; a search that stands in a pause has found it, too."""
         self.input = level
-        parked = self.executor.parked
-        purpose = self.executor.purpose if parked is None else parked.request.purpose
-        if purpose == Search(level):
+        if self.purpose == Search(level):
             self.executor.cut()
             self.settle()
 
@@ -182,7 +184,7 @@ class Actions:
     def reset(self) -> None:
         """6.16: no motion, no position; the settings stay, the signals go off (S11)."""
         self.executor.discard()
-        self._known = [False for _ in AXES]
+        self._known = [False] * 3
         self._pen = 0
         for axis in AXES:
             self._set_counter(axis, 0)
@@ -242,7 +244,7 @@ class Actions:
 
 
 def failed(parked: Parked) -> bool:
-    """True if this command was set aside in a search that has come to the end of its way without finding the switch."""
+    """True if this command was parked in a search that has ended its way without finding the switch."""
     request, result = parked.request, parked.result
     return (
         isinstance(request, Travel)

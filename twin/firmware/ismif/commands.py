@@ -1,7 +1,6 @@
 """The iSMIF's command language: one line of text becomes one command, or is refused.
 
-What a line means is decided here and nowhere else. All twenty commands of the manual stand in `COMMANDS`, with their
-parameters:
+All twenty commands of the manual stand in `COMMANDS`, with their parameters:
 
     #E25,400 + CR   ->   Instruction("#E", (25, 400))
     L1,x-50,Y100    ->   Instruction("L", (1, Target(axis=0, relative=True, steps=-50), Target(1, False, 100)))
@@ -51,11 +50,6 @@ class Instruction:
     code: str
     arguments: tuple[Any, ...] = ()
 
-    @property
-    def master(self) -> bool:
-        """Carried out at once instead of being stored."""
-        return self.code.startswith("@")
-
 
 @dataclass(frozen=True)
 class Command:
@@ -99,18 +93,14 @@ def _number(low: int, high: int) -> Callable[[str], int]:
     return read
 
 
-def _axis(text: str) -> int:
-    return _axes(text)[0] if len(text) == 1 else _refuse_axis(text)
-
-
-def _axes(text: str) -> tuple[int, ...]:
-    if not re.fullmatch(r"[XYZ]{1,3}", text) or len(set(text)) < len(text):
-        _refuse_axis(text)
+def _axes(text: str, most: int = 3) -> tuple[int, ...]:
+    if not re.fullmatch(r"[XYZ]{1,3}", text) or len(text) > most or len(set(text)) < len(text):
+        raise CommandError(f"{text!r} is not X, Y or Z")
     return tuple(AXIS_LETTERS.index(letter) for letter in text)
 
 
-def _refuse_axis(text: str) -> int:
-    raise CommandError(f"{text!r} is not X, Y or Z")
+def _axis(text: str) -> int:
+    return _axes(text, 1)[0]
 
 
 def _target(text: str) -> Target:

@@ -6,9 +6,6 @@ from dataclasses import dataclass, field, replace
 
 from isel_twin.firmware.ismif.commands import TABLE_SIZE, Instruction
 
-SETTINGS = ("T", "F", "Z", "#S", "#E", "#R", "#D", "#O")
-"""Commands that change the configuration and do nothing else."""
-
 
 @dataclass(frozen=True)
 class ReferenceSettings:
@@ -39,7 +36,7 @@ class Configuration:
         return 2 if self.full_step and not self.clock else 1
 
     def set(self, command: Instruction) -> None:
-        """Carry out one of the commands SETTINGS."""
+        """Carry out a command that sets something."""
         match command.code, command.arguments:
             case "T", (clock,):
                 self.clock = clock == 1
@@ -53,9 +50,8 @@ class Configuration:
                 self.speed_hz[index] = speed_hz
             case "#R", (ramp_ms,):
                 self.ramp_ms = ramp_ms
-            case "#D", (axis, positive, search, free, offset_speed):
-                self.reference[axis] = replace(
-                    self.reference[axis], positive=positive == 1, search=search, free=free, offset_speed=offset_speed
-                )
+            case "#D", (axis, positive, *speeds):
+                offset = self.reference[axis].offset
+                self.reference[axis] = ReferenceSettings(positive == 1, *speeds, offset)
             case "#O", (axis, offset):
                 self.reference[axis] = replace(self.reference[axis], offset=offset)

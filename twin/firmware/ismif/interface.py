@@ -5,8 +5,7 @@
     pin 11 ----------------------------^
     clock -----> ends of motions and waiting times
 
-The status (6.3) is computed from the state, not kept beside it. Sections are those of the manual; S1, S2 ... are in
-docs/decisions.md.
+The status (6.3) is computed from the state, not kept beside it.
 """
 
 from __future__ import annotations
@@ -21,7 +20,6 @@ from isel_twin.firmware.ismif.jobs import ACKNOWLEDGED, Jobs, read
 from isel_twin.motion import Displacement, Motion
 
 VERSION = "SMC-ISMIF 1.00"
-FORMAT = SerialFormat(19_200)
 CR, LF, START = b"\r", b"\n", b"\x01"
 REFERENCE_INPUT = "pin11"
 
@@ -29,25 +27,25 @@ REFERENCE_INPUT = "pin11"
 class Ismif:
     """Implements `isel_twin.controller.Controller`. Counters count half steps of the stage, whatever F says (S4)."""
 
-    serial_format = FORMAT
+    serial_format = SerialFormat(19_200)
     direction = (1, 1, 1, 1)
 
     def __init__(self, *, error_ppm: int = 0) -> None:
-        """`error_ppm`: how far the output frequency is off, in millionths (S5)."""
+        """error_ppm: how far the output frequency is off (S5)."""
         self._events: list[Event] = []
         self._line = bytearray()
         self._actions = Actions(self._events, error_ppm)
         self._executor = self._actions.executor
         self._jobs = Jobs(self._actions, self._reply)
-        self._masters: Mapping[str, Callable[..., bytes]] = {
+        self._masters: Mapping[str, Callable[..., bytes | None]] = {
             "@R": self._reset,
             "@V": self._version,
             "@X": self._status,
             "@L": self._position,
-            "@B": self._halt,
+            "@B": self._jobs.halt,
             "@S": self._stop,
-            "@A": self._pause,
-            "@C": self._continue,
+            "@A": self._jobs.pause,
+            "@C": self._jobs.go_on,
         }
 
     # ---- the border -------------------------------------------------------------------------------------------------
@@ -63,7 +61,6 @@ class Ismif:
 
     @property
     def next_ns(self) -> int | None:
-        """End of the motion or of the waiting time in progress."""
         return self._executor.next_ns
 
     @property
@@ -136,12 +133,12 @@ class Ismif:
             self._jobs.error = True
             self._reply(ACKNOWLEDGED)
             return
-        self._reply(self._masters[command.code](*command.arguments))
+        self._reply(self._masters[command.code](*command.arguments) or ACKNOWLEDGED)
 
     def _reply(self, data: bytes) -> None:
         self._events.append(Reply(data + CR))
 
-    # ---- master commands --------------------------------------------------------------------------------------------
+    # ---- master commands: the reply, None for an acknowledgement ----------------------------------------------------
 
     def _version(self) -> bytes:
         """6.2."""
@@ -164,30 +161,13 @@ class Ismif:
         """6.4."""
         return f"@L{AXIS_LETTERS[axis]}{self._actions.position_steps(axis)}".encode()
 
-    def _halt(self) -> bytes:
-        """6.15."""
-        self._jobs.halt()
-        return ACKNOWLEDGED
-
-    def _pause(self) -> bytes:
-        """6.17."""
-        self._jobs.pause()
-        return ACKNOWLEDGED
-
-    def _continue(self) -> bytes:
-        """6.18."""
-        self._jobs.paused = False
-        return ACKNOWLEDGED
-
-    def _reset(self) -> bytes:
+    def _reset(self) -> None:
         """6.1: like 6.16, and the fault is forgotten too; the cabinet is asked for power as at power-on (S11)."""
         self._jobs.error = False
         self._stop()
         self._actions.request_power()
-        return ACKNOWLEDGED
 
-    def _stop(self) -> bytes:
+    def _stop(self) -> None:
         """6.16: no ramp, no job, no position; the settings stay, the signals go off (S11)."""
         self._jobs.clear()
         self._actions.reset()
-        return ACKNOWLEDGED

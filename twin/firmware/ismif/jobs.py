@@ -1,10 +1,8 @@
 """Jobs: lines become stored commands, stored commands are carried out one after the other (5.2), and what stops them.
 
-    line ---> receive queue ---> job memory ---released---> the command in progress ---> 02h when its job is over
-              no room: waits     wrong: its job is void     fails: its job is dropped
-                                                            @A pause, @C go on, @B leave it, @S everything
-
-Sections are those of the manual; S1, S2 ... are in docs/decisions.md.
+line ---> receive queue ---> job memory ---released---> the command in progress ---> 02h when its job is over
+          no room: waits     wrong: its job is void     fails: its job is dropped
+                                                        @A pause, @C go on, @B leave it, @S everything
 """
 
 from __future__ import annotations
@@ -62,14 +60,13 @@ class Jobs:
             command = self._checked(line)
             if command is not None or starts:
                 self._memory.store(Entry(command, len(line) + 1, starts))
-            if starts:
-                self._void = False
-            if self._memory.full:
-                self._told_full = True
-            if starts or self._memory.full:
+            full = self._memory.full
+            self._void &= not starts
+            self._told_full |= full
+            if starts or full:
                 self._memory.release()
             if line:
-                self._reply(FULL if self._memory.full else ACKNOWLEDGED)
+                self._reply(FULL if full else ACKNOWLEDGED)
 
     def _checked(self, line: bytes) -> Instruction | None:
         """The command to store; None for an empty line and in a void job. A wrong command voids its job (S1)."""
@@ -88,14 +85,16 @@ class Jobs:
     # ---- memory to commands -----------------------------------------------------------------------------------------
 
     def work(self) -> None:
-        """Carry out what can be carried out now, until something takes time or nothing is left."""
+        """Carry out commands until one takes time or none is left."""
         while not self.paused:
             if self._executor.parked is not None:
                 self._executor.resume()
             elif self._executor.busy:
                 return
             elif self._entry is not None:
-                self._end_command(self._entry)
+                ended, self._entry = self._entry, None
+                if ended.ends_job:
+                    self._reply(READY)
             elif self._memory.released:
                 self._begin_command(self._memory.take())
             else:
@@ -109,15 +108,10 @@ class Jobs:
             self._executor.start(activity, self._ended)
 
     def _use_room(self) -> None:
-        """Commands have left the memory: take in waiting lines, or tell the host."""
+        """Commands have left the memory: take in waiting lines, or tell the host that there is room."""
         self._store_lines()
         if self._told_full and self._memory.free >= ROOM:
             self._told_full = False
-            self._reply(READY)
-
-    def _end_command(self, entry: Entry) -> None:
-        self._entry = None
-        if entry.ends_job:
             self._reply(READY)
 
     def _ended(self, reason: Unfinished | None) -> None:
@@ -126,7 +120,7 @@ class Jobs:
             self._fail()
 
     def _fail(self) -> None:
-        """A command cannot be carried out: the rest of its job is dropped, in the memory and still to come (S1)."""
+        """Drop the rest of a job with a command that cannot be carried out, in the memory and still to come (S1)."""
         self.error = True
         while self._entry is not None and not self._entry.ends_job and self._memory.released:
             self._entry = self._memory.take()
@@ -151,11 +145,13 @@ class Jobs:
         if self._executor.parked is not None and failed(self._executor.parked):
             self._executor.resume()
 
+    def go_on(self) -> None:
+        """6.18."""
+        self.paused = False
+
     def halt(self) -> None:
         """6.15: end this motion and go on with the next command. A waiting time is no motion and stays."""
-        parked = self._executor.parked
-        purpose = self._executor.purpose if parked is None else parked.request.purpose
-        if purpose is Standing.WAITING:
+        if self._actions.purpose is Standing.WAITING:
             return
         self._executor.forget()
         self._executor.break_off(Halted())
@@ -173,7 +169,6 @@ class Jobs:
 
     @property
     def referencing(self) -> bool:
-        """A reference run is in progress, from its beginning to its end."""
         return self._entry is not None and self._entry.command is not None and self._entry.command.code == "$H"
 
     @property
@@ -183,7 +178,6 @@ class Jobs:
 
     @property
     def idle(self) -> bool:
-        """True if nothing will happen before host or operator act; a pause counts as idle."""
         return self.paused or not (self.in_progress or self._waiting_lines)
 
 

@@ -19,16 +19,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from isel_twin.firmware.ismif.commands import (
-    AXIS_LETTERS,
-    COMMANDS,
-    LINE_LIMIT,
-    SPEEDS_HZ,
-    CommandError,
-    Instruction,
-    Target,
-    parse,
-)
+from isel_twin.firmware.ismif import commands
+from isel_twin.firmware.ismif.commands import AXIS_LETTERS, LINE_LIMIT, SPEEDS_HZ, CommandError
 from isel_twin.language import (
     SETTINGS_RANGES,
     LanguageError,
@@ -83,7 +75,6 @@ class IsmifLanguage:
         return encoded(text) + CR
 
     def text(self, reply: bytes) -> str:
-        """One character a byte."""
         return reply.decode("latin-1")
 
     def accepted(self, sent: bytes, reply: bytes) -> bool:
@@ -114,12 +105,10 @@ class IsmifLanguage:
     # ---- what goes over the line ------------------------------------------------------------------------------------
 
     def messages(self, data: bytes, sent: bool) -> Iterator[Message]:
-        """Lines both ways."""
         pieces = (self._sent if sent else self._received).cut(data)
         return iter([self._command(piece) if sent else _answer(piece) for piece in pieces])
 
     def rest(self, sent: bool) -> bytes:
-        """The line begun."""
         return (self._sent if sent else self._received).rest
 
     def _command(self, piece: bytes) -> Message:
@@ -139,13 +128,13 @@ def _line_words(line: bytes, starts: bool) -> str:
     try:
         if len(line) >= LINE_LIMIT:
             raise CommandError(f"a line of {LINE_LIMIT} bytes or more")
-        words = _command_words(parse(line))
+        words = _command_words(commands.parse(line))
     except CommandError as error:
         words = f"no command: {readable(str(error).encode('latin-1'))}"
     return f"{words}; start the job" if starts else words
 
 
-def _command_words(command: Instruction) -> str:
+def _command_words(command: commands.Instruction) -> str:
     match command.code, command.arguments:
         case "@L", (axis,):
             return f"ask for the position of {AXIS_LETTERS[axis]}"
@@ -174,10 +163,10 @@ def _command_words(command: Instruction) -> str:
             return f"pin 12: {'on' if on else 'off'}"
         case "W", (ms,):
             return f"wait {ms} ms"
-    return COMMANDS[command.code].meaning
+    return commands.COMMANDS[command.code].meaning
 
 
-def _target(target: Target) -> str:
+def _target(target: commands.Target) -> str:
     return f"{AXIS_LETTERS[target.axis]} {'by' if target.relative else 'to'} {target.steps}"
 
 

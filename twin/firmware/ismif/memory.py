@@ -1,8 +1,7 @@
 """The iSMIF's job memory: 64 KB of commands that wait for their start; and the lines that wait for room in it.
 
-Goal: section 5.2 as a queue. Commands enter at the tail with the bytes they took on the line, and leave at the head
-when they are carried out. Only *released* commands may leave: 01h releases everything stored so far, and so does a
-memory that is full.
+Section 5.2 as a queue: commands enter at the tail with the bytes they took on the line, and leave at the head when they
+are carried out. Only *released* ones may leave: 01h releases everything stored so far, and so does a full memory.
 
       head |==========released==========|------stored------|.........free.........|
            next to be carried out                           ^ tail        RESERVE: 03h from here on
@@ -41,8 +40,6 @@ class Entry:
 
 
 class JobMemory:
-    """A first-in, first-out store of SIZE bytes; see the module."""
-
     def __init__(self) -> None:
         self._entries: deque[Entry] = deque()
         self._used = 0
@@ -54,12 +51,10 @@ class JobMemory:
 
     @property
     def free(self) -> int:
-        """Bytes not used."""
         return SIZE - self._used
 
     @property
     def full(self) -> bool:
-        """Less than the longest command is free."""
         return self.free < RESERVE
 
     def store(self, entry: Entry) -> None:
@@ -72,7 +67,6 @@ class JobMemory:
         self.released = len(self._entries)
 
     def take(self) -> Entry:
-        """Remove the next released command."""
         entry = self._entries.popleft()
         self._used -= entry.size
         self.released -= 1
@@ -84,16 +78,12 @@ class JobMemory:
             self._used -= self._entries.pop().size
 
     def clear(self) -> None:
-        """Forget everything."""
         self._entries.clear()
         self._used = self.released = 0
 
 
 class ReceiveQueue:
-    """Lines as they came, first in, first out, at most QUEUE_SIZE bytes; a gap stands where lines have been lost.
-
-    An item is a line without its end and whether it came with 01h; a gap is (None, False).
-    """
+    """At most QUEUE_SIZE bytes of lines. An item is a line without its end, and whether it came with 01h, or a GAP."""
 
     def __init__(self) -> None:
         self._items: deque[tuple[bytes | None, bool]] = deque()
@@ -104,11 +94,10 @@ class ReceiveQueue:
 
     @property
     def head(self) -> tuple[bytes | None, bool]:
-        """The oldest item."""
         return self._items[0]
 
     def append(self, line: bytes, starts: bool) -> bool:
-        """Append a line if it fits; otherwise it is lost. Returns whether it was appended."""
+        """Append a line; False if it does not fit and is lost."""
         fits = self._used + len(line) + 1 <= QUEUE_SIZE
         if fits:
             self._items.append((line, starts))
@@ -118,12 +107,10 @@ class ReceiveQueue:
         return fits
 
     def take(self) -> None:
-        """Remove the oldest item."""
         line, _ = self._items.popleft()
         if line is not None:
             self._used -= len(line) + 1
 
     def clear(self) -> None:
-        """Forget everything."""
         self._items.clear()
         self._used = 0

@@ -5,9 +5,9 @@ falls the same way (6.8 to 6.10). So its acceleration follows from the three set
 
     a = (V - f0) / R        s(t) = f0 t + a t^2 / 2 on the ramp,  s(T) = N
 
-and everything else is the trapezoid of `isel_twin.motion.time_law`: a short motion turns around at its middle before it
-gets to V, and V <= f0 or R = 0 means no ramp. The output frequency of a real device is off by up to 5 %: `error_ppm`
-scales f0 and V, while the ramp keeps its length (S5), so that a is scaled with them.
+and the rest is the trapezoid of `isel_twin.motion.time_law`: a short motion turns around at its middle before it gets
+to V, and V <= f0 or R = 0 means no ramp. The output frequency of a real device is off by up to 5 %: `error_ppm` scales
+f0 and V, while the ramp keeps its length (S5), so that a is scaled with them.
 
 In full-step mode the PBL pattern jumps by two half steps at once: a tick of the stream is +-2 half steps of the stage
 (S4).
@@ -23,12 +23,10 @@ from numpy.typing import NDArray
 
 from isel_twin.motion import Displacement, StepPath, TimeLaw, constant, trapezoid
 
-MILLION = 1_000_000
-
 
 def ramp(steps: int, speed_hz: int, start_hz: int, ramp_ms: int, error_ppm: int = 0) -> TimeLaw:
-    """Time law of `steps` steps of the leading axis; see the module. `error_ppm`: output frequency over nominal."""
-    scale = Fraction(MILLION + error_ppm, MILLION)
+    """Time law of `steps` steps of the leading axis. error_ppm: output frequency over nominal."""
+    scale = Fraction(1_000_000 + error_ppm, 1_000_000)
     v, f0 = speed_hz * scale, start_hz * scale
     if speed_hz <= start_hz or ramp_ms == 0:
         return constant(steps, v)
@@ -43,16 +41,14 @@ class FullSteps:
 
     @property
     def ticks(self) -> int:
-        """Number of full steps."""
         return self.path.ticks
 
     @property
     def axes(self) -> int:
-        """Number of axes."""
         return self.path.axes
 
     def deltas(self, first: int, last: int) -> NDArray[np.int8]:
-        """See `isel_twin.motion.Path.deltas`: -2, 0, +2."""
+        """-2, 0, +2."""
         return 2 * self.path.deltas(first, last)
 
     def displacement(self, k: int) -> Displacement:

@@ -74,16 +74,12 @@ class MotionError(AssertionError):
 
 def assert_no_step_lost(seen: Watched) -> None:
     """No axis has lost steps, since power-on, nor rests halfway between two places that would hold; no servo drive has
-    switched itself off.
-
-    Lets the machine come to rest first. A controller that is still at work is an error: nobody knows yet.
-    """
+    switched itself off. Lets the machine come to rest first. A controller that is still at work is an error."""
     __tracebackhide__ = True
     _at_rest(seen, "no step lost")
     twin = seen.twin
     for axis in AXIS_NAMES[: len(twin.lost_steps)]:
-        command = seen.lost_in(axis)
-        if command is not None:
+        if (command := seen.lost_in(axis)) is not None:
             raise MotionError(
                 f"{axis} has lost steps",
                 expected="no step lost",
@@ -155,10 +151,8 @@ def assert_replies(seen: Watched, expected: Sequence[str]) -> None:
 def assert_ends_at(
     seen: Watched, position_mm: Sequence[float | None] | Mapping[str, float], tolerance_mm: float = 0.05
 ) -> None:
-    """The carriages are there now, after they came to rest: true positions in the zero of the counters.
-
-    position_mm: X, Y, Z, None for an axis that does not matter; or by name, {"x": 50.0}.
-    """
+    """The carriages are there now, after they came to rest: true positions in the zero of the counters. position_mm: X,
+    Y, Z, None for an axis that does not matter; or by name, {"x": 50.0}."""
     __tracebackhide__ = True
     wanted = _by_axis(position_mm)
     _at_rest(seen, "an end position")
@@ -196,14 +190,13 @@ def assert_on_path(seen: Watched, points_mm: ArrayLike, tolerance_mm: float) -> 
     if not distance_mm[worst] <= tolerance_mm:
         first = int(np.flatnonzero(~(distance_mm <= tolerance_mm))[0])
         off = position_mm[first, : points.shape[1]] - nearest[first]
-        axis = CARRIAGES[int(np.argmax(np.abs(off)))]
         raise MotionError(
             f"{distance_mm[worst]:.3f} mm from the path",
             expected=f"within {tolerance_mm:g} mm of it",
             was=f"first {distance_mm[first]:.3f} mm off, at {_mm(position_mm[first])} mm; "
             f"most {distance_mm[worst]:.3f} mm at {time_ns[worst] / SECOND_NS:.6f} s, at {_mm(position_mm[worst])} mm",
             time_ns=int(time_ns[first]),
-            axis=axis,
+            axis=CARRIAGES[int(np.argmax(np.abs(off)))],
             command=seen.command_at(int(time_ns[first])),
         )
 
@@ -244,7 +237,7 @@ def assert_switch_margin(seen: Watched, least_mm: float) -> None:
     for command, after in zip(commands, [*commands[1:], None], strict=True):
         if command.counter_set:
             free &= ~((time_ns >= command.begin_ns) & (time_ns <= (math.inf if after is None else after.begin_ns)))
-    worst: tuple[float, int, str, str] | None = None
+    found: list[tuple[float, int, str, str]] = []
     for switch in seen.twin.machine.switches:
         if switch.axis not in CARRIAGES:
             continue
@@ -253,10 +246,9 @@ def assert_switch_margin(seen: Watched, least_mm: float) -> None:
         near = free & (away_mm < least_mm) & (_since_left(free, away_mm >= least_mm) | (away_mm < 0.0))
         if near.any():
             k = int(np.flatnonzero(near)[np.argmin(away_mm[near])])
-            if worst is None or away_mm[k] < worst[0]:
-                worst = float(away_mm[k]), int(time_ns[k]), switch.axis, switch.name
-    if worst is not None:
-        away, when_ns, axis, name = worst
+            found.append((float(away_mm[k]), int(time_ns[k]), switch.axis, switch.name))
+    if found:
+        away, when_ns, axis, name = min(found, key=lambda each: each[0])
         raise MotionError(
             f"{axis} comes too near to {name}",
             expected=f"at least {least_mm:g} mm from its trip point",
@@ -269,21 +261,18 @@ def assert_switch_margin(seen: Watched, least_mm: float) -> None:
 
 def assert_torque_margin(seen: Watched, least: float) -> None:
     """In every command since `begin` each motor kept that pull-out margin: 1 nothing was asked of it, 0 all it has.
-
-    Raises ValueError for a plant without physics, which knows no margin.
-    """
+    Raises ValueError for a plant without physics, which knows no margin."""
     __tracebackhide__ = True
-    worst: tuple[float, str, Command] | None = None
-    known = False
-    for command in seen.commands:
-        for axis, margin in zip(AXIS_NAMES, command.margin, strict=False):
-            known |= not math.isnan(margin)
-            if margin < (least if worst is None else worst[0]):
-                worst = margin, axis, command
-    if not known:
+    margins = [
+        (margin, axis, command)
+        for command in seen.commands
+        for axis, margin in zip(AXIS_NAMES, command.margin, strict=False)
+        if not math.isnan(margin)
+    ]
+    if not margins:
         raise ValueError('no motor has a margin to speak of; take plant="mujoco", and move')
-    if worst is not None:
-        margin, axis, command = worst
+    margin, axis, command = min(margins, key=lambda each: each[0])
+    if margin < least:
         raise MotionError(
             f"{axis} keeps too little torque",
             expected=f"a margin of at least {100 * least:.0f} %",
@@ -315,10 +304,7 @@ def assert_outputs(seen: Watched, **values: int) -> None:
 
 def assert_golden(seen: Watched, file: str | os.PathLike[str] | None = None, *, update: bool = False) -> None:
     """The job that `Watched.play` played does what it did in its golden run (`isel-twin golden record`), to the tick.
-
-    file: None for the one beside the job. update: write it anew instead. Raises GoldenError (ValueError) for a file
-    that is none, or of another call.
-    """
+    file: None for the one beside the job. update: write it anew instead. Raises GoldenError for a file that is none."""
     __tracebackhide__ = True
     if (run := seen.run) is None:
         raise ValueError("no job was played: watched.play(job) first")
@@ -335,8 +321,7 @@ def assert_golden(seen: Watched, file: str | os.PathLike[str] | None = None, *, 
     was = load(path)
     if (path.parent / str(was.call["machine"])).resolve() == machine.folder.resolve():
         now = called(run.golden, call.with_(machine=str(machine.folder)), run.job, path)
-    found = list(differences(was, now))
-    if found:
+    if found := list(differences(was, now)):
         first = found[0]
         result = next((result for result in run.results if result.number == first.line), None)
         rest = f"; and {len(found) - MOST} more" if len(found) > MOST else ""
@@ -360,9 +345,6 @@ def arc(
     """
     angle = np.radians(np.linspace(begin_deg, end_deg, chords + 1))
     return np.asarray(centre_mm, dtype=np.float64)[:2] + radius_mm * np.column_stack([np.cos(angle), np.sin(angle)])
-
-
-# Inside
 
 
 def _at_rest(seen: Watched, what: str) -> None:
@@ -416,14 +398,13 @@ def _since_left(free: NDArray[np.bool_], far: NDArray[np.bool_]) -> NDArray[np.b
 
 def _divergence(was: Golden, now: Golden, run: JobRun) -> tuple[int | None, str | None]:
     """When the streams part first, to a window of a move, and the axis that does; None if they do not."""
-    commands = [result for result in run.results if not result.condition]
-    for k, (a, b) in enumerate(zip(was.moves, now.moves, strict=False)):
+    commands = (result for result in run.results if not result.condition)
+    for command, a, b in zip(commands, was.moves, now.moves, strict=False):
         if a.windows != b.windows:
-            window = next((i for i, (x, y) in enumerate(zip(a.windows, b.windows, strict=False)) if x != y), None)
-            after_ns = 0 if window is None else b.spans_ns[window][0]
+            spans = zip(a.windows, b.windows, b.spans_ns, strict=False)
+            after_ns = next((begin_ns for x, y, (begin_ns, _) in spans if x != y), 0)
             axes = itertools.zip_longest(AXIS_NAMES, a.axes, b.axes)
-            axis = next((name for name, x, y in axes if x != y), None)
-            return commands[k].time_ns + after_ns, axis
+            return command.time_ns + after_ns, next((name for name, x, y in axes if x != y), None)
     return None, None
 
 

@@ -20,8 +20,8 @@ from isel_twin.base.units import SECOND_NS
 from isel_twin.jobs.checks.job import RULES, Finding, Report
 from isel_twin.version import VERSION
 
+# characters that XML does not have; a reply may hold any
 _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-"""Characters that XML does not have; a reply may hold any."""
 
 
 def where(finding: Finding) -> str:
@@ -42,18 +42,10 @@ def junit(reports: Sequence[Report]) -> str:
     root = ElementTree.Element("testsuites", counts)
     suite = ElementTree.SubElement(root, "testsuite", {"name": "isel-twin", **counts, "skipped": "0"})
     for report in reports:
-        path, took_s = Path(report.job), f"{report.verdict.cycle_s:.3f}"
-        case = ElementTree.SubElement(
-            suite,
-            "testcase",
-            {
-                "name": _xml(path.name),
-                "classname": _xml(path.parent.as_posix()),
-                "time": took_s,
-            },
-        )
-        wrong = [finding for finding in report.findings if not finding.warning]
-        if wrong:
+        path = Path(report.job)
+        about = {"name": _xml(path.name), "classname": _xml(path.parent.as_posix())}
+        case = ElementTree.SubElement(suite, "testcase", {**about, "time": f"{report.verdict.cycle_s:.3f}"})
+        if wrong := [finding for finding in report.findings if not finding.warning]:
             failure = {"type": wrong[0].rule, "message": _xml(_in_words(wrong[0]))}
             ElementTree.SubElement(case, "failure", failure).text = _xml("\n".join(map(_in_words, wrong)))
         if warnings := [finding for finding in report.findings if finding.warning]:
@@ -74,7 +66,7 @@ def sarif(reports: Sequence[Report]) -> str:
         {
             "ruleId": finding.rule,
             "ruleIndex": names.index(finding.rule),
-            "level": "warning" if finding.warning else "error",
+            "level": finding.level,
             "message": {"text": finding.message},
             "locations": [{"physicalLocation": _location(report, finding)}],
         }
@@ -98,10 +90,9 @@ def _semantic(version: str) -> str:
 def _location(report: Report, finding: Finding) -> dict[str, Any]:
     path = Path(report.job)
     uri = path.absolute().as_uri() if path.is_absolute() else quote(path.as_posix())
-    location: dict[str, Any] = {"artifactLocation": {"uri": uri}}
     line, column = finding.at or (finding.line or 1, 0)
-    location["region"] = {"startLine": line, **({"startColumn": column} if column else {})}
-    return location
+    region = {"startLine": line, **({"startColumn": column} if column else {})}
+    return {"artifactLocation": {"uri": uri}, "region": region}
 
 
 def as_json(report: Report) -> str:
@@ -109,36 +100,28 @@ def as_json(report: Report) -> str:
     findings = [
         {
             "rule": finding.rule,
-            "level": "warning" if finding.warning else "error",
+            "level": finding.level,
             "line": finding.line if finding.at is None else finding.at[0],
             "time_s": None if finding.time_ns is None else finding.time_ns / SECOND_NS,
             "message": finding.message,
         }
         for finding in report.findings
     ]
-    verdict = report.verdict.summary()
-    told = {
-        "job": report.job,
-        "ok": report.ok,
-        "cycle_s": report.verdict.cycle_s,
-        "findings": findings,
-        "verdict": verdict,
-    }
-    return json.dumps(told)
+    told = {"job": report.job, "ok": report.ok, "cycle_s": report.verdict.cycle_s, "findings": findings}
+    return json.dumps({**told, "verdict": report.verdict.summary()})
 
 
 def as_annotations(reports: Iterable[Report]) -> Iterator[str]:
     """Commands for the log of a GitHub-style runner."""
     for report in reports:
         for finding in report.findings:
-            kind = "warning" if finding.warning else "error"
             values = {
                 "file": report.job,
                 "line": str((finding.at or (finding.line or 1,))[0]),
                 "title": f"isel-twin {finding.rule}",
             }
             place = ",".join(f"{key}={_escaped(value, ':,')}" for key, value in values.items())
-            yield f"::{kind} {place}::{_escaped(finding.message)}"
+            yield f"::{finding.level} {place}::{_escaped(finding.message)}"
 
 
 def _escaped(text: str, others: str = "") -> str:

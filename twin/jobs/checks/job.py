@@ -28,7 +28,7 @@ of its business; a switch that stays struck is told once.
 
 from __future__ import annotations
 
-import dataclasses
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -91,13 +91,17 @@ class Finding:
     message: str
     line: int | None = None  # of the job; None: the job as a whole
     time_ns: int | None = None
-    at: tuple[int, int] | None = None
-    """Line and column of the file, if its lines are not those of the job: in a program of the controller's own."""
+    at: tuple[int, int] | None = None  # line and column of the file, in a program of the controller's own
 
     @property
     def warning(self) -> bool:
         """It makes no job fail."""
         return self.rule in WARNINGS
+
+    @property
+    def level(self) -> str:
+        """As CI services call it."""
+        return "warning" if self.warning else "error"
 
     @property
     def place(self) -> str:
@@ -124,7 +128,7 @@ class Report:
     def compared(self, was: Golden, now: Golden) -> Report:
         """With the differences from a golden run as findings; now: this run with its call."""
         found = [Finding("golden", each.what, each.line) for each in differences(was, now)]
-        return dataclasses.replace(self, golden=now, findings=_few([*self.findings, *found]))
+        return replace(self, golden=now, findings=_few([*self.findings, *found]))
 
 
 class _Watch:
@@ -133,7 +137,7 @@ class _Watch:
     def __init__(self, twin: Twin, bounds: Bounds) -> None:
         self._twin = twin
         self._ends = frozenset(switch.name for switch in twin.machine.switches)
-        self._struck = self._now_struck(twin)
+        self._struck = self._now_struck()
         self._may = self._ends if "all" in bounds.may_strike else frozenset(bounds.may_strike)
         self._most_mm = bounds.deviation_mm
         self.begin()
@@ -144,11 +148,11 @@ class _Watch:
         self._worst_mm = np.zeros(len(CARRIAGES))
         self._worst_ns = [0] * len(CARRIAGES)
 
-    def _now_struck(self, twin: Twin) -> set[str]:
-        return {name for name, state in twin.inputs.items() if name in self._ends and state == "struck"}
+    def _now_struck(self) -> set[str]:
+        return {name for name, state in self._twin.inputs.items() if name in self._ends and state == "struck"}
 
     def _look(self, twin: Twin) -> None:
-        struck = self._now_struck(twin)
+        struck = self._now_struck()
         for name in struck - self._struck - self._may:
             self.struck.setdefault(name, twin.time_ns)
         self._struck = struck
@@ -166,13 +170,9 @@ class _Watch:
             for name, time_ns in sorted(self.struck.items(), key=lambda item: item[1])
         ]
         if self._most_mm is not None:
+            off = f"mm off; at most {self._most_mm:g} mm"
             found += [
-                Finding(
-                    "deviation",
-                    f"{name} is {worst:.3f} mm off; at most {self._most_mm:g} mm",
-                    result.number,
-                    time_ns,
-                )
+                Finding("deviation", f"{name} is {worst:.3f} {off}", result.number, time_ns)
                 for name, worst, time_ns in zip(CARRIAGES, self._worst_mm, self._worst_ns, strict=True)
                 if worst > self._most_mm
             ]
@@ -199,8 +199,7 @@ class Inspection:
         self.results.append(result)
         self._findings += _of_answer(result, bounds)
         self._scribe.take(result)
-        self._expected = self._expected + self._scribe.way
-        counter_set = bool((np.array(result.counts) != self._expected).any())
+        counter_set = bool((np.array(result.counts) != self._expected + self._scribe.way).any())
         self._expected = np.array(result.counts)
         if counter_set:
             self.setting.add(result.number)
@@ -224,9 +223,9 @@ class Inspection:
     def report(self, job: str, verdict: Verdict, others: Sequence[Finding] = ()) -> Report:
         """All of it, when the job is over; others: findings from elsewhere."""
         findings = [finding for finding in self._findings if not _expected(finding, verdict, self.results)]
-        findings = [*findings, *_of_verdict(verdict, self._gone, self.results, self.bounds), *others]
-        findings = [_placed(finding, self.results) for finding in findings]
-        return Report(job, _few(findings), verdict, self._scribe.golden(verdict))
+        findings += [*_of_verdict(verdict, self._gone, self.results, self.bounds), *others]
+        placed = [_placed(finding, self.results) for finding in findings]
+        return Report(job, _few(placed), verdict, self._scribe.golden(verdict))
 
 
 def check_job(
@@ -238,14 +237,13 @@ def check_job(
 ) -> Report:
     """Play a job on a twin of its own and say what is wrong with it; `Report.compared` adds what it did otherwise once.
 
-    begun: given the inspection before the first line, for whoever wants to see more of the twin.
-    Raises CallError for a call that cannot be carried out.
+    begun: given the inspection before the first line. Raises CallError for a call that cannot be carried out.
     """
     inspection = Inspection(call.build(), bounds)
     if begun is not None:
         begun(inspection)
     verdict = played(inspection.twin, lines, [inspection.take], inspection.bounds.timeout_s).verdict
-    others = _of_repetitions(call, lines, verdict, inspection.bounds) if inspection.bounds.robust else []
+    others = _of_repetitions(call, lines, verdict, inspection.bounds) if inspection.bounds.robust else ()
     return inspection.report(str(job), verdict, others)
 
 
@@ -335,10 +333,9 @@ def _of_repetitions(call: TwinSpec, lines: Sequence[Line], verdict: Verdict, bou
 
     others = repetitions(call, lines, bounds.robust, timeout_s=bounds.timeout_s)
     differ = [other.number for other in others if not agree(verdict, other.verdict)]
-    if not differ:
-        return []
     numbers = ", ".join(map(str, differ[:10]))
-    return [Finding("luck", f"{len(differ)} of {bounds.robust} repetitions end otherwise: number {numbers}")]
+    told = f"{len(differ)} of {bounds.robust} repetitions end otherwise: number {numbers}"
+    return [Finding("luck", told)] if differ else []
 
 
 def _few(findings: Sequence[Finding]) -> tuple[Finding, ...]:
@@ -349,5 +346,4 @@ def _few(findings: Sequence[Finding]) -> tuple[Finding, ...]:
         kept += own[:MOST]
         if len(own) > MOST:
             kept.append(Finding(rule, f"and {len(own) - MOST} more of the same"))
-    last = max((finding.line or 0 for finding in kept), default=0) + 1
-    return tuple(sorted(kept, key=lambda finding: (finding.line or last, finding.time_ns or 0)))
+    return tuple(sorted(kept, key=lambda finding: (finding.line or math.inf, finding.time_ns or 0)))

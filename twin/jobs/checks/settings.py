@@ -32,7 +32,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
-from isel_twin.base.parameters import FileError, Limits, Place, known, plain, read_toml, table, text
+from isel_twin.base.parameters import FileError, Limits, Place, boolean, known, plain, read_toml, table, text
 from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs.checks.job import Bounds
 
@@ -72,10 +72,8 @@ def find(job: Path) -> Path | None:
 
 
 def load(path: Path) -> list[tuple[str, dict[str, Any]]]:
-    """What a settings file demands, as pairs of pattern and values, the general first ("*").
-
-    Raises SettingsError for anything wrong in it, OSError if it cannot be read.
-    """
+    """What a settings file demands, as pairs of pattern and values, the general first ("*"). Raises SettingsError for
+    anything wrong in it, OSError if it cannot be read."""
     place = Place(path, SettingsError)
     content = read_toml(place)
     known(content, ("check",), place)
@@ -103,15 +101,11 @@ def _value(key: str, value: Any, place: Place) -> Any:
     if key in _WORDS:
         return text(value, place)
     if key == "golden":
-        if not isinstance(value, bool):
-            raise place.wrong(f"{value!r}; allowed: true, false")
-        return value
+        return boolean(value, place)
     if key == "set":
         return dict(_flat(table(value, place), ""))
     if key == "may_strike":
-        if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
-            raise place.wrong(f'{value!r}; allowed: a list of end switches, or ["all"]')
-        return tuple(value)
+        return switch_names(value, place)
     if key in _OFF and value == "off":
         return None
     number = plain(value, _NUMBERS[key], place)
@@ -120,6 +114,13 @@ def _value(key: str, value: Any, place: Place) -> Any:
     if number != int(number):
         raise place.wrong(f"{value}; allowed: a whole number")
     return int(number)
+
+
+def switch_names(value: Any, place: Place) -> tuple[str, ...]:
+    """The value of `may_strike`."""
+    if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
+        raise place.wrong(f'{value!r}; allowed: a list of end switches, or ["all"]')
+    return tuple(value)
 
 
 def _flat(tree: Mapping[str, Any], above: str) -> Iterator[tuple[str, Any]]:
@@ -132,10 +133,7 @@ def _flat(tree: Mapping[str, Any], above: str) -> Iterator[tuple[str, Any]]:
 
 
 def task(job: Path, settings: Path | None, options: Mapping[str, Any]) -> Task:
-    """What is demanded of a job by its settings file and by options (same keys, None: not given).
-
-    Raises as `load`.
-    """
+    """What is demanded of a job by its settings file and by options (same keys, None: not given). Raises as `load`."""
     values: dict[str, Any] = {}
     if settings is not None:
         folder = settings.resolve().parent

@@ -75,8 +75,7 @@ class Watched:
         self.twin = twin
         self.run: JobRun | None = None
         self.begin_ns = twin.time_ns  # what was before is not looked at, see `begin`
-        self.output_changes: dict[str, tuple[int, Command | None]] = {}
-        """When each output last changed, in ns, and in which command."""
+        self.output_changes: dict[str, tuple[int, Command | None]] = {}  # time in ns and command of the last change
         self._commands: list[Command] = []
         self._current: Command | None = None
         self._line: int | None = None
@@ -89,19 +88,14 @@ class Watched:
         twin.listen(self._note)
         twin.observe(self._look, round(interval_s * SECOND_NS))
 
-    # What is done
-
     def begin(self) -> None:
         """Look only at what comes from now on: path, switches, margins, time and replies. Lost steps stay lost."""
         self._close()
         self.begin_ns = self.twin.time_ns
 
     def play(self, job: str | os.PathLike[str], timeout_s: float = TIMEOUT_S) -> JobRun:
-        """Play a job file to its end, and begin anew with it (`begin`).
-
-        timeout_s: virtual seconds that a line may take; the job ends with one that takes longer. Raises JobError
-        (ValueError) for a job that cannot be played, OSError for a file that cannot be read.
-        """
+        """Play a job file to its end, and begin anew with it. timeout_s: virtual seconds that a line may take. Raises
+        JobError (ValueError) for a job that cannot be played, OSError."""
         __tracebackhide__ = True
         path, twin = Path(job), self.twin
         try:
@@ -131,8 +125,6 @@ class Watched:
             self._rested_ns = self.twin.time_ns
         self._look_for_losses()
 
-    # What there is to see
-
     @property
     def commands(self) -> list[Command]:
         """All since `begin`, in their order."""
@@ -150,10 +142,14 @@ class Watched:
 
     def samples(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Since `begin`: times in ns [n], positions in mm [n, 3] by the counters, and in machine coordinates."""
-        table = np.array(self._samples).reshape(-1, 1 + 2 * len(CARRIAGES))
-        table = table[table[:, 0] >= self.begin_ns]
-        axes = len(CARRIAGES)
-        return table[:, 0], table[:, 1 : 1 + axes], table[:, 1 + axes :]
+        table = self._table()
+        time_ns, position_mm, machine_mm = np.split(
+            table[table[:, 0] >= self.begin_ns], (1, 1 + len(CARRIAGES)), axis=1
+        )
+        return time_ns[:, 0], position_mm, machine_mm
+
+    def _table(self) -> NDArray[np.float64]:
+        return np.array(self._samples).reshape(-1, 1 + 2 * len(CARRIAGES))
 
     def lost_in(self, axis: str) -> Command | None:
         """The command after which an axis first had lost steps."""
@@ -163,8 +159,6 @@ class Watched:
         """Its reply as `Twin.query` gives it."""
         language = self.twin.language
         return readable(command.reply) if language is None else language.text(command.reply)
-
-    # Inside
 
     def _begins(self, line: Line) -> None:
         self._line, self._fresh = line.number, True
@@ -176,9 +170,7 @@ class Watched:
         self._close()
 
     def _look(self, twin: Twin) -> None:
-        self._samples.append(float(twin.time_ns))
-        self._samples.extend(twin.position_mm.tolist())
-        self._samples.extend(twin.machine_position_mm.tolist())
+        self._samples.extend((float(twin.time_ns), *twin.position_mm.tolist(), *twin.machine_position_mm.tolist()))
         outputs = twin.outputs
         if outputs != self._outputs:
             changed = (name for name, value in outputs.items() if self._outputs.get(name) != value)
@@ -215,7 +207,7 @@ class Watched:
         """The twin goes to another time: what was seen after that does not count."""
         self._close()
         self._commands = [command for command in self._commands if command.begin_ns < time_ns]
-        table = np.array(self._samples).reshape(-1, 1 + 2 * len(CARRIAGES))
+        table = self._table()
         self._samples = array("d", table[table[:, 0] < time_ns].ravel().tolist())
         self.begin_ns = min(self.begin_ns, time_ns)
 
@@ -224,8 +216,7 @@ class Watched:
         if (current := self._current) is None:
             return
         self._look_for_losses()
-        language = self.twin.language
-        if current.line is None and language is not None:
+        if current.line is None and (language := self.twin.language) is not None:
             current.refused = not language.accepted(current.sent, current.reply)
         self._current = None
 

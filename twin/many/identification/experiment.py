@@ -11,8 +11,7 @@ A block is a short piece of a job with what to measure in it; it begins and ends
 
 Which of them are worth most says choice.py.
 
-Speeds, places and forces vary with the seed, so that a second experiment is not the first one again: that is the one
-to hold back.
+Speeds, places and forces vary with the seed, so that a second experiment, the one to hold back, is not the first again.
 """
 
 from __future__ import annotations
@@ -34,15 +33,13 @@ PUSH_N = 150.0  # a spring scale or a 15 kg weight over a pulley
 STALL_HZ_PER_MS = (400, 1000)  # accelerations of the stall series: each has chaos of its own
 PULLS = 2
 REVERSALS = 4
-APART_MM = 0.3625
-"""From one place of a reversal to the next: elsewhere within the step of the motor, so that the place of rest is drawn
-anew."""
+APART_MM = (
+    0.3625  # between places of a reversal: elsewhere within a motor step, so that the place of rest is drawn anew
+)
 APPROACH_MM = 2.0  # far more than any backlash
 FAR_SIGMA_MM = 0.01  # of a scale or gauge blocks over a long way
 COAST_S = 1.5  # duration of a move for an emergency stop: a person needs time to press it
-PRESS_S, RELEASE_S = 0.5, 2.5
-"""When it is pressed and released, after the command was sent; at which speed and how long it coasts does not depend
-on it."""
+PRESS_S, RELEASE_S = 0.5, 2.5  # after the command was sent; speed and way of the coasting do not depend on it
 GENTLE = (6000, 100, 300)  # speed, acceleration and start-stop frequency of moves between readings
 SERIES = 1.04  # from one speed of a stall series to the next
 SERIES_FROM, SERIES_TO = 0.5, 1.8  # of the stall speed expected
@@ -133,8 +130,7 @@ class _Teller:
         self, mm: float, how: tuple[int, int, int] | None = None, readings: tuple[Reading, ...] = (), **of_last: object
     ) -> tuple[Step, ...]:
         """To a place; the other axes stay at 0. Readings and the rest belong to the command that moves."""
-        target = [0, 0, 0]
-        target[CARRIAGES.index(self.axis)] = round(mm * self.steps_per_mm)
+        target = _target(self.axis, mm, self.steps_per_mm)
         *before, last = self.language.move(target, MoveSettings(*(how or self.gentle)))
         step = Step(last, readings)
         return (*(Step(data) for data in before), replace(step, **of_last))  # type: ignore[arg-type]
@@ -159,9 +155,8 @@ def _push(tell: _Teller, mm: float, force_n: float) -> Block:
     name = f"push {tell.axis} {force_n:g}"
     ways = (force_n, -force_n, 0.5 * force_n, -0.5 * force_n) * PULLS
     readings = tuple(tell.reading(name, push_n=way) for way in ways)
-    comment = (
-        f"pull at the tool along {tell.axis}: {force_n:g} N up, down, half of it up, down, all again; read at each"
-    )
+    pulls = f"{force_n:g} N up, down, half of it up, down, all again"
+    comment = f"pull at the tool along {tell.axis}: {pulls}; read at each"
     steps = tell.move(mm - APPROACH_MM) + tell.move(mm, readings=readings, comment=comment)
     return Block(name, f"{tell.axis}: pulled with {force_n:g} N both ways, dial gauge", steps)
 
@@ -171,10 +166,8 @@ def _coast(tell: _Teller, machine: Machine, language: Language, speed_hz: int) -
     start_mm = 5.0
     end_mm = start_mm + COAST_S * speed_hz / tell.steps_per_mm
     before, after = tell.reading(name), tell.reading(name, counter_mm=math.nan)
-    acts = (
-        Act("", 1, PRESS_S, {"set": {"estop": "pressed"}}),
-        Act("", 1, RELEASE_S, {"set": {"estop": "released"}}),
-    )
+    pressed, released = ({"set": {"estop": state}} for state in ("pressed", "released"))
+    acts = (Act("", 1, PRESS_S, pressed), Act("", 1, RELEASE_S, released))
     steps = tell.move(start_mm, readings=(before,), comment=f"read the scale on {tell.axis}")
     comment = "press the emergency stop at full speed, release it at rest, read the scale"
     steps += tell.move(end_mm, (speed_hz, 400, 300), (after,), acts=acts, comment=comment, any_reply=True)
@@ -191,11 +184,8 @@ def _stall(name: str, machine: Machine, controller: str, from_mm: float, to_mm: 
     wanted = Stall("", name, from_mm, to_mm, acceleration, 300, middle, 1.02 * middle)
     expected = stall_speed_hz(referenced(controller, machine), wanted)
     stall = replace(wanted, held_hz=expected / math.sqrt(SERIES), lost_hz=expected * math.sqrt(SERIES))
-    return Block(
-        f"stall {name} {acceleration}",
-        f"{name}: {from_mm:g} to {to_mm:g} mm and back at {acceleration} Hz/ms, ever faster, until steps are lost",
-        stall=stall,
-    )
+    what = f"{name}: {from_mm:g} to {to_mm:g} mm and back at {acceleration} Hz/ms, ever faster, until steps are lost"
+    return Block(f"stall {name} {acceleration}", what, stall=stall)
 
 
 def _far(tell: _Teller, travel_mm: float) -> Block:
@@ -237,7 +227,7 @@ def job_text(experiment: Experiment, language: Language) -> str:
     for number, step in enumerate(experiment.steps, 1):
         if step.comment:
             lines += ["", f"# command {number}: {step.comment}"]
-        text = "".join(message.text for message in language.messages(step.data, True))
+        text = _text(language, step.data)
         lines.append(f"{text} => *" if step.any_reply else text)
     return "\n".join(lines) + "\n"
 
@@ -256,8 +246,7 @@ def series_text(experiment: Experiment, machine: Machine, language: Language) ->
         for speed in series_hz(stall, language):
             lines += ["", f"# {stall.axis} at {speed} Hz, {stall.acceleration_hz_per_ms} Hz/ms"]
             for mm in (stall.from_mm, stall.to_mm, stall.from_mm):
-                target = [0, 0, 0]
-                target[CARRIAGES.index(stall.axis)] = round(mm * scale)
+                target = _target(stall.axis, mm, scale)
                 settings = MoveSettings(speed, stall.acceleration_hz_per_ms, stall.start_stop_hz)
                 lines += [_text(language, data) for data in language.move(target, settings)]
     return "\n".join(lines) + "\n"
@@ -270,6 +259,10 @@ def series_hz(stall: Stall, language: Language) -> list[int]:
     count = math.ceil(math.log(SERIES_TO / SERIES_FROM) / math.log(SERIES))
     speeds = [round(middle * SERIES_FROM * SERIES**n) for n in range(count + 1)]
     return [speed for speed in speeds if low <= speed <= high]
+
+
+def _target(axis: str, mm: float, steps_per_mm: float) -> list[int]:
+    return [round(mm * steps_per_mm) if name == axis else 0 for name in CARRIAGES]
 
 
 def _text(language: Language, data: bytes) -> str:

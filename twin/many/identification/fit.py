@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,8 +38,7 @@ from isel_twin.many.identification.unknowns import Unknown, candidate
 
 STEP = 0.8  # step of the differences, in standard deviations of the prior
 CLIFF = 5.0  # if the differences of a step up and a step down are in a larger ratio, one of them is no slope
-CHANCE = 4.0
-"""Standard deviations by which the sum of squares of differences must exceed what scatter makes, to count at all."""
+CHANCE = 4.0  # standard deviations by which the sum of squares of differences must exceed that of scatter to count
 BOUND = 3.0  # the search stays within so many standard deviations of the prior
 NOT_IDENTIFIED = 0.9  # standard deviation afterwards over that of the prior: from here on nothing has been learnt,
 WEAK = 0.5  # and from here on the parameter is known only roughly
@@ -73,23 +72,20 @@ class Model:
         self.replays = 0
         self._value = np.array([item.value for item in self.data])
         self._sigma = np.array([item.sigma for item in self.data])
-        groups: dict[str, list[int]] = {}
-        for index, item in enumerate(self.data):
-            if item.group:
-                groups.setdefault(item.group, []).append(index)
-        batches: dict[str, list[int]] = {}
-        for index, item in enumerate(self.data):
-            if item.scatter > 0.0:
-                batches.setdefault(item.group or item.kind, []).append(index)
-        kinds: dict[str, list[int]] = {}
-        for index, item in enumerate(self.data):
-            kinds.setdefault(item.group or item.kind, []).append(index)
-        self._kinds = [np.array(indices) for indices in kinds.values()]
         self._scatter = np.array([item.scatter for item in self.data])
-        self._batches = [np.array(indices) for indices in batches.values()]
-        self._groups = [np.array(indices) for indices in groups.values()]
+        self._kinds = self._alike(lambda item: True)
+        self._batches = self._alike(lambda item: item.scatter > 0.0)
+        self._groups = self._alike(lambda item: bool(item.group))
+        # data that are free to differ: less those that set zeros, less the parameters
         self.freedom = max(1, len(self.data) - len(self._groups) - len(self.unknowns))
-        """Data that are free to differ: less those that set zeros, less the parameters."""
+
+    def _alike(self, counts: Callable[[Datum], bool]) -> list[NDArray[np.int64]]:
+        """Indices of those data that count, by group or, without one, by kind."""
+        found: dict[str, list[int]] = {}
+        for index, item in enumerate(self.data):
+            if counts(item):
+                found.setdefault(item.group or item.kind, []).append(index)
+        return [np.array(indices) for indices in found.values()]
 
     def values(self, u: Floats) -> list[float]:
         return [item.value(float(one)) for item, one in zip(self.unknowns, u, strict=True)]
@@ -111,8 +107,7 @@ class Model:
                 self._progress(self.replays)
         count = len(self.sessions)
         for index, key in enumerate(new):
-            own = pieces[index * count : (index + 1) * count]
-            self._known[key] = np.concatenate(own) if own else np.zeros(0)
+            self._known[key] = np.concatenate([np.zeros(0), *pieces[index * count : (index + 1) * count]])
         return [self._known[key] for key in keys]
 
     def residuals(self, predicted: Floats) -> Floats:
@@ -147,10 +142,8 @@ class Model:
         return np.array(columns).T.reshape(len(self.data), len(u))
 
     def _between(self, ahead: Floats, back: Floats) -> Floats:
-        """The mean of the differences [data] of two steps; the smaller one in a batch where they are far apart (CLIFF).
-
-        There one of the two candidates has lost steps where the other has not: no slope of anything.
-        """
+        """The mean of the differences [data] of two steps; the smaller one in a batch where they are far apart (CLIFF):
+        there one of the two candidates has lost steps where the other has not, no slope of anything."""
         mean = self._told(ahead + back) / 2.0
         for indices in self._kinds:
             one, two = float(np.linalg.norm(ahead[indices])), float(np.linalg.norm(back[indices]))
@@ -159,8 +152,7 @@ class Model:
         return mean
 
     def _told(self, difference: Floats) -> Floats:
-        """Differences [data] of two residuals, 0 throughout a batch in which they are no more than the model's
-        scatter."""
+        """Differences [data] of two residuals, 0 throughout a batch in which they are no more than model scatter."""
         told = difference.copy()
         for indices in self._batches:
             by_chance = 2.0 * float(((self._scatter[indices] / self._sigma[indices]) ** 2).sum())
@@ -179,11 +171,9 @@ def _predict(call: tuple[Session, Machine, tuple[Unknown, ...], list[float]]) ->
 class Prospect:
     """What the data can tell, known before the fit."""
 
-    singular: tuple[float, ...]
-    """Of the Jacobian, from the largest; in standard deviations of the data for one of the prior."""
+    singular: tuple[float, ...]  # from the largest; in standard deviations of the data for one of the prior
     remaining: tuple[float, ...]  # by parameter: expected standard deviation afterwards over that of the prior
     lines: tuple[str, ...]
-    jacobian: Floats = field(repr=False)
 
     @property
     def rank(self) -> int:
@@ -213,7 +203,7 @@ def prospect(unknowns: Sequence[Unknown], jacobian: Floats) -> Prospect:
             lines.append(
                 f"not to be told apart: {together} (together they change the data by {s:.2g} standard deviations)"
             )
-    return Prospect(tuple(singular.tolist()), tuple(remaining.tolist()), tuple(lines), jacobian)
+    return Prospect(tuple(singular.tolist()), tuple(remaining.tolist()), tuple(lines))
 
 
 @dataclass(frozen=True)
@@ -250,13 +240,11 @@ class Fit:
     u: Floats
     chi2: float  # per degree of freedom, of the data fitted
     prospect: Prospect
-    before: Mapping[str, float]
-    """Held back: root mean square of r at the prior, by kind and in `all`; empty: nothing was."""
+    before: Mapping[str, float]  # held back: root mean square of r at the prior, by kind and in `all`; empty: nothing
     after: Mapping[str, float]
     fitted_before: Mapping[str, float]
     fitted_after: Mapping[str, float]
-    held: tuple[tuple[Datum, float, float], ...]
-    """Each datum held back, its prediction before and after, zeros of gauges taken out."""
+    held: tuple[tuple[Datum, float, float], ...]  # held back: prediction before and after, zeros of gauges taken out
     replays: int
 
     @property
@@ -300,14 +288,7 @@ def fit(
         return np.concatenate((jacobian, np.eye(count)))
 
     solved = least_squares(
-        residuals,
-        zero,
-        jac=slope,
-        bounds=(-BOUND, BOUND),
-        method="trf",
-        ftol=ENOUGH,
-        xtol=ENOUGH,
-        max_nfev=MOST_CALLS,
+        residuals, zero, jac=slope, bounds=(-BOUND, BOUND), ftol=ENOUGH, xtol=ENOUGH, max_nfev=MOST_CALLS
     )
     u = np.asarray(solved.x, dtype=np.float64)
     last = model.jacobian(u, steps, central=True)
@@ -321,8 +302,7 @@ def fit(
         low, high = item.value(u[index] - half), item.value(u[index] + half)
         estimates.append(Estimate(item, item.value(u[index]), low, high, float(deviation[index])))
     other = Model(machine, unknowns, held, crew, progress)
-    predicted = other.predictions([zero, u]) if held else [np.zeros(0), np.zeros(0)]
-    before_held, after_held = (other.residuals(one) for one in predicted) if held else (np.zeros(0), np.zeros(0))
+    before_held, after_held = (other.residuals(one) for one in other.predictions([zero, u]))
     return Fit(
         tuple(estimates),
         covariance / np.outer(deviation, deviation),
@@ -346,7 +326,7 @@ def by_kind(data: Sequence[Datum], residuals: Floats) -> dict[str, float]:
     """Root mean square of r, by kind and of all."""
     if not len(data):
         return {}
-    kinds = dict.fromkeys(item.kind for item in data)
     of = np.array([item.kind for item in data])
     found = {"all": math.sqrt(float(np.mean(residuals**2)))}
+    kinds = dict.fromkeys(item.kind for item in data)
     return found | {kind: math.sqrt(float(np.mean(residuals[of == kind] ** 2))) for kind in kinds}

@@ -44,6 +44,7 @@ from __future__ import annotations
 
 import csv
 import io
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -132,32 +133,20 @@ class Measured:
     @property
     def names(self) -> list[str]:
         """Recordings that are named, each once."""
-        entries: tuple[Reading | Act | Stall | Repeats, ...] = (
-            *self.readings,
-            *self.acts,
-            *self.stalls,
-            *self.repeats,
-        )
-        every = [item.recording for item in entries]
-        return list(dict.fromkeys(every))
+        entries = itertools.chain[Any](self.readings, self.acts, self.stalls, self.repeats)
+        return list(dict.fromkeys(item.recording for item in entries))
 
     @property
     def axes(self) -> list[str]:
         """Axes that are named, each once, in the order X, Y, Z."""
-        entries: tuple[Reading | Stall | Repeats, ...] = (*self.readings, *self.stalls, *self.repeats)
-        found = {item.axis for item in entries}
+        found = {item.axis for item in itertools.chain[Any](self.readings, self.stalls, self.repeats)}
         return [name for name in CARRIAGES if name in found]
 
     def of(self, recording: str) -> Measured:
         """What belongs to one recording."""
-        return Measured(
-            tuple(item for item in self.readings if item.recording == recording),
-            tuple(item for item in self.acts if item.recording == recording),
-            tuple(item for item in self.stalls if item.recording == recording),
-            tuple(item for item in self.repeats if item.recording == recording),
-            self.time_sigma_s,
-            self.gauge_sigma_mm,
-        )
+        lists: tuple[tuple[Any, ...], ...] = (self.readings, self.acts, self.stalls, self.repeats)
+        readings, acts, stalls, repeats = (tuple(one for one in each if one.recording == recording) for each in lists)
+        return Measured(readings, acts, stalls, repeats, self.time_sigma_s, self.gauge_sigma_mm)
 
     def __add__(self, other: Measured) -> Measured:
         return Measured(
@@ -176,10 +165,9 @@ def read_measured(path: str | Path) -> Measured:
     place = Place(Path(path), MeasuredError)
     content = read_text(place)
     if Path(path).suffix.lower() == ".csv":
-        lines = list(csv.DictReader(io.StringIO(content), skipinitialspace=True))
-        return _measured(
-            {"reading": [_from_csv(line, place.at(f"line {n}")) for n, line in enumerate(lines, 2)]}, place
-        )
+        lines = csv.DictReader(io.StringIO(content), skipinitialspace=True)
+        readings = [_from_csv(line, place.at(f"line {n}")) for n, line in enumerate(lines, 2)]
+        return _measured({"reading": readings}, place)
     return _measured(parse_toml(content, place), place)
 
 
@@ -201,9 +189,8 @@ def _from_csv(line: Mapping[str | None, Any], place: Place) -> dict[str, Any]:
 
 
 _READING = ("recording", "command", "axis", "mm", "sigma_mm", "gauge", "push_n", "at_s", "counter_mm")
-_STALL = (
-    "recording", "command", "axis", "from_mm", "to_mm", "acceleration_hz_per_ms", "start_stop_hz", "held_hz", "lost_hz"
-)  # fmt: skip
+_SERIES = ("from_mm", "to_mm", "acceleration_hz_per_ms", "start_stop_hz", "held_hz", "lost_hz")
+_STALL = ("recording", "command", "axis", *_SERIES)
 
 
 def _measured(tree: dict[str, Any], place: Place) -> Measured:
@@ -214,15 +201,11 @@ def _measured(tree: dict[str, Any], place: Place) -> Measured:
     acts = [_act(item, at) for item, at in _entries(tree, "act", place)]
     stalls = [_stall(item, at) for item, at in _entries(tree, "stall", place)]
     repeats = [_repeats(item, at) for item, at in _entries(tree, "repeats", place)]
-    read = tuple(item for item in readings if not math.isnan(item.mm) and not _nan(item.counter_mm))
+    read = tuple(item for item in readings if not math.isnan(item.mm) and not math.isnan(item.counter_mm or 0.0))
     done = tuple(item for item in stalls if not math.isnan(item.held_hz))
     again = tuple(item for item in repeats if len(item.mm) >= 2 and not any(map(math.isnan, item.mm)))
     unread = len(readings) + len(stalls) + len(repeats) - len(read) - len(done) - len(again)
     return Measured(read, tuple(acts), done, again, time_sigma_s, sigma_mm, unread)
-
-
-def _nan(value: float | None) -> bool:
-    return value is not None and math.isnan(value)
 
 
 def _entries(tree: Mapping[str, Any], key: str, place: Place) -> list[tuple[dict[str, Any], Place]]:
@@ -273,12 +256,8 @@ def _act(item: dict[str, Any], place: Place) -> Act:
     content = {key: value for key, value in item.items() if key in EVENT_KEYS}
     if not content:
         raise place.wrong(f"says not what was done; allowed: {', '.join(EVENT_KEYS)}")
-    return Act(
-        text(item["recording"], place.at("recording")),
-        _command(item, place),
-        plain(item["after_s"], _S, place.at("after_s")),
-        content,
-    )
+    recording, after_s = text(item["recording"], place.at("recording")), plain(item["after_s"], _S, place.at("after_s"))
+    return Act(recording, _command(item, place), after_s, content)
 
 
 def _stall(item: dict[str, Any], place: Place) -> Stall:
@@ -307,13 +286,8 @@ def _repeats(item: dict[str, Any], place: Place) -> Repeats:
     _need(item, ("recording", "axis", "mm"), place)
     if not isinstance(item["mm"], list):
         raise place.at("mm").wrong(f"{item['mm']!r}; allowed: a list of numbers")
-    values = tuple(_plain({"mm": value}, "mm", _MM, place) for value in item["mm"])
-    return Repeats(
-        text(item["recording"], place.at("recording")), text(item["axis"], place.at("axis"), CARRIAGES), values
-    )
-
-
-# Writing --------------------------------------------------------------------------------------------------------------
+    recording, axis = text(item["recording"], place.at("recording")), text(item["axis"], place.at("axis"), CARRIAGES)
+    return Repeats(recording, axis, tuple(_plain({"mm": value}, "mm", _MM, place) for value in item["mm"]))
 
 
 def written(measured: Measured, comments: Mapping[int, str] | None = None) -> str:
@@ -333,10 +307,6 @@ def written(measured: Measured, comments: Mapping[int, str] | None = None) -> st
 
 
 def _lines(item: Any, keys: Sequence[str]) -> list[str]:
-    values = [(key, getattr(item, key)) for key in keys]
+    values = {key: getattr(item, key) for key in keys}
     left_out: dict[str, Any] = {"push_n": 0.0, "gauge": ""}
-    return [
-        toml_line(key, value)
-        for key, value in values
-        if value is not None and not (key in left_out and value == left_out[key])
-    ]
+    return [toml_line(key, value) for key, value in values.items() if value != left_out.get(key)]

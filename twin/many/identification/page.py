@@ -55,13 +55,8 @@ def _estimates(estimates: Sequence[Estimate]) -> str:
     rows = []
     for one in estimates:
         item = one.unknown
-        cells = (
-            f"{one.value:.4g}",
-            f"{one.low:.4g} .. {one.high:.4g}",
-            escape(item.unit),
-            f"{item.low:.4g} .. {item.high:.4g}",
-            f"{one.remaining:.0%}",
-        )
+        ranges = [f"{each.low:.4g} .. {each.high:.4g}" for each in (one, item)]
+        cells = (f"{one.value:.4g}", ranges[0], escape(item.unit), ranges[1], f"{one.remaining:.0%}")
         mark = "" if one.identified else " class='wrong'"
         rows.append(
             f"<tr{mark}><th scope='row' class='text'>{escape(item.name)}</th>"
@@ -140,8 +135,7 @@ def _held(result: Fit) -> str:
         return left + min(4.0, math.log10(max(1.0, abs(sigmas)))) / 4.0 * WIDTH
 
     each = [
-        (item, (item.value - before) / item.sigma, (item.value - after) / item.sigma)
-        for item, before, after in result.held
+        (one, (one.value - before) / one.sigma, (one.value - after) / one.sigma) for one, before, after in result.held
     ]
     each.sort(key=lambda row: -max(abs(row[1]), abs(row[2])))
     shown = each[:ROWS]
@@ -154,8 +148,8 @@ def _held(result: Fit) -> str:
         parts.append(f"<text class='soft' x='{x:.1f}' y='{height - 6}' text-anchor='middle'>{10**decade}</text>")
     for row, (item, before, after) in enumerate(shown):
         y = 16 * row
-        label = f"{item.kind} {item.recording} {item.label}"
-        parts.append(f"<text x='0' y='{y + 11}'>{escape(label[:LABEL])}</text>")
+        label = f"{item.kind} {item.recording} {item.label}"[:LABEL]
+        parts.append(f"<text x='0' y='{y + 11}'>{escape(label)}</text>")
         parts.append(f"<rect class='refused' x='{left}' y='{y + 2}' width='{px(before) - left:.1f}' height='6'/>")
         parts.append(f"<rect class='v1' x='{left}' y='{y + 8}' width='{px(after) - left:.1f}' height='5'/>")
     more = f" The worst {ROWS} of {len(each)}." if len(each) > ROWS else ""

@@ -18,6 +18,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from isel_twin.base.parameters import rows
 from isel_twin.base.toml import toml_line
 from isel_twin.machine import Machine
 from isel_twin.many.identification.fit import WEAK, Fit
@@ -33,10 +34,10 @@ def based_on(name: str, machine: Machine, folder: Path) -> str:
 def patch(
     result: Fit, machine: Machine, base: str, name: str, controller: str, fitted: Sequence[str], held: Sequence[str]
 ) -> str:
-    """The text of the machine.toml. base: see `based_on`. controller: any that moves it. fitted, held: names of
-    recordings."""
+    """The text of the machine.toml. base: see `based_on`. controller: any that moves it. fitted, held: recordings."""
     tables: dict[str, list[str]] = {}
     flags: dict[str, None] = {}
+    units = {row.parameter: row.unit for row in rows(machine.tree)}
     for estimate in result.estimates:
         item = estimate.unknown
         if not estimate.identified:
@@ -50,8 +51,7 @@ def patch(
         for key, value in changes(machine, [item], [estimate.value]).items():
             table, _, last = key.rpartition(".")
             number = value if item.whole else float(f"{value:.6g}")
-            unit = _unit(machine, key, item.unit)
-            entry = {"value": number, "unit": unit, "grade": grade, "source": source}
+            entry = {"value": number, "unit": units.get(key, item.unit), "grade": grade, "source": source}
             tables.setdefault(table, []).append(toml_line(last, entry))
     step_ms = _step_ms(result, machine, controller)
     if step_ms is not None:
@@ -72,13 +72,6 @@ def patch(
     if wanted := [flag for flag in flags if not getattr(machine.imperfections, flag)]:
         lines += ["", "[imperfections]", *(f"{flag} = true" for flag in wanted)]
     return "\n".join(lines) + "\n"
-
-
-def _unit(machine: Machine, key: str, otherwise: str) -> str:
-    content: Any = machine.tree
-    for part in key.split("."):
-        content = content.get(part, {}) if isinstance(content, dict) else {}
-    return str(content.get("unit", otherwise)) if isinstance(content, dict) else otherwise
 
 
 def _step_ms(result: Fit, machine: Machine, controller: str) -> float | None:

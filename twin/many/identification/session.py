@@ -21,8 +21,8 @@ their numbers alone (common random numbers).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -43,19 +43,16 @@ from isel_twin.wiring import ScenarioError, event_now
 
 LEAST_S = 0.05  # a shorter duration says something of the controller and its line, nothing of the machine
 SETTLE_S = 0.3  # from the reply, or from a pull at the machine, until a gauge is read
+# relative standard deviation of a stall speed beside what its two speeds leave open: near stall the outcome is chaotic
+# in narrow bands of speed
 STALL_SCATTER = 0.03
-"""Relative standard deviation of a stall speed beside what its two speeds leave open: near stall the outcome is
-chaotic in narrow bands of speed."""
-START_MM = 3.0
-"""Where the carriages of the model stand at power-on: near the switch, so that the first reference run is short."""
+START_MM = 3.0  # of the model's carriages at power-on: near the switch, so that the first reference run is short
 STALL_LOW, STALL_HIGH = 0.6, 1.7  # looked for from and to, over the speed measured
-STALL_COARSE, STALL_FINE = 1.06, 1.02
-"""From one speed to the next: upwards until steps are lost, then once more from the last one that held."""
+STALL_COARSE, STALL_FINE = 1.06, 1.02  # from one speed to the next: until steps are lost, then from the last that held
+# standard deviation of a place of rest beside the gauge's: dry friction lets rotor and carriage stand anywhere in a
+# narrow band (0.7 to 1.5 um on the 4030, over forty places)
 REST_SIGMA_MM = 0.001
-"""Standard deviation of a place of rest beside the gauge's: dry friction lets rotor and carriage stand anywhere in a
-narrow band (0.7 to 1.5 um on the 4030, over forty places)."""
-REFERENCE_SIGMA_S = 0.015
-"""Of the duration of a reference run beside the clock's: a switch that scatters by 10 to 15 um is left at 1 mm/s."""
+REFERENCE_SIGMA_S = 0.015  # of a reference run beside the clock's: a switch scatters by 10 to 15 um, left at 1 mm/s
 MISSED = 1e4  # residual where the model has no value because the command was not answered, in standard deviations
 MOST_HALVINGS = 3  # of the time step, for candidates that need a shorter one
 _PATIENCE_S = 3600.0
@@ -81,15 +78,12 @@ class Session:
 
     name: str
     controller: str
-    pieces: tuple[tuple[int, bytes, bool, int], ...]
-    """Time in ns, bytes, True if from the host, ns a byte: see `isel_twin.recordings.compare.traffic`."""
-    operated: tuple[tuple[int, Mapping[str, Any]], ...]
-    """What was done to a twin, by time in ns: keys of a scenario event."""
+    pieces: tuple[tuple[int, bytes, bool, int], ...]  # time in ns, bytes, True if from the host, ns a byte
+    operated: tuple[tuple[int, Mapping[str, Any]], ...]  # time in ns, and what was done: keys of a scenario event
     measured: Measured
     line_speed: bool = True
-    unknown_start: frozenset[int] = field(default_factory=frozenset)
-    """Commands whose duration depends on where the carriages stood at power-on."""
-    references: frozenset[int] = field(default_factory=frozenset)  # commands that are reference runs
+    unknown_start: frozenset[int] = frozenset()  # commands whose duration depends on where the carriages were at first
+    references: frozenset[int] = frozenset()  # commands that are reference runs
 
     @property
     def last(self) -> float:
@@ -162,15 +156,13 @@ def session_of(recorded: Recorded, measured: Measured, controller: str, machine:
     session = Session(name, controller, pieces, events, own, line_speed)
     commands = len(paired(pieces, _language(controller)))
     entries: tuple[Reading | Act, ...] = (*own.readings, *own.acts)
-    for item in entries:
-        if item.command > commands:
-            raise RecordingError(
-                f"{recorded.path}: something was measured after command {item.command}; the recording has {commands}"
-            )
+    if late := [item.command for item in entries if item.command > commands]:
+        raise RecordingError(
+            f"{recorded.path}: something was measured after command {late[0]}; the recording has {commands}"
+        )
     player = Player(session, machine)
     player.play()
-    unknown, references = frozenset(player.unknown_start), frozenset(player.references)
-    return Session(name, controller, pieces, events, own, line_speed, unknown, references)
+    return replace(session, unknown_start=frozenset(player.unknown_start), references=frozenset(player.references))
 
 
 def stand_alone(name: str, measured: Measured, controller: str) -> Session:
@@ -247,13 +239,12 @@ class Player:
                 past_ns = time_ns
                 continue
             now = self._await(then, now)
-            if resumed_ns < (arrived_ns := twin.time_ns):
-                resumed_ns = arrived_ns
+            resumed_ns = max(resumed_ns, twin.time_ns)
             self._read(found)
             twin.run_until(max(twin.time_ns, resumed_ns + max(0, time_ns - past_ns)))
             past_ns, resumed_ns = time_ns, twin.time_ns
             if not kind:
-                twin.carry_out(event_now(dict(content), self._place, twin.settable, twin.keys))
+                self._carry_out(content)
                 continue
             messages = sum(1 for _ in language.messages(content[1], True))
             if self._command + messages > session.last:
@@ -267,6 +258,10 @@ class Player:
         self._read(found)
         self.readings = [found.get(reading, math.nan) for reading in session.measured.readings]
 
+    def _carry_out(self, content: Mapping[str, Any]) -> None:
+        twin = self._twin
+        twin.carry_out(event_now(dict(content), self._place, twin.settable, twin.keys))
+
     def _await(self, then: int, now: int) -> int:
         """Let time pass until as many bytes have come as came then, or no more will."""
         twin = self._twin
@@ -279,19 +274,14 @@ class Player:
 
     def _meanwhile(self, found: dict[Reading, float]) -> None:
         """What was done and read while the command just sent was carried out."""
-        session, twin, sent_ns = self._session, self._twin, self._twin.time_ns
-        happened: list[tuple[float, int, Act | Reading]] = [
-            (act.after_s, 0, act) for act in session.measured.acts if act.command == self._command
-        ]
-        happened += [
-            (reading.at_s, 1, reading)
-            for reading in session.measured.readings
-            if reading.command == self._command and reading.at_s is not None
-        ]
-        for after_s, _, what in sorted(happened, key=lambda each: each[:2]):
+        measured, twin, sent_ns = self._session.measured, self._twin, self._twin.time_ns
+        happened: list[tuple[float, Act | Reading]] = [(act.after_s, act) for act in measured.acts]
+        happened += [(reading.at_s, reading) for reading in measured.readings if reading.at_s is not None]
+        own = (each for each in happened if each[1].command == self._command)
+        for after_s, what in sorted(own, key=lambda each: each[0]):  # of the same moment the acts first
             twin.run_until(max(twin.time_ns, sent_ns + round(after_s * SECOND_NS)))
             if isinstance(what, Act):
-                twin.carry_out(event_now(dict(what.content), self._place, twin.settable, twin.keys))
+                self._carry_out(what.content)
             else:
                 found[what] = self._position_mm(what)
 
@@ -384,15 +374,11 @@ def stalls(twin: Twin, stall: Stall, speed_hz: int) -> bool:
     gentle = MoveSettings(min(6000, language.ranges["speed_hz"][1]), 50, stall.start_stop_hz)
     for mm, how in ((stall.from_mm, gentle), (stall.to_mm, settings), (stall.from_mm, settings)):
         before = twin.lost_steps[axis]
-        for data in language.move(_target(twin, axis, mm), how):
+        target = [int(count) for count in twin.counts[: len(CARRIAGES)]]
+        target[axis] = round(mm / float(twin.step_mm[axis]))
+        for data in language.move(target, how):
             converse(twin, data)
         twin.run(SETTLE_S)
         if how is settings and bool(lost(twin.lost_steps[axis] - before, twin.slip_steps[axis])):
             return True
     return False
-
-
-def _target(twin: Twin, axis: int, mm: float) -> Sequence[int]:
-    target = [int(count) for count in twin.counts[:3]]
-    target[axis] = round(mm / float(twin.step_mm[axis]))
-    return target

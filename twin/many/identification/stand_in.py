@@ -1,8 +1,7 @@
 """An experiment carried out on a twin, in the place of a machine and of the person who measures at it.
 
 The result is that of a real one: a recording of bytes and times as `tap` makes it, and the filled-in file, with the
-errors of a gauge and a clock; nothing else of the twin is used. For trying out an experiment before
-going to the machine, for tests, and for judging a block (experiment.py).
+errors of a gauge and a clock. For trying out an experiment before going to the machine, and for judging a block.
 """
 
 from __future__ import annotations
@@ -45,10 +44,8 @@ def carry_out(
             entries.append(Entry("/host/sent", time_ns, _content(what, 0)))
         elif kind == "received":
             received: Received = what
-            late_ns = round(abs(draw.normal(0.0, time_noise_s)) * SECOND_NS)
-            entries.append(
-                Entry("/host/received", received.arrival_ns + late_ns, _content(received.data, received.byte_ns))
-            )
+            time_ns = received.arrival_ns + round(abs(draw.normal(0.0, time_noise_s)) * SECOND_NS)
+            entries.append(Entry("/host/received", time_ns, _content(received.data, received.byte_ns)))
 
     twin.listen(note)
     template = experiment.template()
@@ -73,19 +70,12 @@ def carry_out(
         for axis in {CARRIAGES.index(reading.axis) for reading in wanted if reading.push_n}:
             twin.apply_force(axis, 0.0, "tool")
             twin.run(SETTLE_S)
-    done = tuple(_stalled(stall, machine, controller, seed) for stall in experiment.stalls)
-    recorded = Recorded(
-        Path(f"{experiment.name}.mcap"),
-        {"kind": "tap", "controller": controller},
-        {},
-        tuple(entries),
-        np.zeros(0, dtype=np.int64),
-        b"",
-        True,
+    done = tuple(
+        replace(_stalled(stall, machine, controller, seed), recording=experiment.name) for stall in experiment.stalls
     )
-    return recorded, Measured(
-        tuple(found), template.acts, tuple(replace(stall, recording=experiment.name) for stall in done)
-    )
+    path, metadata = Path(f"{experiment.name}.mcap"), {"kind": "tap", "controller": controller}
+    recorded = Recorded(path, metadata, {}, tuple(entries), np.zeros(0, dtype=np.int64), b"", True)
+    return recorded, Measured(tuple(found), template.acts, done)
 
 
 def _act(twin: Twin, step: Step, began_ns: int) -> None:

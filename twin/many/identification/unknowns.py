@@ -32,14 +32,14 @@ from typing import Any
 
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.parameters import hint, rows
+from isel_twin.jobs.robust import FRICTION_KEYS
 from isel_twin.machine import Machine, machine_from_tree
 
+# by grade: the prior range reaches from the value divided by this to the value times it
 GRADE_FACTOR: Mapping[str, float] = {"measured": 1.1, "datasheet": 1.2, "setting": 1.2, "estimate": 2.0}
-"""By grade: the prior range reaches from the value divided by this to the value times it."""
 SWITCH_MM = 2.0  # prior range of a switch position, either way: cams are clamped by hand
 LEAD_PERCENT = 0.1  # prior range of a lead error, either way: rolled screws of class C7 to C10 have 0.05 to 0.2 %
 
-_FRICTION = ("guide_friction", "shaft_coulomb", "shaft_viscous")
 _SD_PER_RANGE = 4.0  # standard deviations in a range that holds 95 % (3.92, rounded up)
 
 
@@ -64,9 +64,8 @@ class Unknown:
     @property
     def deviation(self) -> float:
         """s of the module: of the logarithm, or of the value."""
-        if self.logarithmic:
-            return math.log(self.high / self.low) / _SD_PER_RANGE
-        return (self.high - self.low) / _SD_PER_RANGE
+        width = math.log(self.high / self.low) if self.logarithmic else self.high - self.low
+        return width / _SD_PER_RANGE
 
     def value(self, u: float) -> float:
         """The value at u standard deviations from the prior."""
@@ -116,7 +115,7 @@ def _meaning(machine: Machine, name: str) -> _Meaning:
     if of in CARRIAGES:
         match what:
             case "friction":
-                return _Meaning(tuple(f"axes.{of}.{key}" for key in _FRICTION), factor=True)
+                return _Meaning(tuple(f"axes.{of}.{key}" for key in FRICTION_KEYS), factor=True)
             case "stiffness":
                 modes = machine.structure if machine.imperfections.structure else ()
                 of_modes = (f"structure.{mode.joint}.stiffness" for mode in modes if mode.axis == of)
@@ -192,20 +191,16 @@ def _supply(machine: Machine) -> list[str]:
 
 def _names(machine: Machine) -> list[str]:
     per_axis = [f"{what}.{axis}" for what in ("friction", "backlash", "stiffness", "lead") for axis in CARRIAGES]
-    return [
-        *per_axis,
-        *_supply(machine),
-        "mass",
-        "repeatability",
-        *(f"switch.{contact.name}" for contact in machine.switches),
-    ]
+    switches = [f"switch.{contact.name}" for contact in machine.switches]
+    return [*per_axis, *_supply(machine), "mass", "repeatability", *switches]
 
 
 def changes(machine: Machine, unknowns: Sequence[Unknown], values: Sequence[float]) -> dict[str, float]:
     found: dict[str, float] = {}
+    by_key = {row.parameter: row for row in rows(machine.tree)}
     for item, value in zip(unknowns, values, strict=True):
         for key in item.keys:
-            times = float(_number(machine.tree, key)["value"]) if item.factor else 1.0
+            times = float(by_key[key].value) if item.factor else 1.0
             found[key] = round(value) if item.whole else value * times
     return found
 
@@ -229,10 +224,3 @@ def candidate(machine: Machine, unknowns: Sequence[Unknown], values: Sequence[fl
             tree["imperfections"][item.flag] = True
     tree["imperfections"]["repeatability"] = False
     return machine_from_tree(tree, machine.file)
-
-
-def _number(tree: Mapping[str, Any], key: str) -> Mapping[str, Any]:
-    content: Any = tree
-    for part in key.split("."):
-        content = content[part]
-    return dict(content)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from isel_twin.base.axes import CARRIAGES
-from isel_twin.base.parameters import Limits, Place, hint, known, plain, rows, text
+from isel_twin.base.parameters import Limits, Place, boolean, hint, known, plain, rows, text
 from isel_twin.language import SETTINGS_RANGES
 from isel_twin.machine import LEVELS, Machine
 from isel_twin.many.studies.row import OUTCOMES, Work
@@ -80,31 +80,26 @@ def read_parameter(section: str, key: str, form: Any, place: Place, work: Work, 
     name = text(content.get("name", re.sub(r"\W", "_", key)), place.at("name"))
     if not _COLUMN.fullmatch(name):
         raise place.at("name").wrong(f"{name!r}; allowed: a word of letters, digits and _, for the column")
-    flags = {}
-    for switch in ("log", "whole"):
-        flags[switch] = content.get(switch, False)
-        if not isinstance(flags[switch], bool):
-            raise place.at(switch).wrong(f"{flags[switch]!r}; allowed: true, false")
+    log, whole = (boolean(content.get(switch, False), place.at(switch)) for switch in ("log", "whole"))
     if "values" in content:
         for other in ("low", "high", "steps", "log", "whole"):
             if other in content:
                 raise place.at(other).wrong("there are values; allowed: either values, or low and high")
-        values = _values(content["values"], is_number, place.at("values"))
-        return Parameter(section, key, name, unit, values)
+        return Parameter(section, key, name, unit, _values(content["values"], is_number, place.at("values")))
     for end in ("low", "high"):
         if end not in content:
             raise place.at(end).wrong("missing; allowed: low and high, or values = [...]")
         if is_number is False:
             raise place.wrong("is no number; allowed: values = [...]")
     low, high = (plain(content[end], _ANY, place.at(end)) for end in ("low", "high"))
-    whole = bool(flags["whole"] or section == "settings")
+    whole = whole or section == "settings"
     if not low < high:
         raise place.at("high").wrong(f"{high:g}; allowed: more than low, {low:g}")
-    if flags["log"] and low <= 0.0:
+    if log and low <= 0.0:
         raise place.at("low").wrong(f"{low:g}; allowed with log = true: more than 0")
     if whole and (low != int(low) or high != int(high)):
         raise place.wrong(f"{low:g} .. {high:g}; allowed: whole numbers")
-    ranged = Parameter(section, key, name, unit, (), low, high, bool(flags["log"]), whole)
+    ranged = Parameter(section, key, name, unit, (), low, high, log, whole)
     if "steps" not in content:
         return ranged
     steps = int(checked_number(content["steps"], _STEPS, place.at("steps")))
@@ -123,16 +118,9 @@ def between(parameter: Parameter, part: float) -> float:
 def _values(value: Any, is_number: bool | None, place: Place) -> tuple[Any, ...]:
     if not isinstance(value, list) or not value:
         raise place.wrong(f"{value!r}; allowed: a list of values")
-    kinds = {"numbers": (int, float), "texts": (str,), "switches": (bool,)}
-    kind = next(
-        (
-            name
-            for name, types in kinds.items()
-            if all(isinstance(one, types) and (isinstance(one, bool) == (name == "switches")) for one in value)
-        ),
-        None,
-    )
-    if kind is None or (is_number is not None and is_number != (kind == "numbers")):
+    kinds = {float if type(one) is int else type(one) for one in value}  # JSON's: number, text, switch
+    one_kind = len(kinds) == 1 and kinds <= {float, str, bool}
+    if not one_kind or (is_number is not None and is_number != (kinds == {float})):
         wanted = "numbers" if is_number else "texts or switches" if is_number is False else "all of one kind"
         raise place.wrong(f"{value!r}; allowed: {wanted}")
     for number, one in enumerate(value):
@@ -147,10 +135,10 @@ def _machine_key(key: str, unit: str, place: Place, work: Work, machine: Machine
         _no_unit(unit, place, f"nothing; the values are levels: {', '.join(LEVELS)}")
         return False
     listed = {row.parameter: row for row in rows(machine.tree)}
-    for name in [name for name in listed if name.startswith(f"axes.{CARRIAGES[0]}.")]:
-        common = name.replace(f"axes.{CARRIAGES[0]}.", "axes.all.", 1)
-        if all(name.replace(f"axes.{CARRIAGES[0]}.", f"axes.{axis}.", 1) in listed for axis in CARRIAGES):
-            listed[common] = listed[name]
+    first = f"axes.{CARRIAGES[0]}."
+    for name in [name.removeprefix(first) for name in listed if name.startswith(first)]:
+        if all(f"axes.{axis}.{name}" in listed for axis in CARRIAGES):
+            listed[f"axes.all.{name}"] = listed[first + name]
     if key not in listed:
         raise place.wrong(f"unknown parameter of {machine.name}; {hint(key, listed, 'isel-twin describe lists them')}")
     row = listed[key]
@@ -182,8 +170,7 @@ def _job_key(key: str, unit: str, place: Place, work: Work, machine: Machine) ->
         raise place.wrong("moves have no text; allowed: parameters of [settings], or job in place of moves")
     _no_unit(unit, place, "none; the command tells it")
     if key.startswith("line "):
-        count = len(work.job_lines)
-        number = key.removeprefix("line ")
+        count, number = len(work.job_lines), key.removeprefix("line ")
         if not number.isdigit() or not 1 <= int(number) <= count:
             raise place.wrong(f"{work.job_name} has no such line; allowed: line 1 .. line {count}")
         return None
@@ -203,7 +190,7 @@ def _scenario_key(key: str, unit: str, place: Place, work: Work, machine: Machin
     if key == EVENTS:
         return False
     name, _, rest = key.partition(".")
-    names = [str(event["name"]) for event in work.events if "name" in event]
+    names = work.event_names
     numbers = [str(number) for number in range(1, len(work.events) + 1)]
     if name not in (*names, *numbers):
         raise place.wrong(f"there is no event {name!r}; {hint(name, [*names, *numbers, EVENTS])}")
@@ -230,19 +217,18 @@ def check_names(parameters: Sequence[Parameter], place: Place) -> None:
         names.append(parameter.name)
 
 
-def check_placeholders(parameters: Sequence[Parameter], work: Work, place: Place) -> None:
+def check_events(parameters: Sequence[Parameter], work: Work, place: Place) -> None:
     """Every event that `events` names must be there."""
-    names = [str(event["name"]) for event in work.events if "name" in event]
+    names = work.event_names
     for parameter in parameters:
         if (parameter.section, parameter.key) != ("scenario", EVENTS):
             continue
         where = place.at("scenario").at(EVENTS)
         if not names:
             raise where.wrong("no event of the scenario has a name; allowed: beside events with name = '...'")
-        for value in parameter.values:
-            for name in str(value).split():
-                if name not in names:
-                    raise where.wrong(f"there is no event {name!r}; {hint(name, names)}")
+        for name in " ".join(map(str, parameter.values)).split():
+            if name not in names:
+                raise where.wrong(f"there is no event {name!r}; {hint(name, names)}")
 
 
 def checked_number(value: Any, limits: Limits, place: Place) -> float:

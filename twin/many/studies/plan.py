@@ -33,28 +33,24 @@ and steps make a grid; each of its points has all samples; each of those has all
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from isel_twin.base.axes import CARRIAGES
-from isel_twin.base.parameters import FileError, Limits, Place, known, plain, read_toml, table, text
+from isel_twin.base.parameters import FileError, Limits, Place, boolean, known, plain, read_toml, table, text
 from isel_twin.base.toml_lines import read_lines
 from isel_twin.core.spec import TwinSpec
 from isel_twin.core.twin import PLANTS
 from isel_twin.jobs.checks.job import Bounds
+from isel_twin.jobs.checks.settings import switch_names
 from isel_twin.jobs.job import JobError, check_controller, decode_job
 from isel_twin.language import create_language
 from isel_twin.machine import load_machine
-from isel_twin.many.studies.parameters import (
-    Parameter,
-    check_names,
-    check_placeholders,
-    checked_number,
-    flat,
-    read_parameter,
-)
+from isel_twin.many.studies import parameters as varying
+from isel_twin.many.studies.parameters import Parameter, checked_number
 from isel_twin.many.studies.row import Work
 from isel_twin.version import VERSION
 
@@ -95,11 +91,8 @@ class Plan:
 
 
 def load_plan(path: str | Path) -> Plan:
-    """Read a plan and what it names: job, machine and scenario, as seen from the folder of the plan.
-
-    Raises PlanError for anything wrong in it, JobError, MachineError for what is wrong with those, and OSError for what
-    cannot be read.
-    """
+    """Read a plan and what it names: job, machine and scenario, as seen from the folder of the plan. Raises PlanError,
+    JobError or MachineError for anything wrong in it or in those, and OSError for what cannot be read."""
     file = Path(path)
     document, place = read_lines(file, PlanError)
     known(document, ("sweep", *SECTIONS), place)
@@ -107,33 +100,30 @@ def load_plan(path: str | Path) -> Plan:
     call, work = _same(same, place.at("sweep"), file.parent)
     machine = call.as_built
     parameters = tuple(
-        read_parameter(section, key, form, place.at(section).at(key), work, machine)
+        varying.read_parameter(section, key, form, place.at(section).at(key), work, machine)
         for section in SECTIONS
-        for key, form in flat(table(document.get(section, {}), place.at(section)), place.at(section))
+        for key, form in varying.flat(table(document.get(section, {}), place.at(section)), place.at(section))
     )
-    check_names(parameters, place)
-    check_placeholders(parameters, work, place)
+    varying.check_names(parameters, place)
+    varying.check_events(parameters, work, place)
     samples, sampled = same.get("samples"), [parameter for parameter in parameters if parameter.sampled]
-    where = place.at("sweep").at("samples")
+    sweep = place.at("sweep")
+    where = sweep.at("samples")
     if samples is not None and not sampled:
         raise where.wrong("no parameter has a range; allowed: beside one with low and high, without steps")
     if "sampling" in same and not sampled:
-        raise place.at("sweep").at("sampling").wrong("no parameter has a range; allowed: beside one without steps")
+        raise sweep.at("sampling").wrong("no parameter has a range; allowed: beside one without steps")
     if samples is None and sampled:
         one = sampled[0]
-        raise (
-            place.at(one.section)
-            .at(one.key)
-            .wrong("a range is sampled; allowed: beside samples in [sweep], or with steps")
-        )
+        at = place.at(one.section).at(one.key)
+        raise at.wrong("a range is sampled; allowed: beside samples in [sweep], or with steps")
     if samples is not None and samples & (samples - 1):
         raise where.wrong(f"{samples}; allowed: a power of two, such as {1 << samples.bit_length()}")
-    seeds = _seeds(same.get("seeds", 1), place.at("sweep").at("seeds"))
+    seeds = _seeds(same.get("seeds", 1), sweep.at("seeds"))
     number = len(seeds) * (samples or 1) * (len(sampled) + 2 if same.get("sampling") == "saltelli" else 1)
-    for parameter in parameters:
-        number *= len(parameter.values) or 1
+    number *= math.prod(len(parameter.values) or 1 for parameter in parameters)
     if number > MOST_POINTS:
-        raise place.at("sweep").wrong(f"{number} points; allowed: up to {MOST_POINTS}")
+        raise sweep.wrong(f"{number} points; allowed: up to {MOST_POINTS}")
     return Plan(
         file=file,
         text=place.text,
@@ -141,7 +131,7 @@ def load_plan(path: str | Path) -> Plan:
         work=replace(work, parameters=tuple((p.section, p.key, p.unit) for p in parameters)),
         parameters=parameters,
         samples=samples or 1,
-        sampling=text(same.get("sampling", "sobol"), place.at("sweep").at("sampling"), SAMPLINGS),
+        sampling=text(same.get("sampling", "sobol"), sweep.at("sampling"), SAMPLINGS),
         sample_seed=int(same.get("sample_seed", 0)),
         seeds=seeds,
     )
@@ -162,27 +152,18 @@ def _same(content: Mapping[str, Any], place: Place, folder: Path) -> tuple[TwinS
             if "job" in content
             else "missing; allowed: a file of commands, or moves = [[X, Y, Z], ...] in mm"
         )
-    perturbed = content.get("perturbed", False)
-    if not isinstance(perturbed, bool):
-        raise place.at("perturbed").wrong(f"{perturbed!r}; allowed: true, false")
-    may_strike = content.get("may_strike", [])
-    if not isinstance(may_strike, list) or not all(isinstance(name, str) for name in may_strike):
-        raise place.at("may_strike").wrong(f'{may_strike!r}; allowed: a list of end switches, or ["all"]')
-    named = content.get("machine", "4030")
-    called = str((folder / named).resolve()) if (folder / named).is_dir() else named
+    perturbed = boolean(content.get("perturbed", False), place.at("perturbed"))
+    may_strike = switch_names(content.get("may_strike", []), place.at("may_strike"))
+    called = content.get("machine", "4030")
+    if (folder / called).is_dir():
+        called = str((folder / called).resolve())
     machine = load_machine(called)
     start_mm = _triple(content["start_mm"], place.at("start_mm")) if "start_mm" in content else None
     scenario = folder / content["scenario"] if "scenario" in content else None
-    call = TwinSpec(
-        machine=called,
-        controller=content.get("controller", TwinSpec.controller),
-        plant=content.get("plant", "mujoco"),
-        scenario=scenario,
-        start_mm=start_mm,
-    )
-    bounds: dict[str, Any] = {
-        key: float(content[key]) for key in ("margin", "deviation_mm", "cycle_s", "timeout_s") if key in content
-    }
+    named = {key: content[key] for key in ("controller", "plant") if key in content}
+    call = TwinSpec(machine=called, scenario=scenario, start_mm=start_mm, **named)
+    bounded = ("margin", "deviation_mm", "cycle_s", "timeout_s")
+    bounds: dict[str, Any] = {key: float(content[key]) for key in bounded if key in content}
     moves = content.get("moves", [])
     if not isinstance(moves, list) or ("moves" in content and not moves):
         raise place.at("moves").wrong(f"{moves!r}; allowed: a list of targets [X, Y, Z] in mm")
@@ -195,14 +176,13 @@ def _same(content: Mapping[str, Any], place: Place, folder: Path) -> tuple[TwinS
         machine_digest=machine.digest,
         events=() if scenario is None else tuple(_events(scenario)),
         perturbed=perturbed,
-        bounds=Bounds(may_strike=tuple(may_strike), **bounds),
+        bounds=Bounds(may_strike=may_strike, **bounds),
     )
 
 
 def _job(file: Path, controller: str) -> str:
-    data = file.read_bytes()
     try:
-        job = decode_job(data)
+        job = decode_job(file.read_bytes())
         check_controller(job, create_language(controller), controller)
         return job
     except JobError as error:

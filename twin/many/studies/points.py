@@ -34,10 +34,8 @@ from isel_twin.many.studies.row import Point
 
 
 def unit_samples(plan: Plan) -> NDArray[np.float64]:
-    """float64 [n, d]: the samples in [0, 1), one column for each sampled parameter; [1, 0] if there are none.
-
-    Raises CallError without scipy.
-    """
+    """float64 [n, d]: the samples in [0, 1), one column for each sampled parameter; [1, 0] if there are none. Raises
+    CallError without scipy."""
     count = sum(parameter.sampled for parameter in plan.parameters)
     if not count:
         return np.empty((1, 0))
@@ -64,11 +62,11 @@ def all_points(plan: Plan) -> Iterator[Point]:
     del same["spec"]  # names of jobs and machines may change, content counts
     same |= {"machine": "", "controller": spec.controller, "plant": spec.plant, "start_mm": spec.start_mm}
     digest = hashlib.sha256(_canonical(same))
-    axes = [parameter.values if parameter.values else (None,) for parameter in plan.parameters]
-    samples = [_sample(plan, unit) for unit in unit_samples(plan)]
-    for number, (values, sample, seed) in enumerate(
-        itertools.product(itertools.product(*axes), samples, plan.seeds), 1
-    ):
+    axes = [parameter.values or (None,) for parameter in plan.parameters]
+    sampled = [parameter for parameter in plan.parameters if parameter.sampled]
+    samples = [tuple(map(between, sampled, unit.tolist())) for unit in unit_samples(plan)]
+    every = itertools.product(itertools.product(*axes), samples, plan.seeds)
+    for number, (values, sample, seed) in enumerate(every, 1):
         drawn = iter(sample)
         point = tuple(next(drawn) if p.sampled else v for p, v in zip(plan.parameters, values, strict=True))
         content = sorted(zip(plan.work.parameters, point, strict=True), key=lambda pair: pair[0])
@@ -82,11 +80,6 @@ def points(plan: Plan) -> list[Point]:
     different = {point.id: point for point in reversed(list(all_points(plan)))}
     ordered = sorted(different.values(), key=lambda point: point.number)
     return [dataclasses.replace(point, number=number) for number, point in enumerate(ordered, 1)]
-
-
-def _sample(plan: Plan, unit: NDArray[np.float64]) -> tuple[float, ...]:
-    sampled = [parameter for parameter in plan.parameters if parameter.sampled]
-    return tuple(between(parameter, float(part)) for parameter, part in zip(sampled, unit, strict=True))
 
 
 def _canonical(content: Any) -> bytes:

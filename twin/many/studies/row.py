@@ -66,8 +66,7 @@ class Work:
     spec: TwinSpec = field(default_factory=TwinSpec)  # the twin of all rows, but for its seed, events and overrides
     machine_digest: str = ""
     events: tuple[Mapping[str, Any], ...] = ()
-    perturbed: bool = False
-    """Each seed has a slightly different machine, as repetitions of `isel-twin run --robust` have."""
+    perturbed: bool = False  # each seed has a slightly different machine, as with `isel-twin run --robust`
     bounds: Bounds = field(default_factory=Bounds)
     parameters: tuple[tuple[str, str, str], ...] = ()  # section, key and unit of each value of a point
 
@@ -75,6 +74,10 @@ class Work:
     def job_lines(self) -> list[str]:
         """The lines of the job, as job files count them."""
         return self.job.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+    @property
+    def event_names(self) -> list[str]:
+        return [str(event["name"]) for event in self.events if "name" in event]
 
 
 @dataclass(frozen=True)
@@ -86,22 +89,20 @@ class Point:
 
 
 def compute(work: Work, point: Point) -> dict[str, Any]:
-    """The outcome of one point, OUTCOMES by name.
-
-    Raises MismatchError and OSError for what is no fault of the point, GivenUp if nobody waits for it any more.
-    """
+    """The outcome of one point, OUTCOMES by name. Raises MismatchError and OSError for what is no fault of the point,
+    GivenUp if nobody waits for it any more."""
     _check(work)
-    nothing: dict[str, Any] = dict.fromkeys(OUTCOMES)
+    found: dict[str, Any]
     try:
         with _quietly():
             found = _made(work, point)
     except (OSError, MemoryError, MismatchError):
         raise
     except ValueError as error:
-        return {**nothing, "error": one_line(str(error))}
+        found = {"error": one_line(str(error))}
     except Exception as error:
-        return {**nothing, "error": one_line(f"{type(error).__name__}: {error}")}
-    return {**nothing, **found}
+        found = {"error": one_line(f"{type(error).__name__}: {error}")}
+    return {**dict.fromkeys(OUTCOMES), **found}
 
 
 def _check(work: Work) -> None:
@@ -178,29 +179,19 @@ def _of(given: Mapping[tuple[str, str, str], Any], section: str) -> list[tuple[s
 def _overrides(call: TwinSpec, given: Sequence[tuple[str, str, Any]]) -> dict[str, Any]:
     """Overrides of the machine: plain values first, then multiples of what the machine then has."""
     overrides = {key: value for key, unit, value in given if unit != "times"}
-    factors = [(key, value) for key, unit, value in given if unit == "times"]
-    if factors:
+    if factors := [(key, value) for key, unit, value in given if unit == "times"]:
         tree = call.with_(overrides=overrides).fitted().tree
         for key, factor in factors:
-            for name in _each_axis(key):
+            every = key.startswith("axes.all.")
+            for name in [key.replace("all", axis, 1) for axis in CARRIAGES] if every else [key]:
                 overrides[name] = overrides.get(name, _value(tree, name)) * factor
     return overrides
-
-
-def _each_axis(key: str) -> Iterator[str]:
-    if key.startswith("axes.all."):
-        yield from (f"axes.{name}.{key.removeprefix('axes.all.')}" for name in CARRIAGES)
-    else:
-        yield key
 
 
 def _value(tree: Any, key: str) -> float:
     for name in key.split("."):
         tree = tree[name]
     return float(tree["value"] if isinstance(tree, Mapping) else tree)
-
-
-# ---- job -------------------------------------------------------------------------------------------------------------
 
 
 def _lines(work: Work, given: Mapping[tuple[str, str, str], Any], call: TwinSpec) -> list[Line]:
@@ -211,15 +202,12 @@ def _lines(work: Work, given: Mapping[tuple[str, str, str], Any], call: TwinSpec
         settings = {key: value for key, _, value in _of(given, "settings")}
         return _moves(work, settings, call.fitted())
     lines = work.job_lines
-    words = []
-    for key, _, value in _of(given, "job"):
-        if key.startswith("line "):
-            lines[int(key.removeprefix("line ")) - 1] = _word(value)
-        else:
-            words.append((f"{{{key}}}", _word(value)))
+    words = {key: _word(value) for key, _, value in _of(given, "job")}
+    for key in [key for key in words if key.startswith("line ")]:
+        lines[int(key.removeprefix("line ")) - 1] = words.pop(key)
     text = "\n".join(lines)
-    for placeholder, word in words:
-        text = text.replace(placeholder, word)
+    for key, word in words.items():
+        text = text.replace(f"{{{key}}}", word)
     parsed = parse_job(text, create_language(work.spec.controller), work.spec.controller)
     if not parsed:
         raise ValueError(f"{work.job_name}: there is no command in it")
@@ -248,9 +236,6 @@ def _moves(work: Work, settings: Mapping[str, int], machine: Machine) -> list[Li
         counts = [round(mm * axis.steps_per_mm) for mm, axis in zip(target_mm, machine.axes, strict=True)]
         frames += language.move(counts, how)
     return [Line(number, readable(frame), (frame,)) for number, frame in enumerate(frames, 1)]
-
-
-# ---- scenario --------------------------------------------------------------------------------------------------------
 
 
 def _events(work: Work, given: Sequence[tuple[str, str, Any]]) -> list[dict[str, Any]]:

@@ -32,8 +32,8 @@ from isel_twin.base.pictures import picture_bytes, plain_text
 from isel_twin.many.studies.plan import Plan
 from isel_twin.many.studies.points import all_points
 
+# outcomes that are looked at, and what they are called
 OUTCOME_TITLES: Mapping[str, str] = {"margin_moves": "least torque margin", "cycle_s": "duration", "ok": "failure"}
-"""Outcomes that are looked at, and what they are called."""
 LEAST_ROWS = 64  # fewer tell nothing
 HARMONICS = 10  # of RBD-FAST: its usual number
 RESAMPLES = 100
@@ -151,19 +151,17 @@ _FIRST, _TOTAL, _INK = "#1f5f8b", "#a9cbe0", "#1d2733"
 
 
 def draw(path: Path, plan: Plan, rows: Sequence[Mapping[str, Any]], found: Sequence[Index]) -> None:
-    """A picture of the indices: a field of bars for each outcome, the parameters in the order of their weight.
-
-    Raises OSError, and CallError if nothing varies.
-    """
+    """A picture of the indices: a field of bars for each outcome, the parameters in the order of their weight. Raises
+    OSError, and CallError if nothing varies."""
     from matplotlib.figure import Figure
 
     outcomes = list(dict.fromkeys(index.outcome for index in found))
     if not outcomes:
         raise CallError("sensitivity: no outcome varies; take wider ranges", option=True)
-    weight = {index.parameter: 0.0 for index in found}
+    weight: dict[str, float] = {}
     for index in found:
         size = index.first if index.total is None else index.total
-        weight[index.parameter] = max(weight[index.parameter], size)
+        weight[index.parameter] = max(weight.get(index.parameter, 0.0), size)
     names = sorted(weight, key=lambda name: weight[name])
     with_total = any(index.total is not None for index in found)
     figure = Figure(figsize=(3.1 + 3.0 * len(outcomes), 1.9 + 0.5 * len(names)), layout="constrained", dpi=110)

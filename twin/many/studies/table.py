@@ -15,7 +15,7 @@ Each column says what it is: metadata `key`, `unit` ("1": a number of things; no
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -39,10 +39,8 @@ def journal_of(file: Path) -> Path:
 
 
 class Table:
-    """The table of a plan in a file, this process's own until `close`. A context manager.
-
-    Raises CallError if the file is in use, is no table of a sweep, or has rows that are not of this plan.
-    """
+    """The table of a plan in a file, this process's own until `close`. A context manager. Raises CallError if the file
+    is in use, is no table of a sweep, or has rows that are not of this plan."""
 
     def __init__(self, file: Path, plan: Plan, points: Sequence[Point]) -> None:
         _need_pyarrow()
@@ -109,9 +107,8 @@ class Table:
         found: dict[str, Mapping[str, Any]] = {}
         if self.file.exists():
             found |= {row["point"]: row for row in read_rows(self.file)}
-        journal = journal_of(self.file)
-        if journal.exists():
-            for line in journal.read_bytes().split(b"\n")[:-1]:  # the last one may be torn
+        if journal_of(self.file).exists():
+            for line in journal_of(self.file).read_bytes().split(b"\n")[:-1]:  # the last one may be torn
                 with suppress(ValueError):  # after a power cut any of them; its row is computed again
                     row = json.loads(line)
                     found[row["point"]] = row
@@ -172,9 +169,8 @@ def _schema(plan: Plan) -> pa.Schema:
     described.append(("seed", "int64", {"unit": "1", "description": "of power-on positions, switch scatter, bounce"}))
     for name, (kind, unit, text) in OUTCOMES.items():
         described.append((name, kind, {"description": text, **_unit(unit, kind)}))
-    fields: Iterable[Any] = (pa.field(name, kinds[kind]).with_metadata(told) for name, kind, told in described)
-    about = {"creator": f"isel-twin {VERSION}", "plan": plan.text}
-    return pa.schema(list(fields), metadata=about)
+    fields = [pa.field(name, kinds[kind]).with_metadata(told) for name, kind, told in described]
+    return pa.schema(fields, metadata={"creator": f"isel-twin {VERSION}", "plan": plan.text})
 
 
 def _unit(unit: str, kind: str) -> dict[str, str]:

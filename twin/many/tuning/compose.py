@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     import optuna
 
 NEW = 3  # most moves of a trial that try something new: with more, one of them nearly always loses steps
+# standard deviation of a large step from the best, as the logarithm of a ratio; others are down to a tenth of it
 STEP = {"speed_hz": 0.2, "acceleration_hz_per_ms": 0.6, "start_stop_hz": 0.6}
-"""Standard deviation of a large step from the best, as the logarithm of a ratio; others are down to a tenth of it."""
 
 
 @dataclass(frozen=True)
@@ -102,12 +102,8 @@ def composed(problem: Problem, tried: Sequence[Tried], least: float, seed: int, 
 
 def _step(group: Group, best: Known, draw: np.random.Generator) -> dict[str, int]:
     part = 10.0 ** draw.uniform(-1.0, 0.0)
-    return {
-        one.name: one.nearest(
-            round(best.values[one.name] * math.exp(part * STEP[one.setting] * draw.standard_normal()))
-        )
-        for one in group.parameters
-    }
+    times = {one: math.exp(part * STEP[one.setting] * draw.standard_normal()) for one in group.parameters}
+    return {one.name: one.nearest(round(best.values[one.name] * factor)) for one, factor in times.items()}
 
 
 def _borrowed(group: Group, other: Group, best: Known) -> dict[str, int]:
@@ -118,18 +114,13 @@ def _borrowed(group: Group, other: Group, best: Known) -> dict[str, int]:
 
 def best_of_each(problem: Problem, tried: Sequence[Tried], least: float) -> dict[str, int]:
     """Of every move the fastest settings that are known to keep a margin, or those that keep most."""
-    values: dict[str, int] = {}
-    for seen in known(problem, tried):
-        values.update(_best(seen, least).values)
-    return values
+    return {name: value for seen in known(problem, tried) for name, value in _best(seen, least).values.items()}
 
 
 def _best(seen: Sequence[Known], wanted: float) -> Known:
     """The fastest that keeps a margin, or what keeps most."""
     keeping = [each for each in seen if each.margin > 0.0 and each.margin >= wanted]
-    if keeping:
-        return min(keeping, key=lambda each: each.time_s)
-    return max(seen, key=lambda each: each.margin)
+    return min(keeping, key=lambda each: each.time_s) if keeping else max(seen, key=lambda each: each.margin)
 
 
 def _estimated(group: Group, seen: Sequence[Known], wanted: float, seed: int, number: int) -> dict[str, int]:
@@ -142,16 +133,9 @@ def _estimated(group: Group, seen: Sequence[Known], wanted: float, seed: int, nu
     study = optuna.create_study(sampler=sampler(seed, number))
     for each in seen:
         short = max(0.0, wanted - each.margin)
-        study.add_trial(
-            create_trial(
-                params=dict(each.values),
-                distributions=place,
-                value=each.time_s if not short else slowest_s * (1.0 + short),
-                state=TrialState.COMPLETE,
-            )
-            if each.margin > 0.0
-            else create_trial(params=dict(each.values), distributions=place, state=TrialState.PRUNED)
-        )
+        value = None if each.margin <= 0.0 else slowest_s * (1.0 + short) if short else each.time_s
+        state = TrialState.PRUNED if value is None else TrialState.COMPLETE
+        study.add_trial(create_trial(params=dict(each.values), distributions=place, value=value, state=state))
     return study.ask(place).params
 
 

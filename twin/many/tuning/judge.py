@@ -13,11 +13,11 @@ lost, and the rest of the job would tell nothing.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from isel_twin.base.crew import Crew, in_order
+from isel_twin.base.crew import Crew, Stop, in_order
 from isel_twin.base.units import SECOND_NS
 from isel_twin.jobs.playing import FirstLoss, losses, played
 from isel_twin.jobs.result import Result
@@ -26,9 +26,6 @@ from isel_twin.many.tuning.space import Candidate, Problem
 
 if TYPE_CHECKING:
     from isel_twin.core.spec import TwinSpec
-    from isel_twin.core.twin import Twin
-
-Stop = Callable[[], bool]
 
 
 @dataclass(frozen=True)
@@ -46,52 +43,38 @@ class Weather:
 
 
 @dataclass(frozen=True)
-class Repetition:
-    """A job made once."""
-
-    number: int
-    time_s: float  # from the first move to the end of the last line that was made
-    margin: float  # least of all motors from the first move on; 0 if anything is wrong
-    why: str = ""  # what is wrong, with the line; nothing if all is well
-    slipped: bool = False  # it is that steps were lost
-    moves: tuple[tuple[float, float], ...] = ()
-    """Time and margin of each move that was made, the one in which anything went wrong the last."""
-
-
-@dataclass(frozen=True)
 class Judgement:
-    """What is known of a setting."""
+    """What became of a job with a setting, in one repetition or in several."""
 
-    time_s: float  # on the machine as it is
-    margin: float  # least of all repetitions; 0 if anything is wrong
+    time_s: float  # from the first move to the end of the last line that was made; of the first repetition
+    margin: float  # least of all motors from the first move on, in all repetitions; 0 if anything is wrong
     why: str = ""  # what is wrong, with line and repetition; nothing if all is well
     repetitions: int = 0  # that were made, the machine as it is among them
     slipped: bool = False  # what is wrong is that steps were lost
+    # time of each move in the first repetition, and its least margin in all; what is wrong is so in the last of these
     moves: tuple[tuple[float, float], ...] = ()
-    """Time of each move on the machine as it is, and its least margin in all repetitions. If anything is wrong, it was
-    in the last of these moves."""
+    number: int = 0  # of the last repetition
 
     @property
     def good(self) -> bool:
         return not self.why
 
     @classmethod
-    def of(cls, made: Sequence[Repetition]) -> Judgement:
-        """From repetitions, the machine as it is first."""
-        wrong = next((each for each in made if each.why), None)
-        why = ""
-        if wrong is not None:
-            why = f"{wrong.why}{f', repetition {wrong.number}' if wrong.number else ''}"
-        slipped = wrong is not None and wrong.slipped
+    def of(cls, made: Sequence[Judgement]) -> Judgement:
+        """All of these repetitions, of which only the last may have gone wrong."""
+        last = made[-1]
         margin = min(each.margin for each in made)
         each_move = zip(*(each.moves for each in made), strict=False)  # as far as all of them came
         moves = tuple((move[0][0], min(margin for _, margin in move)) for move in each_move)
-        return cls(made[0].time_s, margin, why, len(made), slipped, moves)
+        return cls(made[0].time_s, margin, last.why, len(made), last.slipped, moves, last.number)
 
 
-def make(candidate: Candidate, weather: Weather, number: int) -> Repetition:
+def make(candidate: Candidate, weather: Weather, number: int) -> Judgement:
     """Make a job once; a function of its arguments alone, so that it can run in another process."""
-    twin = _twin(weather, number)
+    if number:
+        twin, _, _ = perturbed_twin(weather.call, number, weather.flash)
+    else:
+        twin = weather.call.with_(flash=weather.flash).build()
     first = FirstLoss(twin)
     job = played(twin, candidate.lines, [first.take], weather.timeout_s, first.stop)
     results, why, slipped = job.results, first.why, bool(first.why)
@@ -100,7 +83,7 @@ def make(candidate: Candidate, weather: Weather, number: int) -> Repetition:
         slipped = any(verdict.lost) or any(verdict.halfway) or any(verdict.switched_off)
         why = _wrong(results) or losses(twin) or ("a rotor rests halfway" if slipped else "the controller is in error")
     if why:
-        why = f"line {results[-1].number}: {why}"
+        why = f"line {results[-1].number}: {why}{f', repetition {number}' if number else ''}"
     counted = [result for result in results if result.number >= candidate.first]
     margins = [margin for result in counted for margin in result.margin if margin is not None]
     time_s = (counted[-1].end_ns - counted[0].time_ns) / SECOND_NS if counted else 0.0
@@ -109,13 +92,7 @@ def make(candidate: Candidate, weather: Weather, number: int) -> Repetition:
         for result in results
         if result.number in candidate.moves
     )
-    return Repetition(number, time_s, 0.0 if why else min(margins, default=0.0), why, slipped, moves)
-
-
-def _twin(weather: Weather, number: int) -> Twin:
-    if number:
-        return perturbed_twin(weather.call, number, weather.flash)[0]
-    return weather.call.with_(flash=weather.flash).build()
+    return Judgement(time_s, 0.0 if why else min(margins, default=0.0), why, 1, slipped, moves, number)
 
 
 def _wrong(results: Sequence[Result]) -> str:
@@ -129,27 +106,27 @@ def _wrong(results: Sequence[Result]) -> str:
 def judged(
     candidate: Candidate, weather: Weather, numbers: Sequence[int], least: float = 0.0, stop: Stop | None = None
 ) -> Judgement | None:
-    """Make a job with these repetitions, in their order, until one is wrong or keeps less than this margin.
-
-    None if it was stopped.
-    """
-    made: list[Repetition] = []
-    for repetition in repetitions(candidate, weather, numbers, stop=stop):
-        made.append(repetition)
-        if repetition.why or repetition.margin < least:
-            break
-    else:
-        if len(made) < len(numbers):
-            return None
-    return Judgement.of(made)
+    """As `repeated`, as one."""
+    made = repeated(candidate, weather, numbers, least, stop=stop)
+    return None if made is None else Judgement.of(made)
 
 
-def repetitions(
+def repeated(
     candidate: Candidate,
     weather: Weather,
     numbers: Sequence[int],
+    least: float,
     crew: Crew | None = None,
     stop: Stop | None = None,
-) -> Iterator[Repetition]:
-    """Repetitions of a job in their order, whatever crew makes them; fewer if it was stopped."""
-    return in_order(functools.partial(make, candidate, weather), numbers, crew, stop)
+    told: Callable[[Judgement], None] | None = None,
+) -> list[Judgement] | None:
+    """Make a job with these repetitions, in their order, until one is wrong or keeps less than this margin. None if it
+    was stopped. told: given each as it is over."""
+    made: list[Judgement] = []
+    for each in in_order(functools.partial(make, candidate, weather), numbers, crew, stop):
+        made.append(each)
+        if told is not None:
+            told(each)
+        if each.why or each.margin < least:
+            return made
+    return made if len(made) == len(numbers) else None

@@ -12,14 +12,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from isel_twin.base.crew import Crew
+from isel_twin.base.crew import Crew, Stop
 from isel_twin.language import MoveSettings
-from isel_twin.many.tuning.judge import Judgement, Repetition, Weather, repetitions
+from isel_twin.many.tuning.judge import Judgement, Weather, repeated
 from isel_twin.many.tuning.space import Candidate, Problem
 
 ALONE = 5  # per cent of the repetitions that may have kept less than the margin that nearly all keep
-
-
 PUT_TOGETHER = -1  # in place of the number of a trial: no trial was made of it, its moves are from several
 
 
@@ -34,18 +32,20 @@ class Tried:
 class Held:
     """How a setting did on machines that the study has not seen."""
 
-    wanted: int  # repetitions
-    made: int  # the last of them went wrong if these are fewer
+    made: int  # repetitions; the first that goes wrong ends them
     margin: float  # least of all
     nearly_all: float  # margin that all but ALONE per cent of them keep
+    last: Judgement
     why: str = ""  # what was wrong in the last one
-    lost: int = 0  # repetitions in which something was wrong: 0, or 1, as the first one ends them
-    last: Repetition | None = None  # the last one
 
     @property
     def good(self) -> bool:
-        """Nothing was wrong in any, and they were all made."""
-        return not self.why and self.made == self.wanted
+        return not self.why
+
+    @property
+    def lost(self) -> int:
+        """Repetitions in which something was wrong, and not only little margin."""
+        return int(not self.last.good)
 
 
 @dataclass(frozen=True)
@@ -53,8 +53,7 @@ class Tuned:
     tried: Tried
     candidate: Candidate
     held: Held
-    permanent: tuple[str, ...]
-    """Lines that make its ramps the controller's own; those of the most careful move if each has its own."""
+    permanent: tuple[str, ...]  # lines that make its ramps, those of the most careful move, the controller's own
     kept: MoveSettings  # what these make permanent; its speed stands in the job
 
 
@@ -73,39 +72,21 @@ def confirm(
     wanted: int,
     least: float = 0.0,
     crew: Crew | None = None,
-    stop: Callable[[], bool] | None = None,
-    told: Callable[[Repetition], None] | None = None,
+    stop: Stop | None = None,
+    told: Callable[[Judgement], None] | None = None,
     hard: Sequence[int] = (),
 ) -> Held | None:
-    """Make a job `wanted` times on machines that no trial has seen, until one goes wrong or keeps less than `least`.
-
-    told: given every repetition as it is over. hard: repetitions that go first, as others have failed there. None if
-    it was stopped.
-    """
-    made: list[Repetition] = []
+    """Make a job `wanted` times on machines that no trial has seen; otherwise as `repeated`. hard: repetitions that go
+    first, as others have failed there."""
     those = range(problem.repetitions + 1, problem.repetitions + 1 + wanted)
     numbers = [*(number for number in hard if number in those), *(number for number in those if number not in hard)]
-    for repetition in repetitions(candidate, Weather.of(problem), numbers, crew, stop):
-        made.append(repetition)
-        if told is not None:
-            told(repetition)
-        if repetition.why or repetition.margin < least:
-            break
-    else:
-        if len(made) < wanted:
-            return None
+    made = repeated(candidate, Weather.of(problem), numbers, least, crew, stop, told)
+    if made is None:
+        return None
     last = made[-1]
-    why = last.why or (f"keeps {100 * last.margin:.1f} %" if last.margin < least else "")
-    margins = sorted(repetition.margin for repetition in made)
-    return Held(
-        wanted,
-        len(made),
-        margins[0],
-        margins[len(margins) * ALONE // 100],
-        f"{why}, repetition {last.number}" if why else "",
-        int(bool(last.why)),
-        last,
-    )
+    little = f"keeps {100 * last.margin:.1f} %, repetition {last.number}" if last.margin < least else ""
+    margins = sorted(each.margin for each in made)
+    return Held(len(made), margins[0], margins[len(margins) * ALONE // 100], last, last.why or little)
 
 
 def tuned(problem: Problem, tried: Tried, held: Held) -> Tuned:

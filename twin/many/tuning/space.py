@@ -12,10 +12,12 @@ that nobody looks for the fastest.
 
 from __future__ import annotations
 
+import hashlib
 import itertools
+import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -23,9 +25,10 @@ from isel_twin.controller import offers
 from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs.job import Line, parse_job
 from isel_twin.language import JobMove, LanguageError, MoveSettings, RetimesJobs, create_language, needed
+from isel_twin.machine import with_overrides
 
+# names of `MoveSettings`; speeds count by their differences, ramps by their ratios
 SETTINGS = ("speed_hz", "acceleration_hz_per_ms", "start_stop_hz")
-"""Names of `MoveSettings`; speeds count by their differences, ramps by their ratios."""
 SLOWEST = 2  # what the job has, divided by this, is the lowest that is tried
 
 _LINE_END = re.compile(r"(\r\n|\r|\n)")
@@ -80,8 +83,7 @@ class Problem:
     call: TwinSpec = field(default_factory=TwinSpec)
     each_move: bool = False
     rapid_hz: int | None = None
-    ranges: Mapping[str, tuple[int, int]] = field(default_factory=dict)
-    """Narrower than the language's, by the names of SETTINGS."""
+    ranges: Mapping[str, tuple[int, int]] = field(default_factory=dict)  # narrower than the language's, by SETTINGS
     repetitions: int = 5  # on slightly different machines, with which a setting is judged beside the machine as it is
     timeout_s: float = 3600.0
     flash: bytes | None = None  # image of the controller's flash memory
@@ -94,11 +96,9 @@ class Problem:
         if not any(group.parameters for group in self.groups):
             raise ValueError("nothing is left to be tried: every range is a single number")
 
-    # ---- the job as it stands ---------------------------------------------------------------------------------------
-
     @cached_property
     def language(self) -> RetimesJobs:
-        """Of the controller. Raises LanguageError if it cannot bring settings into a job."""
+        """Raises LanguageError if it cannot bring settings into a job."""
         language = needed(create_language(self.call.controller), self.call.controller)
         if not offers(language, RetimesJobs):
             raise LanguageError(
@@ -124,8 +124,6 @@ class Problem:
             return self.rapid_hz
         return max(1, max((speed for move in self.moves for speed in move.speeds_hz), default=0) // 2)
 
-    # ---- what can be set --------------------------------------------------------------------------------------------
-
     @cached_property
     def groups(self) -> tuple[Group, ...]:
         """Moves that share their settings."""
@@ -138,7 +136,7 @@ class Problem:
 
     def _group(self, name: str, moves: tuple[JobMove, ...]) -> Group:
         group = Group(name, moves, ())
-        return Group(name, moves, tuple(p for p in map(lambda s: self._parameter(group, s), SETTINGS) if p is not None))
+        return replace(group, parameters=tuple(filter(None, (self._parameter(group, one) for one in SETTINGS))))
 
     def _parameter(self, group: Group, setting: str) -> Parameter | None:
         now = self._now(group, setting)
@@ -191,8 +189,6 @@ class Problem:
             return values[name]
         return min(max(max(self._now(group, setting), default=low), low), high)
 
-    # ---- jobs --------------------------------------------------------------------------------------------------------
-
     def candidate(self, values: Mapping[str, int]) -> Candidate:
         """The job with these values of the parameters."""
         return self._with(self.settings(values), self.rapid_from_hz)
@@ -217,14 +213,8 @@ class Problem:
         first = self.moves[0].line
         return Candidate(text, lines, lines[ends[first] - len(made[first])].number, numbers)
 
-    # ---- what it is --------------------------------------------------------------------------------------------------
-
     def about(self) -> dict[str, Any]:
         """What results depend on, in JSON's types: a study of anything else is another study."""
-        import hashlib
-        import json
-
-        from isel_twin.machine import with_overrides
 
         def digest(data: bytes) -> str:
             return hashlib.sha256(data).hexdigest()[:16]

@@ -18,27 +18,27 @@ A setting that loses a step is pruned there and then. Objectives: time (to be sm
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from isel_twin.base.crew import Crew, in_order
+from isel_twin.base.crew import Crew, Stop, in_order
+from isel_twin.base.errors import one_line
 from isel_twin.many.tuning.compose import best_of_each, composed, distributions, sampler
 from isel_twin.many.tuning.judge import Judgement, Weather, judged
 from isel_twin.many.tuning.result import PUT_TOGETHER, Held, Tried, confirm
-from isel_twin.many.tuning.space import Parameter, Problem
+from isel_twin.many.tuning.space import SETTINGS, Parameter, Problem
 
 if TYPE_CHECKING:
     import optuna
 
 BATCH = 8  # trials that are chosen together
 RANDOM = 12  # trials at the beginning that are drawn at random, and at most a third of all
-
-
 MENDED = 60  # times that the best of each move is mended before it is given up
 
 
@@ -66,6 +66,7 @@ class Study:
         self._where = _place(storage)
         self.batch = batch
         self._weather = Weather.of(problem)
+        self._numbers = range(problem.repetitions + 1)
         self._study = _opened(storage, name)
         self._check({**problem.about(), "seed of the study": seed, "size of a batch": batch})
 
@@ -80,61 +81,50 @@ class Study:
             self._study.set_user_attr("about", dict(about))
             return
         other = [key for key, value in about.items() if had.get(key) != value]
-        if "job" in other:
-            other = ["job"]  # much follows from that
         if other:
-            what = ", another ".join(other)
+            what = "job" if "job" in other else ", another ".join(other)  # much follows from the job
             raise StudyError(
                 f"{self._where}: study {self._study.study_name!r} is of another {what}; choose another name or another "
                 "storage"
             )
 
-    # ---- what is known -----------------------------------------------------------------------------------------------
-
     @property
     def tried(self) -> list[Tried]:
         """All trials that are over, in their order."""
-        from optuna.trial import TrialState
-
-        states = (TrialState.COMPLETE, TrialState.PRUNED)
-        return [_tried(trial) for trial in self._study.get_trials(deepcopy=False, states=states)]
+        over = self._trials("COMPLETE", "PRUNED")
+        return [Tried(one.number, one.params, _judgement(one.user_attrs["judgement"])) for one in over]
 
     def reference(self, what: str) -> Judgement | None:
         """How the job does `as it stands`, or with the `defaults` of the controller, if that has been judged."""
         told = self._study.user_attrs.get(what)
         return None if told is None else _judgement(told)
 
-    # ---- what is found out -------------------------------------------------------------------------------------------
-
-    def judge_references(self, stop: Callable[[], bool] | None = None) -> None:
+    def judge_references(self, stop: Stop | None = None) -> None:
         """Judge the job as it stands and with the defaults of the controller, unless that has been done."""
-        numbers = range(self.problem.repetitions + 1)
-        for what, candidate in (
-            ("as it stands", self.problem.as_it_stands()),
-            ("defaults", self.problem.defaults()),
-        ):
+        for what, candidate in (("as it stands", self.problem.as_it_stands()), ("defaults", self.problem.defaults())):
             if self.reference(what) is None:
-                judgement = judged(candidate, self._weather, numbers, stop=stop)
+                judgement = judged(candidate, self._weather, self._numbers, stop=stop)
                 if judgement is None:
                     return
                 with _storing(self._where):
-                    self._study.set_user_attr(what, _kept(judgement))
+                    self._study.set_user_attr(what, dataclasses.asdict(judgement))
 
     def run(
         self,
         trials: int,
         crew: Crew | None = None,
-        stop: Callable[[], bool] | None = None,
+        stop: Stop | None = None,
         told: Callable[[Tried], None] | None = None,
     ) -> None:
         """Go on until so many trials have been made in all, or `stop` returns True. told: given each as it is over."""
         while not (stop is not None and stop()):
             with _storing(self._where):
-                asked = self._left_over() or self._ask(trials)
+                asked = self._trials("RUNNING") or self._ask(trials)  # those that were asked and never told first
             if not asked:
                 return
-            judgements = self._judgements(asked, crew, stop)
-            for trial, judgement in zip(asked, judgements, strict=False):
+            judge = functools.partial(judged, weather=self._weather, numbers=self._numbers)
+            candidates = [self.problem.candidate(trial.params) for trial in asked]
+            for trial, judgement in zip(asked, in_order(judge, candidates, crew, stop), strict=False):
                 if judgement is None:
                     return
                 with _storing(self._where):
@@ -147,7 +137,7 @@ class Study:
         wanted: int,
         hard: list[int],
         crew: Crew | None = None,
-        stop: Callable[[], bool] | None = None,
+        stop: Stop | None = None,
         told: Callable[[str], None] | None = None,
     ) -> tuple[Tried, Held] | None:
         """The best that is known of each move, made on `wanted` machines that no trial has seen, until it holds.
@@ -157,7 +147,6 @@ class Study:
         that go first; those on which it failed are added. told: given what was wrong each time.
         """
         seen, been = self.tried, set[tuple[int, ...]]()
-        numbers = range(self.problem.repetitions + 1)
         for _ in range(MENDED):
             values = best_of_each(self.problem, seen, self.least)
             if (key := tuple(values.values())) in been:
@@ -165,10 +154,10 @@ class Study:
             been.add(key)
             candidate = self.problem.candidate(values)
             held = confirm(self.problem, candidate, wanted, self.least, crew, stop, hard=hard)
-            if held is None or held.last is None:
+            if held is None:
                 return None
             if held.good:
-                judgement = judged(candidate, self._weather, numbers, self.least, stop)
+                judgement = judged(candidate, self._weather, self._numbers, self.least, stop)
                 if judgement is None:
                     return None
                 seen.append(Tried(PUT_TOGETHER, values, judgement))
@@ -179,32 +168,25 @@ class Study:
                 told(held.why)
             if held.last.number not in hard:
                 hard.append(held.last.number)
-            seen.append(Tried(PUT_TOGETHER, values, Judgement.of([held.last])))
+            seen.append(Tried(PUT_TOGETHER, values, held.last))
         return None
 
-    def _left_over(self) -> list[optuna.trial.FrozenTrial]:
+    def _trials(self, *states: str) -> list[optuna.trial.FrozenTrial]:
         from optuna.trial import TrialState
 
-        return self._study.get_trials(deepcopy=False, states=(TrialState.RUNNING,))
+        return self._study.get_trials(deepcopy=False, states=[TrialState[state] for state in states])
 
     def _ask(self, trials: int) -> list[optuna.trial.FrozenTrial]:
         """The rest of the next batch."""
-        from optuna.trial import TrialState
-
-        over = len(self._study.get_trials(deepcopy=False)) - len(self._waiting())
+        over = len(self._study.get_trials(deepcopy=False)) - len(self._trials("WAITING"))
         many = min(trials, (over // self.batch + 1) * self.batch) - over
         for number in range(over, over + many):
-            if not self._waiting() and (values := self._given(number, trials)) is not None:
+            if not self._trials("WAITING") and (values := self._given(number, trials)) is not None:
                 self._study.enqueue_trial(values)
             with _quiet():
                 self._study.sampler = sampler(self.seed, number)
                 self._study.ask(distributions(self.problem.parameters))
-        return self._study.get_trials(deepcopy=False, states=(TrialState.RUNNING,))
-
-    def _waiting(self) -> list[optuna.trial.FrozenTrial]:
-        from optuna.trial import TrialState
-
-        return self._study.get_trials(deepcopy=False, states=(TrialState.WAITING,))
+        return self._trials("RUNNING")
 
     def _given(self, number: int, trials: int) -> dict[str, int] | None:
         """Values of a trial that nobody has to think about."""
@@ -214,22 +196,14 @@ class Study:
             with _quiet():
                 return composed(self.problem, self.tried, self.least, self.seed, number)
         draw = np.random.default_rng([self.seed, number])
-        share = {setting: draw.uniform() for setting in ("speed_hz", "acceleration_hz_per_ms", "start_stop_hz")}
+        share = {setting: draw.uniform() for setting in SETTINGS}
         return {parameter.name: _between(parameter, share[parameter.setting]) for parameter in self.problem.parameters}
-
-    def _judgements(
-        self, asked: Sequence[optuna.trial.FrozenTrial], crew: Crew | None, stop: Callable[[], bool] | None
-    ) -> Iterator[Judgement | None]:
-        """In the order of the trials; fewer if it was stopped, or None for the last."""
-        candidates = [self.problem.candidate(trial.params) for trial in asked]
-        numbers = range(self.problem.repetitions + 1)
-        return in_order(functools.partial(judged, weather=self._weather, numbers=numbers), candidates, crew, stop)
 
     def _tell(self, trial: optuna.trial.FrozenTrial, judgement: Judgement) -> None:
         from optuna.trial import TrialState
 
         # what is told of a trial is told before it is over: afterwards nothing can be added
-        self._study._storage.set_trial_user_attr(trial._trial_id, "judgement", _kept(judgement))
+        self._study._storage.set_trial_user_attr(trial._trial_id, "judgement", dataclasses.asdict(judgement))
         if judgement.good:
             self._study.tell(trial.number, (judgement.time_s, judgement.margin))
         else:
@@ -237,24 +211,14 @@ class Study:
 
 
 def _between(parameter: Parameter, share: float) -> int:
-    if parameter.log:
-        return parameter.nearest(round(parameter.low * (parameter.high / parameter.low) ** share))
-    return parameter.nearest(round(parameter.low + share * (parameter.high - parameter.low)))
-
-
-def _kept(judgement: Judgement) -> dict[str, Any]:
-    import dataclasses
-
-    return dataclasses.asdict(judgement)
+    low, high = parameter.low, parameter.high
+    value = low * (high / low) ** share if parameter.log else low + share * (high - low)
+    return parameter.nearest(round(value))
 
 
 def _judgement(kept: Mapping[str, Any]) -> Judgement:
-    """What `_kept` has kept, as it comes out of a database."""
+    """As it comes out of a database."""
     return Judgement(**{**kept, "moves": tuple((time_s, margin) for time_s, margin in kept["moves"])})
-
-
-def _tried(trial: optuna.trial.FrozenTrial) -> Tried:
-    return Tried(trial.number, trial.params, _judgement(trial.user_attrs["judgement"]))
 
 
 def _opened(storage: str | None, name: str) -> optuna.Study:
@@ -269,7 +233,7 @@ def _opened(storage: str | None, name: str) -> optuna.Study:
                 storage=storage, study_name=name, directions=["minimize", "maximize"], load_if_exists=True
             )
         except (SQLAlchemyError, ImportError, RuntimeError, ValueError, KeyError) as error:
-            reason = " ".join(str(getattr(error, "orig", None) or error).split())
+            reason = one_line(str(getattr(error, "orig", None) or error))
             raise StudyError(f"{_place(storage)}: cannot be used as a storage: {reason}") from error
 
 
@@ -294,7 +258,7 @@ def _storing(where: str) -> Iterator[None]:
     try:
         yield
     except (SQLAlchemyError, StorageInternalError) as error:
-        reason = " ".join(str(getattr(error.__cause__ or error, "orig", None) or error).split())
+        reason = one_line(str(getattr(error.__cause__ or error, "orig", None) or error))
         raise StudyError(f"{where}: cannot be used any more: {reason}") from error
 
 
