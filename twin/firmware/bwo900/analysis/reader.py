@@ -90,7 +90,6 @@ class Reader:
     # G functions
 
     def _cycle_of_user(self, block: ProgramBlock) -> Called | None:
-        """The cycle Z that the block calls."""
         for n in (g.number for g in block.g):
             own = n in GROUPS or n in BLOCKWISE or n in BEYOND or n in self._cycles
             if not own and n not in (G.DRILLING_OFF, G.DRILLING_WITH_DWELL) and f"Z{n}" in self._store:
@@ -258,7 +257,6 @@ class Reader:
         return name, values[1] if len(values) == 2 else None, last
 
     def _machine_function(self, m: MWord, values: tuple[int | None, ...], said: Said) -> None:
-        """One for the PLC, a cycle, or one with a jump."""
         if m.number == M.TOOL_CHANGE and "Z6" in self._store:
             said.call, said.changes = ("Z6", None, None), True
             return
