@@ -17,8 +17,7 @@ from isel_twin.motion import Steps, Stream
 from isel_twin.plant import Plant
 from isel_twin.wiring import SerialLine, Wiring
 
-_MOVING_SLICE_NS = 10 * MILLISECOND_NS
-"""Time after which to look again while something moves."""
+_MOVING_SLICE_NS = 10 * MILLISECOND_NS  # time after which to look again while something moves
 
 
 class Seen:

@@ -20,8 +20,7 @@ from isel_twin.firmware.bwo900.programs.words import ProgramBlock
 ROOM: Final = 65_536  # bytes of lines that can wait; the manual names no number
 HIGH: Final = ROOM // 2  # waiting bytes from which on the host must wait
 LOW: Final = ROOM // 4  # waiting bytes up to which it may go on
-KEPT: Final = 2048
-"""Analysed lines that are kept: more than are ever analysed ahead of the block under way."""
+KEPT: Final = 2048  # analysed lines that are kept: more than are ever analysed ahead of the block under way
 
 
 class Feed:
