@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
     from isel_twin.jobs.checks.watched import Watched
 
+__all__ = ["twin", "twin_call", "twin_factory", "twin_serial", "twin_server", "virtual_host", "watched"]
+
 INI: Mapping[str, str] = {  # keys of the ini file, with isel_twin_ before them
     "machine": "name of a machine, or a machine folder seen from the ini file",
     "controller": "name of a controller",

@@ -94,7 +94,8 @@ def test_a_stop_in_mid_move_and_the_rest_of_it():
 def test_all_traces_at_once(tmp_path):
     job = tmp_path / "job.txt"
     job.write_text(GOOD)
-    files = {option: tmp_path / f"out.{option}" for option in ("steps", "vcd", "trace", "report")}
+    kinds = {"steps": "npz", "vcd": "vcd", "trace": "parquet", "report": "html"}
+    files = {option: tmp_path / f"out.{kind}" for option, kind in kinds.items()}
     options = [part for option, file in files.items() for part in (f"--{option}", file)]
     done = isel_twin("run", job, "--plant", "kinematic", "--interval", "0.01", *options)
     assert done.returncode == 0, done.stderr

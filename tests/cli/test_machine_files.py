@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from isel_twin import Twin, controller
+from isel_twin import Twin
 from isel_twin.base.parameters import Limits
 from isel_twin.cli import main
-from isel_twin.controller import takes
+from isel_twin.controller import registry, takes
 from isel_twin.machine import MachineError, load_machine
 
 MOTOR = """
@@ -122,10 +122,10 @@ def other(monkeypatch: pytest.MonkeyPatch) -> None:
         def load() -> Any:
             return create
 
-    installed = controller.importlib.metadata.entry_points
-    monkeypatch.setattr(controller, "_settings", {})
+    installed = registry.importlib.metadata.entry_points
+    monkeypatch.setattr(registry, "_settings", {})
     monkeypatch.setattr(
-        controller.importlib.metadata,
+        registry.importlib.metadata,
         "entry_points",
         lambda group: [*installed(group=group), *([Entry] if group == "isel_twin.controllers" else [])],
     )

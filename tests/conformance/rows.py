@@ -16,7 +16,7 @@ A table is a TOML file of this folder, `<controller>.toml`; which test shows whi
     title = "Set the number of axes"
     rows = [
       { id = "imc-2.2.1-1", statement = "...", status = "holds" },
-      { id = "imc-2.2.1-2", statement = "...", status = "deviates: F7" },      # F7: see docs/decisions.md
+      { id = "imc-2.2.1-2", statement = "...", status = "deviates: imc/7" },      # docs/decisions/imc.md
     ]
 """
 

@@ -148,7 +148,7 @@ def test_an_open_hood_takes_the_supply_away() -> None:
 
 @shows("gmi99-6.1.1-5")
 def test_a_limit_switch_ends_the_motion() -> None:
-    """Decision G18: at 10000 Hz and four times 50 Hz/ms 250 increments and 50 ms more."""
+    """Decision gmi99/18: at 10000 Hz and four times 50 Hz/ms 250 increments and 50 ms more."""
     desk = CardDesk.of("gmi99", carriage=(390_000, 100_000, 50_000), position_switches=_far_switch())
     desk.tell(command("Q", 7), command("M", 50_000), command("f", 10_000), TO_20000, TO_0)
     desk.finish()

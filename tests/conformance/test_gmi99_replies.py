@@ -106,7 +106,7 @@ def test_a_position_is_set_and_read() -> None:
     ],
 )
 def test_a_value_out_of_range_is_acknowledged_and_has_no_effect(frame: str) -> None:
-    """Decision G6."""
+    """Decision gmi99/6."""
     desk = prepared()
     assert desk.ask(frame) == OK
     assert desk.controller.fault
@@ -150,7 +150,7 @@ def test_q_asks_the_plc_to_report_again() -> None:
 
 @shows("gmi99-3.1.2-18")
 def test_the_images_are_read() -> None:
-    """Inputs of the fixture at rest: E0 power, stop, hood twice, spindle (G19)."""
+    """Inputs of the fixture at rest: E0 power, stop, hood twice, spindle (gmi99/19)."""
     desk = fresh()
     low = bytes.fromhex(desk.ask(command("T", 1, 1, 0)))[6]
     assert low & 1

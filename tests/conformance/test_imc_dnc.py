@@ -351,7 +351,7 @@ def test_the_longest_way_gives_the_speed(x: int, gx: int, y: int, gy: int, speed
 @shows("imc-2.2.2-17", "imc-2.2.2-18")
 @pytest.mark.parametrize("three_d", [0, 1])
 def test_the_speed_is_that_of_the_leading_axis_and_not_of_the_path(three_d: int) -> None:
-    """On the diagonal of X and Y the tool is sqrt(2) times as fast as the number given (M1)."""
+    """On the diagonal of X and Y the tool is sqrt(2) times as fast as the number given (motion/1)."""
     desk = ready()
     assert desk.query(f"@0z{three_d}") == "0"
     stream = made(desk, "@0A4000,900,4000,900,0,900,0,900")
@@ -524,7 +524,7 @@ def test_output_ports(number: int, values: tuple[int, ...], output: str) -> None
     ],
 )
 def test_control_and_signal_bits(number: int, bit: int, output: str) -> None:
-    """Each bit alone switches its output on; without it the output is off. The brake needs stages that hold (F24)."""
+    """Each bit alone switches its output on; without it the output is off. The brake needs holding stages (imc/24)."""
     desk = initialised()
     stages = 1 << 3 if output == "brake" else 0
     assert desk.query(f"@0B{number},{1 << bit | stages}") == "0"

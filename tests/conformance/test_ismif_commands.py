@@ -187,7 +187,7 @@ def test_the_choice_of_signals_is_shown(command: str) -> None:
 
 @shows("ismif-4-6", "ismif-6.6-1", "ismif-6.6-2", "ismif-7-6")
 def test_full_steps_go_twice_as_far() -> None:
-    """A full step is two half steps of the stage at once (decision S4); speeds count full steps."""
+    """A full step is two half steps of the stage at once (decision ismif/4); speeds count full steps."""
     desk = referenced()
     half = moved(desk, "F0", "L1,x700,y300")
     full = moved(desk, "F1", "L1,x700,y300")

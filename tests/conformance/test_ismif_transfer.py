@@ -177,7 +177,7 @@ STORED = 65_536 // (len(COMMAND) + 1)
 
 @shows("ismif-5.2-8", "ismif-5.2-11", "ismif-5.2-12", "ismif-5.2-13", "ismif-5.2-14")
 def test_a_full_memory_says_so_starts_and_reports_room() -> None:
-    """The longest command is 128 bytes: from 128 free bytes down the memory counts as full (decision S2)."""
+    """The longest command is 128 bytes: from 128 free bytes down the memory counts as full (decision ismif/2)."""
     desk = referenced("#R0", "#E1,5000")
     mark = desk.ticks
     replies = [now(desk, COMMAND)]
@@ -279,7 +279,7 @@ def test_pin_12_is_the_signal() -> None:
 
 @shows("ismif-7-5", "ismif-6.5-2")
 def test_clock_and_direction_are_in_the_stream() -> None:
-    """A clock pulse is a tick of an axis, its direction the sign; the lines themselves are not shown (S6)."""
+    """A clock pulse is a tick of an axis, its direction the sign; the lines themselves are not shown (ismif/6)."""
     desk = referenced()
     assert job(desk, "T1") == ACK + DONE
     assert desk.outputs["clock_signals"] == 1

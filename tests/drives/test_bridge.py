@@ -1,7 +1,7 @@
 """The stage of the twin, a current source that the supply limits, beside a switched bridge with the whole supply.
 
 The reference (bridge.py) has a 20 kHz chopper with a peak-current comparator and the usual decay: slow while the
-current is to rise, mixed while it is to fall. It has no supply factor. What it says of the twin's is in decision D1.
+current is to rise, mixed while it is to fall. It has no supply factor; see decision drives/1.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@
 Arrays go in as little-endian int64, int32 and float64, so that a digest does not depend on the widths the code happens
 to use.
 
-A *coarse* digest leaves out how a full step of the iSMIF is split (docs/decisions.md, S4): ticks at most 1 ns apart are
+A *coarse* digest leaves out how a full step of the iSMIF is split (ismif/4): ticks at most 1 ns apart are
 one tick with the sum of their deltas, and all times are left out.
 
 A file has one line a session, the digest in front, sorted by name.

@@ -139,12 +139,14 @@ def crew_of(workers: int) -> Crew:
 
 
 def check_kind(option: str, path: Path | None, *kinds: str) -> str:
-    """The kind of file that an option is to write, by its ending; without one, the first of kinds. Raises CallError."""
+    """The kind of file that an option is to write, by its ending; without one, or with the option's own name as in
+    `out.steps`, the first of kinds. Raises CallError."""
     from isel_twin.recordings.write import check_kind as check_extra
 
     if path is None:
         return kinds[0]
-    kind = path.suffix if path.suffix and not path.is_char_device() else kinds[0]
+    says_nothing = path.suffix in ("", f".{option}") or path.is_char_device()
+    kind = kinds[0] if says_nothing else path.suffix
     if kind not in kinds:
         raise CallError(f"{option} {path}: the name must end in {' or '.join(kinds)}", option=True)
     try:

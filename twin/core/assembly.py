@@ -1,4 +1,4 @@
-"""What a twin is put together from, and what of it is drawn when it is switched on.
+"""The parts of a twin, and its random start.
 
 TwinSpec  --- draw_up: files, plug-ins --->  Plans  --- seed, start --->  a twin, and another one ...
 """
@@ -26,12 +26,12 @@ PLANTS = ("mujoco", "kinematic")
 
 @dataclass(frozen=True, eq=False)
 class Plans:
-    """What twins that differ in seed, start and flash alone have in common."""
+    """Common to twins that differ in seed, start and flash only."""
 
     machine: Machine  # with all overrides
     events: tuple[ScenarioEvent, ...]
     new_controller: Callable[[bytes | None], Controller] | None
-    """Builds the controller, given a flash image; None: it was handed in, and there is no other."""
+    """Builds the controller, given a flash image; None: it was handed in."""
     new_language: Callable[[], Language | None] | None
 
 
@@ -40,7 +40,7 @@ class HasModel(Protocol):
     """A plant whose model takes time to read."""
 
     def model_as_built(self) -> Any:
-        """Another one, as that of this plant was before anything was changed in it, for `build_plant`."""
+        """A fresh model of this plant, for `build_plant`."""
 
 
 def draw_up(spec: TwinSpec, controller: Controller | None) -> tuple[Plans, Controller]:
@@ -82,7 +82,7 @@ def build_plant(
     axes: int,
     model: Any = None,
 ) -> Plant:
-    """The plant of that name; model: of `HasModel`, of a plant of this machine."""
+    """model: from `HasModel`, of a plant of this machine."""
     if plant == "kinematic":
         from isel_twin.plant.kinematic import KinematicPlant
 
@@ -95,10 +95,8 @@ def build_plant(
 def power_on_mm(
     machine: Machine, random: np.random.Generator, wanted_mm: Sequence[float] | None
 ) -> NDArray[np.float64]:
-    """float64 [3], where the carriages stand when the mains is switched on: as wanted, or where they happen to be.
-
-    Raises ValueError unless the wanted positions lie between the hard stops.
-    """
+    """float64 [3], carriage positions at power-on: as wanted, or random. Raises ValueError unless the wanted positions
+    lie between the hard stops."""
     if wanted_mm is None:
         return np.array([random.uniform(axis.power_on_low_mm, axis.power_on_high_mm) for axis in machine.axes])
     if len(wanted_mm) != len(machine.axes):

@@ -1,4 +1,4 @@
-"""The events of a twin, read in the words of its machine and controller: what there is to set, await and press."""
+"""Reads the events of a twin, in the names of its machine and controller."""
 
 from __future__ import annotations
 

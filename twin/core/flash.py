@@ -16,13 +16,10 @@ from isel_twin.base.files import Claim, atomic_write
 
 log = logging.getLogger("isel_twin")
 
-FLASH_BYTES = 1 << 24
-"""Largest file taken for a flash image: 16 MiB, hundreds of times what a controller stores."""
+FLASH_BYTES = 1 << 24  # largest file taken for a flash image: 16 MiB, hundreds of times what a controller stores
 
 
 class HasFlash(Protocol):
-    """What a twin has to do with flash."""
-
     flash: bytes | None
     on_flash: Callable[[bytes], None] | None
 
@@ -58,10 +55,8 @@ class FlashFile:
         return self._path.read_bytes() if self._path.exists() else b""
 
     def attach(self, twin: HasFlash) -> None:
-        """Keep what this twin writes to its flash. A flash nobody has written to yet is an empty file.
-
-        Raises OSError as `hold` does, or if the file cannot be written.
-        """
+        """Keep what this twin writes to its flash. A flash nobody has written to yet is an empty file. Raises OSError
+        as `hold` does, or if the file cannot be written."""
         self.hold()
         _remove_left_overs(self._target)
         if twin.flash != self.image or self.image is None:
@@ -73,7 +68,7 @@ class FlashFile:
         twin.on_flash = self._store
 
     def hold(self) -> None:
-        """Have the file for oneself. Raises OSError if it has an owner, or is not any more what it was before."""
+        """Claim the file. Raises OSError if it has another owner, or has changed."""
         if self._claim is not None:
             return
         claim = Claim(self._target, name=self._path)
@@ -83,7 +78,7 @@ class FlashFile:
         self._claim = claim
 
     def release(self) -> None:
-        """Let another twin have the file; what this one writes from now on is not kept. May be called again."""
+        """Let another twin claim the file; later writes of this one are lost. May be called again."""
         if self._claim is not None:
             self._claim.release()
             self._claim = None
@@ -99,21 +94,18 @@ class FlashFile:
         try:
             self._write(image)
         except OSError as error:  # the machine runs on; its operator must know
-            log.error(
-                "%s: the flash image could not be stored, the file is as it was: %s",
-                self._path,
-                error.strerror or error,
-            )
+            reason = error.strerror or error
+            log.error("%s: the flash image could not be stored, the file is as it was: %s", self._path, reason)
 
 
 def flash_file(twin: HasFlash) -> FlashFile | None:
-    """The file that keeps what this twin writes to its flash, for whoever has to release and hold it; None: no file."""
+    """The flash file of this twin, None without one."""
     keeper = getattr(twin.on_flash, "__self__", None)
     return keeper if isinstance(keeper, FlashFile) else None
 
 
 def _remove_left_overs(target: Path) -> None:
-    """Remove temporary files of owners of `target` that were killed while they replaced it."""
+    """Remove temporary files of processes that were killed while they replaced `target`."""
     left_over = re.compile(rf"\.{re.escape(target.name)}\.\d+(-\d+)?\.tmp")
     with suppress(OSError):  # nothing of that matters enough to refuse the file
         for name in os.listdir(target.parent):

@@ -1,4 +1,4 @@
-"""What happens to a twin, told at the virtual instant at which it happens.
+"""What happens to a twin, told at its virtual time.
 
     twin.listen(note)               note(time_ns, kind, what) from now on
 
@@ -15,9 +15,8 @@
     restored     time in ns                  the twin is about to be as it was saved at that time (`Twin.restore`);
                                              who cannot follow raises ValueError with one line, and nothing happens
 
-The order is that in which things happen: what is done to the twin is told before what comes of it. `sent` and
-`operated` are the causes: given again at the same instants to a twin of the same `TwinSpec` they bring about the same
-bits.
+Causes are told before their effects. `sent` and `operated` are the causes: repeated at the same instants with a twin of
+the same `TwinSpec` they give the same bits.
 """
 
 from __future__ import annotations
@@ -29,8 +28,7 @@ from typing import Any, Final
 from isel_twin.plant import Cut
 from isel_twin.wiring import cut_table
 
-Note = Callable[[int, str, Any], None]
-"""note(time_ns, kind, what); see the module."""
+Note = Callable[[int, str, Any], None]  # note(time_ns, kind, what); see the module
 
 SETTINGS: Final = ("line_speed", "watch_margin")
 """Keys of an `operated` table that no scenario has: how the line is, and that the least margins begin anew."""

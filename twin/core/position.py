@@ -199,7 +199,6 @@ class Position:
         return sense, bool((sense < 0).any())
 
     def _zeros(self) -> NDArray[np.float64]:
-        """float64 [3]."""
         beyond = _of_carriages(self._plant.told - self._direction * self.counts - self._slip)
         zero_mm: NDArray[np.float64] = self._start_mm + beyond * self.step_mm
         return zero_mm

@@ -114,7 +114,6 @@ class Sampler:
         self._offset = None
 
     def _changes(self) -> None:
-        """Zero or direction is about to change."""
         self.hand_on()
         self._offset = None
         self._plant.sample_again()

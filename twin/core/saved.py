@@ -1,4 +1,4 @@
-"""The twin of another time: `Twin.save` and `Twin.restore`; what a state is stands in state.py."""
+"""`Twin.save` and `Twin.restore`; for states see state.py."""
 
 from __future__ import annotations
 
@@ -47,26 +47,22 @@ class Saved:
     _due_ns: int
 
     def _note(self, kind: str, what: Any) -> None:
-        """Tell the listeners."""
         raise NotImplementedError
 
     def _tell(self) -> None:
-        """Let the controller know of the time that has passed, if it does not yet."""
         raise NotImplementedError
 
     def _adopt(self, controller: Controller) -> None:
-        """This is the controller from now on."""
         raise NotImplementedError
 
     def _next_due_ns(self) -> int:
-        """When the twin has to settle next; far away if nobody knows of anything."""
         raise NotImplementedError
 
     def save(self) -> TwinState:
-        """All that decides what the twin will do, at this instant, in mid-motion too; see state.py.
+        """All that decides what the twin will do, in mid-motion too.
 
-        Raises StateError (ValueError) with one line for a controller that cannot be saved now (told.py), and
-        for an observer or a listener, who are told of something in the middle of it.
+        Raises StateError (ValueError) with one line for a controller that cannot be saved now (told.py), and when
+        called by an observer or a listener.
         """
         self._check_between()
         self._tell()
@@ -84,12 +80,11 @@ class Saved:
         )
 
     def restore(self, state: TwinState) -> None:
-        """Be the twin that was saved: from here on the same calls give the same bits as they did there.
+        """Become the saved twin: the same calls give the same bits as there. It may have another seed.
 
-        It may have been this twin, or another one built alike, whatever their seeds. Observers look at once, and go on
-        with their grids. Listeners are told `restored` before anything happens; who cannot go back (a recording) raises
-        ValueError then, and nothing happens. Raises StateError (ValueError) with one line for a state of another
-        machine, controller, plant or scenario.
+        Observers look at once, and go on with their grids. Listeners are told `restored` before; one that cannot go
+        back (a recording) raises ValueError, and nothing happens. Raises StateError (ValueError) with one line for a
+        state of another machine, controller, plant or scenario.
         """
         self._check_between()
         self._kind.check(state)
@@ -127,12 +122,11 @@ class Saved:
 
     @property
     def _parts(self) -> dict[str, object]:
-        """What has a state of its own beside controller and plant."""
         return {"position": self._position, "line": self._line, "wiring": self._wiring, "stream": self._stream}
 
     @property
     def _known(self) -> dict[str, object]:
-        """What every twin built like this has, by name."""
+        """What every twin built alike has, by name."""
         machine = self.machine
         return {
             **self._parts,

@@ -1,6 +1,6 @@
 """What there is to see of a twin.
 
-Looking changes nothing, but that the controller may first be told of the time that has passed.
+Looking changes nothing, except that the controller may be told of the time that has passed.
 """
 
 from __future__ import annotations
@@ -17,8 +17,7 @@ from isel_twin.motion import Steps, Stream
 from isel_twin.plant import Plant
 from isel_twin.wiring import SerialLine, Wiring
 
-_MOVING_SLICE_NS = 10 * MILLISECOND_NS
-"""While something moves by itself, whoever paces the twin should look again after this time."""
+_MOVING_SLICE_NS = 10 * MILLISECOND_NS  # time after which to look again while something moves
 
 
 class Seen:
@@ -35,18 +34,17 @@ class Seen:
     _least_margin: NDArray[np.float64]
 
     def _tell(self) -> None:
-        """Let the controller know of the time that has passed, if it does not yet."""
         raise NotImplementedError
 
     @property
     def key_values(self) -> Mapping[str, KeyValue]:
-        """What the keys of the controller's own panel are put to; empty without any, and without supply."""
+        """State of the controller's keys; empty without any, and without supply."""
         self._tell()
         return self._controller.key_values if offers(self._controller, HasKeys) else {}
 
     @property
     def unfinished(self) -> str:
-        """Where and why a program of the controller's own stands before its end; "" if none does."""
+        """Where and why the controller's program stands before its end; "" if none does."""
         self._tell()
         return self._controller.unfinished if offers(self._controller, EndsPrograms) else ""
 
@@ -94,19 +92,17 @@ class Seen:
 
     @property
     def following_error(self) -> NDArray[np.float64]:
-        """float64 [axes], command minus encoder of servo drives in increments, in the sense of the counters; 0 for axes
-        without one."""
+        """float64 [axes], command minus encoder of servo drives, increments in the sense of the counters; else 0."""
         return np.where(self._plant.closed_loop, self._position.lag, 0.0)
 
     @property
     def drive_faults(self) -> tuple[tuple[int, str], ...]:
-        """[axes], how often each servo drive has switched itself off since power-on, and why it did last ("": never):
-        `following error exceeded`, for example."""
+        """[axes], how often each servo drive has switched itself off since power-on, and why last ("": never)."""
         return self._plant.drive_faults
 
     @property
     def slip_steps(self) -> NDArray[np.float64]:
-        """float64 [axes], steps in one slip of each motor (four full steps): losses are multiples of it."""
+        """float64 [axes], steps in one slip of each motor, four full steps."""
         return self._position.slip_steps
 
     @property
@@ -157,7 +153,7 @@ class Seen:
 
     @property
     def events_without_effect(self) -> int:
-        """Events, of the scenario or a call, that have happened and could not do anything: the plant has no physics."""
+        """Events that have happened without effect: the plant has no physics."""
         return self._wiring.events_without_effect
 
     @property
@@ -178,7 +174,7 @@ class Seen:
 
     @property
     def physics(self) -> bool:
-        """Whether the plant has physics: forces move something, and a motor can lose a phase."""
+        """True if forces move something, and a motor can lose a phase."""
         return self._plant.physics
 
     @property
@@ -204,8 +200,8 @@ class Seen:
 
     @property
     def commands_due(self) -> int:
-        """Bytes that were written and have not arrived at the controller yet: they are on the line, or wait because it
-        lets its host wait (`isel_twin.controller.HoldsHost`)."""
+        """Bytes written that have not arrived at the controller: on the line, or held back by its handshake
+        (`isel_twin.controller.HoldsHost`)."""
         return self._line.commands_due
 
     @property
@@ -216,15 +212,11 @@ class Seen:
     @property
     def idle(self) -> bool:
         """Every byte sent has been dealt with, every reply has arrived, and the controller makes no motion."""
-        arrived = not self._line.commands_due and self._line.quiet_ns <= self.time_ns
-        return arrived and self._controller.idle
+        return not self._line.commands_due and self._line.quiet_ns <= self.time_ns and self._controller.idle
 
     @property
     def next_event_ns(self) -> int | None:
-        """When something may happen without anybody's doing; None if only the outside can change anything.
-
-        While something moves this is when to look again: a switch may be struck before.
-        """
+        """When something may happen by itself, None: never; while something moves, when to look again."""
         times = [self._controller.next_ns, self._line.next_ns, self._line.next_reply_ns, self._wiring.next_event_ns]
         if self._stream.moving or not self._plant.at_rest:
             times.append(self.time_ns + _MOVING_SLICE_NS)

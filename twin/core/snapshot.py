@@ -1,12 +1,9 @@
-"""What there is to see of a twin at one instant: for recordings, tables and panels.
-
-All positions are in mm, in the zero and direction of the counters.
-"""
+"""A twin at one instant, for recordings, tables and panels; positions in zero and direction of the counters."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Protocol
 
 import numpy as np
@@ -15,7 +12,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """A twin at one instant. Arrays and mappings are copies: they stay as they are."""
+    """A twin at one instant; arrays and mappings are copies."""
 
     time_ns: int
     counts: NDArray[np.int64]
@@ -27,7 +24,6 @@ class Snapshot:
     lost_steps: NDArray[np.float64]
     """float64 [axes], counter minus rotor position in steps; meaningful at rest, where fractions are load angle."""
     inputs: Mapping[str, str]
-    """As `Twin.inputs`."""
     outputs: Mapping[str, int]
     """Controller outputs and the relays they act on, as `Twin.outputs`."""
     levels: Mapping[str, bool]
@@ -57,13 +53,4 @@ class Visible(Protocol):
 
 def snapshot(twin: Visible) -> Snapshot:
     """The twin as it is now."""
-    return Snapshot(
-        time_ns=twin.time_ns,
-        counts=twin.counts,
-        position_mm=twin.position_mm,
-        position_error_mm=twin.position_error_mm,
-        lost_steps=twin.lost_steps,
-        inputs=twin.inputs,
-        outputs=twin.outputs,
-        levels=twin.levels,
-    )
+    return Snapshot(*(getattr(twin, field.name) for field in fields(Snapshot)))

@@ -1,4 +1,4 @@
-"""The recipe of a twin: all that decides what it does until somebody acts on it, and the way from there to a `Twin`.
+"""The spec of a twin: all that decides what it does until somebody acts on it.
 
     isel-twin run --machine 4030 --seed 1 ...  --.
     twin://imc-s8?machine=4030&seed=1 ...      ---+--  TwinSpec  --- build() -->  Twin, its flash kept in the file
@@ -24,15 +24,13 @@ if TYPE_CHECKING:
     from isel_twin.machine import Machine
     from isel_twin.wiring import ScenarioEvent
 
-MACHINE: Final = "4030"
-"""The machine of whoever names none."""
-_IMAGE = b"isel-twin "
-"""What flash images of the package's controllers begin with."""
+MACHINE: Final = "4030"  # the machine of whoever names none
+_IMAGE = b"isel-twin "  # what flash images of the package's controllers begin with
 
 
 @dataclass(frozen=True)
 class TwinSpec:
-    """A twin as somebody asks for it; the rest is as it comes."""
+    """What a twin is built from."""
 
     machine: str | Path | Machine = MACHINE
     """Name of a machine, path of a machine folder, or a loaded machine."""
@@ -58,7 +56,7 @@ class TwinSpec:
             raise ValueError(f"{self.scenario}: there are events, too; allowed: one of the two")
 
     def with_(self, **changes: Any) -> TwinSpec:
-        """The same but for these fields."""
+        """With these fields changed."""
         return dataclasses.replace(self, **changes)
 
     def with_events(self, tables: Sequence[dict[str, Any]]) -> TwinSpec:
@@ -76,8 +74,8 @@ class TwinSpec:
         return self.machine if isinstance(self.machine, Machine) else load_machine(self.machine)
 
     def fitted(self, controller: Controller | None = None) -> Machine:
-        """The machine as the twin has it: with what its controller asks for, and then the overrides, as whoever builds
-        the twin has the last word. controller: one that has been built. Raises ValueError with one line."""
+        """The twin's machine: with what its controller asks for, then the overrides. controller: one that has been
+        built. Raises ValueError with one line."""
         from isel_twin.machine import with_overrides
 
         asked = (controller or self._new_controller()).machine_overrides()

@@ -1,17 +1,14 @@
-"""The state of a twin: all that its past has left, so that it, or another one built alike, can go on from there.
+"""The state of a twin, from which it, or another one built alike, can go on.
 
-    state = twin.save()          controller, line, wiring, scenario, plant, and all that is random: to the bit
-    twin.restore(state)          as if nothing had happened since; also in another twin, in another process (pickle)
+    state = twin.save()          controller, line, wiring, scenario, plant, random generators: to the bit
+    twin.restore(state)          also in another twin, in another process (pickle)
 
-What is in it, and how it gets there:
+    controller            its beginning and its calls since, or a pickle (isel_twin.core.told)
+    position, line,       one pickle of all their attributes, so that shared objects stay shared; what every twin built
+    wiring, stream        alike has (machine, plant, controller, events) is named, not copied
+    plant                 copies of its arrays (Plant.save)
 
-    controller            how it began and what it was told since (isel_twin.core.told), or a pickle of it
-    position, line,       a pickle of all their attributes in one piece, so that what they share they share again; what
-    wiring, stream        is built alike in every such twin (machine, plant, controller, events) is named, not copied
-    plant                 copies of its arrays (Plant.save); where the arrays are is each plant's own
-
-Who looks on from outside - observers, samplers, listeners, whoever keeps the flash - is not in it: they stay with the
-twin they look at.
+Observers, samplers, listeners and the flash file are not in it: they stay with their twin.
 """
 
 from __future__ import annotations
@@ -29,11 +26,9 @@ from isel_twin.machine import Machine
 from isel_twin.version import VERSION
 from isel_twin.wiring import ScenarioEvent
 
-_OUTSIDE = ("before_change", "on_reply", "on_lost", "on_event")
-"""Attributes of the parts that lead out of the twin: to whoever is told of something."""
+_OUTSIDE = ("before_change", "on_reply", "on_lost", "on_event")  # attributes of the parts that are callbacks
 
-BY_CHANCE = ("seed", "flash", "line_speed", "start_mm")
-"""Fields of `TwinSpec` in which twins of one kind may differ."""
+BY_CHANCE = ("seed", "flash", "line_speed", "start_mm")  # fields of `TwinSpec` in which twins of one kind may differ
 
 
 @dataclass(frozen=True)
@@ -41,13 +36,11 @@ class Kind:
     """Which twins can have a state: those built alike, but for seed, start position, flash and line speed."""
 
     about: str
-    """In words."""
     digest: str
-    """Of all that matters."""
 
     @classmethod
     def of(cls, controller: str, machine: Machine, plant: str, axes: int, events: Sequence[ScenarioEvent]) -> Kind:
-        """Of a twin with this machine, its overrides made, this controller of so many axes, and these events."""
+        """machine: with its overrides; axes: of the controller."""
         files = (machine.model_file.name, machine.fixture_file and machine.fixture_file.name)
         bare = replace(machine, folder=Path(), model_file=Path(), fixture_file=None)
         whole = repr((VERSION, controller, bare, files, plant, axes, tuple(events)))
@@ -67,8 +60,8 @@ class Kind:
 
 @dataclass(frozen=True, eq=False)
 class TwinState:
-    """What `Twin.save` gives and `Twin.restore` takes: immutable, and good for as many twins as there are. It can be
-    pickled; unpickling runs code, so take states only from whom you would take programs from."""
+    """Result of `Twin.save`: immutable, to be restored as often as wanted. It can be pickled; unpickling runs code, so
+    take states only from those you would take programs from."""
 
     kind: Kind
     origin: Mapping[str, Any]
@@ -84,7 +77,7 @@ class TwinState:
 
 
 class _Pickler(pickle.Pickler):
-    """Writes names in place of what has one."""
+    """Writes names in place of known things."""
 
     names: dict[int, str]
 
@@ -102,11 +95,8 @@ class _Unpickler(pickle.Unpickler):
 
 
 def pack(own: Mapping[str, Any], parts: Mapping[str, object], known: Mapping[str, object]) -> bytes:
-    """Attributes of a twin, and all attributes of its parts, in one piece.
-
-    known: what has a name in every twin built alike, parts included, and is not to be copied. Raises StateError for
-    what cannot be pickled.
-    """
+    """Attributes of a twin, and of its parts, in one pickle. known: things that are named in it, not copied, parts
+    included. Raises StateError for what cannot be pickled."""
     attributes = {
         name: {key: value for key, value in vars(part).items() if key not in _OUTSIDE} for name, part in parts.items()
     }
@@ -122,7 +112,7 @@ def pack(own: Mapping[str, Any], parts: Mapping[str, object], known: Mapping[str
 
 
 def unpack(data: bytes, parts: Mapping[str, object], known: Mapping[str, object]) -> dict[str, Any]:
-    """Give the parts the attributes that `pack` has seen; return those of the twin."""
+    """Give the parts their attributes; returns those of the twin."""
     unpickler = _Unpickler(io.BytesIO(data))
     unpickler.things = dict(_named(known))
     own, attributes = unpickler.load()
@@ -132,7 +122,7 @@ def unpack(data: bytes, parts: Mapping[str, object], known: Mapping[str, object]
 
 
 def _named(known: Mapping[str, object]) -> Iterator[tuple[str, object]]:
-    """Name and thing; the members of a tuple one by one. What is None is not there."""
+    """Name and thing; also each member of a tuple; no None."""
     for name, thing in known.items():
         if isinstance(thing, tuple):
             yield from ((f"{name}.{number}", member) for number, member in enumerate(thing))

@@ -1,16 +1,13 @@
 """The twin: one virtual clock for controller, serial line, wiring and plant.
 
-Goal: at every instant each part has seen exactly what has happened before it. Every part has a `next_ns`, the time at
-which it has something to do by itself (None: never). The loop is
+Goal: at every instant each part has seen exactly what has happened before it, so that nothing is ever taken back. Every
+part has a `next_ns`, when it has something to do by itself (None: never). The loop is
 
-    settle:   hand over everything that is due now, until nobody has anything more to do at this instant
-    advance:  let the plant run to the least `next_ns`, or to the instant in which one of its thresholds is passed,
-              whichever comes first
+    settle:   hand over everything that is due now, until nothing more is
+    advance:  let the plant run to the least `next_ns`, or until it passes a threshold, whichever comes first
 
-so no part ever has to take anything back. See docs/one_move.md for one command followed through all of it.
-
-Where a stretch of time ends with nothing due, only the plant has moved: the controller is told of it when it is next
-called or asked for its counters.
+docs/one_move.md follows one command through all of it. If time ends with nothing due, only the plant has moved: the
+controller is told when it is next called or asked for its counters.
 
 What time means: `time_ns` counts virtual nanoseconds since power-on. It advances only inside `run`, `run_until` and
 `query`; nothing here knows a wall clock. Same arguments and same calls give the same bits.
@@ -64,7 +61,7 @@ from isel_twin.wiring import Schedule, SerialLine, Wiring, thresholds
 
 _NEVER_NS = 1 << 62
 _ENDLESS = 100_000
-"""Most rounds in which one instant may settle after the last event of a scenario; more needs a broken controller."""
+"""Most rounds in which one instant may settle after the last event of a scenario; more: a broken controller."""
 _REMARKS = 1000  # remarks of the controller that are kept
 _STEPS = 10_000  # steps of a program that are kept
 
@@ -72,11 +69,9 @@ log = logging.getLogger("isel_twin")
 
 
 class Source(Protocol):
-    """A part that has something to do at times of its own."""
-
     @property
     def next_ns(self) -> int | None:
-        """When the next time is; None if only somebody else can bring it about."""
+        """When it has something to do by itself; None: never."""
 
 
 class Twin(Operated, Saved, Seen):
@@ -132,15 +127,15 @@ class Twin(Operated, Saved, Seen):
 
     @classmethod
     def of(cls, spec: TwinSpec, keep_motions: int | None = None, controller: Controller | None = None) -> Twin:
-        """A twin of this recipe, whose flash is an image. `TwinSpec.build` keeps files, and says what is wrong in the
-        words of a call; this raises what `Twin` does. controller: one that has been built, in place of the named."""
+        """A twin of this spec, whose flash is an image (`TwinSpec.build` keeps files). Raises as `Twin` does.
+        controller: one that has been built, in place of the named."""
         twin = cls.__new__(cls)
         twin._begin(spec, keep_motions, controller)
         return twin
 
     def another(self, seed: int, start_mm: Sequence[float] | None = None) -> Twin:
-        """A new twin, switched on: as `Twin` with the arguments of this one, but for seed and start_mm. Nothing is read
-        or found again, so it takes a tenth of the time. Raises StateError if its controller was handed in."""
+        """A new twin that differs in seed and start_mm. No file is read again, so it takes a tenth of the time.
+        Raises StateError if the controller was handed in."""
         if self._plans.new_controller is None:
             raise StateError("there is no other controller like the one that was handed in: build one for another twin")
         origin = self.origin.with_(seed=seed, start_mm=None if start_mm is None else tuple(start_mm))
@@ -165,20 +160,20 @@ class Twin(Operated, Saved, Seen):
         self._plans = plans
         self.controller_name = origin.controller
         self.language: Language | None = None if plans.new_language is None else plans.new_language()
-        """What the controller's bytes mean; None if nobody has told. Decoders take one of their own."""
+        """None for a controller that was handed in. Decoders need one of their own."""
         self.machine = plans.machine
         start, trips, bounces, noise = (np.random.default_rng(s) for s in np.random.SeedSequence(origin.seed).spawn(4))
-        self.origin = origin  # what it was built from, for whoever has to build it again
+        self.origin = origin  # what it was built from
         self.time_ns = 0
         self.keys: Mapping[str, Key] = dict(controller.keys) if offers(controller, HasKeys) else {}
-        """Keys of the controller's own panel, by name: see `press`."""
+        """Keys of the controller's panel, by name: see `press`."""
         self.flash = origin.image
         self.on_flash: Callable[[bytes], None] | None = None
-        """Called with each new flash image, for whoever keeps it."""
+        """Called with each new flash image."""
         self.remarks: deque[tuple[int, str]] = deque(maxlen=_REMARKS)
-        """Time in ns and text of the controller's last remarks: why something has failed. The log has them, too."""
+        """Time in ns and text of the controller's last remarks, which are logged, too."""
         self.steps_made: deque[Step] = deque(maxlen=_STEPS)
-        """Steps that a program of the controller's has come to, the last ones; whoever shows them clears them."""
+        """Last steps of the controller's program; whoever shows them clears them."""
         asking = controller if offers(controller, UsesDrives) else None
         drive_inputs = () if asking is None else tuple(asking.drive_inputs())
         axes = len(controller.counts)
@@ -199,11 +194,11 @@ class Twin(Operated, Saved, Seen):
         self._sampled = self._plant if isinstance(self._plant, Sampled) else None
         self._notes: list[Note] = []
         self._least_margin = np.ones(axes)
-        """Least margins that `take_margin` has taken from the plant since `watch_margin`."""
+        """Least margins taken by `take_margin` since `watch_margin`."""
         self._sense: NDArray[np.int8] | None = None
-        """Directions of the motors if one is turned round, during a motion."""
+        """Directions of the motors in a motion, if one is turned round."""
         self._due_ns = 0
-        """When somebody has something to do by himself, as far as is known since the twin last settled."""
+        """The least `next_ns`, when the twin last settled."""
         self._untold = False  # the plant has moved on since the twin last settled
         self._settling = False
 
@@ -215,7 +210,6 @@ class Twin(Operated, Saved, Seen):
         self._settle()
 
     def _adopt(self, controller: Controller) -> None:
-        """This is the controller from now on."""
         self._controller = controller
         self._handshake = controller if offers(controller, HoldsHost) else None
         self._sources: tuple[Source, ...] = (controller, self._line, self._wiring)
@@ -289,7 +283,7 @@ class Twin(Operated, Saved, Seen):
                 self._untold = True
 
     def _advance_plant(self, until_ns: int) -> None:
-        """Let the plant make the ticks up to until_ns, or up to the first threshold passed or the end of a chunk."""
+        """Let the plant make the ticks to until_ns, the first threshold passed or the end of a chunk."""
         if self._sampler is not None:
             self._sampler.prepare()
             until_ns = min(until_ns, self.time_ns + self._sampler.span_ns)
@@ -307,12 +301,12 @@ class Twin(Operated, Saved, Seen):
             self._sampler.keep_up()
 
     def _tell(self) -> None:
-        """Let the controller know of the time that has passed, if it does not yet."""
+        """Tell the controller of the time that has passed."""
         if self._untold:
             self._settle()
 
     def _next_due_ns(self) -> int:
-        """When the twin has to settle next; far away if nobody knows of anything."""
+        """When the twin has to settle next."""
         due_ns = _NEVER_NS
         for source in (*self._sources, self._observers):
             if (next_ns := source.next_ns) is not None and next_ns < due_ns:
@@ -352,9 +346,9 @@ class Twin(Operated, Saved, Seen):
         raise RuntimeError(f"the controller does not come to an end at {self.time_ns} ns")
 
     def _restart(self) -> bool:
-        """The controller starts anew, or is without supply, if the wiring says so; return whether it does.
+        """Restart the controller with its flash, or without supply, if the wiring says so; returns True if it did.
 
-        It knows what its flash holds and nothing else. A controller that the caller has handed over goes on.
+        A controller that was handed in goes on.
         """
         if self._restarts == self._wiring.restarts:
             return False
@@ -363,11 +357,10 @@ class Twin(Operated, Saved, Seen):
             self._remark("no reset and no brown-out of a controller that was handed in: there is no other")
             return False
         self._wiring.outputs_lost()
-        controller: Controller = Unpowered(self._controller)
-        if self._wiring.mains:
-            controller = self._plans.new_controller(self.flash)
+        mains = self._wiring.mains
+        controller = self._plans.new_controller(self.flash) if mains else Unpowered(self._controller)
         self._adopt(controller)
-        self._told = Told(controller, self.flash, rebuilt=self._wiring.mains)
+        self._told = Told(controller, self.flash, rebuilt=mains)
         self._told.use_drives(self._position)
         self._position.start_anew(controller)
         self._levels = self._wiring.levels
@@ -405,7 +398,7 @@ class Twin(Operated, Saved, Seen):
         return bool(pressed)
 
     def _take_events(self) -> None:
-        """Take over what the controller says after a call, and the motion it shows."""
+        """Take the controller's events after a call, and its motion."""
         events = self._controller.take()
         if self._handshake is not None:
             self._line.clear_to_send(self.time_ns, self._handshake.clear_to_send)

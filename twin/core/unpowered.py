@@ -9,7 +9,7 @@ from isel_twin.controller import Controller, Event, SerialFormat
 
 
 class Unpowered:
-    """Stands in for a controller while there is no mains. Implements `isel_twin.controller.Controller`."""
+    """Implements `isel_twin.controller.Controller` while there is no mains."""
 
     run = None
     next_ns = None
@@ -17,31 +17,23 @@ class Unpowered:
     fault = False
 
     def __init__(self, controller: Controller) -> None:
-        """controller: the one that has lost its supply, and all that it knew."""
         self.counts = (0,) * len(controller.counts)
         self.direction = controller.direction
         self.serial_format: SerialFormat = controller.serial_format
 
-    def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
-        """There is nothing to switch on."""
+    def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None: ...
 
-    def receive(self, t_ns: int, data: bytes) -> None:
-        """Nobody listens."""
+    def receive(self, t_ns: int, data: bytes) -> None: ...
 
-    def set_input(self, t_ns: int, terminal: str, level: bool) -> None:
-        """Nobody looks."""
+    def set_input(self, t_ns: int, terminal: str, level: bool) -> None: ...
 
-    def advance(self, t_ns: int) -> None:
-        """Nothing happens."""
+    def advance(self, t_ns: int) -> None: ...
 
     def take(self) -> list[Event]:
-        """Nothing has happened."""
         return []
 
     def terminals(self) -> Mapping[str, tuple[str, ...]]:
-        """None."""
         return {}
 
     def machine_overrides(self) -> Mapping[str, Any]:
-        """None."""
         return {}

@@ -13,7 +13,7 @@ the torque does with rotor, screw and nut is in shaft.py: the other half of the 
 
 i_ref is the wave of the stage at the commanded angle, turned and shifted by its errors (stage.py). Electronic damping
 turns the current vector further by the swing of the load angle about its low pass, as a digital microstep drive does
-that watches its motor (D9):
+that watches its motor (drives/9):
 
     lambda = phi_cmd - Nr th     d lambda_f/dt = 2 pi f_c (lambda - lambda_f)     phi = phi_cmd + g (lambda - lambda_f)
 
@@ -114,7 +114,7 @@ def _shape(p, s, phi):
 @njit(error_model="numpy")
 def _phase(p, current_a, wanted_a, emf_v):
     """Phase current after a sub-step: what is wanted, or as far as the supply gets it. Drops in the switches reduce the
-    voltage that drives a current, not the one it flows back against (D1)."""
+    voltage that drives a current, not the one it flows back against (drives/1)."""
     voltage_v = (wanted_a - p.decay * current_a) * p.gain_v_per_a + emf_v
     highest_v = p.drive_v if current_a >= 0.0 else p.return_v
     if voltage_v > highest_v:
@@ -132,7 +132,7 @@ def step_axis(p, s, command, phases, current_fraction, nut_position_m, nut_veloc
     p, s              records of AXIS_PARAMETERS and AXIS_STATE; s is changed in place
     command           time mean over the sub-step of the microstep counter
     phases            BOTH with the stage on, OPEN with it off, PHASE_A or PHASE_B with a wire broken. An open phase
-                      carries no current from this sub-step on (in truth it fades within 0.3 ms, decision D5)
+                      carries no current from this sub-step on (in truth it fades within 0.3 ms, decision drives/5)
     current_fraction  phase current over nominal, for the lowered current at rest
     nut_position_m    where the carriage stands in the middle of the sub-step; 0: amid its backlash at theta 0
     nut_velocity_m_s  its velocity

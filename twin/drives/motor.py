@@ -30,7 +30,7 @@ L and Rm grow with z^2, Km with z), so they describe the iron and not the wire:
 Motors of all sizes have sheets of 0.5 mm and gaps of 0.05 to 0.1 mm; the rest grows with the size s. At one flux
 density eddy currents lose as much in each volume, s^3, so Rm = e^2/P goes with z^2 s; and L with z^2 s^2, R with z^2/s.
 Hence the powers of L and R. The flux in the teeth alternates with Nr w: its skin depth sqrt(2 rho / (Nr w mu)) falls to
-half a sheet's thickness d at 8 rho / (mu d^2), 3600 rad/s for 0.3 uohm m and mu = 2100 mu_0 (decision D2).
+half a sheet's thickness d at 8 rho / (mu d^2), 3600 rad/s for 0.3 uohm m and mu = 2100 mu_0 (decision drives/2).
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ from types import MappingProxyType
 from isel_twin.base.parameters import check, number
 
 log = logging.getLogger("isel_twin")
-IRON_LOSS = 1650.0  # iron-loss resistance over L^(2/3) R^(1/3), s^(-2/3) (chosen on two curves; see decision D2)
-IRON_KNEE_RAD_S = 3600.0  # electrical angular frequency of the knee of the iron drag, rad/s (decision D2)
+IRON_LOSS = 1650.0  # iron-loss resistance over L^(2/3) R^(1/3), s^(-2/3) (chosen on two curves; see decision drives/2)
+IRON_KNEE_RAD_S = 3600.0  # electrical angular frequency of the knee of the iron drag, rad/s (decision drives/2)
 RUNNING_SHARE = (0.8, 1.15)  # torque at low speed over Km times the peak current: detent, friction, ripple take some
-DETENT_PER_MOTOR_CONSTANT = 0.12  # detent torque over Km / sqrt(R), sqrt(W) (estimate; see decision D3)
+DETENT_PER_MOTOR_CONSTANT = 0.12  # detent torque over Km / sqrt(R), sqrt(W) (estimate; see decision drives/3)
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ class Stage:
     idle_delay_s: float = number("ms", 0.0, 10_000.0, key="idle_delay", scale=1e-3, default=0.2)
     """Rest after the last pulse of the axis before the current is lowered."""
     supply_factor: float = number("1", 0.1, 1.0, default=0.82)
-    """Part of the supply that can drive a current: drops, dead time, sag (fitted, decision D1); 1: all of it."""
+    """Part of the supply that can drive a current: drops, dead time, sag (fitted, decision drives/1); 1: all of it."""
     extra_resistance_ohm: float = number("ohm", 0.0, 100.0, default=0.2)
     """Switches, sense resistor and cable in each phase (estimate); 0: none."""
     quiescent_w: float = number("W", 0.0, 1000.0, default=2.0)

@@ -22,7 +22,7 @@ greatest power of the stages could change by more than LARGEST_CHANGE in a windo
 isel_twin.plant.feed.
 
 The stages see drive_v = supply_factor U and return_v = U. The factor stands for the stage's own drops, though its
-fitted value holds the sag of the makers' benches, too (decision D1); switching losses are in the quiescent loss.
+fitted value holds the sag of the makers' benches, too (decision drives/1); switching losses are in the quiescent loss.
 """
 
 from __future__ import annotations

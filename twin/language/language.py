@@ -21,8 +21,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-Ranges = Mapping[str, tuple[int, int]]
-"""Lowest and highest value of each of the `MoveSettings`, by its name."""
+Ranges = Mapping[str, tuple[int, int]]  # lowest and highest value of each of the `MoveSettings`, by its name
 
 SETTINGS_RANGES: Ranges = {
     "speed_hz": (30, 40_000),

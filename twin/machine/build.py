@@ -1,6 +1,6 @@
-"""A tree, what a machine file becomes, to a `Machine`: every table by its dataclass, and what no single value can say.
+"""Builds a `Machine` from the tree of its file, and checks it.
 
-A change of some numbers builds the parts anew that are made of them, and takes the rest from the machine before.
+After a change of some numbers only the parts that depend on them are built anew.
 """
 
 from __future__ import annotations
@@ -35,19 +35,15 @@ from isel_twin.machine.schema import (
 
 T = TypeVar("T")
 
-_STEPS_PER_REV = Limits("1", 200.0, 51_200.0, whole=True)
-"""Full steps of the motor times the stage's microsteps."""
-_STRIBECK_MM_S = Limits("mm/s", 0.01, 100.0)
-"""Carriage speed at which half of the excess over Coulomb friction is gone."""
+_STEPS_PER_REV = Limits("1", 200.0, 51_200.0, whole=True)  # full steps of the motor times the stage's microsteps
+_STRIBECK_MM_S = Limits("mm/s", 0.01, 100.0)  # carriage speed at which half of the excess over Coulomb friction is gone
 _MASS_KG = Limits("kg", 1e-3, 1e4)
-_PAYLOAD_KG = Limits("kg", 0.0, 100.0)
-"""What tables of this class carry; ten times as much would be another machine."""
+_PAYLOAD_KG = Limits("kg", 0.0, 100.0)  # what tables of this class carry; ten times as much would be another machine
 
 
 DRIVES: Mapping[str, tuple[str, ...]] = {"stepper": ("motor", "stage", "steps_per_rev"), "servo": ("servo",)}
 """Kinds of drives, and the keys of an axis that are of that kind only."""
-DEFAULT_DRIVE: Final = "stepper"
-"""That of an axis that names none."""
+DEFAULT_DRIVE: Final = "stepper"  # that of an axis that names none
 
 
 _TEXTS: Mapping[str, tuple[str, ...]] = {
@@ -64,8 +60,8 @@ _FIXED_SECTIONS = ("timing", "squareness", "imperfections")
 
 
 def build(tree: dict[str, Any], file: Path, like: Machine | None = None) -> Machine:
-    """The machine of a tree, which becomes its own. like: one of nearly the same tree; parts whose tables are the same
-    objects there are taken from it. Raises MachineError."""
+    """The machine of a tree, which becomes its own. like: a machine whose parts are taken if their tables are the same
+    objects. Raises MachineError."""
     place = Place(file, MachineError)
     allowed = (*_TEXTS, *_SECTIONS, *_FIXED_SECTIONS, "supply")
     known(tree, allowed, place)
@@ -76,7 +72,7 @@ def build(tree: dict[str, Any], file: Path, like: Machine | None = None) -> Mach
     sections = {key: table(tree.get(key, {}), place.at(key)) for key in _SECTIONS}
 
     def part(old: Callable[[Machine], T], new: Callable[[], T], *names: str) -> T:
-        """What is made of the tables of these names."""
+        """The old part if the tables of these names are the same, else a new one."""
         if like is not None and all(tree.get(name) is like.tree.get(name) for name in names):
             return old(like)
         return new()
@@ -148,7 +144,7 @@ def _axes(
 
 
 def _settings(content: dict[str, Any], place: Place) -> dict[str, Any]:
-    """Settings for controllers, which may be of several: those that one of the installed ones takes."""
+    """Settings for controllers: any that an installed one takes."""
     from isel_twin.controller import controller_settings
 
     rules = controller_settings(content)
@@ -157,7 +153,7 @@ def _settings(content: dict[str, Any], place: Place) -> dict[str, Any]:
 
 
 def _axis(name: str, value: Any, motors: Mapping[str, Motor], on: Imperfections, place: Place) -> Axis:
-    """An axis from its table, in which the keys of its screw stand beside its own."""
+    """An axis, with the keys of its screw in the same table."""
     content = table(value, place)
     kind = text(content.get("drive", DEFAULT_DRIVE), place.at("drive"), tuple(DRIVES))
     beside = (*DRIVES[kind], "stribeck_speed")
@@ -171,14 +167,8 @@ def _axis(name: str, value: Any, motors: Mapping[str, Motor], on: Imperfections,
             raise place.at(key).wrong("missing")
     motor, stage = (_servo if kind == "servo" else _stepper)(content, motors, on, place)
     screw = read(Screw, content, place)
-    if not on.lead_error:
-        screw["lead_error"] = 0.0
-    if not on.backlash:
-        screw["backlash_mm"] = 0.0
-    if not on.cyclic_error:
-        screw["cyclic_error_m"] = 0.0
-    if not on.growth:
-        screw["warming_k"] = 0.0
+    sources = {"lead_error": on.lead_error, "backlash_mm": on.backlash, "cyclic_error_m": on.cyclic_error}
+    screw |= {key: 0.0 for key, is_on in {**sources, "warming_k": on.growth}.items() if not is_on}
     rod = Rod(**read(Rod, content, place))
     own = read(Axis, content, place)
     if own["travel_mm"] > rod.length_mm:
@@ -244,7 +234,6 @@ def _servo(
 
 
 def _check(machine: Machine, place: Place) -> None:
-    """What no single value can say."""
     timing = machine.timing
     if timing.mujoco_step_ns % timing.substep_ns:
         raise place.at("timing.mujoco_step").wrong(
@@ -273,12 +262,8 @@ def _check(machine: Machine, place: Place) -> None:
                 f"{axis.travel_mm:g} mm; allowed: up to {longest_mm[axis.name]:g} mm, "
                 f"where joint {axis.name} ends in {machine.model_file}"
             )
-    _check_signals(machine, place.at("contacts"))
-
-
-def _check_signals(machine: Machine, place: Place) -> None:
-    """A signal is worked by the cabinet; one that it does not know would never change."""
-    known([c.name for c in machine.contacts if c.kind == "signal"], CABINETS[machine.cabinet], place)
+    signals = [contact.name for contact in machine.contacts if contact.kind == "signal"]
+    known(signals, CABINETS[machine.cabinet], place.at("contacts"))
 
 
 def file_content(path: Path) -> bytes | None:
@@ -295,10 +280,8 @@ def model_files(file: Path) -> list[Path]:
 
 
 def _model_travels_mm(file: Path) -> dict[str, float]:
-    """Where the joints of a MuJoCo model end, by name, as far as its files say so; without MuJoCo, which takes longer.
-
-    A file that cannot be read says nothing here: whoever loads the model says what is wrong with it.
-    """
+    """Upper ends of the joints of a MuJoCo model, by name; without MuJoCo, which takes longer. Files that cannot be
+    read are refused when the model is loaded."""
     ends: dict[str, float] = {}
     for each in model_files(file):
         ends |= _joints(file_content(each) or b"")[0]
@@ -307,7 +290,7 @@ def _model_travels_mm(file: Path) -> dict[str, float]:
 
 @lru_cache(32)
 def _joints(content: bytes) -> tuple[Mapping[str, float], tuple[str, ...]]:
-    """Where the joints of an MJCF file end in mm, by name, and the names of the files that it includes."""
+    """Upper ends of the joints of an MJCF file in mm, by name, and the files that it includes."""
     ends: dict[str, float] = {}
     included: list[str] = []
     try:

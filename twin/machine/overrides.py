@@ -13,14 +13,13 @@ from isel_twin.machine.schema import LEVELS, Imperfections, Machine, MachineErro
 
 
 class _Made(NamedTuple):
-    base: Machine
-    """Kept so that nothing else gets its id."""
+    base: Machine  # kept so that nothing else gets its id
     machine: Machine
 
 
 _MOST_MADE = 64
 _made: OrderedDict[tuple[Any, ...], _Made] = OrderedDict()
-"""Machines by the one they were made of and their overrides, those last asked for at the end."""
+"""Machines by their base and overrides, the last used at the end."""
 
 
 def with_overrides(machine: Machine, overrides: Mapping[str, Any]) -> Machine:

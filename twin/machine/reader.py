@@ -7,7 +7,7 @@ Three rules make files short:
     [axes.all]            holds for X, Y and Z; [axes.x] and so on override it
     [switches]            holds for all position switches; an entry in [contacts] may override it
 
-Settings under [controller] belong to the controllers, who tell which there are (`isel_twin.controller.takes`).
+Settings under [controller] are those of `isel_twin.controller.takes`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.parameters import Place, merge, parse_toml, read_text, spread, table
@@ -23,18 +23,14 @@ from isel_twin.machine.build import DEFAULT_DRIVE, DRIVES, build, file_content, 
 from isel_twin.machine.schema import DEFAULT_CABINET, Machine, MachineError
 from isel_twin.models import machine_names, models_folder
 
-T = TypeVar("T")
-
 
 class _Loaded(NamedTuple):
     machine: Machine
-    contents: Mapping[Path, bytes | None]
-    """Of every file that it was read from; None: there is none."""
+    contents: Mapping[Path, bytes | None]  # of every file that it was read from; None: there is none
 
 
 _MOST_LOADED = 32
-_loaded: dict[Path, _Loaded] = {}
-"""Machines by their file: read again only when a file has changed."""
+_loaded: dict[Path, _Loaded] = {}  # machines by their file: read again only when a file has changed
 
 
 def load_machine(name_or_path: str | Path) -> Machine:
@@ -59,15 +55,12 @@ def load_machine(name_or_path: str | Path) -> Machine:
 
 
 def machine_from_tree(tree: Mapping[str, Any], file: Path) -> Machine:
-    """The machine of a tree (`Machine.tree`) that was read some other time; file: where a machine.toml would be.
-
-    Raises MachineError as `load_machine` does.
-    """
+    """The machine of a tree (`Machine.tree`) that was read some other time; file: where a machine.toml would be. Raises
+    MachineError as `load_machine` does."""
     return build(copy.deepcopy(dict(tree)), file)
 
 
 def _find(name_or_path: str | Path, relative_to: Path | None = None) -> Path:
-    """The machine.toml that a name or a path means."""
     candidates = [models_folder() / name_or_path] if str(name_or_path) in machine_names() else []
     path = Path(name_or_path).expanduser()
     candidates.append(relative_to / path if relative_to else path)
@@ -82,7 +75,7 @@ def _find(name_or_path: str | Path, relative_to: Path | None = None) -> Path:
 
 
 def _read_file(file: Path, seen: list[Path]) -> dict[str, Any]:
-    """The file's tree with `based_on` and the tables that hold for all resolved; seen: gets the files read so far."""
+    """The tree with `based_on` and [axes.all] resolved; seen: gets the files read."""
     place = Place(file, MachineError)
     if file in seen:
         raise place.at("based_on").wrong("goes round in a circle; allowed: a machine that does not need this one")
@@ -105,7 +98,7 @@ def _read_file(file: Path, seen: list[Path]) -> dict[str, Any]:
 
 
 def _without_other_drives(parent: Mapping[str, Any], tree: Mapping[str, Any], place: Place) -> dict[str, Any]:
-    """The parent without the keys of its drives where the tree says another kind."""
+    """The parent without the keys of its drives where the tree has another kind."""
     result = copy.deepcopy(dict(parent))
     for name, axis in table(tree.get("axes", {}), place.at("axes")).items():
         before = result["axes"][name]

@@ -1,11 +1,11 @@
-"""What there is to say of a machine: its numbers, their units and limits.
+"""The numbers of a machine, their units and limits.
 
-The fields of the dataclasses below, and those of motor, stage and screw in isel_twin.drives, are the whole format of a
-machine.toml (isel_twin.base.parameters: a number is a table with value, unit, grade and source). A machine is whole:
-its motor has been found, the microsteps follow from it, imperfections that are off are zero.
+The fields of these dataclasses, and of motor, stage and screw in isel_twin.drives, are the whole format of a
+machine.toml (isel_twin.base.parameters: a number is a table with value, unit, grade and source). In a `Machine` the
+motors have been looked up, and imperfections that are off are zero.
 
 Machine coordinates of an axis run from 0, the nominal trip point of the motor-end switch, away from the motor to
-`travel_mm`, that of the far-end switch (decision P1).
+`travel_mm`, that of the far-end switch (decision plant/1).
 """
 
 from __future__ import annotations
@@ -39,26 +39,16 @@ LEVELS: Mapping[str, frozenset[str]] = {
 
 CABINETS: Final[Mapping[str, tuple[str, ...]]] = {
     "safety-relay": (
-        "estop_1",
-        "estop_2",
-        "overtemperature",
-        "start",
-        "stop",
-        "probe",
-        "spindle",
-        "power_ok",
-        "hood_automatic",
-        "hood_setup",
-        "key",
+        *("estop_1", "estop_2", "overtemperature", "start", "stop", "probe", "spindle", "power_ok"),
+        *("hood_automatic", "hood_setup", "key"),
         *(f"user_{bit}" for bit in range(8)),
     )
 }
-"""Kinds of control cabinet that a machine can have, and the contacts that each works (isel_twin.wiring.cabinet).
+"""Kinds of control cabinet, and the contacts that each sets (isel_twin.wiring.cabinet).
 
 safety-relay: E-stop circuits, hood and supply hold a relay that gives the power stages and the spindle their power.
 """
-DEFAULT_CABINET: Final = "safety-relay"
-"""That of a file that names none."""
+DEFAULT_CABINET: Final = "safety-relay"  # that of a file that names none
 
 
 class MachineError(FileError):
@@ -93,7 +83,7 @@ class Axis:
     power_on_high_mm: float = number("mm", -100.0, 10_000.0, key="power_on_high")
     """Where the carriage may stand when the mains is switched on: uniform between the two."""
     guide_friction_n: float = number("N", 0.0, 2000.0, key="guide_friction")
-    """Of the guides; drag at the shaft is the screw's."""
+    """Drag at the shaft is the screw's."""
     brake_n: float = number("N", 0.0, 50_000.0, key="brake")
     """Holding force of the brake at the carriage; 0: the axis has none."""
 
@@ -107,7 +97,7 @@ class Axis:
 
     @property
     def steps_per_rev(self) -> int:
-        """Steps of the commands in a revolution: full steps of the motor times microsteps, or encoder increments."""
+        """Full steps of the motor times microsteps, or encoder increments."""
         if isinstance(self.stage, ServoDrive):
             return self.stage.increments_per_rev
         assert isinstance(self.motor, Motor)
@@ -120,21 +110,19 @@ class Axis:
 
     @property
     def step_mm(self) -> float:
-        """Nominal carriage travel a step (the lead error is not in it)."""
+        """Nominal, without the lead error."""
         return self.screw.lead_mm / self.steps_per_rev
 
     @property
     def steps_per_mm(self) -> float:
-        """Nominal steps per mm of carriage travel (the lead error is not in it)."""
+        """Nominal, without the lead error."""
         return self.steps_per_rev / self.screw.lead_mm
 
 
 @dataclass(frozen=True)
 class Mode:
-    """A structural mode: a passive joint of the MuJoCo model that moves along one axis.
-
-    Its frequency follows from what the joint carries: f = sqrt(k / m) / 2 pi (`isel_twin.plant.model.mode_hz`).
-    """
+    """A structural mode: a passive joint of the MuJoCo model that moves along one axis. Its frequency follows from what
+    the joint carries: f = sqrt(k / m) / 2 pi (`isel_twin.plant.model.mode_hz`)."""
 
     joint: str
     axis: str = word(*CARRIAGES)
@@ -178,10 +166,8 @@ class Imperfections:
 
 @dataclass(frozen=True)
 class Contact:
-    """One contact of the machine. The terminal it leads to is the controller's affair (`Controller.terminals`).
-
-    Level at the terminal: high when the contact is closed, the other way round if `inverted`.
-    """
+    """One contact of the machine. The terminal it leads to is the controller's affair (`Controller.terminals`). Level
+    at the terminal: high when the contact is closed, the other way round if `inverted`."""
 
     name: str
     kind: str = word("switch", "signal", "bridge")
@@ -204,7 +190,7 @@ class Contact:
 
 @dataclass(frozen=True)
 class Machine:
-    """A machine as its folder describes it. Shared by everything that is built of it, so nobody changes its tables."""
+    """A machine as its folder describes it. It is shared: its tables must not be changed."""
 
     name: str
     description: str
@@ -245,7 +231,7 @@ class Machine:
 
     @cached_property
     def digest(self) -> str:
-        """What tells one machine from another: its numbers and its model, wherever their files stand."""
+        """Hash of its numbers and its model, wherever the files are."""
         fixture = self.fixture_file.read_bytes().hex() if self.fixture_file is not None else ""
         tree = {**self.tree, "model": self.model_file.read_bytes().hex(), "fixture": fixture}
         return hashlib.sha256(json.dumps(tree, sort_keys=True, default=str).encode()).hexdigest()[:16]

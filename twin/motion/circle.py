@@ -23,7 +23,7 @@ which is the manual's formula (iMC manual 2.3.3, 2.3.6)
 with Summe(n) = n (|n| + 1). Both commands printed in the manual agree: `y400,1500,119,-141,141,-1,-1` gives R = 200,
 `w32000,600,-1000,-2000,0,1,-1,6000` gives R = 2000. Its worked example finds the same 119 by two slips that cancel:
 Summe(-141) computed as |n| (n + 1), and Ys + (Rx - Ry)/2 instead of Ys + (Rx + Ry)/2. A host written from that text
-sends another D, off by up to two steps of radius; `squared_radius` recognises it (decision M3).
+sends another D, off by up to two steps of radius; `squared_radius` recognises it (decision motion/3).
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def circle(
 
 
 def squared_radius(d: int, xs: int, ys: int, rx: int, ry: int) -> int:
-    """R^2 that a host means by D = d, counter-clockwise (decision M3).
+    """R^2 that a host means by D = d, counter-clockwise (decision motion/3).
 
     (2) is solved for R^2 in three readings: with Summe(n) = |n| (n + 1) as in the worked example; with Summe(n) =
     n (|n| + 1), which is (1); with both slips of the example. A reading counts if it gives the square of a whole number

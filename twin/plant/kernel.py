@@ -16,7 +16,7 @@ contacts, gives the velocity, and the position is corrected by the difference:
     x = x_n + h (v_MuJoCo - v_n)                    h = n dt
 
 which is MuJoCo's own rule (x' = x + h v') for all it alone knows, and the sub-steps' for the nut force and the moment
-at which friction stops a carriage: both are resolved at dt, not at h (decision P3). MuJoCo's dry friction creeps (below
+at which friction stops a carriage: both are resolved at dt, not at h (plant/3). MuJoCo's dry friction creeps (below
 1 um/s); a carriage that the sub-steps saw stick does not. Thresholds are looked at after every sub-step.
 
 A drive is told the exact time mean of its command over the sub-step: the sum of the ticks, each by the part of the

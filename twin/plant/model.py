@@ -12,7 +12,7 @@ of the machine without payload). A force F at a place, tool or table, loads the 
 place by the joints.
 
 Positions are what a gauge between tool and table would show: axis joint plus structural joint, plus the errors of
-squareness (decision P4).
+squareness (decision plant/7).
 """
 
 from __future__ import annotations

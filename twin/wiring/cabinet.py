@@ -18,7 +18,7 @@ The spindle contactor closes when the controller begins to ask for it while rela
 of the three ends, and the controller has to ask anew.
 
 Sources: iMC programming manual 2.2.3, 2.2.4 and section 5 (codes 9 and H); CPM operating manual ch. 5 for the
-operator's side. Decisions W1 to W4 in docs/decisions.md.
+operator's side. Decisions wiring/1 to wiring/4.
 """
 
 from __future__ import annotations

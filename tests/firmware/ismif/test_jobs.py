@@ -1,4 +1,4 @@
-"""Jobs, memory and faults: what docs/decisions.md (S1 to S12) says where the manual is silent."""
+"""Jobs, memory and faults: what ismif/1 to ismif/12 say where the manual is silent."""
 
 from __future__ import annotations
 
@@ -526,7 +526,7 @@ def test_choosing_what_z_is_lifts_the_pen(command: str) -> None:
 
 
 def test_the_memory_is_full_when_less_than_the_longest_command_is_free() -> None:
-    """65536 bytes; with 128 of them free it is not full, with fewer it is (S2)."""
+    """65536 bytes; with 128 of them free it is not full, with fewer it is (ismif/2)."""
     twelve, eight = "L1,x1,y1,z1", "L1,x100"
     assert (len(twelve) + 1, len(eight) + 1) == (12, 8)
     desk = fresh()

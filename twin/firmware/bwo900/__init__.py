@@ -22,7 +22,7 @@
         v
     set points (isel_twin.motion.joined), outputs, messages
 
-docs/bwo900.md has what there is and what not, docs/decisions.md Z1... what the manual leaves open.
+docs/bwo900.md has what there is and what not, docs/decisions/bwo900.md what the manual leaves open.
 """
 
 from __future__ import annotations

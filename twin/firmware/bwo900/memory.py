@@ -3,8 +3,8 @@
     | BWO2 | checksum | program | program | ... | head | size of the head |
                         each compressed by itself       parameters, names and sizes, as JSON, compressed
 
-Every key of the operator writes an image. Programs may be 100 MB and change only when a file comes, so what has been
-made of them is kept, the checksum up to the head included; a key costs the head, and one copy of the rest.
+Every key of the operator writes an image. Programs may be 100 MB and change only when a file comes, so their compressed
+form and checksum are kept; a key costs the head, and one copy of the rest.
 """
 
 from __future__ import annotations
@@ -25,19 +25,16 @@ SIZE: Final = 4  # bytes of a checksum, and of the size of the head
 
 
 class Memory:
-    """Makes images of a control's programs and parameters."""
-
     def __init__(self, parameters: Parameters, store: Store) -> None:
         self._parameters, self._store = parameters, store
         self._forget()
 
     def _forget(self) -> None:
         self._packed: dict[StoredProgram, bytes] = {}
-        """Programs of the last image, compressed; a program never changes, its place is taken by another one."""
+        """Programs of the last image, compressed; a program is replaced, never changed."""
         self._checksum = zlib.crc32(b"")  # of all of them in their order
 
     def image(self) -> bytes:
-        """The image of what there is now."""
         programs = [self._store[name] for name in sorted(self._store)]
         if list(self._packed) != programs:
             self._packed = {p: self._packed.get(p) or zlib.compress(p.text, 1) for p in programs}
@@ -55,7 +52,7 @@ class Memory:
         return b"".join((MAGIC, checksum, *self._packed.values(), end))
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without what can be made again."""
+        """Without the caches."""
         return {"_parameters": self._parameters, "_store": self._store}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -64,7 +61,7 @@ class Memory:
 
 
 def read(flash: bytes | None) -> tuple[Parameters, Store, bool]:
-    """Parameters and programs of an image, and whether it could not be read; a new control has the factory's."""
+    """Parameters and programs of an image, True if it could not be read; else those of a new control."""
     if flash is not None:
         try:
             return *_unpacked(flash), False

@@ -3,7 +3,7 @@
     A     shown, no more           KS    the channel stops, Start goes on
     KA    the channel breaks off   SA    the system breaks off: drives off
 
-A message of a program names program, block and column: where in the text of the block it is to be looked for.
+A message of a program names program, block and column in the text of the block.
 """
 
 from __future__ import annotations
@@ -27,8 +27,7 @@ class Effect(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """A message as it is given. program, block, column: where; 0: nowhere, not known. detail: what exactly; infos: the
-    numbers that P8505 on are given with it."""
+    """program, block, column: where; 0: not known. infos: numbers for P8505 on."""
 
     number: int
     effect: Effect
@@ -40,21 +39,14 @@ class Message:
     infos: tuple[float, ...] = ()
 
     def __str__(self) -> str:
-        place = " ".join(
-            part
-            for part in (
-                self.program,
-                f"N{self.block}" if self.block else "",
-                f"column {self.column}" if self.column else "",
-            )
-            if part
-        )
+        column = f"column {self.column}" if self.column else ""
+        place = " ".join(filter(None, (self.program, f"N{self.block}" if self.block else "", column)))
         detail = f" ({self.detail})" if self.detail else ""
         return f"M{self.number}{f' {place}' if place else ''}: {self.text}{detail}"
 
 
 class ProgramError(Exception):
-    """A program cannot go on: a message, and the column where known (from 1); infos: for P8505 on."""
+    """A program cannot go on; column: from 1, 0: not known; infos: for P8505 on."""
 
     def __init__(self, number: int, detail: str = "", column: int = 0, infos: tuple[float, ...] = ()) -> None:
         super().__init__(f"M{number}: {detail}")
@@ -171,49 +163,27 @@ class Code(IntEnum):
     DIVISION_ANGLE_ZERO = 8334, _KA, "division angle is 0 (P125)"
 
 
-LOCKED: Final = 1304  # a parameter is locked: given without a text of its own
+LOCKED: Final = 1304  # a locked parameter; has no text of its own
 
 _INVALID: Final[Mapping[int, str]] = {
-    P.SIZE_1: "first size of the pocket",
-    P.SIZE_2: "second size of the pocket",
-    P.POCKET_DEPTH: "depth of the pocket",
-    P.POCKET_RADIUS: "radius",
-    P.ALLOWANCE: "allowance",
-    P.INFEED_ACROSS: "infeed across",
-    P.INFEED_DEPTH: "infeed in depth",
-    P.DEPTH_ALLOWANCE: "allowance on the depth",
-    P.POCKET_SAFETY: "safety distance",
-    P.FINISHING_INFEED: "infeed of finishing",
-    P.PLUNGING_FEED: "plunging feed",
-    P.HOLE_FEED: "feed",
-    P.HOLE_DEPTH: "depth",
-    P.APPROACH_PLANE: "approach plane",
-    P.STROKES: "number of strokes",
-    P.FIRST_STROKE: "first stroke",
-    P.HOLE_SAFETY: "safety distance",
-    P.RAY_1 + Ray.X: "X of A to B",
-    P.RAY_1 + Ray.Y: "Y of A to B",
-    P.RAY_1 + Ray.ANGLE: "angle of ray 1",
-    P.RAY_1 + Ray.LENGTH: "length of ray 1",
-    P.RAY_1 + Ray.DIVISION: "division of ray 1",
-    P.RAY_2 + Ray.X: "X of A to C",
-    P.RAY_2 + Ray.Y: "Y of A to C",
-    P.RAY_2 + Ray.ANGLE: "angle of ray 2",
-    P.RAY_2 + Ray.LENGTH: "length of ray 2",
-    P.RAY_2 + Ray.DIVISION: "division of ray 2",
-    P.CENTRE_X: "X of the circle's centre",
-    P.CENTRE_Y: "Y of the circle's centre",
-    P.DIAMETER: "diameter of the circle",
-    P.START_ANGLE: "start angle",
-    P.TRAVEL_ANGLE: "travel angle",
-    P.DIVISION_ANGLE: "division angle",
-    P.PLACES: "number of places",
-}
-"""What a parameter P is to a cycle, as the message that it is not valid has it."""
+    P.SIZE_1: "first size of the pocket", P.SIZE_2: "second size of the pocket",
+    P.POCKET_DEPTH: "depth of the pocket", P.POCKET_RADIUS: "radius", P.ALLOWANCE: "allowance",
+    P.INFEED_ACROSS: "infeed across", P.INFEED_DEPTH: "infeed in depth", P.DEPTH_ALLOWANCE: "allowance on the depth",
+    P.POCKET_SAFETY: "safety distance", P.FINISHING_INFEED: "infeed of finishing", P.PLUNGING_FEED: "plunging feed",
+    P.HOLE_FEED: "feed", P.HOLE_DEPTH: "depth", P.APPROACH_PLANE: "approach plane", P.STROKES: "number of strokes",
+    P.FIRST_STROKE: "first stroke", P.HOLE_SAFETY: "safety distance", P.RAY_1 + Ray.X: "X of A to B",
+    P.RAY_1 + Ray.Y: "Y of A to B", P.RAY_1 + Ray.ANGLE: "angle of ray 1", P.RAY_1 + Ray.LENGTH: "length of ray 1",
+    P.RAY_1 + Ray.DIVISION: "division of ray 1", P.RAY_2 + Ray.X: "X of A to C", P.RAY_2 + Ray.Y: "Y of A to C",
+    P.RAY_2 + Ray.ANGLE: "angle of ray 2", P.RAY_2 + Ray.LENGTH: "length of ray 2",
+    P.RAY_2 + Ray.DIVISION: "division of ray 2", P.CENTRE_X: "X of the circle's centre",
+    P.CENTRE_Y: "Y of the circle's centre", P.DIAMETER: "diameter of the circle", P.START_ANGLE: "start angle",
+    P.TRAVEL_ANGLE: "travel angle", P.DIVISION_ANGLE: "division angle", P.PLACES: "number of places",
+}  # fmt: skip
+"""Parameters P of cycles, as named in the message that they are not valid."""
 
 
 def invalid(parameter: int) -> int:
-    """The message that a parameter P of a cycle is missing or not valid."""
+    """Number of the message that a parameter P of a cycle is missing or not valid."""
     return 8000 + parameter
 
 
@@ -237,7 +207,7 @@ def message(
     infos: tuple[float, ...] = (),
     effect: Effect | None = None,
 ) -> Message:
-    """The message of that number; one that is not in the table breaks the channel off, as those of cycles do."""
+    """The message of that number; one that is not in the table breaks the channel off."""
     known = MESSAGES.get(number) or Message(number, Effect.CHANNEL_ABORT, "message of a cycle or of the PLC")
     said = replace(known, program=program, block=block, column=column, detail=detail, infos=infos)
     return said if effect is None else replace(said, effect=effect)

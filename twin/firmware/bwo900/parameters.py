@@ -5,7 +5,7 @@
     P11000 .. P11999  q1000 on, common to all channels                P20000 .., P30000 ..   user blocks 2 and 3
 
 A value is a number or deleted; every parameter has four bytes of status. Byte 1: bit 0 loaded, bit 2 written when the
-block is executed (real time), bit 3 its writing synchronises. What is not said here is deleted.
+block is executed (real time), bit 3 its writing synchronises.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ SYNCHRONISING: Final = 0x08
 LOCKS: Final = 0x0F  # of byte 3
 LARGEST_Q: Final = 59_999  # 60 000 parameters, the largest system
 AXIS_SIZE: Final = 200
-FIRST_LIVE: Final = P.M_WAITS  # below it no parameter is worked out when it is asked for
+FIRST_LIVE: Final = P.M_WAITS  # parameters below are never computed when read
 MOST_AXES: Final = 32
 MACHINE_AXES: Final = 3
 FIXED: Final = P.FIXED_LAST + 1 - P.FIXED_FIRST  # P7000 to P9999
@@ -32,7 +32,7 @@ CHANNEL_SIZE: Final = Q.CHANNEL_1  # of a channel's descriptor: q100, q200
 
 _FIXED_FIRST, _FIXED_LAST, _COMMON_FIRST, _COMMON_LAST = P.FIXED_FIRST, P.FIXED_LAST, P.COMMON_FIRST, P.COMMON_LAST
 _CHANNELS, _USER_1, _SIZE_1, _AXES_FIRST = Q.CHANNELS, Descriptor.USER_1, Descriptor.SIZE_1, P.AXES_FIRST
-"""Bound once: every access asks for them, and a name of the module is found sooner than one of a class."""
+"""Bound once: every access needs them, and a module's name is found sooner than a class's."""
 
 
 def descriptor(letter: str, physical: int, index: int = 0) -> float:
@@ -41,7 +41,7 @@ def descriptor(letter: str, physical: int, index: int = 0) -> float:
 
 
 def _name(value: float) -> str:
-    """Of an axis: its letter, and its index if it has one; empty if there is no letter."""
+    """Letter and index of an axis; empty without a letter."""
     letter, index = chr(byte(value, 1)), byte(value, 2)
     return (letter + (str(index) if index else "")) if letter in ascii_uppercase else ""
 
@@ -71,14 +71,14 @@ FACTORY: Final[Mapping[int, float]] = {
 
 
 class Parameters:
-    """The array. Every access names a parameter as programs do; `q` and `P` of channel 1 are the usual ones."""
+    """The array, addressed as in programs; by default P of channel 1."""
 
     def __init__(self, values: Mapping[int, float] | None = None) -> None:
         """values: by q, in place of FACTORY."""
         self._values: dict[int, float] = dict(FACTORY if values is None else values)
         self._status: dict[int, int] = {}
         self.live: Callable[[int], float | None] | None = None
-        """What a P of channel 1 is now, None: what has been written."""
+        """The present value of a P of channel 1, None: as written."""
         self.revision = 0  # rises with every writing
 
     def address(self, area: str, number: int, channel: int = 1) -> int:
@@ -112,7 +112,7 @@ class Parameters:
         return None
 
     def of_channel(self, q: int) -> int | None:
-        """The P of channel 1 that is this q, where the control itself may look at it; None: none of those."""
+        """The P of channel 1 for this q, if it is one that the control itself uses."""
         first = self._of_channel(P.FIXED_FIRST, 1) or 0
         if first <= q < first + FIXED:
             return q - first + P.FIXED_FIRST
@@ -125,7 +125,6 @@ class Parameters:
         return None
 
     def get(self, number: int, default: float = 0.0, area: str = "P") -> float:
-        """The value, `default` if it is deleted."""
         return self._values.get(self.address(area, number), default)
 
     def given(self, number: int, default: float, area: str = "P") -> float:
@@ -133,7 +132,7 @@ class Parameters:
         return self._values.get(self.address(area, number)) or default
 
     def loaded(self, number: int, area: str = "P", channel: int = 1) -> bool:
-        """True if it has a value."""
+        """True if it is not deleted."""
         return self.address(area, number, channel) in self._values
 
     def read(self, area: str, number: int, channel: int = 1) -> float:
@@ -168,11 +167,11 @@ class Parameters:
         self._status[q] = (self._status.get(q, 0) | status if add else status) & ~LOADED
 
     def has(self, number: int, bits: int, area: str = "P", channel: int = 1) -> bool:
-        """True if bits of the status are set."""
+        """True if any of these bits of the status is set."""
         return bool(self._status.get(self.address(area, number, channel), 0) & bits)
 
     def locked(self, number: int, area: str = "P", channel: int = 1) -> bool:
-        """True if a program must not write it: byte 3 of its status has the bit of a lock, 1 to 4, that is set.
+        """True if a program must not write it: byte 3 of its status has the bit of a lock that is set.
 
         P8510 sets locks in AUTO, P11008 = 1 those of P11018 and P11009 = 1 those of P11019, -1 lifts them; P8511 lifts
         them for programs.
@@ -194,11 +193,8 @@ class Parameters:
 
     @property
     def axes(self) -> Iterator[tuple[str, int]]:
-        """Name and physical number of each axis of the machine, in order.
-
-        A descriptor without a letter, and all of them if two have the same name, are what they are in a new control;
-        further ones belong to axes that the machine has not.
-        """
+        """Name and physical number of each axis of the machine, in order. A descriptor without a letter, and all of
+        them if two names are equal, are as in a new control."""
         given = [self._values.get(Q.AXIS_1 + axis, 0.0) for axis in range(MACHINE_AXES)]
         known = [FACTORY[Q.AXIS_1 + axis] for axis in range(MACHINE_AXES)]
         chosen = [value if _name(value) else other for value, other in zip(given, known, strict=True)]
@@ -208,10 +204,8 @@ class Parameters:
             yield _name(value), byte(value, 3)
 
     def zero_point(self, number: int, axis: int, workspace: int = 1) -> float:
-        """The shift of a zero point, 0 for G53 to 6 for G59 and on to G154 ..., of an axis from 0.
-
-        With additional groups (q172) it is their sum. Raises ProgramError M1240 for a workspace that there is not.
-        """
+        """The shift of a zero point, 0 for G53 to 6 for G59 and on to G154 ..., of an axis from 0. With additional
+        groups (q172) it is their sum. Raises ProgramError M1240: no such workspace."""
         if not 1 <= workspace <= int(self.given(Q.ZERO_SETS, 1, "q")):
             raise ProgramError(Code.NO_WORKSPACE, f"workspace {workspace}")
         groups = int(self.get(Q.ZERO_GROUPS, 0, "q"))

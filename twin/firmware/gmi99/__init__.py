@@ -16,7 +16,7 @@
     board.py        the card's state, which all these share and which knows none of them
     device.py       the card: the parts that work on it, for commands and controller
 
-docs/gmi99.md has the commands and what is not emulated, docs/decisions.md G1... what the manual leaves open.
+docs/gmi99.md has the commands and what is not emulated, docs/decisions/gmi99.md what the manual leaves open.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ from isel_twin.firmware.gmi99.store import Store
 from isel_twin.motion import SetPointRun
 from isel_twin.motion.path import added
 
-SPINDLE, HOOD_LOCK = (0, 0), (0, 1)  # outputs of slot 0 that the fixture uses (G19)
+SPINDLE, HOOD_LOCK = (0, 0), (0, 1)  # outputs of slot 0 that the fixture uses (gmi99/19)
 
 
 class Board:

@@ -7,7 +7,7 @@
     move          in the same order; joins with moves before and behind it                   E5h, or buffer full
     immediate     at once, also while others wait                                            E5h, or an answer
 
-A command in a long record whose letter is unknown, or whose length cannot be right, has no effect and no answer (G4).
+A command of unknown letter or wrong length in a long record has no effect and no answer (gmi99/4).
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def _p_kind(instruction: Instruction) -> Kind:
     return Kind.SYNCHRONOUS if flying else Kind.NORMAL
 
 
-DUPLICATE = "X"  # axis duplication has lost its letter in print (3.1.1): a placeholder, decision G10
+DUPLICATE = "X"  # axis duplication has lost its letter in print (3.1.1): a placeholder, decision gmi99/10
 
 _NORMAL, _SYNCHRONOUS, _IMMEDIATE = _always(Kind.NORMAL), _always(Kind.SYNCHRONOUS), _always(Kind.IMMEDIATE)
 

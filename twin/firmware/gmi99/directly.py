@@ -1,7 +1,7 @@
 """Direct inputs and outputs, `p10;opcode;operand` (6.1.2).
 
-An operand counts the bits of the first 12 bytes of E or A, of the first 32 flag bytes (G15). Outputs act at once, not
-at the end of a pass of the PLC.
+An operand counts the bits of the first 12 bytes of E or A, of the first 32 flag bytes (gmi99/15). Outputs act at once,
+not at the end of a pass of the PLC.
 """
 
 from __future__ import annotations

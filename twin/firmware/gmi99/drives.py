@@ -1,7 +1,7 @@
 """What belongs to the drives at the card's slots: status, readiness, reference run, faults, limit switches, E-stop.
 
-The drives' own manual is not to be had: what they do is decision G16 to G20. A drive at slot i has address i, sixteen
-inputs and outputs, an encoder, and an indexer of its own for the reference run:
+The drives' own manual is not to be had: what they do is decided (gmi99/16 to gmi99/20). A drive at slot i has address
+i, sixteen inputs and outputs, an encoder, and an indexer of its own for the reference run:
 
     speed     -10000 Hz until the motor-end switch is struck, brake
               ______
@@ -57,7 +57,7 @@ TERMINALS: Mapping[str, tuple[str, ...]] = {
     **{f"e1.{bit}": (f"user_{bit}",) for bit in range(6)},
     **{f"e{2 * slot + 1}.{6 + end}": (f"limit_{'xyz'[slot]}{end + 1}",) for slot in range(3) for end in (0, 1)},
 }
-"""Where the contacts of machine and cabinet lead to: inputs of drives, E-stop and supply of all of them (G19)."""
+"""Where the contacts of machine and cabinet lead to: inputs of drives, E-stop and supply of all of them (gmi99/19)."""
 _INPUT = re.compile(r"e([0-9]+)\.([0-7])")
 _FAULT = re.compile(r"slot([0-9])\.fault")
 
@@ -340,6 +340,6 @@ class DriveBank:
     # ---- the host, through the card -------------------------------------------------------------------------------
 
     def information(self, slot: int) -> int:
-        """Information character of a drive's status, its bits as those of the card (G16)."""
+        """Information character of a drive's status, its bits as those of the card (gmi99/16)."""
         moves = bool(self.searching >> slot & 1)
         return self.estop << 3 | moves << 4 | (not self._zeroed[slot]) << 6

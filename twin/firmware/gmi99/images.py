@@ -9,7 +9,7 @@
 
 Of a group of 24 bytes the first 12 are digital, slot i having bytes 2i and 2i + 1, the others analog.
 
-Words have their low byte first: MWn = MBn + 256 MB(n+1), in all areas (G9). A register is 32 bits, at byte 4i of D.
+Words have their low byte first: MWn = MBn + 256 MB(n+1), in all areas (gmi99/9). Registers: 32 bits, at byte 4i of D.
 
 Who may change a flag
 ---------------------

@@ -8,7 +8,7 @@ MOVE_BIT = 0x80  # of a command character: the general motion command, its lower
 
 
 class OutOfRangeError(Exception):
-    """A parameter is beyond what the command takes; the message says which. The command has no effect (G6)."""
+    """A parameter is beyond what the command takes; the message says which. The command has no effect (gmi99/6)."""
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ change. The grid counts from power-on; a move that can begin begins at the first
 A hold brakes along the path and ends the motion; what is left of the plan is the next motion, when nothing holds any
 more. A break-off brakes the same way and forgets what is left. `cut` ends it at once.
 
-N17 = 1: a motion takes its time and T0 counts, but no set point leaves the card: it is kept apart as a ghost (G22).
+N17 = 1: a motion takes its time and T0 counts, but no set point leaves the card: it is kept as a ghost (gmi99/22).
 """
 
 from __future__ import annotations

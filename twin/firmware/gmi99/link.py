@@ -9,7 +9,7 @@ A address, c command or information character, AE extension of the address field
 bytes between the start (10h, or the second 68h) and CS modulo 256, L their number (2 .. 250).
 
 The manual (2.1, 3, 3.1, 3.2) names the three kinds of telegram and prints no frame: order, checksum and lengths are
-those of FT1.2, decisions G1 to G6.
+those of FT1.2, decisions gmi99/1 to gmi99/6.
 
 What cannot be read has no effect: its first byte is dropped and the rest looked at again, so noise before a frame does
 no harm. A frame that pauses for longer than GAP_NS is dropped as far as it had come.
@@ -26,7 +26,7 @@ from isel_twin.base.units import MILLISECOND_NS
 Variant = Literal["E", "S"]
 
 ACKNOWLEDGED = b"\xe5"  # the single character: received
-GAP_NS = 50 * MILLISECOND_NS  # longest pause between two bytes of a frame (G5)
+GAP_NS = 50 * MILLISECOND_NS  # longest pause between two bytes of a frame (gmi99/5)
 SHORT_COMMANDS: Mapping[int, int] = {0: 0, 1: 0, 8: 2, 9: 1}
 """Commands in a short record, and their bytes of extension (3.2)."""
 

@@ -4,9 +4,9 @@
                                                          |
     card: positions, status, corrections, speeds  <---  FB 254: accumulator 1 says which function, 2 has its argument
 
-A pass works on copies. It takes 45 us an instruction, rounded up to the 4 ms grid (G31); its effects become visible at
-its end, when the card looks at the flags. FB 254 acts when it is called; its functions that the manual names but does
-not describe have no effect (G32).
+A pass works on copies. It takes 45 us an instruction, rounded up to the 4 ms grid (gmi99/31); its effects show at its
+end, when the card looks at the flags. FB 254 acts when it is called; its functions that the manual names but does
+not describe have no effect (gmi99/32).
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ FUNCTIONS = 2, 3, 4, 5, 6, 8, 10, 12, 33
 
 @cache
 def safety_program() -> bytes:
-    """Image of the safety program (G33)."""
+    """Image of the safety program (gmi99/33)."""
     return assemble(resources.files(__package__).joinpath(SAFETY).read_text(encoding="utf-8")).image
 
 

@@ -3,7 +3,7 @@
     machine target = programmed target (absolute) + zero point + fine correction + temporary ones + PLC zero point
 
 One table of 16 zero points, G54 to G57 being its first four. Tool offsets have no command that enters them and are 0
-(G13).
+(gmi99/13).
 """
 
 from __future__ import annotations

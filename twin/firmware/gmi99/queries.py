@@ -2,7 +2,7 @@
 
     T0   @ 3 bytes      T1  V or I, 2      T3  ident only      T5  N, 3      T8  Z, 3      T11  C, 3      T12  x 6, e 2
 
-Widths and idents the manual does not print are decisions (G8). A question it does not have is not answered (G4).
+Widths and idents the manual does not print are decided (gmi99/8). An unknown question is not answered (gmi99/4).
 """
 
 from __future__ import annotations

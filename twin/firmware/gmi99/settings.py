@@ -44,7 +44,7 @@ NUMBERS: Mapping[int, tuple[str, int, int]] = {
 @dataclass(frozen=True)
 class Settings:
     """What a host sets. Speeds in Hz, accelerations in Hz/ms, of the leading axis first and then of each axis (3.1.1);
-    defaults as printed there, or decisions G7."""
+    defaults as printed there, or decisions gmi99/7."""
 
     m_hz: Axes = (2000,) * (SLOTS + 1)
     b_hz_per_ms: Axes = (50,) * (SLOTS + 1)

@@ -20,7 +20,7 @@
     replies.py     the reply codes
     language.py    what its bytes mean to people and tools: reading.py (lines and answers), wording.py, retiming.py
 
-docs/imc.md is the overview of commands, docs/safety.md the safety chain, docs/decisions.md (F1 ...) what is left open.
+docs/imc.md is the overview of commands, docs/safety.md the safety chain, docs/decisions/imc.md what is left open.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ A_AXIS = 8
 
 
 def check_axis_choice(device: Device, mask: int) -> None:
-    """Only 1, 3, 7 and 8 may be set (F1)."""
+    """Only 1, 3, 7 and 8 may be set (imc/1)."""
     if mask not in (1, 3, 7, A_AXIS):
         raise Refusal(BAD_AXES)
 
@@ -77,7 +77,7 @@ def set_virtual_zero(device: Device, mask: int) -> None:
 
 
 def simulate_reference(device: Device, mask: int) -> None:
-    """`@0N`, `N`: the reference point is here (F25)."""
+    """`@0N`, `N`: the reference point is here (imc/25)."""
     device.note(Event.REFERENCE_BEGUN)
     for axis in axes_of(mask):
         device.set_reference(axis)
@@ -97,7 +97,7 @@ def four_speeds(device: Device) -> tuple[Number, ...]:
 
 
 def default_speed_parameters(device: Device) -> tuple[Number, ...]:
-    """Four speeds; those of axes that are not set are not checked if the profile says so (F49)."""
+    """Four speeds; those of axes that are not set are not checked if the profile says so (imc/49)."""
     if not (device.profile.extra_values and device.axes):
         return four_speeds(device)
     return tuple(speed(device) if axis in device.axis_list else ANY_SPEED for axis in range(AXES))
@@ -134,7 +134,7 @@ def set_turn(device: Device, turn: int) -> None:
 
 
 def set_number(device: Device, number: int) -> None:
-    """`@0G`: until the next reset (F27)."""
+    """`@0G`: until the next reset (imc/27)."""
     device.number = number
 
 
@@ -165,7 +165,7 @@ def admit_port(device: Device, port: int, value: int) -> tuple[Mapping[str, int]
 
 
 def _with_brake(device: Device, levels: Mapping[str, int]) -> Mapping[str, int]:
-    """The brake follows the stages: it has dropped when they go off, and lets go when they are on (F24)."""
+    """The brake follows the stages: it has dropped when they go off, and lets go when they are on (imc/24)."""
     stages = levels.get("stages", device.outputs["stages"])
     if stages == device.outputs["stages"]:
         return levels
@@ -185,8 +185,7 @@ def set_brake(device: Device, on: int) -> None:
     device.outputs["brake"] = on
 
 
-WHOLE_BYTE = 128
-"""Bit number that means the whole port (3.2.19, 3.2.20)."""
+WHOLE_BYTE = 128  # bit number that means the whole port (3.2.19, 3.2.20)
 
 
 def check_port_bit(device: Device, port: int, bit: int, value: int) -> None:
@@ -219,20 +218,20 @@ def set_value(name: str) -> Callable[[Device, int], None]:
 
 
 def set_inverted(device: Device, mask: int) -> None:
-    """`@0ID`: an axis that changes its direction is not referenced any more (F28)."""
+    """`@0ID`: an axis that changes its direction is not referenced any more (imc/28)."""
     for axis in axes_of(device.settings.inverted ^ mask):
         device.referenced[axis] = False
     device.set_settings(inverted=mask)
 
 
 def set_swapped(device: Device, mask: int) -> None:
-    """`@0Ie`: which switch lies at which end. It replaces what a motion has found out (F21)."""
+    """`@0Ie`: which switch lies at which end. It replaces what a motion has found out (imc/21)."""
     device.limits.forget_found(device.settings.swapped ^ mask)
     device.set_settings(swapped=mask)
 
 
 def set_io_only(device: Device, on: int) -> None:
-    """`@0IO`: without axes, the stages are off (F29)."""
+    """`@0IO`: without axes, the stages are off (imc/29)."""
     changed = device.settings.io_only != on
     device.set_settings(io_only=on)
     if changed and device.safety is not State.FAULT:

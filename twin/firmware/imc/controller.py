@@ -6,7 +6,7 @@
     clock -----> ends of runs, pauses, supervision cycles
 
 A command begins when its CR arrives, or when the one before it has been answered. Its reply leaves at the time of its
-last pulse. There is no processing time in between (F22).
+last pulse. There is no processing time in between (imc/22).
 
 A line is looked at in one step that may refuse it (`_admit...`: returns an effect, or raises Refusal), and carried out
 in a second one that may not: the effect.
@@ -165,7 +165,7 @@ class Imc:
         return True
 
     def _answer_held(self) -> bool:
-        """Answer the first line that a stop holds (F5); False if there is none or it must wait.
+        """Answer the first line that a stop holds (imc/5); False if there is none or it must wait.
 
         A question is answered at once, anything else by `F` when there is nothing left to resume.
         """
@@ -306,7 +306,7 @@ class Imc:
         self._supervisor.resume(answers=answers)
 
     def _start_key(self) -> None:
-        """The start key acts only at rest; no reply says why it does nothing (F33)."""
+        """The start key acts only at rest; no reply says why it does nothing (imc/33)."""
         if self._supervisor.task is not None or self._recorder is not None:
             return
         try:

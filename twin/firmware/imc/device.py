@@ -34,8 +34,7 @@ from isel_twin.firmware.imc.settings import AXES, Flash, Modal, Settings, Stored
 from isel_twin.motion import Displacement, TimeLaw, trapezoid
 from isel_twin.motion.path import added
 
-POSITION_LIMIT = 1 << 23
-"""Counters have 24 bits, two's complement."""
+POSITION_LIMIT = 1 << 23  # counters have 24 bits, two's complement
 
 
 class Device:
@@ -131,7 +130,7 @@ class Device:
             raise Refusal(LIMIT_SWITCH)
 
     def guards(self, axis: int) -> bool:
-        """True if limit switches end motions of this axis: not in test mode, nor for a rotary axis (F30)."""
+        """True if limit switches end motions of this axis: not in test mode, nor for a rotary axis (imc/30)."""
         return bool(self.axes >> axis & 1) and not self.settings.rotary >> axis & 1 and not self.test_mode
 
     def require_room(self, *legs: Displacement, unreferenced: bool = False) -> None:
@@ -190,7 +189,7 @@ class Device:
 
     @property
     def clockwise(self) -> bool:
-        """Direction of arcs; clockwise by default (F35)."""
+        """Direction of arcs; clockwise by default (imc/35)."""
         return self.modal.clockwise is not False
 
     def law(self, speed_hz: int) -> Callable[[int], TimeLaw]:

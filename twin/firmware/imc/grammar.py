@@ -2,7 +2,7 @@
 
     bytes  ->  LineAssembler  ->  lines  ->  split_dnc / split_cnc  ->  code, parameter text  ->  read_numbers
 
-A line is everything up to CR. LF counts for nothing, wherever it stands, and an empty line is no command (F6). The
+A line is everything up to CR. LF counts for nothing, wherever it stands, and an empty line is no command (imc/6). The
 control bytes 253, 254 and 255 never come here. Nothing that comes from the line is ever evaluated: a number is matched
 by a pattern and converted.
 """
@@ -16,11 +16,8 @@ from dataclasses import dataclass
 from isel_twin.firmware.imc.replies import BAD_NUMBER, PARAMETER_COUNT, SYNTAX, Refusal
 
 CR, LF = 13, 10
-STOP, RESET, BREAK = 253, 254, 255
-"""Control bytes (2.2.31)."""
-
-AXES_CODE = "axes"
-"""Code given to `@0<number>`, the command without a letter."""
+STOP, RESET, BREAK = 253, 254, 255  # control bytes (2.2.31)
+AXES_CODE = "axes"  # code given to `@0<number>`, the command without a letter
 
 _NUMBER = re.compile(r"([+-]?)(?:([0-9]+)(?:\.[0-9]*)?|\.[0-9]+)")
 
@@ -109,7 +106,7 @@ def read_numbers(text: str, numbers: Sequence[Number]) -> tuple[int, ...]:
 
 
 def read_number(field: str) -> int:
-    """Read one number; a decimal fraction is cut off (F6). Raises Refusal(1)."""
+    """Read one number; a decimal fraction is cut off (imc/6). Raises Refusal(1)."""
     match = _NUMBER.fullmatch(field.strip(" "))
     if match is None:
         raise Refusal(BAD_NUMBER)

@@ -39,10 +39,8 @@ CONTROL: Mapping[int, str] = {
 }
 """Control bytes (2.2.31) in words."""
 
-LONGEST = 4096
-"""Bytes after which a message is given out as it stands; no line and no answer has so many."""
-MOST_UNANSWERED = 65_536
-"""Lines remembered while nobody answers; then the oldest is forgotten."""
+LONGEST = 4096  # bytes after which a message is given out as it stands; no line and no answer has so many
+MOST_UNANSWERED = 65_536  # lines remembered while nobody answers; then the oldest is forgotten
 
 
 def create(name: str) -> ImcLanguage:

@@ -4,7 +4,7 @@
             refuses                may end early: limit switch, fault, stop
 
 A relative move in 2.5D is up to three legs: X and Y together, Z by z1, Z by z2; with an A axis its way is the last leg.
-In 3D it is one leg, at the speed given for X (F23). A leg starts at the time of the last pulse of the one before.
+In 3D it is one leg, at the speed given for X (imc/23). A leg starts at the time of the last pulse of the one before.
 Everything a move can be refused for is checked when it is planned.
 """
 
@@ -21,8 +21,7 @@ from isel_twin.firmware.imc.replies import BAD_AXES, BAD_NUMBER, BAD_SPEED, LIMI
 from isel_twin.motion import Displacement, StepPath, TimeLaw, circle, line
 
 XYZ = 7
-ANY_SPEED = Number(-(1 << 62), 1 << 62)
-"""A speed whose range is checked later, because it may not matter."""
+ANY_SPEED = Number(-(1 << 62), 1 << 62)  # a speed whose range is checked later, because it may not matter
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ TERMINALS: Mapping[str, tuple[str, ...]] = {
     **{f"p{port}.{bit}": (CONTACTS.get(signal, signal),) for signal, (port, bit) in SIGNALS.items()},
     **{f"p0.{bit}": (f"user_{bit}",) for bit in range(8)},
 }
-"""Where the contacts of machine and cabinet are wired to (2.2.3, 4.2.6; levels: decision W1)."""
+"""Where the contacts of machine and cabinet are wired to (2.2.3, 4.2.6; levels: decision wiring/1)."""
 
 
 class Inputs:
@@ -100,7 +100,7 @@ POWER_ON_LEVELS: Mapping[str, int] = {
     "current_lowering": 1,
     **dict.fromkeys(("analog", "user", "lamp_start", "lamp_stop", "lamp_fault", "moving", "flash_fault"), 0),
 }
-"""Every output and its level after power-on or reset, before the power stages are considered (F24)."""
+"""Every output and its level after power-on or reset, before the power stages are considered (imc/24)."""
 
 
 class Outputs:

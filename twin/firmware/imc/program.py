@@ -1,11 +1,11 @@
 """Stored programs (chapter 3): storing, checking, running.
 
 Offsets count commands from the branch itself: 5 skips four commands, -5 repeats the last five. A loop makes its
-commands once and then `count` times more (F32).
+commands once and then `count` times more (imc/32).
 
 The flash says `incomplete` from `@0i` on and `valid` from `9` on, so a power loss or an error in between leaves a
 program that cannot run and must be erased. Memory is counted in bytes of the text of a command without blanks, its CR
-included (F12).
+included (imc/12).
 """
 
 from __future__ import annotations
@@ -124,7 +124,7 @@ def delay(device: Device, tenths: int) -> Activity:
 
 
 def check_input(device: Device, port: int, bit: int, value: int, *_: int) -> None:
-    """Bits 0..7 with 0 or 1, or 128 with a byte (F36)."""
+    """Bits 0..7 with 0 or 1, or 128 with a byte (imc/36)."""
     highest = 255 if bit == WHOLE_BYTE else 1
     if (bit > 7 and bit != WHOLE_BYTE) or value > highest:
         raise Refusal(BAD_NUMBER)
@@ -149,7 +149,7 @@ def run_program(device: Device, table: Mapping[str, Any]) -> Activity:
     """Run the stored program; `table` maps codes to commands. Ends like a command: return, or Refusal with its code.
 
     Commands without a duration of their own take no time. Only a second branch back at the same instant costs a cycle,
-    so that waiting for an input is possible and no program stands still in time (F32).
+    so that waiting for an input is possible and no program stands still in time (imc/32).
     """
     lines = device.flash.program.lines
     loops: list[list[int]] = []

@@ -30,5 +30,4 @@ class Reference:
 REFERENCE = Reference()
 
 
-WAITING = "waiting"
-"""A pause in which a stop parks the program, as it does in its moves."""
+WAITING = "waiting"  # a pause in which a stop parks the program, as it does in its moves

@@ -11,8 +11,7 @@ from isel_twin.language import readable
 
 OK = replies.OK.encode()
 LF = bytes([grammar.LF])
-END_OF_FIELD = "9"
-"""Ends the data field (3.2.9)."""
+END_OF_FIELD = "9"  # ends the data field (3.2.9)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@
        zero                                 0
 
 An axis that stands on its switch leaves out the approach. Directions are those of the counter: negative, or positive
-for axes named by `@0IR`. Whichever switch of the axis opens on the way is its reference switch (F8).
+for axes named by `@0IR`. Whichever switch of the axis opens on the way is its reference switch (imc/8).
 """
 
 from __future__ import annotations
@@ -27,8 +27,7 @@ from isel_twin.firmware.imc.replies import LIMIT_SWITCH, Refusal
 from isel_twin.firmware.imc.safety import Event
 from isel_twin.motion import constant, line
 
-ORDER = (2, 1, 0, 3)
-"""Z, Y, X, A (2.2.22)."""
+ORDER = (2, 1, 0, 3)  # Z, Y, X, A (2.2.22)
 REFERENCE_RUN, RUNNING_FREE = "reference run", "running free"
 
 
@@ -71,7 +70,7 @@ def _reference_run(device: Device, axes: list[int]) -> Activity:
 
 
 def run_free(device: Device, mask: int) -> Activity:
-    """`@0F`: run the axes in `mask` off the switches they stand on; then no axis is referenced any more (F40)."""
+    """`@0F`: run the axes in `mask` off the switches they stand on; then no axis is referenced any more (imc/40)."""
     device.lose_references()
     return _run_free(device, [axis for axis in ORDER if mask >> axis & 1])
 

@@ -21,14 +21,11 @@ from isel_twin.language import JobMove, MoveSettings
 
 RAMPS: Mapping[str, str] = {"j": "start_stop_hz", "J": "acceleration_hz_per_ms"}
 """Commands that set a ramp (2.2.15, 2.2.16), and the setting it is."""
-STRAIGHT = frozenset("AM")
-"""Moves with pairs of steps and speed (2.2.2, 2.2.18)."""
+STRAIGHT = frozenset("AM")  # moves with pairs of steps and speed (2.2.2, 2.2.18)
 OTHER_MOTIONS = frozenset("ywZS")
 """Motions whose speed stays as it is: arcs, helices, until a port, stored programs (2.2.23, 2.2.27, 2.2.28, 2.2.30)."""
-PAUSES = re.compile(r"(<[^<>]*s>\s*)+")
-"""Lines that send nothing."""
-FORGETTING = frozenset(("IJ", "Ij", "IL", "IX"))
-"""Commands after which other ramps may be in force."""
+PAUSES = re.compile(r"(<[^<>]*s>\s*)+")  # lines that send nothing
+FORGETTING = frozenset(("IJ", "Ij", "IL", "IX"))  # commands after which other ramps may be in force
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ The image is one line of text with a checksum over the rest, then JSON:
 
 A FlashWrite hands over a whole new image, and whoever keeps it replaces the old one in one go, so after a power loss
 the flash holds the old image or the new one. An image that cannot be read (truncated, altered, another version) or
-holds a value that no command would have stored counts as none: the device comes up with its defaults and says so (F34).
+holds a value that no command would have stored counts as none: the device takes its defaults and says so (imc/34).
 """
 
 from __future__ import annotations
@@ -24,8 +24,7 @@ MAGIC = b"isel-twin imc flash 1 "
 USER_INFO_LENGTH = 32
 AXES = 4
 
-Watch = tuple[int, int, int]
-"""Port, mask, value of 4.2.11 to 4.2.14; mask 0 switches it off."""
+Watch = tuple[int, int, int]  # port, mask, value of 4.2.11 to 4.2.14; mask 0 switches it off
 NO_WATCH: Watch = (0, 0, 0)
 
 
@@ -80,7 +79,7 @@ class Modal:
     test_mode: bool | None = None
 
     def filled(self, other: Modal) -> Modal:
-        """These values, and those of a stored program where nothing is set; test mode is never taken from it (F38)."""
+        """These values, those of a stored program where nothing is set; test mode is never taken from it (imc/38)."""
         names = {f.name for f in fields(self)} - {"test_mode"}
         unset = {name: getattr(other, name) for name in names if getattr(self, name) is None}
         return replace(self, **unset)
@@ -115,8 +114,7 @@ def encode(flash: Flash) -> bytes:
     return MAGIC + b"%08x\n" % zlib.crc32(body) + body
 
 
-WHOLE = 0, (1 << 23) - 1
-"""Numbers of a command that have no narrower range."""
+WHOLE = 0, (1 << 23) - 1  # numbers of a command that have no narrower range
 PORT, BYTE, MASK, SWITCH = (0, 3), (0, 255), (0, 15), (0, 1)
 
 AXIS_SETS = frozenset((0, 1, 3, 7, 8, 9, 11, 15))

@@ -9,7 +9,7 @@
     moves.py           ramp law, full steps
 
 docs/ismif.md has what the manual leaves open and the ramp law in closed form. Sections in the docstrings are the
-manual's; S1, S2 ... are in docs/decisions.md.
+manual's; decisions are in docs/decisions/ismif.md.
 """
 
 from __future__ import annotations

@@ -31,10 +31,9 @@ from isel_twin.motion import Displacement, line
 
 AXES, COUNTERS = range(3), 4  # X, Y, Z, and a counter that nothing moves
 REST_NS = 50 * MILLISECOND_NS
-"""Standstill before each motion of a reference run: the carriage settles, the switch stops bouncing (S8)."""
+"""Standstill before each motion of a reference run: the carriage settles, the switch stops bouncing (ismif/8)."""
 SEARCH_LIMIT = 200_000
-FREE_LIMIT = 4_000
-"""Half steps after which a search or a free run has failed (S8)."""
+FREE_LIMIT = 4_000  # half steps after which a search or a free run has failed (ismif/8)
 
 
 class Standing(Enum):
@@ -52,14 +51,14 @@ class Search:
 
 
 class Failure(Unfinished):
-    """The command cannot be carried out (to its end): its job is dropped (S1)."""
+    """The command cannot be carried out (to its end): its job is dropped (ismif/1)."""
 
 
 class Actions:
-    """The interface as a machine. Counters count half steps of the stage, whatever F says (S4)."""
+    """The interface as a machine. Counters count half steps of the stage, whatever F says (ismif/4)."""
 
     def __init__(self, events: list[Event], error_ppm: int) -> None:
-        """events: where everything that happens is noted; error_ppm: how far the output frequency is off (S5)."""
+        """events: where everything that happens is noted; error_ppm: how far the output frequency is off (ismif/5)."""
         self.executor = Executor(COUNTERS)
         self.configuration = Configuration()
         self.input = True
@@ -84,7 +83,7 @@ class Actions:
         return None
 
     def _vector(self, index: int, *targets: Target) -> Activity:
-        """6.14: all axes together, led by the longest way. Z of a plotter is the relay, switched first (S12)."""
+        """6.14: all axes together, led by the longest way. Z of a plotter is the relay, switched first (ismif/12)."""
         steps = [0] * COUNTERS
         ends = [self.position_steps(axis) for axis in AXES]
         for target in targets:
@@ -99,7 +98,7 @@ class Actions:
         yield from self._travel(tuple(steps), index)
 
     def _reference_run(self, axes: tuple[int, ...]) -> Activity:
-        """6.13: each axis in turn. Z of a plotter has nothing to search for, its pen is lifted first (S12)."""
+        """6.13: each axis in turn. Z of a plotter has nothing to search for, its pen is lifted first (ismif/12)."""
         for axis in axes:
             self._known[axis] = False
         motors = [axis for axis in axes if not self._is_pen(axis)]
@@ -172,7 +171,7 @@ class Actions:
         self._put_safe()
 
     def reset(self) -> None:
-        """6.16: no motion, no position; the settings stay, the signals go off (S11)."""
+        """6.16: no motion, no position; the settings stay, the signals go off (ismif/11)."""
         self.executor.discard()
         self._known = [False] * 3
         for axis in AXES:
@@ -196,7 +195,7 @@ class Actions:
         self._put("spindle", on)
 
     def _set_pen(self, position: int) -> None:
-        """The plotter's relay is on wherever Z is not 0 (S12)."""
+        """The plotter's relay is on wherever Z is not 0 (ismif/12)."""
         self._pen = position
         self._put("z_relay", int(position != 0))
 
@@ -239,7 +238,7 @@ def failed(parked: Parked) -> bool:
 
 
 def _stand(ns: int, purpose: Standing) -> Activity:
-    """Let time pass; a pause makes it longer (S10)."""
+    """Let time pass; a pause makes it longer (ismif/10)."""
     left: int | None = ns
     while left is not None:
         left = yield Pause(left, purpose)

@@ -7,7 +7,7 @@ All twenty commands of the manual stand in `COMMANDS`, with their parameters:
 
 A line that begins with @ is a master command and is carried out at once; every other one goes into the job memory
 (section 5.2). Letters are told apart by case, as printed: only the axes of a vector may be small, and then mean a
-relative distance. Blanks count for nothing. Limits that the manual does not print are decision S3.
+relative distance. Blanks count for nothing. Limits that the manual does not print are decision ismif/3.
 """
 
 from __future__ import annotations
@@ -18,16 +18,11 @@ from dataclasses import dataclass
 from typing import Any
 
 AXIS_LETTERS = "XYZ"
-SPEEDS_HZ = range(65, 5001)
-"""Step frequencies the interface can put out (technical data)."""
-TABLE_SIZE = 100
-"""Entries of the table of end speeds (6.9)."""
-STEPS_LIMIT = 8_388_607
-"""Largest distance and position, steps either way (S3)."""
-WORD_LIMIT = 65_535
-"""Largest ramp and waiting time in ms and largest reference offset in steps (S3)."""
-LINE_LIMIT = 128
-"""Longest line in bytes, its end included (S3)."""
+SPEEDS_HZ = range(65, 5001)  # step frequencies the interface can put out (technical data)
+TABLE_SIZE = 100  # entries of the table of end speeds (6.9)
+STEPS_LIMIT = 8_388_607  # largest distance and position, steps either way (ismif/3)
+WORD_LIMIT = 65_535  # largest ramp and waiting time in ms and largest reference offset in steps (ismif/3)
+LINE_LIMIT = 128  # longest line in bytes, its end included (ismif/3)
 
 
 class CommandError(ValueError):

@@ -20,7 +20,7 @@ class ReferenceSettings:
 
 @dataclass
 class Configuration:
-    """The settings; they are lost without power (S13)."""
+    """The settings; they are lost without power (ismif/13)."""
 
     clock: bool = False
     full_step: bool = False
@@ -32,7 +32,7 @@ class Configuration:
 
     @property
     def half_steps(self) -> int:
-        """Half steps of the stage in one step of a command: 2 for full steps out of the pattern generator (S4)."""
+        """Half steps of the stage in one step of a command: 2 for full steps out of the pattern generator (ismif/4)."""
         return 2 if self.full_step and not self.clock else 1
 
     def set(self, command: Instruction) -> None:

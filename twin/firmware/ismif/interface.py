@@ -25,13 +25,13 @@ REFERENCE_INPUT = "pin11"
 
 
 class Ismif:
-    """Implements `isel_twin.controller.Controller`. Counters count half steps of the stage, whatever F says (S4)."""
+    """Implements `isel_twin.controller.Controller`. Counters count half steps, whatever F says (ismif/4)."""
 
     serial_format = SerialFormat(19_200)
     direction = (1, 1, 1, 1)
 
     def __init__(self, *, error_ppm: int = 0) -> None:
-        """error_ppm: how far the output frequency is off (S5)."""
+        """error_ppm: how far the output frequency is off (ismif/5)."""
         self._events: list[Event] = []
         self._line = bytearray()
         self._actions = Actions(self._events, error_ppm)
@@ -70,7 +70,7 @@ class Ismif:
 
     @property
     def fault(self) -> bool:
-        """The third character of the status: only `@X` asks for it (S15)."""
+        """The third character of the status: only `@X` asks for it (ismif/15)."""
         return self._jobs.error
 
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
@@ -89,7 +89,7 @@ class Ismif:
                 self._line.append(byte)
 
     def set_input(self, t_ns: int, terminal: str, level: bool) -> None:
-        """Pin 11 matters during a reference run only (S8)."""
+        """Pin 11 matters during a reference run only (ismif/8)."""
         self.advance(t_ns)
         if terminal == REFERENCE_INPUT:
             self._actions.set_input(level)
@@ -106,11 +106,11 @@ class Ismif:
         return events
 
     def terminals(self) -> Mapping[str, tuple[str, ...]]:
-        """All position switches in series on the one reference input (S8)."""
+        """All position switches in series on the one reference input (ismif/8)."""
         return {REFERENCE_INPUT: tuple(f"limit_{letter.lower()}{end}" for letter in AXIS_LETTERS for end in (1, 2))}
 
     def machine_overrides(self) -> Mapping[str, Any]:
-        """Half-step stages of the size that was built for these machines (S7)."""
+        """Half-step stages of the size that was built for these machines (ismif/7)."""
         return {"axes.all.steps_per_rev": 400, "axes.all.stage.supply": 32.0, "axes.all.stage.current": 2.0}
 
     def _receive_line(self, line: bytes, starts: bool) -> None:
@@ -141,7 +141,7 @@ class Ismif:
         return f"@V {VERSION}".encode()
 
     def _status(self) -> bytes:
-        """6.3. A reference run is not a job, and moves from its beginning to its end (S9)."""
+        """6.3. A reference run is not a job, and moves from its beginning to its end (ismif/9)."""
         jobs = self._jobs
         bits = (
             self.run is not None or (jobs.referencing and not jobs.paused),
@@ -157,12 +157,12 @@ class Ismif:
         return f"@L{AXIS_LETTERS[axis]}{self._actions.position_steps(axis)}".encode()
 
     def _reset(self) -> None:
-        """6.1: like 6.16, and the fault is forgotten too; the cabinet is asked for power as at power-on (S11)."""
+        """6.1: like 6.16, and the fault is forgotten too; the cabinet is asked for power as at power-on (ismif/11)."""
         self._jobs.error = False
         self._stop()
         self._actions.request_power()
 
     def _stop(self) -> None:
-        """6.16: no ramp, no job, no position; the settings stay, the signals go off (S11)."""
+        """6.16: no ramp, no job, no position; the settings stay, the signals go off (ismif/11)."""
         self._jobs.clear()
         self._actions.reset()

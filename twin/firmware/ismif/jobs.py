@@ -14,8 +14,7 @@ from isel_twin.firmware.ismif.actions import Actions, Failure, Standing, failed
 from isel_twin.firmware.ismif.commands import LINE_LIMIT, CommandError, Instruction, parse
 from isel_twin.firmware.ismif.memory import ROOM, Entry, JobMemory, ReceiveQueue
 
-ACKNOWLEDGED, READY, FULL = b"", b"\x02", b"\x03"
-"""Replies, each with its CR."""
+ACKNOWLEDGED, READY, FULL = b"", b"\x02", b"\x03"  # replies, each with its CR
 
 
 class Halted(Unfinished):
@@ -45,7 +44,7 @@ class Jobs:
             self._store_lines()
 
     def _store_lines(self) -> None:
-        """Take lines into the memory as long as they fit; the others stay in the line's queue, unanswered (S2)."""
+        """Take lines into the memory as long as they fit; the others stay in the line's queue, unanswered (ismif/2)."""
         while self._waiting_lines:
             line, starts = self._waiting_lines.head
             if line is None:
@@ -67,7 +66,7 @@ class Jobs:
                 self._reply(FULL if full else ACKNOWLEDGED)
 
     def _checked(self, line: bytes) -> Instruction | None:
-        """The command to store; None for an empty line and in a void job. A wrong command voids its job (S1)."""
+        """The command to store; None for an empty line and in a void job. A wrong command voids its job (ismif/1)."""
         command = None
         try:
             command = read(line) if line else None
@@ -76,7 +75,7 @@ class Jobs:
         return None if self._void else command
 
     def _void_job(self) -> None:
-        """Forget what is stored of the job that is being received, and the rest of it up to its 01h (S1)."""
+        """Forget what is stored of the job that is being received, and the rest of it up to its 01h (ismif/1)."""
         self.error = self._void = True
         self._memory.drop_stored()
 
@@ -116,7 +115,7 @@ class Jobs:
             self._fail()
 
     def _fail(self) -> None:
-        """Drop the rest of a job with a command that cannot be carried out, in the memory and still to come (S1)."""
+        """Drop the rest of a job that cannot be carried out, in the memory and still to come (ismif/1)."""
         self.error = True
         while self._entry is not None and not self._entry.ends_job and self._memory.released:
             self._entry = self._memory.take()
@@ -128,7 +127,7 @@ class Jobs:
         self._use_room()
 
     def pause(self) -> None:
-        """6.17: ramp down and stand; a waiting time stands still too (S10)."""
+        """6.17: ramp down and stand; a waiting time stands still too (ismif/10)."""
         if not self.paused:
             self.paused = True
             self._executor.park(self._stands)

@@ -6,9 +6,9 @@
                 #E1,1200 CR    L1,X4000,Y4000 01h                 @X CR
                            CR                     CR  02h CR            @X000001 CR
 
-The interface refuses nothing (S1): what went wrong is the third character of the status, and `Controller.fault`.
+The interface refuses nothing (ismif/1): what went wrong is the third character of the status, and `Controller.fault`.
 
-A ramp is set by its length here, not by an acceleration (S5). From the start speed f0 to the end speed V it takes
+A ramp is set by its length here, not by an acceleration (ismif/5). From the start speed f0 to the end speed V it takes
 
     R = (V - f0) / a        in whole ms, rounded up: the ramp is never steeper than asked for
 
@@ -34,8 +34,7 @@ from isel_twin.language import (
 )
 
 CR, LF, START, READY, FULL = b"\r", b"\n", b"\x01", b"\x02", b"\x03"
-INDEX = 0
-"""Entry of the table of end speeds (6.9) that `move` sets."""
+INDEX = 0  # entry of the table of end speeds (6.9) that `move` sets
 
 ANSWERS: Mapping[bytes, str] = {
     b"": "acknowledged",

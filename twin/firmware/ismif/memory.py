@@ -17,17 +17,11 @@ from dataclasses import dataclass
 
 from isel_twin.firmware.ismif.commands import LINE_LIMIT, Instruction
 
-SIZE = 65_536
-"""Bytes (technical data: 64 KB)."""
-RESERVE = LINE_LIMIT
-"""Free bytes below which the memory counts as full: the longest command would no longer fit (S2)."""
-ROOM = 2 * LINE_LIMIT
-"""Free bytes from which a memory that was full counts as ready again (S2)."""
-QUEUE_SIZE = SIZE
-"""Bytes of lines, each with its end, that may wait for room in the memory (S2)."""
-
-GAP = (None, False)
-"""Item of the receive queue in place of lines that have been lost."""
+SIZE = 65_536  # bytes (technical data: 64 KB)
+RESERVE = LINE_LIMIT  # free bytes below which the memory is full: the longest command no longer fits (ismif/2)
+ROOM = 2 * LINE_LIMIT  # free bytes from which a memory that was full counts as ready again (ismif/2)
+QUEUE_SIZE = SIZE  # bytes of lines, each with its end, that may wait for room in the memory (ismif/2)
+GAP = (None, False)  # item of the receive queue in place of lines that have been lost
 
 
 @dataclass(frozen=True)

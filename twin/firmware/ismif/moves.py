@@ -7,10 +7,10 @@ falls the same way (6.8 to 6.10). So its acceleration follows from the three set
 
 and the rest is the trapezoid of `isel_twin.motion.time_law`: a short motion turns around at its middle before it gets
 to V, and V <= f0 or R = 0 means no ramp. The output frequency of a real device is off by up to 5 %: `error_ppm` scales
-f0 and V, while the ramp keeps its length (S5), so that a is scaled with them.
+f0 and V, while the ramp keeps its length (ismif/5), so that a is scaled with them.
 
 In full-step mode the PBL pattern jumps by two half steps at once: a tick of the stream is +-2 half steps of the stage
-(S4).
+(ismif/4).
 """
 
 from __future__ import annotations

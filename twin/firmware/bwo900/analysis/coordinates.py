@@ -27,7 +27,7 @@ PLANES: Final[Mapping[int, tuple[int, Plane]]] = {
     G.PLANE_ZX: (Q.PLANE_ZX, ZX),
     G.PLANE_YZ: (Q.PLANE_YZ, YZ),
 }
-"""The q that defines a plane, and the plane if q is not valid."""
+"""The q that defines a plane when a program begins, and the plane if q is not valid."""
 FREE_PLANES: Final[Mapping[int, tuple[int, Plane]]] = {
     G.FREE_PLANE_1: (P.FREE_PLANE_1, XY),
     G.FREE_PLANE_2: (P.FREE_PLANE_2, ZX),
@@ -56,7 +56,7 @@ class Coordinates:
         self._letters = tuple(name for name, _ in self._parameters.axes)
         axes = len(self._letters)
         self.modal = START
-        self._planes = {number: self._plane(number) for number in PLANES}
+        self._planes = {g: _plane_of(self._parameters.get(q, 0.0, "q"), other) for g, (q, other) in PLANES.items()}
         self.rotation, self.shift, self.correction = Rotation(), (0.0,) * axes, (0.0,) * axes
         self._length = length_mm
         self.position = tuple(position) + (0.0,) * (axes - len(position))
@@ -162,7 +162,10 @@ class Coordinates:
         nothing = (0.0,) * axes
         order = _exchanged(self._parameters, axes)
         self.names = {name: order[axis] for axis, name in enumerate(self._letters)}
-        plane = self._planes[modal.plane] if modal.plane in PLANES else self._free_plane(modal.plane)
+        plane = self._planes.get(modal.plane)
+        if plane is None:
+            number, other = FREE_PLANES[modal.plane]
+            plane = _plane_of(self._parameters.get(number), other)
         plane = Plane(*(order[axis] for axis in (plane.first, plane.second, plane.third)))
         bound = modal.coordinates == G.MACHINE_COORDINATES
         zero = nothing if bound or modal.zero == G.NO_ZERO else self._zero_point(modal.zero)
@@ -196,14 +199,6 @@ class Coordinates:
         return tuple(
             0.0 if mask >> axis & 1 else p.zero_point(entry, axis, workspace) for axis in range(len(self._letters))
         )
-
-    def _plane(self, number: int) -> Plane:
-        """G17, G18, G19 as q152 to q154 define them."""
-        return _plane_of(self._parameters.get(PLANES[number][0], 0.0, "q"), PLANES[number][1])
-
-    def _free_plane(self, number: int) -> Plane:
-        """G117 to G119 as P8840 to P8842 define them."""
-        return _plane_of(self._parameters.get(FREE_PLANES[number][0]), FREE_PLANES[number][1])
 
 
 def _exchanged(p: Parameters, axes: int) -> tuple[int, ...]:

@@ -52,10 +52,8 @@ class Cycle:
 
 
 def chosen(numbers: Sequence[int], staying: int | None) -> tuple[int, int | None, int | None]:
-    """Of the cycles of a block: the one that is called, the pattern and the machining cycle.
-
-    staying: the drilling cycle in force. Raises ProgramError M1232: too many of them.
-    """
+    """Of the cycles of a block: the one that is called, the pattern and the machining cycle. staying: the drilling
+    cycle in force. Raises ProgramError M1232: too many of them."""
     numbers = [G.DRILLING if number == G.DRILLING_WITH_DWELL else number for number in numbers]
     pattern = next((n for n in numbers if G.RAY <= n <= G.CIRCLE_OF_PLACES), None)
     machining = next((n for n in numbers if n != pattern), None if pattern is None else staying)

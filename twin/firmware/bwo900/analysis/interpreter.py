@@ -84,9 +84,7 @@ class Interpreter:
 
     def begin(self, name: str, position: Point, block: int | None = None, skips: bool = False) -> None:
         """Begin a program, at a block if given. position: machine coordinates, mm. skips: blocks with `/` are left out.
-
-        Raises ProgramError: M1252 there is no such program, M1255 no such block.
-        """
+        Raises ProgramError: M1252 there is no such program, M1255 no such block."""
         program = self._store.find(name)
         place = 0 if block is None else program.place(block)
         self._reset(position)
@@ -161,10 +159,8 @@ class Interpreter:
         self._reader.functions.take_over()
 
     def acknowledged(self, jumps: bool) -> None:
-        """The M function with a jump was acknowledged and its path deleted (jumps), or the path has been made.
-
-        Raises ProgramError: there is no such goal. Beside M30 nothing is left that could go on elsewhere.
-        """
+        """The M function with a jump was acknowledged and its path deleted (jumps), or the path has been made. Raises
+        ProgramError: there is no such goal. Beside M30 nothing is left that could go on elsewhere."""
         if self._waiting is Waiting.ACKNOWLEDGEMENT:
             self._waiting = None
             goal = self._jump_to if jumps else self._otherwise
@@ -227,7 +223,6 @@ class Interpreter:
         return self._ready.popleft() if self._ready else self._output.empty(block)
 
     def _renew(self, renewal: Renewal) -> None:
-        """The block that was waited for has been executed."""
         self._renewal = None
         if renewal is Renewal.TOOL:
             self._tools.change()
@@ -252,7 +247,6 @@ class Interpreter:
     # One block
 
     def _execute(self, block: ProgramBlock) -> None:
-        """One block, in the manual's order."""
         level = self.stack.top
         if (block.calls or self._supervision.keeping is not OFF) and self._supervision.call(
             whole(self._values.of(number)) for number in block.calls
@@ -299,7 +293,6 @@ class Interpreter:
                 self._coordinates.renew()
 
     def _words(self, said: Said) -> None:
-        """Path and feed: a PathBlock, or those of a cycle."""
         self._reader.select_tool(said)
         taken = self._reader.drilling_words(said)
         self._targets.read_feed(said, taken)
@@ -383,7 +376,6 @@ class Interpreter:
             self._go_on_with(self._cycle_now)
 
     def _go_on_with(self, cycle: Cycle) -> None:
-        """The next move of a cycle, or its end."""
         said = cycle.said
         if (move := next(cycle.moves, None)) is not None:
             pre: list[MFunction] = []

@@ -32,8 +32,7 @@ from isel_twin.firmware.bwo900.programs.words import MWord, ProgramBlock, Word
 CENTRES: Final = "IJK"
 LONGEST_DWELL_S: Final = 999_999.999
 DRILLING: Final = frozenset((G.DRILLING, G.DRILLING_WITH_DWELL, G.DEEP_HOLE, G.TAPPING, G.BORING))
-STAYING, ADDRESSED = 0x01, 0x02
-"""Bits of P8806, byte 3: drilling cycles stay until G80; their parameters are words."""
+STAYING, ADDRESSED = 0x01, 0x02  # bits of P8806, byte 3: drilling cycles stay until G80; their parameters are words
 WITH_Z5, WITHOUT_TABLE = 0x01, 0x02  # bits of P8807, byte 1: T needs Z5; T takes nothing from the table
 
 
@@ -91,7 +90,6 @@ class Reader:
     # G functions
 
     def _cycle_of_user(self, block: ProgramBlock) -> Called | None:
-        """The cycle Z that the block calls."""
         for n in (g.number for g in block.g):
             own = n in GROUPS or n in BLOCKWISE or n in BEYOND or n in self._cycles
             if not own and n not in (G.DRILLING_OFF, G.DRILLING_WITH_DWELL) and f"Z{n}" in self._store:
@@ -259,7 +257,6 @@ class Reader:
         return name, values[1] if len(values) == 2 else None, last
 
     def _machine_function(self, m: MWord, values: tuple[int | None, ...], said: Said) -> None:
-        """One for the PLC, a cycle, or one with a jump."""
         if m.number == M.TOOL_CHANGE and "Z6" in self._store:
             said.call, said.changes = ("Z6", None, None), True
             return

@@ -28,10 +28,8 @@ MOST_BLOCKS: Final = 1_000_000  # a program that does not reach the block within
 def find(
     interpreter: Interpreter, name: str, number: int, position: Point, write: Callable[[int, float | None], None]
 ) -> None:
-    """Analyse a begun program up to a block: the way to it and the block come next.
-
-    position: where the axes stand, mm. Raises ProgramError M1255 if the program ends before it, and its own.
-    """
+    """Analyse a begun program up to a block: the way to it and the block come next. position: where the axes stand, mm.
+    Raises ProgramError M1255 if the program ends before it, and its own."""
     for _ in range(MOST_BLOCKS):
         block = interpreter.next()
         if block is Waiting.EXECUTION:

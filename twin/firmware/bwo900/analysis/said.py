@@ -21,8 +21,7 @@ from isel_twin.firmware.bwo900.numbers import G, P
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.programs.words import ProgramBlock
 
-Called: TypeAlias = tuple[str, int | None, int | None]
-"""Program, first and last block if named."""
+Called: TypeAlias = tuple[str, int | None, int | None]  # program, first and last block if named
 
 
 @dataclass

@@ -170,10 +170,8 @@ class Stack:
         level.place = level.program.place(number)
 
     def call(self, name: str, start: int | None, last: int | None, *, change: bool) -> None:
-        """Begin a subprogram, from block to block if they are given. change: it changes the tool.
-
-        Raises ProgramError: M1220 too deep, M1252 no such program, M1255 no such block, M1269 it is fed.
-        """
+        """Begin a subprogram, from block to block if they are given. change: it changes the tool. Raises ProgramError:
+        M1220 too deep, M1252 no such program, M1255 no such block, M1269 it is fed."""
         if len(self._levels) > DEEPEST_CALLS:
             raise ProgramError(Code.CALLS_TOO_DEEP, f"{name} on level {len(self._levels)}; allowed: {DEEPEST_CALLS}")
         program = self._store.find(name)

@@ -61,10 +61,8 @@ class Targets:
                 self._radius = self._values.of(word.value)
 
     def read_axes(self, said: Said, taken: frozenset[str]) -> dict[int, float] | None:
-        """Targets in program coordinates by axis; None if the block has none, or G44, G92 or a pole takes them.
-
-        taken: words of a drilling cycle; with its depth alone it drills where the tool stands.
-        """
+        """Targets in program coordinates by axis; None if the block has none, or G44, G92 or a pole takes them. taken:
+        words of a drilling cycle; with its depth alone it drills where the tool stands."""
         coordinates = self._coordinates
         names, modal, plane = coordinates.names, coordinates.modal, coordinates.frame.plane
         named: dict[int, float] = {}
@@ -87,7 +85,7 @@ class Targets:
             return None
         relative = set(named)
         if in_polar:
-            self._read_pole(named.pop(plane.first, None), named.pop(plane.second, None))
+            self._pole = named.pop(plane.first, self._pole[0]), named.pop(plane.second, self._pole[1])
             relative = set(named)
             if radial:
                 self._polar = (radial.get("r", self._polar[0]), radial.get("a", self._polar[1]))
@@ -104,10 +102,6 @@ class Targets:
             for q, default in ((Q.POLAR_RADIUS, ord("x")), (Q.POLAR_ANGLE, ord("c")))
         )
         return {radius: "r", angle: "a"}
-
-    def _read_pole(self, u: float | None, v: float | None) -> None:
-        """With G10 the words of the plane's axes set the pole."""
-        self._pole = (self._pole[0] if u is None else u, self._pole[1] if v is None else v)
 
     def _consume(self, named: Mapping[int, float], radial: Mapping[str, float], said: Said) -> None:
         """G92, G44: the words are a shift or a correction; nothing moves. G44 also corrects radius and angle."""

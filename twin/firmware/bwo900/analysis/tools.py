@@ -70,10 +70,8 @@ class Tools:
         return first + SUB_RECORDS + (sub_record - 1) * each
 
     def find(self, group: int) -> int:
-        """Place in the table, from 1, of a tool of this group that is not worn.
-
-        Raises ProgramError: M1225 no table, M1050 no such group, M1053 all its tools have lived their time.
-        """
+        """Place in the table, from 1, of a tool of this group that is not worn. Raises ProgramError: M1225 no table,
+        M1050 no such group, M1053 all its tools have lived their time."""
         p = self._parameters
         if not p.loaded(Q.TOOL_TABLE, "q") or not self._count:
             raise ProgramError(Code.NO_TOOL_TABLE)

@@ -1,11 +1,11 @@
 """Corners that a program only names: G12 chamfers and roundings, G123 circles through three points (manual 4.4, 4.11).
 
-    G12 P70       the corner between this path and the next one is cut, each leg P70 long        two lines only
-    G12 P71       an arc of radius P71 is put in, tangential to both                              lines and circles
+    G12 P70       the corner to the next path is cut, each leg P70 long       two lines only
+    G12 P71       a tangential arc of radius P71 is put in                    lines and circles
     G123          this path and the next one run on the circle through their three points, or on two lines
 
-Blocks without a path in the plane in between are carried out at the beginning of what was put in. M1226: the next path
-is missing; M1158: it is not possible.
+Blocks in between without a path in the plane are carried out at the beginning of what was put in. M1226: the next path
+is missing; M1158: not possible.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ from isel_twin.firmware.bwo900.geometry.plane import (
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 
 STRAIGHT: Final = 0.02
-"""G123: up to this height over the chord it is two lines (between the manual's examples, 0.009 and 0.13)."""
+"""G123: two lines up to this height over the chord (between the manual's examples, 0.009 and 0.13)."""
 NEAR: Final = 1e-9
 
 
 class Contour:
-    """Takes blocks and gives them on with their corners done."""
+    """Takes blocks and hands them on with their corners."""
 
     def __init__(self) -> None:
         self._first: PathBlock | None = None  # the block whose corner waits for the next path
         self._between: list[PathBlock] = []
 
     def push(self, block: PathBlock) -> list[PathBlock]:
-        """Take a block; the blocks that are finished by it."""
+        """Returns the blocks that are complete."""
         first = self._first
         if first is None:
             return self._begin(block)
@@ -64,12 +64,11 @@ class Contour:
         return [before, *(_moved(other, plane.of(a.end)) for other in between), *self._begin(after)]
 
     def flush(self) -> list[PathBlock]:
-        """No more blocks come. Raises ProgramError M1226 if a corner still waits for the next path."""
+        """No block follows. Raises ProgramError M1226 if a corner waits for the next path."""
         if self._first is not None:
             first, self._first, self._between = self._first, None, []
-            raise ProgramError(Code.NO_NEXT_PATH, "the next path is missing").at(
-                first.program, first.number, first.column
-            )
+            error = ProgramError(Code.NO_NEXT_PATH, "the next path is missing")
+            raise error.at(first.program, first.number, first.column)
         return []
 
     def _begin(self, block: PathBlock) -> list[PathBlock]:
@@ -90,7 +89,7 @@ def _flat(block: PathBlock) -> bool:
 
 
 def _moved(block: PathBlock, place: UV) -> PathBlock:
-    """A block of moves across the plane, at another place of it."""
+    """A block of moves across the plane, at this place of it."""
     elements = tuple(
         Straight(block.plane.into(e.start, *place), block.plane.into(e.end, *place)) for e in block.elements
     )
@@ -98,7 +97,7 @@ def _moved(block: PathBlock, place: UV) -> PathBlock:
 
 
 def _corner(first: PathBlock, second: PathBlock) -> tuple[Element, Element, Element]:
-    """What is left of the last element of one block and the first of the other, and what is put in between."""
+    """The rest of the last element of one block, what is put in, and the rest of the first of the other."""
     a, b, plane = first.elements[-1], second.elements[0], first.plane
     if first.rounding_mm is not None:
         return rounded(a, b, plane, abs(first.rounding_mm))
@@ -139,7 +138,7 @@ def rounded(a: Element, b: Element, plane: Plane, radius: float) -> tuple[Elemen
 
 
 def _foot(element: Element, plane: Plane, centre: UV) -> UV:
-    """The point of its line or circle that is nearest to a point."""
+    """The nearest point of its line or circle."""
     if isinstance(element, Straight):
         u, v = plane.of(element.start)
         d = heading(element, plane, 0.0)

@@ -1,7 +1,7 @@
-"""What a program makes of its blocks: lines and arcs, and what happens between them.
+"""Elements of a path: lines and arcs.
 
-Positions are tuples of mm, one an axis, as many as the control has axes; the first three are X, Y, Z. An arc lies in a
-plane of two of them, and the others run evenly with its angle: a helix.
+Positions are tuples of mm, one for each axis; the first three are X, Y, Z. An arc lies in a plane of two of them, and
+the others run evenly with its angle: a helix.
 
     plane seen against its third axis:    second ^    counter-clockwise: sweep > 0
                                                  +---> first
@@ -26,11 +26,11 @@ class Plane:
     third: int
 
     def of(self, point: Point) -> tuple[float, float]:
-        """A point's two coordinates in the plane."""
+        """Coordinates in the plane."""
         return point[self.first], point[self.second]
 
     def into(self, point: Point, u: float, v: float) -> Point:
-        """The point with other coordinates in the plane."""
+        """The point with these coordinates in the plane."""
         changed = list(point)
         changed[self.first], changed[self.second] = u, v
         return tuple(changed)
@@ -43,14 +43,11 @@ YZ: Final = Plane(1, 2, 0)  # G19
 
 @dataclass(frozen=True)
 class Straight:
-    """A straight line."""
-
     start: Point
     end: Point
 
     @cached_property
     def length_mm(self) -> float:
-        """Its length over all axes."""
         return math.dist(self.start, self.end)
 
     def point(self, share: float) -> Point:
@@ -73,16 +70,13 @@ class Straight:
         return min(self.start[axis], self.end[axis]), max(self.start[axis], self.end[axis])
 
     def reversed(self) -> Straight:
-        """The same, the other way."""
         return Straight(self.end, self.start)
 
 
 @dataclass(frozen=True)
 class Arc:
     """An arc in a plane around `centre` (first, second axis), sweep_rad counter-clockwise; other axes run with it.
-
-    Radii at start and end may differ a little: the radius runs evenly with the angle, so that both ends are exact.
-    """
+    Radii at start and end may differ a little: the radius runs evenly with the angle, so that both ends are exact."""
 
     start: Point
     end: Point
@@ -92,12 +86,10 @@ class Arc:
 
     @cached_property
     def radius_mm(self) -> float:
-        """At the start."""
         return math.dist(self.plane.of(self.start), self.centre)
 
     @cached_property
     def end_radius_mm(self) -> float:
-        """At the end."""
         return math.dist(self.plane.of(self.end), self.centre)
 
     @cached_property
@@ -131,9 +123,8 @@ class Arc:
 
     def tangent(self, share: float = 0.0) -> Point:
         """Unit vector along it at a share of its angle."""
-        radius = self.radius_mm + share * (self.end_radius_mm - self.radius_mm)
         angle, grows = self.start_rad + share * self.sweep_rad, self.end_radius_mm - self.radius_mm
-        turn = radius * self.sweep_rad
+        turn = (self.radius_mm + share * grows) * self.sweep_rad
         slope = tuple(b - a for a, b in zip(self.start, self.end, strict=True))
         slope = self.plane.into(
             slope, grows * math.cos(angle) - turn * math.sin(angle), grows * math.sin(angle) + turn * math.cos(angle)
@@ -154,7 +145,6 @@ class Arc:
         return min(places), max(places)
 
     def reversed(self) -> Arc:
-        """The same, the other way."""
         return Arc(self.end, self.start, self.plane, self.centre, -self.sweep_rad)
 
 

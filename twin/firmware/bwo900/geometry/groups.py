@@ -1,14 +1,14 @@
-"""G functions: which overwrite each other, what is in force at the start of a program (manual, chapter 4).
+"""Groups of G functions, and those in force at the start of a program (manual, chapter 4).
 
-Members of a group overwrite each other; what is modal stays for the blocks that follow. Numbers that are neither here
-nor cycles call the user cycle of their number.
+Members of a group replace each other and stay in force. Numbers that are neither here nor cycles call the user cycle of
+their number.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import ClassVar, Final
 
 from isel_twin.firmware.bwo900.numbers import G
 
@@ -17,11 +17,7 @@ ROTATION, COORDINATES, ZERO, MIRROR, OVERRIDE, DIMENSION, SHIFT, FEED, SPEED = r
 
 CIRCLES: Final = (G.CIRCLE_CLOCKWISE, G.CIRCLE_COUNTER_CLOCKWISE)
 ZERO_POINTS: Final = frozenset(
-    (
-        G.MACHINE_ZERO,
-        G.NO_ZERO,
-        *(100 * more + number for more in range(10) for number in range(G.ZERO_1, G.ZERO_6 + 1)),
-    )
+    (G.MACHINE_ZERO, G.NO_ZERO, *(100 * more + n for more in range(10) for n in range(G.ZERO_1, G.ZERO_6 + 1)))
 )
 """G53 to G59, G153, and G154 to G959."""
 
@@ -59,12 +55,12 @@ BEYOND: Final[Mapping[int, str]] = {
     G.WEIGHTING_1: "an undocumented function", G.WEIGHTING_2: "an undocumented function", G.INCH_OFF: "inches",
     G.INCH_METRIC: "inches",
 }  # fmt: skip
-"""G functions of the manual that the twin has not: refused by M1232 with what they are for."""
+"""G functions of the manual that the twin refuses (M1232), and what they are for."""
 
 
 @dataclass(frozen=True, slots=True)
 class Modal:
-    """What is in force, by the numbers of the G functions; mirrors are two."""
+    """The G functions in force; both mirrors may be."""
 
     motion: int = G.LINE
     polar: int = G.POLAR_OFF
@@ -80,29 +76,18 @@ class Modal:
     override: int = G.OVERRIDE_FREE
     dimension: int = G.ABSOLUTE
 
-    _FIELDS = {  # noqa: RUF012  (not a field: it has no annotation)
-        MOTION: "motion",
-        POLAR: "polar",
-        PLANE: "plane",
-        EXACT: "exact",
-        RADIUS: "radius",
-        CORRECTION: "correction",
-        ROTATION: "rotation",
-        COORDINATES: "coordinates",
-        ZERO: "zero",
-        OVERRIDE: "override",
-        DIMENSION: "dimension",
-    }
+    _FIELDS: ClassVar = {
+        MOTION: "motion", POLAR: "polar", PLANE: "plane", EXACT: "exact", RADIUS: "radius", CORRECTION: "correction",
+        ROTATION: "rotation", COORDINATES: "coordinates", ZERO: "zero", OVERRIDE: "override", DIMENSION: "dimension",
+    }  # fmt: skip
 
     def with_g(self, number: int) -> Modal:
-        """This with a G function of GROUPS in force."""
         group = GROUPS[number]
         if group == MIRROR:
-            return replace(
-                self,
-                mirror_first=number == G.MIRROR_FIRST or (self.mirror_first and number != G.MIRROR_OFF),
-                mirror_second=number == G.MIRROR_SECOND or (self.mirror_second and number != G.MIRROR_OFF),
-            )
+            stays = number != G.MIRROR_OFF
+            first = number == G.MIRROR_FIRST or (self.mirror_first and stays)
+            second = number == G.MIRROR_SECOND or (self.mirror_second and stays)
+            return replace(self, mirror_first=first, mirror_second=second)
         name = self._FIELDS.get(group)
         return self if name is None else replace(self, **{name: number})  # type: ignore[arg-type]
 

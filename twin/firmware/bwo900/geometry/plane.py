@@ -1,8 +1,8 @@
-"""Plane geometry of lines and arcs: offset, intersection, shortening. Everything in the two axes of a plane.
+"""Lines and arcs in the two axes of a plane: offset, intersection, shortening.
 
 offset by d to the left        a line moves, an arc's radius shrinks (counter-clockwise) or grows
 meeting points                 of the whole line and the whole circle behind two elements
-place of a point on one        share of its way, below 0 and above 1 beyond its ends
+share of a point               of the way to it, below 0 and above 1 beyond the ends
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ NEAR: Final = 1e-9
 
 
 def heading(element: Element, plane: Plane, share: float) -> UV:
-    """Unit vector of the way in the plane, zeros if it has none there."""
+    """Unit vector in the plane; zeros if the element has no way there."""
     u, v = plane.of(element.tangent(share))
     size = math.hypot(u, v)
     return (u / size, v / size) if size > NEAR else (0.0, 0.0)
@@ -43,7 +43,7 @@ def flat_length(element: Element, plane: Plane) -> float:
 
 
 def offset(element: Element, plane: Plane, distance: float) -> Element | None:
-    """The element moved to its left by a distance (right: negative); None for an arc that vanishes."""
+    """The element moved to its left; None for an arc that vanishes."""
     if isinstance(element, Straight):
         normal = left_of(heading(element, plane, 0.0))
         return Straight(*(_moved(p, plane, normal, distance) for p in (element.start, element.end)))
@@ -65,7 +65,7 @@ def _moved(point: Point, plane: Plane, direction: UV, distance: float) -> Point:
 
 
 def meetings(a: Element, b: Element, plane: Plane) -> list[UV]:
-    """Where the whole line or circle of one element meets that of the other: none, one or two points."""
+    """Intersections of the whole lines or circles of two elements: none, one or two."""
     if isinstance(a, Straight) and isinstance(b, Straight):
         return _lines(plane.of(a.start), heading(a, plane, 0.0), plane.of(b.start), heading(b, plane, 0.0))
     if isinstance(a, Straight) and isinstance(b, Arc):
@@ -110,7 +110,7 @@ def _circles(a: UV, r: float, b: UV, s: float) -> list[UV]:
 
 
 def share_of(element: Element, plane: Plane, point: UV) -> float:
-    """The share of its way at which a point of its line or circle lies; on an arc the one nearest to 0 .. 1."""
+    """The share of a point of its line or circle; on an arc the one nearest to 0 .. 1."""
     if isinstance(element, Straight):
         u, v = plane.of(element.start)
         length = flat_length(element, plane)

@@ -1,11 +1,10 @@
-"""Dripfeed: a program that is not kept, but carried out while it comes over the line (manual 2.5.1, P8811).
+"""Dripfeed: a program carried out while it comes over the line (manual 2.5.1, P8811).
 
     line ---> lines wait ........ ---> block under way ---> the last ones, for messages and texts ---> forgotten
               HIGH: the host waits     (place)              KEPT
               LOW: it goes on
 
-It is linear: nothing leads back, or to a block by its number; programs that are in the memory can be called. What comes
-without a handshake and finds no room is M1268.
+It is linear: no jumps, but calls of stored programs. Lines sent without a handshake that find no room are M1268.
 """
 
 from __future__ import annotations
@@ -19,19 +18,18 @@ from isel_twin.firmware.bwo900.programs.syntax import parse_block
 from isel_twin.firmware.bwo900.programs.words import ProgramBlock
 
 ROOM: Final = 65_536  # bytes of lines that can wait; the manual names no number
-HIGH: Final = ROOM // 2  # the host waits as soon as so many do,
-LOW: Final = ROOM // 4  # and goes on when no more than these do
-KEPT: Final = 2048
-"""Lines that are known after they have been analysed: more than are ever analysed ahead of the block under way."""
+HIGH: Final = ROOM // 2  # waiting bytes from which on the host must wait
+LOW: Final = ROOM // 4  # waiting bytes up to which it may go on
+KEPT: Final = 2048  # analysed lines that are kept: more than are ever analysed ahead of the block under way
 
 
 class Feed:
-    """A program as it comes. What an interpreter asks of it is what it asks of a `Program`."""
+    """A program as it comes. Implements `stored.Blocks`."""
 
     linear: Final = True
 
     def __init__(self, name: str) -> None:
-        """name: of the program that is started, whatever the file says."""
+        """name: of the started program, whatever the file says."""
         self.name = name
         self.complete = False  # its last line has come
         self.level = 0  # bytes that have come and not been analysed (P8561)
@@ -39,13 +37,13 @@ class Feed:
         self.begun = False  # its file has begun to come
         self.given_up = False  # nobody will ask for more
         self._lines = Lines(numbered=True)
-        self._known: deque[tuple[str, int]] = deque()  # text and number of the blocks that are still kept
+        self._known: deque[tuple[str, int]] = deque()  # text and number of the kept blocks
         self._texts: dict[int, str] = {}  # the same by number
         self._dropped = 0  # blocks that are forgotten
         self._analysed = 0
 
     def add(self, number: int, line: str) -> None:
-        """The next line, number: of the file. Raises ProgramError: M1113, M1268, M1290."""
+        """The next line, and its number. Raises ProgramError: M1113, M1268, M1290."""
         if self.given_up or (made := self._lines.block(number, line)) is None:
             return
         text, own = made
@@ -72,7 +70,7 @@ class Feed:
         return self._dropped + len(self._known)
 
     def block(self, place: int) -> ProgramBlock:
-        """Read the block at a place, from 0; it and those before it count as analysed. Raises ProgramError."""
+        """The block at a place, from 0; it and those before count as analysed. Raises ProgramError."""
         text, _ = self._known[place - self._dropped]
         if place >= self._analysed:
             self._analysed = place + 1
@@ -84,13 +82,11 @@ class Feed:
         return parse_block(text, place + 1)
 
     def number(self, place: int) -> int:
-        """The number of the block at a place, -1 if it has none or is forgotten."""
         return self._known[place - self._dropped][1] if self._dropped <= place < len(self) else -1
 
     def after(self, number: int) -> str:
-        """The text behind a block's number; empty if no such block is kept."""
         return without_number(self._texts.get(number, ""))
 
     def place(self, number: int) -> int:
-        """Raises ProgramError M1269: no block is looked for in it."""
+        """Raises ProgramError M1269."""
         raise ProgramError(Code.NOT_WHILE_FED, f"N{number} in {self.name}: a program that is fed has no jumps")

@@ -7,15 +7,14 @@ from typing import Final
 
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 
-END: Final = "#"
-"""What stands behind the last block of a file."""
+END: Final = "#"  # after the last block of a file
 MOST_LINE: Final = 400  # characters of a line of a file (M1113)
 MOST_DIGITS: Final = 10  # of a block's number
 _NUMBER = re.compile(r"\s*/?\s*N\s*(\d+)")
 
 
 class Lines:
-    """Makes blocks of lines: leaves out comments and blank ones, joins what is chained, sees that numbers rise."""
+    """Makes blocks of lines: drops comments and blank lines, joins chained ones, checks that numbers rise."""
 
     def __init__(self, *, numbered: bool = False) -> None:
         """numbered: every block must begin with N or /N."""
@@ -24,9 +23,8 @@ class Lines:
         self._chained = ""
 
     def block(self, number: int, line: str) -> tuple[str, int] | None:
-        """The block that ends with the next line, and its number, -1 without one; None if none does. number: of the
-        line. Raises ProgramError: M1113 too long, M1111 no number or more than ten digits, M1290 numbers that do not
-        rise."""
+        """Text and number (-1: none) of the block that ends with this line, None if none does. number: of the line.
+        Raises ProgramError: M1113 too long, M1111 no number or more than ten digits, M1290 numbers that do not rise."""
         if len(line) > MOST_LINE:
             raise ProgramError(Code.LINE_TOO_LONG, f"line {number}", infos=(number,))
         text = line.rstrip()
@@ -61,6 +59,6 @@ class Lines:
 
 
 def without_number(block: str) -> str:
-    """What stands behind the number of a block."""
+    """The text after the number of a block."""
     found = _NUMBER.match(block)
     return block[found.end() :].strip() if found else block

@@ -1,9 +1,9 @@
-"""Programs in the control's memory, and the files that they come in (manual 3.1, 3.10).
+"""Programs in the control's memory, and their files (manual 3.1, 3.10).
 
     CR LF  P123456 CR LF  N10 ... CR LF  ...  # CR LF  EOT
 
-`P` programs and `Z` cycles. Blocks are kept as text and read when they are executed, the last ones from a cache, so
-that a long program costs its bytes and a number for each line.
+`P` programs and `Z` cycles. Blocks are kept as text and parsed (with a cache) when they are executed: a long program
+costs its bytes and a number for each line.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def _parsed(text: str, line: int) -> ProgramBlock:
 
 
 class Blocks(Protocol):
-    """What an interpreter asks of a program, be it kept (`StoredProgram`) or fed (`feed.Feed`)."""
+    """A program as the interpreter sees it: `StoredProgram` or `feed.Feed`."""
 
     @property
     def name(self) -> str:
@@ -39,7 +39,7 @@ class Blocks(Protocol):
 
     @property
     def linear(self) -> bool:
-        """It has no jumps and no loops, as one that is fed."""
+        """True without jumps and loops, as one that is fed."""
 
     @property
     def complete(self) -> bool:
@@ -49,13 +49,13 @@ class Blocks(Protocol):
         """Number of blocks that are known."""
 
     def block(self, place: int) -> ProgramBlock:
-        """The block at a place, from 0, read. Raises ProgramError if it makes no sense."""
+        """The block at a place, from 0. Raises ProgramError if it cannot be parsed."""
 
     def number(self, place: int) -> int:
         """The number of the block at a place, -1 if it has none."""
 
     def after(self, number: int) -> str:
-        """The text behind a block's number; empty if there is no such block."""
+        """The text after a block's number; empty if there is no such block."""
 
     def place(self, number: int) -> int:
         """The place of the block with that number. Raises ProgramError M1255, M1269."""
@@ -63,19 +63,19 @@ class Blocks(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class StoredProgram:
-    """A program: name (P or Z and its number), and its blocks one after the other, chained lines joined."""
+    """A program: name (P or Z and its number), and its blocks, chained lines joined."""
 
     linear: ClassVar = False
     complete: ClassVar = True
     name: str
     text: bytes  # of all blocks, each ended by LF, Latin-1
     begins: array[int]  # where each begins in it, and where the last one ends
-    numbers: array[int]  # number of each, -1 without one; those that there are rise
+    numbers: array[int]  # of each, -1 without one; they rise
     highest: array[int]  # the highest number up to each
 
     @classmethod
     def of(cls, name: str, blocks: Iterable[str]) -> StoredProgram:
-        """A program of lines. Raises ProgramError as `Builder` does."""
+        """Raises ProgramError as `Builder` does."""
         builder = Builder(name)
         for number, line in enumerate(blocks, start=1):
             builder.add(number, line)
@@ -86,7 +86,6 @@ class StoredProgram:
 
     @property
     def blocks(self) -> Iterator[str]:
-        """The text of each block."""
         return (self.line(place) for place in range(len(self)))
 
     def line(self, place: int) -> str:
@@ -113,12 +112,12 @@ class StoredProgram:
 
     @property
     def file(self) -> str:
-        """The program as a file, lines ended by CR LF."""
+        """The program as a file, lines with CR LF."""
         return "".join(f"{line}\r\n" for line in (self.name, *self.blocks, END))
 
 
 class Builder:
-    """Takes the lines of a program one by one, so that a long one costs its bytes once."""
+    """Takes a program line by line, so that a long one costs its bytes once."""
 
     def __init__(self, name: str, *, numbered: bool = False) -> None:
         """numbered: every block must begin with N or /N."""
@@ -128,7 +127,7 @@ class Builder:
         self._begins, self._numbers, self._highest = array("q", (0,)), array("q"), array("q")
 
     def add(self, number: int, line: str) -> None:
-        """The next line, number: of the file. Raises ProgramError as `Lines.block` does."""
+        """The next line, and its number. Raises ProgramError as `Lines.block` does."""
         if (made := self._lines.block(number, line)) is None:
             return
         text, own = made
@@ -138,19 +137,19 @@ class Builder:
         self._highest.append(self._lines.highest)
 
     def program(self) -> StoredProgram:
-        """The program of these lines. Raises ProgramError M1111 if the last one is chained to nothing."""
+        """Raises ProgramError M1111 if the last line is chained to nothing."""
         self._lines.end()
         return StoredProgram(self._name, bytes(self._text), self._begins, self._numbers, self._highest)
 
 
 def program_name(line: str) -> str:
-    """The name that a line of a file begins a program with, empty if it is none."""
+    """The name in a line that begins a program, else empty."""
     match = _NAME.match(line)
     return "" if match is None else f"{match[1]}{int(match[2])}"
 
 
 class Store(dict[str, StoredProgram]):
-    """The memory for programs, by name; and the one that is fed, if there is one, before one of that name."""
+    """Programs by name; one that is fed comes before a stored one of its name."""
 
     feed: Feed | None = None
 
@@ -158,13 +157,12 @@ class Store(dict[str, StoredProgram]):
         """The program. Raises ProgramError M1252 if there is none."""
         if self.feed is not None and self.feed.name == name:
             return self.feed
-        program = self.get(name)
-        if program is None:
+        if name not in self:
             raise ProgramError(Code.NO_PROGRAM, name)
-        return program
+        return self[name]
 
     def text(self, name: str, number: int) -> str:
-        """What stands behind the number of a block of a program; empty if there is no such block."""
+        """The text after the number of a block; empty if there is no such block."""
         try:
             return self.find(name).after(number)
         except ProgramError:

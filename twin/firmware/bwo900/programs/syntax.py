@@ -1,11 +1,11 @@
-"""Blocks of the standard syntax, read (manual 3.1 to 3.8).
+"""Parser of the standard syntax (manual 3.1 to 3.8).
 
     N10 G01 F100 T03 M100 P30:(P20+35)*3 X200.0000 X2:100 P500=110.50 {comment} !message
 
     line --- parse_block ---> Block: words, G and M functions, assignments, jumps, in the order programmed
 
-A block is read once and executed as often as the program comes by. What depends on the control (axes, groups, targets)
-is the interpreter's business; what a line can say is decided here, with the column of what it cannot.
+The parser knows what a line may contain; what depends on the control (axes, groups, targets) is the interpreter's.
+Errors have their column.
 """
 
 from __future__ import annotations
@@ -29,20 +29,8 @@ from isel_twin.firmware.bwo900.programs.expressions import (
 from isel_twin.firmware.bwo900.programs.words import Assign, GWord, Jump, MWord, ProgramBlock, Text, Wait, Word
 
 LONGEST: Final = 200  # characters of a block
-MOST: Final[Mapping[str, int]] = {
-    "G": 8,
-    "M": 8,
-    "S": 8,
-    "P": 32,
-    "F": 1,
-    "f": 1,
-    "I": 1,
-    "J": 1,
-    "K": 1,
-    "R": 1,
-    "T": 1,
-}
-"""How often each may stand in a block; other words once a name."""
+MOST: Final[Mapping[str, int]] = {"G": 8, "M": 8, "S": 8, "P": 32}
+"""How often each may stand in a block; other words once."""
 MOST_WAITED: Final = 8  # parameters that `waituntil` may depend on (M1222)
 LARGEST: Final = 9_999_999_999  # of a block, program, tool and G number: ten digits
 
@@ -60,7 +48,7 @@ _FUNCTION = re.compile(r"asin|acos|atan|sin|cos|tan|sqr|intr|int|abs|ln|log|exp|
 _RELATION = re.compile(r"\s*(<>|>=|<=|=|>|<)\s*")
 _COMPARED = re.compile(r"(?P<right>.+?)\s*\.\s*(?P<target>\d+|[Pq]\d+|_\w+|\([^()]*\))(?=\s|$|[A-Z{(!;_\\])")
 _DELETED = re.compile(r"\s*(?:-\s?-(?=\s*(?:$|[^\s\d.,+-]))|[-–—\x96\x97](?=$|\s+(?:$|[^\s\d.,])|[;{!\\]|[A-OQ-Z]))")
-"""`--`, `- -` or a dash, where neither a number nor, at once, a parameter follows that it would be the sign of."""
+"""`--`, `- -` or a dash, unless it is the sign of a number or parameter that follows."""
 _TEXT = re.compile(r"!\s*(?:(\$[0-9A-Fa-f]+|\d+)\s*,\s*)?(.*)", re.DOTALL)
 
 
@@ -70,7 +58,7 @@ def parse_block(text: str, line: int = 0) -> ProgramBlock:
 
 
 def parse_expression(text: str) -> Expression:
-    """The expression that a text is. Raises ProgramError."""
+    """Raises ProgramError."""
     parser = _Parser(text, 0)
     expression = parser.expression()
     if parser.at_end():
@@ -79,8 +67,6 @@ def parse_expression(text: str) -> Expression:
 
 
 class _Parser:
-    """Reads one line from left to right."""
-
     def __init__(self, text: str, line: int) -> None:
         self.text, self.line, self.at = text, line, 0
         self._depth = 0
@@ -105,12 +91,8 @@ class _Parser:
         assert head is not None
         self.at = head.end()
         number = None if head[2] is None else self._limited(int(head[2]))
-        words: list[Word] = []
-        g: list[GWord] = []
-        m: list[MWord] = []
-        assignments: list[Assign] = []
-        jumps: list[Jump] = []
-        calls: list[Expression] = []
+        words, g, m = list[Word](), list[GWord](), list[MWord]()
+        assignments, jumps, calls = list[Assign](), list[Jump](), list[Expression]()
         wait, message = None, None
         while not self.at_end():
             column = self.at + 1
@@ -147,20 +129,8 @@ class _Parser:
                 case _:
                     self.refuse(Code.UNKNOWN_AXIS if letter.isalpha() else Code.SYNTAX, f"{self.rest()!r}")
         self._count(words, g, m, len(assignments) + len(jumps))
-        return ProgramBlock(
-            number,
-            self.text,
-            self.line,
-            head[1] is not None,
-            tuple(words),
-            tuple(g),
-            tuple(m),
-            tuple(assignments),
-            tuple(jumps),
-            wait,
-            tuple(calls),
-            message,
-        )
+        parts = tuple(words), tuple(g), tuple(m), tuple(assignments), tuple(jumps), wait, tuple(calls), message
+        return ProgramBlock(number, self.text, self.line, head[1] is not None, *parts)
 
     def _count(self, words: list[Word], g: list[GWord], m: list[MWord], parameters: int) -> None:
         if len(g) > MOST["G"]:
@@ -174,9 +144,8 @@ class _Parser:
             name = word.name if word.name[0] != "S" else "S"
             seen[name] = seen.get(name, 0) + 1
             if seen[name] > MOST.get(name, 1):
-                raise ProgramError(
-                    Code.TOO_MANY, f"{name} stands there more than {MOST.get(name, 1)} times", word.column
-                )
+                detail = f"{name} stands there more than {MOST.get(name, 1)} times"
+                raise ProgramError(Code.TOO_MANY, detail, word.column)
 
     def _limited(self, number: int) -> int:
         return number if number <= LARGEST else self.refuse(Code.TOO_LARGE, f"{number}; allowed: ten digits")
@@ -216,8 +185,7 @@ class _Parser:
         if len(match[1].lstrip("0")) > 3:
             self.refuse(Code.M_TOO_LARGE, f"M{match[1]}; allowed: 0 to 999")
         self.at = match.end()
-        extensions: list[Expression | None] = []
-        last = None
+        extensions, last = list[Expression | None](), None
         while self.text.startswith(".", self.at):
             self.at += 1
             extensions.append(self._address())
@@ -228,7 +196,7 @@ class _Parser:
         return MWord(int(match[1]), tuple(extensions), last, column)
 
     def _address(self) -> Expression | None:
-        """What stands behind the point of an M function: digits, a parameter or a bracket; None for nothing."""
+        """After a point of an M function: digits, a parameter or a bracket; None for nothing."""
         if (digits := re.compile(r"\d+").match(self.text, self.at)) is not None:
             self.at = digits.end()
             return Number(float(digits[0]))
@@ -261,7 +229,6 @@ class _Parser:
     # Parameters
 
     def _parameter_word(self, column: int, assignments: list[Assign], jumps: list[Jump]) -> None:
-        """An assignment or a jump by comparison."""
         target = self._primary()
         assert isinstance(target, Parameter | Symbol)
         self._blank()
@@ -293,7 +260,6 @@ class _Parser:
         jumps.append(Jump(target, relation[1], right, to, column))
 
     def _part(self, text: str, offset: int = 0) -> Expression:
-        """The expression that a part of the line is."""
         try:
             return parse_expression(text)
         except ProgramError as error:
@@ -317,7 +283,7 @@ class _Parser:
             self.at += 1
 
     def _takes(self, *signs: str) -> str:
-        """The first of these that stands here, taken; empty for none."""
+        """Consume the first of these that stands here; empty for none."""
         self._blank()
         for sign in signs:
             if self.text.startswith(sign, self.at):

@@ -1,4 +1,4 @@
-"""What a block of a program says: its words, G and M functions, assignments, jumps (manual 3.1 to 3.8)."""
+"""A block of a program: words, G and M functions, assignments, jumps (manual 3.1 to 3.8)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Word:
 
 @dataclass(frozen=True, slots=True)
 class GWord:
-    """A path condition or cycle; extension: what stands behind the point, the seconds of G04."""
+    """A path condition or cycle; extension: seconds of G04."""
 
     number: int
     extension: Expression | None = None
@@ -27,7 +27,7 @@ class GWord:
 
 @dataclass(frozen=True, slots=True)
 class MWord:
-    """An M function. extensions: what stands behind its points, None for nothing (`M28..20`); last: behind `_`."""
+    """An M function. extensions: after its points, None for nothing (`M28..20`); last: after `_`."""
 
     number: int
     extensions: tuple[Expression | None, ...] = ()
@@ -93,7 +93,7 @@ class ProgramBlock:
 
     @property
     def column(self) -> int:
-        """Where to look for what is wrong with its path: the words of a circle, its axes, its G and M words, from 1."""
+        """For errors of its path, from 1: the first word of a circle, else of an axis, else G or M word."""
         axis = None
         for word in self.words:  # from the left to the right
             letter = word.name[0]
@@ -106,5 +106,4 @@ class ProgramBlock:
         return min([*(g.column for g in self.g), *(m.column for m in self.m)], default=1)
 
     def word(self, name: str) -> Word | None:
-        """The word of that name."""
         return next((word for word in self.words if word.name == name), None)

@@ -37,14 +37,14 @@ class CycleMove:
     dwell_s: float | None = None
     m: tuple[int, ...] = ()
     exact_stop: bool = False
-    cycle: int | None = None  # pattern cycles: the machining cycle that is called at the target; None: none
+    cycle: int | None = None  # of a pattern: the machining cycle to be called at the target
 
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """What a cycle is told.
+    """Arguments of a cycle.
 
-    parameters: P numbers that have a value (a deleted one is missing). position: in program coordinates, before the
+    parameters: P numbers that have a value. position: in program coordinates, before the
     block. words: axis words of the block, absolute program coordinates by axis number; empty: none. feed: F in force,
     mm/min, None: none. speed: S in force in 1/min, None: none. turning: +1 M03, -1 M04, 0 the spindle stands. motion:
     0, 1, 2, 3, of the G00 group. inner: number of the machining cycle that stands in the block of a pattern cycle.
@@ -65,15 +65,15 @@ class Call:
     polar: bool = False
 
     def get(self, number: int) -> float | None:
-        """The parameter's value, None if it is deleted."""
+        """None if it is deleted."""
         return self.parameters.get(number)
 
     def given(self, number: int) -> float | None:
-        """The parameter's value, None if it is deleted or 0: the manual's "0 or --"."""
+        """None if it is deleted or 0: the manual's "0 or --"."""
         return self.parameters.get(number) or None
 
     def needed(self, number: int) -> float:
-        """The parameter's value. Raises ProgramError, the message about that parameter, if it is deleted."""
+        """Raises ProgramError, the message about that parameter, if it is deleted."""
         value = self.parameters.get(number)
         if value is None:
             raise ProgramError(invalid(number), f"P{number} has no value")

@@ -20,11 +20,12 @@ from collections.abc import Iterator
 from typing import Final
 
 from isel_twin.firmware.bwo900.analysis.cycles.call import Call, CycleMove, Kind
+from isel_twin.firmware.bwo900.geometry.groups import CIRCLES
 from isel_twin.firmware.bwo900.messages import Code, ProgramError, invalid
-from isel_twin.firmware.bwo900.numbers import G, M, P
+from isel_twin.firmware.bwo900.numbers import M, P
 
 SAFETY_MM: Final = 1.0  # P38 where it is not programmed
-MOST: Final = 10_000  # strokes of a hole; more is a slip in a parameter (M8036)
+MOST: Final = 10_000  # strokes of a hole; more is a mistake (M8036)
 
 
 def drilling(call: Call) -> Iterator[CycleMove]:
@@ -33,12 +34,12 @@ def drilling(call: Call) -> Iterator[CycleMove]:
         return
     depth, approach, feed = _planes(call)
     yield from _begin(call, approach)
-    yield _to(call, Kind.LINE, depth, feed, dwell_s=_dwell(call), exact_stop=True)
+    yield _to(call, Kind.LINE, depth, feed, dwell_s=call.given(P.HOLE_DWELL), exact_stop=True)
     yield from _end(call, approach)
 
 
 def deep_hole(call: Call) -> Iterator[CycleMove]:
-    """G83: in strokes, equal ones (P36 of them) or degressive ones (P37, then P36 less each time)."""
+    """G83: P36 equal strokes, or degressive ones (P37, then P36 less each time)."""
     if not call.words:
         return
     depth, approach, feed = _planes(call)
@@ -51,14 +52,14 @@ def deep_hole(call: Call) -> Iterator[CycleMove]:
             yield _to(call, Kind.RAPID, approach)
             yield _to(call, Kind.RAPID, depths[number - 1] + back)
         last = number == len(depths) - 1
-        yield _to(call, Kind.LINE, reached, feed, dwell_s=_dwell(call) if last else None, exact_stop=True)
+        yield _to(call, Kind.LINE, reached, feed, dwell_s=call.given(P.HOLE_DWELL) if last else None, exact_stop=True)
     if call.given(P.DEGRESSIVE) is not None:
         yield _to(call, Kind.RAPID, approach)
     yield from _end(call, approach)
 
 
 def strokes(call: Call, depth: float, approach: float) -> list[float]:
-    """Where each stroke of G83 ends. Raises ProgramError: M8036, M8037."""
+    """Ends of the strokes of G83. Raises ProgramError: M8036, M8037."""
     whole = depth - approach
     if call.given(P.DEGRESSIVE) is None:
         count = int(abs(call.needed(P.STROKES)))
@@ -94,7 +95,7 @@ def tapping(call: Call) -> Iterator[CycleMove]:
     feed = (call.speed_rpm or 0.0) * pitch
     yield from _begin(call, approach, M.SPINDLE_LEFT if left else M.SPINDLE_RIGHT)
     yield _to(call, Kind.TAP, depth, feed, exact_stop=True, m=(M.SPINDLE_RIGHT if left else M.SPINDLE_LEFT,))
-    if (dwell := _dwell(call)) is not None:
+    if (dwell := call.given(P.HOLE_DWELL)) is not None:
         yield CycleMove(Kind.LINE, dwell_s=dwell)
     yield _to(call, Kind.TAP, approach, feed, exact_stop=True)
     yield from _end(call, approach)
@@ -106,7 +107,7 @@ def boring(call: Call) -> Iterator[CycleMove]:
         return
     depth, approach, feed = _planes(call)
     yield from _begin(call, approach)
-    yield _to(call, Kind.LINE, depth, feed, dwell_s=_dwell(call), exact_stop=True)
+    yield _to(call, Kind.LINE, depth, feed, dwell_s=call.given(P.HOLE_DWELL), exact_stop=True)
     yield _to(call, Kind.LINE, approach, feed)
     yield from _end(call, approach)
 
@@ -128,20 +129,12 @@ def _planes(call: Call) -> tuple[float, float, float]:
     return depth, approach, feed
 
 
-def _dwell(call: Call) -> float | None:
-    return call.given(P.HOLE_DWELL)
-
-
 def _begin(call: Call, approach: float, spindle: int | None = None) -> Iterator[CycleMove]:
-    """Spindle on, to the place in rapid, or, with polar coordinates on a circle, with F; to the approach plane."""
+    """Spindle on; to the place in rapid, with polar coordinates on a circle with F; to the approach plane."""
     on = spindle or (M.SPINDLE_RIGHT if call.turning > 0 else M.SPINDLE_LEFT)
     yield CycleMove(Kind.RAPID, m=(on,))
-    yield CycleMove(
-        Kind.PROGRAMMED
-        if call.polar and call.motion in (G.CIRCLE_CLOCKWISE, G.CIRCLE_COUNTER_CLOCKWISE)
-        else Kind.RAPID,
-        call.words,
-    )
+    circle = call.polar and call.motion in CIRCLES
+    yield CycleMove(Kind.PROGRAMMED if circle else Kind.RAPID, call.words)
     yield _to(call, Kind.RAPID, approach)
 
 
@@ -160,5 +153,4 @@ def _to(
     m: tuple[int, ...] = (),
     exact_stop: bool = False,
 ) -> CycleMove:
-    """A move along the drilling axis."""
     return CycleMove(kind, {call.plane.third: height}, None, feed, dwell_s, m, exact_stop=exact_stop)

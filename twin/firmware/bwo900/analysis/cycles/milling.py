@@ -1,12 +1,12 @@
-r"""Milling cycles G71 to G75: rectangular and circular pockets (manual 5.2; figures lost: decisions Z40 to Z49).
+r"""Milling cycles G71 to G75: rectangular and circular pockets (manual 5.2; figures lost: bwo900/39 to bwo900/48).
 
     P11, P12 sizes, G74: radius drilled    P15 allowance on the contour    P18 allowance on the depth
     P13 depth                              P16 infeed across, signed       P19 safety distance
     P14 corner radius, pocket radius       P17 infeed in depth             P20 infeed of finishing    P21 plunging feed
 
 The tool stands in the middle of the pocket, P19 above the workpiece, or the block's words bring it there. Everything is
-reckoned beside the tool's centre, in coordinates along (x) and across (y) the rows; the plane's are these turned by
-quarters, so that what is conventional stays so:
+of the tool's centre, along (x) and across (y) the rows, turned by quarters to the plane's axes, so that conventional
+milling stays so:
 
                           5
           b   .--<-------------------<--.      corners' radius c = P14 - P15 - r, at least 0
@@ -56,7 +56,7 @@ FINISHING: Final = 0.5  # of the feed, when finishing (manual)
 
 @dataclass(frozen=True, slots=True)
 class _Pocket:
-    """A rectangle with rounded corners, of the tool's centre: half its length and width, radius of its corners."""
+    """The tool centre's rectangle: half its length and width, radius of its corners."""
 
     a: float
     b: float
@@ -69,12 +69,11 @@ class _Pocket:
 
     @property
     def start(self) -> UV:
-        """S."""
         return -(self.a - self.c), -self.b
 
     @property
     def ways(self) -> tuple[Way, ...]:
-        """Around it from S, counter-clockwise: along, corner, across, corner, along, corner, across, corner."""
+        """Around it from S, counter-clockwise: along, corner, across, corner, and again."""
         a, b, c = self.a, self.b, self.c
         x, y = a - c, b - c
         p = ((-x, -b), (x, -b), (a, -y), (a, y), (x, b), (-x, b), (-a, y), (-a, -y))
@@ -83,13 +82,10 @@ class _Pocket:
 
 
 def rows(half: float, infeed: float) -> list[float]:
-    """Places of the rows, from -half to half: infeed by infeed, the last one what is left."""
+    """Places of the rows, from -half to half, the last infeed shorter."""
     if half <= NEAR_MM:
         return [0.0]
     return [-half] + [reached - half for reached in layers(2.0 * half, infeed)]
-
-
-# ---- rectangular pockets ---------------------------------------------------------------------------------------------
 
 
 def rectangle(call: Call) -> Iterator[CycleMove]:
@@ -140,7 +136,7 @@ def rectangle_zigzag(call: Call) -> Iterator[CycleMove]:
 
 
 def rectangle_finished(call: Call) -> Iterator[CycleMove]:
-    """G73: the contour in all layers, what is left inside in all layers, then the contour to its size."""
+    """G73: the contour in all layers, the inside in all layers, then the contour to its size."""
     job, pocket = _rectangular(call)
     finishing = finishing_cuts(call, job)
     yield from to_middle(job)
@@ -176,7 +172,6 @@ def rectangle_finished(call: Call) -> Iterator[CycleMove]:
 
 
 def _zigzag(pocket: _Pocket, lines: Sequence[float]) -> Iterator[Way]:
-    """Rows forth and back; from one to the next straight."""
     at: UV | None = None
     for number, y in enumerate(lines):
         x = pocket.extent(y) if number % 2 == 0 else -pocket.extent(y)
@@ -187,7 +182,7 @@ def _zigzag(pocket: _Pocket, lines: Sequence[float]) -> Iterator[Way]:
 
 
 def _rectangular(call: Call) -> tuple[Job, _Pocket]:
-    """Checks the parameters of G71 to G73. Raises ProgramError: M8001 to M8021."""
+    """Raises ProgramError: M8001 to M8021."""
     radius = tool_radius(call)
     first, second = positive(call, P.SIZE_1), positive(call, P.SIZE_2)
     job = job_of(call, radius, 0)
@@ -197,9 +192,8 @@ def _rectangular(call: Call) -> tuple[Job, _Pocket]:
     if corner is None:
         corner = radius
     if min(first, second) - 2.0 * (job.allowance + radius) < -NEAR_MM:
-        raise ProgramError(
-            Code.POCKET_IMPOSSIBLE, f"a tool of radius {radius:g} mm does not fit {min(first, second):g} mm with P15"
-        )
+        detail = f"a tool of radius {radius:g} mm does not fit {min(first, second):g} mm with P15"
+        raise ProgramError(Code.POCKET_IMPOSSIBLE, detail)
     if corner < radius:
         raise ProgramError(Code.POCKET_IMPOSSIBLE, f"P14 is {corner:g}, the tool's radius {radius:g} mm")
     if 2.0 * corner > min(first, second) + NEAR_MM:
@@ -220,9 +214,6 @@ def _grown(call: Call, job: Job, allowance: float) -> _Pocket:
     corner = call.given(P.POCKET_RADIUS) or job.radius
     b = min(sizes) / 2.0 - inset
     return _Pocket(max(sizes) / 2.0 - inset, b, max(min(corner - inset, b), 0.0))
-
-
-# ---- circular pockets ------------------------------------------------------------------------------------------------
 
 
 def circle(call: Call) -> Iterator[CycleMove]:
@@ -264,7 +255,7 @@ def circle_finished(call: Call) -> Iterator[CycleMove]:
 
 
 def _circular(call: Call) -> tuple[Job, int]:
-    """Checks the parameters of G74 and G75; the turn. Raises ProgramError: M8001 to M8021."""
+    """Raises ProgramError: M8001 to M8021. Returns the turn, too."""
     tool = tool_radius(call)
     radius = positive(call, P.POCKET_RADIUS)
     drilled = call.get(P.INNER_RADIUS) or 0.0
@@ -277,14 +268,13 @@ def _circular(call: Call) -> tuple[Job, int]:
         raise ProgramError(Code.INFEED_BEYOND_POCKET, f"P11 and P16 are {drilled + job.infeed:g}, P14 {radius:g}")
     counted(P.INFEED_ACROSS, radius, job.infeed)
     if _radius(call, job, job.allowance) < -NEAR_MM:
-        raise ProgramError(
-            Code.POCKET_IMPOSSIBLE, f"a tool of radius {tool:g} mm does not fit radius {radius:g} mm with P15"
-        )
+        detail = f"a tool of radius {tool:g} mm does not fit radius {radius:g} mm with P15"
+        raise ProgramError(Code.POCKET_IMPOSSIBLE, detail)
     return job, -1 if call.needed(P.INFEED_ACROSS) > 0.0 else 1
 
 
 def _radius(call: Call, job: Job, allowance: float) -> float:
-    """Of the tool's centre on the wall."""
+    """Of the tool's centre at the wall."""
     return call.needed(P.POCKET_RADIUS) - allowance - job.radius
 
 
@@ -306,12 +296,10 @@ def _spiral(call: Call, job: Job, last: float, turn: int) -> Iterator[Way]:
 
 
 def _full(radius: float, turn: int) -> Iterator[Way]:
-    """A full circle from the first axis, in halves."""
     yield Way((radius, 0.0), (-radius, 0.0), (0.0, 0.0), turn)
     yield Way((-radius, 0.0), (radius, 0.0), (0.0, 0.0), turn)
 
 
 def _away(radius: float, turn: int) -> Way:
-    """The half circle away from the wall."""
     inwards = min(HALF_CIRCLE_MM, radius / 2.0)
     return Way((radius, 0.0), (radius - 2.0 * inwards, 0.0), (radius - inwards, 0.0), turn)

@@ -1,4 +1,4 @@
-"""What the milling cycles G71 to G75 share: parameters and their limits, layers, moves (manual 5.2)."""
+"""Common to the milling cycles G71 to G75: parameters and their limits, layers, moves (manual 5.2)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from isel_twin.firmware.bwo900.analysis.cycles.call import Call, CycleMove, Kind
 from isel_twin.firmware.bwo900.messages import Code, ProgramError, invalid
 from isel_twin.firmware.bwo900.numbers import P
 
-MOST: Final = 10_000  # infeeds in one direction; more is a slip in a parameter
+MOST: Final = 10_000  # infeeds in one direction; more is a mistake
 NEAR_MM: Final = 1e-9
 
 UV: TypeAlias = tuple[float, float]
@@ -28,13 +28,12 @@ class Way:
 
     @property
     def back(self) -> Way:
-        """The same, the other way."""
         return Way(self.end, self.start, self.centre, -self.turn)
 
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """What all milling cycles know: where, how deep, how fast. Heights along the third axis, feeds in mm/min."""
+    """Where, how deep, how fast. Heights along the third axis, feeds in mm/min."""
 
     call: Call
     middle: UV
@@ -87,7 +86,7 @@ def not_negative(call: Call, number: int) -> float:
 
 
 def job_of(call: Call, radius: float, quarters: int) -> Job:
-    """Check what all of them need. Raises ProgramError: M8009, M8013, M8015 to M8019, M8021, M1230 no feed."""
+    """Raises ProgramError: M8009, M8013, M8015 to M8019, M8021, M1230 no feed."""
     depth = positive(call, P.POCKET_DEPTH)
     allowance = not_negative(call, P.ALLOWANCE)
     infeed = abs(call.needed(P.INFEED_ACROSS))
@@ -163,7 +162,7 @@ def up(job: Job) -> Iterator[CycleMove]:
 
 
 def mill(job: Job, ways: Iterable[Way], feed: float | None = None) -> Iterator[CycleMove]:
-    """Along the ways; those without a length are none."""
+    """Along the ways that have a length."""
     for way in ways:
         if math.dist(way.start, way.end) <= NEAR_MM:
             continue

@@ -10,10 +10,10 @@ from isel_twin.firmware.bwo900.analysis.cycles.call import Call, CycleMove
 
 
 class Moves(Iterator[CycleMove]):
-    """Moves of a cycle. Cycles are pure functions: a copy begins anew and leaves out what has been."""
+    """Moves of a cycle. Cycles are pure functions: a copy begins anew and skips the moves made."""
 
     def __init__(self, cycles: Mapping[int, object], number: int, call: Call) -> None:
-        """cycles: functions by their G number, `Call -> Iterator[Move]`; number: the one that is called."""
+        """cycles: functions by G number, `Call -> Iterator[CycleMove]`; number: the one called."""
         self._cycles, self._number, self._call = cycles, number, call
         self.made = 0
         self._rest: Iterator[CycleMove] | None = None

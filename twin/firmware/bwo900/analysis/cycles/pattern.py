@@ -24,24 +24,22 @@ from isel_twin.firmware.bwo900.messages import Code, ProgramError, invalid
 from isel_twin.firmware.bwo900.numbers import G, P, Ray
 
 TURNS: Final = {G.CIRCLE_CLOCKWISE: Kind.CLOCKWISE, G.CIRCLE_COUNTER_CLOCKWISE: Kind.COUNTER_CLOCKWISE}
-AGREE_MM: Final = 1e-3  # what is said twice may differ by so much
+AGREE_MM: Final = 1e-3  # tolerance of redundant parameters
 RAY_CODES: Final[Mapping[int, tuple[Code, Code, Code]]] = {
     P.RAY_1: (Code.RAY_1_PLACES_MISSING, Code.RAY_1_LENGTH_TWICE, Code.RAY_1_PLACES_TWICE),
     P.RAY_2: (Code.RAY_2_PLACES_MISSING, Code.RAY_2_LENGTH_TWICE, Code.RAY_2_PLACES_TWICE),
 }
-"""By the first parameter of a ray: the places are missing; the length, the places are said twice."""
+"""By first parameter of a ray: places missing, contradicting lengths, contradicting places."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Ray:
-    """A vector and how many places there are on it."""
-
     u: float
     v: float
     count: int
 
     def at(self, number: float) -> tuple[float, float]:
-        """Place k of 0 .. count - 1; the end where there is one place or none."""
+        """Place 0 .. count - 1; the end if there is one place or none."""
         share = number / (self.count - 1) if self.count > 1 else 1.0
         return share * self.u, share * self.v
 
@@ -100,7 +98,7 @@ def circle(call: Call) -> Iterator[CycleMove]:
 
 
 def _circle_places(call: Call) -> tuple[float, int]:
-    """Travel angle in degrees, and how many places. Raises ProgramError: M8124 to M8126, M8333, M8334."""
+    """Travel angle in degrees, number of places. Raises ProgramError: M8124 to M8126, M8333, M8334."""
     travel, division, count = call.get(P.TRAVEL_ANGLE), call.get(P.DIVISION_ANGLE), call.get(P.PLACES)
     number = None if count is None else int(abs(count))
     if travel is None and number is None:
@@ -120,9 +118,8 @@ def _circle_places(call: Call) -> tuple[float, int]:
             raise ProgramError(Code.DIVISION_ANGLE_ZERO)
         return travel, _places(abs(travel), abs(division), P.DIVISION_ANGLE)
     if division and number > 1 and abs(abs(division) * (number - 1) - abs(travel)) > AGREE_MM:
-        raise ProgramError(
-            Code.CIRCLE_PLACES_TWICE, f"{number} places of {division:g} degrees are not {travel:g} degrees"
-        )
+        detail = f"{number} places of {division:g} degrees are not {travel:g} degrees"
+        raise ProgramError(Code.CIRCLE_PLACES_TWICE, detail)
     return travel, number
 
 
@@ -142,17 +139,14 @@ def _ray(call: Call, base: int) -> _Ray:
     missing, length_twice, places_twice = RAY_CODES[base]
     if u is not None or v is not None:
         if u is None or v is None:
-            raise ProgramError(
-                invalid(base + (Ray.X if u is None else Ray.Y)),
-                f"P{base} and P{base + 1} are the end, one has no value",
-            )
+            wrong = invalid(base + (Ray.X if u is None else Ray.Y))
+            raise ProgramError(wrong, f"P{base} and P{base + 1} are the end, one has no value")
         size = math.hypot(u, v)
         if length is not None and abs(length - size) > AGREE_MM:
             raise ProgramError(length_twice, f"P{base + 4} is {length:g}, the vector {size:g} mm long")
         if angle is not None and math.dist(_along(angle, size), (u, v)) > AGREE_MM:
-            raise ProgramError(
-                invalid(base + Ray.ANGLE), f"P{base + 3} is {angle:g} degrees, the vector goes elsewhere"
-            )
+            detail = f"P{base + 3} is {angle:g} degrees, the vector goes elsewhere"
+            raise ProgramError(invalid(base + Ray.ANGLE), detail)
     else:
         if angle is None:
             raise ProgramError(invalid(base + Ray.ANGLE), f"neither P{base}, P{base + 1} nor P{base + 3}")
@@ -174,7 +168,7 @@ def _ray(call: Call, base: int) -> _Ray:
 
 
 def _places(way: float, division: float, number_of_division: int) -> int:
-    """How many places there are on a way. Raises ProgramError about the division's P if no number is so large."""
+    """Number of places on a way. Raises ProgramError about the division's P if it is not finite."""
     number = way / division
     if not math.isfinite(number):
         raise ProgramError(invalid(number_of_division), f"{way:g} in parts of {division:g}")
@@ -182,18 +176,17 @@ def _places(way: float, division: float, number_of_division: int) -> int:
 
 
 def _along(angle_deg: float, length: float) -> tuple[float, float]:
-    """A vector by angle and length."""
     return Rotation(angle_deg=math.fmod(angle_deg, 360.0)).turned(length, 0.0)
 
 
 def _start(call: Call) -> tuple[float, float]:
-    """A: of the words, or where the tool stands."""
+    """A."""
     u, v = call.plane.of(call.position)
     return call.words.get(call.plane.first, u), call.words.get(call.plane.second, v)
 
 
 def _come(call: Call, begin: tuple[float, float]) -> Iterator[CycleMove]:
-    """To A and what the block says of other axes, if it has words."""
+    """To A, and the words of other axes, if there are words."""
     if call.words:
         yield CycleMove(Kind.RAPID, {**call.words, call.plane.first: begin[0], call.plane.second: begin[1]})
 
@@ -216,7 +209,7 @@ def _move(
     feed: float | None = None,
     others: Mapping[int, float] | None = None,
 ) -> CycleMove:
-    """To a place, where the machining cycle is called; without one it is an exact stop. others: words of other axes."""
+    """To a place, where the machining cycle is called; without one, an exact stop. others: words of other axes."""
     target = {**(others or {}), call.plane.first: place[0], call.plane.second: place[1]}
     cycle = call.inner if machines else None
     return CycleMove(kind, target, centre, feed, exact_stop=cycle is None, cycle=cycle)
