@@ -101,7 +101,7 @@ def _far_trip_point(patch: Patch) -> None:
     def far(self: Wiring, number: int) -> None:
         switch = self._switches[number]
         sense = -1 if switch.end == "motor" else 1
-        self._plant.set_trip_point(number, switch.position_mm + 1.5 * sense)
+        self.plant.set_trip_point(number, switch.position_mm + 1.5 * sense)
 
     patch.setattr(Wiring, "_draw_trip_point", far)
 
