@@ -17,7 +17,7 @@ from isel_twin.firmware.gmi99.planner import PreparedMove, line, start
 from isel_twin.motion.joined import Joined
 
 WITHIN = 3 / 8 + math.sqrt(1 / 2) + 1e-9
-"""Increments: the first and last chords, of sagitta 1/2 from the arc to a corner 1/4 outside, lie 3/8 inside at most; and
+"""Increments: first and last chords, of sagitta 1/2 from the arc to a corner 1/4 outside, lie 3/8 inside at most; and
 set points are rounded on both axes."""
 RULES = replace(Rules().with_speed(1_000_000), free_circles=True)
 
