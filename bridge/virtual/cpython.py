@@ -52,7 +52,7 @@ def _check() -> None:
     if missing:
         version = ".".join(map(str, sys.version_info[:2]))
         raise ImportError(
-            f"virtual time needs {missing[0]}, which Python {version} does not have: use Python 3.11 to 3.14, "
+            f"virtual time needs {missing[0]}, which Python {version} does not have: use Python 3.11 to 3.13, "
             "or `isel-twin serve` in real time"
         )
 

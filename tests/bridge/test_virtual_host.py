@@ -600,5 +600,5 @@ def test_a_python_without_what_threads_rest_on_is_named_in_one_line():
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == (
         f"isel-twin: virtual time needs queue._PySimpleQueue, which Python {version} does not have: "
-        "use Python 3.11 to 3.14, or `isel-twin serve` in real time\n"
+        "use Python 3.11 to 3.13, or `isel-twin serve` in real time\n"
     )

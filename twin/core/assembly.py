@@ -61,8 +61,6 @@ def draw_up(spec: TwinSpec, controller: Controller | None) -> tuple[Plans, Contr
         except ValueError as error:
             raise MachineError(f"{as_built.file}: [controller]: {error}") from None
         new_language = language_factory(spec.controller)
-    if spec.scenario is not None and spec.events:
-        raise ValueError(f"{spec.scenario}: there are events, too; allowed: one of the two")
     machine = spec.fitted(controller)
     events = spec.events if spec.scenario is None else events_of(spec.scenario, machine, controller)
     return Plans(machine, events, new_controller, new_language), controller
