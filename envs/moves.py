@@ -46,10 +46,10 @@ JOB: Job = (
 )
 """A short job with long ways, where speed counts, and short ones, where ramp and start-stop frequency do."""
 
-_START_MM = (1.0, 3.0)  # from the motor-end switch at power-on: near, so that the reference run is short
+_START_MM = (1.0, 3.0)  # from the motor-end switch at power-on: near, so that the reference run is short (envs/1)
 _ANSWER_LIMIT_S = 60.0  # for a command of the reference run, and for settings
 _BREAK_LIMIT_S = 60.0  # for a move that is broken off; the longest stop ramp takes 40 s: 40000 Hz at 1 Hz/ms
-# Five quarters of a period of the portal's 63 Hz: four samples in a row see four phases of it.
+# Five quarters of a period of the portal's 63 Hz: four samples in a row see four phases of it (envs/5).
 _MOVING_SAMPLE_S, _MOVING_SAMPLE_NS = 0.02, 20 * MILLISECOND_NS
 _RESTING_SAMPLE_S, _RESTING_SAMPLE_NS = 0.002, 2 * MILLISECOND_NS
 
@@ -65,7 +65,7 @@ class Setup:
     seed: int = 0
     overrides: Mapping[str, Any] = field(default_factory=dict)  # of machine parameters, {"payload.mass": 8.0}
     scenario: str | Path | None = None  # file of timed events; the reference run is over about 2 s after power-on
-    load_nm: float = 0.0  # extra load on every shaft, against motion (Coulomb friction): a margin of safety
+    load_nm: float = 0.0  # extra load on every shaft, against motion (Coulomb friction): a margin of safety (envs/4)
     tolerance_mm: float = 0.05  # largest position error of any axis that is allowed at rest
     settle_s: float = 0.2  # standstill after each move, in which the machine settles and is measured
     time_limit_s: float = 120.0  # virtual time for the whole job, standstill not counted; then a move is given up

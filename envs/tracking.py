@@ -10,7 +10,7 @@ One call a step, so that an environment costs little more than its physics. A st
 u_i is the phase of an axis in steps, its counter the whole number nearest to it: so pulses are evenly spaced within a
 step and from one to the next, however the frequency changes, and the counter is never off by more than half a step.
 
-The nearest point is looked for near the last one only: a path may cross itself.
+The nearest point is looked for near the last one only: a path may cross itself (envs/10).
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ LANE = np.dtype(  # settings and state of an axis
     [
         ("highest_hz", "f8"),
         ("steps_per_mm", "f8"),
-        ("half_slip", "f8"),  # steps between counter and rotor from which steps are lost
+        ("half_slip", "f8"),  # steps between counter and rotor from which steps are lost (envs/3)
         ("origin_mm", "f8"),  # tool at the start of the path, in machine coordinates
         ("counter", "i8"),  # steps from there
         ("fraction", "f8"),  # u - counter

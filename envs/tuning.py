@@ -30,11 +30,14 @@ if TYPE_CHECKING:
     from isel_twin.plant.picture import Picture
 
 _SIZE = 15
-_MOST_KEPT = 16  # seeds whose machines are kept
+_MOST_KEPT = 16  # seeds whose machines are kept (envs/1)
 
 
 def to_settings(action: NDArray[np.floating[Any]], ranges: Ranges = SETTINGS_RANGES) -> Settings:
-    """Settings of an action, three finite numbers (else ValueError), clipped to -1 .. 1, over a controller's ranges."""
+    """Settings of an action, three finite numbers (else ValueError), clipped to -1 .. 1, over a controller's ranges.
+
+    The speed is linear, the others are geometric (envs/2).
+    """
     values = np.asarray(action, dtype=np.float64)
     if values.shape != (3,) or not np.isfinite(values).all():
         raise ValueError(f"action is {action!r}; it must be three finite numbers from -1 to 1")
@@ -141,7 +144,7 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
     2. It refused a move or broke one off; `info["reply"]` says why, of the default controller: "2" limit switch, "F"
        stop, "9" fault, "H" hood, "D" speed refused. One whose replies do not tell shows a fault (`twin.fault`).
 
-    Lost steps do not end an episode: the controller does not know of them.
+    Lost steps do not end an episode: the controller does not know of them (envs/3).
     ### Truncation
     The moves have taken `time_limit_s` of virtual time and the job is not done.
 
@@ -203,7 +206,7 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         self.setup = Setup(
             job, machine, controller, plant, 0, changes, scenario, load_nm, tolerance_mm, settle_s, time_limit_s
         )
-        self.ranges: Ranges = moves.spoken(self.setup).ranges  # what the action space spans
+        self.ranges: Ranges = moves.spoken(self.setup).ranges  # what the action space spans (envs/7)
         self._penalties = lost_steps_penalty, tolerance_penalty, abort_penalty
         self._made, self._time_s, self._over = 0, 0.0, True
         self._picture: Picture | None = None

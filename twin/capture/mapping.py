@@ -9,7 +9,7 @@
 
 An inverted step signal counts at its falling edges, an inverted dir is positive while low. Signals with usual names
 (`step_x`, `X.DIR`, `Ystep`, `enable`) need no map, and neither do the dumps of this package, whose dir is high for
-minus and which tell what the controller did with its stages.
+minus and which tell what the controller did with its stages. No role is guessed otherwise (capture/3).
 """
 
 from __future__ import annotations

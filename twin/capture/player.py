@@ -1,4 +1,4 @@
-"""A controller that plays a captured stream: it ignores host and switches, and makes each tick at its time.
+"""A controller that plays a captured stream: it ignores host and switches (capture/1), and makes each tick at its time.
 
     ticks     ||||||||||        |||||||||||          |||
     motions   |---- 1 ---|      |---- 2 ----|        |-3-|        a pause of `gap_ns` or more ends a motion

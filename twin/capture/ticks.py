@@ -7,7 +7,7 @@
 
 A drive that is asked for more than its data sheet promises may miss a pulse or take it the other way; the twin does
 neither, so what is too short is counted and told. A change of direction at the very time of an edge counts as before
-it.
+it (capture/2).
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@
                                              who cannot follow raises ValueError with one line, and nothing happens
 
 Causes are told before their effects. `sent` and `operated` are the causes: repeated at the same instants with a twin of
-the same `TwinSpec` they give the same bits.
+the same `TwinSpec` they give the same bits (recordings/2).
 """
 
 from __future__ import annotations

@@ -6,7 +6,8 @@ Each axis has three numbers, in steps of the controller:
     command     sum of the ticks given to the drive since power-on, in the sense of the motor
     rotor       position of the motor, in the sense of the motor
 
-A motor loses whole slips, each one period of its torque. Slips before a counter was set do not count as lost any more:
+A motor loses whole slips, each one period of its torque (core/1). Slips before a counter was set do not count as lost
+any more (core/2):
 
     lost  = direction (command - rotor - slip)             slip: whole periods at the last setting of the counter
     zero  = where the carriage is when the counter is 0 and nothing is lost

@@ -128,7 +128,7 @@ def parse_job(text: str, language: Language | None, controller: str) -> list[Lin
 
 
 def check_controller(text: str, language: Language | None, controller: str) -> None:
-    """Raise JobError for a text that can only be a program of another controller than the one that is named."""
+    """Raise JobError for a text that can only be a program of another controller than the one named (jobs/6)."""
     if not offers(language, RunsPrograms) and (others := programs_for(text)):
         raise JobError(
             f"is a program for {' or '.join(others)}, which {controller} cannot run; name the controller, {others[0]}, "

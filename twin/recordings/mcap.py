@@ -182,7 +182,7 @@ class RecordingWriter:
 
 
 class _File:
-    """The file of a recording: its head under a temporary name, the rest in its place.
+    """The file of a recording: its head under a temporary name, the rest in its place (recordings/1).
 
     Closed in between: Windows renames no open file. What is no regular file (/dev/stdout) is written to as it stands.
     """

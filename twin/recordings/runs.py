@@ -7,7 +7,7 @@ and pieces, and of a motion that continues another only what comes from the phas
 
     {"joined": {"first": 17, "ticks": 550, "phases": "<base64>", ...}, "later": true, "period_ns": 4000000, ...}
 
-A motion of a controller from outside, with a path, law or plan of its own, is written down tick by tick:
+A motion of a controller from outside, with a path, law or plan of its own, is written down tick by tick (recordings/3):
 
     {"ticks": {"t_ns": "<base64>", "delta": "<base64>", "dtype": "int32"}, "axes": 6, "lead_ns": 1000000, ...}
 

@@ -2,10 +2,10 @@
 
     verdict and limits | findings with pictures | path | time plots | what differs from the golden run | commands
 
-The page is plain HTML with inline SVG, and a little script of its own for the zoom: without it, in print and for a
-screen reader everything is there too. A Content-Security-Policy forbids it to load anything. All text that comes from
-outside (names, commands, replies) is escaped. Its size does not grow with the length of the job: what a screen cannot
-show is left out (columns.py), and of commands beyond ROWS only those with a finding are listed.
+The page is plain HTML with inline SVG (report/1), and a little script of its own for the zoom: without it, in print and
+for a screen reader everything is there too. A Content-Security-Policy forbids it to load anything. All text that comes
+from outside (names, commands, replies) is escaped. Its size does not grow with the length of the job: what a screen
+cannot show is left out (columns.py), and of commands beyond ROWS only those with a finding are listed.
 
 `isel_twin.core.position` defines the position error. Curves are of the carriages, counters of all axes that the
 controller has. A name that ends in .png makes a picture instead (picture.py, with matplotlib, the extra `report`).

@@ -94,7 +94,7 @@ class Wiring:
         self.settable = settable(machine)
         """Everything `operate` takes, and the states of each."""
         self._schedule = Schedule() if schedule is None else schedule
-        self.events_without_effect = 0  # because the plant has no physics
+        self.events_without_effect = 0  # because the plant has no physics (core/9)
         self._faults: dict[str, str | float] = {}  # of acts, by key or `key.member`; contacts keep their own
         self.changes = 0  # goes up whenever an input may have changed
         self.restarts = 0  # how often the controller had to start anew or lost its supply
