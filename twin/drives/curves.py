@@ -5,9 +5,9 @@ The goal of this code is to measure on a virtual bench, with the sub-step that m
     pull-out torque   the largest load at which a motor that runs already stays in step
     pull-in rate      the highest step rate at which it starts from rest in step
 
-The bench is the motor, an inertia on its shaft and a generator as brake, whose torque is proportional to speed. The
-motor accelerates against it to the speed in question and must hold it. It is out of step once it lags by four full
-steps, one turn of the electrical angle.
+The bench is the motor, an inertia on its shaft and a generator as brake, whose torque is proportional to speed
+(drives/4). The motor accelerates against it to the speed in question and must hold it. It is out of step once it lags
+by four full steps, one turn of the electrical angle.
 
 Two closed forms stand beside it; neither knows of motion, and so of instability. The first is an upper bound
 (P. Acarnley, Stepping Motors: phasor diagram), with one limit at a time:

@@ -89,8 +89,8 @@ def axis_parameters(motor: Motor, stage: Stage, screw: Screw, dt_s: float) -> ND
 def _corner(angle_rad):
     """The switched counterpart of the cosine: 1 up to pi/4, 0 at pi/2, -1 from 3 pi/4; linear between.
 
-    The counter stands on multiples of pi/4 (half step), or odd ones (full step); between them is the time mean of the
-    wanted current in a sub-step with a pulse in it."""
+    The counter stands on multiples of pi/4 (half step), or odd ones (full step, drives/6); between them is the time
+    mean of the wanted current in a sub-step with a pulse in it."""
     wrapped = angle_rad - 2.0 * math.pi * math.floor(angle_rad / (2.0 * math.pi) + 0.5)
     return min(1.0, max(-1.0, 2.0 - abs(wrapped) * (4.0 / math.pi)))
 

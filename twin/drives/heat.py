@@ -1,4 +1,4 @@
-"""Heat of power stages: one thermal mass each, warmed by its losses, cooled through its heat sink.
+"""Heat of power stages: one thermal mass each (drives/8), warmed by its losses, cooled through its heat sink.
 
     tau dT/dt = T_ambient + R_th P - T          P = P_idle + R I^2 f^2,  f: phase current over nominal
 

@@ -6,7 +6,8 @@ follows from the holding torque, which is measured with both phases at rated cur
     Km = T_hold / (sqrt(2) I)
 
 Sheets do not say whether that current is the peak of the microstep wave or its RMS value. Km is the same; the drive may
-be set to I, or to sqrt(2) I, and the torque in microstep differs by as much. It is taken for the peak unless named RMS.
+be set to I, or to sqrt(2) I, and the torque in microstep differs by as much. It is taken for the peak unless named RMS
+(drives/10).
 
 The magnets of a turning rotor drive eddy currents through the iron of the teeth, with phases open or on. Their path has
 a resistance and an inductance, like a short-circuited winding, so the drag has a knee:

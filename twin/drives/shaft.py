@@ -57,7 +57,7 @@ AXIS_PARAMETERS = np.dtype(
         ("damping_share", "f8"),  # the same of the low pass of the load angle
         ("coulomb_nm", "f8"),  # friction torque in motion
         ("stribeck_nm", "f8"),  # surplus of the friction torque at rest
-        ("stribeck_rad_s", "f8"),  # shaft speed at which half of the surplus is gone
+        ("stribeck_rad_s", "f8"),  # shaft speed at which half of the surplus is gone (drives/7)
         ("travel_m_per_rad", "f8"),  # r, lead error included
         ("half_backlash_m", "f8"),
         ("stiffness_n_per_m", "f8"),  # k, 0: no nut

@@ -9,7 +9,7 @@ so the torque at standstill is Km I in microstep, alternately Km I and sqrt(2) K
 full step. The supply limits it: supply_factor * supply_v can drive a current, and one that is to fall flows back
 against supply_v.
 
-Two errors that repeat every electrical period, four full steps, and do not add up (a full step is pi/2 electrical):
+Two errors that repeat every electrical period, four full steps, and do not add up (drives/11; a full step is pi/2):
 
     step accuracy e     the vector is turned by  e pi/2 sin(phi - phi_0)        phi_0: phi at counter 0
     offset o            I o more in phase B: the vector is turned by  o cos(phi)  to first order

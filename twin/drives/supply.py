@@ -1,4 +1,4 @@
-"""One supply for all stages: its capacitor, what moves take from it, and what stops give back.
+"""One supply for all stages (drives/12): its capacitor, what moves take from it, and what stops give back.
 
     mains --|>|--[R_s]--+----------+-------------+
        U0               |          |             |          C dU/dt = max(0, (U0 - U) / R_s) - P / U - chopper

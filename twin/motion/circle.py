@@ -62,8 +62,8 @@ def circle(
     `third_steps` (signed) are spread evenly over the ticks.
 
     d: start value of the difference register. xs, ys: start point in steps from the centre. rx, ry: sense of each axis
-    at the start; only the signs count, and only to understand d, as position and direction say the same. axes: first
-    and second axis of the plane (0 X, 1 Y ...) out of axis_count.
+    at the start; only the signs count, and only to understand d (motion/4). axes: first and
+    second axis of the plane (0 X, 1 Y ...) out of axis_count.
 
     Raises ValueError for a negative or too large tick number, too large coordinates, axes that are not different, or a
     third axis with more steps than there are ticks.

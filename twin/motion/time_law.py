@@ -1,4 +1,4 @@
-"""When the ticks of a motion fall: the trapezoidal time law, exact to the nanosecond.
+"""When the ticks of a motion fall: the trapezoidal time law, exact to the nanosecond (motion/7).
 
 The phase s(t) of a motion counts its ticks as a real number; tick k falls where s(t) = k. With the start-stop frequency
 f0, the acceleration a and the speed V
@@ -12,7 +12,7 @@ and V <= f0 has no ramps: s = V t. Solved for the time, with x(d) = (sqrt(f0^2 +
     rise  t_k = x(k)        cruise  t_k = t_r + (k - s_r) / V        fall  t_k = T - x(S - k),  S = n
 
 A stop at time t_q keeps the ticks up to t_q and falls from the momentary phase s_q and frequency f_q: the same `fall`
-with S = s_q + (f_q^2 - f0^2) / (2 a) and T = t_q + (f_q - f0) / a; the last tick is floor(S).
+with S = s_q + (f_q^2 - f0^2) / (2 a) and T = t_q + (f_q - f0) / a; the last tick is floor(S) (motion/2).
 
 Every t_k is rounded to the nearest nanosecond, ties to even. Cruise times are rational: an integer accumulator gives
 them without a division per tick. Ramp times are computed in double precision as x(d) = 2 d / (sqrt(f0^2 + 2 a d) + f0),
