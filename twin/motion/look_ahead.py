@@ -18,7 +18,7 @@ from isel_twin.base.compiling import njit
 
 LENGTH, SPEED, LIMIT, ACCELERATION, ENTRY = range(5)  # columns of a table of pieces
 T, DT, S0, S1, V0, V1 = range(6)  # columns of phases
-FRACTIONS = 65536.0  # displacements are whole multiples of an increment over this, so sums of them are exact (motion/16)
+FRACTIONS = 65536.0  # displacements are whole multiples of an increment over this: sums of them are exact (motion/16)
 LARGEST = 2.0**31
 
 FAULTS = (
