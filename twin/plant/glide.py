@@ -11,7 +11,7 @@ equations that MuJoCo solves in each step (its chapter "Computation") are linear
 
 which is exact as long as no two joints with friction are coupled by their masses (A_ij = 0), and so needs no solver.
 All constants are MuJoCo's own, and steps of MuJoCo's at a few states, asked when the plant is built, say whether it is
-so: if not, or if something could meet within the bounds of the joints, every step is MuJoCo's.
+so (plant/4): if not, or if something could meet within the bounds of the joints, every step is MuJoCo's.
 
     stop |<---------------- bounds ---------------->| stop             outside: mj_step, with stops and collisions
 """

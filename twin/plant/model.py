@@ -3,13 +3,13 @@
 Goal: an override changes the physics and not the file. The MJCF brings the tree of bodies; masses, travel, guide
 friction, payload, fixture and structural modes are set when the model is loaded. What the MJCF has for use in MuJoCo
 alone is left out, as drives are simulated beside the model: armature, friction and damping of rotor and screw,
-actuators, sensors, keyframes.
+actuators, sensors, keyframes (plant/18).
 
     structure   k as stated,  c = 2 zeta sqrt(k m),  f = sqrt(k / m) / 2 pi       m: what the mode's joint carries
 
-so that a static push deflects as the springs between there and the ground say, and ringing follows (the damper is that
-of the machine without payload). A force F at a place, tool or table, loads the joints by tau = J^T F, J: motion of that
-place by the joints.
+so that a static push deflects as the springs between there and the ground say, and ringing follows (plant/2; the damper
+is that of the machine without payload). A force F at a place, tool or table, loads the joints by tau = J^T F, J: motion
+of that place by the joints.
 
 Positions are what a gauge between tool and table would show: axis joint plus structural joint, plus the errors of
 squareness (decision plant/7).

@@ -45,7 +45,8 @@ class Contacts:
         signals: Sequence[str],
         random: np.random.Generator,
     ) -> None:
-        """Wire `contacts` in series to the `terminals` of a controller, without those that the machine lacks.
+        """Wire `contacts` in series to the `terminals` of a controller, without those that the machine lacks
+        (wiring/8).
         `signals` of the cabinet that the machine file does not list lead to no terminal."""
         self._contacts = {contact.name: contact for contact in contacts}
         wired = {terminal: tuple(n for n in names if n in self._contacts) for terminal, names in terminals.items()}

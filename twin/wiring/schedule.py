@@ -11,9 +11,9 @@ told here as they happen; nothing is looked for on a grid.
                  so   ___|~~~~~~~~~~|____|~~|_|~~~~~~~~~~
            happens       ^ (delay)        ^    too soon                  REARM_NS after the last time, counted from here
 
-An event with a condition happens once, `times` times, or `always`, on rising edges. A condition met again within
-REARM_NS does not count, so that a bouncing switch is one event and two events that trigger each other are no endless
-loop.
+An event with a condition happens once, `times` times, or `always`, on rising edges (wiring/10). A condition met again
+within REARM_NS does not count, so that a bouncing switch is one event and two events that trigger each other are no
+endless loop.
 
 At one instant events happen in the order of the file, ends of what lasted (`for`) before them.
 """

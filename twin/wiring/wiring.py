@@ -54,7 +54,8 @@ def outputs(machine: Machine) -> tuple[str, ...]:
 def thresholds(
     machine: Machine, drive_inputs: Sequence[DriveInput], schedule: Schedule | None = None
 ) -> list[Threshold]:
-    """What the plant has to watch: position switches, quantities of `drive_inputs`, positions that events wait for."""
+    """What the plant has to watch: position switches, quantities of `drive_inputs`, positions that events wait for
+    (wiring/11)."""
     switches = [
         Threshold(CARRIAGES.index(s.axis), "position", s.position_mm, -1 if s.end == "motor" else 1, s.hysteresis_mm)
         for s in machine.switches
@@ -176,6 +177,7 @@ class Wiring:
         self._pressed.extend(keys.items())
 
     def restart(self) -> None:
+        """The owner of the clock builds the controller anew (wiring/14)."""
         self.restarts += 1
 
     def set_mains(self, on: bool) -> None:
@@ -217,7 +219,7 @@ class Wiring:
         self._look()
 
     def outputs_lost(self) -> None:
-        """The controller starts anew or has no supply: outputs return to their state at power-on."""
+        """The controller starts anew or has no supply: outputs return to their state at power-on (wiring/9)."""
         for name in self._outputs:
             self.output(name, OUTPUTS.get(name, 0))
         self._settle_cabinet()
@@ -310,7 +312,7 @@ class Wiring:
 
     def _draw_trip_point(self, number: int) -> None:
         """Draw where a switch that has just been released trips next: not where the carriage stands, or it is
-        struck."""
+        struck (wiring/16)."""
         switch = self._switches[number]
         inwards = 1.0 if switch.end == "motor" else -1.0
         nearest_mm = self._trip_mm[number] + inwards * KEPT * switch.hysteresis_mm
