@@ -1,4 +1,5 @@
-"""Who may operate a machine: whoever reaches a port of the loopback interface; beyond it, whoever knows a token."""
+"""Who may operate a machine: whoever reaches a port of the loopback interface; beyond it, whoever knows a token
+(bridge/13)."""
 
 from __future__ import annotations
 

@@ -104,7 +104,7 @@ class Pacer:
 
     @property
     def paused(self) -> bool:
-        """Virtual time stands still, but for steps."""
+        """Virtual time stands still, but for steps; the server does not (bridge/12)."""
         return self.hold_ns is not None
 
     def pause(self, virtual_ns: int) -> None:
@@ -156,7 +156,8 @@ class Pacer:
     def catch_up(self, twin: Clocked, replies: Callable[[], None]) -> None:
         """Bring the twin to the present because a host has spoken; `replies` is called whenever some may have arrived.
 
-        A twin that does not get there soon, or is known not to, slips: what the host has sent must not wait for it.
+        A twin that does not get there soon, or is known not to, slips: what the host has sent must not wait for it
+        (bridge/10).
         """
         present = self.present_ns()
         if present is None or self.paused:

@@ -1,8 +1,8 @@
 """One twin behind any number of endpoints: the loop of `isel-twin serve`.
 
 The goal is a serial port that behaves like the controller's own, whatever it is reached by. The controller has one
-line; so a reply goes to the endpoint that spoke last, and one network client at a time holds the line. A host that goes
-away never stops the machine.
+line; so a reply goes to the endpoint that spoke last (bridge/1), and one network client at a time holds the line. A
+host that goes away never stops the machine.
 
     while not stopped:
         let virtual time catch up, about 5 ms of computing at most      (pacing.py)
@@ -61,7 +61,7 @@ class Guest(Protocol):
 
 
 class _Piece:
-    """Replies of a paced line, gathered until it falls silent."""
+    """Replies of a paced line, gathered until it falls silent (bridge/9)."""
 
     def __init__(self) -> None:
         self._data = bytearray()
@@ -101,7 +101,8 @@ class Server:
         """wire: follows the traffic in both directions, in virtual time.
 
         strict_baud: a host whose port is set otherwise than the controller's line hears and is heard as over a real
-        one (uart.py). What it sends at once goes without a pause; what it hears is handed on once the line is silent.
+        one (uart.py). What it sends at once goes without a pause; what it hears is handed on once the line is silent
+        (bridge/18).
         """
         self.twin, self.pacer, self.endpoints = twin, pacer, tuple(endpoints)
         self._wire = wire

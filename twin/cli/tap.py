@@ -95,7 +95,7 @@ def _format(baud: int, frame: str) -> SerialFormat:
 
 
 def _check(record: Path | None, replace: bool) -> None:
-    """What a real machine has done cannot be recorded again, so no recording is replaced by mistake."""
+    """What a real machine has done cannot be recorded again, so no recording is replaced by mistake (bridge/16)."""
     if record is None:
         return
     if record.suffix.lower() != ".mcap":

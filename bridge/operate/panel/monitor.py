@@ -2,8 +2,8 @@
 
     bytes as they go by --- kept, the last PIECES ---> lines() --- the controller's language ---> messages
 
-Explaining takes far longer than carrying, so bytes are explained when somebody looks; until then the last ones are
-kept, and the number of lost ones is told.
+Explaining takes far longer than carrying, so bytes are explained when somebody looks (bridge/23); until then the last
+ones are kept, and the number of lost ones is told.
 """
 
 from __future__ import annotations
