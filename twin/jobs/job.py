@@ -344,5 +344,5 @@ def _over(twin: Twin) -> bool:
 
 
 def _stands(twin: Twin) -> bool:
-    """Whether it should, and there is nobody who could see to it: a scenario that presses Start, later on."""
+    """Whether it should, and there is nobody who could see to it: a scenario that presses Start later (bwo900/82)."""
     return not _over(twin) and not twin.events_left

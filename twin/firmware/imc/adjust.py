@@ -44,7 +44,7 @@ def admit_initialisation(device: Device, mask: int) -> tuple[int]:
 
 
 def initialise(device: Device, mask: int) -> Activity:
-    """`@0<axes>`: close the safety relay if need be (else 9), switch the stages on, set the axes (2.2.1)."""
+    """`@0<axes>`: close the safety relay if need be (else 9), switch the stages on, set the axes (2.2.1, imc/2)."""
     if not powered(device.inputs):
         device.outputs["power_request"] = 1
         try:
@@ -154,7 +154,7 @@ def check_port_value(device: Device, port: int, value: int) -> None:
 
 
 def admit_port(device: Device, port: int, value: int) -> tuple[Mapping[str, int]]:
-    """`@0B`: the outputs and their new levels, unless the spindle or the stages may not be switched on (9, H)."""
+    """`@0B`: the outputs and their new levels, unless spindle or stages may not be switched on (9, H; imc/39)."""
     levels = device.outputs.levels_for(_aliased(device, port), value)
     rising = {name for name, level in levels.items() if level and not device.outputs[name]}
     if rising & {"spindle", "stages"}:
@@ -249,7 +249,7 @@ def set_user_info(device: Device, text: str) -> None:
 
 
 def load_settings(device: Device) -> None:
-    """`@0IL`: load the values from flash; those set by `@0d`, `@0j` and `@0J` are dropped."""
+    """`@0IL`: load the values from flash; those set by `@0d`, `@0j` and `@0J` are dropped (imc/45)."""
     _put_in_force(device, device.flash.settings)
 
 

@@ -273,7 +273,7 @@ class Imc:
         return OK
 
     def _admit_stored(self, line: bytes, recorder: Recorder) -> Effect:
-        """A line of the data field. One that is refused ends the field and spoils it (3.1)."""
+        """A line of the data field. One that is refused ends the field and spoils it (3.1, imc/42)."""
         self._recorder = None
         try:
             code, text = grammar.split_cnc(line, commands.CNC_ALIASES)

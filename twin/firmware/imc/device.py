@@ -134,7 +134,8 @@ class Device:
         return bool(self.axes >> axis & 1) and not self.settings.rotary >> axis & 1 and not self.test_mode
 
     def require_room(self, *legs: Displacement, unreferenced: bool = False) -> None:
-        """Raise Refusal unless these legs may follow each other: 24 bits (1), reference (R) unless `unreferenced`."""
+        """Raise Refusal unless these legs may follow each other: 24 bits (1, imc/16), reference unless
+        `unreferenced` (R, imc/3)."""
         counts = self.counts
         for leg in legs:
             counts = added(counts, leg)

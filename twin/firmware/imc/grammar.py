@@ -3,8 +3,8 @@
     bytes  ->  LineAssembler  ->  lines  ->  split_dnc / split_cnc  ->  code, parameter text  ->  read_numbers
 
 A line is everything up to CR. LF counts for nothing, wherever it stands, and an empty line is no command (imc/6). The
-control bytes 253, 254 and 255 never come here. Nothing that comes from the line is ever evaluated: a number is matched
-by a pattern and converted.
+control bytes 253, 254 and 255 never come here (imc/14). Nothing that comes from the line is ever evaluated: a number is
+matched by a pattern and converted.
 """
 
 from __future__ import annotations

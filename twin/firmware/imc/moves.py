@@ -171,7 +171,7 @@ def until_port_parameters(device: Device) -> tuple[Number, ...]:
 def plan_until_port(
     device: Device, port: int, mask: int, value: int, speed_hz: int, *steps: int
 ) -> tuple[Sequence[Leg], Until]:
-    """`@0Z`: straight on until the masked bits of an input port have the given value (2.2.30)."""
+    """`@0Z`: straight on until the masked bits of an input port have the given value (2.2.30, imc/41)."""
     device.require_move()
     way = as_steps(dict(zip(device.axis_list, steps, strict=True)))
     device.require_room(way)

@@ -111,7 +111,7 @@ def send_sync(device: Device, char: int) -> None:
 
 
 def wait_for_sync(device: Device, char: int, offset: int) -> Activity:
-    """`2`: wait for a byte; branch if it is the one (3.2.4)."""
+    """`2`: wait for a byte; branch if it is the one (3.2.4, imc/43)."""
     heard = None
     while heard is None:
         heard = yield Listen()

@@ -15,7 +15,7 @@ END = "\r\n"
 
 
 def position(device: Device) -> str:
-    """`@0P`: 24 bits an axis, two's complement, hexadecimal; three axes, or four if A is set (2.2.21)."""
+    """`@0P`: 24 bits an axis, two's complement, hexadecimal; three axes, or four if A is set (2.2.21, imc/4)."""
     axes = 4 if device.axes & 8 else 3
     return OK + "".join(f"{count & 0xFFFFFF:06X}" for count in device.counts[:axes])
 
@@ -72,7 +72,7 @@ STATUS_LINES: tuple[tuple[tuple[str, tuple[str, ...]], ...], ...] = (
 
 
 def status_text(device: Device) -> str:
-    """`@0H`: operator's elements and safety inputs, then the handshake (2.2.12). Sent within 50 ms at 19200 baud."""
+    """`@0H`: operator's elements and safety inputs, then the handshake (2.2.12). Sent within 50 ms (imc/10)."""
     lines = [
         " ".join(f"{word} {''.join(str(int(device.inputs[name])) for name in names)}" for word, names in line)
         for line in STATUS_LINES

@@ -170,7 +170,7 @@ def _possible(flash: Flash) -> bool:
 
 
 def is_user_info(text: Any) -> bool:
-    """At most 32 printable characters (4.2.16)."""
+    """At most 32 printable characters (4.2.16, imc/44)."""
     return isinstance(text, str) and len(text) <= USER_INFO_LENGTH and text.isascii() and text.isprintable()
 
 

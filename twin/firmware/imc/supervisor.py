@@ -3,8 +3,8 @@
 One task at a time:
 
     its activity ends            `0`, or the code of its Refusal
-    stop (253, stop key)         stop ramp, `F`, parked; a start resumes it. A reference run is broken off
-    break (255, port abort)      stop ramp, its code, gone
+    stop (253, stop key)         stop ramp, `F`, parked; a start resumes it. A reference run is broken off (imc/11)
+    break (255, port abort)      stop ramp, its code, gone (imc/13)
     condition come true          stop ramp, goes on
     reference switch             ends the search at once, goes on
     limit switch                 ends at once, `2`

@@ -2,8 +2,8 @@
 
     P30:(P20+35)*3        P500:P500 or $100;        P1:sinP2        X:_wegx[1]
 
-Precedence, lowest first: or | and | + - | * / % mod | not, sign, functions. Angles are in degrees. Functions need no
-brackets in the standard syntax. An expression is parsed once and evaluated whenever its block is executed.
+Precedence, lowest first: or | and | + - | * / % mod | not, sign, functions (bwo900/2). Angles are in degrees. Functions
+need no brackets in the standard syntax. An expression is parsed once and evaluated whenever its block is executed.
 """
 
 from __future__ import annotations
