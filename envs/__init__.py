@@ -26,7 +26,7 @@ from isel_twin.envs.sweep import Fastest, Row, fastest, grid, run_job, sweep
 
 __all__ = ["JOB", "Fastest", "Row", "Settings", "Setup", "fastest", "grid", "run_job", "sweep"]
 
-# Gymnasium finds them by the module in front of the id (envs/15).
+# Gymnasium finds them by the module in front of the id (envs/10).
 gymnasium.register(
     id="isel_twin/JobTuning-v0",
     entry_point="isel_twin.envs.tuning:JobTuning",

@@ -3,7 +3,7 @@
 reset   the machine stands at the start of the path, stages on, with the payload, friction, ... of this episode
 step    action -> pulses -> drives and machine -> where the tool is -> observation, reward        (tracking.py)
 
-The agent is the controller (envs/9). `reset` builds nothing anew unless the machine changes, and then not its model
+The agent is the controller (envs/7). `reset` builds nothing anew unless the machine changes, and then not its model
 (`isel_twin.plant.model.dressed`).
 """
 
@@ -98,7 +98,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
     as after a reference run. The seed decides that, and the path if it is a random one; everything else is the same
     in every episode. Same seed, same options and same actions: same bits, whatever came before.
 
-    Options of `reset` hold for one episode (envs/12); a wrong one is refused with one line:
+    Options of `reset` hold for one episode (envs/9); a wrong one is refused with one line:
 
     | Option       | Allowed       | Unit | Description                                                      |
     |--------------|---------------|------|------------------------------------------------------------------|

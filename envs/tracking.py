@@ -10,7 +10,7 @@ One call a step, so that an environment costs little more than its physics. A st
 u_i is the phase of an axis in steps, its counter the whole number nearest to it: so pulses are evenly spaced within a
 step and from one to the next, however the frequency changes, and the counter is never off by more than half a step.
 
-The nearest point is looked for near the last one only: a path may cross itself (envs/10).
+The nearest point is looked for near the last one only: a path may cross itself (envs/8).
 """
 
 from __future__ import annotations

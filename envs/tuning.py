@@ -206,7 +206,7 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         self.setup = Setup(
             job, machine, controller, plant, 0, changes, scenario, load_nm, tolerance_mm, settle_s, time_limit_s
         )
-        self.ranges: Ranges = moves.spoken(self.setup).ranges  # what the action space spans (envs/7)
+        self.ranges: Ranges = moves.spoken(self.setup).ranges  # what the action space spans (envs/6)
         self._penalties = lost_steps_penalty, tolerance_penalty, abort_penalty
         self._made, self._time_s, self._over = 0, 0.0, True
         self._picture: Picture | None = None

@@ -10,7 +10,7 @@ meanwhile. A client that does not read its answers is not listened to. None can 
 the requests done in one round of its loop are bounded.
 
 Beyond the loopback interface a token is needed, as the first request: {"token": "..."}. A connection that begins with
-anything but a JSON object, as a browser's would, is closed (bridge/13).
+anything but a JSON object, as a browser's would, is closed (bridge/8).
 """
 
 from __future__ import annotations

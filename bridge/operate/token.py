@@ -1,5 +1,5 @@
 """Who may operate a machine: whoever reaches a port of the loopback interface; beyond it, whoever knows a token
-(bridge/13)."""
+(bridge/8)."""
 
 from __future__ import annotations
 

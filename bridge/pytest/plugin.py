@@ -6,7 +6,7 @@
                       ---> recording, picture and how to repeat it, in the report of the test
 
 pytest imports this at every start, in any project: so it imports nothing but pytest, and the rest where it is needed.
-A wrong key or value is a line: of the marker in each test that has it, of an ini key before any test (bridge/32).
+A wrong key or value is a line: of the marker in each test that has it, of an ini key before any test (bridge/21).
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ log = logging.getLogger("isel_twin")
 
 
 def host_format(endpoint: Endpoint, line: SerialFormat) -> SerialFormat:
-    """How a host has set its port; what cannot be seen is taken to be as on the line (bridge/17)."""
+    """How a host has set its port; what cannot be seen is taken to be as on the line (bridge/11)."""
     settings = endpoint.settings
     return SerialFormat(
         settings.get("baudrate", line.baud),

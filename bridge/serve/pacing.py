@@ -104,7 +104,7 @@ class Pacer:
 
     @property
     def paused(self) -> bool:
-        """Virtual time stands still, but for steps; the server does not (bridge/12)."""
+        """Virtual time stands still, but for steps; the server does not (bridge/7)."""
         return self.hold_ns is not None
 
     def pause(self, virtual_ns: int) -> None:
@@ -157,7 +157,7 @@ class Pacer:
         """Bring the twin to the present because a host has spoken; `replies` is called whenever some may have arrived.
 
         A twin that does not get there soon, or is known not to, slips: what the host has sent must not wait for it
-        (bridge/10).
+        (bridge/6).
         """
         present = self.present_ns()
         if present is None or self.paused:

@@ -61,7 +61,7 @@ class Guest(Protocol):
 
 
 class _Piece:
-    """Replies of a paced line, gathered until it falls silent (bridge/9)."""
+    """Replies of a paced line, gathered until it falls silent (bridge/5)."""
 
     def __init__(self) -> None:
         self._data = bytearray()
@@ -102,7 +102,7 @@ class Server:
 
         strict_baud: a host whose port is set otherwise than the controller's line hears and is heard as over a real
         one (uart.py). What it sends at once goes without a pause; what it hears is handed on once the line is silent
-        (bridge/18).
+        (bridge/12).
         """
         self.twin, self.pacer, self.endpoints = twin, pacer, tuple(endpoints)
         self._wire = wire

@@ -9,7 +9,7 @@
 
 A byte is stamped when the reader thread has it; a busy loop, or a host that does not read, changes no time. Settings
 take their place among the bytes: what was put before them has left the computer when they change. A port that vanishes
-(an unplugged adapter) is tried again every RETRY_S, with the settings it had (bridge/15); what is put meanwhile is
+(an unplugged adapter) is tried again every RETRY_S, with the settings it had (bridge/9); what is put meanwhile is
 lost, counted.
 """
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 class HostEnded(SystemExit):
     """Raised in all threads of a host that cannot go on. As a SystemExit, so that nothing is printed for it
-    (bridge/28)."""
+    (bridge/19)."""
 
 
 @dataclass(frozen=True)

@@ -147,7 +147,7 @@ class Serial(NoModemLines):
 
     @contextmanager
     def _alone(self) -> Iterator[None]:
-        """While a call is inside the twin, calls of other threads raise SerialException (bridge/6)."""
+        """While a call is inside the twin, calls of other threads raise SerialException (bridge/3)."""
         if not self._inside.acquire(blocking=False):
             raise SerialException(
                 "another thread is in a call of this twin:// port; use one thread, or connect to `isel-twin serve`"

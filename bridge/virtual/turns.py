@@ -5,12 +5,12 @@
     is another thread able to go on?   yes: it is its turn     no: the twin runs on to the earliest deadline of
                                                                    any thread, or to the byte that one waits for
 
-One thread of the host runs at a time (bridge/25). It hands over where it blocks or looks, nowhere else; whose turn it
+One thread of the host runs at a time (bridge/16). It hands over where it blocks or looks, nowhere else; whose turn it
 is then is decided by deadlines and by the order of waiting. So the same program makes the same calls at the same
 virtual times.
 
 What costs time: waiting does, computing does not. A look (at a clock, at the port, at something that another thread
-may change) that does not wait costs (bridge/26)
+may change) that does not wait costs (bridge/17)
 
     min(max(LOOK_NS, spun / SPIN), LONGEST_LOOK_NS)
 
@@ -50,7 +50,7 @@ LONGEST_LOOK_NS = 10 * MILLISECOND_NS  # and of one in a long row of them: 10 ms
 # and threads that cost nothing.
 SPIN = 10_000
 
-EPOCH_NS = 1_767_225_600 * SECOND_NS  # `time.time_ns()` at power-on: 2026-01-01 00:00 UTC (bridge/29)
+EPOCH_NS = 1_767_225_600 * SECOND_NS  # `time.time_ns()` at power-on: 2026-01-01 00:00 UTC (bridge/20)
 UPTIME_NS = 1000 * SECOND_NS  # `time.monotonic_ns()` then: hosts may take 0 for "never"
 STRIKES = 3  # times a thread may go on after it was told that the host has ended
 GRACE_S = 2.0  # real time for a thread to come to its end

@@ -107,7 +107,7 @@ class VirtualSerial(NoModemLines):
     # opening
 
     def open(self) -> None:
-        """Open the port. Raises SerialException if it has another name, or is open already (bridge/27)."""
+        """Open the port. Raises SerialException if it has another name, or is open already (bridge/18)."""
         if self.is_open:
             raise SerialException("Port is already open.")
         if self._port is None:

@@ -367,7 +367,7 @@ def test_positions_on_display_are_kept_with_p8855() -> None:
     ],
 )
 def test_the_probe_is_released_by_axis_and_sense(goal: str, logic: int, deletes: bool) -> None:
-    """P12045 of X: byte 1 in +, byte 2 in -; deleted (as delivered) both (bwo900/67)."""
+    """P12045 of X: byte 1 in +, byte 2 in -; deleted (as delivered) both (bwo900/62)."""
     desk = fresh(f"P1|N5 G0 X60 Y10|N10 G1 F1200 G91 {goal} M26|N20 M30", p12045=float(logic))
     start(desk)
     desk.run(2.5)
@@ -493,7 +493,7 @@ def test_numbers_that_no_parameter_holds(number: str) -> None:
     ids=["block", "program", "not taken", "end"],
 )
 def test_goals_that_there_are_not(plc: str, words: str, messages: list[int]) -> None:
-    """M1255, M1252 when the jump is taken; beside M30 the program ends (bwo900/66)."""
+    """M1255, M1252 when the jump is taken; beside M30 the program ends (bwo900/61)."""
     desk = with_plc(plc, f"P1|N10 G1 F1200 X5 {words}|N20 X9|N30 M30", p11060=M41_JUMPS)
     desk.set("key", "setup")
     start(desk)

@@ -28,7 +28,7 @@ POCKETS = {
     "G74": "P13:27 P14:33 P16:5,1 P17:5 P19:1",
     "G75": "P13:35 P14:28 P15:2 P16:4,1 P17:8 P19:1 P20:2",
 }
-"""Parameters of the printed examples, P14 of G73 deleted (bwo900/47)."""
+"""Parameters of the printed examples, P14 of G73 deleted (bwo900/44)."""
 HOLES = {
     "G81": "P32:800 P33:0 P34:32 P35:60",
     "G83": "P32:800 P33:0 P34:48 P35:60 P36:3",
@@ -132,7 +132,7 @@ def test_g71_step_by_step() -> None:
     expected: list[tuple[tuple[float, ...], float | None]] = [((55.5, 40.5, 2.0), RAPID), ((23.0, 23.0, 2.0), RAPID)]
     for floor in (-3.0, -5.0):
         if floor == -5.0:
-            expected.append(((23.0, 23.0, -1.0), RAPID))  # the safety distance above what is left (bwo900/42)
+            expected.append(((23.0, 23.0, -1.0), RAPID))  # the safety distance above what is left (bwo900/39)
         expected.append(((23.0, 23.0, floor), 100.0))
         rows = [23.0, 27.0, 31.0, 35.0, 39.0, 43.0, 47.0, 51.0, 55.0, 58.0]
         for before, y in zip([None, *rows], rows, strict=False):
@@ -203,7 +203,7 @@ def test_spirals_in_every_layer(block: str, centre: int, floors: list[int], radi
 
 @shows("bwo900-5.2-4")
 def test_g73_step_by_step() -> None:
-    """Contour in all layers, up, rows in all layers (bwo900/43), up, the last contour at half the feed, back."""
+    """Contour in all layers, up, rows in all layers (bwo900/40), up, the last contour at half the feed, back."""
     found = moves(done(f"{MILL}|N20 G73 X52,5 Y37,5 Z1 P14:-- {POCKETS['G73']}|N30 M30"))
 
     def around(left: float, low: float, right: float, high: float, z: float, feed: float) -> list[object]:
@@ -618,7 +618,7 @@ def test_a_ray_of_one_division_and_none_or_one_place() -> None:
 
 @shows("bwo900-5.4-16")
 def test_none_or_one_place_of_a_circle_is_reached_from_its_beginning() -> None:
-    """From A to B (bwo900/65); with G03 along the circle, with functions before the path at A."""
+    """From A to B (bwo900/60); with G03 along the circle, with functions before the path at A."""
     for count in (0, 1):
         words = f"P120:70 P121:20 P122:100 P123:0 P124:90 P126:{count}"
         program = pattern("G89 G81 M08", words)

@@ -76,7 +76,7 @@ def test_the_feed_of_the_point_of_contact(turn: str, centre: float) -> None:
     ],
 )
 def test_feed_dynamics_that_make_no_sense(values: dict[str, float]) -> None:
-    """It is off, or at the ends of -100 to 100 %, and the program comes to its end (bwo900/73)."""
+    """It is off, or at the ends of -100 to 100 %, and the program comes to its end (bwo900/67)."""
     text = "P1|N10 F6000 tr:2|N20 G41 G1 X10|N30 G3 X20 Y10 I10 J10|N35 G2 X30 Y20 I30 J10|N40 G1 X40|N50 M30"
     desk = fresh(text, **values)
     start(desk)
@@ -161,13 +161,13 @@ def test_the_table_as_delivered() -> None:
     ],
 )
 def test_limits_of_the_override(values: dict[str, float], percent: float) -> None:
-    """P11312, P11313; what makes no sense is 0, 120 %, or no table (bwo900/75)."""
+    """P11312, P11313; what makes no sense is 0, 120 %, or no table (bwo900/69)."""
     assert value(fresh(referenced=False, **values), 11310) == percent
 
 
 @shows("bwo900-8.6-8")
 def test_which_override_an_axis_follows() -> None:
-    """P12125 (bwo900/75): 7 is the fixed one of 50 %; the lowest of several axes counts; others are the first."""
+    """P12125 (bwo900/69): 7 is the fixed one of 50 %; the lowest of several axes counts; others are the first."""
     assert speed_of({"p12125": 7}) == pytest.approx(0.5, abs=0.03)
     assert speed_of({"p12125": 7, "p12325": 6, "p11310": 80}) == pytest.approx(0.1, abs=0.03)
     assert speed_of({"p12125": 9, "p11310": 80}) == pytest.approx(0.8, abs=0.03)
@@ -634,7 +634,7 @@ def test_what_the_channel_is_made_of() -> None:
 @shows("bwo900-8.5-70", "bwo900-8.5-71")
 @pytest.mark.parametrize(("stop", "free"), [({"p8702": 1}, {"p8702": 0}), ({"p8701": 0}, {"p8701": 1})])
 def test_safety_stop_and_release_of_the_channel(stop: dict[str, float], free: dict[str, float]) -> None:
-    """The axes brake along the path and go on by themselves; Start is no help; in HAND nothing begins (bwo900/77)."""
+    """The axes brake along the path and go on by themselves; Start is no help; in HAND nothing begins (bwo900/71)."""
     desk = fresh("P1|N10 G63 G1 F1200 X20|N20 Y20|N30 M30")
     start(desk)
     desk.run(0.5)
@@ -828,7 +828,7 @@ def test_parameters_without_sense_in_a_file_a_program_and_real_time(wrong: str) 
 
 
 def test_a_resolution_that_is_none() -> None:
-    """1e30 increments a mm, in the middle of a program and then in HAND: 1000 (bwo900/79)."""
+    """1e30 increments a mm, in the middle of a program and then in HAND: 1000 (bwo900/73)."""
     desk = fresh("P1|N10 G1 F1200 X5|N20 X8|N30 M30")
     start(desk)
     desk.run(0.2)
@@ -862,7 +862,7 @@ def test_lines_that_are_no_parameters(line: str, number: int) -> None:
     + [({"q152": q152}, "Y") for q152 in (-1, 0, 1e9, 0x030301, 0x050201)],
 )
 def test_descriptors_without_sense_are_those_of_a_new_control(values: dict[str, float], name: str) -> None:
-    """No letter, the same letter twice, a block of parameters that does not fit (bwo900/79)."""
+    """No letter, the same letter twice, a block of parameters that does not fit (bwo900/73)."""
     desk = fresh(f"P1|N10 G0 {name}5|N20 M30", **values)
     start(desk)
     desk.finish()
@@ -979,7 +979,7 @@ def test_what_the_plc_may_not_ask_for() -> None:
     ("exponent", "factor"), [("0", 0.5), ("--", 0.5), ("2", 0.25), ("-1", 1.0), ("-2", 0.5), ("0.5", 0.7071)]
 )
 def test_corner_dynamics(exponent: str, factor: float) -> None:
-    """At 120 degrees between the lines cos(60) = 0.5; -1 is off, other negative numbers are none (bwo900/79)."""
+    """At 120 degrees between the lines cos(60) = 0.5; -1 is off, other negative numbers are none (bwo900/73)."""
     desk = fresh("P1|N10 G1 F1200 X20|N20 X30 Y17.3205|N30 M30")
     desk.send(file("D", f"K1:P 8851: {exponent}"))
     places, speeds = feeds(desk)
@@ -990,7 +990,7 @@ def test_corner_dynamics(exponent: str, factor: float) -> None:
 @shows("bwo900-8.5-16")
 @pytest.mark.parametrize(("kind", "slowest"), [(0, 0), (1, 0), (2, 1200), (3, 0), (-1, 0)])
 def test_the_end_of_rapid(kind: float, slowest: float) -> None:
-    """P8858 = 2 does not stop; a number that is none means an exact stop (bwo900/79)."""
+    """P8858 = 2 does not stop; a number that is none means an exact stop (bwo900/73)."""
     places, speeds = feeds(fresh("P1|N10 G0 X20|N20 X40|N30 M30", p8858=kind, p8816=1200))
     passing = speeds[(places[:, 0] > 19.5) & (places[:, 0] < 20.5)]
     assert passing.min() == pytest.approx(slowest, abs=60.0)
@@ -1035,7 +1035,7 @@ def test_the_number_of_axes() -> None:
 
 @shows("bwo900-8.5-19")
 def test_messages_of_the_correction_are_not_suppressed() -> None:
-    """P8844 (bwo900/25): a circle smaller than the tool is a message all the same."""
+    """P8844 (bwo900/24): a circle smaller than the tool is a message all the same."""
     text = "P1|N10 G1 F600 tr:15 X5|N20 G41 X10|N30 X30|N40 G3 X40 Y10 R10|N50 G1 Y30|N60 M30"
     desk = fresh(text, p8844=3)
     start(desk)
@@ -1059,7 +1059,7 @@ def without_effect() -> dict[str, list[int]]:
 @shows("bwo900-8.6-11", "bwo900-8.7-24")
 @pytest.mark.parametrize("content", [1, 2, 257])
 def test_parameters_without_effect_have_none(content: int) -> None:
-    """All of the table at once: the same set points, messages and places as without them (bwo900/14, 18, 38, 80)."""
+    """All of the table at once: the same set points, messages and places as without them (bwo900/13, 18, 38, 80)."""
     text = (
         "P1|N10 G54 G0 X5 T2 M16|N20 G1 F1200 G41 Y5|N25 X12 Y9 M3 S500|N30 G3 X20 Y17 I12 J17|N40 G40 G1 X22|N50 M30"
     )

@@ -524,7 +524,7 @@ def test_output_ports(number: int, values: tuple[int, ...], output: str) -> None
     ],
 )
 def test_control_and_signal_bits(number: int, bit: int, output: str) -> None:
-    """Each bit alone switches its output on; without it the output is off. The brake needs holding stages (imc/24)."""
+    """Each bit alone switches its output on; without it the output is off. The brake needs holding stages (imc/23)."""
     desk = initialised()
     stages = 1 << 3 if output == "brake" else 0
     assert desk.query(f"@0B{number},{1 << bit | stages}") == "0"

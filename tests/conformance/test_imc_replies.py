@@ -94,7 +94,7 @@ def test_after_a_limit_switch_a_reference_run_at_once() -> None:
 
 @shows("imc-5-34")
 def test_no_reference_run_yet() -> None:
-    """The manual lists this under `2` and under `R`; hosts know it as `R` (imc/50)."""
+    """The manual lists this under `2` and under `R`; hosts know it as `R` (imc/47)."""
     desk = initialised(7)
     assert desk.query(OUT) == "R"
     assert desk.ticks == 0

@@ -279,7 +279,7 @@ def test_inverted_reference_directions(code: int) -> None:
 @shows("imc-4.2.10-1")
 @pytest.mark.parametrize("code", [0, 1, 2, 4, 8, 15])
 def test_rotary_axes_turn_past_their_switches(code: int) -> None:
-    """A rotary axis has no ends: its switch is for the reference run alone (decision imc/30)."""
+    """A rotary axis has no ends: its switch is for the reference run alone (decision imc/29)."""
     for axis in AXES:
         desk = set_up("@0IE65535", f"@0IT{code}", axes=XYZA)
         assert into_switch(desk, axis, 1) == ("0" if code >> axis & 1 else "2")

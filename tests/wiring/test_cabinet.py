@@ -148,7 +148,7 @@ def test_only_a_closed_hood_is_locked() -> None:
 
 
 def test_asking_for_the_spindle_with_the_hood_open_starts_nothing_and_cuts_nothing() -> None:
-    """The contactor does not close, so nothing runs that the open hood would endanger (wiring/4)."""
+    """The contactor does not close, so nothing runs that the open hood would endanger (wiring/3)."""
     box = cabinet(hood="open")
     box.output("spindle", 1)
     assert (box.spindle_runs, box.relay) == (False, True)

@@ -206,7 +206,7 @@ def test_levels_are_the_same_object_until_something_changes() -> None:
 
 
 def test_a_switch_changes_at_once_and_chatters_within_its_time() -> None:
-    """Up to three bounces of two edges each (wiring/5); over 40 strikes some of them."""
+    """Up to three bounces of two edges each (wiring/4); over 40 strikes some of them."""
     edges = []
     for seed in range(40):
         bench = Bench(overrides={"imperfections": "dynamic"}, seed=seed)
@@ -276,7 +276,7 @@ def draws(bench: Bench, number: int, count: int) -> list[float]:
 
 
 def test_the_next_trip_point_is_drawn_at_each_release() -> None:
-    """Normal around the nominal one with the standard deviation of the machine file, 0.01 mm (wiring/6)."""
+    """Normal around the nominal one with the standard deviation of the machine file, 0.01 mm (wiring/5)."""
     scattered = {"imperfections": "dynamic"}
     drawn = draws(Bench(overrides=scattered), X2, 400)
     assert np.mean(drawn) == pytest.approx(395.0, abs=4 * 0.01 / 20)

@@ -6,7 +6,7 @@ one; the folder is flushed too, so that a power cut leaves the old file or the n
     write .NAME.PID-NUMBER.tmp -> fsync -> rename to NAME -> fsync folder
 
 Whoever keeps a file up to date claims it: among the twins of this process, and, where the operating system has `flock`,
-among all processes. The lock is on .NAME.lock beside it (bridge/8) and ends with the process, however that ends; the
+among all processes. The lock is on .NAME.lock beside it (bridge/4) and ends with the process, however that ends; the
 empty file itself is left only by a process that was killed, and does no harm.
 """
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 CHUNK_BYTES = 1 << 16  # read at once, so that a file of any size takes the same memory
 MARKED_BYTES = 1 << 26  # largest file of marked lines: 64 MiB
-_FILE_NAME = re.compile(r".*/.*|[\w-][\w. -]*\.[A-Za-z]\w{0,7}", re.DOTALL)  # rather than a command (jobs/4)
+_FILE_NAME = re.compile(r".*/.*|[\w-][\w. -]*\.[A-Za-z]\w{0,7}", re.DOTALL)  # rather than a command (jobs/1)
 
 
 def decode(

@@ -95,7 +95,7 @@ def _format(baud: int, frame: str) -> SerialFormat:
 
 
 def _check(record: Path | None, replace: bool) -> None:
-    """What a real machine has done cannot be recorded again, so no recording is replaced by mistake (bridge/16)."""
+    """What a real machine has done cannot be recorded again, so no recording is replaced by mistake (bridge/10)."""
     if record is None:
         return
     if record.suffix.lower() != ".mcap":

@@ -54,7 +54,7 @@ class FlashWrite:
 
 @dataclass(frozen=True)
 class Remark:
-    """One line for people: why a command failed, where the host gets only a code (core/5). Changes nothing."""
+    """One line for people: why a command failed, where the host gets only a code (core/3). Changes nothing."""
 
     text: str
 

@@ -140,7 +140,7 @@ class HasKeys(Protocol):
 
 
 class HoldsHost(Protocol):
-    """Offered by a controller whose line has a handshake (RTS/CTS) that makes its host wait (bwo900/84).
+    """Offered by a controller whose line has a handshake (RTS/CTS) that makes its host wait (bwo900/78).
 
     Such a controller is handed bytes in pieces of at most BYTES_AT_ONCE, and asked after each.
     """

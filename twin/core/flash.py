@@ -55,7 +55,7 @@ class FlashFile:
         return self._path.read_bytes() if self._path.exists() else b""
 
     def attach(self, twin: HasFlash) -> None:
-        """Keep what this twin writes to its flash. A flash nobody has written to yet is an empty file (core/10).
+        """Keep what this twin writes to its flash. A flash nobody has written to yet is an empty file (core/5).
         Raises OSError as `hold` does, or if the file cannot be written."""
         self.hold()
         _remove_left_overs(self._target)
@@ -93,7 +93,7 @@ class FlashFile:
             return
         try:
             self._write(image)
-        except OSError as error:  # the machine runs on, and no reply tells (core/12)
+        except OSError as error:  # the machine runs on, and no reply tells (core/6)
             reason = error.strerror or error
             log.error("%s: the flash image could not be stored, the file is as it was: %s", self._path, reason)
 

@@ -180,7 +180,7 @@ class Position:
         return tuple((self._direction * self._plant.rotor_speed).tolist())
 
     @property
-    def past_zero_pulse(self) -> tuple[int, ...]:  # plant/28
+    def past_zero_pulse(self) -> tuple[int, ...]:  # plant/18
         turn = self._plant.turn_steps
         start = np.zeros(len(turn))
         start[: len(self._start_mm)] = (self._start_mm / self.step_mm)[: len(turn)]

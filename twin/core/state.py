@@ -8,7 +8,7 @@
     wiring, stream        alike has (machine, plant, controller, events) is named, not copied
     plant                 copies of its arrays (Plant.save)
 
-Observers, samplers, listeners and the flash file are not in it: they stay with their twin (core/14).
+Observers, samplers, listeners and the flash file are not in it: they stay with their twin (core/8).
 """
 
 from __future__ import annotations

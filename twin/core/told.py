@@ -1,7 +1,7 @@
 """Saves and restores any controller, in mid-motion too: by a log of its calls, for `Twin.save` and `restore`.
 
 A controller may keep state that cannot be copied, such as a suspended generator (isel_twin.firmware.activity). But it
-is sans-I/O: its beginning and its calls since decide its state, bit for bit (core/13). So what is saved is
+is sans-I/O: its beginning and its calls since decide its state, bit for bit (core/7). So what is saved is
 
     beginning                 told since then
     |------------------------|-----------------|  now

@@ -16,7 +16,7 @@ The command is its time mean over the sub-step, led from set point to set point 
 a drive that gets a set point every few milliseconds. Kp = J w_v / K and Ti = ratio / w_v, J: all that turns. The speed
 is the shaft's, as of an observer: differences of encoder counts would be coarse at this rate.
 
-When switched on, a drive takes the place where it stands for the one it is told (`shift`, plant/23). |e| beyond the
+When switched on, a drive takes the place where it stands for the one it is told (`shift`, plant/15). |e| beyond the
 limit is a fault: no current from that sub-step on, until it is cleared (`forget`) and the drive is on again. A motor
 with a broken cable has no current, though its drive does not know. At rest with e = 0 nothing changes and time may be
 skipped; `cool` then lets the I2t go on.
@@ -181,5 +181,5 @@ def cool(p, s, substeps):
 
 @njit(error_model="numpy")
 def forget(s):
-    """Clear the fault (plant/24); a drive that is told to be on is on from the next sub-step."""
+    """Clear the fault (plant/16); a drive that is told to be on is on from the next sub-step."""
     s.fault = 0

@@ -128,7 +128,7 @@ def parse_job(text: str, language: Language | None, controller: str) -> list[Lin
 
 
 def check_controller(text: str, language: Language | None, controller: str) -> None:
-    """Raise JobError for a text that can only be a program of another controller than the one named (jobs/6)."""
+    """Raise JobError for a text that can only be a program of another controller than the one named (jobs/3)."""
     if not offers(language, RunsPrograms) and (others := programs_for(text)):
         raise JobError(
             f"is a program for {' or '.join(others)}, which {controller} cannot run; name the controller, {others[0]}, "
@@ -344,5 +344,5 @@ def _over(twin: Twin) -> bool:
 
 
 def _stands(twin: Twin) -> bool:
-    """Whether it should, and there is nobody who could see to it: a scenario that presses Start later (bwo900/82)."""
+    """Whether it should, and there is nobody who could see to it: a scenario that presses Start later (bwo900/76)."""
     return not _over(twin) and not twin.events_left

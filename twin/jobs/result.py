@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Part:
-    """In a line that runs a program of the controller's (jobs/8): a step of it, or a remark of the controller."""
+    """In a line that runs a program of the controller's (jobs/5): a step of it, or a remark of the controller."""
 
     time_ns: int  # when the step began, or when it was said
     text: str

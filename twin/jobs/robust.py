@@ -9,7 +9,7 @@ seed and number of the repetition:
     friction    of each axis (guide, shaft), +-20 %: temperature and age of the grease
     load        each moving mass and the payload, +-10 %
 
-A job is robust if it is well (jobs/7), and all repetitions end as it does: accepted or not, and on each axis lost or
+A job is robust if it is well (jobs/4), and all repetitions end as it does: accepted or not, and on each axis lost or
 not.
 """
 

@@ -23,7 +23,7 @@ class JobMove:
 
 
 class RetimesJobs(Language, Protocol):
-    """Offered by a language that can bring other settings into a job (many/15).
+    """Offered by a language that can bring other settings into a job (many/7).
 
     Lines are those of a job file, as `Language.frame` takes them, without comments and expected replies; <...> stands
     as in the file. A line that the language does not understand stays as it is.

@@ -66,7 +66,7 @@ def describe(machine: Machine) -> list[Row]:
 
 
 def _check_drive(tree: Mapping[str, Any], key: str, value: Any, place: Place) -> None:
-    """Refuse an override that is for the other kind of drive: whoever wants it needs another machine (plant/29)."""
+    """Refuse an override that is for the other kind of drive: whoever wants it needs another machine (plant/19)."""
     section_name, _, rest = key.partition(".")
     member, _, inside = rest.partition(".")
     own = inside.partition(".")[0]

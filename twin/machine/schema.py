@@ -2,7 +2,7 @@
 
 The fields of these dataclasses, and of motor, stage and screw in isel_twin.drives, are the whole format of a
 machine.toml (isel_twin.base.parameters: a number is a table with value, unit, grade and source). In a `Machine` the
-motors have been looked up, and imperfections that are off are zero (plant/13).
+motors have been looked up, and imperfections that are off are zero (plant/10).
 
 Machine coordinates of an axis run from 0, the nominal trip point of the motor-end switch, away from the motor to
 `travel_mm`, that of the far-end switch (decision plant/1).

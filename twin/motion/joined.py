@@ -44,7 +44,7 @@ from isel_twin.motion.path import Displacement, check_range
 from isel_twin.motion.pieces import Pieces
 from isel_twin.motion.planning import Ramps, now
 
-GRID_NOISE = 1e-6  # periods by which an end may miss a tick and still fall on it: nanoseconds at standstill (motion/14)
+GRID_NOISE = 1e-6  # periods by which an end may miss a tick and still fall on it: nanoseconds at standstill (motion/12)
 
 
 def joined(

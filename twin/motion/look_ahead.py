@@ -7,7 +7,7 @@ A chain is a table, one row a piece; a law is a list of phases, one to three a p
 
     piece j     v_j ___/~~~\\___ v_j+1              phases of it: rise to the peak, cruise, fall
 
-Times are double precision (motion/17): beside the seconds of a day their last digit is 10 ps.
+Times are double precision (motion/14): beside the seconds of a day their last digit is 10 ps.
 """
 
 import math
@@ -18,7 +18,7 @@ from isel_twin.base.compiling import njit
 
 LENGTH, SPEED, LIMIT, ACCELERATION, ENTRY = range(5)  # columns of a table of pieces
 T, DT, S0, S1, V0, V1 = range(6)  # columns of phases
-FRACTIONS = 65536.0  # displacements are whole multiples of an increment over this: sums of them are exact (motion/16)
+FRACTIONS = 65536.0  # displacements are whole multiples of an increment over this: sums of them are exact (motion/13)
 LARGEST = 2.0**31
 
 FAULTS = (
@@ -88,7 +88,7 @@ def lay(t, s, v, table, wanted, factor, phases, piece, back):
         if joint[j + 1] ** 2 > square + change:
             joint[j + 1] = math.sqrt(square + change)
         elif square - change > joint[j + 1] ** 2 + slack:
-            joint[j + 1] = math.sqrt(square - change)  # too fast to be there with less (motion/13)
+            joint[j + 1] = math.sqrt(square - change)  # too fast to be there with less (motion/11)
             entry = table[j + 1, ENTRY] if j + 1 < n else 0.0
             if square - change > entry**2 + slack:
                 kept = False

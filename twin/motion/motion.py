@@ -17,7 +17,7 @@ another one in its place. If that one *continues* the former, it is the same mot
     b continues a at time t:   b.start_ns == a.start_ns, b.first == a.first, and the ticks at or before t are the same
 
 Only the controller can make sure of the last: ticks that have been made are not taken back. `continues` tells the rest
-(motion/9).
+(motion/8).
 A motion that does not continue the former ends it at the present time and begins anew.
 """
 

@@ -92,7 +92,7 @@ def check_range(first: int, last: int, ticks: int) -> None:
 
 def even(k: int, n: int, ticks: int) -> int:
     """Steps that an axis with n steps in all, evenly spread over `ticks` ticks, has made after tick k."""
-    if n < 0:  # the way back passes through the same kind of points (motion/6)
+    if n < 0:  # the way back passes through the same kind of points (motion/5)
         return -even(k, -n, ticks)
     return (2 * k * n + ticks) // (2 * ticks) if n else 0
 

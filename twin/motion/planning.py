@@ -40,11 +40,11 @@ class Ramps(NamedTuple):
             row = state.row - int(block.back[state.row])
             at, piece = block.phases[row], int(block.piece[row])
             law = self.lay(block, piece, float(at[T]), float(at[S0]), float(at[V0]))
-            if law.kept and _agree(block.phases[row : state.row + 1], law, state.t_s):  # motion/11
+            if law.kept and _agree(block.phases[row : state.row + 1], law, state.t_s):  # motion/9
                 return row, piece, law
         row, piece, s = now(block, state)
         law = self.lay(block, piece, state.t_s, s, state.v)
-        if law.kept or not self._falling(block, state):  # motion/12
+        if law.kept or not self._falling(block, state):  # motion/10
             return row, piece, law
         piece, t_s, s, v = _fallen(block, state)
         return state.row + 1, piece, self.lay(block, piece, t_s, s, v)
@@ -62,7 +62,7 @@ class Ramps(NamedTuple):
         """How it comes to a stop; returns what `laid` does."""
         row, piece, s = now(block, state)
         law = self._brake(block, piece, state.t_s, s, state.v, sharpness)
-        if law.kept or not self._falling(block, state):  # motion/12
+        if law.kept or not self._falling(block, state):  # motion/10
             return row, piece, law
         piece, t_s, s, v = _fallen(block, state)
         return state.row + 1, piece, self._brake(block, piece, t_s, s, v, sharpness)

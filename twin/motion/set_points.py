@@ -6,7 +6,7 @@
     command    ________________-------'''''''''''''''          deltas 0, 8, 6, 0: led, not stepped
 
 So the command comes one period after its set point, as it does in a drive that interpolates between two telegrams, and
-nothing has to be known of the future (motion/8).
+nothing has to be known of the future (motion/7).
 """
 
 from __future__ import annotations

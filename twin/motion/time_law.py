@@ -1,4 +1,4 @@
-"""When the ticks of a motion fall: the trapezoidal time law, exact to the nanosecond (motion/7).
+"""When the ticks of a motion fall: the trapezoidal time law, exact to the nanosecond (motion/6).
 
 The phase s(t) of a motion counts its ticks as a real number; tick k falls where s(t) = k. With the start-stop frequency
 f0, the acceleration a and the speed V

@@ -110,7 +110,7 @@ class Plant(Protocol):
         """
 
     def apply_force(self, axis: int, force_n: float, place: str = "") -> None:
-        """Push the machine from outside along one axis (0 X .. 2 Z), in N, until told otherwise: a hand (plant/16).
+        """Push the machine from outside along one axis (0 X .. 2 Z), in N, until told otherwise: a hand (plant/11).
 
         place: one of PLACES; "": the one that this axis moves. A positive force pushes tool or table the way that
         `position_mm` rises, and loads every joint between there and the ground. A new push replaces that of the axis,
@@ -126,7 +126,7 @@ class Plant(Protocol):
 
     def set_phase_lost(self, axis: int, phases: str) -> None:
         """Interrupt motor phases of one axis: "a", "b", "ab", or "" to restore them. A servo motor has no current with
-        any of them broken, and its drive does not know (plant/26)."""
+        any of them broken, and its drive does not know (plant/17)."""
 
     def set_friction(self, axis: int, extra_n: float) -> None:
         """Add dry friction to the guides of one axis, in N, 0 or more."""

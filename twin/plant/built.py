@@ -3,7 +3,7 @@
     Machine, thresholds, start --- build ---> Built: model, data, Parts and what it takes to change them later
 
 Nut and carriage start in balance: an axis that gravity pulls hangs on the flank of its backlash from the beginning
-(plant/11).
+(plant/8).
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class Built:
     left: float  # see model.py, `left_of_x`
     closed: NDArray[np.bool_]  # [3], which axes have servo drives
     coulomb_nm: NDArray[np.float64]  # [3], dry friction of each shaft with its brake released
-    brake_nm: NDArray[np.float64]  # [3], what the brake adds when it holds (plant/12)
+    brake_nm: NDArray[np.float64]  # [3], what the brake adds when it holds (plant/9)
     inertia: NDArray[np.float64]  # [nv, nv], kg
     mobility: NDArray[np.float64]  # [nv, nv], its inverse
     weight: NDArray[np.float64]  # [nv], N

@@ -19,7 +19,7 @@ e = acos(1 - 2 width / diameter) one that climbs has the material on its right a
 one on its left, up to e. The power is kc x depth x width x feed speed, whatever the rest.
 
 v is that of the screws (rotor speed times lead), behind a lag of T: a chip is the way of a whole tooth. What the frame
-swings beside that leaves no mark: vibration is forced by the teeth and never feeds itself (no chatter, plant/19). Below
+swings beside that leaves no mark: vibration is forced by the teeth and never feeds itself (no chatter, plant/13). Below
 1 um/s there is no chip, and none is thicker than the cutter's radius.
 
 Not in it: material that is removed (who says that there is a cut says how deep), feed along Z, helix and edge radius,

@@ -22,7 +22,7 @@ at which friction stops a carriage: both are resolved at dt, not at h (plant/3).
 A drive is told the exact time mean of its command over the sub-step: the sum of the ticks, each by the part of the
 sub-step that follows it, less the mean of what is still to come of led ticks (lead.py).
 
-Rest (plant/9): when drives and joints have stood still for `rest_windows` windows and nothing is led, the plant is
+Rest (plant/6): when drives and joints have stood still for `rest_windows` windows and nothing is led, the plant is
 frozen: all sub-steps up to the next tick or change of current are skipped.
 
 MuJoCo is called by the address of `mj_step`, an integer, so that the compiled code can be cached. Between the stops,
@@ -65,7 +65,7 @@ def _call_mj_step(typingctx, address, model, data):
 
 @njit(nogil=True, error_model="numpy")
 def _lower_at(axis):
-    """Sub-step in which the current of an axis is lowered (plant/10); NEVER if not asked for or done."""
+    """Sub-step in which the current of an axis is lowered (plant/7); NEVER if not asked for or done."""
     if axis.lowering == 0 or axis.phases == OPEN or axis.fraction == axis.idle_fraction:
         return NEVER
     return axis.still_since + axis.idle_delay

@@ -3,7 +3,7 @@
 Goal: an override changes the physics and not the file. The MJCF brings the tree of bodies; masses, travel, guide
 friction, payload, fixture and structural modes are set when the model is loaded. What the MJCF has for use in MuJoCo
 alone is left out, as drives are simulated beside the model: armature, friction and damping of rotor and screw,
-actuators, sensors, keyframes (plant/18).
+actuators, sensors, keyframes (plant/12).
 
     structure   k as stated,  c = 2 zeta sqrt(k m),  f = sqrt(k / m) / 2 pi       m: what the mode's joint carries
 
@@ -12,7 +12,7 @@ is that of the machine without payload). A force F at a place, tool or table, lo
 of that place by the joints.
 
 Positions are what a gauge between tool and table would show: axis joint plus structural joint, plus the errors of
-squareness (decision plant/7).
+squareness (decision plant/5).
 """
 
 from __future__ import annotations

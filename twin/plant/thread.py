@@ -1,4 +1,4 @@
-"""An uneven screw: travel, zero and stiffness of its nut where it now stands (plant/20).
+"""An uneven screw: travel, zero and stiffness of its nut where it now stands (plant/14).
 
 Goal: sub-steps know a screw that is everywhere the same; once a window they are told what it is here. With the nut at
 x_0 for rotor angle 0, mean travel r and amplitude a of the error that repeats every turn, it is at

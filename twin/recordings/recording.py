@@ -5,7 +5,7 @@
 Messages are in the order in which things happen; the same session gives the same messages, byte for byte, however many
 calls of `run` its time is divided into. `CHANNELS` (mcap.py) says what each channel carries. `/samples` come on a grid
 of virtual time and at every change of a level, input or output; a `Recorder` (recorder.py) sees the same
-(recordings/5).
+(recordings/4).
 """
 
 from __future__ import annotations

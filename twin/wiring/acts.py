@@ -48,7 +48,7 @@ class Site(Protocol):
         """Elements and contacts get these states, all at once."""
 
     def press(self, keys: Mapping[str, KeyValue]) -> None:
-        """Keys of the controller are put to these values (wiring/17)."""
+        """Keys of the controller are put to these values (wiring/13)."""
 
     def restart(self) -> None:
         """The controller starts anew."""

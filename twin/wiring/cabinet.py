@@ -18,7 +18,7 @@ The spindle contactor closes when the controller begins to ask for it while rela
 of the three ends, and the controller has to ask anew.
 
 Sources: iMC programming manual 2.2.3, 2.2.4 and section 5 (codes 9 and H); CPM operating manual ch. 5 for the
-operator's side. What the manual leaves open: wiring/1, wiring/4.
+operator's side. What the manual leaves open: wiring/1, wiring/3.
 """
 
 from __future__ import annotations
@@ -181,7 +181,7 @@ class SafetyCabinet:
 
     @property
     def locked(self) -> bool:
-        """The hood lock holds: the hood is closed and the controller does not release it (wiring/3)."""
+        """The hood lock holds: the hood is closed and the controller does not release it (wiring/2)."""
         return self.state["hood"] == "closed" and not self._outputs["hood_release"]
 
     def contacts(self) -> dict[str, bool]:

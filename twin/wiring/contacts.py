@@ -46,7 +46,7 @@ class Contacts:
         random: np.random.Generator,
     ) -> None:
         """Wire `contacts` in series to the `terminals` of a controller, without those that the machine lacks
-        (wiring/8).
+        (wiring/7).
         `signals` of the cabinet that the machine file does not list lead to no terminal."""
         self._contacts = {contact.name: contact for contact in contacts}
         wired = {terminal: tuple(n for n in names if n in self._contacts) for terminal, names in terminals.items()}

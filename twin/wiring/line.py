@@ -1,7 +1,7 @@
 """The serial line between host and controller, in virtual time.
 
 With `timed` each byte takes `SerialFormat.byte_ns`, one after the other in each direction; without, bytes arrive at the
-instant they are sent (for tests of logic, where the line does not matter; wiring/7).
+instant they are sent (for tests of logic, where the line does not matter; wiring/6).
 
     host sends  |b0|b1|b2|            at 19200 baud, 8N1: 520.833 us a byte
     arrives        b0 b1 b2           each at the end of its stop bit

@@ -11,7 +11,7 @@ told here as they happen; nothing is looked for on a grid.
                  so   ___|~~~~~~~~~~|____|~~|_|~~~~~~~~~~
            happens       ^ (delay)        ^    too soon                  REARM_NS after the last time, counted from here
 
-An event with a condition happens once, `times` times, or `always`, on rising edges (wiring/10). A condition met again
+An event with a condition happens once, `times` times, or `always`, on rising edges (wiring/9). A condition met again
 within REARM_NS does not count, so that a bouncing switch is one event and two events that trigger each other are no
 endless loop.
 

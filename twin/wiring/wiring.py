@@ -55,7 +55,7 @@ def thresholds(
     machine: Machine, drive_inputs: Sequence[DriveInput], schedule: Schedule | None = None
 ) -> list[Threshold]:
     """What the plant has to watch: position switches, quantities of `drive_inputs`, positions that events wait for
-    (wiring/11)."""
+    (wiring/10)."""
     switches = [
         Threshold(CARRIAGES.index(s.axis), "position", s.position_mm, -1 if s.end == "motor" else 1, s.hysteresis_mm)
         for s in machine.switches
@@ -95,7 +95,7 @@ class Wiring:
         self.settable = settable(machine)
         """Everything `operate` takes, and the states of each."""
         self._schedule = Schedule() if schedule is None else schedule
-        self.events_without_effect = 0  # because the plant has no physics (core/9)
+        self.events_without_effect = 0  # because the plant has no physics (core/4)
         self._faults: dict[str, str | float] = {}  # of acts, by key or `key.member`; contacts keep their own
         self.changes = 0  # goes up whenever an input may have changed
         self.restarts = 0  # how often the controller had to start anew or lost its supply
@@ -177,7 +177,7 @@ class Wiring:
         self._pressed.extend(keys.items())
 
     def restart(self) -> None:
-        """The owner of the clock builds the controller anew (wiring/14)."""
+        """The owner of the clock builds the controller anew (wiring/11)."""
         self.restarts += 1
 
     def set_mains(self, on: bool) -> None:
@@ -219,7 +219,7 @@ class Wiring:
         self._look()
 
     def outputs_lost(self) -> None:
-        """The controller starts anew or has no supply: outputs return to their state at power-on (wiring/9)."""
+        """The controller starts anew or has no supply: outputs return to their state at power-on (wiring/8)."""
         for name in self._outputs:
             self.output(name, OUTPUTS.get(name, 0))
         self._settle_cabinet()
@@ -312,7 +312,7 @@ class Wiring:
 
     def _draw_trip_point(self, number: int) -> None:
         """Draw where a switch that has just been released trips next: not where the carriage stands, or it is
-        struck (wiring/16)."""
+        struck (wiring/12)."""
         switch = self._switches[number]
         inwards = 1.0 if switch.end == "motor" else -1.0
         nearest_mm = self._trip_mm[number] + inwards * KEPT * switch.hysteresis_mm

@@ -3,7 +3,7 @@
     listener, bound before anything else starts  --> gate --> GET: the panel's pages
                                                         '---> WebSocket: /operate, or viser's scene
 
-viser has no door for this (bridge/20): it opens a port of its own and lets everybody in. So, while it starts, the name
+viser has no door for this (bridge/13): it opens a port of its own and lets everybody in. So, while it starts, the name
 `websockets` in its module is exchanged for a `_Front`, which hands on what viser asks for and changes one call. That
 name is private, and a later viser may do without it. So the start ends with a proof, without which there is no panel:
 viser serves at the panel's port, and refuses a foreign host or page there. Sharing a scene through a public server of

@@ -211,7 +211,7 @@ class Panel(Guest):
         """Send text to the controller, as a host that takes the line would. Raises ControlError.
 
         A host that holds the line through the network would lose its replies to the panel, so it is not interrupted
-        (bridge/22).
+        (bridge/14).
         """
         if not isinstance(text, str):
             raise ControlError("request: say: no text; allowed: commands as in a job file")

@@ -2,7 +2,7 @@
 
     bytes as they go by --- kept, the last PIECES ---> lines() --- the controller's language ---> messages
 
-Explaining takes far longer than carrying, so bytes are explained when somebody looks (bridge/23); until then the last
+Explaining takes far longer than carrying, so bytes are explained when somebody looks (bridge/15); until then the last
 ones are kept, and the number of lost ones is told.
 """
 

@@ -47,7 +47,7 @@ class Execution:
 
     @property
     def single(self) -> bool:
-        return self.mode is Mode.SINGLE  # bwo900/27
+        return self.mode is Mode.SINGLE  # bwo900/25
 
     def write(self, number: int, value: float | None) -> None:
         self.parameters.write(number, value)

@@ -136,7 +136,7 @@ class Bwo900Language:
 
     def move(self, target: Sequence[int], settings: MoveSettings) -> Sequence[bytes]:
         """In HAND ramps and words of the program, then its start; servo drives have no start-stop frequency. A count is
-        0.001 mm; the ramp time is that to 100 mm/s, as P12012 and P12004 are delivered (bwo900/81)."""
+        0.001 mm; the ramp time is that to 100 mm/s, as P12012 and P12004 are delivered (bwo900/75)."""
         counts = integers(target, len(AXES))
         values = settings.speed_hz / PER_MM * 60.0, *(count / PER_MM for count in counts)
         words = [f"K1:P{number}: {value:.3f}" for number, value in zip(WORDS, values, strict=True)]

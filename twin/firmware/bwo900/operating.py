@@ -2,7 +2,7 @@
 
 mode      HAND <--> AUTO, SINGLE, POSITIONING       AUTO, SINGLE <--> POSITIONING by way of HAND only (M1009)
 Start     referenced (M1008) --> power --> nothing moves in HAND any more --> execution.py
-move      HAND, no program --> power --> hand.py          (Start, Stop and abort there: bwo900/57)
+move      HAND, no program --> power --> hand.py          (Start, Stop and abort there: bwo900/53)
 """
 
 from __future__ import annotations

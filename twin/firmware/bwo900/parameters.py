@@ -205,7 +205,7 @@ class Parameters:
 
     def zero_point(self, number: int, axis: int, workspace: int = 1) -> float:
         """The shift of a zero point, 0 for G53 to 6 for G59 and on to G154 ..., of an axis from 0. With additional
-        groups (q172) it is their sum (bwo900/12). Raises ProgramError M1240: no such workspace."""
+        groups (q172) it is their sum (bwo900/11). Raises ProgramError M1240: no such workspace."""
         if not 1 <= workspace <= int(self.given(Q.ZERO_SETS, 1, "q")):
             raise ProgramError(Code.NO_WORKSPACE, f"workspace {workspace}")
         groups = int(self.get(Q.ZERO_GROUPS, 0, "q"))

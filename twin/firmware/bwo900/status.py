@@ -6,7 +6,7 @@
     P12150 ..         positions of an axis, mm       P12170            its speed, mm/min
     P12135, 180 ..    its switches, limits, whether it moves       P8559   an M function is waited for
 
-They are worked out when they are asked for (bwo900/36). Without a program they are 0 (cycles: deleted, as the manual
+They are worked out when they are asked for (bwo900/33). Without a program they are 0 (cycles: deleted, as the manual
 says), and the G functions those that a program begins with.
 """
 

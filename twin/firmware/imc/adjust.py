@@ -77,7 +77,7 @@ def set_virtual_zero(device: Device, mask: int) -> None:
 
 
 def simulate_reference(device: Device, mask: int) -> None:
-    """`@0N`, `N`: the reference point is here (imc/25)."""
+    """`@0N`, `N`: the reference point is here (imc/24)."""
     device.note(Event.REFERENCE_BEGUN)
     for axis in axes_of(mask):
         device.set_reference(axis)
@@ -97,7 +97,7 @@ def four_speeds(device: Device) -> tuple[Number, ...]:
 
 
 def default_speed_parameters(device: Device) -> tuple[Number, ...]:
-    """Four speeds; those of axes that are not set are not checked if the profile says so (imc/49)."""
+    """Four speeds; those of axes that are not set are not checked if the profile says so (imc/46)."""
     if not (device.profile.extra_values and device.axes):
         return four_speeds(device)
     return tuple(speed(device) if axis in device.axis_list else ANY_SPEED for axis in range(AXES))
@@ -134,7 +134,7 @@ def set_turn(device: Device, turn: int) -> None:
 
 
 def set_number(device: Device, number: int) -> None:
-    """`@0G`: until the next reset (imc/27)."""
+    """`@0G`: until the next reset (imc/26)."""
     device.number = number
 
 
@@ -154,7 +154,7 @@ def check_port_value(device: Device, port: int, value: int) -> None:
 
 
 def admit_port(device: Device, port: int, value: int) -> tuple[Mapping[str, int]]:
-    """`@0B`: the outputs and their new levels, unless spindle or stages may not be switched on (9, H; imc/39)."""
+    """`@0B`: the outputs and their new levels, unless spindle or stages may not be switched on (9, H; imc/37)."""
     levels = device.outputs.levels_for(_aliased(device, port), value)
     rising = {name for name, level in levels.items() if level and not device.outputs[name]}
     if rising & {"spindle", "stages"}:
@@ -165,7 +165,7 @@ def admit_port(device: Device, port: int, value: int) -> tuple[Mapping[str, int]
 
 
 def _with_brake(device: Device, levels: Mapping[str, int]) -> Mapping[str, int]:
-    """The brake follows the stages: it has dropped when they go off, and lets go when they are on (imc/24)."""
+    """The brake follows the stages: it has dropped when they go off, and lets go when they are on (imc/23)."""
     stages = levels.get("stages", device.outputs["stages"])
     if stages == device.outputs["stages"]:
         return levels
@@ -218,20 +218,20 @@ def set_value(name: str) -> Callable[[Device, int], None]:
 
 
 def set_inverted(device: Device, mask: int) -> None:
-    """`@0ID`: an axis that changes its direction is not referenced any more (imc/28)."""
+    """`@0ID`: an axis that changes its direction is not referenced any more (imc/27)."""
     for axis in axes_of(device.settings.inverted ^ mask):
         device.referenced[axis] = False
     device.set_settings(inverted=mask)
 
 
 def set_swapped(device: Device, mask: int) -> None:
-    """`@0Ie`: which switch lies at which end. It replaces what a motion has found out (imc/21)."""
+    """`@0Ie`: which switch lies at which end. It replaces what a motion has found out (imc/20)."""
     device.limits.forget_found(device.settings.swapped ^ mask)
     device.set_settings(swapped=mask)
 
 
 def set_io_only(device: Device, on: int) -> None:
-    """`@0IO`: without axes, the stages are off (imc/29)."""
+    """`@0IO`: without axes, the stages are off (imc/28)."""
     changed = device.settings.io_only != on
     device.set_settings(io_only=on)
     if changed and device.safety is not State.FAULT:
@@ -249,7 +249,7 @@ def set_user_info(device: Device, text: str) -> None:
 
 
 def load_settings(device: Device) -> None:
-    """`@0IL`: load the values from flash; those set by `@0d`, `@0j` and `@0J` are dropped (imc/45)."""
+    """`@0IL`: load the values from flash; those set by `@0d`, `@0j` and `@0J` are dropped (imc/43)."""
     _put_in_force(device, device.flash.settings)
 
 

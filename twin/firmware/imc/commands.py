@@ -5,7 +5,7 @@ a command does is in the module its handler comes from. A command is refused fir
 before it is certain that it will be done.
 
     refuse    axes set (4) -> numbers read (7, 1, the parameter's own code) -> check: parameters -> admit: state of the
-              machine (5, 9, H, 2, R, 1; imc/17)
+              machine (5, 9, H, 2, R, 1; imc/16)
     do        changes something and returns nothing (reply `0`), a text (the reply) or an activity; never refuses
 
 A stored command is read and checked when it is stored, admitted and done when it runs. An activity may still end by
@@ -31,7 +31,7 @@ SWITCH = Number(0, 1)
 BYTE = Number(0, 255)
 AXIS_MASK = Number(0, 15)
 INPUT_PORT = Number(0, 3)
-USER_PORT = Number(0, 0)  # imc/48
+USER_PORT = Number(0, 0)  # imc/45
 START_STOP_HZ = Number(20, 4000)
 ACCELERATION = Number(1, 4000)
 OFFSET = Number(-32768, 32767)

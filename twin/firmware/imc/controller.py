@@ -6,7 +6,7 @@
     clock -----> ends of runs, pauses, supervision cycles
 
 A command begins when its CR arrives, or when the one before it has been answered. Its reply leaves at the time of its
-last pulse. There is no processing time in between (imc/22).
+last pulse. There is no processing time in between (imc/21).
 
 A line is looked at in one step that may refuse it (`_admit...`: returns an effect, or raises Refusal), and carried out
 in a second one that may not: the effect.
@@ -273,7 +273,7 @@ class Imc:
         return OK
 
     def _admit_stored(self, line: bytes, recorder: Recorder) -> Effect:
-        """A line of the data field. One that is refused ends the field and spoils it (3.1, imc/42)."""
+        """A line of the data field. One that is refused ends the field and spoils it (3.1, imc/40)."""
         self._recorder = None
         try:
             code, text = grammar.split_cnc(line, commands.CNC_ALIASES)
@@ -306,7 +306,7 @@ class Imc:
         self._supervisor.resume(answers=answers)
 
     def _start_key(self) -> None:
-        """The start key acts only at rest; no reply says why it does nothing (imc/33)."""
+        """The start key acts only at rest; no reply says why it does nothing (imc/32)."""
         if self._supervisor.task is not None or self._recorder is not None:
             return
         try:

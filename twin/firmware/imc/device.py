@@ -130,11 +130,11 @@ class Device:
             raise Refusal(LIMIT_SWITCH)
 
     def guards(self, axis: int) -> bool:
-        """True if limit switches end motions of this axis: not in test mode, nor for a rotary axis (imc/30)."""
+        """True if limit switches end motions of this axis: not in test mode, nor for a rotary axis (imc/29)."""
         return bool(self.axes >> axis & 1) and not self.settings.rotary >> axis & 1 and not self.test_mode
 
     def require_room(self, *legs: Displacement, unreferenced: bool = False) -> None:
-        """Raise Refusal unless these legs may follow each other: 24 bits (1, imc/16), reference unless
+        """Raise Refusal unless these legs may follow each other: 24 bits (1, imc/15), reference unless
         `unreferenced` (R, imc/3)."""
         counts = self.counts
         for leg in legs:
@@ -190,7 +190,7 @@ class Device:
 
     @property
     def clockwise(self) -> bool:
-        """Direction of arcs; clockwise by default (imc/35)."""
+        """Direction of arcs; clockwise by default (imc/34)."""
         return self.modal.clockwise is not False
 
     def law(self, speed_hz: int) -> Callable[[int], TimeLaw]:

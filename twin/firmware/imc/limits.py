@@ -2,11 +2,11 @@
 
 Switch 1 lies in the negative direction of the counter, switch 2 in the positive one; `@0Ie` exchanges them for an axis.
 A switch that a motion has struck lies where that motion went, until the next `@0Ie`: so even an axis inverted by `@0ID`
-without exchanging its switches finds its way off them (imc/21).
+without exchanging its switches finds its way off them (imc/20).
 
     level   ______|~|_|~~~~~~~~~~~~~~~|_|~|_______      active high, for the picture
     struck        ^ newly struck: at once
-    released                          ^   ^ ^ chatter shorter than debounce after a release strikes nothing (imc/20)
+    released                          ^   ^ ^ chatter shorter than debounce after a release strikes nothing (imc/19)
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@
             refuses                may end early: limit switch, fault, stop
 
 A relative move in 2.5D is up to three legs: X and Y together, Z by z1, Z by z2; with an A axis its way is the last leg.
-In 3D it is one leg, at the speed given for X (imc/23). A leg starts at the time of the last pulse of the one before.
+In 3D it is one leg, at the speed given for X (imc/22). A leg starts at the time of the last pulse of the one before.
 Everything a move can be refused for is checked when it is planned.
 """
 
@@ -171,7 +171,7 @@ def until_port_parameters(device: Device) -> tuple[Number, ...]:
 def plan_until_port(
     device: Device, port: int, mask: int, value: int, speed_hz: int, *steps: int
 ) -> tuple[Sequence[Leg], Until]:
-    """`@0Z`: straight on until the masked bits of an input port have the given value (2.2.30, imc/41)."""
+    """`@0Z`: straight on until the masked bits of an input port have the given value (2.2.30, imc/39)."""
     device.require_move()
     way = as_steps(dict(zip(device.axis_list, steps, strict=True)))
     device.require_room(way)

@@ -100,7 +100,7 @@ POWER_ON_LEVELS: Mapping[str, int] = {
     "current_lowering": 1,
     **dict.fromkeys(("analog", "user", "lamp_start", "lamp_stop", "lamp_fault", "moving", "flash_fault"), 0),
 }
-"""Every output and its level after power-on or reset, before the power stages are considered (imc/24)."""
+"""Every output and its level after power-on or reset, before the power stages are considered (imc/23)."""
 
 
 class Outputs:

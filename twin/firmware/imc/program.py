@@ -1,7 +1,7 @@
 """Stored programs (chapter 3): storing, checking, running.
 
 Offsets count commands from the branch itself: 5 skips four commands, -5 repeats the last five. A loop makes its
-commands once and then `count` times more (imc/32).
+commands once and then `count` times more (imc/31).
 
 The flash says `incomplete` from `@0i` on and `valid` from `9` on, so a power loss or an error in between leaves a
 program that cannot run and must be erased. Memory is counted in bytes of the text of a command without blanks, its CR
@@ -111,7 +111,7 @@ def send_sync(device: Device, char: int) -> None:
 
 
 def wait_for_sync(device: Device, char: int, offset: int) -> Activity:
-    """`2`: wait for a byte; branch if it is the one (3.2.4, imc/43)."""
+    """`2`: wait for a byte; branch if it is the one (3.2.4, imc/41)."""
     heard = None
     while heard is None:
         heard = yield Listen()
@@ -124,7 +124,7 @@ def delay(device: Device, tenths: int) -> Activity:
 
 
 def check_input(device: Device, port: int, bit: int, value: int, *_: int) -> None:
-    """Bits 0..7 with 0 or 1, or 128 with a byte (imc/36)."""
+    """Bits 0..7 with 0 or 1, or 128 with a byte (imc/35)."""
     highest = 255 if bit == WHOLE_BYTE else 1
     if (bit > 7 and bit != WHOLE_BYTE) or value > highest:
         raise Refusal(BAD_NUMBER)
@@ -149,7 +149,7 @@ def run_program(device: Device, table: Mapping[str, Any]) -> Activity:
     """Run the stored program; `table` maps codes to commands. Ends like a command: return, or Refusal with its code.
 
     Commands without a duration of their own take no time. Only a second branch back at the same instant costs a cycle,
-    so that waiting for an input is possible and no program stands still in time (imc/32).
+    so that waiting for an input is possible and no program stands still in time (imc/31).
     """
     lines = device.flash.program.lines
     loops: list[list[int]] = []

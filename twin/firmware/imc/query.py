@@ -38,7 +38,7 @@ def diagnosis(device: Device, text: str) -> str:
 
 def _status(device: Device) -> int:
     """Bits: 0 stages on, 1 axes set, 2 all of them referenced, 3 limit switch struck, 4 fault, 5 3D interpolation,
-    6 test mode, 7 valid program (imc/26)."""
+    6 test mode, 7 valid program (imc/25)."""
     flags = (
         device.outputs["stages"],
         device.axes,

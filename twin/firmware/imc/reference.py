@@ -70,7 +70,7 @@ def _reference_run(device: Device, axes: list[int]) -> Activity:
 
 
 def run_free(device: Device, mask: int) -> Activity:
-    """`@0F`: run the axes in `mask` off the switches they stand on; then no axis is referenced any more (imc/40)."""
+    """`@0F`: run the axes in `mask` off the switches they stand on; then no axis is referenced any more (imc/38)."""
     device.lose_references()
     return _run_free(device, [axis for axis in ORDER if mask >> axis & 1])
 

@@ -6,7 +6,7 @@ The image is one line of text with a checksum over the rest, then JSON:
 
 A FlashWrite hands over a whole new image, and whoever keeps it replaces the old one in one go, so after a power loss
 the flash holds the old image or the new one. An image that cannot be read (truncated, altered, another version) or
-holds a value that no command would have stored counts as none: the device takes its defaults and says so (imc/34).
+holds a value that no command would have stored counts as none: the device takes its defaults and says so (imc/33).
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class Modal:
     test_mode: bool | None = None
 
     def filled(self, other: Modal) -> Modal:
-        """These values, those of a stored program where nothing is set; test mode is never taken from it (imc/38)."""
+        """These values, those of a stored program where nothing is set; test mode is never taken from it (imc/36)."""
         names = {f.name for f in fields(self)} - {"test_mode"}
         unset = {name: getattr(other, name) for name in names if getattr(self, name) is None}
         return replace(self, **unset)
@@ -170,7 +170,7 @@ def _possible(flash: Flash) -> bool:
 
 
 def is_user_info(text: Any) -> bool:
-    """At most 32 printable characters (4.2.16, imc/44)."""
+    """At most 32 printable characters (4.2.16, imc/42)."""
     return isinstance(text, str) and len(text) <= USER_INFO_LENGTH and text.isascii() and text.isprintable()
 
 

@@ -11,7 +11,7 @@ One task at a time:
     power lost                   ends at once, `9`
 
 An input that concerns safety or the motion acts when it changes; the hood, and the ports that a stored program watches,
-are looked at once a cycle (imc/31).
+are looked at once a cycle (imc/30).
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class Supervisor:
         self._executor.resume()
 
     def require_unchanged(self) -> None:
-        """Raise Refusal(R) if an axis has lost its reference or changed its direction since the stop (imc/28)."""
+        """Raise Refusal(R) if an axis has lost its reference or changed its direction since the stop (imc/27)."""
         referenced, direction = self._stood
         lost = any(was and not now for was, now in zip(referenced, self._device.referenced, strict=True))
         if lost or direction != self._device.direction:

@@ -1,4 +1,4 @@
-"""Lines that wait for their turn, and those that a stop holds back (imc/5, imc/19).
+"""Lines that wait for their turn, and those that a stop holds back (imc/5, imc/18).
 
     received ----> waiting --first in first out--> carried out
                      |  ^

@@ -70,7 +70,7 @@ class Ismif:
 
     @property
     def fault(self) -> bool:
-        """The third character of the status: only `@X` asks for it (ismif/15)."""
+        """The third character of the status: only `@X` asks for it (ismif/14)."""
         return self._jobs.error
 
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:

@@ -12,7 +12,7 @@
       axis:     x
       command:  line 7: @0M16000,9000,...
 
-They take a `Watched` (isel_twin.jobs.checks.watched; jobs/9), in pytest the fixture `watched`. Each returns None or
+They take a `Watched` (isel_twin.jobs.checks.watched; jobs/6), in pytest the fixture `watched`. Each returns None or
 raises MotionError, an AssertionError; what cannot be asserted, such as an axis that does not exist, is a ValueError.
 """
 

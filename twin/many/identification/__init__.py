@@ -19,5 +19,5 @@
     choice.py       which of them would tell most
     stand_in.py     the same experiment carried out on a twin, gauge noise and all
 
-docs/identification.md shows it from the first move to the patch. The method: many/16.
+docs/identification.md shows it from the first move to the patch. The method: many/8.
 """

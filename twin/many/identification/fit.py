@@ -13,7 +13,7 @@ prior's.
 is a dead zone, dry friction lets a carriage rest anywhere in 1 to 3 um, a stall comes in bands of speed. A step of
 1e-8 would measure these corners, and one of 2 % still their scatter: 3 um over 2 % is more than any parameter does.
 So the step is STEP of the prior's standard deviation, some 30 % of an estimate, throughout. The first and the last
-Jacobian are central, free of the curvature; those between only lead downhill, and go one way (many/18).
+Jacobian are central, free of the curvature; those between only lead downhill, and go one way (many/9).
 
 **After it**: cov = (J'J + 1)^-1, times chi^2 per degree of freedom where that is above 1, so that a model that does
 not fit does not claim precision; 95 % intervals are of the u, so never negative where the value cannot be.
@@ -111,7 +111,7 @@ class Model:
         return [self._known[key] for key in keys]
 
     def residuals(self, predicted: Floats) -> Floats:
-        """r [data], zeros of gauges taken out (many/19)."""
+        """r [data], zeros of gauges taken out (many/10)."""
         difference = self._value - predicted
         weight = 1.0 / self._sigma**2
         for indices in self._groups:

@@ -40,7 +40,7 @@ OUTCOMES: Mapping[str, tuple[str, str, str]] = {
     "lost_y": ("int64", "steps", "whole slips of axis y since power-on"),
     "lost_z": ("int64", "steps", "whole slips of axis z since power-on"),
     "margin": ("float64", "1", "least pull-out margin of any motor in any line; null without physics"),
-    "margin_moves": ("float64", "1", "the same of the lines that set no counter: without reference runs"),  # many/5
+    "margin_moves": ("float64", "1", "the same of the lines that set no counter: without reference runs"),  # many/2
     "limiting": ("string", "", "the axis that has the least margin in those"),
     "limiting_line": ("int64", "1", "and the line of the job in which it has it"),
     "error_mm": ("float64", "mm", "largest difference of true position and counter of any axis at the end, at rest"),

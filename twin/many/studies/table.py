@@ -1,4 +1,4 @@
-"""The table of a sweep: one Parquet file that is whole at any time, and a journal for what is not in it yet (many/2).
+"""The table of a sweep: one Parquet file that is whole at any time, and a journal for what is not in it yet (many/1).
 
     row comes ->  sweep.parquet.journal   a line of JSON, handed to the operating system at once
                         | now and then, and at the end

@@ -6,7 +6,7 @@ Between two moves the machine stands. So what a move does depends on its own set
     margin of the job = least margin of its moves
 
 Sixty trials are too few for thirty parameters at once, but plenty for three: every trial tells of every move what its
-settings did there, and a lost step is the fault of the move in which it was lost (many/13). A new trial is put
+settings did there, and a lost step is the fault of the move in which it was lost (many/5). A new trial is put
 together:
 
     move     1        2        3        4

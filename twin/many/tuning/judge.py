@@ -46,7 +46,7 @@ class Weather:
 class Judgement:
     """What became of a job with a setting, in one repetition or in several."""
 
-    time_s: float  # from the first move (many/9) to the end of the last line that was made; of the first repetition
+    time_s: float  # from the first move (many/3) to the end of the last line that was made; of the first repetition
     margin: float  # least of all motors from the first move on, in all repetitions; 0 if anything is wrong
     why: str = ""  # what is wrong, with line and repetition; nothing if all is well
     repetitions: int = 0  # that were made, the machine as it is among them

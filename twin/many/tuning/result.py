@@ -53,7 +53,7 @@ class Tuned:
     tried: Tried
     candidate: Candidate
     held: Held
-    permanent: tuple[str, ...]  # lines that make its ramps, those of the most careful move, its own (many/14)
+    permanent: tuple[str, ...]  # lines that make its ramps, those of the most careful move, its own (many/6)
     kept: MoveSettings  # what these make permanent; its speed stands in the job
 
 

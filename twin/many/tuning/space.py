@@ -4,7 +4,7 @@
     each move        3 for each move with a rapid way, 2 for one without; lines of the same text share them
 
 A rapid way is one whose speed in the job is `rapid_hz` or more; what is slower is a feed that a process demands.
-Without a number for it, half of the fastest speed that stands in the job (many/10).
+Without a number for it, half of the fastest speed that stands in the job (many/4).
 
 Parameters lie within the ranges of the controller's language, and not below half of what the job has: slower than
 that nobody looks for the fastest.

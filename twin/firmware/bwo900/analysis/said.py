@@ -59,7 +59,7 @@ class Said:
     zero_cleared: bool = False  # a zero point: G92 is gone
 
     def goes_elsewhere(self) -> None:
-        """A comparison jumps: functions of the block that control the program are left out (bwo900/66)."""
+        """A comparison jumps: functions of the block that control the program are left out (bwo900/61)."""
         self.goal = self.passes = None
         self.loops_back = self.returns = False
         if self.stop in (Stop.END, Stop.REPEAT):

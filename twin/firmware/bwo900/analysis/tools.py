@@ -112,7 +112,7 @@ class Tools:
             self._fetch(self.find(group), P.TOOL_PATH)
 
     def change(self) -> None:
-        """M06 is acknowledged: the old tool goes to the table, the requested one to spindle and path (bwo900/24)."""
+        """M06 is acknowledged: the old tool goes to the table, the requested one to spindle and path (bwo900/23)."""
         self.put_back()
         self.copy(P.TOOL_REQUESTED, P.TOOL_SPINDLE)
         self.copy(P.TOOL_REQUESTED, P.TOOL_PATH)

@@ -114,7 +114,7 @@ class Axes:
         return (PULSES - past) % PULSES
 
     def limits(self) -> MotionLimits:
-        """Limits of axes and path by the parameters as they are now; a stretch is planned with them (bwo900/78)."""
+        """Limits of axes and path by the parameters as they are now; a stretch is planned with them (bwo900/72)."""
         revision = self._parameters.revision
         if self._known is None or self._known[0] != revision:
             self._known = revision, MotionLimits.of(self._parameters, [self._resolution(axis) for axis in range(AXES)])
@@ -160,7 +160,7 @@ class Axes:
 
     def obstacle(self, block: PathBlock) -> ProgramError | None:
         """Why the path of a block must not be made: a software limit (P12030, P12031), or a struck switch
-        (bwo900/19)."""
+        (bwo900/18)."""
         for axis in range(AXES) if block.elements else ():
             extents = [element.extent(axis) for element in block.elements]
             low, high = min(e[0] for e in extents), max(e[1] for e in extents)

@@ -1,6 +1,6 @@
 """HAND: one axis moved by its keys, while they are held or by one step (manual 8.5, P8750 to P8769).
 
-P8751 axis    P8750 1 continuous, 2 step    P8755 speed, mm/min, at most P8754, times the override (P8756, bwo900/58)
+P8751 axis    P8750 1 continuous, 2 step    P8755 speed, mm/min, at most P8754, times the override (P8756, bwo900/54)
 P8760 step, mm
 P8752 1 +, 2 -: begins; 0: a continuous move brakes. The other kinds (hand wheel, divide, home) are not there.
 """

@@ -3,9 +3,9 @@
     speed of a piece      the feed, the rapid speed of the axis with the longest way (G00), and what each axis can:
                           v <= V_i / |d_i|,  d the direction; V_i = P12004, P12120, slope (P12136)
     acceleration          a <= A_i / |d_i|,  A_i = P12004 / P12008, or P12009 where that is longer and it is no G00
-                          (bwo900/15)
+                          (bwo900/14)
     on a circle           v^2 / R and the ramp share the acceleration of the plane's axes: each has 1 / sqrt 2 of it
-                          P8852: v <= KV sqrt(2 R P8852), the deviation that the servo's lag makes (bwo900/16)
+                          P8852: v <= KV sqrt(2 R P8852), the deviation that the servo's lag makes (bwo900/15)
     at a corner           factor of the lower of both speeds: cos(180 deg - angle) ^ P8851, 0 at 90 degrees and sharper
     P8857                 the same deviation on the circle through the ends of two elements that join, and on arcs
     feed dynamics         P8850 = 1: the feed is that of the point of contact, F r / R, r of the tool's centre
@@ -212,7 +212,7 @@ class PieceMaker:
         return tuple(round(value) for value in exact)
 
     def _law(self, element: Element, block: PathBlock) -> tuple[float, float, float]:
-        """Wanted speed (bwo900/30), highest speed and acceleration of an element, mm/s and mm/s^2."""
+        """Wanted speed (bwo900/28), highest speed and acceleration of an element, mm/s and mm/s^2."""
         limits = self.limits
         able = limits.rapid_acceleration if block.rapid else limits.acceleration
         if isinstance(element, Arc):

@@ -1,4 +1,4 @@
-r"""Milling cycles G71 to G75: rectangular and circular pockets (manual 5.2; figures lost: bwo900/39 to bwo900/48).
+r"""Milling cycles G71 to G75: rectangular and circular pockets (manual 5.2; figures lost: bwo900/36 to bwo900/45).
 
     P11, P12 sizes, G74: radius drilled    P15 allowance on the contour    P18 allowance on the depth
     P13 depth                              P16 infeed across, signed       P19 safety distance
