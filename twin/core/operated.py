@@ -16,6 +16,7 @@ from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.parameters import Place
 from isel_twin.controller import Key, KeyValue
 from isel_twin.core.journal import Note, Received, cut_content, push_content
+from isel_twin.core.margins import MarginReader, MarginReaders
 from isel_twin.core.observers import Observers
 from isel_twin.core.position import Position
 from isel_twin.core.sampling import Sampler, TwinSamples
@@ -37,7 +38,7 @@ class Operated:
     _notes: list[Note]
     _sampler: Sampler | None
     _sampled: Sampled | None
-    _least_margin: NDArray[np.float64]
+    _margin_readers: MarginReaders
     _due_ns: int
 
     def _settle(self) -> None:
@@ -49,16 +50,13 @@ class Operated:
     def _next_due_ns(self) -> int:
         raise NotImplementedError
 
-    def take_margin(self) -> NDArray[np.float64]:
-        """float64 [axes], as `margin`, but since the last call of this, as a panel needs it; `margin` is unchanged."""
-        taken = self._plant.take_margin()
-        self._least_margin = np.minimum(self._least_margin, taken)
-        return taken
+    def margin_reader(self) -> MarginReader:
+        """Least margins since its own last look, for whoever looks again and again: nobody else notices."""
+        return self._margin_readers.reader(self._plant)
 
     def watch_margin(self) -> None:
         """Begin anew with the least margins, as before each line of a job."""
         self._note("operated", {"watch_margin": True})
-        self._least_margin = np.ones(len(self._plant.margin))
         self._plant.watch_margin()
 
     @property

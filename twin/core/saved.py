@@ -20,7 +20,7 @@ from isel_twin.motion import Stream
 from isel_twin.plant import Plant
 from isel_twin.wiring import SerialLine, Wiring
 
-_OWN = ("remarks", "_restarts", "_least_margin", "_sense", "_untold", "_levels")
+_OWN = ("remarks", "_restarts", "_sense", "_untold", "_levels")
 """Attributes of a twin that a state holds beside those it names."""
 
 

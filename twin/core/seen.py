@@ -31,7 +31,6 @@ class Seen:
     _line: SerialLine
     _wiring: Wiring
     _levels: Mapping[str, bool]
-    _least_margin: NDArray[np.float64]
 
     def _tell(self) -> None:
         raise NotImplementedError
@@ -109,7 +108,7 @@ class Seen:
     def margin(self) -> NDArray[np.float64]:
         """float64 [axes], least pull-out margin of each motor since `watch_margin`, or since power-on: 1 nothing was
         asked of it, 0 it may have lost steps; nan for axes that have no motor (isel_twin.plant.margin)."""
-        return np.minimum(self._least_margin, self._plant.margin)
+        return self._plant.margin
 
     @property
     def supply_v(self) -> float:

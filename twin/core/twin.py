@@ -43,6 +43,7 @@ from isel_twin.controller import (
 )
 from isel_twin.core.assembly import PLANTS, HasModel, Plans, build_plant, draw_up, power_on_mm
 from isel_twin.core.journal import Note
+from isel_twin.core.margins import MarginReaders
 from isel_twin.core.observers import Observers
 from isel_twin.core.operated import Operated
 from isel_twin.core.position import Position
@@ -193,8 +194,7 @@ class Twin(Operated, Saved, Seen):
         self._sampler: Sampler | None = None
         self._sampled = self._plant if isinstance(self._plant, Sampled) else None
         self._notes: list[Note] = []
-        self._least_margin = np.ones(axes)
-        """Least margins taken by `take_margin` since `watch_margin`."""
+        self._margin_readers = MarginReaders()
         self._sense: NDArray[np.int8] | None = None
         """Directions of the motors in a motion, if one is turned round."""
         self._due_ns = 0

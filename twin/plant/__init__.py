@@ -224,7 +224,7 @@ class Plant(Protocol):
         left."""
 
     def take_margin(self) -> NDArray[np.float64]:
-        """`margin`, which begins anew: 1 until the next window is over."""
+        """float64 [axes], the same since the last call of this: 1 until the next window is over. `margin` stays."""
 
     def watch_margin(self) -> None:
         """Begin anew with the least margins, from those of now."""

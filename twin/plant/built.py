@@ -220,7 +220,7 @@ def _fill_axes(machine: Machine, axes: NDArray[np.void], dof: NDArray[np.int64])
             axes["idle_fraction"][i] = axis.stage.idle_current_fraction
             axes["idle_delay"][i] = round(axis.stage.idle_delay_s / (machine.timing.substep_ns * 1e-9))
             axes["full_steps"][i] = 1.0 / axis.stage.microsteps
-    axes["margin"] = 1.0
+    axes["margin"] = axes["untaken"] = 1.0
     axes["resistance_ohm"] = [axis.motor.resistance_ohm + axis.stage.extra_resistance_ohm for axis in machine.axes]
     axes["inductance_h"] = [axis.motor.inductance_h for axis in machine.axes]
     axes["own_w"] = [axis.stage.quiescent_w for axis in machine.axes]

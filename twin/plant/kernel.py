@@ -196,15 +196,20 @@ def _look(memory):
         axis, state = parts.axes[i], parts.states[i]
         if parts.drives[i].kind == SERVO:
             if state.fault != 0:
-                axis.margin = 0.0
+                now = 0.0
             elif state.on != 0:
-                axis.margin = min(axis.margin, 1.0 - abs(state.error) / parts.drives[i].lag_limit)
+                now = 1.0 - abs(state.error) / parts.drives[i].lag_limit
+            else:
+                continue
         elif axis.phases != OPEN:
             command = parts.commanded[i] - behind(parts.leads[i], now_ns)
             lag = (command - state.theta_rad * axis.steps_per_rad) * axis.full_steps
             speed_rad_s = faster * state.omega_rad_s
             now = margin.margin(axis.mean_nm, lag, speed_rad_s, parts.available[i], axis.fraction)
-            axis.margin = min(axis.margin, now)
+        else:
+            continue
+        axis.margin = min(axis.margin, now)
+        axis.untaken = min(axis.untaken, now)
 
 
 @njit(nogil=True, error_model="numpy")

@@ -79,7 +79,8 @@ AXIS = np.dtype(
         ("full_steps", "f8"),  # full steps in a microstep
         ("sum_nm", "f8"),  # sum of the torques of the currents in this window
         ("mean_nm", "f8"),  # their mean in the window before
-        ("margin", "f8"),  # least pull-out margin since it was last asked for anew (margin.py)
+        ("margin", "f8"),  # least pull-out margin since it was last watched anew (margin.py)
+        ("untaken", "f8"),  # the same since it was last taken
         ("fault", "i8"),  # 1: the drive has switched itself off: under-voltage of a common supply
         ("command", "f8"),  # time mean of the command in this sub-step
         ("resistance_ohm", "f8"),  # of a phase with what the stage adds

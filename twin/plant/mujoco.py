@@ -365,8 +365,8 @@ class MujocoPlant(LoopSamples):
         return self._all(self.parts.axes["margin"], math.nan)
 
     def take_margin(self) -> NDArray[np.float64]:
-        taken = self.margin
-        self.parts.axes["margin"] = 1.0
+        taken = self._all(self.parts.axes["untaken"], math.nan)
+        self.parts.axes["untaken"] = 1.0
         return taken
 
     def watch_margin(self) -> None:

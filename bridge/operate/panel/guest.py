@@ -137,7 +137,7 @@ class Panel(Guest):
         """The server whose twin is shown. Raises TypeError if that is no Twin, CallError if the page is not safe."""
         if not isinstance(server.twin, Twin):
             raise TypeError("a panel shows a Twin")
-        self._server, self._twin = server, server.twin
+        self._server, self._twin, self._margins = server, server.twin, server.twin.margin_reader()
         self._operator = Operator(server, server.twin)
         self.monitor.begin(server.twin.controller_name)
         self._site.start(self._about(), self._twin.machine, self.recording)
@@ -279,7 +279,7 @@ class Panel(Guest):
         frame["step_hz"] = twin.step_hz.tolist()
         if twin.time_ns >= self._margin_ns + MARGIN_NS:
             self._margin_ns = twin.time_ns
-            self._margin = [None if math.isnan(margin) else margin for margin in twin.take_margin().tolist()]
+            self._margin = [None if math.isnan(margin) else margin for margin in self._margins.take().tolist()]
         frame["margin_now"] = self._margin
         frame["supply_v"] = twin.supply_v if math.isfinite(twin.supply_v) else None
         frame["behind"] = pacer.behind

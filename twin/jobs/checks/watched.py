@@ -84,6 +84,7 @@ class Watched:
         self._outputs: Mapping[str, int] = dict(twin.outputs)
         self._gone: set[str] = set()
         self._rested_ns = -1
+        self._margins = twin.margin_reader()
         self._decoder = None if twin.language is None else create_language(twin.controller_name)
         twin.listen(self._note)
         twin.observe(self._look, round(interval_s * SECOND_NS))
@@ -186,6 +187,7 @@ class Watched:
             if current is None or self._fresh or (self._line is None and answered and not begun):
                 self._close()
                 self._fresh = False
+                self._margins.take()
                 current = self._current = Command(time_ns, self._line, end_ns=time_ns)
                 self._commands.append(current)
             assert current is not None
@@ -198,8 +200,6 @@ class Watched:
             current.end_ns = what.arrival_ns
         elif kind == "counter" and current is not None:
             current.counter_set = True
-        elif kind == "operated" and "watch_margin" in what:
-            self._take_margin()
         elif kind == "restored":
             self._forget_after(what)
 
@@ -223,7 +223,7 @@ class Watched:
     def _take_margin(self) -> None:
         if self._current is None:
             return
-        margin = self.twin.take_margin().tolist()
+        margin = self._margins.take().tolist()
         before = self._current.margin or (math.nan,) * len(margin)
         self._current.margin = tuple(float(np.fmin(a, b)) for a, b in zip(before, margin, strict=True))
 
