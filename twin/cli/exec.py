@@ -146,13 +146,10 @@ def told(done: HostRun) -> str:
     """The same in one line for people."""
     verdict = done.verdict
     where = ", ".join(f"{name} {value:.3f}" for name, value in zip("XYZ", verdict.position_mm, strict=False))
-    lost = any(verdict.lost) or any(verdict.halfway)
     parts = [
         "all well" if verdict.ok else "the machine is not well",
-        f"lost steps {', '.join(f'{steps:.3g}' for steps in verdict.lost_steps)}" if lost else "no step lost",
-        *(["steps were lost before a reference run"] if any(verdict.forgotten_steps) else []),
-        *(f"{axis}: {why}" for axis, why in zip("XYZABCUV", verdict.switched_off, strict=False) if why),
-        *(["the controller shows a fault"] if verdict.controller_fault else []),
+        *verdict.problems(),
+        *(["no steps lost"] if verdict.physics and not any(verdict.lost) else []),
         f"struck: {', '.join(done.struck)}" if done.struck else "no end switch struck",
         f"at {where} mm",
         f"{(done.ended_ns - done.began_ns) / SECOND_NS:.3f} s of virtual time",

@@ -32,7 +32,7 @@ LONG_COMMAND, LONG_REPLY, LONG_BLOCK = 56, 25, 100
 HEAD = 1 << 16  # characters of a program in which its longest block is looked for
 NAME = 4  # characters before a block: the program's name
 SHOWN_TRIALS = 5  # repetitions that are shown if they ended otherwise
-SHOWN_UNMET = 10  # lines of a job that are named if they did not get what they expected
+NO_PHYSICS = "without physics nothing is known of lost steps, margins and loads: --plant mujoco knows"
 
 
 def console() -> Console:
@@ -125,11 +125,10 @@ class JsonOutput:
         import dataclasses
 
         told = dataclasses.asdict(result)
-        unknown = ["lost_known", "fault_known", "drive_faults_known"]
+        unknown = [name for name in told if name.endswith("_known")]
+        unknown += [name for name in ("why", "event", "parts", "restarts") if not told[name]]
         if result.expected is None:
-            unknown += ["expected", "condition"] if result.why else ["expected", "why", "condition"]
-        if not result.parts:
-            unknown.append("parts")
+            unknown += ["expected", "condition"]
         say_json({key: value for key, value in told.items() if key not in unknown})
 
     def verdict(self, verdict: Verdict, call: Mapping[str, Any]) -> None:
@@ -158,6 +157,7 @@ class TableOutput:
     """
 
     heads = ("line", "time / s", "command", "reply")
+    refused = "refused"
 
     def __init__(self, twin: Twin, lines: Sequence[Line]) -> None:
         from rich.console import Console
@@ -208,37 +208,25 @@ class TableOutput:
     def verdict(self, verdict: Verdict, call: Mapping[str, Any]) -> None:
         self._progress.stop()
         axes = [axis.upper() for axis in AXIS_NAMES]
-        lost = ", ".join(f"{axis} {round(steps, 3):g}" for axis, steps in zip(axes, verdict.lost_steps, strict=False))
-        lost = f"lost steps: {lost}"
-        if any(verdict.forgotten_steps):
-            before = zip(axes, verdict.forgotten_steps, strict=False)
-            lost += f" (and before a reference run: {', '.join(f'{axis} {int(n)}' for axis, n in before if n)})"
-        if any(verdict.halfway):
-            where = " ".join(axis for axis, is_so in zip(axes, verdict.halfway, strict=False) if is_so)
-            lost += f" ({where}: between two places that hold, kept there by friction alone)"
-        error = {axis: e for axis, e in zip(axes, verdict.following_error, strict=False) if e is not None}
-        if error:
-            lost = f"following error: {', '.join(f'{axis} {round(e):g}' for axis, e in error.items())}"
-        lost += "".join(f", {axis}: {why}" for axis, why in zip(axes, verdict.switched_off, strict=False) if why)
-        if verdict.controller_fault:
-            lost += ", the controller shows an error"
-        if verdict.flash_fault:
-            lost += ", the flash image cannot be read"
-        unsent = f", {verdict.unsent} not sent" if verdict.unsent else ""
+        told = [self.counted(verdict), *verdict.problems(self.refused)]
+        if verdict.physics and not any(verdict.lost):
+            told.append("no steps lost")
+        error = zip(axes, verdict.following_error, strict=False)
+        lag = ", ".join(f"{axis} {round(e):g}" for axis, e in error if e is not None and round(e))
+        told += [f"following error: {lag}"] if lag else []
         margin = _percent(verdict.margin)
-        lost += f", least torque margin: {margin}" if margin else ""
+        told += [f"least torque margin: {margin}"] if margin else []
+        told.append(f"{verdict.time_ns / SECOND_NS:.3f} s of machine time")
         self._print("")
-        text = f"{_in_words(verdict)}: {self.counted(verdict)}{unsent}, {lost}"
-        time = f"{verdict.time_ns / SECOND_NS:.3f} s of machine time"
-        self._print(f"{text}, {time}", style="bold green" if verdict.ok else "bold red")
+        style = "bold green" if verdict.ok else "bold red"
+        self._print(f"{_in_words(verdict)}: {', '.join(told)}", style=style)
+        if not verdict.physics:
+            self._print(NO_PHYSICS)
 
     def counted(self, verdict: Verdict) -> str:
-        """How many there were, and how many went wrong."""
+        """How many there were."""
         expected = f", {many(verdict.expectations, 'expectation')}" if verdict.expectations else ""
-        if verdict.unmet:
-            lines = ", ".join(map(str, verdict.unmet[:SHOWN_UNMET])) + (", ..." if verdict.unmet[SHOWN_UNMET:] else "")
-            expected += f" ({len(verdict.unmet)} not met: line {lines})"
-        return f"{many(verdict.commands, 'command')}, {verdict.refused} refused{expected}"
+        return f"{many(verdict.commands, 'command')}{expected}"
 
     def robust(self, verdict: Verdict, trials: Sequence[Repetition], wanted: int) -> bool:
         from isel_twin.jobs.robust import agree
@@ -284,9 +272,10 @@ class MotionsOutput(TableOutput):
     """The motions of a capture, in steps, and the switches they strike."""
 
     heads = ("motion", "time / s", "steps", "struck")
+    refused = "struck a switch"
 
     def counted(self, verdict: Verdict) -> str:
-        return f"{many(verdict.commands, 'motion')}, {verdict.refused} struck a switch"
+        return many(verdict.commands, "motion")
 
 
 def _percent(margins: Sequence[float | None]) -> str:

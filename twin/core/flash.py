@@ -88,14 +88,14 @@ class FlashFile:
         self._stored = image
 
     def _store(self, image: bytes) -> None:
+        """Raises OSError; the file is as it was then."""
         if self._claim is None:
-            log.error("%s: the flash image could not be stored: the file has been let go", self._path)
-            return
+            raise OSError(errno.EBADF, "the file has been let go", str(self._path))
         try:
             self._write(image)
         except OSError as error:  # the machine runs on, and no reply tells (core/6)
-            reason = error.strerror or error
-            log.error("%s: the flash image could not be stored, the file is as it was: %s", self._path, reason)
+            log.error("%s: the flash image could not be stored, the file is as it was: %s", self._path, error.strerror)
+            raise
 
 
 def flash_file(twin: HasFlash) -> FlashFile | None:

@@ -21,7 +21,7 @@ the same `TwinSpec` they give the same bits (recordings/2).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -41,6 +41,13 @@ class Received:
     data: bytes
     arrival_ns: int
     byte_ns: int
+
+
+def in_words(what: Any) -> str:
+    """what: the table of an event, or a remark."""
+    if isinstance(what, Mapping):
+        return ", ".join(f"{key} {in_words(value)}" for key, value in what.items())
+    return str(what)
 
 
 def push_content(axis: str, force_n: float, place: str) -> dict[str, Any]:

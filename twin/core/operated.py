@@ -9,13 +9,10 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any, Self
 
-import numpy as np
-from numpy.typing import NDArray
-
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.parameters import Place
 from isel_twin.controller import Key, KeyValue
-from isel_twin.core.journal import Note, Received, cut_content, push_content
+from isel_twin.core.journal import SETTINGS, Note, Received, cut_content, in_words, push_content
 from isel_twin.core.margins import MarginReader, MarginReaders
 from isel_twin.core.observers import Observers
 from isel_twin.core.position import Position
@@ -156,9 +153,10 @@ class Operated:
             "received", Received(data, arrival_ns, byte_ns)
         )
         self._line.on_lost = lambda arrival_ns, data: self._note("lost", Received(data, arrival_ns, 0))
-        self._wiring.on_event = lambda event: self._note("scenario", event.content)
 
     def _note(self, kind: str, what: Any) -> None:
+        if kind in ("scenario", "operated") and not set(what) <= set(SETTINGS):
+            self.acts.append((self.time_ns, in_words(what)))
         for note in self._notes:
             note(self.time_ns, kind, what)
 

@@ -20,7 +20,7 @@ from isel_twin.motion import Stream
 from isel_twin.plant import Plant
 from isel_twin.wiring import SerialLine, Wiring
 
-_OWN = ("remarks", "_restarts", "_sense", "_untold", "_levels")
+_OWN = ("remarks", "acts", "_restarts", "restarts", "unpowered_steps", "stores_lost", "_sense", "_untold", "_levels")
 """Attributes of a twin that a state holds beside those it names."""
 
 
@@ -33,6 +33,7 @@ class Saved:
     time_ns: int
     flash: bytes | None
     on_flash: Callable[[bytes], None] | None
+    stores_lost: int
     _plans: Plans
     _controller: Controller
     _told: Told
@@ -102,7 +103,10 @@ class Saved:
             self._sampler.begin_anew()
         flash, self.flash = self.flash, state.flash
         if self.flash is not None and self.flash != flash and self.on_flash is not None:
-            self.on_flash(self.flash)
+            try:
+                self.on_flash(self.flash)
+            except OSError:  # whoever keeps it has said so
+                self.stores_lost += 1
         self._settling = True
         try:
             self._observers.restored(self, self._wiring.changes)

@@ -170,9 +170,11 @@ class Twin(Operated, Saved, Seen):
         """Keys of the controller's panel, by name: see `press`."""
         self.flash = origin.image
         self.on_flash: Callable[[bytes], None] | None = None
-        """Called with each new flash image."""
+        """Called with each new flash image; raises OSError if it cannot keep it."""
         self.remarks: deque[tuple[int, str]] = deque(maxlen=_REMARKS)
         """Time in ns and text of the controller's last remarks, which are logged, too."""
+        self.acts: deque[tuple[int, str]] = deque(maxlen=_REMARKS)
+        """Time in ns and words of the last events of the scenario, and of what somebody has done."""
         self.steps_made: deque[Step] = deque(maxlen=_STEPS)
         """Last steps of the controller's program; whoever shows them clears them."""
         asking = controller if offers(controller, UsesDrives) else None
@@ -187,7 +189,14 @@ class Twin(Operated, Saved, Seen):
         self._wiring = Wiring(
             self.machine, self._plant, self._line, controller.terminals(), drive_inputs, trips, bounces, schedule
         )
-        self._restarts = 0
+        self._wiring.on_event = lambda event: self._note("scenario", event.content)
+        self._restarts = 0  # of those that the wiring counts, as many have been followed
+        self.restarts = 0
+        """How often the controller was reset or lost its supply since power-on."""
+        self.unpowered_steps: NDArray[np.int64] = np.zeros(axes, dtype=np.int64)
+        """int64 [axes], steps that the controller has made since power-on while its stages had no power."""
+        self.stores_lost = 0
+        """How often `on_flash` could not store what the controller wrote: the flash still holds what it held."""
         self._stream = Stream(axes, keep=keep_motions)
         self._adopt(controller)
         self._observers: Observers[Twin] = Observers()
@@ -295,7 +304,10 @@ class Twin(Operated, Saved, Seen):
             delta = delta * self._sense.astype(delta.dtype)
         reached = self._plant.advance(until_ns, t_ns, delta, self._stream.lead_ns)
         if count:
-            self._stream.make(count if reached >= until_ns else int(np.searchsorted(t_ns, reached, side="right")))
+            made = count if reached >= until_ns else int(np.searchsorted(t_ns, reached, side="right"))
+            self._stream.make(made)
+            if not self._wiring.stages_powered:
+                self.unpowered_steps = self.unpowered_steps + np.abs(delta[:made].astype(np.int64)).sum(axis=0)
         self.time_ns = reached
         if self._sampler is not None:
             self._sampler.keep_up()
@@ -356,6 +368,7 @@ class Twin(Operated, Saved, Seen):
         if self._plans.new_controller is None:
             self._remark("no reset and no brown-out of a controller that was handed in: there is no other")
             return False
+        self.restarts += not isinstance(self._controller, Unpowered)
         self._wiring.outputs_lost()
         mains = self._wiring.mains
         controller = self._plans.new_controller(self.flash) if mains else Unpowered(self._controller)
@@ -421,10 +434,7 @@ class Twin(Operated, Saved, Seen):
                     self._position.counter_set(axis, value)
                     self._note("counter", event)
                 case FlashWrite(image):
-                    self.flash = image
-                    self._note("flash", image)
-                    if self.on_flash is not None:
-                        self.on_flash(image)
+                    self._store(image)
                 case Remark(text):
                     self._remark(text)
                 case Step():
@@ -432,6 +442,19 @@ class Twin(Operated, Saved, Seen):
         if outputs_changed:
             self._wiring.outputs_changed()
             self._observers.look(self, True, self._wiring.changes)
+
+    def _store(self, image: bytes) -> None:
+        """What cannot be stored is lost, as in a flash that is worn out; no controller knows a reply for that
+        (core/NEW)."""
+        try:
+            if self.on_flash is not None:
+                self.on_flash(image)
+        except OSError as error:
+            self.stores_lost += 1
+            self._remark(f"the flash has not kept what was stored: {error.strerror or error}")
+            return
+        self.flash = image
+        self._note("flash", image)
 
     def _remark(self, text: str) -> None:
         self.remarks.append((self.time_ns, text))

@@ -13,6 +13,8 @@
 
     what                        value
     lost, lost.x                steps lost since power-on, of all axes or one, by whole slips of the motor
+    unpowered                   steps made since power-on while the stages had no power, of all axes
+    restarts                    how often the controller was reset or lost its supply since power-on
     x, y, z                     true position, mm or um; error.x: true position minus counter
     count.x                     counter, steps
     margin, margin.x            least torque margin during the last command: 0 .. 1, or %
@@ -24,8 +26,8 @@
     spindle, hood, limit_x1     outputs and relays (numbers); elements, switches and faults of contacts (words)
     output.NAME, input.NAME, level.NAME      the same where a name could be both, and input terminals (0, 1)
 
-A blank or the end of the line stands behind `=>`, and behind the `!` at its beginning. A condition on lost steps or a
-fault that is so answers for what it speaks of: the verdict then asks for what comes later only (jobs/2).
+A blank or the end of the line stands behind `=>`, and behind the `!` at its beginning. A condition on lost or unpowered
+steps, restarts or a fault that is so answers for what it speaks of: the verdict then asks for what comes later only (jobs/2).
 """
 
 from __future__ import annotations
@@ -90,6 +92,8 @@ class _Quantity:
 
 _QUANTITIES: Mapping[str, _Quantity] = {
     "lost": _Quantity(_STEPS, AXIS_NAMES, whole=True),
+    "unpowered": _Quantity(_STEPS, whole=True),
+    "restarts": _Quantity({"": 1.0}, whole=True),
     **dict.fromkeys(CARRIAGES, _Quantity(_MM)),
     "error": _Quantity(_MM, CARRIAGES, alone=False),
     "count": _Quantity(_STEPS, AXIS_NAMES, alone=False, whole=True),
@@ -308,6 +312,10 @@ def _measured(twin: Twin, name: str, axis: str, last: Result | None) -> float | 
     own = slice(None) if not axis else slice(AXIS_NAMES.index(axis), AXIS_NAMES.index(axis) + 1)
     if name == "lost":
         return float(lost_steps(twin)[own].sum())
+    if name == "unpowered":
+        return float(twin.unpowered_steps.sum())
+    if name == "restarts":
+        return float(twin.restarts)
     if name in CARRIAGES:
         return float(twin.position_mm[CARRIAGES.index(name)])
     if name == "error":

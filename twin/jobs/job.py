@@ -35,6 +35,7 @@ from isel_twin.core.snapshot import snapshot
 from isel_twin.jobs import expect
 from isel_twin.jobs.expect import Condition, Expected, ExpectError
 from isel_twin.jobs.result import Part, Result
+from isel_twin.jobs.why import RESTARTED, happened, meaning
 from isel_twin.language import Language, LanguageError, RunsPrograms, encoded, needed, programs_for, readable
 
 if TYPE_CHECKING:
@@ -201,6 +202,7 @@ def play(twin: Twin, lines: Sequence[Line], timeout_s: float, stop: Stop | None 
     """
     language = twin.language
     last: Result | None = None
+    restarts = twin.restarts
     for line in lines:
         if stop is not None and stop():
             return
@@ -212,6 +214,7 @@ def play(twin: Twin, lines: Sequence[Line], timeout_s: float, stop: Stop | None 
         twin.steps_made.clear()
         said = twin.remarks[-1] if twin.remarks else None
         complete = _converse(twin, line, timeout_s, stop)
+        new, restarts = twin.restarts - restarts, twin.restarts
         reply = twin.read()
         seen = snapshot(twin)
         text = None if language is None else language.text(reply)
@@ -224,6 +227,11 @@ def play(twin: Twin, lines: Sequence[Line], timeout_s: float, stop: Stop | None 
             why = next((part.text for part in reversed(parts) if not part.position_mm), "the controller shows an error")
         elif line.program and not complete and twin.steps_made:
             why = twin.unfinished
+        elif line.expected is None and not accepted:
+            why = meaning(twin, line.sent, reply)
+        if new and line.expected is None:
+            accepted, why = False, RESTARTED
+        wrong = line.expected is None and not (accepted and complete)
         last = Result(
             number=line.number,
             command=line.command,
@@ -237,6 +245,8 @@ def play(twin: Twin, lines: Sequence[Line], timeout_s: float, stop: Stop | None 
             complete=complete,
             expected=None if line.expected is None else line.expected.text,
             why=why,
+            event=happened(twin, time_ns) if wrong or new else "",
+            restarts=new,
             parts=parts,
         )
         yield last
@@ -309,9 +319,17 @@ def _look(twin: Twin, line: Line, condition: Condition, last: Result | None) -> 
         why="" if found.met else f"is {found.value}",
         condition=True,
         lost_known=known if quantity == "lost" else (),
+        unpowered_known=_unpowered_known(twin, quantity) if found.met else None,
+        restarts_known=twin.restarts if found.met and quantity == "restarts" else None,
         fault_known=found.met and quantity == "fault",
         drive_faults_known=known if quantity == "drive_faults" else (),
     )
+
+
+def _unpowered_known(twin: Twin, quantity: str) -> int | None:
+    """Steps without power that a condition which is met answers for: one on lost steps, too, if there are any."""
+    told = quantity == "unpowered" or (quantity == "lost" and bool(expect.lost_steps(twin).any()))
+    return int(twin.unpowered_steps.sum()) if told else None
 
 
 def _converse(twin: Twin, line: Line, timeout_s: float, stop: Stop | None) -> bool:

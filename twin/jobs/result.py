@@ -33,17 +33,21 @@ class Result:
     complete: bool = True  # all was sent, the controller has answered and stands still; if not, the job ends here
     expected: str | None = None  # what the line expects; `ok` says whether it was so
     why: str = ""  # why not; of a program of which nothing is expected: what the controller says is wrong
+    event: str = ""  # of a line that is not ok: the last event during it, or before it
     condition: bool = False  # it is no command: the reply is what was found
     lost_known: tuple[float | None, ...] = ()  # steps lost of each axis that a condition on them has found well
+    unpowered_known: int | None = None  # the same of steps made without power
+    restarts: int = 0  # how often the controller started anew since the line before, or since the job began
+    restarts_known: int | None = None  # as many, since power-on, a condition has found well
     fault_known: bool = False  # the same of the controller's fault
     drive_faults_known: tuple[int | None, ...] = ()  # the same of the faults of each drive: how many
     parts: tuple[Part, ...] = ()  # of a line that loads or runs a program; the last ones, if there are very many
 
     @property
     def shown_reply(self) -> str:
-        """The reply, and if it should have been another one, which."""
-        if not self.ok and self.expected is None and self.why:
-            return self.why
+        """The reply, and if it should have been another one, which; of a refusal what it means, and the last event."""
+        if not self.ok and self.expected is None:
+            return "; ".join(filter(None, (": ".join(filter(None, (self.reply, self.why))), self.event)))
         if self.ok or self.expected is None or self.condition:
             return self.reply
         return f"{self.reply or 'none'} (not {self.expected}: {self.why})"

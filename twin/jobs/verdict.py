@@ -10,6 +10,10 @@ keeps a rotor on the unstable point of its motor. Nothing pulls it back, and the
 other; so it is told as what it is, and is not well. What was lost and then forgotten, as a reference run set the
 counter anew, counts too.
 
+Steps that are made while the stages have no power move nothing. With physics they are lost steps; the kinematic plant
+follows them, so they are counted for themselves, and are not well on any plant. Neither is a controller that starts
+anew before its last reply, whatever it answers afterwards.
+
 A servo drive loses nothing; it switches itself off if its following error goes beyond its limit. That it did is no
 better than lost steps, also if somebody has switched it on again.
 
@@ -19,13 +23,14 @@ an emergency stop, and had it come after the end of the job, has seen nothing.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.base.units import SECOND_NS
 from isel_twin.core.snapshot import snapshot
 from isel_twin.wiring.contacts import FAULTS
@@ -35,6 +40,8 @@ if TYPE_CHECKING:
     from isel_twin.jobs.result import Result
 
 HALFWAY = 0.375  # part of a slip from the nearest place that holds beyond which a rotor counts as resting halfway
+
+SHOWN_UNMET = 10  # lines of a job that are named if they did not get what they expected
 
 SETTLE_S = 0.5  # virtual time for the machine to come to rest after the last command, before losses are looked at
 
@@ -68,7 +75,7 @@ class Verdict:
     """What became of a job. Tuples have one entry an axis, those of positions one a carriage."""
 
     commands: int
-    refused: int
+    refused: int  # not accepted, or not as it should be though nothing was expected
     lost_steps: tuple[float, ...]  # counter minus rotor position in steps at rest, since each counter was set
     forgotten_steps: tuple[float, ...]  # steps lost before that, since power-on
     slip_steps: tuple[float, ...]  # steps in one slip of each motor
@@ -85,6 +92,11 @@ class Verdict:
     margin: tuple[float | None, ...] = ()  # least pull-out margin of each axis in all lines; None without a motor
     unsent: int = 0  # commands of the job that were never sent, as it ended before
     interrupted: bool = False  # somebody stopped the job
+    unfinished: int = 0  # commands that were not over when the job ended: 0 or 1
+    restarts: int = 0  # how often the controller started anew before the last command was over, that nobody expected
+    unpowered_steps: int = 0  # made by all axes while the stages had no power, that nobody expected
+    stores_lost: int = 0  # what the flash memory has not kept
+    physics: bool = True  # without it nothing is known of lost steps, margins and loads
     flash_fault: bool = False  # the flash image handed over could not be read, and has not been written anew
     expectations: int = 0  # replies and conditions that the job expects, as far as it came
     unmet: tuple[int, ...] = ()  # numbers of the lines with one that was not so
@@ -109,7 +121,13 @@ class Verdict:
 
     @property
     def accepted(self) -> int:
-        return self.commands - self.refused
+        return self.commands - self.refused - self.unfinished
+
+    @property
+    def whole_steps_lost(self) -> tuple[int, ...]:
+        """Steps of each axis lost since its counter was set, by whole slips of its motor: no load angle."""
+        steps = np.copysign(whole_slips(self.lost_steps, self.slip_steps), self.lost_steps)
+        return tuple(int(n) for n in steps)
 
     @property
     def lost(self) -> tuple[bool, ...]:
@@ -136,11 +154,13 @@ class Verdict:
 
     @property
     def ok(self) -> bool:
-        """Every command sent and accepted or answered as expected, every condition met, no step lost or half lost, no
-        drive switched off by itself, no error left in the controller."""
-        whole = self.unsent == 0 and not self.interrupted and self.refused == 0 and not self.unmet
-        held = not any(self.lost) and not any(self.halfway) and not any(self.switched_off)
-        return whole and held and (self.fault_known or not self.controller_fault) and not self.flash_fault
+        """Every command sent and accepted or answered as expected, every condition met, no step lost, half lost or made
+        without power, no drive switched off by itself, no restart, no error left in the controller."""
+        return not self.problems()
+
+    def problems(self, refused: str = "refused") -> tuple[str, ...]:
+        """Each thing that is not well, in words. refused: what became of the commands that were."""
+        return tuple(_problems(self, refused))
 
     def summary(self) -> dict[str, Any]:
         """In JSON's types, as `isel-twin run --json` has it; with what is of servo drives if the machine has any."""
@@ -148,7 +168,7 @@ class Verdict:
             "ok": self.ok,
             "commands": self.commands,
             "refused": self.refused,
-            "lost_steps": [round(steps, 3) for steps in self.lost_steps],
+            "lost_steps": list(self.whole_steps_lost),
             "lost_before_reference": [int(steps) for steps in self.forgotten_steps],
             "controller_fault": self.controller_fault,
             "steps": self.ticks,
@@ -158,6 +178,11 @@ class Verdict:
             "machine": self.machine,
             "unsent": self.unsent,
             "interrupted": self.interrupted,
+            "unfinished": self.unfinished,
+            "restarts": self.restarts,
+            "unpowered_steps": self.unpowered_steps,
+            "stores_lost": self.stores_lost,
+            "physics": self.physics,
             "flash_fault": self.flash_fault,
             "events_after_end": self.events_after_end,
             "events_without_effect": self.events_without_effect,
@@ -181,7 +206,12 @@ def judge(twin: Twin, results: Sequence[Result], unsent: int = 0, interrupted: b
     seen = snapshot(twin)
     return Verdict(
         commands=sum(not result.condition for result in results),
-        refused=sum(not result.ok and result.expected is None for result in results),
+        refused=sum(not result.ok and result.complete and result.expected is None for result in results),
+        unfinished=sum(not result.complete for result in results),
+        restarts=sum(result.restarts for result in _since_known(results)) if results else twin.restarts,
+        unpowered_steps=int(twin.unpowered_steps.sum()) - _last([result.unpowered_known for result in results]),
+        stores_lost=twin.stores_lost,
+        physics=twin.physics,
         lost_steps=tuple(seen.lost_steps.tolist()),
         forgotten_steps=tuple(twin.forgotten_steps.tolist()),
         slip_steps=tuple(twin.slip_steps.tolist()),
@@ -212,6 +242,50 @@ def judge(twin: Twin, results: Sequence[Result], unsent: int = 0, interrupted: b
         events_after_end=events_after_end,
         events_without_effect=twin.events_without_effect,
     )
+
+
+def _problems(verdict: Verdict, refused: str) -> Iterator[str]:
+    axes = [axis.upper() for axis in AXIS_NAMES]
+    if verdict.interrupted:
+        yield "interrupted"
+    if verdict.refused:
+        yield f"{verdict.refused} {refused}"
+    if verdict.unfinished and not verdict.interrupted:
+        yield f"{verdict.unfinished} not over"
+    if verdict.unsent:
+        yield f"{verdict.unsent} not sent"
+    if verdict.unmet:
+        lines = ", ".join(map(str, verdict.unmet[:SHOWN_UNMET])) + (", ..." if verdict.unmet[SHOWN_UNMET:] else "")
+        yield f"{len(verdict.unmet)} of {verdict.expectations} expectations not met: line {lines}"
+    if verdict.restarts:
+        yield f"the controller started anew {'once' if verdict.restarts == 1 else f'{verdict.restarts} times'}"
+    if any(verdict.lost):
+        now = [f"{axis} {n}" for axis, n in zip(axes, verdict.whole_steps_lost, strict=False) if n]
+        before = [f"{axis} {int(n)}" for axis, n in zip(axes, verdict.forgotten_steps, strict=False) if n]
+        now += [f"before a reference run: {', '.join(before)}"] if before else []
+        yield f"lost steps: {', '.join(now) or 'none, but some were expected'}"
+    if any(verdict.halfway):
+        where = " ".join(axis for axis, is_so in zip(axes, verdict.halfway, strict=False) if is_so)
+        yield f"{where} between two places that hold, kept there by friction alone"
+    if verdict.unpowered_steps:
+        yield f"{verdict.unpowered_steps} steps made while the stages had no power"
+    yield from (f"{axis}: {why}" for axis, why in zip(axes, verdict.switched_off, strict=False) if why)
+    if verdict.controller_fault and not verdict.fault_known:
+        yield "the controller shows an error"
+    if verdict.stores_lost:
+        yield "the flash has not kept what was stored"
+    if verdict.flash_fault:
+        yield "the flash image cannot be read"
+
+
+def _since_known(results: Sequence[Result]) -> Sequence[Result]:
+    """Those after the last condition on restarts that was met."""
+    known = [number for number, result in enumerate(results, 1) if result.restarts_known is not None]
+    return results[known[-1] if known else 0 :]
+
+
+def _last(known: Sequence[int | None]) -> int:
+    return next((number for number in reversed(known) if number is not None), 0)
 
 
 def _known(found: Sequence[Sequence[float | None]]) -> tuple[float, ...]:

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.axes import CARRIAGES
+from isel_twin.core.journal import in_words
 from isel_twin.core.snapshot import snapshot
 from isel_twin.core.told import StateError
 
@@ -105,7 +106,7 @@ class Recorder:
         elif kind == "restored" and not self._file.closed:
             raise StateError("a twin that is being recorded cannot go to another time; close its recording before")
         elif kind in ("scenario", "operated", "remark") and what != {"watch_margin": True}:  # a job does that itself
-            self.events.append((time_ns, kind, _in_words(what)))
+            self.events.append((time_ns, kind, in_words(what)))
 
     def _look(self, twin: Twin) -> None:
         seen = snapshot(twin)
@@ -148,10 +149,3 @@ class Recorder:
     def names(self) -> list[tuple[str, str]]:
         """(group, name) of everything that was seen to have a value, group by group."""
         return [(group, name) for group, values in self._last.items() for name in values]
-
-
-def _in_words(what: Any) -> str:
-    """what: an event, which is a table, or a remark."""
-    if isinstance(what, Mapping):
-        return ", ".join(f"{key} {_in_words(value)}" for key, value in what.items())
-    return str(what)

@@ -101,6 +101,7 @@ class Wiring:
         self.restarts = 0  # how often the controller had to start anew or lost its supply
         self._pressed: list[tuple[str, KeyValue]] = []  # keys of the controller and their values since `take_pressed`
         self.mains = True  # the controller has supply
+        self.stages_powered = False
         self._outputs: dict[str, int] = {}
         self._shown: Mapping[str, bool] = {}
         self._signals: Mapping[str, bool] = {}  # the cabinet's contacts as the terminals were last told of them
@@ -328,8 +329,9 @@ class Wiring:
         self._cabinet.sense(self.contacts.closed)
         self._follow_cabinet()
         live = self._cabinet.powered
+        self.stages_powered = live and bool(self._outputs.get("stages"))
         self.plant.set_power(
-            stages=live and bool(self._outputs.get("stages")),
+            stages=self.stages_powered,
             brake_released=live and bool(self._outputs.get("brake")),
             lowering=bool(self._outputs.get("current_lowering")),
         )

@@ -88,6 +88,10 @@ def assert_no_step_lost(seen: Watched) -> None:
                 axis=axis,
                 command=command,
             )
+    if steps := int(twin.unpowered_steps.sum()):
+        raise MotionError(
+            "steps without power", expected="no step while the stages have no power", was=f"{steps} steps"
+        )
     for axis, (number, cause) in zip(AXIS_NAMES, twin.drive_faults, strict=False):
         if number:
             raise MotionError(f"{axis}: {cause}", expected="no drive switched off", was=f"{number} times", axis=axis)

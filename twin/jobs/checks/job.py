@@ -7,8 +7,10 @@ annotation in a review say the same.
 
     rule          it is broken when                                                       bound
     refused       a command is refused, or answered otherwise than the job expects        always
+    restart       the controller starts anew before the last reply                        always
     unmet         a condition of the job (`! lost == 0`) is not so                        always
     unfinished    a command is not over in time; the job ends there                       `timeout`
+    unpowered     steps are made while the stages have no power                           always
     lost          an axis has lost steps, told with the line after which it first had     always
     halfway       a rotor rests between two places that would hold                        always
     drive         a servo drive has switched itself off, told with the line                always
@@ -44,6 +46,7 @@ from isel_twin.jobs.job import Line
 from isel_twin.jobs.playing import TIMEOUT_S, played
 from isel_twin.jobs.result import Result
 from isel_twin.jobs.verdict import Verdict, lost
+from isel_twin.jobs.why import RESTARTED
 
 if TYPE_CHECKING:
     from isel_twin.core.spec import TwinSpec
@@ -53,8 +56,10 @@ LOOK_NS = 5 * MILLISECOND_NS  # between two looks at the deviation
 
 RULES: Mapping[str, str] = {
     "refused": "Every command is accepted, or answered as the job expects.",
+    "restart": "The controller does not start anew before the last reply.",
     "unmet": "What a job says must be so is so.",
     "unfinished": "Every command is over in time.",
+    "unpowered": "No step is made while the stages have no power.",
     "lost": "No motor loses steps.",
     "halfway": "No rotor rests between two places that would hold.",
     "drive": "No servo drive switches itself off.",
@@ -191,6 +196,7 @@ class Inspection:
         self._findings: list[Finding] = []
         self._gone = np.zeros(len(twin.counts), dtype=np.bool_)
         self._faults = [number for number, _ in twin.drive_faults]
+        self._unpowered = int(twin.unpowered_steps.sum())
         self._expected = np.array(twin.counts)
         self.setting: set[int] = set()  # numbers of the lines that set a counter: reference runs, above all
 
@@ -198,6 +204,11 @@ class Inspection:
         twin, bounds = self.twin, self.bounds
         self.results.append(result)
         self._findings += _of_answer(result, bounds)
+        unpowered = int(twin.unpowered_steps.sum())
+        if unpowered > self._unpowered:
+            made = f"{unpowered - self._unpowered} steps are made while the stages have no power"
+            self._findings.append(Finding("unpowered", made, result.number, result.end_ns))
+        self._unpowered = unpowered
         self._scribe.take(result)
         counter_set = bool((np.array(result.counts) != self._expected + self._scribe.way).any())
         self._expected = np.array(result.counts)
@@ -249,6 +260,8 @@ def check_job(
 
 def _expected(finding: Finding, verdict: Verdict, results: Sequence[Result]) -> bool:
     """Whether the job says itself that it must be so, and it is: `! lost > 0`, `! limit_x2 == struck`."""
+    if finding.rule in ("unpowered", "restart"):
+        return not (verdict.unpowered_steps if finding.rule == "unpowered" else verdict.restarts)
     name = finding.message.partition(" ")[0]
     if finding.rule == "drive":
         return not verdict.switched_off[AXIS_NAMES.index(name.rstrip(":"))]
@@ -277,6 +290,8 @@ def _of_answer(result: Result, bounds: Bounds) -> list[Finding]:
         stands = result.why if result.expected is None else ""
         what = f"{result.command}: {stands or f'no complete reply within {bounds.timeout_s:g} s'}"
         return [Finding("unfinished", what, result.number, result.end_ns)]
+    if result.restarts:
+        return [Finding("restart", f"{result.command}: {RESTARTED}; {result.event}", result.number, result.end_ns)]
     if result.ok:
         return []
     if result.condition:
@@ -299,7 +314,7 @@ def _of_verdict(verdict: Verdict, gone: NDArray[np.bool_], results: Sequence[Res
     found = [
         Finding("lost", f"{name} has lost {steps + before:.0f} steps", last, verdict.time_ns)
         for name, is_lost, told, steps, before in zip(
-            AXIS_NAMES, verdict.lost, gone, verdict.lost_steps, verdict.forgotten_steps, strict=False
+            AXIS_NAMES, verdict.lost, gone, verdict.whole_steps_lost, verdict.forgotten_steps, strict=False
         )
         if is_lost and not told
     ]
@@ -311,6 +326,8 @@ def _of_verdict(verdict: Verdict, gone: NDArray[np.bool_], results: Sequence[Res
     told = any(result.why and not result.ok and result.parts for result in results)
     if verdict.controller_fault and not verdict.fault_known and not told:
         found.append(Finding("fault", "the controller shows an error that no reply has told", last, verdict.time_ns))
+    if verdict.stores_lost:
+        found.append(Finding("fault", "the flash memory has not kept what was stored"))
     if verdict.flash_fault:
         found.append(Finding("fault", "the flash memory could not be read"))
     if bounds.cycle_s is not None and verdict.cycle_s > bounds.cycle_s:

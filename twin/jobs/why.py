@@ -1,0 +1,34 @@
+"""Why a line was refused, in words: what its reply means, and what happened to the machine before it.
+
+reply 9, E-stop pressed meanwhile  --->  "plant fault ...; meanwhile, at 1.200 s: set estop pressed"
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from isel_twin.base.units import SECOND_NS
+from isel_twin.language import create_language
+
+if TYPE_CHECKING:
+    from isel_twin.core.twin import Twin
+
+RESTARTED = "the controller started anew before this was over"
+
+
+def meaning(twin: Twin, sent: bytes, reply: bytes) -> str:
+    """What the controller's language says of a reply; "" without a reply or a language."""
+    language = create_language(twin.controller_name) if twin.language is not None and reply else None
+    if language is None:
+        return ""
+    list(language.messages(sent, True))
+    messages = list(language.messages(reply, False))
+    return messages[-1].explanation.removeprefix("reply: ") if messages else ""
+
+
+def happened(twin: Twin, begin_ns: int) -> str:
+    """The last event during a line that began at begin_ns, or before it; "" if there was none."""
+    if not twin.acts:
+        return ""
+    time_ns, words = twin.acts[-1]
+    return f"{'meanwhile' if time_ns >= begin_ns else 'before'}, at {time_ns / SECOND_NS:.3f} s: {words}"
