@@ -413,7 +413,7 @@ def test_the_exit_code_is_that_of_the_expectations(call: Any) -> None:
     code, out, _ = call(f"{FAR} => 0\n! lost == 0\n")
     assert code == 1
     assert "2 (not 0: answered 2)" in out
-    assert "3 commands, 0 refused, 2 expectations (1 not met: line 3)" in out
+    assert "3 commands, 2 expectations, 1 of 2 expectations not met: line 3" in out
 
 
 def test_json_names_what_was_expected(call: Any) -> None:

@@ -71,6 +71,10 @@ WELL = Verdict(
         ({"flash_fault": True}, False, (False, False, False, False)),
         ({"unsent": 1}, False, (False, False, False, False)),
         ({"interrupted": True}, False, (False, False, False, False)),
+        ({"unfinished": 1}, False, (False, False, False, False)),
+        ({"restarts": 1}, False, (False, False, False, False)),
+        ({"unpowered_steps": 1}, False, (False, False, False, False)),
+        ({"stores_lost": 1}, False, (False, False, False, False)),
         ({"events_after_end": 3, "events_without_effect": 2}, True, (False, False, False, False)),
         ({"faults": {"limit_x1": "broken"}}, True, (False, False, False, False)),
         ({"lost_steps": (0.0, -16.0, 0.0, 0.0)}, False, (False, True, False, False)),
@@ -84,7 +88,7 @@ def test_what_makes_a_job_well_done(change: dict[str, object], ok: bool, lost_ax
     verdict = dataclasses.replace(WELL, **change)
     assert (verdict.ok, verdict.lost) == (ok, lost_axes)
     assert verdict.summary()["ok"] is ok
-    assert verdict.accepted == 5 - verdict.refused
+    assert verdict.accepted == 5 - verdict.refused - verdict.unfinished
 
 
 def test_the_summary_has_the_keys_of_the_json_line_in_their_order() -> None:
@@ -92,7 +96,7 @@ def test_the_summary_has_the_keys_of_the_json_line_in_their_order() -> None:
         ("ok", True),
         ("commands", 5),
         ("refused", 0),
-        ("lost_steps", [0.25, -1.0, 3.0, 0.0]),
+        ("lost_steps", [0, 0, 0, 0]),
         ("lost_before_reference", [0, 0, 0, 0]),
         ("controller_fault", False),
         ("steps", 24_000),
@@ -102,6 +106,11 @@ def test_the_summary_has_the_keys_of_the_json_line_in_their_order() -> None:
         ("machine", "4030"),
         ("unsent", 0),
         ("interrupted", False),
+        ("unfinished", 0),
+        ("restarts", 0),
+        ("unpowered_steps", 0),
+        ("stores_lost", 0),
+        ("physics", True),
         ("flash_fault", False),
         ("events_after_end", 0),
         ("events_without_effect", 0),

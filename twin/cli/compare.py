@@ -46,6 +46,8 @@ def compare(
     languages = _language(first, controller), _language(second, controller)
     with call_errors():
         result = compare_recordings(first, second, *languages, round(time_tolerance * SECOND_NS))
+    if not (result.pairs or result.only_a or result.only_b):
+        raise CallError(f"{a}, {b}: no host sends a command in them: there is nothing to compare")
     if json:
         _print_json(result, (first, second), all)
     else:

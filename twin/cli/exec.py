@@ -149,7 +149,7 @@ def told(done: HostRun) -> str:
     parts = [
         "all well" if verdict.ok else "the machine is not well",
         *verdict.problems(),
-        *(["no steps lost"] if verdict.physics and not any(verdict.lost) else []),
+        *([] if any(verdict.lost) else ["no steps lost" if verdict.physics else "losses unknown without physics"]),
         f"struck: {', '.join(done.struck)}" if done.struck else "no end switch struck",
         f"at {where} mm",
         f"{(done.ended_ns - done.began_ns) / SECOND_NS:.3f} s of virtual time",

@@ -168,7 +168,8 @@ class TableOutput:
         head = next((line.source[:HEAD] for line in lines if line.program), "")
         blocks = (len(" ".join(block.split())) for block in head.splitlines())
         self._wide = max(self._command + 2 + LONG_REPLY, min(max(blocks, default=0), LONG_BLOCK) + NAME)
-        self._number = len(str(lines[-1].number)) if lines else 0
+        number = len(str(lines[-1].number)) if lines else 0
+        self._before = max(number, len(self.heads[0])) + 15  # columns of number and time
         out, messages = Console(), Console(stderr=True)
         self._terminal = out if out.is_terminal else None
         shown = self._terminal or messages
@@ -191,14 +192,17 @@ class TableOutput:
 
     def result(self, result: Result) -> None:
         self._progress.advance(self._task)
+        blame = result.blame if result.expected is None and not result.ok else ""
         self._row(
             str(result.number),
             f"{result.time_ns / SECOND_NS:.3f}",
-            self._words(result.command, repr(result.shown_reply)[1:-1] or "none"),
+            self._words(result.command, repr(result.reply if blame else result.shown_reply)[1:-1] or "none"),
             *(f"{position:.3f}" for position in result.position_mm),
             _percent(result.margin),
             style="" if result.ok else "bold red",
         )
+        if blame and blame not in (part.text for part in result.parts):
+            self._print(f"{'':{self._before}}{blame}", "bold red")
         for part in result.parts:
             places = [f"{position:.3f}" for position in part.position_mm]
             said = "" if places else "bold red"
@@ -253,7 +257,7 @@ class TableOutput:
     def _row(self, number: str, time_s: str, words: str, *positions: str, style: str = "") -> None:
         """words: both columns of text."""
         places = "".join(f"{position:>11}" for position in positions)
-        row = f"{number:>{max(self._number, len(self.heads[0]))}} {time_s:>12}  "
+        row = f"{number:>{self._before - 15}} {time_s:>12}  "
         self._print(f"{row}{words:<{self._wide}}{places}", style)
 
     def _words(self, command: str, reply: str) -> str:

@@ -194,7 +194,7 @@ class Twin(Operated, Saved, Seen):
         self.restarts = 0
         """How often the controller was reset or lost its supply since power-on."""
         self.unpowered_steps: NDArray[np.int64] = np.zeros(axes, dtype=np.int64)
-        """int64 [axes], steps that the controller has made since power-on while its stages had no power."""
+        """int64 [axes], steps that the controller has made since power-on while the motors had no current."""
         self.stores_lost = 0
         """How often `on_flash` could not store what the controller wrote: the flash still holds what it held."""
         self._stream = Stream(axes, keep=keep_motions)

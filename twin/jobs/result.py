@@ -44,10 +44,15 @@ class Result:
     parts: tuple[Part, ...] = ()  # of a line that loads or runs a program; the last ones, if there are very many
 
     @property
+    def blame(self) -> str:
+        """Of a line that is not ok: what its reply means or what went wrong, and the last event; "" if unknown."""
+        return "; ".join(filter(None, (self.why, self.event)))
+
+    @property
     def shown_reply(self) -> str:
         """The reply, and if it should have been another one, which; of a refusal what it means, and the last event."""
         if not self.ok and self.expected is None:
-            return "; ".join(filter(None, (": ".join(filter(None, (self.reply, self.why))), self.event)))
+            return ": ".join(filter(None, (self.reply, self.blame)))
         if self.ok or self.expected is None or self.condition:
             return self.reply
         return f"{self.reply or 'none'} (not {self.expected}: {self.why})"

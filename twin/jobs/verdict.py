@@ -126,7 +126,7 @@ class Verdict:
     @property
     def whole_steps_lost(self) -> tuple[int, ...]:
         """Steps of each axis lost since its counter was set, by whole slips of its motor: no load angle."""
-        steps = np.copysign(whole_slips(self.lost_steps, self.slip_steps), self.lost_steps)
+        steps = np.nan_to_num(np.copysign(whole_slips(self.lost_steps, self.slip_steps), self.lost_steps))
         return tuple(int(n) for n in steps)
 
     @property

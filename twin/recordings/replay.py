@@ -41,6 +41,7 @@ from isel_twin.wiring import ScenarioError, event_now
 SLICE_NS = 10 * MILLISECOND_NS  # virtual time after which a paced replay looks at the clock
 PATIENCE_S = 3600.0  # virtual seconds a host waits for a reply that the real controller gave
 CAUSES = ("/host/sent", "/operator")
+_DONE = (*CAUSES, "/scenario", "/runs")
 _TRAFFIC = ("/host/sent", "/host/received")
 _NOT_COMPARED = ("/time",)  # at what speed time passed
 Pace = Callable[[int], None]  # pace(time_ns): wait until virtual time time_ns is due
@@ -108,7 +109,10 @@ def rebuilt(recorded: Recorded, folder: Path) -> Twin:
 
 
 def replay(recorded: Recorded, twin: Twin, pace: Pace | None = None) -> Difference | None:
-    """Play a recording to its twin, fresh from `rebuilt`; the first difference. Raises RecordingError."""
+    """Play a recording to its twin, fresh from `rebuilt`; the first difference. Raises RecordingError, also if nothing
+    was done in it: that nothing differs then would say nothing."""
+    if not any(recorded.of(*_DONE)):
+        raise RecordingError(f"{recorded.path}: nobody does anything in it: there is nothing to compare")
     eye = _Eye(recorded, twin)
     recording = Recording(twin, eye, recorded.interval_ns)
     for entry in recorded.of(*CAUSES):
@@ -247,7 +251,10 @@ def _first_field(then: Any, now: Any) -> tuple[str, Any, Any]:
 
 
 def play_host(recorded: Recorded, twin: Twin, pace: Pace | None = None) -> Difference | None:
-    """Play the host of any recording to a twin; the first reply that is not the same bytes, None if there is none."""
+    """Play the host of any recording to a twin; the first reply that is not the same bytes, None if there is none.
+    Raises RecordingError if the host sends nothing."""
+    if not any(recorded.of("/host/sent")):
+        raise RecordingError(f"{recorded.path}: the host sends nothing in it: there is nothing to compare")
     then, now = bytearray(), bytearray()
     heard_ns = 0
 

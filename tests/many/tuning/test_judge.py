@@ -74,7 +74,7 @@ def test_a_job_that_is_refused_is_told_with_its_line() -> None:
     asked = Problem("@07\n@0M100,9000,0,30,0,30,0,30\n", repetitions=0)
     found = judged(asked.as_it_stands(), Weather.of(asked), range(1))
     assert found is not None
-    assert (found.why, found.slipped) == ("line 2: @0M100,9000,0,30,0,30,0,30 (line 2): R", False)
+    assert (found.why, found.slipped) == ("line 2: @0M100,9000,0,30,0,30,0,30 (line 2): R: not referenced", False)
 
 
 def test_confirmed_is_what_holds_on_machines_that_no_trial_has_seen() -> None:
