@@ -111,6 +111,7 @@ def test_the_summary_has_the_keys_of_the_json_line_in_their_order() -> None:
         ("unpowered_steps", 0),
         ("stores_lost", 0),
         ("physics", True),
+        ("odd", []),
         ("flash_fault", False),
         ("events_after_end", 0),
         ("events_without_effect", 0),

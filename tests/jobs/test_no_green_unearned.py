@@ -196,3 +196,66 @@ def test_what_the_kinematic_plant_cannot_know_is_said_once(capsys: pytest.Captur
     out = capsys.readouterr().out
     assert out.count("without physics nothing is known of lost steps, margins and loads") == 1
     assert "lost steps:" not in out
+
+
+# ---- legal and absurd ------------------------------------------------------------------------------------------------
+
+
+def test_a_move_that_another_axis_times_is_remarked(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """In 3D the speed written for X is that of the longest way (2.2.18): 16 000 steps at 30 a second are 533 s."""
+    job = tmp_path / "job.txt"
+    job.write_text("@07\n@0R7\n@0z1\n@0M12,30,16000,900,0,30,0,30\n@0M1600,900,16000,900,0,30,0,30\n")
+    assert command("run", job, "--plant", "kinematic") == 0
+    said = "Y makes 16000 steps in 533 s, 30 a second, where 900 are written: another axis times this move"
+    assert [line for line in capsys.readouterr().out.splitlines() if "remark" in line] == [f"remark: line 4: {said}"]
+    assert command("check", job, "--plant", "kinematic") == 0
+    assert f"warning odd        line 4: {said}" in capsys.readouterr().out
+
+
+def test_a_block_that_crawls_is_remarked() -> None:
+    slow = PROGRAM.replace("N30", "N25 G1 X31 F0.5\nN27 G0 X5\nN30")
+    odd = run(slow, "", "bwo900", "kinematic", "4030-servo")[1].verdict.odd
+    assert [line for line, _ in odd] == [3]
+    assert odd[0][1].startswith("P1 N25 G1 X31 F0.5 takes 120 s at 0.5 mm/min")
+    assert run(PROGRAM, "", "bwo900", "kinematic", "4030-servo")[1].verdict.odd == ()
+
+
+# ---- nothing to compare ----------------------------------------------------------------------------------------------
+
+
+def test_recordings_in_which_nothing_is_done_are_not_the_same(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    from isel_twin.recordings.recording import FileRecording
+
+    for name in ("a", "b"):
+        twin = Twin(plant="kinematic")
+        recording = FileRecording(tmp_path / f"{name}.mcap", twin, 10_000_000)
+        twin.run(0.1)
+        assert recording.close()
+    assert command("replay", tmp_path / "a.mcap") == 2
+    assert "nobody does anything in it: there is nothing to compare" in capsys.readouterr().err
+    assert command("compare", tmp_path / "a.mcap", tmp_path / "b.mcap") == 2
+    assert "no host sends a command in them: there is nothing to compare" in capsys.readouterr().err
+
+
+def test_a_panel_that_looks_leaves_the_recorded_margins_as_they_are(tmp_path: Path) -> None:
+    """Two readers that look again and again: every sample is as it was without them."""
+    from isel_twin.recordings.reading import read
+    from isel_twin.recordings.recording import FileRecording
+
+    seen = []
+    for readers in (0, 2):
+        twin = Twin(start_mm=(50.0, 50.0, 50.0))
+        file = tmp_path / f"{readers}.mcap"
+        recording = FileRecording(file, twin, 10_000_000)
+        panels = [twin.margin_reader() for _ in range(readers)]
+        twin.write(b"@07\r@0R7\r")
+        for _ in range(300):
+            twin.run(0.01)
+            for panel in panels:
+                panel.take()
+        assert recording.close()
+        seen.append(read(file).samples.tobytes())
+    assert seen[0] == seen[1]
+    assert len(seen[0]) > 0

@@ -223,6 +223,8 @@ class TableOutput:
         told.append(f"{verdict.time_ns / SECOND_NS:.3f} s of machine time")
         self._print("")
         style = "bold green" if verdict.ok else "bold red"
+        for line, what in verdict.odd:
+            self._print(f"remark: line {line}: {what}")
         self._print(f"{_in_words(verdict)}: {', '.join(told)}", style=style)
         if not verdict.physics:
             self._print(NO_PHYSICS)

@@ -444,8 +444,7 @@ class Twin(Operated, Saved, Seen):
             self._observers.look(self, True, self._wiring.changes)
 
     def _store(self, image: bytes) -> None:
-        """What cannot be stored is lost, as in a flash that is worn out; no controller knows a reply for that.
-       ."""
+        """What cannot be stored is lost, as in a flash that is worn out; no controller knows a reply for that."""
         try:
             if self.on_flash is not None:
                 self.on_flash(image)

@@ -33,6 +33,7 @@ from numpy.typing import ArrayLike, NDArray
 from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.base.units import SECOND_NS
 from isel_twin.core.snapshot import snapshot
+from isel_twin.jobs.odd import oddities
 from isel_twin.wiring.contacts import FAULTS
 
 if TYPE_CHECKING:
@@ -96,6 +97,7 @@ class Verdict:
     restarts: int = 0  # how often the controller started anew before the last command was over, that nobody expected
     unpowered_steps: int = 0  # made by all axes while the stages had no power, that nobody expected
     stores_lost: int = 0  # what the flash memory has not kept
+    odd: tuple[tuple[int, str], ...] = ()  # what is legal and absurd: number of the line, and what (odd.py)
     physics: bool = True  # without it nothing is known of lost steps, margins and loads
     flash_fault: bool = False  # the flash image handed over could not be read, and has not been written anew
     expectations: int = 0  # replies and conditions that the job expects, as far as it came
@@ -183,6 +185,7 @@ class Verdict:
             "unpowered_steps": self.unpowered_steps,
             "stores_lost": self.stores_lost,
             "physics": self.physics,
+            "odd": [{"line": line, "what": what} for line, what in self.odd],
             "flash_fault": self.flash_fault,
             "events_after_end": self.events_after_end,
             "events_without_effect": self.events_without_effect,
@@ -212,6 +215,7 @@ def judge(twin: Twin, results: Sequence[Result], unsent: int = 0, interrupted: b
         unpowered_steps=int(twin.unpowered_steps.sum()) - _last([result.unpowered_known for result in results]),
         stores_lost=twin.stores_lost,
         physics=twin.physics,
+        odd=tuple(oddities(results, twin.language)),
         lost_steps=tuple(seen.lost_steps.tolist()),
         forgotten_steps=tuple(twin.forgotten_steps.tolist()),
         slip_steps=tuple(twin.slip_steps.tolist()),

@@ -22,6 +22,7 @@ annotation in a review say the same.
     cycle         first command to end of the last one takes longer                       `cycle_s`
     golden        the run is not what it was, where the job has a golden run              `golden`
     luck          repetitions on slightly different machines end otherwise                `robust`
+    odd           a line is legal and absurd: a move that crawls (a warning)               always
     effect        an event of the scenario came too late, or had no effect (a warning)    always
 
 A reference run strikes switches and sets counters, so a switch that is struck in a line which sets a counter is none
@@ -70,9 +71,10 @@ RULES: Mapping[str, str] = {
     "cycle": "The job takes no longer than it may.",
     "golden": "The job does what it did.",
     "luck": "The job ends alike on slightly different machines.",
+    "odd": "No move crawls.",
     "effect": "Every event of the scenario comes in time and has an effect.",
 }
-WARNINGS = ("effect",)  # rules that make no job fail
+WARNINGS = ("odd", "effect")  # rules that make no job fail
 MOST = 20  # findings of one rule that a report names one by one
 
 
@@ -333,6 +335,7 @@ def _of_verdict(verdict: Verdict, gone: NDArray[np.bool_], results: Sequence[Res
     if bounds.cycle_s is not None and verdict.cycle_s > bounds.cycle_s:
         takes = f"takes {verdict.cycle_s:.3f} s; at most {bounds.cycle_s:g} s"
         found.append(Finding("cycle", takes, last, verdict.ended_ns))
+    found += [Finding("odd", what, line) for line, what in verdict.odd]
     if verdict.unsent:
         many = f"{verdict.unsent} line{'s are' if verdict.unsent > 1 else ' is'}"
         found.append(Finding("unfinished", f"{many} not sent any more", last, verdict.ended_ns))

@@ -1,0 +1,65 @@
+"""What is legal in a job, and absurd: moves that crawl. It fails no job, and is told.
+
+@0z1  @0M12,30,16000,900,0,30,0,30      three axes together: the speed written for X is that of the longest way, so Y
+                                        makes 16 000 steps at 30 a second and not at 900
+N20 G1 X30 F0.5                         a thousand times slower than other blocks of the same program
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+from isel_twin.base.axes import AXIS_NAMES
+from isel_twin.base.units import SECOND_NS
+from isel_twin.controller import offers
+from isel_twin.jobs.result import Result
+from isel_twin.language import Language, RetimesJobs
+
+LONG_S = 5.0  # a move that takes less is worth no word
+SLOWER = 5.0  # than its line asks: another axis times it
+CRAWLS = 1000.0  # times slower than possible
+
+
+def oddities(results: Sequence[Result], language: Language | None) -> Iterator[tuple[int, str]]:
+    """Number of the line, and what is odd about it."""
+    if offers(language, RetimesJobs):
+        yield from _of_moves(results, language)
+    for result in results:
+        if len(result.parts) > 2:
+            yield from ((result.number, text) for text in _of_blocks(result))
+
+
+def _of_moves(results: Sequence[Result], language: RetimesJobs) -> Iterator[tuple[int, str]]:
+    commands = [result for result in results if not result.condition]
+    fastest_hz = language.ranges["speed_hz"][1]
+    for move in language.job_moves([result.command for result in commands]):
+        if move.line == 0:
+            continue
+        before, result = commands[move.line - 1], commands[move.line]
+        took_s = (result.end_ns - result.time_ns) / SECOND_NS
+        ways = [abs(b - a) for a, b in zip(before.counts, result.counts, strict=True)]
+        lead = max(range(len(ways)), key=ways.__getitem__)
+        if took_s < LONG_S or not ways[lead] or not result.ok:
+            continue
+        mean_hz = ways[lead] / took_s
+        made = f"{AXIS_NAMES[lead].upper()} makes {ways[lead]} steps in {took_s:.0f} s, {mean_hz:.3g} a second"
+        asked_hz = move.speeds_hz[lead] if lead < len(move.speeds_hz) else 0
+        if mean_hz * SLOWER < asked_hz:
+            yield result.number, f"{made}, where {asked_hz} are written: another axis times this move"
+        elif mean_hz * CRAWLS < fastest_hz:
+            yield result.number, f"{made}; the controller can make {fastest_hz}"
+
+
+def _of_blocks(result: Result) -> Iterator[str]:
+    made = [part for part in result.parts if part.position_mm]
+    speeds = [
+        (math.dist(a.position_mm, b.position_mm) / max((c.time_ns - b.time_ns) / SECOND_NS, 1e-9), b, c)
+        for a, b, c in zip(made, made[1:], made[2:], strict=False)
+    ]
+    fastest = max((speed for speed, _, _ in speeds), default=0.0)
+    for speed, part, after in speeds:
+        took_s = (after.time_ns - part.time_ns) / SECOND_NS
+        if 0.0 < speed * CRAWLS < fastest and took_s >= LONG_S:
+            slow = f"{part.text} takes {took_s:.0f} s at {60.0 * speed:.3g} mm/min"
+            yield f"{slow}, {fastest / speed:.0f} times slower than another block"
