@@ -368,9 +368,7 @@ def test_one_file_that_cannot_be_written_costs_neither_the_verdict_nor_another_f
     assert "</html>" in (tmp_path / "job.html").read_text()
 
 
-@pytest.mark.parametrize(
-    ("job", "told"), [("@07\n", "1 command"), ("@07 => 0\n", "1 command, 1 expectation")]
-)
+@pytest.mark.parametrize(("job", "told"), [("@07\n", "1 command"), ("@07 => 0\n", "1 command, 1 expectation")])
 def test_one_of_a_thing_is_told_as_one(call: Any, job: str, told: str) -> None:
     _, out, _ = call(job)
     assert told in out

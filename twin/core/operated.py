@@ -6,6 +6,7 @@ Whatever changes what the twin will do is noted for its listeners before it happ
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, Self
 
@@ -35,6 +36,7 @@ class Operated:
     _notes: list[Note]
     _sampler: Sampler | None
     _sampled: Sampled | None
+    acts: deque[tuple[int, str]]
     _margin_readers: MarginReaders
     _due_ns: int
 
