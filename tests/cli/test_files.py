@@ -119,7 +119,8 @@ def test_a_flash_that_cannot_be_stored_does_not_stop_the_machine(tmp_path, caplo
     twin = FlashTwin(b"1")
     FlashFile(folder / "flash").attach(twin)
     shutil.rmtree(folder)
-    twin.on_flash(b"2")
+    with pytest.raises(FileNotFoundError):
+        twin.on_flash(b"2")
     assert "could not be stored" in caplog.text
     assert str(folder / "flash") in caplog.text
 
@@ -292,7 +293,8 @@ def test_a_released_flash_file_can_be_held_again_unless_it_has_changed(tmp_path,
     keeper, twin = FlashFile(path), FlashTwin(b"1")
     keeper.attach(twin)
     keeper.release()
-    twin.on_flash(b"lost")
+    with pytest.raises(OSError, match="has been let go"):
+        twin.on_flash(b"lost")
     assert "has been let go" in caplog.text
     keeper.hold()
     twin.on_flash(b"2")

@@ -133,7 +133,7 @@ def test_a_job_about_an_emergency_stop_says_so(plant: str, said: str, tmp_path: 
 
 
 def test_a_store_that_is_not_kept_is_lost_is_told_and_fails_the_job() -> None:
-    """As after a power-cycle: the values of before are there. No manual knows a reply for it (core/16)."""
+    """As after a power-cycle: the values of before are there. No manual knows a reply for it (core/6)."""
     twin = Twin(plant="kinematic")
     before = twin.flash
 

@@ -139,7 +139,11 @@ SAID = {
         "E *axis:     y",
         "E *command:  line 8: @0M3200,4000,9600,4000,0,10000,0,30",
     ],
-    "test_accepted_job": ["E *a line of the job went wrong", "E *was:      answered '5'", "E *command:  line 2: @0X"],
+    "test_accepted_job": [
+        "E *a line of the job went wrong",
+        "E *was:      answered '5'; no such command",
+        "E *command:  line 2: @0X",
+    ],
     "test_accepted": ["E *a command was refused", "E *was:      answered '5'", "E *command:  @0X"],
     "test_replies": ["E *another reply", "E *expected: '1'", "E *was:      '0'", "E *command:  @0M3200,*"],
     "test_number_of_replies": ["E *another number of commands", "E *expected: 2 replies", "E *was:      1 command"],

@@ -192,7 +192,7 @@ class TableOutput:
 
     def result(self, result: Result) -> None:
         self._progress.advance(self._task)
-        blame = result.blame if result.expected is None and not result.ok else ""
+        blame = result.blame if result.reply and result.expected is None and not result.ok else ""
         self._row(
             str(result.number),
             f"{result.time_ns / SECOND_NS:.3f}",
@@ -201,7 +201,7 @@ class TableOutput:
             _percent(result.margin),
             style="" if result.ok else "bold red",
         )
-        if blame and blame not in (part.text for part in result.parts):
+        if blame:
             self._print(f"{'':{self._before}}{blame}", "bold red")
         for part in result.parts:
             places = [f"{position:.3f}" for position in part.position_mm]

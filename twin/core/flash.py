@@ -89,9 +89,9 @@ class FlashFile:
 
     def _store(self, image: bytes) -> None:
         """Raises OSError; the file is as it was then."""
-        if self._claim is None:
-            raise OSError(errno.EBADF, "the file has been let go", str(self._path))
         try:
+            if self._claim is None:
+                raise OSError(errno.EBADF, "the file has been let go", str(self._path))
             self._write(image)
         except OSError as error:  # the machine runs on, and no reply tells (core/6)
             log.error("%s: the flash image could not be stored, the file is as it was: %s", self._path, error.strerror)

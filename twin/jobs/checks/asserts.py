@@ -113,10 +113,11 @@ def assert_accepted(seen: Watched) -> None:
     if seen.run is not None and seen.run.verdict.began_ns >= seen.begin_ns:
         for result in seen.run.results:
             if not result.ok:
+                asked = result.expected is not None or not result.reply
                 raise MotionError(
                     "a line of the job went wrong",
                     expected=result.expected or "a command that is accepted",
-                    was=result.why or f"answered {result.shown_reply!r}",
+                    was=(asked and result.why) or f"answered {result.reply!r}; {result.blame}".rstrip("; "),
                     time_ns=result.end_ns,
                     command=Command(result.time_ns, result.number, text=result.command),
                 )
