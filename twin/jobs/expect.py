@@ -27,7 +27,8 @@
     output.NAME, input.NAME, level.NAME      the same where a name could be both, and input terminals (0, 1)
 
 A blank or the end of the line stands behind `=>`, and behind the `!` at its beginning. A condition on lost or unpowered
-steps, restarts or a fault that is so answers for what it speaks of: the verdict then asks for what comes later only (jobs/2).
+steps, restarts or a fault that is so answers for what it speaks of: the verdict then asks for what comes later only
+(jobs/2).
 """
 
 from __future__ import annotations
