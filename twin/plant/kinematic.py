@@ -200,6 +200,9 @@ class KinematicPlant:
 
     def advance(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any], lead_ns: int = 0) -> int:
         if lead_ns == 0 and self._led_until_ns <= self.time_ns:
+            if len(t_ns) == 0:  # nothing moves: no compiled code is loaded for that
+                self.edge, self.time_ns = False, until_ns
+                return until_ns
             made, changed = _make_steps(t_ns, delta, *self._state)
             self.edge = changed
             self.time_ns = int(t_ns[made - 1]) if changed else until_ns
