@@ -10,7 +10,6 @@ import re
 import signal
 import socket
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -27,6 +26,7 @@ from isel_twin.bridge.serve.tcp import TcpEndpoint, parse_address
 from isel_twin.bridge.serve.wire_log import WireLog
 from isel_twin.cli import main
 from tests.bridge.conftest import REPLY_S, STOP_S, ask, until
+from tests.in_process import isel_twin
 
 LOOPBACK = "127.0.0.1:0"
 PAGE = Path(__file__).parents[2] / "docs" / "bench.md"
@@ -299,8 +299,7 @@ def test_hosts_stay_connected_while_time_stands_still(bench):
 
 
 def ctl(served: Any, *arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "isel_twin.cli", "ctl", served.info["control"], *arguments]
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    return isel_twin("ctl", served.info["control"], *arguments)
 
 
 def test_emergency_stop_in_motion_by_ctl(serve):

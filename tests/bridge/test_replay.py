@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import signal
 import socket
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from typing import Any
@@ -18,17 +16,13 @@ from isel_twin.language import MoveSettings, create_language, needed
 from isel_twin.recordings.mcap import RecordingWriter
 from isel_twin.recordings.reading import read
 from tests.bridge.conftest import STOP_S
+from tests.in_process import isel_twin as cli
 
 SCENARIO = """
 [[event]]
 at = 1.5
 set = { limit_z2 = "broken" }
 """
-
-
-def cli(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "isel_twin.cli", *(str(argument) for argument in arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=240)
 
 
 class Control:

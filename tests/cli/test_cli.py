@@ -1,4 +1,4 @@
-"""The command line, as processes: what is printed, which exit code."""
+"""The command line: what is printed, which exit code."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from isel_twin.cli import main
+from tests.in_process import isel_twin
 
 GOOD = """\
 # go to 50, 25 mm
@@ -20,11 +21,6 @@ GOOD = """\
 @0M16000,5000,8000,5000,0,5000,0,30
 @0P
 """
-
-
-def isel_twin(*arguments: str | Path, stdin: str = "") -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "isel_twin.cli", *map(str, arguments)]
-    return subprocess.run(command, input=stdin, capture_output=True, text=True, check=False, timeout=120)
 
 
 def run(*arguments: str | Path, stdin: str) -> subprocess.CompletedProcess[str]:
@@ -307,7 +303,9 @@ def test_left_overs_of_killed_processes_are_removed(tmp_path):
     killed.wait()
     left_over = tmp_path / f".flash.bin.{killed.pid}.tmp"
     left_over.write_bytes(b"half")
-    assert run("--flash", tmp_path / "flash.bin", stdin=JOB).returncode == 0
+    command = [sys.executable, "-m", "isel_twin.cli", "run", "-", "--plant", "kinematic"]
+    done = subprocess.run([*command, "--flash", tmp_path / "flash.bin"], input=JOB, text=True, check=False, timeout=120)
+    assert done.returncode == 0
     assert sorted(file.name for file in tmp_path.iterdir()) == ["flash.bin"]
 
 

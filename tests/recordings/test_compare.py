@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import random
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +15,7 @@ from isel_twin.recordings.compare import Comparison, Counters, _matched, compare
 from isel_twin.recordings.mcap import RecordingWriter
 from isel_twin.recordings.reading import Played, read
 from isel_twin.recordings.recording import FileRecording
+from tests.in_process import isel_twin as cli
 
 BYTE_NS = 520_833
 COMMANDS = ("@07", "@0R7", "@0A800,2000,400,2000,0,30,0,30", "@0P", "@0X")
@@ -135,11 +134,6 @@ def test_matched_stretches_cover_both_sides_once(seed: int) -> None:
         at_a, at_b = last_a, last_b
         assert not alike or a[first_a:last_a] == b[first_b:last_b]
     assert (at_a, at_b) == (len(a), len(b))
-
-
-def cli(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "isel_twin.cli", *(str(argument) for argument in arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
 
 
 def test_the_table_says_what_differs_first_and_most(tmp_path: Path) -> None:

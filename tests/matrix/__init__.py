@@ -1,0 +1,1 @@
+"""Every tool with every controller, fault and plant: what becomes of it (docs/faults.md)."""
