@@ -33,9 +33,10 @@ from isel_twin.language import Language, create_language, needed, readable
 from isel_twin.language import MoveSettings as Settings
 from isel_twin.machine import Machine, with_overrides
 
+# targets X, Y, Z in mm from the reference point, in their order; a job begins at the reference point (0, 0, 0)
 Job = Sequence[tuple[float, float, float]]
-"""Targets X, Y, Z in mm from the reference point, in their order; a job begins at the reference point (0, 0, 0)."""
 
+# A short job with long ways, where speed counts, and short ones, where ramp and start-stop frequency do
 JOB: Job = (
     (100.0, 50.0, 10.0),
     (100.0, 150.0, 10.0),
@@ -44,7 +45,6 @@ JOB: Job = (
     (40.0, 40.0, 15.0),
     (10.0, 10.0, 5.0),
 )
-"""A short job with long ways, where speed counts, and short ones, where ramp and start-stop frequency do."""
 
 _START_MM = (1.0, 3.0)  # from the motor-end switch at power-on: near, so that the reference run is short (envs/1)
 _ANSWER_LIMIT_S = 60.0  # for a command of the reference run, and for settings

@@ -61,13 +61,13 @@ app = App(
     version_flags=["--version"],
     default_parameter=Parameter(negative=()),
 )
+# the commands by what a person wants, in the order of the help
 GROUPS = {
     "Operate": (serve.serve, ctl.ctl, tap.tap, ports.ports, exec_),
     "Test": (run.run, check.check, golden.golden, drive.drive, replay.replay, compare.compare),
     "Tune": (tune.tune, sweep.sweep, identify.identify, experiment.experiment),
     "Look": (names.machines, names.controllers, describe.describe, motor.motor, decode.decode, export.export, plc.plc),
 }
-"""The commands by what a person wants, in the order of the help."""
 for place, (title, commands) in enumerate(GROUPS.items()):
     group = Group(title, sort_key=place)
     for command in commands:

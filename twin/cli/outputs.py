@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
 WIDE = 160  # columns of a table that goes to a file or pipe
 MANY_SAMPLES = 10_000_000  # samples of a recorder that are worth a word, and so is ten times as many
+# characters of a command, reply (a position of four axes) or block of a program beyond which its row gets longer
 LONG_COMMAND, LONG_REPLY, LONG_BLOCK = 56, 25, 100
-"""Characters of a command, reply (a position of four axes) or block of a program beyond which its row gets longer."""
 HEAD = 1 << 16  # characters of a program in which its longest block is looked for
 NAME = 4  # characters before a block: the program's name
 SHOWN_TRIALS = 5  # repetitions that are shown if they ended otherwise

@@ -13,13 +13,13 @@ class Reply:
     data: bytes
 
 
+# outputs that every controller may use, and their levels at the beginning; see `Output`
 OUTPUTS: Mapping[str, int] = {
     **dict.fromkeys(("stages", "power_request", "current_lowering", "brake", "moving", "spindle"), 0),
     "hood_release": 1,
     **dict.fromkeys(("analog", "lamp_start", "lamp_stop", "lamp_fault", "software_ok", "user"), 0),
     **dict.fromkeys(("flash_fault", "drive_reset"), 0),
 }
-"""Outputs that every controller may use, and their levels at the beginning; see `Output`."""
 
 
 @dataclass(frozen=True)

@@ -12,16 +12,16 @@ from isel_twin.base.parameters import Limits
 from isel_twin.base.plugins import installed
 from isel_twin.controller.controller import Controller
 
+# factory(name, *, flash: bytes | None, settings: Mapping[str, Any]) -> Controller, `name` being the entry point's
 ControllerFactory = Callable[..., Controller]
-"""factory(name, *, flash: bytes | None, settings: Mapping[str, Any]) -> Controller, `name` being the entry point's."""
 
 
 class UnknownNameError(ValueError):
     """A controller, machine or other named thing does not exist; the message lists what there is."""
 
 
+# what a setting may be: a number within limits, one of some words (none: any text), or true and false
 Setting: TypeAlias = Limits | tuple[str, ...] | type[bool]
-"""What a setting may be: a number within limits, one of some words (none: any text), or true and false."""
 
 Factory = TypeVar("Factory", bound=Callable[..., Any])
 

@@ -107,12 +107,9 @@ KeyValue: TypeAlias = float | str | bool
 class Key:
     """A key of the operator's panel of a control, or a switch or knob there; see HasKeys."""
 
-    meaning: str
-    """In a few words, for people."""
-    value: Setting | None = None
-    """What it can be put to; None: it is a push-button, and the value is True."""
-    held: bool = False
-    """Let go, it springs back to the first of its words."""
+    meaning: str  # in a few words, for people
+    value: Setting | None = None  # what it can be put to; None: it is a push-button, and the value is True
+    held: bool = False  # let go, it springs back to the first of its words
 
     @property
     def allowed(self) -> str:
@@ -150,8 +147,8 @@ class HoldsHost(Protocol):
         """True if it takes bytes, at the time of the last call. While False the host keeps them, in their order."""
 
 
+# bytes that arrive at one instant and are handed over in one piece to a controller that `HoldsHost`
 BYTES_AT_ONCE = 4096
-"""Bytes that arrive at one instant and are handed over in one piece to a controller that `HoldsHost`."""
 
 
 class EndsPrograms(Protocol):

@@ -30,8 +30,8 @@ class Plans:
 
     machine: Machine  # with all overrides
     events: tuple[ScenarioEvent, ...]
+    # builds the controller, given a flash image; None: it was handed in
     new_controller: Callable[[bytes | None], Controller] | None
-    """Builds the controller, given a flash image; None: it was handed in."""
     new_language: Callable[[], Language | None] | None
 
 

@@ -30,8 +30,8 @@ from isel_twin.wiring import cut_table
 
 Note = Callable[[int, str, Any], None]  # note(time_ns, kind, what); see the module
 
+# keys of an `operated` table that no scenario has: how the line is, and that the least margins begin anew
 SETTINGS: Final = ("line_speed", "watch_margin")
-"""Keys of an `operated` table that no scenario has: how the line is, and that the least margins begin anew."""
 
 
 @dataclass(frozen=True)

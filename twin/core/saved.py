@@ -20,8 +20,8 @@ from isel_twin.motion import Stream
 from isel_twin.plant import Plant
 from isel_twin.wiring import SerialLine, Wiring
 
+# attributes of a twin that a state holds beside those it names
 _OWN = ("remarks", "acts", "_restarts", "restarts", "unpowered_steps", "stores_lost", "_sense", "_untold", "_levels")
-"""Attributes of a twin that a state holds beside those it names."""
 
 
 class Saved:

@@ -15,19 +15,14 @@ class Snapshot:
     """A twin at one instant; arrays and mappings are copies."""
 
     time_ns: int
-    counts: NDArray[np.int64]
-    """int64 [axes], the controller's step counters."""
-    position_mm: NDArray[np.float64]
-    """float64 [3], true carriage positions X, Y, Z."""
-    position_error_mm: NDArray[np.float64]
-    """float64 [3], true carriage positions minus where the counters say they are."""
+    counts: NDArray[np.int64]  # int64 [axes], the controller's step counters
+    position_mm: NDArray[np.float64]  # float64 [3], true carriage positions X, Y, Z
+    position_error_mm: NDArray[np.float64]  # float64 [3], true carriage positions minus where the counters say they are
+    # float64 [axes], counter minus rotor position in steps; meaningful at rest, where fractions are load angle
     lost_steps: NDArray[np.float64]
-    """float64 [axes], counter minus rotor position in steps; meaningful at rest, where fractions are load angle."""
     inputs: Mapping[str, str]
-    outputs: Mapping[str, int]
-    """Controller outputs and the relays they act on, as `Twin.outputs`."""
-    levels: Mapping[str, bool]
-    """Electrical level (True: high) of every wired input terminal of the controller."""
+    outputs: Mapping[str, int]  # controller outputs and the relays they act on, as `Twin.outputs`
+    levels: Mapping[str, bool]  # electrical level (True: high) of every wired input terminal of the controller
 
 
 class Visible(Protocol):

@@ -32,24 +32,20 @@ _IMAGE = b"isel-twin "  # what flash images of the package's controllers begin w
 class TwinSpec:
     """What a twin is built from."""
 
-    machine: str | Path | Machine = MACHINE
-    """Name of a machine, path of a machine folder, or a loaded machine."""
+    machine: str | Path | Machine = MACHINE  # name of a machine, path of a machine folder, or a loaded machine
     controller: str = "imc-s8"
     plant: str = "mujoco"
     seed: int = 0
-    scenario: Path | None = None
-    """File of timed events."""
+    scenario: Path | None = None  # file of timed events
+    # File that keeps the controller's flash memory, created if missing and written whenever the flash is; or the image
+    # from an earlier life, which is read only.
     flash: Path | bytes | None = None
-    """File that keeps the controller's flash memory, created if missing and written whenever the flash is; or the image
-    from an earlier life, which is read only."""
-    line_speed: bool = False
-    """Bytes take their time on the serial line."""
+    line_speed: bool = False  # bytes take their time on the serial line
+    # machine parameters to change, see `isel_twin.machine.with_overrides`
     overrides: Mapping[str, Any] = field(default_factory=dict)
-    """Machine parameters to change, see `isel_twin.machine.with_overrides`."""
+    # carriage positions at power-on in machine coordinates; None: drawn from the seed
     start_mm: tuple[float, ...] | None = None
-    """Carriage positions at power-on in machine coordinates; None: drawn from the seed."""
-    events: tuple[ScenarioEvent, ...] = ()
-    """What happens, in place of a scenario file."""
+    events: tuple[ScenarioEvent, ...] = ()  # what happens, in place of a scenario file
 
     def __post_init__(self) -> None:
         if self.events and self.scenario is not None:

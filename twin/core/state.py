@@ -64,16 +64,12 @@ class TwinState:
     take states only from those you would take programs from."""
 
     kind: Kind
-    origin: Mapping[str, Any]
-    """Of `TwinSpec`, what may differ in twins of this kind."""
+    origin: Mapping[str, Any]  # of `TwinSpec`, what may differ in twins of this kind
     time_ns: int
     flash: bytes | None
-    life: Life
-    """Of the controller."""
-    parts: bytes
-    """By `pack`."""
-    plant: Mapping[str, Any]
-    """By `Plant.save`."""
+    life: Life  # of the controller
+    parts: bytes  # by `pack`
+    plant: Mapping[str, Any]  # by `Plant.save`
 
 
 class _Pickler(pickle.Pickler):

@@ -39,8 +39,8 @@ class Life:
 
     pickled: bytes | None  # the controller it began as; None: one that its factory builds, with `flash`
     flash: bytes | None
+    # (method, time in ns, further arguments), and in between (property of its drives, None, answer)
     calls: tuple[tuple[str, Any, Any], ...]
-    """(method, time in ns, further arguments), and in between (property of its drives, None, answer)."""
 
 
 class Told:

@@ -61,8 +61,8 @@ from isel_twin.plant import Sampled
 from isel_twin.wiring import Schedule, SerialLine, Wiring, thresholds
 
 _NEVER_NS = 1 << 62
+# most rounds in which one instant may settle after the last event of a scenario; more: a broken controller
 _ENDLESS = 100_000
-"""Most rounds in which one instant may settle after the last event of a scenario; more: a broken controller."""
 _REMARKS = 1000  # remarks of the controller that are kept
 _STEPS = 10_000  # steps of a program that are kept
 

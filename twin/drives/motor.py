@@ -57,19 +57,19 @@ class Motor:
 
     resistance_ohm: float = number("ohm", 1e-3, 1e3, key="resistance_ohm")  # of a phase
     inductance_h: float = number("H", 1e-6, 10.0, key="inductance_h")  # of a phase
+    # km: peak torque of one phase per ampere, and back-EMF in V s/rad
     torque_constant_nm_per_a: float = number("N m/A", 1e-4, 1e3, key="torque_constant_nm_per_a")
-    """Km: peak torque of one phase per ampere, and back-EMF in V s/rad."""
     rotor_inertia_kgm2: float = number("kg m2", 1e-9, 10.0, key="rotor_inertia_kgm2")
+    # peak detent torque; nan: by rule from Km and R
     detent_torque_nm: float = number("N m", 0.0, 1e3, key="detent_torque_nm", optional=True, default=math.nan)
-    """Peak detent torque; nan: by rule from Km and R."""
+    # resistance that stands for the iron loss, math.inf for none; nan: by rule from L and R
     iron_loss_ohm: float = number("ohm", 1e-3, math.inf, key="iron_loss_ohm", optional=True, default=math.nan)
-    """Resistance that stands for the iron loss, math.inf for none; nan: by rule from L and R."""
+    # rotor teeth: 50 for 1.8 degrees, 100 for 0.9 degrees a full step
     pole_pairs: int = number("1", 1, 1000, key="pole_pairs", whole=True, optional=True, default=50)
-    """Rotor teeth: 50 for 1.8 degrees, 100 for 0.9 degrees a full step."""
+    # peak of the phase current that the maker allows; nan: unknown
     rated_current_a: float = number("A", 1e-3, 1e3, key="rated_current_a", optional=True, default=math.nan)
-    """Peak of the phase current that the maker allows; nan: unknown."""
+    # speed at which the iron drag is largest, math.inf for drag that grows without end; nan: by rule
     iron_knee_rad_s: float = number("rad/s", 1e-3, math.inf, key="iron_knee_rad_s", optional=True, default=math.nan)
-    """Speed at which the iron drag is largest, math.inf for drag that grows without end; nan: by rule."""
 
     def __post_init__(self) -> None:
         check(self)
@@ -144,6 +144,7 @@ def from_datasheet(
     return motor
 
 
+# motors by type name. isel has published no motor data: stand-ins are NEMA 23, 0.6 .. 1.2 ohm as isel says of its.
 MOTORS: Mapping[str, Motor] = MappingProxyType(
     {
         # StepperOnline data sheet; detent torque estimated.
@@ -161,4 +162,3 @@ MOTORS: Mapping[str, Motor] = MappingProxyType(
         "14HS17-0504S": from_datasheet(0.23, 0.5, 15.0, 26e-3, 18e-7),
     }
 )
-"""Motors by type name. isel has published no motor data: stand-ins are NEMA 23, 0.6 .. 1.2 ohm as isel says of its."""

@@ -23,12 +23,12 @@ from isel_twin.drives.stage import Stage
 
 SPEEDS_RPM = (30, 60, 90, *range(150, 1001, 50))  # speeds of the table
 
+# supplies in V and speeds in rev/min between which, and conditions under which a maker's curve was compared
 COMPARED = {
     "23HS32-4004S": ((36.0, 48.0), (90.0, 600.0), "36 and 48 V, 4.2 A peak, microstep, digital drive"),
     "17HS19-2004S": ((24.0, 24.0), (25.0, 1500.0), "24 V, 2 A peak, microstep, digital drive"),
     "14HS17-0504S": ((20.0, 20.0), (90.0, 450.0), "20 V, 0.5 A, half step"),
 }
-"""Supplies in V and speeds in rev/min between which, and conditions under which a maker's curve was compared."""
 
 BAR = 40  # characters of the longest bar
 

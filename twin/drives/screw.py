@@ -34,30 +34,30 @@ class Screw:
     """What turns with the rotor, and the nut on it. `Screw()` is a bare motor shaft. Raises ValueError for a value that
     no screw can have."""
 
+    # everything that turns with the rotor: screw, coupling, a load at a test bench
     inertia_kgm2: float = number("kg m2", 0.0, 1.0, default=0.0)
-    """Everything that turns with the rotor: screw, coupling, a load at a test bench."""
+    # friction torque in motion, of nut preload and bearings
     coulomb_nm: float = number("N m", 0.0, 5.0, key="shaft_coulomb", default=0.0)
-    """Friction torque in motion, of nut preload and bearings."""
+    # friction torque at rest over that in motion
     breakaway_ratio: float = number("1", 1.0, 3.0, key="breakaway", default=1.3)
-    """Friction torque at rest over that in motion."""
+    # shaft speed at which half of the surplus at rest is gone
     stribeck_rad_s: float = number("rad/s", 1e-6, 1e6, default=2.5)
-    """Shaft speed at which half of the surplus at rest is gone."""
     viscous_nm_s_per_rad: float = number("N m s", 0.0, 0.1, key="shaft_viscous", default=0.0)
     lead_mm: float = number("mm", 0.5, 100.0, key="lead", default=5.0)
+    # relative error of the lead: +0.00046 is a carriage that goes 0.46 mm too far in 1 m
     lead_error: float = number("%", -1.0, 1.0, key="lead_error", scale=1e-2, default=0.0)
-    """Relative error of the lead: +0.00046 is a carriage that goes 0.46 mm too far in 1 m."""
+    # how much warmer the screw is than when its lead was measured; the frame with its switches keeps its length
     warming_k: float = number("K", -50.0, 100.0, key="screw_warming", optional=True, default=0.0)
-    """How much warmer the screw is than when its lead was measured; the frame with its switches keeps its length."""
+    # amplitude of the error of the lead that repeats every revolution
     cyclic_error_m: float = number("um", 0.0, 200.0, key="cyclic_error", scale=1e-6, optional=True, default=0.0)
-    """Amplitude of the error of the lead that repeats every revolution."""
+    # work at the nut over work at the shaft when the screw drives
     efficiency: float = number("1", 0.2, 1.0, key="efficiency", default=0.9)
-    """Work at the nut over work at the shaft when the screw drives."""
+    # the same when the nut drives, 0 or less: self-locking; nan becomes 2 - 1 / efficiency (same loss both ways)
     backdrive_efficiency: float = number("1", -100.0, 1.0, default=math.nan)
-    """The same when the nut drives, 0 or less: self-locking; nan becomes 2 - 1 / efficiency (same loss both ways)."""
     backlash_mm: float = number("mm", 0.0, 1.0, key="backlash", default=0.0)
+    # Axial stiffness between screw and nut: screw, fixed bearing and nut in series; 0: no nut. Where the screw gives
+    # along its length (`rod_n`), that in the middle of the travel.
     stiffness_n_per_m: float = number("N/um", 1.0, 200.0, key="stiffness", scale=1e6, default=0.0)
-    """Axial stiffness between screw and nut: screw, fixed bearing and nut in series; 0: no nut. Where the screw gives
-    along its length (`rod_n`), that in the middle of the travel."""
     rod_n: float = number("N", 1e5, math.inf, default=math.inf)  # E A; inf: the stiffness is the same everywhere
     free_length_m: float = number("m", 0.0, 10.0, default=0.0)  # l_0: from the fixed bearing to the nut where x = 0
     middle_m: float = number("m", 0.0, 10.0, default=0.0)  # where the stiffness is the stated one
@@ -96,12 +96,12 @@ class Rod:
 
     diameter_mm: float = number("mm", 4.0, 100.0, key="screw_diameter")
     length_mm: float = number("mm", 10.0, 10_000.0, key="screw_length")
+    # inertia of the threaded rod over that of a plain one of the nominal diameter
     fill: float = number("1", 0.3, 1.0, key="screw_fill")
-    """Inertia of the threaded rod over that of a plain one of the nominal diameter."""
     coupling_inertia_kgm2: float = number("kg m2", 0.0, 1e-2, key="coupling_inertia")
     modulus_n_per_m2: float = number("GPa", 10.0, 1000.0, key="screw_modulus", scale=1e9, optional=True, default=206e9)
+    # from the fixed bearing to the nut at position 0; nan: half of what the screw is longer than the travel
     free_length_mm: float = number("mm", 0.0, 10_000.0, key="free_length", optional=True, default=math.nan)
-    """From the fixed bearing to the nut at position 0; nan: half of what the screw is longer than the travel."""
 
     def __post_init__(self) -> None:
         check(self)

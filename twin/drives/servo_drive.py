@@ -27,8 +27,8 @@ class ServoMotor:
 
     resistance_ohm: float = number("ohm", 1e-3, 1e3, key="resistance")
     inductance_h: float = number("mH", 1e-3, 1e4, key="inductance", scale=1e-3)
+    # k: torque over current, and back-EMF over speed
     torque_constant_nm_per_a: float = number("N m/A", 1e-4, 1e3, key="torque_constant")
-    """K: torque over current, and back-EMF over speed."""
     rotor_inertia_kgm2: float = number("kg m2", 1e-9, 10.0, key="rotor_inertia")
     rated_current_a: float = number("A", 1e-3, 1e3, key="rated_current")
 
@@ -53,37 +53,37 @@ class ServoDrive:
 
     supply_v: float = number("V", 5.0, 800.0, key="supply")  # largest voltage at the motor
     peak_current_a: float = number("A", 1e-3, 1e3, key="peak_current")
+    # of the encoder, all edges counted: the unit of the commands
     increments_per_rev: int = number("1", 50, 10_000_000, key="increments_per_rev", whole=True)
-    """Of the encoder, all edges counted: the unit of the commands."""
+    # kv: speed wanted over following error. Without feed-forward an axis at speed v lags by v / Kv.
     position_gain_per_s: float = number("1/s", 0.1, 1000.0, key="position_gain")
-    """Kv: speed wanted over following error. Without feed-forward an axis at speed v lags by v / Kv."""
+    # part of the command's speed that is added to it; 1: no lag at constant speed
     feed_forward: float = number("1", 0.0, 1.5, key="feed_forward")
-    """Part of the command's speed that is added to it; 1: no lag at constant speed."""
+    # w_v: of the speed loop without its integral, by the inertia of all that turns (the carriage not counted)
     speed_bandwidth_rad_s: float = number("Hz", 1.0, 1000.0, key="speed_bandwidth", scale=2.0 * math.pi)
-    """w_v: of the speed loop without its integral, by the inertia of all that turns (the carriage not counted)."""
+    # ti w_v: reset time of the speed loop over the time of its bandwidth
     integral_ratio: float = number("1", 0.5, 1e6, key="integral_ratio")
-    """Ti w_v: reset time of the speed loop over the time of its bandwidth."""
+    # from sample to sample of position and speed; whole sub-steps of the plant
     loop_period_s: float = number("us", 1.0, 10_000.0, key="loop_period", scale=1e-6)
-    """From sample to sample of position and speed; whole sub-steps of the plant."""
+    # following error beyond which the drive switches itself off
     lag_limit: float = number("increments", 1.0, 1e9, key="following_error_limit")
-    """Following error beyond which the drive switches itself off."""
+    # following error up to which the axis counts as where it should be ..
     window: float = number("increments", 0.0, 1e6, key="in_position_window")
-    """Following error up to which the axis counts as where it should be ..."""
+    # ... when it has been so for this long.
     window_time_s: float = number("ms", 0.0, 10_000.0, key="in_position_time", scale=1e-3)
-    """... when it has been so for this long."""
     i2t_time_constant_s: float = number("s", 0.01, 1e5, key="i2t_time_constant")
+    # switches and cable, in series with the winding
     extra_resistance_ohm: float = number("ohm", 0.0, 100.0, key="amplifier_resistance", optional=True, default=0.0)
-    """Switches and cable, in series with the winding."""
+    # losses while switched on, beside those of the current (estimate)
     quiescent_w: float = number("W", 0.0, 1000.0, key="quiescent_power", optional=True, default=5.0)
-    """Losses while switched on, beside those of the current (estimate)."""
+    # from the switches through the heat sink to the air (estimate)
     thermal_resistance_k_per_w: float = number("K/W", 0.0, 1000.0, key="thermal_resistance", optional=True, default=2.0)
-    """From the switches through the heat sink to the air (estimate)."""
+    # of amplifier and heat sink (estimate)
     thermal_time_constant_s: float = number("s", 1.0, 1e6, key="thermal_time_constant", optional=True, default=600.0)
-    """Of amplifier and heat sink (estimate)."""
+    # temperature of the air in the cabinet
     ambient_c: float = number("C", -50.0, 150.0, key="ambient", optional=True, default=25.0)
-    """Temperature of the air in the cabinet."""
+    # where the over-temperature contact opens (estimate)
     thermal_limit_c: float = number("C", -50.0, 300.0, key="thermal_limit", optional=True, default=85.0)
-    """Where the over-temperature contact opens (estimate)."""
     rated_current_a: float = number("A", 1e-3, 1e3, default=math.nan)  # of the motor, for the I2t
 
     def __post_init__(self) -> None:

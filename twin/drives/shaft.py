@@ -31,6 +31,7 @@ STEPPER = 0  # `kind`: open loop, two phases (dynamics.py)
 SERVO = 1  # `kind`: closed loop (servo.py)
 REST_RAD_S = 1e-9  # shaft speed up to which a drive counts as standing (friction brings it to exactly 0)
 
+# constants of one axis drive; built by `axis_parameters` and `servo_parameters`
 AXIS_PARAMETERS = np.dtype(
     [
         ("kind", "i8"),  # STEPPER, SERVO
@@ -84,8 +85,8 @@ AXIS_PARAMETERS = np.dtype(
     ],
     align=True,
 )
-"""Constants of one axis drive; built by `axis_parameters` and `servo_parameters`."""
 
+# state of one axis drive; built by `axis_states`
 AXIS_STATE = np.dtype(
     [
         ("theta_rad", "f8"),  # rotor angle, 0 where counter 0 holds it, positive away from the motor
@@ -118,7 +119,6 @@ AXIS_STATE = np.dtype(
     ],
     align=True,
 )
-"""State of one axis drive; built by `axis_states`."""
 
 
 def shaft_parameters(screw: Screw, rotor_inertia_kgm2: float, dt_s: float) -> NDArray[np.void]:

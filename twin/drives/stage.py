@@ -30,34 +30,34 @@ class Stage:
 
     supply_v: float = number("V", 5.0, 200.0, key="supply")
     current_a: float = number("A", 0.1, 20.0, key="current")  # peak phase current in motion
+    # microsteps a full step: 1 full step (both phases on), 2 half step, 8 for 1600 a revolution at 1.8 degrees
     microsteps: int = number("1", 1, 256, whole=True, default=8)
-    """Microsteps a full step: 1 full step (both phases on), 2 half step, 8 for 1600 a revolution at 1.8 degrees."""
+    # current at rest over current in motion, while the controller asks for current lowering
     idle_current_fraction: float = number("1", 0.0, 1.0, key="idle_current", default=0.5)
-    """Current at rest over current in motion, while the controller asks for current lowering."""
+    # rest after the last pulse of the axis before the current is lowered
     idle_delay_s: float = number("ms", 0.0, 10_000.0, key="idle_delay", scale=1e-3, default=0.2)
-    """Rest after the last pulse of the axis before the current is lowered."""
+    # part of the supply that can drive a current: drops, dead time, sag (fitted, decision drives/1); 1: all of it
     supply_factor: float = number("1", 0.1, 1.0, default=0.82)
-    """Part of the supply that can drive a current: drops, dead time, sag (fitted, decision drives/1); 1: all of it."""
+    # switches, sense resistor and cable in each phase (estimate); 0: none
     extra_resistance_ohm: float = number("ohm", 0.0, 100.0, default=0.2)
-    """Switches, sense resistor and cable in each phase (estimate); 0: none."""
+    # losses while switched on, beside those of the current (estimate)
     quiescent_w: float = number("W", 0.0, 1000.0, default=2.0)
-    """Losses while switched on, beside those of the current (estimate)."""
+    # from the switches through the heat sink to the air (estimate)
     thermal_resistance_k_per_w: float = number("K/W", 0.0, 1000.0, key="thermal_resistance", optional=True, default=8.0)
-    """From the switches through the heat sink to the air (estimate)."""
+    # of stage and heat sink (estimate)
     thermal_time_constant_s: float = number("s", 1.0, 1e6, key="thermal_time_constant", optional=True, default=300.0)
-    """Of stage and heat sink (estimate)."""
+    # temperature of the air in the cabinet
     ambient_c: float = number("C", -50.0, 150.0, key="ambient", optional=True, default=25.0)
-    """Temperature of the air in the cabinet."""
+    # where the over-temperature contact opens (estimate)
     thermal_limit_c: float = number("C", -50.0, 300.0, key="thermal_limit", optional=True, default=85.0)
-    """Where the over-temperature contact opens (estimate)."""
+    # electronic damping: advance of the current vector over the swing of the load angle; 0: none. Microstep only.
     damping_gain: float = number("1", 0.0, 5.0, key="damping_gain", optional=True, default=0.0)
-    """Electronic damping: advance of the current vector over the swing of the load angle; 0: none. Microstep only."""
+    # corner of the low pass that tells the mean load angle from its swing
     damping_corner_hz: float = number("Hz", 10.0, 2000.0, key="damping_corner", optional=True, default=300.0)
-    """Corner of the low pass that tells the mean load angle from its swing."""
+    # largest error of the angle at which motor and stage hold, over a full step
     step_error: float = number("%", 0.0, 50.0, key="step_accuracy", scale=1e-2, optional=True, default=0.0)
-    """Largest error of the angle at which motor and stage hold, over a full step."""
+    # offset of the current of phase B, over the peak current that is set at that time
     current_offset: float = number("%", -50.0, 50.0, key="current_offset", scale=1e-2, optional=True, default=0.0)
-    """Offset of the current of phase B, over the peak current that is set at that time."""
 
     def __post_init__(self) -> None:
         check(self)

@@ -30,8 +30,8 @@ from isel_twin.firmware.activity import Activity, Ended, Listen, Pause, Request,
 from isel_twin.motion import Displacement, StepRun
 from isel_twin.motion.path import added
 
+# called when an activity has ended: with None if it returned, else with the reason why it did not
 EndedBy = Callable[[Unfinished | None], None]
-"""Called when an activity has ended: with None if it returned, else with the reason why it did not."""
 
 
 @dataclass(frozen=True)

@@ -23,12 +23,12 @@ from typing import Protocol
 
 Ranges = Mapping[str, tuple[int, int]]  # lowest and highest value of each of the `MoveSettings`, by its name
 
+# what `MoveSettings` can be, the widest of all controllers; `Language.ranges` is what one of them takes
 SETTINGS_RANGES: Ranges = {
     "speed_hz": (30, 40_000),
     "acceleration_hz_per_ms": (1, 4000),
     "start_stop_hz": (20, 4000),
 }
-"""What `MoveSettings` can be, the widest of all controllers; `Language.ranges` is what one of them takes."""
 
 
 class LanguageError(ValueError):
@@ -39,11 +39,9 @@ class LanguageError(ValueError):
 class MoveSettings:
     """How fast a move is made. Raises ValueError for what no controller takes, see SETTINGS_RANGES."""
 
-    speed_hz: int = 10_000
-    """Step frequency of the leading axis, the one with the most steps."""
+    speed_hz: int = 10_000  # step frequency of the leading axis, the one with the most steps
     acceleration_hz_per_ms: int = 100
-    start_stop_hz: int = 300
-    """Frequency at which ramps begin and end."""
+    start_stop_hz: int = 300  # frequency at which ramps begin and end
 
     def __post_init__(self) -> None:
         for name, (low, high) in SETTINGS_RANGES.items():
@@ -61,13 +59,10 @@ class MoveSettings:
 class Message:
     """One message on the line: a command, a control byte, a reply."""
 
-    data: bytes
-    """As it went over the line, its end included."""
-    text: str
-    """Readable: as in a job file, without the end that `Language.frame` adds."""
+    data: bytes  # as it went over the line, its end included
+    text: str  # readable: as in a job file, without the end that `Language.frame` adds
     explanation: str
-    sent: bool
-    """By the host (True) or by the controller."""
+    sent: bool  # by the host (True) or by the controller
 
 
 class Language(Protocol):

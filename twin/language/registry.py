@@ -13,8 +13,8 @@ from isel_twin.controller import PluginError, UnknownNameError, controller_names
 from isel_twin.language.language import Language, LanguageError
 from isel_twin.language.roles import RunsPrograms
 
+# factory(name) -> a fresh Language, `name` being the entry point's and the controller's
 LanguageFactory = Callable[[str], Language]
-"""factory(name) -> a fresh Language, `name` being the entry point's and the controller's."""
 
 _GROUP = "isel_twin.languages"
 _PROGRAMS = "isel_twin.programs"

@@ -13,12 +13,11 @@ from isel_twin.language.language import Language, MoveSettings
 class JobMove:
     """A line of a job that makes a motion with ramps, as the job stands."""
 
-    line: int
-    """From 0."""
+    line: int  # from 0
+    # speeds in it that can be changed, also those that do not matter for this move; may be empty
     speeds_hz: tuple[int, ...]
-    """Speeds in it that can be changed, also those that do not matter for this move; may be empty."""
+    # of its ramps, as far as the lines tell: they do not show changed defaults of the controller
     acceleration_hz_per_ms: int
-    """Of its ramps, as far as the lines tell: they do not show changed defaults of the controller."""
     start_stop_hz: int
 
 

@@ -41,11 +41,12 @@ _MASS_KG = Limits("kg", 1e-3, 1e4)
 _PAYLOAD_KG = Limits("kg", 0.0, 100.0)  # what tables of this class carry; ten times as much would be another machine
 
 
+# kinds of drives, and the keys of an axis that are of that kind only
 DRIVES: Mapping[str, tuple[str, ...]] = {"stepper": ("motor", "stage", "steps_per_rev"), "servo": ("servo",)}
-"""Kinds of drives, and the keys of an axis that are of that kind only."""
 DEFAULT_DRIVE: Final = "stepper"  # that of an axis that names none
 
 
+# words at the top of the file, and what each may be
 _TEXTS: Mapping[str, tuple[str, ...]] = {
     "name": (),
     "description": (),
@@ -54,7 +55,6 @@ _TEXTS: Mapping[str, tuple[str, ...]] = {
     "model": (),
     "fixture": (),
 }
-"""Words at the top of the file, and what each may be."""
 _SECTIONS = ("axes", "masses", "payload", "structure", "switches", "contacts", "motors", "controller")
 _FIXED_SECTIONS = ("timing", "squareness", "imperfections")
 

@@ -18,8 +18,8 @@ class _Made(NamedTuple):
 
 
 _MOST_MADE = 64
+# machines by their base and overrides, the last used at the end
 _made: OrderedDict[tuple[Any, ...], _Made] = OrderedDict()
-"""Machines by their base and overrides, the last used at the end."""
 
 
 def with_overrides(machine: Machine, overrides: Mapping[str, Any]) -> Machine:

@@ -26,6 +26,7 @@ from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
 from isel_twin.drives.stage import AnyStage
 from isel_twin.drives.supply import Supply
 
+# imperfection levels: the sources of imperfection that are on
 LEVELS: Mapping[str, frozenset[str]] = {
     "ideal": frozenset(),
     "static": frozenset({"lead_error", "squareness", "backlash"}),
@@ -35,8 +36,10 @@ LEVELS: Mapping[str, frozenset[str]] = {
         | {"step_accuracy", "current_offset", "cyclic_error", "free_length", "growth"}
     ),
 }
-"""Imperfection levels: the sources of imperfection that are on."""
 
+# Kinds of control cabinet, and the contacts that each sets (isel_twin.wiring.cabinet).
+#
+# safety-relay: E-stop circuits, hood and supply hold a relay that gives the power stages and the spindle their power.
 CABINETS: Final[Mapping[str, tuple[str, ...]]] = {
     "safety-relay": (
         *("estop_1", "estop_2", "overtemperature", "start", "stop", "probe", "spindle", "power_ok"),
@@ -44,10 +47,6 @@ CABINETS: Final[Mapping[str, tuple[str, ...]]] = {
         *(f"user_{bit}" for bit in range(8)),
     )
 }
-"""Kinds of control cabinet, and the contacts that each sets (isel_twin.wiring.cabinet).
-
-safety-relay: E-stop circuits, hood and supply hold a relay that gives the power stages and the spindle their power.
-"""
 DEFAULT_CABINET: Final = "safety-relay"  # that of a file that names none
 
 
@@ -72,20 +71,17 @@ class Axis:
 
     name: str
     motor: Motor | ServoMotor
-    stage: AnyStage
-    """What drives the motor: a stage of a stepper motor, the drive of a servo motor."""
-    screw: Screw
-    """With those of its imperfections that are on."""
+    stage: AnyStage  # what drives the motor: a stage of a stepper motor, the drive of a servo motor
+    screw: Screw  # with those of its imperfections that are on
     travel_mm: float = number("mm", 1.0, 10_000.0, key="travel")
+    # from the trip point of each end switch on to the hard stop
     stop_margin_mm: float = number("mm", 0.1, 100.0, key="stop_margin")
-    """From the trip point of each end switch on to the hard stop."""
     power_on_low_mm: float = number("mm", -100.0, 10_000.0, key="power_on_low")
+    # where the carriage may stand when the mains is switched on: uniform between the two
     power_on_high_mm: float = number("mm", -100.0, 10_000.0, key="power_on_high")
-    """Where the carriage may stand when the mains is switched on: uniform between the two."""
-    guide_friction_n: float = number("N", 0.0, 2000.0, key="guide_friction")
-    """Drag at the shaft is the screw's."""
+    guide_friction_n: float = number("N", 0.0, 2000.0, key="guide_friction")  # drag at the shaft is the screw's
+    # holding force of the brake at the carriage; 0: the axis has none
     brake_n: float = number("N", 0.0, 50_000.0, key="brake")
-    """Holding force of the brake at the carriage; 0: the axis has none."""
 
     def __post_init__(self) -> None:
         check(self)
@@ -158,10 +154,9 @@ class Imperfections:
     step_accuracy: bool = flag(default=False)
     current_offset: bool = flag(default=False)
     cyclic_error: bool = flag(default=False)
+    # the screw is the softer the farther the nut is from the fixed bearing; off: everywhere as in the middle
     free_length: bool = flag(default=False)
-    """The screw is the softer the farther the nut is from the fixed bearing; off: everywhere as in the middle."""
-    growth: bool = flag(default=False)
-    """Of the screw by its warming."""
+    growth: bool = flag(default=False)  # of the screw by its warming
 
 
 @dataclass(frozen=True)
@@ -170,18 +165,18 @@ class Contact:
     at the terminal: high when the contact is closed, the other way round if `inverted`."""
 
     name: str
+    # switch: struck by a carriage; signal: set from outside; bridge: always closed
     kind: str = word("switch", "signal", "bridge")
-    """switch: struck by a carriage; signal: set from outside; bridge: always closed."""
+    # opener: closed at rest, open when struck or actuated; closer: the other way round
     type: str = word("opener", "closer", default="opener")
-    """opener: closed at rest, open when struck or actuated; closer: the other way round."""
     inverted: bool = flag(default=False)
     axis: str = word("", *CARRIAGES, default="")
     end: str = word("", "motor", "far", default="")
+    # trip point in machine coordinates; from `axis` and `end` unless the file gives it
     position_mm: float = number("mm", -100.0, 10_000.0, key="position", optional=True, default=0.0)
-    """Trip point in machine coordinates; from `axis` and `end` unless the file gives it."""
     hysteresis_mm: float = number("mm", 0.0, 5.0, key="hysteresis", optional=True, default=0.0)
+    # standard deviation of the trip point
     repeatability_mm: float = number("mm", 0.0, 1.0, key="repeatability", optional=True, default=0.0)
-    """Standard deviation of the trip point."""
     bounce_ms: float = number("ms", 0.0, 50.0, key="bounce", optional=True, default=0.0)
 
     def __post_init__(self) -> None:
@@ -194,35 +189,27 @@ class Machine:
 
     name: str
     description: str
+    # table: the portal stands and the table moves along Y; portal: the portal moves along Y; traverse: a column along
+    # X, a slide on it along Z, an arm along Y. For people: the model says it to the plant.
     kinematics: str
-    """table: the portal stands and the table moves along Y; portal: the portal moves along Y;
-    traverse: a column along X, a slide on it along Z, an arm along Y. For people: the model says it to the plant."""
-    cabinet: str
-    """Kind of its control cabinet, one of CABINETS."""
+    cabinet: str  # kind of its control cabinet, one of CABINETS
     folder: Path
-    model_file: Path
-    """MuJoCo model (MJCF) that the plant loads."""
+    model_file: Path  # MuJoCo model (MJCF) that the plant loads
+    # MuJoCo model (MJCF) of what is clamped on the table, its origin in the middle of the table's surface
     fixture_file: Path | None
-    """MuJoCo model (MJCF) of what is clamped on the table, its origin in the middle of the table's surface."""
     timing: Timing
     axes: tuple[Axis, Axis, Axis]
-    supply: Supply | None
-    """Common to all stages; None: the file has none."""
-    masses_kg: Mapping[str, float]
-    """By name of the body in the MuJoCo model."""
-    payload_kg: float
-    """Dead weight on the table."""
+    supply: Supply | None  # common to all stages; None: the file has none
+    masses_kg: Mapping[str, float]  # by name of the body in the MuJoCo model
+    payload_kg: float  # dead weight on the table
     structure: tuple[Mode, ...]
     squareness: Squareness
     imperfections: Imperfections
-    contacts: tuple[Contact, ...]
-    """With those of their imperfections that are on."""
-    motors: Mapping[str, Motor]
-    """Motors of its own, by name; they go before those of `isel_twin.drives.MOTORS`."""
-    controller: Mapping[str, Any]
-    """Settings handed to the controller, such as program_memory_bytes."""
+    contacts: tuple[Contact, ...]  # with those of their imperfections that are on
+    motors: Mapping[str, Motor]  # motors of its own, by name; they go before those of `isel_twin.drives.MOTORS`
+    controller: Mapping[str, Any]  # settings handed to the controller, such as program_memory_bytes
+    # the file as read, with `based_on` and `all` resolved: where `describe` and `with_overrides` look
     tree: Mapping[str, Any] = field(repr=False, compare=False)
-    """The file as read, with `based_on` and `all` resolved: where `describe` and `with_overrides` look."""
 
     @property
     def file(self) -> Path:

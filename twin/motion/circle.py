@@ -39,9 +39,9 @@ from isel_twin.base.compiling import njit
 from isel_twin.motion.path import Displacement, check_range, even, fill_even
 
 INTERVAL = 8192  # ticks between two checkpoints: some 30 us to walk, 24 bytes to keep
+# Steps by which another reading of D must be nearer to the start point than the one of the manual's text. Found by
+# trying radii and start points (docs/step_streams.md): a host that follows the text is then hardly ever misread.
 HANDICAP = 0.2
-"""Steps by which another reading of D must be nearer to the start point than the one of the manual's text. Found by
-trying radii and start points (docs/step_streams.md): a host that follows the text is then hardly ever misread."""
 LARGEST = 1 << 28  # bound of coordinates and tick numbers: squares fit into 64 bits (the controller's have 24)
 
 

@@ -21,6 +21,7 @@ T, DT, S0, S1, V0, V1 = range(6)  # columns of phases
 FRACTIONS = 65536.0  # displacements are whole multiples of an increment over this: sums of them are exact (motion/13)
 LARGEST = 2.0**31
 
+# messages by the number that `faults` returns
 FAULTS = (
     "",
     "displacements must be whole multiples of 2^-16 increments below 2^31",
@@ -29,7 +30,6 @@ FAULTS = (
     "a piece needs a speed or a limit",
     "accelerations of pieces must be positive",
 )
-"""Messages by the number that `faults` returns."""
 
 NOISE = 1e-11  # relative rounding error of v^2: a joint that is missed by less counts as kept
 PLACE_NOISE = 1e-12  # relative rounding error of places on a piece

@@ -36,10 +36,10 @@ from isel_twin.base.units import SECOND_NS
 
 Rational = int | Fraction  # frequencies and accelerations may be any exact number; floats would not say what is meant
 LONGEST_NS = 1 << 62  # times must stay below this (146 years), so that sums of two fit into 64 bits
+# Bound for the error of the double-precision ramp time, relative to x(d) + 1 ns. With u = 2^-53 the relative errors are
+# at most: d 2 u, 2 a d 4 u, radicand 5 u, root 3.5 u, plus f0 4.5 u, numerator 4 u, quotient 9.5 u; adding the rounded
+# rest of T costs 1 u of the sum and 1 u of the rest.
 DOUBT = 12 * 2.0**-53
-"""Bound for the error of the double-precision ramp time, relative to x(d) + 1 ns. With u = 2^-53 the relative errors
-are at most: d 2 u, 2 a d 4 u, radicand 5 u, root 3.5 u, plus f0 4.5 u, numerator 4 u, quotient 9.5 u; adding the
-rounded rest of T costs 1 u of the sum and 1 u of the rest."""
 
 ROOT_DIGITS = 128  # binary digits after the point to which irrational times are known
 

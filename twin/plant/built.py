@@ -38,9 +38,9 @@ from isel_twin.plant.model import left_of_x, reach, tool_motion
 from isel_twin.plant.thread import SCREW, feel
 
 REST_TIME_S = 0.025  # standstill before the plant is frozen; a swinging joint is never slow for so long
+# Largest MuJoCo step times the highest frequency (rad/s) of the machine on all its springs, nuts and structure. Above 2
+# the exchange of forces feeds what swings, and sticking and sliding in turn can (decision plant/3).
 LARGEST_STEP_RATIO = 1.9
-"""Largest MuJoCo step times the highest frequency (rad/s) of the machine on all its springs, nuts and structure. Above
-2 the exchange of forces feeds what swings, and sticking and sliding in turn can (decision plant/3)."""
 NEAR_M = 1e-9  # distance from a position switch at which the loop begins to compare; rounding is far below
 _LEAST_V = 5.0  # least Stage.supply_v: what a motor can do below is taken from here
 _QUANTITIES = {"position": memory.POSITION, "lag": memory.LAG, "fault": memory.FAULT}

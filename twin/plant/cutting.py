@@ -36,6 +36,7 @@ from numpy.typing import NDArray
 
 from isel_twin.base.parameters import check, flag, number
 
+# state of a cut; all zero: none
 CUT = np.dtype(
     [
         ("on", "i8"),
@@ -59,7 +60,6 @@ CUT = np.dtype(
     ],
     align=True,
 )
-"""State of a cut; all zero: none."""
 
 
 @dataclass(frozen=True)

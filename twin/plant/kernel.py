@@ -403,6 +403,6 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
 
 _DRIVES = dynamics, servo, shaft, trigonometry
 _PARTS = feed, glide, lead, margin, memory, teeth, thread
+# files whose code the compiled loop contains
 CONTAINED = tuple(str(module.__file__) for module in (isel_twin.plant, *_DRIVES, *_PARTS))
-"""Files whose code the compiled loop contains."""
 dynamics.drop_stale_code(advance, *CONTAINED)

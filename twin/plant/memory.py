@@ -95,6 +95,7 @@ AXIS = np.dtype(
 
 POSITION, LAG, FAULT = 0, 1, 2  # quantities of thresholds
 
+# passed when sense * (position - limit) > 0 or |lag| - limit > 0 or there is a fault, left hysteresis below that
 THRESHOLD = np.dtype(
     [
         ("quantity", "i8"),
@@ -106,7 +107,6 @@ THRESHOLD = np.dtype(
     ],
     align=True,
 )
-"""Passed when sense * (position - limit) > 0 or |lag| - limit > 0 or there is a fault, left hysteresis below that."""
 
 
 class Parts(NamedTuple):
@@ -140,12 +140,12 @@ class Parts(NamedTuple):
     qfrc: Any
 
 
+# Addresses and sizes of the parts: handing over twenty-five arrays would take longer than computing a millisecond of
+# motion. Who keeps it must keep the arrays, too.
 MEMORY = np.dtype(
     [(name, "i8") for name in (*Parts._fields, "joints", "number_of_thresholds", "commands", "speeds", "fields")],
     align=True,
 )
-"""Addresses and sizes of the parts: handing over twenty-five arrays would take longer than computing a millisecond of
-motion. Who keeps it must keep the arrays, too."""
 
 
 @intrinsic

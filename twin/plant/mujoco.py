@@ -32,8 +32,8 @@ _NOW, _EDGE, _LOST_DOF = map((memory.PLANT.names or ()).index, ("now", "edge", "
 _ADDRESSES = ("mj_step", "model", "data")  # fields of memory.PLANT that belong to this process
 _SAVED = tuple(name for name in memory.Parts._fields if name != "samples")  # which have been read
 _OWN = ("inertia", "mobility", "weight")  # arrays of `Built` beside the parts that change
+# what MuJoCo's next step depends on (mjSTATE_INTEGRATION), beside the parts and the time
 _DATA = ("qacc_warmstart", "act", "ctrl", "xfrc_applied", "eq_active", "mocap_pos", "mocap_quat", "userdata")
-"""What MuJoCo's next step depends on (mjSTATE_INTEGRATION), beside the parts and the time."""
 
 
 class PlantError(RuntimeError):

@@ -20,6 +20,7 @@ import numpy as np
 
 from isel_twin.base.compiling import njit
 
+# A screw, uneven or not
 SCREW = np.dtype(
     [
         ("start_m", "f8"),  # x_0
@@ -31,7 +32,6 @@ SCREW = np.dtype(
     ],
     align=True,
 )
-"""A screw, uneven or not."""
 
 
 @njit(nogil=True, error_model="numpy")

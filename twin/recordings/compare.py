@@ -22,8 +22,8 @@ import numpy as np
 from isel_twin.language import Language, readable
 from isel_twin.recordings.reading import Recorded, RecordingError
 
+# most commands that are matched as a text is; in longer stretches each is compared with the one at its place
 MOST_UNLIKE = 4000
-"""Most commands that are matched as a text is; in longer stretches each is compared with the one at its place."""
 
 
 @dataclass(frozen=True)

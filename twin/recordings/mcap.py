@@ -41,6 +41,7 @@ log = logging.getLogger("isel_twin")
 _TEXT: Final = {"type": "string"}
 _NUMBER: Final = {"type": "integer"}
 _TRAFFIC: Final = {"hex": _TEXT, "text": _TEXT, "explanation": _TEXT, "byte_ns": _NUMBER}
+# what each channel carries, and the properties of its messages; none: whatever names there are
 CHANNELS: Final[Mapping[str, tuple[str, Mapping[str, Any]]]] = {
     "/host/sent": ("bytes the host has sent, at once", _TRAFFIC),
     "/host/received": ("bytes that reach the host: the last of them now, each byte_ns after the one before", _TRAFFIC),
@@ -62,7 +63,6 @@ CHANNELS: Final[Mapping[str, tuple[str, Mapping[str, Any]]]] = {
     "/time": ("how virtual time passes: speed, pause, end of the recording", {"what": _TEXT}),
     "/port": ("what became of the controller's port: gone, back, set otherwise", {"text": _TEXT}),
 }
-"""What each channel carries, and the properties of its messages; none: whatever names there are."""
 _JSON: Final = json.JSONEncoder(separators=(",", ":"))
 SAMPLES: Final = "/samples"  # the channel of the samples (samples.py)
 

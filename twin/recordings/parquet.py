@@ -24,6 +24,7 @@ from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.base.files import replacing
 from isel_twin.recordings.recorder import Change, Samples
 
+# unit and meaning of columns, by the first word of their names
 _COLUMNS = {
     "time": ("ns", "virtual time since power-on"),
     "count": ("steps", "counter of axis {} in the controller"),
@@ -33,7 +34,6 @@ _COLUMNS = {
     "input": ("1", "state of the switch or element {}"),
     "output": ("1", "output or relay {}, 1: on"),
 }
-"""Unit and meaning of columns, by the first word of their names."""
 ROWS = 65_536  # rows of a row group
 
 

@@ -38,10 +38,10 @@ if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
     from isel_twin.motion import Motion
 
+# names of attachments: flash memory before power-on, scenario, the machine file with all it is based on
 FLASH, SCENARIO, MACHINE = "flash", "scenario.toml", "machine.json"
-"""Names of attachments: flash memory before power-on, scenario, the machine file with all it is based on."""
+# folders that go before the names of the files of the MuJoCo model, and of what is clamped on the table
 MODEL, FIXTURE = "model", "fixture"
-"""Folders that go before the names of the files of the MuJoCo model, and of what is clamped on the table."""
 ASSETS: Final = (".xml", ".stl", ".obj", ".msh")  # files beside a model that it may need
 MOST_ASSET_BYTES = 1 << 24
 GROUPS: Final = {"level": "/levels", "input": "/inputs", "output": "/outputs"}  # channels, by `recorder.Change.group`

@@ -46,8 +46,8 @@ class StillBusyError(AssertionError):
 class Desk:
     """Drives one controller; see the module. Time is `time_ns`, integer nanoseconds since the desk was built."""
 
+    # set to a list to collect every desk that is built; they then keep what is `sent`
     built: ClassVar[list[Desk] | None] = None
-    """Set to a list to collect every desk that is built; they then keep what is `sent`."""
 
     def __init__(
         self,

@@ -26,9 +26,9 @@ from isel_twin.wiring.contacts import FAULTS, Contacts
 from isel_twin.wiring.line import SerialLine
 
 Settable: TypeAlias = Mapping[str, tuple[str, ...]]  # what can be set, and the states of each
+# What a value may be: a number, one of some words, a switch, a state of an input (`Wiring.settable`), the name of a
+# contact, the table of a cut (isel_twin.plant.Cut), or what a key takes (isel_twin.controller.Key).
 Form: TypeAlias = Limits | tuple[str, ...] | type[bool] | Literal["state", "contact", "cut", "key"]
-"""What a value may be: a number, one of some words, a switch, a state of an input (`Wiring.settable`), the name of a
-contact, the table of a cut (isel_twin.plant.Cut), or what a key takes (isel_twin.controller.Key)."""
 NO_KEYS: Mapping[str, Key] = {}  # of a controller without any
 
 
@@ -78,8 +78,8 @@ class Known(NamedTuple):
         return tuple(name for name, states in self.settable.items() if "broken" in states)
 
 
+# makes of a value in a file what the deed takes: numbers as float, a cut as a Cut. Raises the error of the place.
 Reader: TypeAlias = Callable[["Act", Any, Place, Known], Any]
-"""Makes of a value in a file what the deed takes: numbers as float, a cut as a Cut. Raises the error of the place."""
 Deed: TypeAlias = Callable[[Site, Any, Moment], None]  # does it, with a value that the reader has made
 
 
@@ -224,8 +224,8 @@ class Act:
     by: Literal["", "axis", "place", "input", "contact", "key"] = ""  # what a table is by; "": a single value
     off: Any = None  # the value that ends it; None: that depends on what it is done to, or it is over at once
     physical: bool = False  # it takes a plant with physics
+    # while it lasts it stands in `Twin.faults`, under its key, or `key.member` if it is by something
     fault: bool = True
-    """While it lasts it stands in `Twin.faults`, under its key, or `key.member` if it is by something."""
 
     def faults(self, value: Any) -> Iterator[tuple[str, Any]]:
         """What `Twin.faults` has of this, and the value of each; contacts tell theirs themselves."""
@@ -299,11 +299,11 @@ _LIST = (
 
 ACTS: Mapping[str, Act] = {act.key: act for act in _LIST}  # by key
 
+# keys that say more of the others, and what
 BESIDE: Mapping[str, str] = {
     "place": "where its forces act: tool or table",
     "for": "seconds after which all that it has set is ended",
 }
-"""Keys that say more of the others, and what."""
 
 
 def ended(act: Act, value: Any, settable: Settable) -> Any:

@@ -32,6 +32,7 @@ from isel_twin.controller import UnknownNameError
 SIGNALS = machine.CABINETS["safety-relay"]  # contacts of the cabinet, as machine files name them
 USER_INPUTS = tuple(name for name in SIGNALS if name.startswith("user_"))
 
+# elements that can be operated from outside and their states; the first one is the state at power-on
 ELEMENTS: Mapping[str, tuple[str, ...]] = {
     "hood": ("closed", "open", "forced"),
     "estop": ("released", "pressed"),
@@ -43,7 +44,6 @@ ELEMENTS: Mapping[str, tuple[str, ...]] = {
     "probe": ("free", "touched"),
     **dict.fromkeys(USER_INPUTS, ("low", "high")),
 }
-"""Elements that can be operated from outside and their states; the first one is the state at power-on."""
 
 
 class Cabinet(Protocol):
@@ -219,5 +219,5 @@ class SafetyCabinet:
             self.spindle_runs = False
 
 
+# kinds of cabinet by the name a machine file gives
 CABINETS: Mapping[str, Callable[[], Cabinet]] = {"safety-relay": SafetyCabinet}
-"""Kinds of cabinet by the name a machine file gives."""

@@ -21,6 +21,7 @@ import numpy as np
 
 from isel_twin.machine import Contact
 
+# fault names, and the state in which each holds the contact; None: as it is operated
 FAULTS: Mapping[str, bool | None] = {
     "ok": None,
     "broken": False,
@@ -28,7 +29,6 @@ FAULTS: Mapping[str, bool | None] = {
     "stuck_closed": True,
     "bounce": None,
 }
-"""Fault names, and the state in which each holds the contact; None: as it is operated."""
 
 WORN_MS = 20.0  # a worn contact is quiet after this time; good switches take 1 to 5 ms
 _MAX_BOUNCES = 3

@@ -38,10 +38,9 @@ class ScenarioEvent:
     every_ns: int = 0  # from one time to the next
     name: str = ""  # what other events call it
     number: int = 0  # its place in the file, from 1
+    # the table it was read from, without its time: what a recording keeps and `event_now` takes again
     content: Mapping[str, Any] = field(default_factory=dict, compare=False)
-    """The table it was read from, without its time: what a recording keeps and `event_now` takes again."""
-    table: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
-    """The whole table of a scenario."""
+    table: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)  # the whole table of a scenario
 
     @property
     def physical(self) -> bool:

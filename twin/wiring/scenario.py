@@ -40,8 +40,8 @@ from isel_twin.wiring.acts import NO_KEYS, Settable
 from isel_twin.wiring.event import EVENT_KEYS, ScenarioEvent, event_now
 from isel_twin.wiring.when import EXAMPLES, condition
 
+# what an event says of its time, in a file
 TIME_KEYS = ("at", "repeat", "every", "when", "delay", "times", "always", "name")
-"""What an event says of its time, in a file."""
 _AT_S = Limits("s", 0.0, 1e9)
 _EVERY_S = Limits("s", 1e-6, 1e9)
 _TIMES = Limits("", 1, 1e6, whole=True)

@@ -78,19 +78,17 @@ KEYS: Final[Mapping[int, str]] = {
 }  # fmt: skip
 KEPT: Final = 4 << 20  # most bytes of a program that is stored whole; a longer one is fed, if it is linear
 PIECE: Final = 1 << 16  # characters encoded at a time
-MARKS: Final = frozenset("PZD#%\x04")
-"""First characters of lines that may be no blocks."""
+MARKS: Final = frozenset("PZD#%\x04")  # first characters of lines that may be no blocks
 _LINE = re.compile(r"[^\r\n]*(?:\r\n|\n|\r)|[^\r\n]+\Z")
 _ROW = re.compile(r"[^\r\n]*[^\s][^\r\n]*")  # not blank
 _ENDS = re.compile(r"[ \t]*(?:\r\n|\r|\n)(?:[ \t]*(?:\r\n|\r|\n))*")
 _BLOCK = re.compile(r"\s*/?\s*N\s*(\d+)")
+# what makes a program not linear: M23, M24, M25, M29, jumps by comparison
 _LEADS_BACK = re.compile(r"M\s*0*2[3459](?!\d)|[<>=]")
-"""What makes a program not linear: M23, M24, M25, M29, jumps by comparison."""
 SURE: Final = 100  # lines looked at to recognise a program
 SHOWN: Final = 40  # characters of a line quoted in an error
 _KNOWN = re.compile(r"\s*(?:/?\s*N\s*\d+\s*(?:[A-Za-z_!({/]|$)|;)")  # hardly anything but a block or a remark
-_JOB = re.compile(r"\s*[<#!]")
-"""Beginnings of a job file: bytes, a remark."""
+_JOB = re.compile(r"\s*[<#!]")  # beginnings of a job file: bytes, a remark
 _PARAMETERS: Final = ("D", "D+")
 _PARAMETER = re.compile(r"\s*(?:K\d+\s*:?\s*)?([Pq])\s*(\d+)\s*:\s*(\S+)")
 

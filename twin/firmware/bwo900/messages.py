@@ -165,6 +165,7 @@ class Code(IntEnum):
 
 LOCKED: Final = 1304  # a locked parameter; has no text of its own
 
+# parameters P of cycles, as named in the message that they are not valid
 _INVALID: Final[Mapping[int, str]] = {
     P.SIZE_1: "first size of the pocket", P.SIZE_2: "second size of the pocket",
     P.POCKET_DEPTH: "depth of the pocket", P.POCKET_RADIUS: "radius", P.ALLOWANCE: "allowance",
@@ -179,7 +180,6 @@ _INVALID: Final[Mapping[int, str]] = {
     P.CENTRE_Y: "Y of the circle's centre", P.DIAMETER: "diameter of the circle", P.START_ANGLE: "start angle",
     P.TRAVEL_ANGLE: "travel angle", P.DIVISION_ANGLE: "division angle", P.PLACES: "number of places",
 }  # fmt: skip
-"""Parameters P of cycles, as named in the message that they are not valid."""
 
 
 def invalid(parameter: int) -> int:
@@ -187,6 +187,7 @@ def invalid(parameter: int) -> int:
     return 8000 + parameter
 
 
+# those of `Code`, and those about parameters of cycles
 MESSAGES: Final[Mapping[int, Message]] = {
     **{code.value: Message(code.value, code.effect, code.text) for code in Code},
     **{
@@ -194,7 +195,6 @@ MESSAGES: Final[Mapping[int, Message]] = {
         for number, what in _INVALID.items()
     },
 }
-"""Those of `Code`, and those about parameters of cycles."""
 
 
 def message(

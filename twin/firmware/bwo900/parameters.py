@@ -31,8 +31,8 @@ FIXED: Final = P.FIXED_LAST + 1 - P.FIXED_FIRST  # P7000 to P9999
 CHANNEL_SIZE: Final = Q.CHANNEL_1  # of a channel's descriptor: q100, q200
 
 _FIXED_FIRST, _FIXED_LAST, _COMMON_FIRST, _COMMON_LAST = P.FIXED_FIRST, P.FIXED_LAST, P.COMMON_FIRST, P.COMMON_LAST
+# bound once: every access needs them, and a module's name is found sooner than a class's
 _CHANNELS, _USER_1, _SIZE_1, _AXES_FIRST = Q.CHANNELS, Descriptor.USER_1, Descriptor.SIZE_1, P.AXES_FIRST
-"""Bound once: every access needs them, and a module's name is found sooner than a class's."""
 
 
 def descriptor(letter: str, physical: int, index: int = 0) -> float:
@@ -56,6 +56,7 @@ def byte(value: float, number: int) -> int:
     return int(value) >> 8 * (number - 1) & 0xFF
 
 
+# the system's own definitions, by q: three axes, one channel, zero points at P20000, tools at P21000
 FACTORY: Final[Mapping[int, float]] = {
     Q.LANGUAGE: 3, Q.CHANNELS: 1, CHANNEL_SIZE + Descriptor.NUMBER: 1, CHANNEL_SIZE + Descriptor.USER_1: 10_000,
     CHANNEL_SIZE + Descriptor.SIZE_1: 5_000, CHANNEL_SIZE + Descriptor.USER_2: 20_000,
@@ -67,7 +68,6 @@ FACTORY: Final[Mapping[int, float]] = {
     Q.ZERO_SETS: 1, Q.ZERO_GROUPS: 0, Q.ZERO_AXES: 3, Q.ZERO_MORE: 0, Q.TOOL_TABLE: 21_000, Q.TOOLS: 20,
     Q.TOOL_SUB_RECORDS: 0, Q.TOOL_SIZE: 20,
 }  # fmt: skip
-"""The system's own definitions, by q: three axes, one channel, zero points at P20000, tools at P21000."""
 
 
 class Parameters:

@@ -24,6 +24,7 @@ from isel_twin.firmware.bwo900.realtime.axes import AXES, Axes
 from isel_twin.firmware.bwo900.realtime.channel import Channel
 from isel_twin.firmware.bwo900.realtime.executed import Executed
 
+# by the number behind P8900 (but for 40, see `Executed.motion`) and behind P9300
 MODAL: Final[Mapping[int, Callable[[Modal], int]]] = {
     Cell.MOTION: lambda m: m.motion,
     Cell.POLAR: lambda m: m.polar,
@@ -41,7 +42,6 @@ MODAL: Final[Mapping[int, Callable[[Modal], int]]] = {
     Cell.FEED_KIND: lambda m: G.FEED_PER_MINUTE,
     Cell.SPEED_KIND: lambda m: G.TURNS_PER_MINUTE,
 }
-"""By the number behind P8900 (but for 40, see `Executed.motion`) and behind P9300."""
 PLANE: Final = (Cell.FIRST_AXIS, Cell.SECOND_AXIS, Cell.THIRD_AXIS)
 EXECUTED: Final = (
     Cell.PROGRAM, Cell.BLOCK, Cell.CYCLE, Cell.CYCLE_BLOCK, Cell.DEPTH, Cell.CALLER, Cell.CALLER_BLOCK, Cell.PASSES,
@@ -56,6 +56,7 @@ AXIS_CELLS: Final = (
     Axis.DRIVEN,
 )  # fmt: skip
 
+# numbers of all these parameters
 NUMBERS: Final = (
     P.M_WAITS,
     *sorted(P.EXECUTED + n for n in {*EXECUTED, *MODAL, *PLANE}),
@@ -63,14 +64,13 @@ NUMBERS: Final = (
     *(first + axis for first in (P.SHIFT_EXECUTED, P.SHIFT_ANALYSED) for axis in range(MACHINE_AXES)),
     *(of_axis(axis, offset) for axis in range(MACHINE_AXES) for offset in AXIS_CELLS),
 )
-"""Numbers of all these parameters."""
 _KNOWN: Final = frozenset(NUMBERS)
 
+# deleted at power-on
 FORGOTTEN: Final = (
     P.TRAVEL_RELEASE, P.SAFETY_HALT, P.HAND_PLANE, P.HAND_ZERO, P.HAND_COORDINATES, P.EXCHANGE, P.BLOCK_LOCK,
     P.NOT_INTERPOLATING, P.WITHOUT_DYNAMICS,
 )  # fmt: skip
-"""Deleted at power-on."""
 
 
 def at_power_on() -> Iterator[tuple[int, float | None]]:

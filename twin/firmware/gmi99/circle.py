@@ -21,8 +21,8 @@ from isel_twin.firmware.gmi99.planner import AXES, SHORTEST_S, PreparedMove, Rul
 from isel_twin.motion.look_ahead import FRACTIONS
 
 ROUNDING = 1e-9  # chords by which a quotient may miss a whole number
+# increments by which inner corners lie outside the arc: half the sagitta, so that chords are as near on both sides
 OUTSIDE = 0.25
-"""Increments by which inner corners lie outside the arc: half the sagitta, so that chords are as near on both sides."""
 
 
 def fastest_hz(radius: float) -> float:

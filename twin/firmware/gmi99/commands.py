@@ -87,6 +87,7 @@ DUPLICATE = "X"  # axis duplication has lost its letter in print (3.1.1): a plac
 
 _NORMAL, _SYNCHRONOUS, _IMMEDIATE = _always(Kind.NORMAL), _always(Kind.SYNCHRONOUS), _always(Kind.IMMEDIATE)
 
+# by letter. The general motion command is `MOVE`; short records are in controller.py.
 COMMANDS: Mapping[str, Command] = {
     "a": Command("3.1.1", "data of a PLC program", programming.plc_data, _NORMAL),
     "B": Command("3.1.1", "acceleration", actions.acceleration, _NORMAL),
@@ -111,7 +112,6 @@ COMMANDS: Mapping[str, Command] = {
     "W": Command("3.1.1", "tool speed control", actions.tool_speed, _NORMAL),
     DUPLICATE: Command("3.1.1", "axis duplication", actions.duplicate, _NORMAL),
 }
-"""By letter. The general motion command is `MOVE`; short records are in controller.py."""
 
 MOVE = Command("3.1.1", "move", actions.move, _always(Kind.MOVE))
 

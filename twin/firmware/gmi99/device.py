@@ -14,8 +14,8 @@ from isel_twin.firmware.gmi99.queue import Queue
 from isel_twin.firmware.gmi99.settings import SLOTS
 from isel_twin.firmware.gmi99.store import DEPTH
 
+# outputs of the drives, two bytes a slot
 OUTPUT_NAMES = tuple(f"a{byte}.{bit}" for byte in range(DIGITAL) for bit in range(8))
-"""Outputs of the drives, two bytes a slot."""
 
 
 class Card(Board):

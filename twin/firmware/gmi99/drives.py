@@ -36,13 +36,14 @@ MECHANICAL = 3  # slots with a motor of the gantry: X, Y, Z. Those behind have s
 POWER_WAIT_NS = 500 * MILLISECOND_NS  # how long Q waits for the supply after it has asked for it
 FAULT_NS = 20 * MILLISECOND_NS  # how long it waits for drives that are to forget their faults
 SEARCH_HZ, FREE_HZ = 10_000.0, 2000.0
+# increments after which a search ends without a switch: 1.2 times the longest travel of the gantry at 1 um
 SEARCH_LENGTH = 480_000
-"""Increments after which a search ends without a switch: 1.2 times the longest travel of the gantry at 1 um."""
 FREE_LENGTH = 20_000
 TURN = 5000  # increments from zero pulse to zero pulse, unless the machine file says otherwise
 DRIVE_ACCELERATION = 100_000.0  # increments/s^2 of a drive's own indexer
 LIMIT_SHARPNESS = 4
 
+# where the contacts of machine and cabinet lead to: inputs of drives, E-stop and supply of all of them (gmi99/19)
 TERMINALS: Mapping[str, tuple[str, ...]] = {
     "slot0.estop": ("estop_1", "estop_2", "overtemperature"),
     "slot0.power": ("power_ok",),
@@ -57,7 +58,6 @@ TERMINALS: Mapping[str, tuple[str, ...]] = {
     **{f"e1.{bit}": (f"user_{bit}",) for bit in range(6)},
     **{f"e{2 * slot + 1}.{6 + end}": (f"limit_{'xyz'[slot]}{end + 1}",) for slot in range(3) for end in (0, 1)},
 }
-"""Where the contacts of machine and cabinet lead to: inputs of drives, E-stop and supply of all of them (gmi99/19)."""
 _INPUT = re.compile(r"e([0-9]+)\.([0-7])")
 _FAULT = re.compile(r"slot([0-9])\.fault")
 

@@ -53,12 +53,12 @@ SPINDLE_SPEED = 16
 TOOL = 18
 TOOL_MEMORY = 19
 
+# bits of a flag byte that neither host nor PLC changes: reserved ones, and those marked r in 6.1.1
 FIRMWARE_OWNS: Mapping[int, int] = {0: 0b1111_1000, 1: 0b0001_0111, 3: 0b0011_0001, TOOL_MEMORY: 0xFF}
-"""Bits of a flag byte that neither host nor PLC changes: reserved ones, and those marked r in 6.1.1."""
+# bits the PLC may reset only (marked 0 in 6.1.1), or only read though the host writes them
 PLC_MAY_NOT_SET: Mapping[int, int] = {3: 0b0000_0010, KEY: 0xFF}
-"""Bits the PLC may reset only (marked 0 in 6.1.1), or only read though the host writes them."""
+# bits the PLC may set only (marked 1 in 6.1.1), or only read
 PLC_MAY_NOT_RESET: Mapping[int, int] = {0: 0b0000_0010, KEY: 0xFF}
-"""Bits the PLC may set only (marked 1 in 6.1.1), or only read."""
 
 
 class Images:

@@ -14,8 +14,8 @@ class OutOfRangeError(Exception):
 @dataclass(frozen=True)
 class Instruction:
     code: int
+    # P1 .. P3 as unsigned numbers, always three; the coordinates of a move, signed, one an axis of its mask.
     values: tuple[int, ...]
-    """P1 .. P3 as unsigned numbers, always three; the coordinates of a move, signed, one an axis of its mask."""
     raw: bytes = b""  # the bytes of a PLC program (`a`)
 
     @property

@@ -28,12 +28,12 @@ ADDRESS = link.FIRST_ADDRESS
 VARIANT: link.Variant = "E"
 BUFFER_FULL = 0x08
 
+# the card starts at any speed from standstill: its ramps begin at 0, whatever `start_stop_hz` says
 RANGES: Ranges = {
     "speed_hz": (30, 40_000),
     "acceleration_hz_per_ms": SETTINGS_RANGES["acceleration_hz_per_ms"],
     "start_stop_hz": SETTINGS_RANGES["start_stop_hz"],
 }
-"""The card starts at any speed from standstill: its ramps begin at 0, whatever `start_stop_hz` says."""
 
 _SHORT = re.compile(r"#([0-9A-Fa-f]{1,2})((?:\s+\d{1,5})*)")
 _MOVE = re.compile(r"([0-9A-Fa-f]{2})h((?:[\s;]+-?\d+)*)")
@@ -42,8 +42,8 @@ _DATA = re.compile(r"a\s*(\d+)((?:\s+[0-9A-Fa-f]{2})+)")
 _ADDRESSED = re.compile(r"(\d{1,3}):\s*(.+)")
 
 SHORT_WORDS = {0: "break off, normalise", 1: "ask for the status", 8: "spindle speed in rpm", 9: "override in percent"}
+# bits of the information character (3.2)
 STATUS: Mapping[int, str] = {3: "emergency stop", 4: "moving", 6: "indexer not ready", 7: "busy"}
-"""Bits of the information character (3.2)."""
 G_WORDS = {
     0: "rapid",
     2: "circle clockwise: centre and end follow",

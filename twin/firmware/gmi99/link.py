@@ -27,8 +27,8 @@ Variant = Literal["E", "S"]
 
 ACKNOWLEDGED = b"\xe5"  # the single character: received
 GAP_NS = 50 * MILLISECOND_NS  # longest pause between two bytes of a frame (gmi99/5)
+# commands in a short record, and their bytes of extension (3.2)
 SHORT_COMMANDS: Mapping[int, int] = {0: 0, 1: 0, 8: 2, 9: 1}
-"""Commands in a short record, and their bytes of extension (3.2)."""
 
 _SHORT, _LONG, _END = 0x10, 0x68, 0x16
 _LONGEST = 250

@@ -33,8 +33,8 @@ from isel_twin.motion.pieces import Pieces, chain
 AXES = 6  # slots 0 to 5; a displacement has one number for each
 PERIOD_NS = 4_000_000  # set points leave every 4 ms (1.2)
 SHORTEST_S = 0.012  # least time of a piece of line (1.2)
+# greatest M of each V factor (5)
 FACTORS = ((50_000, 1), (100_000, 2), (200_000, 4), (400_000, 8), (500_000, 10), (1_000_000, 20))
-"""Greatest M of each V factor (5)."""
 STRAIGHT = 1e-9  # change of direction, per path, that is none: what rounding leaves of two moves along one line
 RIGHT_ANGLE_DEG = 90.0
 FULL_RATIO = 65535.0

@@ -26,6 +26,7 @@ RATIO_ONE = 65_535
 
 Axes = tuple[int, ...]
 
+# n parameters with one value: field, lowest, highest. N 8, 18 and 40 have several.
 NUMBERS: Mapping[int, tuple[str, int, int]] = {
     10: ("axis_mask", 0, 63),
     11: ("fs0_hz", 0, 1_000_000),
@@ -38,7 +39,6 @@ NUMBERS: Mapping[int, tuple[str, int, int]] = {
     51: ("enable_input", 0, 1),
     1000: ("sgx", -(1 << 23), (1 << 23) - 1),
 }
-"""N parameters with one value: field, lowest, highest. N 8, 18 and 40 have several."""
 
 
 @dataclass(frozen=True)
@@ -84,8 +84,8 @@ class Stored:
     fine: tuple[Axes, ...] = ((0,) * SLOTS,) * FINE
     data: str = ""  # DW0..79 in hexadecimal
     plc: str = ""  # image of the PLC program in hexadecimal; empty: none
+    # commands of the CNC programs in hexadecimal, by number
     programs: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    """Commands of the CNC programs in hexadecimal, by number."""
 
 
 def encode(stored: Stored) -> bytes:

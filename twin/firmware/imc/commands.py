@@ -80,6 +80,8 @@ class Command:
 
 _on_axes = partial(Command, needs_axes=True)
 
+# DNC commands that a device carries out. `@0i` (2.2.13), `@0S` (2.2.23) and the control bytes (2.2.31) concern the flow
+# of commands itself: controller.py. `@0I...` (2.2.14): INITIALISATION.
 DNC: Mapping[str, Command] = {
     AXES_CODE: Command(
         "2.2.1",
@@ -141,12 +143,11 @@ DNC: Mapping[str, Command] = {
         "2.2.30", "move until port event", moves.until_port_parameters, moves.travel, admit=moves.plan_until_port
     ),
 }
-"""DNC commands that a device carries out. `@0i` (2.2.13), `@0S` (2.2.23) and the control bytes (2.2.31) concern the
-flow of commands itself: controller.py. `@0I...` (2.2.14): INITIALISATION."""
 
+# letters that mean the same as another one
 DNC_ALIASES: Mapping[str, str] = {"a": "A", "m": "M", "r": "R", "s": "S", "p": "P", "?": "V"}
-"""Letters that mean the same as another one."""
 
+# initialisation commands
 INITIALISATION: Mapping[str, Command] = {
     "Id": Command("4.2.1", "default reference speeds", adjust.default_speed_parameters, adjust.set_default_speeds),
     "IF": Command("4.2.2", "run-free steps", (STEPS,) * 4, adjust.set_values("run_free_steps")),
@@ -168,7 +169,6 @@ INITIALISATION: Mapping[str, Command] = {
     "IW": Command("4.2.18", "write the values to flash", (), adjust.save_settings),
     "IX": Command("4.2.19", "default values", (), adjust.default_all),
 }
-"""Initialisation commands."""
 
 
 def _stored(section: str, code: str, **other: Any) -> Command:
@@ -176,6 +176,7 @@ def _stored(section: str, code: str, **other: Any) -> Command:
     return replace(DNC[code], section=section, **other)
 
 
+# storable commands. `9` (3.2.9) ends the data field: controller.py.
 CNC: Mapping[str, Command] = {
     "0": _stored("3.2.2", "A"),
     "1": Command("3.2.3", "send a character", (VISIBLE,), program.send_sync),
@@ -206,13 +207,12 @@ CNC: Mapping[str, Command] = {
     "y": _stored("3.2.23", "y", check=moves.check_arc_numbers),
     "z": _stored("3.2.24", "z"),
 }
-"""Storable commands. `9` (3.2.9) ends the data field: controller.py."""
 
+# the overview prints these codes as capitals, their sections as small letters; both are taken
 CNC_ALIASES: Mapping[str, str] = {"F": "f", "G": "g", "M": "m", "O": "o", "P": "p", "W": "w", "Y": "y", "Z": "z"}
-"""The overview prints these codes as capitals, their sections as small letters; both are taken."""
 
+# DNC commands that change nothing and take no time: they are answered even if a stop has overtaken them
 QUESTIONS = frozenset("bDhHPUV")
-"""DNC commands that change nothing and take no time: they are answered even if a stop has overtaken them."""
 
 
 def dnc_code(line: bytes, device_number: int) -> str | None:

@@ -31,8 +31,8 @@ from isel_twin.firmware.imc.supervisor import Supervisor, signal_error, watched
 from isel_twin.firmware.imc.waiting import WaitingLines
 from isel_twin.motion import Displacement, Motion
 
+# what a line that was not refused does. Returns the reply, or None if it comes later or not at all.
 Effect = Callable[[], str | None]
-"""What a line that was not refused does. Returns the reply, or None if it comes later or not at all."""
 
 
 class Imc:

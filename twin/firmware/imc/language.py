@@ -32,12 +32,12 @@ from isel_twin.language import JobMove, Message, MoveSettings, Pieces, Ranges, e
 
 CR = bytes([grammar.CR])
 
+# control bytes (2.2.31) in words
 CONTROL: Mapping[int, str] = {
     grammar.STOP: "stop with the ramp; can be resumed",
     grammar.RESET: "reset",
     grammar.BREAK: "break: stop with the ramp and forget the rest",
 }
-"""Control bytes (2.2.31) in words."""
 
 LONGEST = 4096  # bytes after which a message is given out as it stands; no line and no answer has so many
 MOST_UNANSWERED = 65_536  # lines remembered while nobody answers; then the oldest is forgotten

@@ -184,8 +184,8 @@ def _until(device: Device, port: int, mask: int, value: int) -> Until:
 
 # ---- arcs ----------------------------------------------------------------------------------------------------------
 
+# the two axes of the plane, and the third axis of a helix, by the number `@0e` takes
 PLANES = ((0, 1, 2), (0, 2, 1), (1, 2, 0))
-"""The two axes of the plane, and the third axis of a helix, by the number `@0e` takes."""
 
 
 def arc_parameters(device: Device) -> tuple[Number, ...]:

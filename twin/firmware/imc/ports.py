@@ -13,6 +13,7 @@ from isel_twin.controller import Event, Output
 
 _TERMINAL = re.compile(r"p([0-3])\.([0-7])")
 
+# status inputs: name -> (port, bit). All of them fail safe: an open wire (0) is the alarm or the stricter state.
 SIGNALS: Mapping[str, tuple[int, int]] = {
     "estop_1": (1, 0),
     "estop_2": (1, 1),
@@ -26,18 +27,17 @@ SIGNALS: Mapping[str, tuple[int, int]] = {
     "hood_setup": (2, 6),
     "setup": (2, 7),
 }
-"""Status inputs: name -> (port, bit). All of them fail safe: an open wire (0) is the alarm or the stricter state."""
 
+# contacts of the machine that do not have the name of their signal
 CONTACTS = {"cool": "overtemperature", "stop_released": "stop", "setup": "key"}
-"""Contacts of the machine that do not have the name of their signal."""
 LIMIT_PORT = 3
 
+# where the contacts of machine and cabinet are wired to (2.2.3, 4.2.6; levels: decision wiring/1)
 TERMINALS: Mapping[str, tuple[str, ...]] = {
     **{f"p{LIMIT_PORT}.{bit}": (f"limit_{'xyza'[bit // 2]}{bit % 2 + 1}",) for bit in range(8)},
     **{f"p{port}.{bit}": (CONTACTS.get(signal, signal),) for signal, (port, bit) in SIGNALS.items()},
     **{f"p0.{bit}": (f"user_{bit}",) for bit in range(8)},
 }
-"""Where the contacts of machine and cabinet are wired to (2.2.3, 4.2.6; levels: decision wiring/1)."""
 
 
 class Inputs:
@@ -77,6 +77,7 @@ class OutputPort:
     byte: bool
 
 
+# output ports of 2.2.4. Ports 100 and 101 show the same outputs as 1 to 6 bit by bit.
 OUTPUT_PORTS: Mapping[int, OutputPort] = {
     0: OutputPort(("user",), byte=True),
     1: OutputPort(("hood_release",), byte=False),
@@ -91,8 +92,8 @@ OUTPUT_PORTS: Mapping[int, OutputPort] = {
     ),
     101: OutputPort((None, None, None, None, None, "lamp_stop", "lamp_start", "lamp_fault"), byte=True),
 }
-"""Output ports of 2.2.4. Ports 100 and 101 show the same outputs as 1 to 6 bit by bit."""
 
+# every output and its level after power-on or reset, before the power stages are considered (imc/23)
 POWER_ON_LEVELS: Mapping[str, int] = {
     "software_ok": 1,
     **dict.fromkeys(("stages", "power_request", "brake", "spindle"), 0),
@@ -100,7 +101,6 @@ POWER_ON_LEVELS: Mapping[str, int] = {
     "current_lowering": 1,
     **dict.fromkeys(("analog", "user", "lamp_start", "lamp_stop", "lamp_fault", "moving", "flash_fault"), 0),
 }
-"""Every output and its level after power-on or reset, before the power stages are considered (imc/23)."""
 
 
 class Outputs:

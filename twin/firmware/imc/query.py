@@ -56,19 +56,19 @@ def _blocked(device: Device, direction: int) -> int:
     return sum(device.limits.blocks(axis, direction) << axis for axis in range(AXES))
 
 
+# limit switches struck in positive and in negative direction, one bit an axis; status
 DIAGNOSES: Mapping[str, Callable[[Device], int]] = {
     "Rp": lambda device: _blocked(device, 1),
     "Rn": lambda device: _blocked(device, -1),
     "S0": _status,
 }
-"""Limit switches struck in positive and in negative direction, one bit an axis; status."""
 
+# what `@0H` says, line by line: words, each with the levels of its inputs
 STATUS_LINES: tuple[tuple[tuple[str, tuple[str, ...]], ...], ...] = (
     (("e-stop", ("estop_1", "estop_2")), ("cool", ("cool",)), ("power", ("power_ok",))),
     (("start", ("start",)), ("stop", ("stop_released",)), ("probe", ("probe",))),
     (("hood", ("hood_automatic", "hood_setup")), ("key", ("setup",)), ("spindle", ("spindle",))),
 )
-"""What `@0H` says, line by line: words, each with the levels of its inputs."""
 
 
 def status_text(device: Device) -> str:

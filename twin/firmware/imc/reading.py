@@ -21,8 +21,8 @@ class AnswerForm:
     digits: int = 0
     lines: int = 0
     code_last: bool = False
+    # what an answer (without a code before it) to a query with these parameters means; None: it is only a code
     words: Callable[[str, str], str] | None = None
-    """What an answer (without a code before it) to a query with these parameters means; None: it is only a code."""
 
     def whole(self, answer: bytes | bytearray) -> bool:
         if self.code_last:
@@ -114,6 +114,7 @@ def _lines_words(about: str) -> Callable[[str, str], str]:
     return lambda answer, text: f"{about}: {', '.join(plain(line) for line in answer.split(END)[:-1])}"
 
 
+# queries that answer with more than a code, by their own code; for `@0P` see `ReadingState.form`
 QUERIES: Mapping[str, AnswerForm] = {
     "b": AnswerForm(digits=2, words=_byte_words("port")),
     "D": AnswerForm(digits=2, words=_byte_words("diagnosis")),
@@ -122,4 +123,3 @@ QUERIES: Mapping[str, AnswerForm] = {
     "U": AnswerForm(lines=1, words=_lines_words("answer")),
     "V": AnswerForm(lines=2, words=_lines_words("version")),
 }
-"""Queries that answer with more than a code, by their own code; for `@0P` see `ReadingState.form`."""

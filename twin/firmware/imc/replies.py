@@ -22,6 +22,7 @@ INVALID_FIELD = "G"
 HOOD_OPEN = "H"
 NOT_REFERENCED = "R"
 
+# every code of this family in words; A, B, C and E belong to other controllers
 WORDS: Mapping[str, str] = {
     OK: "done",
     BAD_NUMBER: "not a number, or out of range",
@@ -39,7 +40,6 @@ WORDS: Mapping[str, str] = {
     HOOD_OPEN: "hood open in automatic",
     NOT_REFERENCED: "not referenced",
 }
-"""Every code of this family in words; A, B, C and E belong to other controllers."""
 
 
 class Refusal(Unfinished):

@@ -19,11 +19,11 @@ from dataclasses import dataclass
 from isel_twin.firmware.imc import commands, grammar, replies
 from isel_twin.language import JobMove, MoveSettings
 
+# commands that set a ramp (2.2.15, 2.2.16), and the setting it is
 RAMPS: Mapping[str, str] = {"j": "start_stop_hz", "J": "acceleration_hz_per_ms"}
-"""Commands that set a ramp (2.2.15, 2.2.16), and the setting it is."""
 STRAIGHT = frozenset("AM")  # moves with pairs of steps and speed (2.2.2, 2.2.18)
+# motions whose speed stays as it is: arcs, helices, until a port, stored programs (2.2.23, 2.2.27, 2.2.28, 2.2.30)
 OTHER_MOTIONS = frozenset("ywZS")
-"""Motions whose speed stays as it is: arcs, helices, until a port, stored programs (2.2.23, 2.2.27, 2.2.28, 2.2.30)."""
 PAUSES = re.compile(r"(<[^<>]*s>\s*)+")  # lines that send nothing
 FORGETTING = frozenset(("IJ", "Ij", "IL", "IX"))  # commands after which other ramps may be in force
 
@@ -33,8 +33,7 @@ class _Told:
     """What a line means for speeds and ramps."""
 
     code: str = ""
-    head: str = ""
-    """What stands before the parameters: `@0M`."""
+    head: str = ""  # what stands before the parameters: `@0M`
     values: tuple[int, ...] = ()
     forgets: bool = False
 

@@ -41,6 +41,7 @@ class Event(enum.Enum):
     POWER_LOST = "power lost"
 
 
+# whatever is not listed leaves the state as it is
 TRANSITIONS: Mapping[tuple[State, Event], State] = {
     (State.OPERATING, Event.LIMIT_STRUCK): State.LIMIT,
     (State.OPERATING, Event.POWER_LOST): State.FAULT,
@@ -49,7 +50,6 @@ TRANSITIONS: Mapping[tuple[State, Event], State] = {
     (State.LIMIT, Event.REFERENCE_BEGUN): State.OPERATING,
     (State.FAULT, Event.INITIALISED): State.OPERATING,
 }
-"""Whatever is not listed leaves the state as it is."""
 
 
 def circuits_closed(inputs: Inputs) -> bool:

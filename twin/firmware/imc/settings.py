@@ -117,9 +117,11 @@ def encode(flash: Flash) -> bytes:
 WHOLE = 0, (1 << 23) - 1  # numbers of a command that have no narrower range
 PORT, BYTE, MASK, SWITCH = (0, 3), (0, 255), (0, 15), (0, 1)
 
+# axes that `@0<axes>` can have set: none, X, XY, XYZ, and A alone or with those
 AXIS_SETS = frozenset((0, 1, 3, 7, 8, 9, 11, 15))
-"""Axes that `@0<axes>` can have set: none, X, XY, XYZ, and A alone or with those."""
 
+# Ranges of the numbers of each value: those of the command that sets it (commands.py). The range of speeds is a setting
+# of the profile, which may be another one at the next start; so for them any positive number will do.
 RANGES: Mapping[str, tuple[tuple[int, int], ...]] = {
     "reference_hz": ((1, WHOLE[1]),) * AXES,
     "run_free_steps": (WHOLE,) * AXES,
@@ -132,8 +134,6 @@ RANGES: Mapping[str, tuple[tuple[int, int], ...]] = {
     "error_signal": ((0, 0), BYTE, BYTE),
     "plane": ((0, 2),),
 }
-"""Ranges of the numbers of each value: those of the command that sets it (commands.py). The range of speeds is a
-setting of the profile, which may be another one at the next start; so for them any positive number will do."""
 
 
 def decode(image: bytes) -> Flash | None:

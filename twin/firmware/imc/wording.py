@@ -8,11 +8,11 @@ from isel_twin.firmware.imc import commands, moves
 from isel_twin.firmware.imc.query import AXIS_NAMES
 from isel_twin.firmware.imc.reading import END_OF_FIELD, ReadingState, numbers, plain, stored
 
+# `@0i` (2.2.13) and `@0S` (2.2.23), which concern the flow of commands and stand in no table
 FLOW: Mapping[str, str] = {"i": "store a program: the lines that follow", "S": "go on, or start the stored program"}
-"""`@0i` (2.2.13) and `@0S` (2.2.23), which concern the flow of commands and stand in no table."""
 
+# (parameters, axes set) -> the parameters in words, behind the command's purpose; None: their number is wrong
 Details = Callable[[Sequence[int], int], str | None]
-"""(parameters, axes set) -> the parameters in words, behind the command's purpose; None: their number is wrong."""
 
 
 def line_words(line: bytes, mode: ReadingState) -> str:
@@ -148,6 +148,7 @@ _hz, _ramp = _one(lambda value: f"{value} Hz"), _one(lambda value: f"{value} Hz/
 _switch, _plane = _choice("off", "on"), _choice("XY", "XZ", "YZ")
 _turn = _choice("counter-clockwise", "clockwise", first=-1)
 
+# parameters of DNC and initialisation commands in words; those that have none are left out
 DNC_DETAILS: Mapping[str, Details] = {
     commands.AXES_CODE: _axes,
     "A": _ways("by", "then Z"),
@@ -171,8 +172,8 @@ DNC_DETAILS: Mapping[str, Details] = {
     **dict.fromkeys(("G", "IE"), _number),
     **dict.fromkeys(("IA", "Ia", "IH", "IN"), _watch),
 }
-"""Parameters of DNC and initialisation commands in words; those that have none are left out."""
 
+# parameters of storable commands in words
 CNC_DETAILS: Mapping[str, Details] = {
     **{code: DNC_DETAILS[code] for code in "efgjJnNTwyz"},
     "0": _ways("by", "then Z"),
@@ -187,4 +188,3 @@ CNC_DETAILS: Mapping[str, Details] = {
     "o": _bit,
     "p": _bit,
 }
-"""Parameters of storable commands in words."""

@@ -30,8 +30,8 @@ from isel_twin.firmware.ismif.moves import FullSteps, ramp
 from isel_twin.motion import Displacement, line
 
 AXES, COUNTERS = range(3), 4  # X, Y, Z, and a counter that nothing moves
+# standstill before each motion of a reference run: the carriage settles, the switch stops bouncing (ismif/8)
 REST_NS = 50 * MILLISECOND_NS
-"""Standstill before each motion of a reference run: the carriage settles, the switch stops bouncing (ismif/8)."""
 SEARCH_LIMIT = 200_000
 FREE_LIMIT = 4_000  # half steps after which a search or a free run has failed (ismif/8)
 

@@ -107,6 +107,7 @@ _index = _number(0, TABLE_SIZE - 1)
 _word = _number(0, WORD_LIMIT)
 _switch = _number(0, 1)
 
+# every command of the manual by its code
 COMMANDS: dict[str, Command] = {
     "@R": Command("6.1", "reset"),
     "@V": Command("6.2", "ask for the version"),
@@ -129,4 +130,3 @@ COMMANDS: dict[str, Command] = {
     "A": Command("6.19", "signal on pin 12", (_switch,)),
     "W": Command("6.20", "wait, in ms", (_word,)),
 }
-"""Every command of the manual by its code."""

@@ -36,22 +36,22 @@ from isel_twin.language import (
 CR, LF, START, READY, FULL = b"\r", b"\n", b"\x01", b"\x02", b"\x03"
 INDEX = 0  # entry of the table of end speeds (6.9) that `move` sets
 
+# answers without text, their CR left out (5.2), in words
 ANSWERS: Mapping[bytes, str] = {
     b"": "acknowledged",
     READY: "the job is over, or the memory has room again",
     FULL: "acknowledged; the memory is full, wait",
 }
-"""Answers without text, their CR left out (5.2), in words."""
 
+# in half steps. There is no range of accelerations: the steepest ramp takes 1 ms.
 RANGES: Ranges = {
     "speed_hz": (SPEEDS_HZ[0], SPEEDS_HZ[-1]),
     "acceleration_hz_per_ms": SETTINGS_RANGES["acceleration_hz_per_ms"],
     "start_stop_hz": (SPEEDS_HZ[0], min(SPEEDS_HZ[-1], SETTINGS_RANGES["start_stop_hz"][1])),
 }
-"""In half steps. There is no range of accelerations: the steepest ramp takes 1 ms."""
 
+# what a 1 at each place of the status means (6.3)
 STATUS = ("moving", "waiting time", "error", "not referenced", "reference run", "job in progress")
-"""What a 1 at each place of the status means (6.3)."""
 
 
 def create(name: str) -> IsmifLanguage:

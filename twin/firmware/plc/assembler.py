@@ -42,8 +42,8 @@ class _Open:
     kind: str
     number: int
     line: int
+    # line, instruction, and the label it jumps to
     items: list[tuple[int, Instruction, str]] = field(default_factory=list)
-    """Line, instruction, and the label it jumps to."""
     labels: dict[str, int] = field(default_factory=dict)  # the word at which each stands
     words: int = 0
 

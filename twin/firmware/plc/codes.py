@@ -14,8 +14,8 @@ from typing import Final, Literal
 
 WORD_BYTES: Final = 2
 
+# none, byte.bit, one number of 0 to 255, a second word, a distance in words, a block's number
 Operand = Literal["", "bit", "number", "constant", "jump", "block"]
-"""none, byte.bit, one number of 0 to 255, a second word, a distance in words, a block's number"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,12 +60,13 @@ class Instruction:
         return self.form.words.replace("#", at)
 
 
+# the last byte of inputs, outputs and flags, the last data word
 LAST_BYTE: Final[Mapping[str, int]] = {"E": 47, "A": 47, "M": 255, "D": 127}
-"""The last byte of inputs, outputs and flags, the last data word."""
 LAST_ELEMENT: Final = 31  # the last timer, the last counter
+# kinds of blocks and their codes in an image
 BLOCK_TYPES: Final[Mapping[str, int]] = {"OB": 1, "PB": 2, "FB": 3, "SB": 4}
-"""Kinds of blocks and their codes in an image."""
 
+# mnemonic, B0 for flags, B0 for inputs and outputs, words
 _BITS: Final = (
     ("U", 0x80, 0xC0, "and # is on"),
     ("O", 0x88, 0xC8, "or # is on"),
@@ -75,13 +76,12 @@ _BITS: Final = (
     ("ON", 0xA8, 0xE8, "or # is off"),
     ("R", 0xB0, 0xF0, "if so: # off"),
 )
-"""Mnemonic, B0 for flags, B0 for inputs and outputs, words."""
 _AREAS: Final[Mapping[str, str]] = {"E": "input", "A": "output", "M": "flag", "T": "timer", "Z": "counter"}
 
+# B0 of SPA and SPB by kind of block
 CALLS: Final[Mapping[str, tuple[int, int]]] = {
     "OB": (0x6D, 0x4D), "PB": (0x75, 0x55), "FB": (0x3D, 0x1D), "SB": (0x7D, 0x5D),
 }  # fmt: skip
-"""B0 of SPA and SPB by kind of block."""
 
 JUMPS: Final[Mapping[str, tuple[int, str]]] = {
     "SPA": (0x2D, "jump"),
@@ -178,8 +178,8 @@ def _forms() -> Iterator[Form]:
     yield Form("A", "DB", "block", 0x20, "data block #: there is one only")
 
 
+# all forms by mnemonic and area. Jumps have none: `("SPA", "")`.
 FORMS: Final[Mapping[tuple[str, str], Form]] = {(form.mnemonic, form.area): form for form in _forms()}
-"""All forms by mnemonic and area. Jumps have none: `("SPA", "")`."""
 
 
 def encode(instruction: Instruction) -> bytes:

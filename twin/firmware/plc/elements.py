@@ -17,8 +17,8 @@ from typing import Final
 
 from isel_twin.base.units import MILLISECOND_NS
 
+# units of a time constant: KT n.0 to n.3
 BASES_NS: Final = tuple(MILLISECOND_NS * unit for unit in (10, 100, 1000, 10_000))
-"""Units of a time constant: KT n.0 to n.3."""
 MOST: Final = 999  # largest number of a timer or counter
 
 

@@ -16,11 +16,11 @@ class PlcMemory:
     """Bytes by area, named as in programs. Words have their low byte first: MW n = MB n + 256 MB(n + 1)."""
 
     e: bytearray = field(default_factory=lambda: bytearray(IMAGE_BYTES))
+    # process images of the inputs (e) and the outputs
     a: bytearray = field(default_factory=lambda: bytearray(IMAGE_BYTES))
-    """Process images of the inputs (e) and the outputs."""
     m: bytearray = field(default_factory=lambda: bytearray(FLAG_BYTES))
+    # 128 data words; DW n are bytes 2 n (DR, low) and 2 n + 1 (DL, high)
     d: bytearray = field(default_factory=lambda: bytearray(DATA_BYTES))
-    """128 data words; DW n are bytes 2 n (DR, low) and 2 n + 1 (DL, high)."""
 
     def copy(self) -> PlcMemory:
         return PlcMemory(bytearray(self.e), bytearray(self.a), bytearray(self.m), bytearray(self.d))

@@ -23,8 +23,8 @@ from isel_twin.firmware.plc.image import ImageError, PlcProgram
 from isel_twin.firmware.plc.memory import PlcMemory, Rights
 from isel_twin.firmware.plc.processor import Elements, Function, Halt, Processor
 
+# time of an instruction: 1000 of them take about 45 ms (manual of the card, section 9)
 INSTRUCTION_NS: Final = 45 * MICROSECOND_NS
-"""Time of an instruction: 1000 of them take about 45 ms (manual of the card, section 9)."""
 
 CYCLIC: Final = ("OB", 1)
 AT_START: Final = ("OB", 21)  # once, when it is started by hand

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from isel_twin.jobs.job import Line
     from isel_twin.machine import Machine
 
+# columns that every row has: kind, unit ("": text or truth) and meaning
 OUTCOMES: Mapping[str, tuple[str, str, str]] = {
     "ok": ("bool", "", "the job did what it has to, no step lost, every bound kept; null: it could not begin"),
     "error": ("string", "", "why it could not begin; null: it did"),
@@ -48,7 +49,6 @@ OUTCOMES: Mapping[str, tuple[str, str, str]] = {
     "events_late": ("int64", "1", "events of the scenario that were still to come at the end"),
     "reply": ("string", "", "the last reply"),
 }
-"""Columns that every row has: kind, unit ("": text or truth) and meaning."""
 
 
 class MismatchError(RuntimeError):

@@ -22,18 +22,18 @@ from isel_twin.firmware.bwo900.parameters import Parameters, byte
 ROTATION_SET: Final[Mapping[int, str]] = {P.ROTATION_U0: "u0", P.ROTATION_V0: "v0", P.ROTATION_ANGLE: "angle_deg"}
 ROTATION_ADDED: Final[Mapping[int, str]] = {P.ROTATION_DU: "du", P.ROTATION_DV: "dv", P.ROTATION_DANGLE: "dangle_deg"}
 
+# the q that defines a plane when a program begins, and the plane if q is not valid
 PLANES: Final[Mapping[int, tuple[int, Plane]]] = {
     G.PLANE_XY: (Q.PLANE_XY, XY),
     G.PLANE_ZX: (Q.PLANE_ZX, ZX),
     G.PLANE_YZ: (Q.PLANE_YZ, YZ),
 }
-"""The q that defines a plane when a program begins, and the plane if q is not valid."""
+# the P that defines a free plane, and the plane if P is not valid
 FREE_PLANES: Final[Mapping[int, tuple[int, Plane]]] = {
     G.FREE_PLANE_1: (P.FREE_PLANE_1, XY),
     G.FREE_PLANE_2: (P.FREE_PLANE_2, ZX),
     G.FREE_PLANE_3: (P.FREE_PLANE_3, YZ),
 }
-"""The P that defines a free plane, and the plane if P is not valid."""
 
 
 class Coordinates:

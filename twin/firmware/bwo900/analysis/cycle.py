@@ -28,8 +28,8 @@ from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.numbers import Axis, G, P
 from isel_twin.firmware.bwo900.parameters import Parameters
 
+# p that a cycle gets, as they are when it begins
 CYCLE_PARAMETERS: Final = (*range(P.CYCLES_FIRST, P.CYCLES_LAST + 1), *range(P.PATTERNS_FIRST, P.PATTERNS_LAST + 1))
-"""P that a cycle gets, as they are when it begins."""
 MOTION: Final[Mapping[Kind, int]] = {
     Kind.RAPID: G.RAPID, Kind.LINE: G.LINE, Kind.TAP: G.LINE, Kind.CLOCKWISE: G.CIRCLE_CLOCKWISE,
     Kind.COUNTER_CLOCKWISE: G.CIRCLE_COUNTER_CLOCKWISE,
@@ -46,8 +46,7 @@ class Cycle:
     post: list[MFunction]
     stop: Stop
     modal: Modal  # in force again at its end
-    comes: bool
-    """Its first move only leads to the pattern: functions before the path come after it."""
+    comes: bool  # its first move only leads to the pattern: functions before the path come after it
     goal: Goal | None = None
 
 

@@ -17,11 +17,11 @@ from isel_twin.firmware.bwo900.parameters import Parameters, byte
 
 PRE, POST, HALT, SYNCHRONISES, JUMP, CYCLE = 0x01, 0x02, 0x04, 0x08, 0x10, 0x20
 
+# those that control the program (manual 6.1); M06 does both
 CONTROLLING: Final = frozenset((
     M.HALT, M.SYNCHRONISE, M.RETURN, M.TOOL_DATA, M.JUMP, M.LOOP, M.LOOP_END, M.DELETE_DISTANCE, M.CALL, M.REPEAT,
     M.END,
 ))  # fmt: skip
-"""Those that control the program (manual 6.1); M06 does both."""
 IN_SYSTEM: Final = 200  # M0 to M199 are defined in P11050 .. P11099 unless q158 says otherwise
 HIGHEST: Final = 999
 
@@ -79,10 +79,10 @@ def _packed(definitions: Mapping[int, int]) -> dict[int, float]:
     return packed
 
 
+# by P: the table that the control comes with; the manual's is empty
 FACTORY_FUNCTIONS: Final[Mapping[int, float]] = _packed(
     {
         M.HALT: POST | HALT, M.SYNCHRONISE: POST, M.SPINDLE_RIGHT: PRE, M.SPINDLE_LEFT: PRE, M.SPINDLE_OFF: POST,
         M.TOOL_CHANGE: PRE | HALT | SYNCHRONISES, M.COOLANT_1_ON: PRE, M.COOLANT_2_ON: PRE, M.COOLANT_OFF: POST,
     }
 )  # fmt: skip
-"""By P: the table that the control comes with; the manual's is empty."""

@@ -30,8 +30,8 @@ class Level:
     program: Blocks
     place: int = 0
     last: int | None = None  # place of the last block to be executed, of a call with an end
+    # place after M24, passes left, with the present one, and all passes
     loops: list[tuple[int, int, int]] = field(default_factory=list)
-    """Place after M24, passes left, with the present one, and all passes."""
     cycle: bool = False  # called as a cycle: its blocks are intermediate ones
     change: bool = False  # Z6: at its end the tool data are activated
 

@@ -22,13 +22,13 @@ GROUP, NUMBER, PLACE, LIFE_SET, LIFE, WORN, RADIUS, LENGTH = 0, 1, 2, 6, 7, 8, 1
 RADIUS_CORRECTION, LENGTH_CORRECTION, QUADRANT = 12, 13, 14
 SUB_RECORDS: Final = 8  # where the sub records of an entry begin
 
+# copies of records, (from, to), by parameter and byte 1 of its value (8.5)
 COPIES: Final[Mapping[tuple[int, int], Sequence[tuple[int, int]]]] = {
     (P.TOOL_TAKE, 1): ((P.TOOL_REQUESTED, P.TOOL_SPINDLE), (P.TOOL_REQUESTED, P.TOOL_PATH)),
     (P.TOOL_TAKE, 10): ((P.TOOL_REQUESTED, P.TOOL_SPINDLE),),
     (P.TOOL_COPY, 1): ((P.TOOL_SPINDLE, P.TOOL_PATH),),
     (P.TOOL_COPY, 2): ((P.TOOL_REQUESTED, P.TOOL_PATH),),
 }
-"""Copies of records, (from, to), by parameter and byte 1 of its value (8.5)."""
 TAKE_REAL_TIME, PUT_BACK = (P.TOOL_TAKE, 2), (P.TOOL_PUT_BACK, 1)
 
 

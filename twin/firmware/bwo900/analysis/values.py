@@ -25,8 +25,8 @@ from isel_twin.firmware.bwo900.programs.expressions import (
 )
 from isel_twin.firmware.bwo900.programs.words import Assign, ProgramBlock
 
+# parameters P that are written when a block is executed: number, value
 Later: TypeAlias = list[tuple[int, float | None]]
-"""Parameters P that are written when a block is executed: number, value."""
 
 
 class Values:

@@ -77,8 +77,8 @@ class PathBlock:
     dwell_s: float | None = None  # G04: after the path, before the post functions
     speeds: Mapping[int, float] = field(default_factory=dict)  # S words: spindle 1 to 8, in 1/min
     tool: int | None = None  # T word
+    # parameters that are written when the block is executed: number, value
     parameters: tuple[tuple[int, float | None], ...] = ()
-    """Parameters that are written when the block is executed: number, value."""
     text: Text | None = None
     stop: Stop = Stop.NONE
     watched: bool = False  # M26: a signal deletes its path and its dwell

@@ -30,8 +30,8 @@ from isel_twin.firmware.bwo900.geometry.plane import (
 )
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 
+# G123: two lines up to this height over the chord (between the manual's examples, 0.009 and 0.13)
 STRAIGHT: Final = 0.02
-"""G123: two lines up to this height over the chord (between the manual's examples, 0.009 and 0.13)."""
 NEAR: Final = 1e-9
 
 

@@ -16,11 +16,12 @@ MOTION, POLAR, TANGENT, TRANSFORMED, PLANE, EXACT, RADIUS, CORRECTION = range(8)
 ROTATION, COORDINATES, ZERO, MIRROR, OVERRIDE, DIMENSION, SHIFT, FEED, SPEED = range(8, 17)
 
 CIRCLES: Final = (G.CIRCLE_CLOCKWISE, G.CIRCLE_COUNTER_CLOCKWISE)
+# G53 to G59, G153, and G154 to G959
 ZERO_POINTS: Final = frozenset(
     (G.MACHINE_ZERO, G.NO_ZERO, *(100 * more + n for more in range(10) for n in range(G.ZERO_1, G.ZERO_6 + 1)))
 )
-"""G53 to G59, G153, and G154 to G959."""
 
+# group of each modal G function that the twin knows
 GROUPS: Final[Mapping[int, int]] = {
     **dict.fromkeys((G.RAPID, G.LINE, G.CIRCLE_CLOCKWISE, G.CIRCLE_COUNTER_CLOCKWISE), MOTION),
     **dict.fromkeys((G.POLAR_ON, G.POLAR_OFF), POLAR),
@@ -42,11 +43,11 @@ GROUPS: Final[Mapping[int, int]] = {
     **dict.fromkeys((G.FEED_PER_MINUTE,), FEED),
     **dict.fromkeys((G.TURNS_PER_MINUTE,), SPEED),
 }
-"""Group of each modal G function that the twin knows."""
 
+# in force for the block they stand in; G123 for its pairs of blocks
 BLOCKWISE: Final = frozenset((G.DWELL, G.EXACT_STOP_HERE, G.NO_EXACT_STOP_HERE, G.CORNER, G.BARE, G.THREE_POINTS))
-"""In force for the block they stand in; G123 for its pairs of blocks."""
 
+# g functions of the manual that the twin refuses (M1232), and what they are for
 BEYOND: Final[Mapping[int, str]] = {
     G.ROTARY_POSITIVE: "rotary axes", G.ROTARY_NEGATIVE: "rotary axes", G.ROTARY_SHORTEST: "rotary axes",
     G.TANGENT_ON: "a tangential axis", G.POLAR_TRANSFORMATION_ON: "the polar transformation", G.SPLINE: "splines",
@@ -55,7 +56,6 @@ BEYOND: Final[Mapping[int, str]] = {
     G.WEIGHTING_1: "an undocumented function", G.WEIGHTING_2: "an undocumented function", G.INCH_OFF: "inches",
     G.INCH_METRIC: "inches",
 }  # fmt: skip
-"""G functions of the manual that the twin refuses (M1232), and what they are for."""
 
 
 @dataclass(frozen=True, slots=True)

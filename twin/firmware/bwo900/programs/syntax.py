@@ -29,8 +29,8 @@ from isel_twin.firmware.bwo900.programs.expressions import (
 from isel_twin.firmware.bwo900.programs.words import Assign, GWord, Jump, MWord, ProgramBlock, Text, Wait, Word
 
 LONGEST: Final = 200  # characters of a block
+# how often each may stand in a block; other words once
 MOST: Final[Mapping[str, int]] = {"G": 8, "M": 8, "S": 8, "P": 32}
-"""How often each may stand in a block; other words once."""
 MOST_WAITED: Final = 8  # parameters that `waituntil` may depend on (M1222)
 LARGEST: Final = 9_999_999_999  # of a block, program, tool and G number: ten digits
 
@@ -47,8 +47,8 @@ _LOWER = re.compile(r"waituntil|sc|t[rlq]?|[a-z](?=\s*[:\d.,+-])")
 _FUNCTION = re.compile(r"asin|acos|atan|sin|cos|tan|sqr|intr|int|abs|ln|log|exp|not")
 _RELATION = re.compile(r"\s*(<>|>=|<=|=|>|<)\s*")
 _COMPARED = re.compile(r"(?P<right>.+?)\s*\.\s*(?P<target>\d+|[Pq]\d+|_\w+|\([^()]*\))(?=\s|$|[A-Z{(!;_\\])")
+# `--`, `- -` or a dash, unless it is the sign of a number or parameter that follows
 _DELETED = re.compile(r"\s*(?:-\s?-(?=\s*(?:$|[^\s\d.,+-]))|[-–—\x96\x97](?=$|\s+(?:$|[^\s\d.,])|[;{!\\]|[A-OQ-Z]))")
-"""`--`, `- -` or a dash, unless it is the sign of a number or parameter that follows."""
 _TEXT = re.compile(r"!\s*(?:(\$[0-9A-Fa-f]+|\d+)\s*,\s*)?(.*)", re.DOTALL)
 
 

@@ -33,8 +33,8 @@ from isel_twin.firmware.bwo900.realtime.stretch import PERIOD_NS
 from isel_twin.firmware.bwo900.realtime.surroundings import Surroundings, enter, mute, send, speak
 from isel_twin.motion import SetPointRun
 
+# how long an M function with a jump waits for its acknowledgement where there is no path
 JUMP_NS: Final = 20 * MILLISECOND_NS
-"""How long an M function with a jump waits for its acknowledgement where there is no path."""
 
 
 class State(Enum):

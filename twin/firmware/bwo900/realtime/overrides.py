@@ -24,12 +24,12 @@ VALUE, RAW, LOWEST_OFFSET, HIGHEST_OFFSET, TABLE = range(SIZE)
 HIGHEST: Final = 120.0  # % that a potentiometer goes up to (3.7)
 FULL: Final = 255  # its highest value
 
+# parameters P of a new control: overrides 5 to 8, which are fixed, and the table
 FACTORY_OVERRIDES: Final[Mapping[int, float]] = {
     **{P.OVERRIDE_5: 0.0, P.OVERRIDE_6: 10.0, P.OVERRIDE_7: 50.0, P.OVERRIDE_8: 100.0},
     P.OVERRIDE_TABLE: 27.0,
     **dict(enumerate((0.0, 1.0, 2.0, *(5.0 * n for n in range(1, 25))), start=P.OVERRIDE_TABLE + 1)),
 }
-"""Parameters P of a new control: overrides 5 to 8, which are fixed, and the table."""
 
 
 def is_override(number: int) -> bool:

@@ -62,10 +62,10 @@ class MotionLimits:
     contour_mm: float = 0.0  # P8857, 0: off
     convex: float = 0.0
     concave: float = 0.0  # P8848 and P8849, as a share of the feed: -1 to 1
+    # P8850: 0 off, 1 the feed of the point of contact, above that the largest radius with another feed
     reference_mm: float = 0.0
-    """P8850: 0 off, 1 the feed of the point of contact, above that the largest radius with another feed."""
+    # P12010 of an axis: ramps are sin^2. They take as long as linear ones, and are pi/2 steeper in their middle.
     sine: bool = False
-    """P12010 of an axis: ramps are sin^2. They take as long as linear ones, and are pi/2 steeper in their middle."""
 
     @classmethod
     def of(cls, parameters: Parameters, increments_per_mm: Sequence[float]) -> MotionLimits:

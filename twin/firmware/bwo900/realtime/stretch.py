@@ -24,10 +24,10 @@ from isel_twin.motion import SetPointRun
 from isel_twin.motion.joined import Joined, joined
 from isel_twin.motion.pieces import Pieces
 
+# from set point to set point: the position control of the manual takes 0.25 to 3 ms
 PERIOD_NS: Final = 2 * MILLISECOND_NS
-"""From set point to set point: the position control of the manual takes 0.25 to 3 ms."""
+# pieces that a motion keeps before those that have been made are forgotten: some 150 bytes each
 MOST_PIECES: Final = 8192
-"""Pieces that a motion keeps before those that have been made are forgotten: some 150 bytes each."""
 
 
 @dataclass

@@ -25,11 +25,11 @@ from isel_twin.firmware.bwo900.numbers import G, P, Ray
 
 TURNS: Final = {G.CIRCLE_CLOCKWISE: Kind.CLOCKWISE, G.CIRCLE_COUNTER_CLOCKWISE: Kind.COUNTER_CLOCKWISE}
 AGREE_MM: Final = 1e-3  # tolerance of redundant parameters
+# by first parameter of a ray: places missing, contradicting lengths, contradicting places
 RAY_CODES: Final[Mapping[int, tuple[Code, Code, Code]]] = {
     P.RAY_1: (Code.RAY_1_PLACES_MISSING, Code.RAY_1_LENGTH_TWICE, Code.RAY_1_PLACES_TWICE),
     P.RAY_2: (Code.RAY_2_PLACES_MISSING, Code.RAY_2_LENGTH_TWICE, Code.RAY_2_PLACES_TWICE),
 }
-"""By first parameter of a ray: places missing, contradicting lengths, contradicting places."""
 
 
 @dataclass(frozen=True, slots=True)
