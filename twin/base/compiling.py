@@ -1,11 +1,11 @@
-"""Compiled functions, kept from one process to the next wherever there is a folder to keep them in.
+"""Compiled functions that are cached between processes where a folder can be written to.
 
     @njit(nogil=True, error_model="numpy")         numba's njit with cache=True
     def advance(...): ...
 
-numba keeps compiled code in `__pycache__` beside the source, else in the user's cache folder, or where NUMBA_CACHE_DIR
-says. If it cannot write there, or the disk is full, it raises. Here the function works all the same, compiled anew in
-each process, and one line of the log says what that costs and what to do.
+numba caches compiled code in `__pycache__` beside the source, else in the user's cache folder or in NUMBA_CACHE_DIR. It
+raises if it cannot write there or the disk is full. Here the function works all the same: it is compiled again in each
+process, and the log says once what that costs and what to do.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _said = False
 
 
 def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """numba's njit with these options; what it has compiled is kept if it can be."""
+    """numba's njit with these options and, if possible, a cache on the disk."""
 
     def decorate(function: Callable[..., Any]) -> Any:
         compiled: Any = numba.njit(**options)(function)
@@ -60,7 +60,7 @@ class _Cache(FunctionCache):
 
 
 def _say(line: str) -> None:
-    """Log a line once in a process: the reason is the same for every function."""
+    """Log a line once in a process, not once a function."""
     global _said
     if not _said:
         _said = True

@@ -1,18 +1,18 @@
-"""Work that many share: here, on processes of this computer, on a cluster; the same results whoever computes them.
+"""Parallel work: in this process, on local processes or on a cluster, with the same results.
 
     items --- submit, a few ahead ---> crew: here | local processes | cluster | any concurrent.futures.Executor
                                          |
-    (index, result) <-- as they come ----'        a worker that dies costs what it was at, which is computed again
+    (index, result) <-- as they come ----'        if a worker dies, what it was computing is computed again
 
-Each item is computed by a function of that item alone. A result is taken once: what has come is never computed again.
+An item's result depends on the item alone, and each item gives one result.
 
 Local workers
-- are forked on Linux, from a server process that has imported everything and runs no Python thread but its own;
-  elsewhere each starts anew. Forking from this process could copy a lock that some thread of it holds.
-- never heed Ctrl-C: a terminal sends it to all processes, and this one decides.
+- are forked on Linux, from a server process that has imported everything and has no other Python thread; elsewhere each
+  starts anew. A fork of this process could copy a lock that one of its threads holds.
+- ignore Ctrl-C: a terminal sends it to all processes, and this one decides.
 - end when this process is gone, even by SIGKILL: a thread of each waits for the end of a pipe that only this process
-  holds open. (PR_SET_PDEATHSIG would tell of the server's death, which outlives us as long as a worker lives.)
-- are asked to give up what nobody waits for any more: long work asks `given_up()` now and then.
+  holds open. (PR_SET_PDEATHSIG would report the death of the server, which lives as long as a worker does.)
+- can be asked to give up: long work calls `given_up()` now and then.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ CALLS = 256  # calls of `finished` that can be told apart when one is given up
 
 
 class GivenUp(BaseException):
-    """Nobody waits for this result any more. Like asyncio.CancelledError no Exception: handlers let it pass."""
+    """Nobody waits for this result any more. A BaseException, so that handlers of Exception let it pass."""
 
 
 class LostError(RuntimeError):
@@ -64,7 +64,7 @@ class Lost:
 
 
 class Crew:
-    """Workers, begun when they are first needed. Within `with crew:` they stay; without, for one call of `finished`."""
+    """Workers, started when first needed. They stay within `with crew:`, otherwise for one call of `finished`."""
 
     def __init__(
         self,
@@ -72,8 +72,8 @@ class Crew:
         ahead: int = 1,
         flags: MutableSequence[int] | None = None,
     ) -> None:
-        """begin: gives the executor, anew after its workers have died; None: compute here. ahead: items submitted at a
-        time. flags [CALLS]: shared with the workers; 1: that call of `finished` is given up."""
+        """begin: makes the executor, and another one after its workers have died; None: compute here. ahead: items
+        submitted at a time. flags [CALLS]: shared with the workers; 1: that call of `finished` is given up."""
         self._begin = begin
         self.ahead = ahead
         self._flags = flags
@@ -104,13 +104,13 @@ class Crew:
 
 
 def here(executor: Executor | None = None) -> Crew:
-    """Work with an executor that is already open; None: in this process, one by one."""
+    """Work on an executor that is already open; None: in this process, one item after the other."""
     flags = bytearray(CALLS) if isinstance(executor, futures.ThreadPoolExecutor) else None
     return Crew(lambda: nullcontext(executor), 1 if executor is None else 1024, flags)
 
 
 def local(number: int, preload: Sequence[str] = ()) -> Crew:
-    """So many processes of this computer. preload: modules that the first crew of this process imports, once for all
+    """`number` processes of this computer. preload: modules that the first crew of this process imports, once for all
     workers, where processes can fork."""
     if number == 1:
         return here()
@@ -119,8 +119,8 @@ def local(number: int, preload: Sequence[str] = ()) -> Crew:
 
 
 def cluster(address: str) -> Crew:
-    """The workers of a dask scheduler, as many as there are. Raises CallError for no address, or without distributed;
-    its first use does if the scheduler is not there."""
+    """All workers of a dask scheduler. Raises CallError for a wrong address or without the package distributed; the
+    first use raises it if no scheduler answers."""
     if not _ADDRESS.fullmatch(address):
         raise CallError(f"cluster {address!r}: must be the address of a dask scheduler, tcp://HOST:PORT", option=True)
     try:
@@ -133,10 +133,10 @@ def cluster(address: str) -> Crew:
 def finished(
     function: Callable[[Item], Result], items: Sequence[Item], crew: Crew, stop: Stop | None = None
 ) -> Generator[tuple[int, Result | Lost], None, None]:
-    """Index and result of each item, as they come; once each. Whoever closes this iterator gives up the rest.
+    """Index and result of each item, in the order of completion. Closing the iterator gives up the rest.
 
-    stop: asked now and then; once it returns True nothing more comes. An exception of the function is raised, unless it
-    says that its worker is gone. Raises CallError if all workers die again and again.
+    stop: called now and then; True ends the iteration. An exception of the function is raised here, unless it says that
+    its worker is gone. Raises CallError if all workers die again and again.
     """
     to_do = list(range(len(items)))[::-1]
     slot = next(crew._calls) % CALLS
@@ -210,7 +210,7 @@ def _submit(
     crew: Crew,
     slot: int,
 ) -> bool:
-    """Give the executor as many items as it may have; return whether it took them."""
+    """Fill the executor's queue; return False if it refused an item."""
     work: Callable[[Item], Result] = function
     if crew._flags is not None:
         crew._flags[slot] = 0
@@ -237,7 +237,7 @@ def _result(future: Future[Result]) -> Result | Lost:
 
 
 _asked = threading.local()
-_flags: Sequence[int] = ()  # in a local worker: those of its crew
+_flags: Sequence[int] = ()  # set in a local worker: the flags of its crew
 
 
 def given_up() -> bool:
@@ -248,7 +248,7 @@ def given_up() -> bool:
 
 @contextmanager
 def _asking(stop: Stop | None) -> Iterator[None]:
-    """`given_up` asks `stop` within the block; None: what it asked before."""
+    """`given_up` calls `stop` within the block; None: what it called before."""
     before = getattr(_asked, "stop", None)
     _asked.stop = before if stop is None else stop
     try:
@@ -258,7 +258,7 @@ def _asking(stop: Stop | None) -> Iterator[None]:
 
 
 def _work(function: Callable[[Item], Result], shared: Sequence[int] | None, slot: int, item: Item) -> Result:
-    """The function's result, in a worker. shared: flags of threads; None: those of the process."""
+    """The function's result, in a worker. shared: flags, where workers are threads; None: use those of the process."""
     flags = _flags if shared is None else shared
     with _asking(lambda: bool(flags[slot])):
         return function(item)
@@ -269,7 +269,7 @@ def _processes(number: int, preload: Sequence[str], flags: Any) -> Iterator[Exec
     forks = sys.platform.startswith("linux")
     context = multiprocessing.get_context("forkserver" if forks else "spawn")
     executor = futures.ProcessPoolExecutor(number, mp_context=context, initializer=_serve, initargs=(flags,))
-    with _without_ctrl_c():  # those begun in the block never heed it; what the server forks does as the server
+    with _without_ctrl_c():  # processes started in the block ignore it, and so do those that the server forks
         if forks:
             from multiprocessing import forkserver
 
@@ -330,7 +330,7 @@ def _dask(address: str) -> Iterator[Executor]:
 
 @contextmanager
 def _silent(package: str) -> Iterator[None]:
-    """Without what a package logs of broken connections: the caller says it in one line."""
+    """Silence a package's log of broken connections: the caller reports them in one line."""
     names = [name for name in logging.root.manager.loggerDict if name.split(".")[0] == package]
     before = {name: logging.getLogger(name).level for name in names}
     try:

@@ -1,4 +1,4 @@
-"""What a caller got wrong, as one line that says why and what to do."""
+"""Errors of a caller, as one line that says why and what to do."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from contextlib import contextmanager
 class CallError(ValueError):
     """A call cannot be carried out; the message is one line that says why and what to do.
 
-    option: the line begins with the bare name of an option, as a URL has it; a command line puts "--" before it.
-    excerpt: lines to be shown below it, such as a line of a file with a caret.
+    option: the line begins with the bare name of an option (as in a URL); a command line puts "--" before it. excerpt:
+    lines to show below it, such as a line of a file with a caret.
     """
 
     def __init__(self, line: str, *, option: bool = False, excerpt: str = "") -> None:
@@ -26,7 +26,7 @@ def one_line(text: str) -> str:
 
 @contextmanager
 def call_errors(about: object = None) -> Iterator[None]:
-    """What a caller may have got wrong becomes a CallError, about a file if the error does not name one itself."""
+    """Turn OSError, ValueError and the like into CallError; `about` is the file it names if the error has none."""
     try:
         yield
     except CallError:

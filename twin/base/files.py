@@ -5,9 +5,9 @@ one; the folder is flushed too, so that a power cut leaves the old file or the n
 
     write .NAME.PID-NUMBER.tmp -> fsync -> rename to NAME -> fsync folder
 
-Whoever keeps a file up to date claims it: among the twins of this process, and, where the operating system has `flock`,
-among all processes. The lock is on .NAME.lock beside it (bridge/4) and ends with the process, however that ends; the
-empty file itself is left only by a process that was killed, and does no harm.
+A file that is kept up to date is claimed, within this process and, where the operating system has `flock`, among all
+processes. The lock is on .NAME.lock beside it and ends with the process. Only a killed process leaves the empty lock
+file behind, which does no harm (bridge/4).
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ _WINDOWS = os.name == "nt"
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Give a temporary path to write to; it replaces `path` when the block ends, and is removed when it raises.
+    """A temporary path to write to. It replaces `path` when the block ends and is removed if the block raises.
 
     A symbolic link is followed, so the link stays and its target is replaced. Devices and pipes (/dev/stdout) cannot be
-    replaced and are handed through. Raises OSError.
+    replaced and are written to directly. Raises OSError.
     """
     given, target = Path(path), Path(os.path.realpath(path))
     if given.exists() and not given.is_file():  # a pipe behind /dev/stdout has no path of its own
@@ -52,7 +52,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
         _flush(target.parent)
     except OSError as error:
         if error.filename is not None and Path(error.filename) == temporary:
-            error.filename = str(path)  # what the user named, not what we made of it
+            error.filename = str(path)  # the name that the user gave
         raise
     finally:
         temporary.unlink(missing_ok=True)
@@ -66,7 +66,7 @@ def atomic_write(path: str | os.PathLike[str], data: bytes) -> None:
 
 def _flush(path: Path) -> None:
     if _WINDOWS and path.is_dir():
-        return  # a folder cannot be opened there; its file system keeps a journal of names
+        return  # Windows cannot open a folder, and its file system keeps a journal of names
     handle = os.open(path, os.O_RDWR if _WINDOWS else os.O_RDONLY)  # Windows flushes only what is open for writing
     try:
         os.fsync(handle)
@@ -81,11 +81,10 @@ _claiming = threading.Lock()
 
 
 class Claim:
-    """The only owner of a path, until `release`, or until it is garbage or the process ends.
+    """Ownership of a path, until `release`, garbage collection or the end of the process.
 
-    Raises OSError (EBUSY) if it has another owner. The path may be of any kind and need not exist. In a folder that
-    cannot be written to nothing can be replaced either, so there a claim holds within this process only.
-    `name`: what the user calls it, for the error.
+    Raises OSError (EBUSY) if it has another owner. The path may be of any kind and need not exist. In a read-only
+    folder the claim holds within this process only. `name`: what the user calls it, for the error.
     """
 
     def __init__(self, path: str | os.PathLike[str], name: str | os.PathLike[str] | None = None) -> None:
@@ -98,12 +97,12 @@ class Claim:
             if self._key in _claims:
                 raise _in_use(name, os.getpid())
             lock = os.path.join(os.path.dirname(self._key), f".{base}.lock")
-            handle, self.abandoned = _lock(name, lock)  # true if its last owner was killed before it could let go of it
+            handle, self.abandoned = _lock(name, lock)  # True if its last owner was killed
             _claims[self._key] = self
         self._finalizer = weakref.finalize(self, _unlock, os.getpid(), handle, lock)
 
     def release(self) -> None:
-        """Let others have it. May be called again."""
+        """End the ownership. May be called again."""
         with _claiming:
             if _claims.get(self._key) is self:
                 del _claims[self._key]
@@ -116,7 +115,7 @@ def _in_use(name: str, pid: int) -> OSError:
 
 
 def _lock(name: str, lock: str) -> tuple[int | None, bool]:
-    """Descriptor of the locked file `lock`, and True if it was there before; None where there are no locks.
+    """Descriptor of the locked file `lock` (None: no locks here), and True if the file existed before.
 
     Raises OSError if it has an owner.
     """
@@ -139,7 +138,7 @@ def _lock(name: str, lock: str) -> tuple[int | None, bool]:
             return None, found
         with suppress(FileNotFoundError):
             if os.path.samestat(os.fstat(handle), os.stat(lock)):
-                with suppress(OSError):  # read-only, or a full disk: nobody will know who it was
+                with suppress(OSError):  # read-only, or a full disk: the owner stays unknown
                     os.ftruncate(handle, 0)
                     os.write(handle, b"%d" % os.getpid())
                 return handle, found
@@ -147,7 +146,7 @@ def _lock(name: str, lock: str) -> tuple[int | None, bool]:
 
 
 def _open_lock(lock: str) -> tuple[int | None, bool]:
-    """Descriptor of the lock file, and True if it was there; None if it can be neither made nor opened.
+    """Descriptor of the lock file (None: it can be neither made nor opened), and True if it existed before.
 
     Another user's file can only be read, which is enough to lock it.
     """
@@ -159,7 +158,7 @@ def _open_lock(lock: str) -> tuple[int | None, bool]:
             except OSError as error:
                 errors.append(type(error))
         came_and_went = (errors[0], errors[-1]) == (FileExistsError, FileNotFoundError) and not os.path.islink(lock)
-        if not came_and_went:  # else its owner has let go of it in between
+        if not came_and_went:  # else its owner released it in between
             return None, False
 
 

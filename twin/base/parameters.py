@@ -1,7 +1,7 @@
 """Numbers in files: TOML in which a number says its unit, its grade and its source, and a limit stands once.
 
-Goal: whoever gives a wrong value, in a file, in an override or in Python, reads one line that names the place, the
-value and what is allowed; and the allowed range is written down in one place, at the field that holds the number:
+Goal: a wrong value, in a file, in an override or in Python, gives one line that names the place, the value and what is
+allowed. The allowed range is written once, at the field that holds the number:
 
     file        backlash = { value = 0.02, unit = "mm", grade = "estimate", source = "0.01 to 0.02 mm remain" }
                     | section, read: the key, the unit, the range
@@ -11,10 +11,10 @@ value and what is allowed; and the allowed range is written down in one place, a
 
     file: axes.x.backlash: 2; allowed: 0 .. 1 mm           a `Place`, what is wrong there, and the remedy
 
-A tree is what a TOML file becomes, dictionaries in dictionaries. Trees are combined before they are read: `merge` lays
-one over another, `spread` lets a table `all` hold for several names, `override` changes one value, `rows` lists them
-all. Words and switches are plain values in the file. Files without units (events, plans) use `table`, `known`, `plain`
-and `text` alone.
+A tree is the content of a TOML file, dictionaries in dictionaries. Trees are combined before they are read: `merge`
+lays one over another, `spread` copies a table `all` to several names, `override` changes one value, `rows` lists all
+values. Words and switches are plain values in the file. Files without units (events, plans) use only `table`, `known`,
+`plain` and `text`.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
-GRADES = ("measured", "datasheet", "estimate", "setting")  # how far a number can be trusted; people choose a setting
+GRADES = ("measured", "datasheet", "estimate", "setting")  # how reliable a number is; a setting is chosen by people
 
 T = TypeVar("T")
 
@@ -49,7 +49,7 @@ class Place:
 
     def at(self, key: str) -> Place:
         """The place of a key of the table that stands here."""
-        there = object.__new__(type(self))  # as dataclasses.replace, which takes five times as long
+        there = object.__new__(type(self))  # dataclasses.replace takes five times as long
         vars(there).update(vars(self), key=f"{self.key}.{key}" if self.key else key)
         return there
 
@@ -66,7 +66,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Limits:
-    """What a number may be: in `unit` within [low, high], as files have it; the field for it holds value * scale."""
+    """Allowed range [low, high] of a number in a file, in `unit`; the field holds value * scale."""
 
     unit: str
     low: float
@@ -89,27 +89,28 @@ def number(
     optional: bool = False,
     default: Any = MISSING,
 ) -> Any:
-    """A field within [low, high]. Files have it under `key` ("": in no file) in `unit`; the field holds value * scale.
+    """A dataclass field within [low, high]. It stands in files under `key` ("": in no file) in `unit`; the field holds
+    value * scale.
 
-    default: for Python, and always allowed: it may stand for "none" or "unknown". A file has to give the number all the
-    same, unless it is optional.
+    default: for Python, allowed even outside the range: it may mean "none" or "unknown". A file must give the number
+    unless it is optional.
     """
     limits = Limits(unit, low, high, scale, whole)
     return field(default=default, metadata={"key": key, "rule": limits, "optional": optional})
 
 
 def word(*choices: str, default: Any = MISSING) -> Any:
-    """A field that is one of `choices` (none: any string). Files have it under its own name."""
+    """A dataclass field that is one of `choices` (none: any string), in files under its own name."""
     return field(default=default, metadata={"rule": choices})
 
 
 def flag(default: Any = MISSING) -> Any:
-    """A field that is true or false. Files have it under its own name."""
+    """A dataclass field that is true or false, in files under its own name."""
     return field(default=default, metadata={"rule": bool})
 
 
 def check(instance: Any) -> None:
-    """Raise ValueError unless all numbers and words of a dataclass are what their fields allow."""
+    """Raise ValueError if a number or word of a dataclass is outside what its field allows."""
     kind: Any = type(instance)
     what = kind.__name__.lower()
     for item, rule in _rules(kind):
@@ -138,12 +139,12 @@ def _same(value: Any, default: Any) -> bool:
 
 
 def keys(cls: Any) -> tuple[str, ...]:
-    """Keys under which files have the fields of a dataclass."""
+    """The keys in files for the fields of a dataclass."""
     return tuple(key for key, _ in _fields(cls))
 
 
 def section(cls: type[T], value: Any, place: Place, **given: Any) -> T:
-    """An instance of the dataclass from its table; `given`: fields that files do not have."""
+    """An instance of the dataclass from its table; `given`: fields that are not in files."""
     content = table(value, place)
     known(content, keys(cls), place)
     values = read(cls, content, place)
@@ -154,7 +155,7 @@ def section(cls: type[T], value: Any, place: Place, **given: Any) -> T:
 
 
 def read(cls: Any, content: Mapping[str, Any], place: Place) -> dict[str, Any]:
-    """Values by name of the field, for those fields of the dataclass that files have; other keys are left alone."""
+    """Values by field name, for the fields of the dataclass that are in files; other keys are ignored."""
     values: dict[str, Any] = {}
     for key, item in _fields(cls):
         where, rule = place.at(key), item.metadata["rule"]
@@ -198,34 +199,34 @@ def parse_toml(content: str, place: Place) -> dict[str, Any]:
 
 
 def table(value: Any, place: Place) -> dict[str, Any]:
-    """The value, which must be a table."""
+    """The value; raises unless it is a table."""
     if not isinstance(value, dict):
         raise place.wrong(f"{value!r}; allowed: a table such as {{ name = value }}")
     return value
 
 
 def known(content: Iterable[str], allowed: Collection[str], place: Place) -> None:
-    """Refuse keys that nobody reads."""
+    """Raise for an unknown key."""
     for key in content:
         if key not in allowed:
             raise place.at(key).wrong(f"unknown key; {hint(key, allowed)}")
 
 
 def hint(name: str, allowed: Collection[str], otherwise: str = "allowed") -> str:
-    """What somebody may have meant by a name that does not exist, or all that there are."""
+    """For an error message: names similar to an unknown one, else all allowed names."""
     match = difflib.get_close_matches(name, allowed, 1, 0.5)
     return f"did you mean {match[0]!r}?" if match else f"{otherwise}: {', '.join(dict.fromkeys(allowed))}"
 
 
 def text(value: Any, place: Place, choices: Sequence[str] = ()) -> str:
-    """The value, which must be one of `choices` (none: any string)."""
+    """The value; raises unless it is one of `choices` (none: any string)."""
     if not isinstance(value, str) or (choices and value not in choices):
         raise place.wrong(f"{value!r}; allowed: {_listed(choices) or 'text'}")
     return value
 
 
 def plain(value: Any, limits: Limits, place: Place) -> float:
-    """The value, which must be a number within `limits`, not yet scaled."""
+    """The value, not scaled; raises unless it is a number within `limits`."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise place.wrong(f"{value!r}; allowed: {limits}")
     if not limits.low <= value <= limits.high:
@@ -257,7 +258,7 @@ def quantity(value: Any, limits: Limits, place: Place) -> float:
 
 
 def free(value: Any, rule: Limits | tuple[str, ...] | type[bool], place: Place) -> Any:
-    """A value whose rule belongs to somebody else: a plain one, or a number with any unit, which is left as it is."""
+    """A value checked by another module's rule: plain, or a number in any unit, not converted."""
     if isinstance(value, Mapping):
         any_number = Limits(value.get("unit", ""), -sys.float_info.max, sys.float_info.max)
         held = quantity(value, any_number, place)
@@ -275,7 +276,7 @@ def _word(value: Any, rule: tuple[str, ...] | type[bool], place: Place) -> str |
 
 
 def boolean(value: Any, place: Place) -> bool:
-    """The value, which must be true or false."""
+    """The value; raises unless it is true or false."""
     if not isinstance(value, bool):
         raise place.wrong(f"{value!r}; allowed: true, false")
     return value
@@ -300,7 +301,7 @@ def merge(base: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def spread(tree: dict[str, Any], name: str, members: Sequence[str], place: Place) -> None:
-    """Copy tree[name]["all"] under every member, below what the member itself says."""
+    """Copy tree[name]["all"] to every member; the member's own values win."""
     content = table(tree.get(name, {}), place.at(name))
     shared = table(content.pop("all", {}), place.at(name).at("all"))
     known(content, members, place.at(name))
@@ -311,8 +312,8 @@ def spread(tree: dict[str, Any], name: str, members: Sequence[str], place: Place
 
 
 def override(tree: Mapping[str, Any], key: str, value: Any, place: Place) -> dict[str, Any]:
-    """The tree with one value changed, in the file's unit; the branches that do not lead to it are shared. `key` is
-    that of its row. Raises for a key that has no row."""
+    """The tree with one value changed, in the file's unit; branches without it are shared. `key`: as in `rows`. Raises
+    for an unknown key."""
     *path, last = key.split(".")
     result = content = dict(tree)
     for name in path:
@@ -333,7 +334,7 @@ def override(tree: Mapping[str, Any], key: str, value: Any, place: Place) -> dic
 class Row:
     """One value of a tree, for people."""
 
-    parameter: str  # its keys from the top of the file, with dots
+    parameter: str  # keys from the top of the file, joined by dots
     value: Any
     unit: str
     source: str
@@ -341,7 +342,7 @@ class Row:
 
 
 def rows(tree: Mapping[str, Any], prefix: str = "") -> Iterator[Row]:
-    """All values of a tree in its order."""
+    """All values of a tree, in its order."""
     for key, value in tree.items():
         if isinstance(value, Mapping) and "value" in value:
             yield Row(prefix + key, value["value"], value["unit"], value["source"], value["grade"])
@@ -352,7 +353,7 @@ def rows(tree: Mapping[str, Any], prefix: str = "") -> Iterator[Row]:
 
 
 def gather(listed: Iterable[Row], name: str, members: Sequence[str]) -> list[Row]:
-    """The opposite of `spread`: rows of tree[name] that are the same for every member become one row "name.all..."."""
+    """The inverse of `spread`: rows of tree[name] that are equal for all members become one row "name.all..."."""
     by_key = {row.parameter: row for row in listed}
     result = []
     for row in by_key.values():

@@ -1,4 +1,4 @@
-"""Pictures by matplotlib, which is an extra."""
+"""Pictures by matplotlib, an optional package."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Curve:
-    """Points joined by a line; style: as matplotlib has it, "--" or "o-"."""
+    """Points joined by a line; style: matplotlib's, such as "--" or "o-"."""
 
     label: str
     x: Sequence[float]
@@ -26,7 +26,7 @@ class Curve:
 
 
 def check_picture(path: Path, extra: str = "report") -> None:
-    """Raise CallError unless matplotlib is there and knows pictures of that name."""
+    """Raise CallError unless matplotlib is installed and knows the file type."""
     try:
         import matplotlib  # noqa: F401  (first, so that a part that was imported before does not hide that it is missing)
         from matplotlib.backend_bases import FigureCanvasBase
@@ -38,7 +38,7 @@ def check_picture(path: Path, extra: str = "report") -> None:
 
 
 def picture_bytes(figure: Figure, kind: str = "png") -> bytes:
-    """The file of a figure; kind: "png", "svg" or another that matplotlib knows. The same figure has the same bytes."""
+    """A figure as a file; kind: "png", "svg" or another that matplotlib knows. The same figure gives the same bytes."""
     from matplotlib import rc_context
 
     buffer = io.BytesIO()
@@ -49,12 +49,12 @@ def picture_bytes(figure: Figure, kind: str = "png") -> bytes:
 
 
 def plain_text(words: str) -> str:
-    """Words for a figure, in which a dollar begins no formula."""
+    """Text for a figure with dollars escaped, which would begin a formula."""
     return words.replace("$", r"\$")
 
 
 def draw_curves(file: Path, title: str, x_label: str, y_label: str, curves: Sequence[Curve]) -> None:
-    """Draw curves, from 0 on, into a file (type by suffix). Raises ValueError without matplotlib, OSError."""
+    """Draw curves into a file (type by suffix); axes begin at 0. Raises ValueError without matplotlib, OSError."""
     try:
         from matplotlib.figure import Figure
     except ImportError:

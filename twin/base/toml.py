@@ -1,7 +1,7 @@
-"""Values as TOML writes them, each in one line: what hand-made files need, with comments and one table a line.
+"""Values in TOML syntax, each on one line, for files that keep the form of hand-written ones.
 
-Writers that are kept (tomli-w, tomlkit) spread a list over many lines or write a table in line without room in it, so
-files such as golden runs would lose their form.
+tomli-w and tomlkit spread a list over many lines or write an in-line table without blanks, so files such as golden runs
+would lose their form.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 def toml_value(value: Any) -> str:
     """A number, text, switch, list or (in-line) table. Raises TypeError for what TOML does not have."""
-    if isinstance(value, str):  # JSON's form is TOML's, but for 7Fh, which JSON leaves as it is
+    if isinstance(value, str):  # JSON's syntax is valid TOML, except that it does not escape 7Fh
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, int):
         return int.__repr__(value)
-    if isinstance(value, float):  # nan and inf are TOML's words, too
+    if isinstance(value, float):  # TOML writes nan and inf as Python does
         return float.__repr__(value)
     if isinstance(value, Mapping):
         return "{ " + ", ".join(map(toml_line, value, value.values())) + " }"

@@ -5,9 +5,9 @@
     force_n = {                         event 1.force_n
         x = 50 }                        event 1.force_n.x         found by looking for the name in the value above
 
-A table of an array `[[name]]` has the key "name NUMBER", from 1. tomllib keeps no lines, so they are found by looking
-for headers and for what stands in front of an equals sign. A key that does not stand there has the line of the nearest
-thing around it that does; quotes and blanks in keys are left out of account, as is a dot within quotes.
+A table of an array `[[name]]` has the key "name NUMBER", from 1. tomllib does not give lines, so they are searched:
+headers, and keys before an equals sign. A key that is not found has the line of the nearest table or key around it;
+quotes and blanks in keys and dots within quotes are ignored.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ class LinePlace(Place):
 
 
 def read_lines(file: str | Path, error: type[FileError]) -> tuple[dict[str, Any], LinePlace]:
-    """The tree of a file, and its place. Raises OSError if it cannot be opened, `error` if it is no TOML."""
+    """The tree of a file, and its place. Raises OSError if it cannot be opened, `error` if it is not valid TOML."""
     place = LinePlace(file, error, text=read_text(Place(file, error)))
     return parse_toml(place.text, Place(file, error)), place
 
 
 def line_of(lines: Sequence[str], key: str) -> int:
-    """Number of the line in which a key stands, or as near to it as is to be seen; 0: nowhere."""
+    """Line number of a key, or of the nearest thing around it; 0: not found."""
     path = _parts(key)
     entries = list(_entries(lines))
     if exact := [number for number, entry in entries if path and entry[: len(path)] == path]:

@@ -1,4 +1,4 @@
-"""Units of virtual time, in its own unit: integer nanoseconds."""
+"""Units of virtual time, in integer nanoseconds."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Motion: what a controller makes and everything below it lives on, described instead of stored.
+"""Motion: the step and set-point streams that controllers make, described by formulas instead of stored.
 
 A motion is a sequence of ticks; at each tick every axis changes its command by a whole number.
 
-    motion.py       the protocol, and what it means that one motion continues another
+    motion.py       the protocol; what "continues" means
     time_law.py     when the ticks of steps fall: the trapezoidal law, exact to the nanosecond
     path.py         which axes step at a tick: line
     circle.py       the paths that are not straight: circle, helix
@@ -11,7 +11,7 @@ A motion is a sequence of ticks; at each tick every axis changes its command by 
     joined.py       such plans for chains of pieces: look-ahead, ramps, override, hold
     pieces.py, blocks.py, look_ahead.py   what they are made of, how they are kept, the compiled part
     record.py       all motions since power-on, expanded where they are looked at
-    stream.py       the same as time goes on: what is being made, and what is still to be made of it
+    stream.py       the same while time goes on: ticks made, and ticks still to be made
 
     motion = line((800, -2000, 0, 0))                                  # 2000 ticks, led by Y
     run = StepRun(motion, trapezoid(motion.ticks, 5000, 400, 100_000), start_ns=t)

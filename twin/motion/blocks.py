@@ -3,7 +3,7 @@
     blocks    | settled, shared by all later plans | settled ... | the tail: may be planned anew |
     pieces    0 ........ 480 . 480 ........ 950 ............................................ last
 
-A block is a value: what changes makes another one. A piece whose phases lie in two blocks is in both.
+Blocks are immutable. A piece whose phases lie in two blocks is in both.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from isel_twin.motion.look_ahead import DT, LENGTH, SPEED, T, places, positions
 from isel_twin.motion.pieces import Curve, Pieces, table
 
-BLOCK = 512  # phases in a block of a plan, at least: more are copied less often, fewer are copied sooner
+BLOCK = 512  # least phases in a block: a trade-off between the number and the size of copies
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -34,7 +34,7 @@ class PlanBlock:
     corner: NDArray[np.float64]  # [pieces + 1, axes], increments at which pieces begin and the last one ends
     table: NDArray[np.float64]
     curves: tuple[tuple[int, Curve], ...]
-    settled: int  # the last piece (of the block) whose beginning keeps its speed whatever is appended
+    settled: int  # last piece of the block whose entry speed stays, whatever is appended
 
     @property
     def start_s(self) -> float:
@@ -74,7 +74,7 @@ class PlanBlock:
         return before, after
 
     def with_pieces(self, pieces: Pieces) -> PlanBlock:
-        """With more pieces at the end, which have no phases yet."""
+        """With more pieces at the end, without phases."""
         if not len(pieces):
             return self
         n = len(self.table)
@@ -107,7 +107,7 @@ class PlanBlock:
         )
 
     def standing(self, piece: int, s: float, t_s: float) -> PlanBlock:
-        """With a single phase: standing from t_s on, at place s of a piece."""
+        """With a single phase: at rest from t_s on, at place s of a piece."""
         phases = np.array([[t_s, 0.0, s, s, 0.0, 0.0]])
         return replace(self, phases=phases, piece=np.array([piece], np.int32), back=np.zeros(1, np.int8))
 
@@ -135,7 +135,7 @@ class Law:
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """Where a plan is: phase `row` of its last block (-1: before all), place s of the piece `piece` of that block."""
+    """The present in a plan: phase `row` of its last block (-1: before all), place s on `piece` of that block."""
 
     row: int
     piece: int
@@ -154,7 +154,7 @@ def block_at(blocks: Sequence[PlanBlock], t_s: float) -> int:
 
 
 def _own_pieces(blocks: Sequence[PlanBlock]) -> list[tuple[PlanBlock, int]]:
-    """Blocks, and how many of the pieces of each are not in the next one, too."""
+    """Blocks, each with the number of its pieces that are not also in the next one."""
     own = [(block, after.first - block.first) for block, after in pairwise(blocks)]
     return [*own, (blocks[-1], len(blocks[-1].table))]
 
@@ -170,7 +170,7 @@ def merged_table(blocks: Sequence[PlanBlock]) -> NDArray[np.float64]:
 
 
 def opened(blocks: tuple[PlanBlock, ...], number: int, state: State) -> tuple[tuple[PlanBlock, ...], PlanBlock, State]:
-    """The blocks that are over, all others merged into one, and the present as a place in that one."""
+    """The finished blocks, the others merged into one, and the present in that one."""
     before, tail = blocks[:number], blocks[number]
     later = blocks[number:]
     if len(later) > 1:
@@ -219,7 +219,7 @@ def block_positions(
 
 
 def _bend(block: PlanBlock, period_s: float, sine: bool, k: int, out: NDArray[np.int64]) -> None:
-    """Correct the positions on curved pieces, which `positions` takes for straight ones."""
+    """Correct the positions on curved pieces, which `positions` treats as straight."""
     place, at = np.empty(len(out)), np.empty(len(out), dtype=np.int64)
     places(k, period_s, block.phases, block.piece, sine, place, at)
     for j, curve in block.curves:

@@ -23,7 +23,7 @@ which is the manual's formula (iMC manual 2.3.3, 2.3.6)
 with Summe(n) = n (|n| + 1). Both commands printed in the manual agree: `y400,1500,119,-141,141,-1,-1` gives R = 200,
 `w32000,600,-1000,-2000,0,1,-1,6000` gives R = 2000. Its worked example finds the same 119 by two slips that cancel:
 Summe(-141) computed as |n| (n + 1), and Ys + (Rx - Ry)/2 instead of Ys + (Rx + Ry)/2. A host written from that text
-sends another D, off by up to two steps of radius; `squared_radius` recognises it (decision motion/3).
+sends another D, off by up to two steps of radius; `squared_radius` recognises this (decision motion/3).
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ from isel_twin.base.compiling import njit
 from isel_twin.motion.path import Displacement, check_range, even, fill_even
 
 INTERVAL = 8192  # ticks between two checkpoints: some 30 us to walk, 24 bytes to keep
-# Steps by which another reading of D must be nearer to the start point than the one of the manual's text. Found by
-# trying radii and start points (docs/step_streams.md): a host that follows the text is then hardly ever misread.
+# Steps by which another reading of D must be nearer to the start point than the manual's. Found by trying radii and
+# start points (docs/step_streams.md): a host that follows the manual is then hardly ever misread.
 HANDICAP = 0.2
 LARGEST = 1 << 28  # bound of coordinates and tick numbers: squares fit into 64 bits (the controller's have 24)
 
@@ -62,8 +62,8 @@ def circle(
     `third_steps` (signed) are spread evenly over the ticks.
 
     d: start value of the difference register. xs, ys: start point in steps from the centre. rx, ry: sense of each axis
-    at the start; only the signs count, and only to understand d (motion/4). axes: first and
-    second axis of the plane (0 X, 1 Y ...) out of axis_count.
+    at the start; only the signs are used, to interpret d (motion/4). axes: first and second axis of the plane (0 X, 1 Y
+    ...) out of axis_count.
 
     Raises ValueError for a negative or too large tick number, too large coordinates, axes that are not different, or a
     third axis with more steps than there are ticks.
@@ -84,12 +84,12 @@ def circle(
 def squared_radius(d: int, xs: int, ys: int, rx: int, ry: int) -> int:
     """R^2 that a host means by D = d, counter-clockwise (decision motion/3).
 
-    (2) is solved for R^2 in three readings: with Summe(n) = |n| (n + 1) as in the worked example; with Summe(n) =
-    n (|n| + 1), which is (1); with both slips of the example. A reading counts if it gives the square of a whole number
-    whose circle, rounded, has the start point; it may miss the square by 1, because an odd R makes 2 D odd and the host
-    rounds D. Of several the radius nearest to the start point is meant. If none counts, R is not whole or D comes from
-    another formula: then (1) holds, but at most 3/2 steps from the start point, as far as cutting a point of the circle
-    to whole steps can move it.
+    (2) is solved for R^2 in three readings: Summe(n) = |n| (n + 1) as in the worked example; Summe(n) = n (|n| + 1),
+    which is (1); both slips of the example. A reading is valid if it gives the square of a whole number whose circle,
+    rounded, passes through the start point; it may miss the square by 1, because an odd R makes 2 D odd and the host
+    rounds D. Of several valid ones the radius nearest to the start point is taken. If none is valid, R is not whole or
+    D comes from another formula: then (1) is used, limited to 3/2 steps from the start point, which is as far as
+    rounding down a point of the circle can move it.
     """
     x, y, y_slip = xs + (rx - ry) // 2, ys + (rx + ry) // 2, ys + (rx - ry) // 2
     printed, slipped = (rx * ry * (2 * d + rx * abs(x) * (x + 1) - ry * abs(n) * (n + 1)) for n in (y, y_slip))
@@ -115,7 +115,7 @@ def _rounds_to(radius: int, x: int, y: int) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Circle:
-    """An arc in the counter-clockwise frame: axes are exchanged if it is clockwise."""
+    """An arc in the counter-clockwise frame: for a clockwise arc the axes are exchanged."""
 
     ticks: int
     xs: int
@@ -145,7 +145,7 @@ class Circle:
         return tuple(steps)
 
     def _state(self, k: int) -> tuple[int, int, int]:
-        """x, y, c after k ticks, from the checkpoint before."""
+        """x, y, c after k ticks, computed from the last checkpoint."""
         x, y, c = (int(value) for value in _checkpoints(self)[k // INTERVAL])
         rest = np.empty((k % INTERVAL, 2), dtype=np.int8)
         return _walk(x, y, c, rest, 0, 1) if rest.size else (x, y, c)

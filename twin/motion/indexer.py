@@ -5,8 +5,8 @@
       |       /        ...              \\              /   \\
       +------/------------ path          \\____        /     \\____
 
-An axis has phases, each a parabola s(t) = s0 + v0 t + a t^2 / 2 from its time on; when a switch is met, the plan is
-replaced by one with other phases after a tick. Times are seconds from the start of the plan, ways increments.
+An axis has phases, each a parabola s(t) = s0 + v0 t + a t^2 / 2. When a switch is met, the plan is replaced by one with
+other phases after a tick. Times are seconds from the start of the plan, distances increments.
 """
 
 from __future__ import annotations
@@ -33,18 +33,18 @@ class Phase:
     a: float = 0.0
 
     def at(self, t: float) -> tuple[float, float]:
-        """Way and speed."""
+        """Distance and speed."""
         u = t - self.t
         return self.s + self.v * u + self.a * u * u / 2, self.v + self.a * u
 
 
 @dataclass(frozen=True, eq=False)
 class Indexer:
-    """Follows `isel_twin.motion.SetPoints`. The last phase of each axis stands."""
+    """Implements `isel_twin.motion.SetPoints`. In its last phase an axis is at rest."""
 
     phases: tuple[tuple[Phase, ...], ...]
     period_ns: int
-    acceleration: float  # increments/s^2, of `stopped`
+    acceleration: float  # increments/s^2, for `stopped`
     identity: object
 
     @property
@@ -84,7 +84,7 @@ class Indexer:
         return k >= self.stands_at(axis)
 
     def braked(self, axis: int, k: int, sharpness: float = 1.0) -> Indexer:
-        """Down to standstill; the acceleration is `sharpness` times that of the plan."""
+        """The axis brakes to standstill from tick k on, with `sharpness` times the plan's acceleration."""
         t, s, v = self._state(axis, k)
         if v == 0.0:
             return self._with(axis, k, [Phase(t, s, 0.0)])
@@ -93,7 +93,7 @@ class Indexer:
         return self._with(axis, k, [ramp, Phase(t - v / a, ramp.at(t - v / a)[0], 0.0)])
 
     def to(self, axis: int, k: int, target: float, speed: float) -> Indexer:
-        """From standstill to a place (way since the start of the plan), at most at this speed."""
+        """The axis moves from standstill to a place (distance from the start of the plan), at most at this speed."""
         t, s, _ = self._state(axis, k)
         way = target - s
         if way == 0.0:
@@ -107,9 +107,9 @@ class Indexer:
         return self._with(axis, k, [first, second, third, Phase(third.t + rise, target, 0.0)])
 
     def towards(self, axis: int, k: int, target: float, speed: float) -> Indexer:
-        """On to the place that the axis is on its way to, at another speed, above 0.
+        """The axis goes on to the place it is moving to, at another speed above 0.
 
-        v^2 = min(speed^2, a way + u^2 / 2)         u, v: the speed now, the one to be held
+        v^2 = min(speed^2, a way + u^2 / 2)         u, v: the speed now and the new one
         way = |v^2 - u^2| / 2a + cruise + v^2 / 2a
         """
         t, s, velocity = self._state(axis, k)
@@ -149,7 +149,7 @@ def _phase(phases: tuple[Phase, ...], t: float) -> Phase:
 
 @dataclass(frozen=True, eq=False)
 class Braked:
-    """Follows `isel_twin.motion.SetPoints`: `plan` up to tick k, then each axis down to standstill by `ramp`."""
+    """Implements `isel_twin.motion.SetPoints`: `plan` up to tick k, then each axis brakes to standstill by `ramp`."""
 
     plan: SetPoints
     k: int
@@ -186,7 +186,7 @@ class Braked:
 
 
 def braked(plan: SetPoints, k: int, period_ns: int, acceleration: float) -> Braked:
-    """The plan, and from tick k on every axis down to standstill, the fastest with this acceleration."""
+    """The plan up to tick k, then all axes brake to standstill together, the fastest with this acceleration."""
     last = np.asarray(plan.displacement(k), dtype=float) - np.asarray(plan.displacement(max(0, k - 1)), dtype=float)
     speeds = last * (SECOND_NS / period_ns)
     fastest = float(np.abs(speeds).max())

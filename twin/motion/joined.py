@@ -1,14 +1,14 @@
 """A chain of pieces, joined without a stop where speeds allow, sampled on a grid into set points.
 
     speed                                            a piece: its length in units of path, how far each axis goes
-      |      ______            ____                  on it, the greatest speed on it, its acceleration, and the
-      |     /      \\__________/    \\                 greatest speed at which it may be entered from the one before
+      |      ______            ____                  on it, the highest speed on it, its acceleration, and the
+      |     /      \\__________/    \\                 highest speed at which it may be entered from the one before
       |    /    :      :      :     \\
       +---+-----:------:------:------+----- path
             1       2      3      4                  set points: one a period, rounded to whole increments
 
-Look-ahead. v_j is the speed at the joint in front of piece j, A_j the mean acceleration on it, L_j its length. From the
-end, at which the chain stands, backwards, then from the beginning forwards:
+Look-ahead. v_j is the speed at the joint before piece j, A_j the mean acceleration on it, L_j its length. First from
+the end, where the speed is 0, backwards, then from the beginning forwards:
 
     F_j = min(scale speed_j, limit_j, ceiling)
     v_j <= min(entry_j, F_j-1, F_j),    v_j^2 <= v_j+1^2 + 2 A_j L_j,    v_j+1^2 <= v_j^2 + 2 A_j L_j
@@ -17,14 +17,13 @@ Each piece rises to its peak min(F, sqrt((2 A L + v_j^2 + v_j+1^2) / 2)), cruise
 t_r = |v1 - v0| / A takes the path (v0 + v1) t_r / 2 and is one of
 
     linear   s(t) = v0 t + (v1 - v0) t^2 / (2 t_r)                         A = the acceleration of the piece
-    sin^2    s(t) = v0 t + (v1 - v0) (t/2 - t_r/(2 pi) sin(pi t / t_r))    A = 2/pi of it: its steepest slope is that
+    sin^2    s(t) = v0 t + (v1 - v0) (t/2 - t_r/(2 pi) sin(pi t / t_r))    A = 2/pi of it: it is the peak of the ramp
 
 Set point k of axis i is the beginning of its piece + round(n_i s(k period) / L), ties to even; the last one is the end.
 
-A plan is a value. `replanned` gives another one that has the same set points up to tick k and goes on from the
-momentary place and speed: with more pieces, another scale or ceiling, a hold. It is described, not stored: some 200
-bytes a piece, whatever the piece takes. A piece more at the end costs the pieces within the braking distance. More in
-docs/set_points.md.
+Plans are immutable. `replanned` gives one that has the same set points up to tick k and goes on from the place and
+speed there: with more pieces, another scale or ceiling, a hold. A plan takes some 200 bytes a piece, however long the
+piece. Appending a piece replans only the pieces within the braking distance. More in docs/set_points.md.
 """
 
 from __future__ import annotations
@@ -44,7 +43,8 @@ from isel_twin.motion.path import Displacement, check_range
 from isel_twin.motion.pieces import Pieces
 from isel_twin.motion.planning import Ramps, now
 
-GRID_NOISE = 1e-6  # periods by which an end may miss a tick and still fall on it: nanoseconds at standstill (motion/12)
+# periods by which an end may miss a tick and still count as on it: nanoseconds at standstill (motion/12)
+GRID_NOISE = 1e-6
 
 
 def joined(
@@ -56,11 +56,11 @@ def joined(
     ceiling: float = math.inf,
     identity: object = 0,
 ) -> Joined:
-    """The plan that makes these pieces from standstill at tick 0 to standstill at the end.
+    """The plan of these pieces, from standstill at tick 0 to standstill at the end.
 
     period_ns: time from tick to tick. sine: ramps are sin^2, else linear. scale: factor of the wanted speeds, an
-    override; 0 holds. ceiling: speed that no piece exceeds. identity: see `isel_twin.motion.SetPoints`; a controller
-    counts its motions. Raises ValueError for a period, scale or ceiling that is not allowed.
+    override; 0 holds. ceiling: speed that no piece exceeds. identity: of `isel_twin.motion.SetPoints`; a controller
+    numbers its motions. Raises ValueError for a period, scale or ceiling that is not allowed.
     """
     if period_ns <= 0:
         raise ValueError(f"the period of set points must be positive, got {period_ns} ns")
@@ -72,7 +72,7 @@ def joined(
 
 @dataclass(frozen=True, eq=False)
 class Joined:
-    """Made by `joined`; follows `isel_twin.motion.SetPoints`."""
+    """Made by `joined`; implements `isel_twin.motion.SetPoints`."""
 
     axes: int
     period_ns: int
@@ -81,14 +81,14 @@ class Joined:
     ceiling: float
     identity: object
     hold: bool
-    dropped: bool  # it has been stopped: pieces that were left are forgotten, and none can be appended
-    ticks: int  # number of set points: after the last one it stands, at the end of the chain or where it is held
+    dropped: bool  # it was stopped: the remaining pieces are dropped, and none can be appended
+    ticks: int  # number of set points; the last one is at the end of the chain or where it is held
     blocks: tuple[PlanBlock, ...]
-    forgotten: int = 0  # ticks at the beginning whose set points are no longer known; see `forgetting`
+    forgotten: int = 0  # ticks at the beginning whose set points are no longer known (`forgetting`)
 
     @property
     def held(self) -> bool:
-        """It brakes or stands though pieces may be left: it has been told to, or the scale is 0."""
+        """It brakes or stands, perhaps with pieces left, by a hold or a scale of 0."""
         return self.hold or self.scale <= 0
 
     @property
@@ -98,7 +98,7 @@ class Joined:
 
     @property
     def duration_s(self) -> float:
-        """Time at which it stands, from tick 0; at or before the last tick but for a millionth of a period."""
+        """Time from tick 0 to standstill; at most a millionth of a period after the last tick."""
         return self.blocks[-1].end_s
 
     def deltas(self, first: int, last: int) -> NDArray[np.int32]:
@@ -107,7 +107,7 @@ class Joined:
         return np.diff(block_positions(self.blocks, self.period_s, self.sine, first, last), axis=0).astype(np.int32)
 
     def displacement(self, k: int) -> Displacement:
-        """In logarithmic time. Beyond the last tick: the end."""
+        """Takes logarithmic time. Beyond the last tick: the end."""
         self._check_known(k)
         return tuple(block_positions(self.blocks, self.period_s, self.sine, k, k)[0].tolist())
 
@@ -116,7 +116,7 @@ class Joined:
         return self._state(k)[1].v
 
     def finished(self, k: int) -> int:
-        """Number of pieces whose end has been reached or passed at tick k."""
+        """Number of pieces that are complete at tick k."""
         t_s = self._end_s(k)
         block = self.blocks[block_at(self.blocks, t_s)]
         row = block.row(t_s)
@@ -153,15 +153,15 @@ class Joined:
         return self.pieces - self.blocks[0].first
 
     def forgetting(self, k: int) -> Joined:
-        """The same without what was before tick k, so that the memory of an endless motion stays bounded; numbers and
-        displacements stay. Raises IndexError for a tick that is forgotten already."""
+        """The plan without what was before tick k, so that the memory of an endless motion stays bounded; numbers and
+        displacements stay. Raises IndexError for a tick that is already forgotten."""
         self._check_known(k)
         k = min(k, self.ticks)
         kept = self.blocks[block_at(self.blocks, k * self.period_s) :]
         return replace(self, blocks=kept, forgotten=k)
 
     def stopped(self, k: int) -> Joined:
-        """The same up to tick k, then down to standstill along the path; what is left is forgotten."""
+        """The same up to tick k, then braking along the path to standstill; the rest is dropped."""
         return self.replanned(k, hold=True, drop=True)
 
     def replanned(
@@ -176,9 +176,9 @@ class Joined:
         sharpness: float = 1.0,
         wanted: tuple[int, float] | None = None,
     ) -> Joined:
-        """The same up to tick k, which may lie beyond the last one, then otherwise; what is not given stays.
+        """The same up to tick k, which may lie beyond the last one, then with what is changed here.
 
-        drop: forget the pieces that have not begun, but for those it needs to stop; with hold, the rest of all. append:
+        drop: remove the pieces that have not begun, except those it needs to stop; with hold, all that is left. append:
         pieces at the end, after what was dropped. scale, ceiling: see `joined`; speeds above them fall as the ramps
         allow, joints keep their entry speeds. hold: True brakes along the path and stands, False goes on. sharpness:
         factor of the accelerations while it brakes for a hold. wanted: number of pieces, and their new wanted speed.
@@ -228,7 +228,7 @@ class Joined:
         sharpness: float,
         wanted: tuple[int, float] | None,
     ) -> Joined:
-        """This with other settings, its phases still those of the old ones. Raises ValueError, see `replanned`."""
+        """The plan with other settings but its old phases. Raises ValueError like `replanned`."""
         given = {"scale": scale, "ceiling": ceiling, "hold": hold}
         changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
         new = replace(self, **changes) if changes else self
@@ -238,7 +238,8 @@ class Joined:
         return new
 
     def _lengthened(self, number: int, state: State, append: Pieces, k: int) -> Joined | None:
-        """With more pieces, laid anew from the last joint that keeps its speed; None if that is under way or held."""
+        """With more pieces, planned from the last joint that keeps its speed; None if that joint is passed or the plan
+        held."""
         tail = self.blocks[-1]
         row = int(tail.piece.searchsorted(tail.settled))
         if self.held or row >= len(tail.phases) or (number == len(self.blocks) - 1 and state.row >= row):
@@ -248,9 +249,9 @@ class Joined:
         return self._with(self.blocks[:-1], grown.with_phases(row, tail.settled, law), k)
 
     def remainder(self, identity: object = 0, *, scale: float | None = None) -> Joined:
-        """What is left of a held plan, from where it stands (its last tick), as a motion of its own: for a controller
-        that begins another motion when it goes on. Set points fall on the same whole numbers: they are rounded from
-        where the pieces began."""
+        """The rest of a held plan, from its last tick on, as a motion of its own: for a controller that begins another
+        motion when it goes on. Its set points are the same whole numbers: rounding counts from where the pieces
+        began."""
         here = np.array(self.displacement(self.ticks), dtype=np.float64)
         tail = self.blocks[-1]
         _, first, s = now(tail, self._state(self.ticks)[1])
@@ -286,7 +287,7 @@ class Joined:
         return (k + GRID_NOISE) * self.period_s
 
     def _state(self, k: int) -> tuple[int, State]:
-        """Number of the block at tick k, and where it is there."""
+        """Number of the block at tick k, and the place in it."""
         t_s = k * self.period_s
         if k >= self.ticks:
             number, block = len(self.blocks) - 1, self.blocks[-1]
@@ -302,7 +303,7 @@ class Joined:
         return number, State(row, max(int(at[0]), 0), float(place[0]), float(speed), t_s, row < 0)
 
     def _with(self, before: tuple[PlanBlock, ...], tail: PlanBlock, k: int) -> Joined:
-        """This plan with these blocks, the last one cut where nothing will change any more."""
+        """The plan with these blocks, the last one split where nothing will change any more."""
         row = int(tail.piece.searchsorted(tail.settled))
         if not self.held and long_enough(row) and row < len(tail.piece) and tail.piece[row] == tail.settled:
             past, tail = tail.split(row)

@@ -1,13 +1,13 @@
-"""Look-ahead over a chain of pieces and the ramps it makes, compiled; `joined` is what uses it, and says the formulas.
+"""Look-ahead over a chain of pieces and its ramps, compiled; used by `joined`, where the formulas are.
 
 A chain is a table, one row a piece; a law is a list of phases, one to three a piece, each a ramp or a constant speed:
 
     table   LENGTH  LIMIT  ...                     phases   t      dt     s0     s1     v0     v1
-            units of path, seconds                          begin, how long, from and to (in the piece), speeds
+            units of path, seconds                          begin, duration, from and to (on the piece), speeds
 
     piece j     v_j ___/~~~\\___ v_j+1              phases of it: rise to the peak, cruise, fall
 
-Times are double precision (motion/14): beside the seconds of a day their last digit is 10 ps.
+Times are double precision: after a day the resolution is still 10 ps (motion/14).
 """
 
 import math
@@ -18,7 +18,7 @@ from isel_twin.base.compiling import njit
 
 LENGTH, SPEED, LIMIT, ACCELERATION, ENTRY = range(5)  # columns of a table of pieces
 T, DT, S0, S1, V0, V1 = range(6)  # columns of phases
-FRACTIONS = 65536.0  # displacements are whole multiples of an increment over this: sums of them are exact (motion/13)
+FRACTIONS = 65536.0  # displacements are multiples of 1/FRACTIONS increment, so that sums are exact (motion/13)
 LARGEST = 2.0**31
 
 # messages by the number that `faults` returns
@@ -31,13 +31,13 @@ FAULTS = (
     "accelerations of pieces must be positive",
 )
 
-NOISE = 1e-11  # relative rounding error of v^2: a joint that is missed by less counts as kept
+NOISE = 1e-11  # relative rounding error of v^2: a joint speed missed by less counts as kept
 PLACE_NOISE = 1e-12  # relative rounding error of places on a piece
 
 
 @njit(nogil=True, error_model="numpy")
 def faults(displacement, length, speed, limit, acceleration, entry):
-    """What is wrong with pieces: the number of the first of FAULTS found, 0 for none."""
+    """Check pieces: the index in FAULTS of the first fault found, 0 for none."""
     for j in range(length.size):
         for axis in range(displacement.shape[1]):
             parts = displacement[j, axis] * FRACTIONS
@@ -64,10 +64,10 @@ def _slack(v, mean, length):
 def lay(t, s, v, table, wanted, factor, phases, piece, back):
     """Lay phases over the pieces of `table`, from place s of the first one, speed v and time t to the end of the last.
 
-    wanted: greatest speeds, one a piece. factor: mean acceleration of a ramp over the greatest. Writes to phases
+    wanted: highest speeds, one a piece. factor: mean over peak acceleration of a ramp. Writes to phases
     [3 n, 6], piece [3 n] (row of the table), back [3 n] (phases since the beginning of the piece or, in the first one,
-    of the plan). Returns their number, the last joint that does not depend on where the chain ends, and whether all
-    entry speeds are kept and it stands at the end.
+    of the plan). Returns the number of phases, the last joint that does not depend on where the chain ends, and whether
+    all entry speeds are kept and the final speed is 0.
     """
     n = table.shape[0]
     joint = np.empty(n + 1)
@@ -88,7 +88,7 @@ def lay(t, s, v, table, wanted, factor, phases, piece, back):
         if joint[j + 1] ** 2 > square + change:
             joint[j + 1] = math.sqrt(square + change)
         elif square - change > joint[j + 1] ** 2 + slack:
-            joint[j + 1] = math.sqrt(square - change)  # too fast to be there with less (motion/11)
+            joint[j + 1] = math.sqrt(square - change)  # the speed before allows no less (motion/11)
             entry = table[j + 1, ENTRY] if j + 1 < n else 0.0
             if square - change > entry**2 + slack:
                 kept = False
@@ -149,7 +149,7 @@ def _phase(phases, row, t, dt, s0, s1, v0, v1):
 def brake(t, s, v, table, factor, phases, piece, back):
     """Brake to standstill along the pieces of `table`; otherwise like `lay`. phases: [n, 6].
 
-    Returns the number of phases and whether all entry speeds are kept and it stands before the end.
+    Returns the number of phases and whether all entry speeds are kept and it comes to rest before the end.
     """
     count, kept = 0, True
     for j in range(table.shape[0]):
@@ -177,7 +177,7 @@ def brake(t, s, v, table, factor, phases, piece, back):
 
 @njit(nogil=True, error_model="numpy")
 def _place(x, phases, row, sine):
-    """Place on the piece x seconds after the beginning of a phase; at its end from the end on."""
+    """Place on the piece x seconds after the beginning of a phase, at most its end."""
     dt, s1 = phases[row, DT], phases[row, S1]
     if x >= dt:
         return s1
@@ -200,7 +200,7 @@ def speed_at(x, phases, row, sine):
 
 @njit(nogil=True, error_model="numpy")
 def places(k, period_s, phases, piece, sine, place, number):
-    """Where ticks k, k + 1, ... are: place[i] on the piece in row number[i] of the table; -1 before the first phase."""
+    """For ticks k, k + 1, ...: place[i] on the piece in row number[i] of the table; -1 before the first phase."""
     row, last = np.searchsorted(phases[:, T], k * period_s, side="right") - 1, phases.shape[0] - 1
     for i in range(place.size):
         t = (k + i) * period_s
@@ -214,7 +214,7 @@ def places(k, period_s, phases, piece, sine, place, number):
 
 @njit(nogil=True, error_model="numpy")
 def positions(k, period_s, phases, piece, sine, length, corner, out):
-    """out[i, axis]: the whole increments at which it is at tick k + i, straight pieces. corner: [pieces + 1, axes]."""
+    """out[i, axis]: position at tick k + i in whole increments, on straight pieces. corner: [pieces + 1, axes]."""
     row, last = np.searchsorted(phases[:, T], k * period_s, side="right") - 1, phases.shape[0] - 1
     for i in range(out.shape[0]):
         t = (k + i) * period_s

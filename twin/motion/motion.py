@@ -1,24 +1,22 @@
 """What a controller can be executing: ticks at which each command changes by a whole number.
 
-The goal of this protocol is that nobody below a controller knows how it moves its axes. Two kinds follow it:
+With this protocol nothing below a controller needs to know how it moves its axes. There are two kinds:
 
     step run        -1, 0, +1 (a full step of a half-step stage: +-2) at times of their own, held until the next tick
                     command  ____|~~~~~|~~~~~~~~|~~~          stepper drives
 
     set-point run   any change, one tick a period, led evenly to the next tick
-                    command  ____/~~~~~\\_____/~~~~           servo drives; see `lead_ns`
+                    command  ____/~~~~~\\_____/~~~~           servo drives (`lead_ns`)
 
-Both are described, not stored: a window of ticks is expanded where it is looked at, so that a job of 10^8 ticks needs
-little memory.
+Both are formulas: a window of ticks is computed when asked for, so that a job of 10^8 ticks needs little memory.
 
-A motion is immutable. A controller that changes its mind in mid-motion (a stop ramp, a limit switch, a new plan) puts
-another one in its place. If that one *continues* the former, it is the same motion with another future:
+A motion is immutable. A controller that changes it half-way (a stop ramp, a limit switch, a new plan) puts another one
+in its place. If that one *continues* the former, it is the same motion with another future:
 
     b continues a at time t:   b.start_ns == a.start_ns, b.first == a.first, and the ticks at or before t are the same
 
-Only the controller can make sure of the last: ticks that have been made are not taken back. `continues` tells the rest
-(motion/8).
-A motion that does not continue the former ends it at the present time and begins anew.
+The controller alone is responsible for the last point: ticks that have been made stay. `continues` checks the rest. A
+motion that does not continue the former ends it at the present time and begins anew (motion/8).
 """
 
 from __future__ import annotations
@@ -46,15 +44,15 @@ class Motion(Protocol):
 
     @property
     def lead_ns(self) -> int:
-        """Time over which a drive is led evenly to the new command, from each tick on; 0: it takes it at once."""
+        """Time after each tick over which the command moves evenly to its new value; 0: it jumps."""
 
     @property
     def first(self) -> int:
-        """Number of ticks of its plan that were made before it, by a motion it resumes."""
+        """Number of ticks of its plan that an earlier motion, which it resumes, has made."""
 
     @property
     def last(self) -> int:
-        """Number of the last tick made when it has ended: it makes ticks first + 1 .. last."""
+        """Number of its last tick: it makes ticks first + 1 .. last."""
 
     def count(self, t_ns: int) -> int:
         """Number of the last tick made at t_ns: first .. last."""
@@ -73,4 +71,4 @@ class Motion(Protocol):
         """The same, ended at t_ns: only the ticks at or before it."""
 
     def continues(self, other: Motion) -> bool:
-        """True if this is `other` with, at most, another future; see the module."""
+        """True if this is `other` with, at most, another future (module docstring)."""

@@ -1,7 +1,7 @@
 """Which axes step at which tick: straight lines here, circles and helices in module `circle`.
 
-A path is a rule, not a list: any stretch of it can be asked for, in any order, and costs only its own length (on a
-circle plus at most one checkpoint interval).
+A path is a formula: any stretch can be computed, in any order, and costs only its own length (on a circle plus at most
+one checkpoint interval).
 
     line     axis i with n_i steps has made floor((2 k n_i + N) / (2 N)) of them after tick k, N = max |n_i|
     circle   every tick is one step of one of the two axes
@@ -32,8 +32,7 @@ def between(before: Sequence[int], now: Sequence[int]) -> Displacement:
 
 
 class StepPath(Protocol):
-    """What a `StepRun` asks of a path. Immutable, equal to another path of the same ticks; controllers may have
-    others."""
+    """The path of a `StepRun`. Immutable, equal to another path of the same ticks. Controllers may have their own."""
 
     @property
     def ticks(self) -> int: ...
@@ -91,14 +90,14 @@ def check_range(first: int, last: int, ticks: int) -> None:
 
 
 def even(k: int, n: int, ticks: int) -> int:
-    """Steps that an axis with n steps in all, evenly spread over `ticks` ticks, has made after tick k."""
+    """Steps made after tick k by an axis whose n steps are spread evenly over `ticks` ticks."""
     if n < 0:  # the way back passes through the same kind of points (motion/5)
         return -even(k, -n, ticks)
     return (2 * k * n + ticks) // (2 * ticks) if n else 0
 
 
 def fill_even(delta: NDArray[np.int8], axis: int, first: int, n: int, ticks: int) -> None:
-    """Write the steps of this axis into its column of zeros: delta[i, axis] that at tick first + 1 + i; |n| <= ticks.
+    """Write the steps of this axis into its column of zeros: delta[i, axis] is tick first + 1 + i; |n| <= ticks.
 
     By the rule of `even`, step j falls at the first tick k with 2 k |n| + N >= 2 N j: at ceil((2 j - 1) N / (2 |n|)).
     """

@@ -1,4 +1,4 @@
-"""Pieces of a path as columns: what a chain is made of before anything is planned; `joined` says what it is for."""
+"""Pieces of a path as columns: the chain that `joined` plans."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class Curve(Protocol):
     """A piece that is not straight."""
 
     def displacement(self, s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """float64 [n, axes], increments from the beginning of the piece at these places of it, float64 [n] in units of
-        path; zeros at 0, the displacement of the piece at its length."""
+        """float64 [n, axes], increments from the beginning of the piece at places s, float64 [n] in units of path;
+        zeros at 0, the displacement of the piece at its length."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,11 +27,12 @@ class Pieces:
     """n pieces as columns; made by `piece`, `chain`, or at once from arrays.
 
     displacement: float64 [n, axes], increments, whole multiples of 2^-16 below 2^31: whole numbers as a rule, so that
-    sums are exact. The others float64 [n]: length in units of path, positive; speed in units per second, wanted, times
-    the scale of the plan; limit, never exceeded whatever the scale; acceleration in units per second^2; entry, greatest
-    speed at the joint with the piece before. curves: numbers of the pieces that are not straight, with their curves.
+    sums are exact. The others float64 [n]: length in units of path, positive; speed in units per second, which the
+    scale of the plan multiplies; limit, never exceeded whatever the scale; acceleration in units per second^2; entry,
+    highest speed at the joint with the piece before. curves: numbers of the pieces that are not straight, with their
+    curves.
 
-    Raises ValueError for shapes that do not agree, numbers that are not as said, or a speed, limit or acceleration that
+    Raises ValueError for shapes that do not agree, other displacements, or a length, speed, limit or acceleration that
     is not positive. An empty chain is allowed.
     """
 
@@ -80,7 +81,7 @@ def piece(
 
 
 def chain(parts: Sequence[Pieces]) -> Pieces:
-    """Several, one after the other. Raises ValueError for none, or different numbers of axes."""
+    """Several chains as one. Raises ValueError for none, or different numbers of axes."""
     if len({part.axes for part in parts}) != 1:
         raise ValueError(f"a chain needs parts of the same axes, got {[part.axes for part in parts]}")
     if len(parts) == 1:

@@ -1,4 +1,4 @@
-"""How a joined plan goes on: phases laid over the pieces of a block from a moment on; formulas: `joined`."""
+"""The phases of a joined plan from a moment on, over the pieces of a block; formulas: `joined`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from isel_twin.motion.look_ahead import DT, LENGTH, LIMIT, S0, S1, SPEED, V0, V1
 
 
 class Ramps(NamedTuple):
-    """The form of the ramps, and what changes the wanted speeds."""
+    """The form of the ramps, and what scales and limits the wanted speeds."""
 
     sine: bool
     scale: float
@@ -22,7 +22,7 @@ class Ramps(NamedTuple):
 
     @property
     def mean(self) -> float:
-        """Mean acceleration of a ramp over its greatest."""
+        """Mean over peak acceleration of a ramp."""
         return 2.0 / math.pi if self.sine else 1.0
 
     def lay(self, block: PlanBlock, piece: int, t_s: float, s: float, v: float) -> Law:
@@ -35,7 +35,8 @@ class Ramps(NamedTuple):
         return Law(phases[:count], at[:count], back[:count], settled, kept or not count)
 
     def laid(self, block: PlanBlock, state: State) -> tuple[int, int, Law]:
-        """How it goes on: number of phases that stay, number of the piece on which the new law begins, the law."""
+        """The plan from here on: number of phases that stay, number of the piece on which the new law begins, the
+        law."""
         if not state.ended:
             row = state.row - int(block.back[state.row])
             at, piece = block.phases[row], int(block.piece[row])
@@ -50,7 +51,7 @@ class Ramps(NamedTuple):
         return state.row + 1, piece, self.lay(block, piece, t_s, s, v)
 
     def without_rest(self, block: PlanBlock, state: State) -> tuple[PlanBlock, State]:
-        """The block without the pieces that have not begun, but for those it needs to stop."""
+        """The block without the pieces that have not begun, except those it needs to stop."""
         needed = state.piece + (state.s > 0)
         if state.v > 0:
             row, piece, law = self.braked(block, state, 1.0)
@@ -59,7 +60,7 @@ class Ramps(NamedTuple):
         return block, replace(state, row=min(state.row, len(block.phases) - 1))
 
     def braked(self, block: PlanBlock, state: State, sharpness: float) -> tuple[int, int, Law]:
-        """How it comes to a stop; returns what `laid` does."""
+        """The plan to a stop; returns what `laid` does."""
         row, piece, s = now(block, state)
         law = self._brake(block, piece, state.t_s, s, state.v, sharpness)
         if law.kept or not self._falling(block, state):  # motion/10
@@ -80,7 +81,7 @@ class Ramps(NamedTuple):
 
 
 def now(block: PlanBlock, state: State) -> tuple[int, int, float]:
-    """Where a new phase begins at the present: number of phases before it, piece, place on the piece."""
+    """Where a phase that begins now starts: number of phases before it, piece, place on the piece."""
     row = int(block.phases[:, T].searchsorted(state.t_s))
     if state.row >= 0 and state.piece < len(block.table) and state.s >= block.table[state.piece, LENGTH]:
         return row, state.piece + 1, 0.0

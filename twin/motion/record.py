@@ -1,6 +1,6 @@
-"""The record of what was commanded: a list of motions, expanded to arrays where it is looked at.
+"""The record of what was commanded: a list of motions, expanded to arrays on demand.
 
-A motion needs about a kilobyte, whatever its length. A twin that runs for weeks may keep the last ones only:
+A motion needs about a kilobyte, whatever its length. A twin that runs for weeks can keep only the last ones:
 
     dropped                    motions
     - - - - - - - - - - - -|---|--|----|---|-----|      keep = 5
@@ -19,10 +19,10 @@ from isel_twin.motion.motion import Motion
 
 
 class Steps:
-    """The stream of all motions so far that are kept, in the order of time.
+    """The kept motions, in the order of time.
 
-    Whoever executes motions appends each one when it starts and calls `replace_last` when it was stopped or cut, so the
-    last one may lie in the future: `until(t)` is the record of what has been commanded by t.
+    A motion is appended when it starts and replaced by `replace_last` when it is stopped or cut, so the last one may
+    reach into the future: `until(t)` is the record of what has been commanded by t.
 
         record.append(run)                      # a motion begins
         record.replace_last(run.stopped(t))     # the stop key
@@ -30,12 +30,11 @@ class Steps:
     """
 
     def __init__(self, axes: int, motions: Iterable[Motion] = (), keep: int | None = None) -> None:
-        """keep: number of motions that are kept, the last ones; None for all. Raises ValueError below 1, or as
-        `append`."""
+        """keep: how many motions to keep, the last ones; None: all. Raises ValueError below 1, or as `append`."""
         if keep is not None and keep < 1:
             raise ValueError(f"a record keeps at least one motion, not {keep}")
         self.axes = axes
-        self.dropped = 0  # motions at the beginning that are not kept
+        self.dropped = 0  # motions at the beginning that were dropped
         self.dropped_ticks = 0
         self._motions: deque[Motion] = deque(maxlen=keep)
         for motion in motions:
@@ -80,7 +79,7 @@ class Steps:
 
     @property
     def made(self) -> int:
-        """Number of ticks, with those of motions that are not kept; `len` is without them."""
+        """Number of ticks, including those of dropped motions; `len` is without them."""
         return self.dropped_ticks + len(self)
 
     def __len__(self) -> int:

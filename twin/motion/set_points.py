@@ -1,12 +1,12 @@
-"""Set points: a plan, one tick a period, each led evenly to the next.
+"""Set points: a plan with one tick a period; the command moves evenly from one to the next.
 
-    tick k falls at start_ns + (k - first) period; from there to the next tick the command is led to the sum of k ticks
+    tick k is at start_ns + (k - first) period; until the next tick the command moves to the sum of k ticks
 
                start      1       2       3       4            ticks
-    command    ________________-------'''''''''''''''          deltas 0, 8, 6, 0: led, not stepped
+    command    ________________-------'''''''''''''''          deltas 0, 8, 6, 0: ramps, not steps
 
-So the command comes one period after its set point, as it does in a drive that interpolates between two telegrams, and
-nothing has to be known of the future (motion/7).
+So the command reaches a set point one period late, as in a drive that interpolates between two telegrams, and needs no
+knowledge of the future (motion/7).
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from isel_twin.motion.path import Displacement, between
 
 
 class SetPoints(Protocol):
-    """What a `SetPointRun` asks of a plan. Immutable.
+    """The plan of a `SetPointRun`. Immutable.
 
-    It may be replaced while it runs by one with the same set points up to the present and the same `identity`: that is
-    how moves are joined, braked and replanned.
+    While it runs it may be replaced by one with the same set points up to the present and the same `identity`: so moves
+    are joined, braked and replanned.
     """
 
     @property
@@ -37,7 +37,7 @@ class SetPoints(Protocol):
 
     @property
     def identity(self) -> object:
-        """What makes two plans the same motion: equal for a plan and those that replace it."""
+        """Equal for a plan and the plans that replace it."""
 
     def deltas(self, first: int, last: int) -> NDArray[np.int32]:
         """int32 [last - first, axes], increments at ticks first + 1 .. last. IndexError if there are fewer."""
@@ -46,14 +46,14 @@ class SetPoints(Protocol):
         """Sum of the changes of ticks 1 .. k, 0 <= k <= ticks."""
 
     def stopped(self, k: int) -> SetPoints:
-        """The same up to tick k, then to standstill as fast as its ramps allow."""
+        """The same up to tick k, then braking to standstill as fast as its ramps allow."""
 
 
 @dataclass(frozen=True, slots=True)
 class SetPointRun:
     """Ticks first + 1 .. last of a plan, one every period_ns, from start_ns on.
 
-    Follows `isel_twin.motion.Motion`. `end`: number of the last tick if it was cut; None: all of the plan. Raises
+    Implements `isel_twin.motion.Motion`. `end`: number of the last tick if it was cut; None: the whole plan. Raises
     ValueError for a period that is not positive or ticks that the plan does not have.
     """
 
@@ -99,14 +99,14 @@ class SetPointRun:
         return between(self.plan.displacement(self.first), self.plan.displacement(self.count(t_ns)))
 
     def next_tick(self, t_ns: int) -> int:
-        """Number of the tick at or after t_ns, from which on the plan can still be another one."""
+        """Number of the first tick at or after t_ns: from there on the plan can still change."""
         return self.first + max(0, -((self.start_ns - t_ns) // self.period_ns))
 
     def with_plan(self, plan: SetPoints) -> SetPointRun:
         return replace(self, plan=plan)
 
     def stopped(self, t_ns: int) -> SetPointRun:
-        """As the plan comes to a stop; unchanged if all its ticks have been made."""
+        """The run of the plan's `stopped`; unchanged if all its ticks have been made."""
         made = self.count(t_ns)
         return self if made == self.last else replace(self, plan=self.plan.stopped(made), end=None)
 

@@ -19,7 +19,7 @@ class StepRun:
         path      tick   1  2  3 | 4  5  6  7  8 | 9  10       first = 3: a motion that was stopped after 3 ticks
         law       tick             1  2  3  4  5               and is resumed with 5 more: last = 8
 
-    Follows `isel_twin.motion.Motion`. Raises ValueError if the path has not as many ticks as the law times.
+    Implements `isel_twin.motion.Motion`. Raises ValueError if the path has fewer ticks than the law.
     """
 
     path: StepPath

@@ -1,7 +1,7 @@
 """The stream of a controller as time goes on: the motion it is making, the ticks still to be made, the record.
 
-Goal: whoever owns the clock asks for the ticks up to a time, says how many of them were made, and shows the motion
-that the controller shows, whenever that may have changed.
+The owner of the clock asks for the ticks up to a time, reports how many of them were made, and hands over the
+controller's motion whenever that may have changed (`follow`).
 
             made         expanded               motion.last
     - made --|- to be made --|- - - not expanded - - -|
@@ -20,12 +20,12 @@ from isel_twin.motion.motion import Motion
 from isel_twin.motion.record import Steps
 
 CHUNK = 1 << 15  # ticks of a motion expanded at once; bounds the memory of long moves
-RATE_TICKS = 16  # ticks before and after the present over which a step frequency is taken
+RATE_TICKS = 16  # ticks before and after the present over which a step frequency is averaged
 
 
 class Stream:
     def __init__(self, axes: int, keep: int | None = None) -> None:
-        """keep: number of motions that the record keeps, the last ones; None for all. Raises ValueError below 1."""
+        """keep: how many motions the record keeps, the last ones; None: all. Raises ValueError below 1."""
         self._record = Steps(axes, keep=keep)
         self._none = np.empty(0, dtype=np.int64), np.empty((0, axes), dtype=np.int8)
         self._motion: Motion | None = None
@@ -58,7 +58,7 @@ class Stream:
         return changes * (SECOND_NS / float(self._t_ns[end - 1] - self._t_ns[first]))
 
     def follow(self, motion: Motion | None, t_ns: int) -> bool:
-        """Take over the motion that the controller shows at t_ns; return whether it is another one than before."""
+        """Take over the controller's motion at t_ns; return whether it has changed."""
         before = self._motion
         if motion is before:
             return False
@@ -76,7 +76,7 @@ class Stream:
         return True
 
     def until(self, t_ns: int) -> tuple[NDArray[np.int64], NDArray[Any]]:
-        """Times int64 [n] and changes [n, axes] of the ticks still to be made up to t_ns, as far as they are expanded.
+        """Times int64 [n] and changes [n, axes] of the expanded ticks still to be made up to t_ns.
 
         `more_after(n)` tells whether there are others.
         """

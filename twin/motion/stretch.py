@@ -1,4 +1,4 @@
-"""A joined plan written down: the phases from a tick on, as arrays for a recording, and the plan read from them."""
+"""A joined plan as arrays for a recording: its phases from a tick on, and the plan made from them again."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Stretch(NamedTuple):
     """Phases of a plan one after the other, and the straight pieces they lead along."""
 
     first: int  # number of the first piece
-    ticks: int  # of the whole plan
+    ticks: int  # number of ticks of the whole plan
     phases: NDArray[np.float64]  # [n, 6]: begin and duration in s, place from and to, speed from and to
     piece: NDArray[np.int32]  # [n]: number of the piece of each phase, from the first one on
     corner: NDArray[np.float64]  # [pieces + 1, axes]: where pieces begin and the last one ends, in increments
@@ -29,7 +29,7 @@ class Stretch(NamedTuple):
 def since(plan: Joined, k: int) -> Stretch | None:
     """The plan from the phase under way at tick k on; all of it for k = 0.
 
-    None if a piece of it is curved: curves are functions and cannot be written down.
+    None if a piece is curved: curves are functions and cannot be stored as arrays.
     """
     later = plan.blocks[block_at(plan.blocks, k * plan.period_s) :]
     if any(block.curves for block in later):
@@ -52,7 +52,7 @@ def since(plan: Joined, k: int) -> Stretch | None:
 
 
 def written(stretch: Stretch, period_ns: int, *, sine: bool, before: Joined | None = None) -> Joined:
-    """The plan of a stretch, for looking only: it cannot be planned anew. before: the plan whose ticks come first.
+    """The plan of a stretch, read-only: it cannot be replanned. before: the plan whose ticks come first.
 
     Raises ValueError for arrays that are no stretch, and for one that does not follow that plan.
     """

@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from isel_twin.base.compiling import njit
 from isel_twin.base.units import SECOND_NS
 
-Rational = int | Fraction  # frequencies and accelerations may be any exact number; floats would not say what is meant
+Rational = int | Fraction  # frequencies and accelerations are exact numbers; floats would be rounded
 LONGEST_NS = 1 << 62  # times must stay below this (146 years), so that sums of two fit into 64 bits
 # Bound for the error of the double-precision ramp time, relative to x(d) + 1 ns. With u = 2^-53 the relative errors are
 # at most: d 2 u, 2 a d 4 u, radicand 5 u, root 3.5 u, plus f0 4.5 u, numerator 4 u, quotient 9.5 u; adding the rounded
@@ -45,7 +45,7 @@ ROOT_DIGITS = 128  # binary digits after the point to which irrational times are
 
 
 class TimeLaw(Protocol):
-    """What a `StepRun` asks of a time law. Immutable; controllers may have others."""
+    """The time law of a `StepRun`. Immutable; controllers may have their own."""
 
     @property
     def ticks(self) -> int: ...
@@ -73,7 +73,7 @@ def constant(ticks: int, speed_hz: Rational) -> Trapezoid:
 
 
 def trapezoid(ticks: int, speed_hz: Rational, start_stop_hz: Rational, acceleration_hz_per_s: Rational) -> Trapezoid:
-    """From the start-stop frequency up to `speed_hz`, or as far as the ticks allow, and down again; without ramps if
+    """A ramp from the start-stop frequency to `speed_hz`, or as far as the ticks allow, and down again; no ramps if
     speed_hz <= start_stop_hz.
 
     Raises ValueError for a negative number of ticks, numbers that are not positive, or a time beyond 64 bits.
@@ -113,7 +113,7 @@ class Trapezoid:
         return out
 
     def count(self, t_ns: int) -> int:
-        """By the closed form of s(t), corrected by the rounded times: the same cost for any number of ticks."""
+        """By the closed form of s(t), corrected by the rounded times: constant cost."""
         if t_ns >= self.duration_ns:
             return self.ticks
         estimate = 0
@@ -146,12 +146,12 @@ class Trapezoid:
 
 
 def law_numbers(law: Trapezoid) -> list[int | None]:
-    """A law as plain numbers, from which `law_from_numbers` makes it again."""
+    """A law as plain numbers, for `law_from_numbers`."""
     return [law.ticks, *law._law]
 
 
 def law_from_numbers(numbers: Sequence[int | None]) -> Trapezoid:
-    """The opposite of `law_numbers`. Raises ValueError for numbers that are no law."""
+    """The inverse of `law_numbers`. Raises ValueError for numbers that are not a law."""
     *of_law, stop_ns = numbers
     if len(of_law) != 6 or not all(isinstance(n, int) and n > 0 for n in of_law[2:]):
         raise ValueError(f"no numbers of a time law: {list(numbers)!r}")
@@ -291,7 +291,7 @@ class _Ramp(NamedTuple):
     law: _Law
     s: Rational
     end: int
-    over: int  # T is end / over ns; to much better than the double-precision error if there is a peak, else exactly
+    over: int  # T is end / over ns, exact without a peak, else far more precise than double precision
     peak: int = 0
 
     def estimate(self, t_ns: int) -> int:
@@ -350,7 +350,7 @@ def _sign(p: Rational, q: Rational, y: Rational) -> int:
 
 @njit(nogil=True)
 def _fill_ramp(out, done, k, sign, s, s_rest, f0, two_a, two_units, t, t_rest):
-    """Fill out[done:] until a time cannot be told from a tie; return the index reached. out[i] is tick k + i."""
+    """Fill out[done:] until a time is too near to a tie to decide; return the index reached. out[i] is tick k + i."""
     for i in range(done, out.size):
         d = sign * (k + i - s) + s_rest
         x = two_units * d / (math.sqrt(f0 * f0 + two_a * d) + f0)
