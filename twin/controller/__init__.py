@@ -1,8 +1,8 @@
 """The border between a firmware and everything around it.
 
 controller.py   what a controller is, and its protocol of time
-events.py       what it says: replies, outputs, counters, flash
-roles.py        what it may offer beside: drives that are asked, keys, a handshake, programs
+events.py       its outputs as data: replies, levels, counters, flash
+roles.py        optional abilities: reading drives, keys, a handshake, programs
 registry.py     which ones are installed, by entry points; settings they take
 """
 

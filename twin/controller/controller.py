@@ -1,32 +1,32 @@
 """What a controller is: the border between a firmware and everything around it.
 
-A controller does no input or output itself (sans-I/O). It is told what happens and when (bytes from the host, input
-levels, the passing of time) and says what it does (reply bytes, output levels, counter settings, flash images) and
-which motion it is making. Nothing above or below it knows which controller it is.
+A controller does no input or output itself (sans-I/O). Calls tell it what happens and when (bytes from the host, input
+levels, the passing of time); it returns reply bytes, output levels, counter settings and flash images, and shows the
+motion it is making. Nothing above or below it knows which controller it is.
 
 Protocol of time
 ----------------
-Times are integer nanoseconds of virtual time and never run backwards. Whoever drives a controller must
+Times are integer nanoseconds of virtual time and never run backwards. The caller must
 
 1. call `power_on(t, levels)` once, then any of `receive`, `set_input` and `advance` with t that never decrease;
-2. never let time pass `next_ns` without calling `advance(next_ns)`: that is where the controller acts by itself
-   (end of a motion, end of a delay, next step of a reference run);
+2. never let time pass `next_ns` without calling `advance(next_ns)`: then the controller acts by itself (end of a motion
+or delay, next step of a reference run);
 3. after each call fetch `take()`: the events of that instant, in their order.
 
-Between two calls the controller makes the ticks of `run` (see `isel_twin.motion.Motion`), all those with a time <= t
-once it has been called with t. An input edge at t therefore meets a controller that has made exactly the ticks up to
-and including t: a limit switch ends the motion there, and no rollback is needed.
+Between two calls the controller makes the ticks of `run` (`isel_twin.motion.Motion`): after a call with t, all those
+with a time <= t. An input edge at t therefore meets a controller that has made exactly the ticks up to and including t:
+a limit switch ends the motion there, and no rollback is needed.
 
         t0            edge at t1          next_ns
         |--- ticks of run ----|- - - cancelled - - -|
         advance(t0)   set_input(t1, ...)
 
-What `run` may become while it is made is stated in `isel_twin.motion.motion`. A controller that closes loops of its own
-asks for what drives report: `UsesDrives` in roles.py. What its bytes mean to people and tools is a second, optional
-border: `isel_twin.language.Language`.
+How `run` may change while it is made is in `isel_twin.motion.motion`. A controller that closes loops of its own reads
+the drives: `UsesDrives` in roles.py. The meaning of its bytes for people and tools is a second, optional interface:
+`isel_twin.language.Language`.
 
 Several devices on one shared line are themselves a controller: one object that hands each byte to all of them, sends
-what they answer, and shows the motion of the one that has axes.
+their answers, and shows the motion of the one that has axes.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 from isel_twin.base.units import SECOND_NS
 from isel_twin.controller.events import Event
 
-if TYPE_CHECKING:  # a list of the installed controllers takes a moment, the compiler behind a motion much longer
+if TYPE_CHECKING:  # importing a motion loads the compiler, too slow for a list of controllers
     from isel_twin.motion import Motion
 
 
 @dataclass(frozen=True)
 class SerialFormat:
-    """How a byte goes over the line: speed in bit/s, data bits, parity (none, even, odd, mark, space), stop bits."""
+    """Form of a byte on the line: speed in bit/s, data bits, parity (none, even, odd, mark, space), stop bits."""
 
     baud: int
     data_bits: int = 8
@@ -65,7 +65,7 @@ class SerialFormat:
 
 
 class Controller(Protocol):
-    """An emulated controller. See the module for the protocol of time."""
+    """An emulated controller; the protocol of time is in the module docstring."""
 
     @property
     def serial_format(self) -> SerialFormat:
@@ -73,7 +73,7 @@ class Controller(Protocol):
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """Counters at the time of the last call, one an axis (1 to 8, X Y Z A B C U V); always as many."""
+        """Counters at the time of the last call, one an axis (1 to 8, X Y Z A B C U V); their number is fixed."""
 
     @property
     def direction(self) -> tuple[int, ...]:
@@ -85,7 +85,7 @@ class Controller(Protocol):
 
     @property
     def next_ns(self) -> int | None:
-        """When the controller must be advanced next, or None if it only waits for the outside."""
+        """When the controller must be advanced next, or None if it waits for an input."""
 
     @property
     def idle(self) -> bool:
@@ -93,19 +93,19 @@ class Controller(Protocol):
 
     @property
     def fault(self) -> bool:
-        """True if an error stands that the host must ask for, because no reply has told it."""
+        """True if there is an error that no reply has reported, so that the host must ask for it."""
 
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
-        """Mains on at t_ns; `levels` holds the electrical level (True: high) of every terminal that is wired."""
+        """Mains on at t_ns; `levels`: electrical level (True: high) of every wired terminal."""
 
     def receive(self, t_ns: int, data: bytes) -> None:
-        """Bytes that have arrived from the host by t_ns. Never raises, whatever they are."""
+        """Take bytes that have arrived from the host by t_ns. Never raises, whatever they are."""
 
     def set_input(self, t_ns: int, terminal: str, level: bool) -> None:
         """The level at one input terminal changes at t_ns."""
 
     def advance(self, t_ns: int) -> None:
-        """Let time pass to t_ns (never beyond `next_ns`): make the pulses up to it, act on what is due."""
+        """Let time pass to t_ns, never beyond `next_ns`, and do what is due."""
 
     def take(self) -> list[Event]:
         """Events since the last call of `take`, in their order; they happened at the time of the last call."""
@@ -113,7 +113,7 @@ class Controller(Protocol):
     def terminals(self) -> Mapping[str, tuple[str, ...]]:
         """Input terminals and the contacts of machine and cabinet that lead to each (several: in series).
 
-        A contact that the machine lacks is left out; a terminal left without any is not wired.
+        Contacts that the machine lacks are left out; a terminal without any is not wired.
         """
 
     def machine_overrides(self) -> Mapping[str, Any]:

@@ -1,4 +1,4 @@
-"""What a controller says between two calls: events, in their order."""
+"""Outputs of a controller as data: events, fetched after each call."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Reply:
-    """Bytes for the host, sent at the instant of the call that produced them (line speed is the line's business)."""
+    """Bytes for the host, sent at the instant of the call that produced them (the line adds the time of
+    transmission)."""
 
     data: bytes
 
 
-# outputs that every controller may use, and their levels at the beginning; see `Output`
+# outputs that every controller may use, and their first levels; meaning: `Output`
 OUTPUTS: Mapping[str, int] = {
     **dict.fromkeys(("stages", "power_request", "current_lowering", "brake", "moving", "spindle"), 0),
     "hood_release": 1,
@@ -24,13 +25,13 @@ OUTPUTS: Mapping[str, int] = {
 
 @dataclass(frozen=True)
 class Output:
-    """A new level of a named output. Names that drives and cabinet understand (others are recorded and shown, no more):
+    """A new level of a named output. Names with an effect on drives and cabinet (others are only recorded and shown):
 
     `stages` (1: motor currents on), `power_request` (rising edge: close the safety relay), `current_lowering` (1: lower
     current at rest), `brake` (1: energised, that is, released), `moving` (1 during a motion: a hood opened then is an
     emergency), `spindle`, `hood_release` (1: the hood may be opened), `analog` (0..255 for 0..10 V), `lamp_start`,
     `lamp_stop`, `lamp_fault`, `software_ok`, `user` (byte of user outputs), `flash_fault` (1: the flash image handed in
-    cannot be read), `drive_reset` (rising edge: drives that have switched themselves off forget why).
+    cannot be read), `drive_reset` (rising edge: clear the faults of drives that have switched themselves off).
     """
 
     name: str
@@ -47,24 +48,24 @@ class CounterSet:
 
 @dataclass(frozen=True)
 class FlashWrite:
-    """The flash now holds this image; whoever keeps it stores it atomically and hands it back at the next power-on."""
+    """The flash now holds this image. The caller stores it atomically and passes it in at the next power-on."""
 
     image: bytes
 
 
 @dataclass(frozen=True)
 class Remark:
-    """One line for people: why a command failed, where the host gets only a code (core/3). Changes nothing."""
+    """One line for people: why a command failed, if the host gets only a code (core/3). No effect on the twin."""
 
     text: str
 
 
 @dataclass(frozen=True)
 class Step:
-    """A program that the controller runs by itself has come to its next step. Changes nothing.
+    """A program that the controller runs by itself has reached its next step. No effect on the twin.
 
     t_ns: when, now or before; name: for people; text: the step as the program has it; counts: counters at t_ns.
-    plane: axes in which it cuts; tool_mm: radius of the tool, 0 if it cuts nothing or nobody knows.
+    plane: axes in which it cuts; tool_mm: radius of the tool, 0 if it does not cut or the radius is unknown.
     """
 
     t_ns: int

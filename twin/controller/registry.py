@@ -17,17 +17,17 @@ ControllerFactory = Callable[..., Controller]
 
 
 class UnknownNameError(ValueError):
-    """A controller, machine or other named thing does not exist; the message lists what there is."""
+    """A name of a controller, machine or the like is unknown; the message lists the known ones."""
 
 
-# what a setting may be: a number within limits, one of some words (none: any text), or true and false
+# kinds of settings: a number within limits, one of some words (none: any text), or true and false
 Setting: TypeAlias = Limits | tuple[str, ...] | type[bool]
 
 Factory = TypeVar("Factory", bound=Callable[..., Any])
 
 
 def takes(settings: Mapping[str, Setting]) -> Callable[[Factory], Factory]:
-    """Tell which settings a factory takes: machine files with others are refused when they are read.
+    """Declare the settings that a factory takes: machine files with others are refused when they are read.
 
     @takes({"program_memory_bytes": Limits("byte", 1, 1e9, whole=True)})
     def create(name, *, flash, settings): ...
@@ -41,7 +41,7 @@ def takes(settings: Mapping[str, Setting]) -> Callable[[Factory], Factory]:
 
 
 class PluginError(ValueError):
-    """A controller or language that is installed does not work; the message is one line that names it and says why."""
+    """An installed controller or language does not work; the message is one line with its name and the reason."""
 
 
 _GROUP = "isel_twin.controllers"
@@ -57,16 +57,15 @@ def create_controller(
 ) -> Controller:
     """Build the controller called `name`, with the flash image it had at its last power-off (None: a new device).
 
-    Raises UnknownNameError if no installed controller has that name, PluginError if the one that has does not work, and
-    ValueError for settings that it does not take.
+    Raises UnknownNameError for an unknown name, PluginError if the controller does not work, and ValueError for
+    settings that it does not take.
     """
     return controller_factory(name)(flash, settings or {})
 
 
 def controller_factory(name: str) -> Callable[[bytes | None, Mapping[str, Any]], Controller]:
-    """A function that builds the controller called `name` from a flash image and settings at every call.
-
-    Both raise what `create_controller` raises. The look-up takes ten milliseconds, building one much less.
+    """A function of flash image and settings that builds the controller called `name`. The look-up takes ten
+    milliseconds, building much less. Both raise what `create_controller` raises.
     """
     for entry in installed(_GROUP):
         if entry.name == name:
@@ -84,7 +83,8 @@ def _build(
 
 
 def controller_settings(wanted: Iterable[str]) -> Mapping[str, Setting]:
-    """Settings that installed, working controllers take, by name; they are loaded until all `wanted` are found."""
+    """Settings that installed, working controllers take, by name; controllers are loaded until all `wanted` are
+    found."""
     if not set(wanted) <= _settings.keys():
         for entry in installed(_GROUP):
             with suppress(PluginError), plugin_errors("controller", entry):
@@ -99,7 +99,7 @@ _settings: dict[str, Setting] = {}
 
 @contextmanager
 def plugin_errors(what: str, entry: importlib.metadata.EntryPoint, *passed: type[Exception]) -> Iterator[None]:
-    """Turn what other people's code raises into a PluginError of one line; errors of the kinds `passed` stay."""
+    """Turn exceptions of a plug-in into a PluginError of one line; errors of the kinds `passed` stay."""
     try:
         yield
     except passed:

@@ -1,4 +1,4 @@
-"""Roles: what a controller may offer beside `Controller`. Whoever needs one asks `offers` for it."""
+"""Roles: optional protocols beside `Controller`; `offers` tells whether a controller has one."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Role = TypeVar("Role")
 def offers(thing: object, role: Callable[..., Role]) -> TypeGuard[Role]:
     """True if a controller or language has all members that a role adds. Raises PluginError if it has only some.
 
-    Members that `__getattr__` passes on count, which `isinstance` would not see.
+    Unlike `isinstance` it also sees members that `__getattr__` passes on.
     """
     members: list[str] = [name for name in vars(role) if not name.startswith("_")]
     missing = [name for name in members if not hasattr(type(thing), name) and not hasattr(thing, name)]
@@ -27,15 +27,15 @@ def offers(thing: object, role: Callable[..., Role]) -> TypeGuard[Role]:
 
 
 class Drives(Protocol):
-    """What the drives know. To be asked during a call of the controller only; the answers are those of that time."""
+    """The state of the drives, to be read only during a call of the controller, at the time of that call."""
 
     @property
     def encoder(self) -> tuple[int, ...]:
-        """Measured position of each axis, in increments of the commands, in zero and sense of the counters."""
+        """Measured position of each axis, in increments of the commands, with the zero and sense of the counters."""
 
     @property
     def lag(self) -> tuple[float, ...]:
-        """Following error of each axis in increments: command (as led by now) minus measured position."""
+        """Following error of each axis in increments: momentary command minus measured position."""
 
     @property
     def on(self) -> tuple[bool, ...]:
@@ -43,15 +43,15 @@ class Drives(Protocol):
 
     @property
     def fault(self) -> tuple[bool, ...]:
-        """Whether each drive has switched itself off: a servo drive until `drive_reset` rises or the stages come on."""
+        """Which drives have switched themselves off: a servo drive until `drive_reset` rises or the stages come on."""
 
     @property
     def in_position(self) -> tuple[bool, ...]:
-        """Whether the following error of each axis has been within the drive's window for its time."""
+        """Which axes have had a following error within the drive's window for its settling time."""
 
     @property
     def overloaded(self) -> tuple[bool, ...]:
-        """Whether the drive of each axis holds the current down to the rated one (I2t)."""
+        """Which drives are limited to the rated current by their I2t."""
 
     @property
     def speed(self) -> tuple[float, ...]:
@@ -61,7 +61,7 @@ class Drives(Protocol):
     def past_zero_pulse(self) -> tuple[int, ...]:
         """Increments of each encoder since its last zero pulse, one a revolution, rising in the sense of the counters.
 
-        Less than a revolution has; 0 for axes without an encoder.
+        Less than one revolution; 0 for axes without an encoder.
         """
 
 
@@ -69,8 +69,9 @@ class Drives(Protocol):
 class DriveInput:
     """An input terminal fed by a drive: high while a quantity of one axis is beyond a limit.
 
-    `lag`: size of the following error in increments, high above `limit`, low again at `limit - hysteresis`: a following
-    error, or with a small limit the opposite of "in position". `fault`: high while the drive is faulty; no limit.
+    `lag`: size of the following error in increments, high above `limit`, low again at `limit - hysteresis`: a
+    following-error alarm, or with a small limit the opposite of "in position". `fault`: high while the drive is faulty;
+    no limit.
     """
 
     terminal: str
@@ -81,20 +82,20 @@ class DriveInput:
 
 
 class UsesDrives(Protocol):
-    """Offered by a controller that wants to know what its drives know.
-
-    An encoder follows the counter's zero by `CounterSet`: one is due after a change of `direction`, too.
+    """A controller that reads its drives. `CounterSet` also sets the encoder's zero, so it must be sent after a change
+    of `direction`, too.
     """
 
     def drive_inputs(self) -> Sequence[DriveInput]:
-        """Terminals that drives feed, asked once before `power_on`; edges come in the sub-step that passes it."""
+        """Terminals that drives feed, read once before `power_on`; an edge comes in the sub-step that passes its
+        limit."""
 
     def use_drives(self, drives: Drives) -> None:
-        """The drives to be asked during later calls. Handed over once, before `power_on`."""
+        """Take the drives to read during later calls; called once, before `power_on`."""
 
 
 class NamesOutputs(Protocol):
-    """Offered by a controller that has outputs beyond OUTPUTS: events can wait for them."""
+    """A controller with outputs beyond OUTPUTS, for which scenario events can wait."""
 
     @property
     def output_names(self) -> Sequence[str]: ...
@@ -105,11 +106,11 @@ KeyValue: TypeAlias = float | str | bool
 
 @dataclass(frozen=True)
 class Key:
-    """A key of the operator's panel of a control, or a switch or knob there; see HasKeys."""
+    """A key, switch or knob of a control's operator panel."""
 
     meaning: str  # in a few words, for people
-    value: Setting | None = None  # what it can be put to; None: it is a push-button, and the value is True
-    held: bool = False  # let go, it springs back to the first of its words
+    value: Setting | None = None  # allowed values; None: a push-button, whose value is True
+    held: bool = False  # released, it springs back to the first of its words
 
     @property
     def allowed(self) -> str:
@@ -119,44 +120,41 @@ class Key:
 
 
 class HasKeys(Protocol):
-    """Offered by a controller with keys of its own, beside the cabinet's.
-
-    They are pressed by an event, `key = { mode = "auto" }`, and shown by panels from this table.
+    """A controller with keys beside those of the cabinet. Events press them, `key = { mode = "auto" }`, and panels show
+    them from this table.
     """
 
     @property
     def keys(self) -> Mapping[str, Key]:
-        """By name; the same as long as the controller lives."""
+        """Keys by name; the table never changes."""
 
     @property
     def key_values(self) -> Mapping[str, KeyValue]:
-        """Position of each one at the time of the last call; push-buttons are left out."""
+        """Position of each key but push-buttons at the time of the last call."""
 
     def press(self, t_ns: int, name: str, value: KeyValue) -> None:
-        """Somebody presses a key at t_ns or puts it to this value; name and value have been checked."""
+        """Press a key at t_ns or set it to this value; name and value are valid."""
 
 
 class HoldsHost(Protocol):
-    """Offered by a controller whose line has a handshake (RTS/CTS) that makes its host wait (bwo900/78).
-
-    Such a controller is handed bytes in pieces of at most BYTES_AT_ONCE, and asked after each.
+    """A controller whose line has a handshake (RTS/CTS) that makes its host wait. It gets bytes in pieces of at most
+    BYTES_AT_ONCE, and `clear_to_send` is read after each (bwo900/78).
     """
 
     @property
     def clear_to_send(self) -> bool:
-        """True if it takes bytes, at the time of the last call. While False the host keeps them, in their order."""
+        """True if it took more bytes at the time of the last call. While False the host keeps them, in their order."""
 
 
-# bytes that arrive at one instant and are handed over in one piece to a controller that `HoldsHost`
+# most bytes of one instant that a controller that `HoldsHost` gets in one piece
 BYTES_AT_ONCE = 4096
 
 
 class EndsPrograms(Protocol):
-    """Offered by a controller whose programs can stand before their end."""
+    """A controller whose programs can stop before their end."""
 
     @property
     def unfinished(self) -> str:
-        """Why the program started last stands before its end, and where, in a few words, at the time of the last call.
-
-        "" while it runs, after its end, and if there was none.
+        """Why and where the last program stopped before its end, in a few words. "" while it runs, after its end, and
+        if there was none.
         """

@@ -1,9 +1,9 @@
 """What the bytes of a controller mean: the second border of a controller, for people and tools.
 
 language.py   what a language is
-roles.py      what it may offer beside: settings for jobs, programs as jobs, PLC programs
+roles.py      optional abilities: settings for jobs, programs as jobs, PLC programs
 registry.py   which ones are installed, by entry points
-text.py       parts for those whose bytes are text
+text.py       helpers for languages whose bytes are text
 """
 
 from __future__ import annotations

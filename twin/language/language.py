@@ -1,7 +1,7 @@
 """What the bytes of a controller mean: the second border of a controller, for people and tools.
 
-A controller (`isel_twin.controller`) takes bytes and gives bytes. Whoever writes a job file, reads a log or wants a
-move made needs to know what they mean, and only the controller's `Language` does:
+A controller (`isel_twin.controller`) takes bytes and returns bytes. Job files, logs and moves need their meaning, which
+only the controller's `Language` knows:
 
     "@07"  --- frame --->  bytes  --->  controller  --->  bytes  --- accepted --->  was that a refusal?
                              |                              |
@@ -10,8 +10,8 @@ move made needs to know what they mean, and only the controller's `Language` doe
     reference, move, break_off  --->  what a host would send for it
     job_moves, retimed, permanent  -->  roles.py: other settings for a job that exists, and for the controller
 
-It is optional: the job files of a controller without one give every byte as a number. A language has no clock and never
-sees a controller: it knows the bytes of both directions, in the order in which they went over the line.
+It is optional: without one, job files give every byte as a number. A language has no clock and never sees a controller,
+only the bytes of both directions in the order in which they went over the line.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-Ranges = Mapping[str, tuple[int, int]]  # lowest and highest value of each of the `MoveSettings`, by its name
+Ranges = Mapping[str, tuple[int, int]]  # lowest and highest value of each of the `MoveSettings`, by name
 
-# what `MoveSettings` can be, the widest of all controllers; `Language.ranges` is what one of them takes
+# widest ranges of `MoveSettings` over all controllers; `Language.ranges`: those of one controller
 SETTINGS_RANGES: Ranges = {
     "speed_hz": (30, 40_000),
     "acceleration_hz_per_ms": (1, 4000),
@@ -32,12 +32,12 @@ SETTINGS_RANGES: Ranges = {
 
 
 class LanguageError(ValueError):
-    """A language cannot say this, or there is none; the message is one line that names the remedy."""
+    """A language cannot express this, or there is none; the message is one line with the remedy."""
 
 
 @dataclass(frozen=True)
 class MoveSettings:
-    """How fast a move is made. Raises ValueError for what no controller takes, see SETTINGS_RANGES."""
+    """How fast a move is made. Raises ValueError outside SETTINGS_RANGES."""
 
     speed_hz: int = 10_000  # step frequency of the leading axis, the one with the most steps
     acceleration_hz_per_ms: int = 100
@@ -68,42 +68,41 @@ class Message:
 class Language(Protocol):
     """The language of a controller.
 
-    Only `messages` and `rest` keep something from call to call: whoever decodes a line needs an instance of its own
-    (`create_language`), all other uses can share one.
+    Only `messages` and `rest` have state: decoding a line needs an instance of its own (`create_language`), all other
+    uses can share one.
     """
 
     @property
     def ranges(self) -> Ranges:
-        """What the controller takes for each of the `MoveSettings`."""
+        """Range of each of the `MoveSettings` that the controller takes."""
 
     def frame(self, text: str) -> bytes:
-        """A line of a job file as it is sent. Raises LanguageError for text that cannot be."""
+        """The bytes of a line of a job file. Raises LanguageError for text that cannot be sent."""
 
     def text(self, reply: bytes) -> str:
-        """A whole reply, as `Twin.query` and results of jobs give it."""
+        """A whole reply as text, as `Twin.query` and results of jobs give it."""
 
     def accepted(self, sent: bytes, reply: bytes) -> bool:
-        """True if `reply`, all bytes that came for `sent`, refuses nothing, and is empty only if none was demanded."""
+        """True if `reply` (all bytes after `sent`) is no refusal and is not empty if a reply was due."""
 
     def messages(self, data: bytes, sent: bool) -> Iterator[Message]:
-        """Messages that are complete with these bytes of one direction; a message begun is kept until its end comes.
+        """Messages completed by these bytes of one direction; an incomplete one is kept until its end comes.
 
         Never raises, whatever the bytes are: the `data` of all messages of a direction, and its `rest`, are the bytes
-        of that direction. All of `data` is taken in by the call itself, whether the messages are looked at or not.
+        of that direction. The call itself takes all of `data`, even if the iterator is not used.
         """
 
     def rest(self, sent: bool) -> bytes:
-        """The bytes of the message begun in one direction."""
+        """The bytes of the incomplete message of one direction."""
 
     def reference(self) -> Sequence[bytes]:
-        """What a host sends to initialise and reference all axes, so that `move` can follow; each reply is awaited."""
+        """What a host sends to initialise and reference all axes before a `move`, waiting for each reply."""
 
     def move(self, target: Sequence[int], settings: MoveSettings) -> Sequence[bytes]:
-        """What a host sends to put the settings in force and move straight to counter values, X Y Z.
-
-        Each reply is awaited; the last one is that of the move. Raises LanguageError for a target or settings that
-        cannot be said; the controller's own refusals are its replies.
+        """What a host sends to apply the settings and move straight to counter values X Y Z, waiting for each reply,
+        that of the move last. Raises LanguageError for a target or settings that cannot be expressed; a refusal by the
+        controller is in its replies.
         """
 
     def break_off(self) -> bytes:
-        """What a host sends to end a motion with its stop ramp and forget the rest of it."""
+        """What a host sends to stop a motion with its ramp and discard the rest of it."""

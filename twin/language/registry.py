@@ -34,9 +34,8 @@ def create_language(controller: str) -> Language | None:
 
 
 def language_factory(controller: str) -> Callable[[], Language | None]:
-    """A function that makes a fresh language of the controller with this name at every call, or None if it has none.
-
-    Both raise what `create_language` raises. The look-up takes ten milliseconds, making one much less.
+    """A function that makes a fresh language of this controller, or returns None if it has none. The look-up takes ten
+    milliseconds, making one much less. Both raise what `create_language` raises.
     """
     for entry in installed(_GROUP):
         if entry.name == controller:
@@ -45,14 +44,13 @@ def language_factory(controller: str) -> Callable[[], Language | None]:
             return partial(_build, entry, factory)
     if controller not in (names := controller_names()):
         raise UnknownNameError(f"unknown controller {controller!r}; installed: {', '.join(names)}")
-    return NoneType  # called, it gives None
+    return NoneType  # NoneType() is None
 
 
 def programs_for(text: str) -> list[str]:
-    """Names of the installed controllers that a text can only be a program of, sorted; see `RunsPrograms.claims`.
-
-    Only languages installed as `isel_twin.programs`, too, are asked, so that a job loads no controller but its own. One
-    that does not work claims nothing: whoever names its controller is told so.
+    """Names of the installed controllers whose language claims this text (`RunsPrograms.claims`), sorted. Only
+    languages also installed as `isel_twin.programs` are loaded, so that a job loads only its own controller. One that
+    does not work claims nothing: naming its controller shows the error.
     """
     found: list[str] = []
     for entry in installed(_PROGRAMS):
@@ -69,7 +67,7 @@ def _build(entry: importlib.metadata.EntryPoint, factory: LanguageFactory) -> La
 
 
 def needed(language: Language | None, controller: str) -> Language:
-    """The language, for whoever cannot do without. Raises LanguageError if there is none."""
+    """The language. Raises LanguageError if there is none."""
     if language is None:
         raise LanguageError(f"controller {controller!r} has no language: send its bytes as <13> or by write()")
     return language

@@ -1,10 +1,10 @@
 """The numbers of a machine: what `models/<name>/machine.toml` says, read, checked and frozen.
 
-Every constant of the physics has a name, a unit, a source and a grade, and a wrong one is named before it does harm.
+Every constant of the physics has a name, a unit, a source and a grade; a wrong one is an error that names it.
 
 schema.py      what a machine is: names, units, limits
-build.py       its tables to a `Machine`
-reader.py      its file to its tables
+build.py       from its tables to a `Machine`
+reader.py      from its file to its tables
 overrides.py   another one with some numbers changed
 """
 

@@ -1,6 +1,6 @@
 """Builds a `Machine` from the tree of its file, and checks it.
 
-After a change of some numbers only the parts that depend on them are built anew.
+After a change only the parts that depend on it are built again.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ T = TypeVar("T")
 _STEPS_PER_REV = Limits("1", 200.0, 51_200.0, whole=True)  # full steps of the motor times the stage's microsteps
 _STRIBECK_MM_S = Limits("mm/s", 0.01, 100.0)  # carriage speed at which half of the excess over Coulomb friction is gone
 _MASS_KG = Limits("kg", 1e-3, 1e4)
-_PAYLOAD_KG = Limits("kg", 0.0, 100.0)  # what tables of this class carry; ten times as much would be another machine
+_PAYLOAD_KG = Limits("kg", 0.0, 100.0)  # what tables of this class can carry
 
 
 # kinds of drives, and the keys of an axis that are of that kind only
 DRIVES: Mapping[str, tuple[str, ...]] = {"stepper": ("motor", "stage", "steps_per_rev"), "servo": ("servo",)}
-DEFAULT_DRIVE: Final = "stepper"  # that of an axis that names none
+DEFAULT_DRIVE: Final = "stepper"  # for an axis without the key
 
 
-# words at the top of the file, and what each may be
+# words at the top of the file, and the choices of each
 _TEXTS: Mapping[str, tuple[str, ...]] = {
     "name": (),
     "description": (),
@@ -60,7 +60,7 @@ _FIXED_SECTIONS = ("timing", "squareness", "imperfections")
 
 
 def build(tree: dict[str, Any], file: Path, like: Machine | None = None) -> Machine:
-    """The machine of a tree, which becomes its own. like: a machine whose parts are taken if their tables are the same
+    """The machine of a tree, which it keeps. like: a machine whose parts are reused where the tables are the same
     objects. Raises MachineError."""
     place = Place(file, MachineError)
     allowed = (*_TEXTS, *_SECTIONS, *_FIXED_SECTIONS, "supply")
@@ -153,7 +153,7 @@ def _settings(content: dict[str, Any], place: Place) -> dict[str, Any]:
 
 
 def _axis(name: str, value: Any, motors: Mapping[str, Motor], on: Imperfections, place: Place) -> Axis:
-    """An axis, with the keys of its screw in the same table."""
+    """An axis; the keys of its screw are in the same table."""
     content = table(value, place)
     kind = text(content.get("drive", DEFAULT_DRIVE), place.at("drive"), tuple(DRIVES))
     beside = (*DRIVES[kind], "stribeck_speed")
@@ -220,7 +220,7 @@ def _stepper(
 def _servo(
     content: Mapping[str, Any], motors: Mapping[str, Motor], on: Imperfections, place: Place
 ) -> tuple[ServoMotor, ServoDrive]:
-    """A servo motor and its drive, whose keys stand in one table."""
+    """A servo motor and its drive, whose keys are in one table."""
     where = place.at("servo")
     both = table(content["servo"], where)
     known(both, (*keys(ServoMotor), *keys(ServoDrive)), where)
@@ -280,8 +280,8 @@ def model_files(file: Path) -> list[Path]:
 
 
 def _model_travels_mm(file: Path) -> dict[str, float]:
-    """Upper ends of the joints of a MuJoCo model, by name; without MuJoCo, which takes longer. Files that cannot be
-    read are refused when the model is loaded."""
+    """Upper limits of the joints of a MuJoCo model by name, read without MuJoCo, which is slower. Unreadable files are
+    skipped: loading the model refuses them."""
     ends: dict[str, float] = {}
     for each in model_files(file):
         ends |= _joints(file_content(each) or b"")[0]
@@ -290,7 +290,7 @@ def _model_travels_mm(file: Path) -> dict[str, float]:
 
 @lru_cache(32)
 def _joints(content: bytes) -> tuple[Mapping[str, float], tuple[str, ...]]:
-    """Upper ends of the joints of an MJCF file in mm, by name, and the files that it includes."""
+    """Upper limits of the joints of an MJCF file in mm, by name, and the files that it includes."""
     ends: dict[str, float] = {}
     included: list[str] = []
     try:

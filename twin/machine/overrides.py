@@ -13,12 +13,12 @@ from isel_twin.machine.schema import LEVELS, Imperfections, Machine, MachineErro
 
 
 class _Made(NamedTuple):
-    base: Machine  # kept so that nothing else gets its id
+    base: Machine  # kept alive so that its id stays unique
     machine: Machine
 
 
 _MOST_MADE = 64
-# machines by their base and overrides, the last used at the end
+# cache: machines by base and overrides, the last used at the end
 _made: OrderedDict[tuple[Any, ...], _Made] = OrderedDict()
 
 
@@ -45,10 +45,10 @@ def with_overrides(machine: Machine, overrides: Mapping[str, Any]) -> Machine:
 
 
 def _changed(tree: Mapping[str, Any], key: str, value: Any, place: Place) -> Mapping[str, Any]:
-    """The tree with one override; all that it does not touch is shared."""
+    """The tree with one override; unchanged parts are shared."""
     _check_drive(tree, key, value, place)
     if key.startswith("axes.") and key.endswith(".drive"):
-        return tree  # it is so
+        return tree  # already at that level
     if key == "imperfections":
         if value not in LEVELS:
             raise MachineError(f"imperfections: unknown level {value!r}; allowed: {', '.join(LEVELS)}")
@@ -66,7 +66,7 @@ def describe(machine: Machine) -> list[Row]:
 
 
 def _check_drive(tree: Mapping[str, Any], key: str, value: Any, place: Place) -> None:
-    """Refuse an override that is for the other kind of drive: whoever wants it needs another machine (plant/19)."""
+    """Refuse an override for the other kind of drive, which needs another machine (plant/19)."""
     section_name, _, rest = key.partition(".")
     member, _, inside = rest.partition(".")
     own = inside.partition(".")[0]

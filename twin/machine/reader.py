@@ -26,18 +26,18 @@ from isel_twin.models import machine_names, models_folder
 
 class _Loaded(NamedTuple):
     machine: Machine
-    contents: Mapping[Path, bytes | None]  # of every file that it was read from; None: there is none
+    contents: Mapping[Path, bytes | None]  # of every file it was read from; None: a file that does not exist
 
 
 _MOST_LOADED = 32
-_loaded: dict[Path, _Loaded] = {}  # machines by their file: read again only when a file has changed
+_loaded: dict[Path, _Loaded] = {}  # cache by file: read again only when a file has changed
 
 
 def load_machine(name_or_path: str | Path) -> Machine:
     """Read a machine by its name, or by the path of a folder with a machine.toml (or of that file).
 
-    The same machine comes as long as the contents of its files are the same. Raises MachineError with one line that
-    names the file, the key and what is allowed.
+    Returns the same object while the contents of its files are the same. Raises MachineError with one line that names
+    the file, the key and what is allowed.
     """
     file = _find(name_or_path)
     loaded = _loaded.get(file)
@@ -55,8 +55,7 @@ def load_machine(name_or_path: str | Path) -> Machine:
 
 
 def machine_from_tree(tree: Mapping[str, Any], file: Path) -> Machine:
-    """The machine of a tree (`Machine.tree`) that was read some other time; file: where a machine.toml would be. Raises
-    MachineError as `load_machine` does."""
+    """The machine of a saved tree (`Machine.tree`); file: where its machine.toml would be. Raises MachineError."""
     return build(copy.deepcopy(dict(tree)), file)
 
 
@@ -75,7 +74,7 @@ def _find(name_or_path: str | Path, relative_to: Path | None = None) -> Path:
 
 
 def _read_file(file: Path, seen: list[Path]) -> dict[str, Any]:
-    """The tree with `based_on` and [axes.all] resolved; seen: gets the files read."""
+    """The tree with `based_on` and [axes.all] resolved; seen: files read so far, extended here."""
     place = Place(file, MachineError)
     if file in seen:
         raise place.at("based_on").wrong("goes round in a circle; allowed: a machine that does not need this one")

@@ -26,7 +26,7 @@ from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
 from isel_twin.drives.stage import AnyStage
 from isel_twin.drives.supply import Supply
 
-# imperfection levels: the sources of imperfection that are on
+# imperfection levels and the sources of imperfection that each switches on
 LEVELS: Mapping[str, frozenset[str]] = {
     "ideal": frozenset(),
     "static": frozenset({"lead_error", "squareness", "backlash"}),
@@ -37,7 +37,7 @@ LEVELS: Mapping[str, frozenset[str]] = {
     ),
 }
 
-# Kinds of control cabinet, and the contacts that each sets (isel_twin.wiring.cabinet).
+# kinds of control cabinet, and the contacts that each sets (isel_twin.wiring.cabinet)
 #
 # safety-relay: E-stop circuits, hood and supply hold a relay that gives the power stages and the spindle their power.
 CABINETS: Final[Mapping[str, tuple[str, ...]]] = {
@@ -47,7 +47,7 @@ CABINETS: Final[Mapping[str, tuple[str, ...]]] = {
         *(f"user_{bit}" for bit in range(8)),
     )
 }
-DEFAULT_CABINET: Final = "safety-relay"  # that of a file that names none
+DEFAULT_CABINET: Final = "safety-relay"  # for a file without the key
 
 
 class MachineError(FileError):
@@ -67,19 +67,20 @@ class Timing:
 
 @dataclass(frozen=True)
 class Axis:
-    """One linear axis: motor, stage, screw and nut. What the nut pushes is in the MuJoCo model."""
+    """One linear axis: motor, stage, screw and nut. The carriage is in the MuJoCo model."""
 
     name: str
     motor: Motor | ServoMotor
     stage: AnyStage  # what drives the motor: a stage of a stepper motor, the drive of a servo motor
-    screw: Screw  # with those of its imperfections that are on
+    screw: Screw  # its imperfections that are off are zero
     travel_mm: float = number("mm", 1.0, 10_000.0, key="travel")
     # from the trip point of each end switch on to the hard stop
     stop_margin_mm: float = number("mm", 0.1, 100.0, key="stop_margin")
     power_on_low_mm: float = number("mm", -100.0, 10_000.0, key="power_on_low")
     # where the carriage may stand when the mains is switched on: uniform between the two
     power_on_high_mm: float = number("mm", -100.0, 10_000.0, key="power_on_high")
-    guide_friction_n: float = number("N", 0.0, 2000.0, key="guide_friction")  # drag at the shaft is the screw's
+    # without the drag at the shaft, which the screw has
+    guide_friction_n: float = number("N", 0.0, 2000.0, key="guide_friction")
     # holding force of the brake at the carriage; 0: the axis has none
     brake_n: float = number("N", 0.0, 50_000.0, key="brake")
 
@@ -88,7 +89,7 @@ class Axis:
 
     @property
     def closed_loop(self) -> bool:
-        """A servo drive: it loses nothing, but lags, and switches itself off if it lags too far."""
+        """True for a servo drive: it loses no steps, but lags, and switches itself off if it lags too far."""
         return isinstance(self.stage, ServoDrive)
 
     @property
@@ -143,7 +144,7 @@ class Squareness:
 
 @dataclass(frozen=True)
 class Imperfections:
-    """Which sources of imperfection are on; what is off counts as zero (structure: as rigid)."""
+    """Which sources of imperfection are on; those that are off are zero (structure: rigid)."""
 
     lead_error: bool = flag()
     squareness: bool = flag()
@@ -154,15 +155,15 @@ class Imperfections:
     step_accuracy: bool = flag(default=False)
     current_offset: bool = flag(default=False)
     cyclic_error: bool = flag(default=False)
-    # the screw is the softer the farther the nut is from the fixed bearing; off: everywhere as in the middle
+    # the screw is softer the farther the nut is from the fixed bearing; off: everywhere as in the middle
     free_length: bool = flag(default=False)
     growth: bool = flag(default=False)  # of the screw by its warming
 
 
 @dataclass(frozen=True)
 class Contact:
-    """One contact of the machine. The terminal it leads to is the controller's affair (`Controller.terminals`). Level
-    at the terminal: high when the contact is closed, the other way round if `inverted`."""
+    """One contact of the machine; `Controller.terminals` says to which terminal it leads. Level there: high when the
+    contact is closed, the other way round if `inverted`."""
 
     name: str
     # switch: struck by a carriage; signal: set from outside; bridge: always closed
@@ -185,12 +186,12 @@ class Contact:
 
 @dataclass(frozen=True)
 class Machine:
-    """A machine as its folder describes it. It is shared: its tables must not be changed."""
+    """A machine as its folder describes it. It is shared: do not change its tables."""
 
     name: str
     description: str
     # table: the portal stands and the table moves along Y; portal: the portal moves along Y; traverse: a column along
-    # X, a slide on it along Z, an arm along Y. For people: the model says it to the plant.
+    # X, a slide on it along Z, an arm along Y. Only shown to people: the plant has it from the model.
     kinematics: str
     cabinet: str  # kind of its control cabinet, one of CABINETS
     folder: Path
@@ -205,20 +206,20 @@ class Machine:
     structure: tuple[Mode, ...]
     squareness: Squareness
     imperfections: Imperfections
-    contacts: tuple[Contact, ...]  # with those of their imperfections that are on
-    motors: Mapping[str, Motor]  # motors of its own, by name; they go before those of `isel_twin.drives.MOTORS`
+    contacts: tuple[Contact, ...]  # imperfections that are off are zero
+    motors: Mapping[str, Motor]  # motors of its own, by name; they take precedence over `isel_twin.drives.MOTORS`
     controller: Mapping[str, Any]  # settings handed to the controller, such as program_memory_bytes
     # the file as read, with `based_on` and `all` resolved: where `describe` and `with_overrides` look
     tree: Mapping[str, Any] = field(repr=False, compare=False)
 
     @property
     def file(self) -> Path:
-        """The machine.toml it was read from."""
+        """Its machine.toml."""
         return self.folder / "machine.toml"
 
     @cached_property
     def digest(self) -> str:
-        """Hash of its numbers and its model, wherever the files are."""
+        """Hash of its numbers and its model, independent of paths."""
         fixture = self.fixture_file.read_bytes().hex() if self.fixture_file is not None else ""
         tree = {**self.tree, "model": self.model_file.read_bytes().hex(), "fixture": fixture}
         return hashlib.sha256(json.dumps(tree, sort_keys=True, default=str).encode()).hexdigest()[:16]
