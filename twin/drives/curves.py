@@ -1,6 +1,6 @@
-"""What a motor can do on a stage: pull-out torque, pull-in rate, and the closed form beside them.
+"""Pull-out torque and pull-in rate of a motor on a stage, from a virtual bench and in closed form.
 
-The goal of this code is to measure on a virtual bench, with the sub-step that moves the machine, what makers publish:
+The virtual bench uses the sub-step that moves the machine and measures what makers publish:
 
     pull-out torque   the largest load at which a motor that runs already stays in step
     pull-in rate      the highest step rate at which it starts from rest in step
@@ -9,7 +9,8 @@ The bench is the motor, an inertia on its shaft and a generator as brake, whose 
 (drives/4). The motor accelerates against it to the speed in question and must hold it. It is out of step once it lags
 by four full steps, one turn of the electrical angle.
 
-Two closed forms stand beside it; neither knows of motion, and so of instability. The first is an upper bound
+Two closed forms are given for comparison; both assume steady rotation, so they do not show instability. The first is an
+upper bound
 (P. Acarnley, Stepping Motors: phasor diagram), with one limit at a time:
 
     T(w) = min(g Km I, Nr psi V1/|Z| - Nr we psi^2 R/|Z|^2) - T_fe(w)
@@ -23,10 +24,11 @@ asks for and in the one that the voltage allows:
 
     |i| <= g I            |(R + j we L) i + j we psi| <= V1            T(w) = Km max i_q - T_fe(w)
 
-The second circle has its centre at -j we psi / (R + j we L), the radius V1 / |R + j we L|, and wanders to negative d
-with speed. The highest point of what both have in common is first i = j g I, then where they cross, then the top of the
-second. A stage that follows its sine gives V1 = V at most. Where the second circle alone limits, the stage asks for
-X = g I/|i| times what flows and its voltage is a clipped sine, of amplitude V 2/pi (X asin(1/X) + sqrt(1 - 1/X^2)).
+The second circle has its centre at -j we psi / (R + j we L) and the radius V1 / |R + j we L|; with speed it moves to
+negative d. With rising speed the highest point of the common area is i = j g I, then the crossing of the circles, then
+the top of the second. A stage that follows its sine gives V1 = V at most. Where the second circle alone limits, the
+stage asks for X = g I/|i| times the current that flows, and its voltage is a clipped sine of amplitude V 2/pi (X
+asin(1/X) + sqrt(1 - 1/X^2)).
 """
 
 from __future__ import annotations
@@ -52,7 +54,7 @@ def mean_command(phase: NDArray[np.float64]) -> NDArray[np.float64]:
     """Time mean of the step counter floor(phase) in each sub-step: phase [n + 1] at its borders, never falling -> [n].
 
     Within a sub-step the phase runs evenly. Started at whole number m, it has stepped j times when it ends at m + v
-    with j = floor(v), and the counter has stood on m + i for a share of 1 each: the sum is j (j - 1)/2 + j (v - j).
+    with j = floor(v), and the counter was m + i for equal times: the sum is j (j - 1)/2 + j (v - j).
     """
     begin, end = phase[:-1], phase[1:]
     whole = np.floor(begin)
@@ -68,7 +70,7 @@ def follow(parameters, states, command, load_torque_nm, limit):
     """Let the drive parameters[0], states[0] follow a command on a bench without a nut.
 
     command float64 [n]: mean of the microstep counter in each sub-step; load_torque_nm float64 [n]: against positive
-    rotation; limit: microsteps between rotor and command, beyond which it ends. Returns the sub-steps made.
+    rotation; limit: ends when rotor and command are more microsteps apart. Returns the number of sub-steps made.
     """
     p = parameters[0]
     s = states[0]
@@ -93,16 +95,16 @@ def pull_out_torque(
 ) -> float:
     """Pull-out torque in Nm at a speed in rev/min, 0 if the motor cannot hold the speed at all.
 
-    load_inertia_kgm2: what turns with the rotor on the bench (None: as much as the rotor itself). constant_load: in
-    place of the brake a load independent of speed, which rises once the speed is reached. It does not damp, so that
-    mid-band instability shows: torque is lost early, and irregularly with speed.
+    load_inertia_kgm2: inertia on the shaft (None: that of the rotor). constant_load: instead of the brake a load that
+    does not depend on speed and rises once the speed is reached. It does not damp, so that mid-band instability shows:
+    torque is lost early, and irregularly with speed.
 
     Raises ValueError for a negative or infinite speed.
     """
     if not 0.0 <= speed_rpm < math.inf:
         raise ValueError(f"speed_rpm must be 0 or more, not {speed_rpm!r}")
     inertia = motor.rotor_inertia_kgm2 if load_inertia_kgm2 is None else load_inertia_kgm2
-    # Below a revolution a minute any motor stands, and the bench would take for ever.
+    # Below a revolution a minute every motor holds, and the bench would take too long.
     omega = max(speed_rpm, 1.0) * 2.0 * math.pi / 60.0
     rate_hz = omega / (2.0 * math.pi) * motor.full_steps_per_rev * stage.microsteps
     start_omega = min(omega, START_RPM * 2.0 * math.pi / 60.0)
@@ -113,7 +115,7 @@ def pull_out_torque(
     accelerate_s = max(0.3, 100.0 * total_inertia * (omega - start_omega) / peak_nm)
     hold_s = max(0.4, 20.0 * 2.0 * math.pi / (omega * motor.pole_pairs))
     t = dt_s * np.arange(round((accelerate_s + hold_s) / dt_s) + 1)
-    ramp = np.minimum(t / accelerate_s, 1.0)  # the speed rises as 3 q^2 - 2 q^3 of it
+    ramp = np.minimum(t / accelerate_s, 1.0)  # smooth start: the speed follows 3 q^2 - 2 q^3
     ramp_s = accelerate_s * ramp**3 * (1.0 - 0.5 * ramp) + np.maximum(t - accelerate_s, 0.0)
     share = start_omega / omega
     phase = rate_hz * (share * t + (1.0 - share) * ramp_s)
@@ -138,7 +140,7 @@ def pull_in_rate(
     dt_s: float = SUB_STEP_S,
 ) -> float:
     """Highest rate at which the motor starts from rest in step, in the stage's own steps (full, half, micro) per
-    second; 0 if it never starts. Lower rates near its resonance may fail all the same: see `starts_in_step`."""
+    second; 0 if it never starts. Lower rates near its resonance can still fail (`starts_in_step`)."""
 
     def starts(rate_hz: float) -> bool:
         return starts_in_step(motor, stage, rate_hz, Screw(inertia_kgm2=load_inertia_kgm2), load_torque_nm, dt_s=dt_s)
@@ -159,8 +161,8 @@ def starts_in_step(
 ) -> bool:
     """True if the motor, at rest with the stage on, starts at rate_hz and makes that many full steps, losing none.
 
-    rate_hz: as in `pull_in_rate`. screw: what is on the shaft; its nut does not take part. Raises ValueError for a rate
-    that is not above 0.
+    rate_hz: as in `pull_in_rate`. screw: on the shaft, without its nut. Raises ValueError for a rate that is not above
+    0.
     """
     if not 0.0 < rate_hz < math.inf:
         raise ValueError(f"rate_hz must be above 0, not {rate_hz!r}")
@@ -180,7 +182,7 @@ def resonance_hz(motor: Motor, stage: Stage, load_inertia_kgm2: float = 0.0) -> 
 
 
 def pull_out_envelope(motor: Motor, stage: Stage, speed_rpm: float) -> float:
-    """Upper bound of the pull-out torque in Nm (first closed form of the module), 0 or more."""
+    """Upper bound of the pull-out torque in Nm (first closed form), 0 or more."""
     omega = speed_rpm * 2.0 * math.pi / 60.0
     electrical = motor.pole_pairs * omega
     resistance = motor.resistance_ohm + stage.extra_resistance_ohm
@@ -193,7 +195,7 @@ def pull_out_envelope(motor: Motor, stage: Stage, speed_rpm: float) -> float:
 
 
 def pull_out_prediction(motor: Motor, stage: Stage, speed_rpm: float) -> float:
-    """Pull-out torque in Nm as the second closed form of the module predicts it, 0 or more."""
+    """Predicted pull-out torque in Nm (second closed form), 0 or more."""
     omega = speed_rpm * 2.0 * math.pi / 60.0
     electrical = motor.pole_pairs * omega
     impedance = complex(motor.resistance_ohm + stage.extra_resistance_ohm, electrical * motor.inductance_h)

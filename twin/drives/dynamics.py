@@ -1,19 +1,19 @@
 """One stepper drive, one sub-step: from the commanded electrical angle to the force on the nut.
 
-The goal of this code is to advance power stage, two phase currents, rotor, screw and nut spring by one sub-step dt,
-fast enough for 10^7 axis sub-steps a second, with true sticking and without ever gaining energy by itself.
+This code advances power stage, two phase currents, rotor, screw and nut spring by one sub-step dt, at 10^7 axis
+sub-steps a second, with true sticking friction and no numerical gain of energy.
 
     e_A = -Km w sin(Nr th)        e_B = Km w cos(Nr th)                              back-EMF
     v   = clip((i_ref - E i)/A + e, -V, V),   i' = E i + A (v - e)                   E = exp(-R dt/L), A = (1 - E)/R
     T   = -Km i_A sin(Nr th) + Km i_B cos(Nr th) - Td sin(4 Nr th) - T_fe(w)         i_A, i_B: mean of i and i'
-    T_fe = (Km^2/Rm) w / (1 + (w/w_k)^2)                                             iron loss, see motor.py
+    T_fe = (Km^2/Rm) w / (1 + (w/w_k)^2)                                             iron loss (motor.py)
 
-(MathWorks Simscape "Stepper Motor"; the stage is a current source that the supply limits, without chopper ripple.) What
-the torque does with rotor, screw and nut is in shaft.py: the other half of the sub-step, for any motor.
+(MathWorks Simscape "Stepper Motor"; the stage is a current source that the supply limits, without chopper ripple.) The
+other half of the sub-step, rotor, screw and nut, is in shaft.py for every kind of motor.
 
 i_ref is the wave of the stage at the commanded angle, turned and shifted by its errors (stage.py). Electronic damping
-turns the current vector further by the swing of the load angle about its low pass, as a digital microstep drive does
-that watches its motor (drives/9):
+turns the current vector further by the swing of the load angle about its low pass, as a digital microstep drive with
+damping does (drives/9):
 
     lambda = phi_cmd - Nr th     d lambda_f/dt = 2 pi f_c (lambda - lambda_f)     phi = phi_cmd + g (lambda - lambda_f)
 
@@ -49,12 +49,12 @@ OPEN = 0  # `phases`: both phases open, the motor is limp
 PHASE_A = 1  # `phases`: phase A alone is connected (a broken wire in B)
 PHASE_B = 2  # `phases`: phase B alone is connected (a broken wire in A)
 BOTH = 3  # `phases`: the stage drives both phases
-SMOOTHING = 5.0  # corner of the smoothed command over that of the damping, which would else amplify single pulses
-SETTLED_RAD = 1e-12  # swing of the (electrical) load angle that damping takes for none, so that a drive comes to rest
+SMOOTHING = 5.0  # corner of the smoothed command over that of the damping, so that it does not amplify single pulses
+SETTLED_RAD = 1e-12  # electrical load-angle swing below which damping does nothing, so that a drive comes to rest
 
 
 def axis_parameters(motor: Motor, stage: Stage, screw: Screw, dt_s: float) -> NDArray[np.void]:
-    """Constants of a drive for sub-steps of dt_s: one record, shape [1]; axes are put together by concatenation.
+    """Constants of a drive for sub-steps of dt_s: one record, shape [1]; concatenate for several axes.
 
     Raises ValueError if the sub-step is too long for the nut spring on this shaft.
     """
@@ -113,8 +113,8 @@ def _shape(p, s, phi):
 
 @njit(error_model="numpy")
 def _phase(p, current_a, wanted_a, emf_v):
-    """Phase current after a sub-step: what is wanted, or as far as the supply gets it. Drops in the switches reduce the
-    voltage that drives a current, not the one it flows back against (drives/1)."""
+    """Phase current after a sub-step: the wanted one, as far as the supply can drive it. Drops in the switches reduce
+    the voltage that drives a current, not the one against which it flows back (drives/1)."""
     voltage_v = (wanted_a - p.decay * current_a) * p.gain_v_per_a + emf_v
     highest_v = p.drive_v if current_a >= 0.0 else p.return_v
     if voltage_v > highest_v:
@@ -134,12 +134,11 @@ def step_axis(p, s, command, phases, current_fraction, nut_position_m, nut_veloc
     phases            BOTH with the stage on, OPEN with it off, PHASE_A or PHASE_B with a wire broken. An open phase
                       carries no current from this sub-step on (in truth it fades within 0.3 ms, decision drives/5)
     current_fraction  phase current over nominal, for the lowered current at rest
-    nut_position_m    where the carriage stands in the middle of the sub-step; 0: amid its backlash at theta 0
+    nut_position_m    where the carriage stands in the middle of the sub-step; 0: middle of the backlash at theta 0
     nut_velocity_m_s  its velocity
     load_torque_nm    torque from outside against positive rotation
 
-    Finite arguments give finite results. With phases OPEN it never adds energy: detent and nut spring store it,
-    friction and iron take it.
+    Finite arguments give finite results. With phases OPEN it never adds energy.
     """
     torque, drag, steady = stepper_torque(p, s, command, phases, current_fraction, load_torque_nm)
     return turn(p, s, torque, drag, nut_position_m, nut_velocity_m_s, steady)
@@ -206,13 +205,13 @@ _FILES = (__file__, shaft.__file__, trigonometry.__file__)
 
 
 def drop_stale_code(function: Any, *files: str) -> None:
-    """Delete the code that numba has cached of a function if other files compiled into it have changed: numba looks at
-    the function's own file alone, so a digest of the others is kept beside the code.
+    """Delete numba's cached code of a function if other files compiled into it have changed. numba checks only the
+    function's own file, so a digest of the others is kept beside the code.
 
-    files: the others; if none is named, those of `step_axis`. Call it right after the function is defined.
+    files: the others, by default those of `step_axis`. Call it right after the function is defined.
     """
     cache = function._cache
-    if cache.cache_path is None:  # nothing is kept
+    if cache.cache_path is None:  # no cache
         return
     folder = Path(cache.cache_path)
     stamp = folder / f"{function.__module__}.drives"

@@ -6,7 +6,7 @@ Phase currents are sine and cosine, so their losses add up to R I^2 whatever the
 limit opens the over-temperature contact, and closes it again when it has cooled by HYSTERESIS_K.
 
 Currents are sampled once a second of virtual time from power-on: often enough for a time constant of minutes, and
-independent of how time is cut into calls. Stages that cannot reach their limit at full current are left out.
+independent of the calls of `advance`. Stages that cannot reach their limit at full current are left out.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ HYSTERESIS_K = 10.0
 
 
 def steady_c(stage: AnyStage, current_fraction: float) -> float:
-    """Temperature that a stage tends to at a fraction of its nominal current (0: off)."""
+    """Final temperature of a stage at a fraction of its nominal current (0: off)."""
     if current_fraction == 0.0:
         return stage.ambient_c
     return stage.ambient_c + stage.thermal_resistance_k_per_w * stage.loss_w(current_fraction)
@@ -45,7 +45,7 @@ class StageHeat:
         self.next_ns: int | None = GRID_NS if matters else None  # next `advance`; None: they cannot overheat
 
     def warm(self, number: int, extra_k: float, t_ns: int) -> None:
-        """From t_ns on a stage is this much warmer than its losses make it: a blocked fan, a loose heat sink."""
+        """From t_ns on a stage is this much warmer than by its losses: a blocked fan, a loose heat sink."""
         if number >= len(self._stages):
             return
         self.extra_k[number] = extra_k
@@ -54,7 +54,7 @@ class StageHeat:
         self._judge()
 
     def advance(self, current_fractions: Sequence[float]) -> None:
-        """One interval of the grid passes with these currents, a fraction of nominal (0: off) for each stage."""
+        """Advance by one interval of the grid; currents as a fraction of nominal (0: off) for each stage."""
         if self.next_ns is None:
             return
         self.next_ns += GRID_NS

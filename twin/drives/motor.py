@@ -1,12 +1,12 @@
-"""Two-phase hybrid stepper motors as data: what a data sheet says, and what follows when it is silent.
+"""Two-phase hybrid stepper motors as data: data-sheet values, and rules for values that sheets leave out.
 
 A data sheet gives phase resistance and inductance, rated current, holding torque and rotor inertia. The torque constant
 follows from the holding torque, which is measured with both phases at rated current:
 
     Km = T_hold / (sqrt(2) I)
 
-Sheets do not say whether that current is the peak of the microstep wave or its RMS value. Km is the same; the drive may
-be set to I, or to sqrt(2) I, and the torque in microstep differs by as much. It is taken for the peak unless named RMS
+Sheets do not say whether that current is the peak of the microstep wave or its RMS value. Km is the same, but the drive
+may then be set to I or to sqrt(2) I, with as much difference in torque. It is taken as the peak unless called RMS
 (drives/10).
 
 The magnets of a turning rotor drive eddy currents through the iron of the teeth, with phases open or on. Their path has
@@ -21,8 +21,8 @@ a resistance and an inductance, like a short-circuited winding, so the drag has 
          +------------|------------- w
                      w_k
 
-Three quantities are rarely printed. These rules do not change when the same motor is wound anew (z times the turns: R,
-L and Rm grow with z^2, Km with z), so they describe the iron and not the wire:
+Three quantities are rarely printed. The rules for them do not depend on the winding (z times the turns: R, L and Rm
+grow with z^2, Km with z), so they describe the iron and not the wire:
 
     iron loss   Rm = 1650 s^(-2/3) L^(2/3) R^(1/3)   31 ohm at 3.2 mH, 0.65 ohm
     its knee    w_k = 3600 rad/s / Nr                at 1.8 degrees 72 rad/s, 690 rev/min
@@ -45,15 +45,15 @@ from types import MappingProxyType
 from isel_twin.base.parameters import check, number
 
 log = logging.getLogger("isel_twin")
-IRON_LOSS = 1650.0  # iron-loss resistance over L^(2/3) R^(1/3), s^(-2/3) (chosen on two curves; see decision drives/2)
+IRON_LOSS = 1650.0  # iron-loss resistance over L^(2/3) R^(1/3), s^(-2/3) (fitted to two curves; decision drives/2)
 IRON_KNEE_RAD_S = 3600.0  # electrical angular frequency of the knee of the iron drag, rad/s (decision drives/2)
-RUNNING_SHARE = (0.8, 1.15)  # torque at low speed over Km times the peak current: detent, friction, ripple take some
-DETENT_PER_MOTOR_CONSTANT = 0.12  # detent torque over Km / sqrt(R), sqrt(W) (estimate; see decision drives/3)
+RUNNING_SHARE = (0.8, 1.15)  # plausible torque at low speed over Km times the peak current
+DETENT_PER_MOTOR_CONSTANT = 0.12  # detent torque over Km / sqrt(R), sqrt(W) (estimate, decision drives/3)
 
 
 @dataclass(frozen=True)
 class Motor:
-    """The first four fields suffice; what is left out follows from rules. Raises ValueError for an impossible value."""
+    """The first four fields suffice; others have rules as defaults. Raises ValueError for an impossible value."""
 
     resistance_ohm: float = number("ohm", 1e-3, 1e3, key="resistance_ohm")  # of a phase
     inductance_h: float = number("H", 1e-6, 10.0, key="inductance_h")  # of a phase
@@ -108,12 +108,12 @@ def from_datasheet(
     rated_current_rms_a: float = math.nan,
     running_torque_nm: float = math.nan,
 ) -> Motor:
-    """The motor whose data sheet gives these figures; the holding torque with both phases at the current it prints.
+    """A motor from data-sheet figures; the holding torque is with both phases at the printed current.
 
     rated_current_a      the printed current, taken for the peak of the microstep wave, or else
     rated_current_rms_a  taken for its RMS value: the peak, `Motor.rated_current_a`, is 41 % more, and so is the torque
     running_torque_nm    where the sheet's torque curve in microstep begins, if it has one; about Km times the peak. The
-                         log tells if it does not fit, and whether it fits the other meaning of the current
+    log warns if it does not fit, and tells whether it fits the other meaning of the current
 
     Raises ValueError for no current or for both, and for what `Motor` refuses.
     """
@@ -144,7 +144,7 @@ def from_datasheet(
     return motor
 
 
-# motors by type name. isel has published no motor data: stand-ins are NEMA 23, 0.6 .. 1.2 ohm as isel says of its.
+# motors by type name; stand-ins for isel's unpublished ones: NEMA 23 with isel's stated 0.6 .. 1.2 ohm
 MOTORS: Mapping[str, Motor] = MappingProxyType(
     {
         # StepperOnline data sheet; detent torque estimated.
@@ -157,7 +157,7 @@ MOTORS: Mapping[str, Motor] = MappingProxyType(
         "cnc3d-NEMA23": from_datasheet(2.45, 3.0, 1.2, 4.0e-3, 600e-7, detent_torque_nm=0.09),
         # LDO, 0.9 degrees; figures of the public stepper-calculator collection.
         "57STH56-2804MAC": from_datasheet(1.2, 2.8, 1.1, 3.4e-3, 305e-7, pole_pairs=100),
-        # StepperOnline data sheets; with the first of this table, the motors whose makers' curves were compared.
+        # StepperOnline data sheets; makers' curves were compared for these and the first of this table.
         "17HS19-2004S": from_datasheet(0.52, 2.0, 1.4, 3.0e-3, 82e-7),
         "14HS17-0504S": from_datasheet(0.23, 0.5, 15.0, 26e-3, 18e-7),
     }

@@ -1,7 +1,6 @@
 """The torque curve of a motor as a table, as bars in a terminal and as a picture.
 
-The goal of this code is to show what a motor and a stage can do, with the closed forms beside what the bench found, and
-where it was compared with a measurement:
+The table shows the bench's result beside the closed forms, and marks where it was compared with a measurement:
 
        rpm   pull-out  predicted      bound    0 ... Nm
        300 *    1.651      1.660      1.662    ##########################|
@@ -23,7 +22,7 @@ from isel_twin.drives.stage import Stage
 
 SPEEDS_RPM = (30, 60, 90, *range(150, 1001, 50))  # speeds of the table
 
-# supplies in V and speeds in rev/min between which, and conditions under which a maker's curve was compared
+# conditions under which a maker's curve was compared: ranges of supply in V and of speed in rev/min
 COMPARED = {
     "23HS32-4004S": ((36.0, 48.0), (90.0, 600.0), "36 and 48 V, 4.2 A peak, microstep, digital drive"),
     "17HS19-2004S": ((24.0, 24.0), (25.0, 1500.0), "24 V, 2 A peak, microstep, digital drive"),
@@ -61,8 +60,8 @@ def show_motor(
     *,
     json: bool = False,
 ) -> None:
-    """Print what motor `name` does on a stage (None: `default_stage`), as a table or as one JSON object; draw it into
-    `picture`. Raises ValueError for an unknown motor, or if a picture is asked for and matplotlib is missing.
+    """Print the torque curve of motor `name` on a stage (None: `default_stage`), as a table or as one JSON object, and
+    draw it into `picture`. Raises ValueError for an unknown motor, or for a picture without matplotlib.
     """
     if name not in motors:
         raise ValueError(f"unknown motor {name!r}; there are: {', '.join(motors)}")

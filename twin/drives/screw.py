@@ -1,4 +1,4 @@
-"""The shaft behind the motor as data: screw, bearings, coupling and nut.
+"""The screw as data, with bearings, coupling and nut.
 
 A nut of lead p moves r = p (1 + lead error) / 2 pi metres a radian and hangs on the screw by a spring and damper with a
 dead zone, the backlash. Losses in the nut are friction in proportion to its force:
@@ -9,13 +9,13 @@ A steel screw adds to the rotor's inertia that of a plain rod of its nominal dia
 
     J = fill * pi/32 rho d^4 l + coupling
 
-It gives along its free length, from the nut to the fixed bearing at the motor's end, like a rod of that diameter less
-the thread; bearing and nut give the rest. Together they have the stated stiffness in the middle of the travel:
+Its free length, from the nut to the fixed bearing at the motor's end, stretches like a rod of that diameter less the
+thread; bearing and nut are compliant, too. Together they have the stated stiffness in the middle of the travel:
 
     1/k(x) = 1/k_bearing+nut + (x + l_0)/(E A)         x: place of the nut, l_0: free length where x = 0
     E A = E sqrt(fill) pi/4 d^2                        (fill goes with d^4, the section with d^2)
 
-A thread wobbles once a turn, nut at r th + a sin(x / r), and grows in proportion to its warming.
+The lead has an error that repeats every turn, nut at r th + a sin(x / r), and grows in proportion to its warming.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ STEEL_GROWTH_PER_K = 11.5e-6  # thermal expansion
 
 @dataclass(frozen=True)
 class Screw:
-    """What turns with the rotor, and the nut on it. `Screw()` is a bare motor shaft. Raises ValueError for a value that
-    no screw can have."""
+    """Everything that turns with the rotor, and the nut. `Screw()` is a bare motor shaft. Raises ValueError for an
+    impossible value."""
 
     # everything that turns with the rotor: screw, coupling, a load at a test bench
     inertia_kgm2: float = number("kg m2", 0.0, 1.0, default=0.0)
@@ -46,7 +46,7 @@ class Screw:
     lead_mm: float = number("mm", 0.5, 100.0, key="lead", default=5.0)
     # relative error of the lead: +0.00046 is a carriage that goes 0.46 mm too far in 1 m
     lead_error: float = number("%", -1.0, 1.0, key="lead_error", scale=1e-2, default=0.0)
-    # how much warmer the screw is than when its lead was measured; the frame with its switches keeps its length
+    # screw temperature above that at which its lead was measured; the frame with its switches keeps its length
     warming_k: float = number("K", -50.0, 100.0, key="screw_warming", optional=True, default=0.0)
     # amplitude of the error of the lead that repeats every revolution
     cyclic_error_m: float = number("um", 0.0, 200.0, key="cyclic_error", scale=1e-6, optional=True, default=0.0)
@@ -55,12 +55,12 @@ class Screw:
     # the same when the nut drives, 0 or less: self-locking; nan becomes 2 - 1 / efficiency (same loss both ways)
     backdrive_efficiency: float = number("1", -100.0, 1.0, default=math.nan)
     backlash_mm: float = number("mm", 0.0, 1.0, key="backlash", default=0.0)
-    # Axial stiffness between screw and nut: screw, fixed bearing and nut in series; 0: no nut. Where the screw gives
-    # along its length (`rod_n`), that in the middle of the travel.
+    # Axial stiffness between screw and nut: screw, fixed bearing and nut in series; 0: no nut. With a finite `rod_n` it
+    # is the one in the middle of the travel.
     stiffness_n_per_m: float = number("N/um", 1.0, 200.0, key="stiffness", scale=1e6, default=0.0)
     rod_n: float = number("N", 1e5, math.inf, default=math.inf)  # E A; inf: the stiffness is the same everywhere
     free_length_m: float = number("m", 0.0, 10.0, default=0.0)  # l_0: from the fixed bearing to the nut where x = 0
-    middle_m: float = number("m", 0.0, 10.0, default=0.0)  # where the stiffness is the stated one
+    middle_m: float = number("m", 0.0, 10.0, default=0.0)  # position where the stiffness is the stated one
     damping_n_s_per_m: float = number("N s/m", 0.0, 20_000.0, key="damping", default=0.0)  # axial
 
     def __post_init__(self) -> None:
@@ -81,7 +81,7 @@ class Screw:
 
     @property
     def bearing_m_per_n(self) -> float:
-        """Compliance of fixed bearing and nut, what is left of the stated one without the screw's own."""
+        """Compliance of fixed bearing and nut: the stated one without the screw's own."""
         return 1.0 / self.stiffness_n_per_m - (self.free_length_m + self.middle_m) / self.rod_n
 
     def stiffness_at(self, position_m: float) -> float:
@@ -92,7 +92,7 @@ class Screw:
 
 @dataclass(frozen=True)
 class Rod:
-    """A threaded steel rod and its coupling, as files describe a screw. Raises ValueError."""
+    """A threaded steel rod and its coupling, as files describe a screw. Raises ValueError for impossible values."""
 
     diameter_mm: float = number("mm", 4.0, 100.0, key="screw_diameter")
     length_mm: float = number("mm", 10.0, 10_000.0, key="screw_length")

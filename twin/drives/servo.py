@@ -1,9 +1,9 @@
 """One servo drive, one sub-step: from the command in increments to the force on the nut.
 
-Goal: with the mechanics of the stepper (shaft.py) and at its cost, a drive that closes its own loops:
+The mechanics are the stepper's (shaft.py); the drive closes its own loops:
 
     e     = command - shift - floor(th increments_per_rev / 2 pi)            following error, in every sub-step
-    w_ref = (Kv e + Kff d command/dt) 2 pi / increments_per_rev             every loop period, as all up to here
+    w_ref = (Kv e + Kff d command/dt) 2 pi / increments_per_rev             every loop period, as e
     i_ref = clip(Kp (w_ref - w + z), -I, I)       z' = z + (T_s / Ti) (w_ref - w), held while clipped
     v     = clip((i_ref - E i) / A + K w, -U, U)   i' = E i + A (v - K w)   E = exp(-R dt/L), A = (1 - E)/R
     T     = K (i + i')/2
@@ -12,14 +12,14 @@ Goal: with the mechanics of the stepper (shaft.py) and at its cost, a drive that
         command --(-)--> e --Kv--> w_ref --(-)--> PI --i_ref--> [current in one sub-step, |v| <= U] --K--> shaft
                    '--------- encoder -----'----- w -----'
 
-The command is its time mean over the sub-step, led from set point to set point by the plant: the fine interpolation of
-a drive that gets a set point every few milliseconds. Kp = J w_v / K and Ti = ratio / w_v, J: all that turns. The speed
-is the shaft's, as of an observer: differences of encoder counts would be coarse at this rate.
+The command is its time mean over the sub-step; the plant interpolates it between set points, as a drive does that gets
+one every few milliseconds. Kp = J w_v / K and Ti = ratio / w_v, J: all that turns. The speed is the shaft's, as from an
+observer: differences of encoder counts would be coarse at this rate.
 
-When switched on, a drive takes the place where it stands for the one it is told (`shift`, plant/15). |e| beyond the
+When switched on, a drive stays where it is and stores the difference to its command (`shift`, plant/15). |e| beyond the
 limit is a fault: no current from that sub-step on, until it is cleared (`forget`) and the drive is on again. A motor
-with a broken cable has no current, though its drive does not know. At rest with e = 0 nothing changes and time may be
-skipped; `cool` then lets the I2t go on.
+with a broken cable has no current, but the drive does not notice. At rest with e = 0 nothing changes and time may be
+skipped; `cool` then advances the I2t.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def servo_parameters(motor: ServoMotor, drive: ServoDrive, screw: Screw, dt_s: f
 
 @njit(error_model="numpy")
 def _off(s):
-    """Open the loops; what is latched stays."""
+    """Open the loops; latched faults stay."""
     s.on = 0
     s.wanted_a = 0.0
     s.integral_rad_s = 0.0
@@ -98,7 +98,7 @@ def fail(s, cause):
 
 @njit(error_model="numpy")
 def step_servo(p, s, command, phases, current_fraction, nut_position_m, nut_velocity_m_s, load_torque_nm):
-    """As `step_axis`, for a servo drive: command in increments, phases OPEN or not; current_fraction means nothing.
+    """As `step_axis`, for a servo drive: command in increments, phases OPEN or not; current_fraction is not used.
 
     Finite arguments give finite results. With phases OPEN, or a fault, it never adds energy.
     """
@@ -173,7 +173,7 @@ def servo_torque(p, s, command, phases):
 
 @njit(error_model="numpy")
 def cool(p, s, substeps):
-    """I2t after sub-steps in which nothing else has changed: the exact solution; s is left alone."""
+    """I2t after sub-steps in which nothing else has changed (exact solution); s is unchanged."""
     ratio = s.current_a_a / p.rated_a
     left = math.exp(substeps * math.log1p(-p.heat_share))
     return ratio * ratio + left * (s.heat - ratio * ratio)
@@ -181,5 +181,5 @@ def cool(p, s, substeps):
 
 @njit(error_model="numpy")
 def forget(s):
-    """Clear the fault (plant/16); a drive that is told to be on is on from the next sub-step."""
+    """Clear the fault; if its stage is on, the drive works again from the next sub-step (plant/16)."""
     s.fault = 0

@@ -1,4 +1,4 @@
-"""Servo motors and their drives as data: what the plates say, and what a drive is set to.
+"""Servo motors and their drives as data: name-plate values and drive settings.
 
 A brushless motor with its commutation equals a direct-current motor: one winding, one current, and one constant for
 torque and back-EMF (the same number in N m/A and V s/rad; plates may give it per phase or as RMS value).
@@ -36,13 +36,13 @@ class ServoMotor:
         check(self)
 
     def torque_nm(self, drive: ServoDrive, speed_rad_s: float, current_a: float) -> float:
-        """Torque at a speed with at most this current, as far as voltage less back-EMF drives it."""
+        """Torque at a speed with at most this current, limited by the voltage left above the back-EMF."""
         voltage_v = drive.drive_v - self.torque_constant_nm_per_a * speed_rad_s
         by_voltage_a = voltage_v / (self.resistance_ohm + drive.extra_resistance_ohm)
         return self.torque_constant_nm_per_a * max(0.0, min(current_a, by_voltage_a))
 
     def corner_rad_s(self, drive: ServoDrive, current_a: float) -> float:
-        """Speed up to which the voltage drives this current; 0 if it never does."""
+        """Highest speed at which the voltage drives this current; 0 if there is none."""
         left_v = drive.drive_v - (self.resistance_ohm + drive.extra_resistance_ohm) * current_a
         return max(0.0, left_v / self.torque_constant_nm_per_a)
 
@@ -55,7 +55,7 @@ class ServoDrive:
     peak_current_a: float = number("A", 1e-3, 1e3, key="peak_current")
     # of the encoder, all edges counted: the unit of the commands
     increments_per_rev: int = number("1", 50, 10_000_000, key="increments_per_rev", whole=True)
-    # kv: speed wanted over following error. Without feed-forward an axis at speed v lags by v / Kv.
+    # kv: wanted speed over following error; without feed-forward an axis at speed v lags by v / Kv
     position_gain_per_s: float = number("1/s", 0.1, 1000.0, key="position_gain")
     # part of the command's speed that is added to it; 1: no lag at constant speed
     feed_forward: float = number("1", 0.0, 1.5, key="feed_forward")
@@ -67,9 +67,9 @@ class ServoDrive:
     loop_period_s: float = number("us", 1.0, 10_000.0, key="loop_period", scale=1e-6)
     # following error beyond which the drive switches itself off
     lag_limit: float = number("increments", 1.0, 1e9, key="following_error_limit")
-    # following error up to which the axis counts as where it should be ..
+    # following error up to which the axis counts as in position ...
     window: float = number("increments", 0.0, 1e6, key="in_position_window")
-    # ... when it has been so for this long.
+    # ... after it has been within for this long
     window_time_s: float = number("ms", 0.0, 10_000.0, key="in_position_time", scale=1e-3)
     i2t_time_constant_s: float = number("s", 0.01, 1e5, key="i2t_time_constant")
     # switches and cable, in series with the winding

@@ -1,7 +1,7 @@
 """The torque-speed curve of a servo motor on its drive, as a table, as bars in a terminal and as a picture.
 
-Two closed forms bound it: what the peak current gives for moments and the rated one for ever; both fall to nothing at
-U / K, where the back-EMF leaves no voltage:
+Two closed forms: the torque at the peak current, for moments, and at the rated current, for ever. Both reach 0 at U /
+K, where the back-EMF leaves no voltage:
 
        rpm    peak Nm   rated Nm    0 ... Nm
          0      1.200      0.400    #############---------------------------
@@ -20,7 +20,7 @@ from isel_twin.base.pictures import Curve, draw_curves
 from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
 
 BAR = 40  # characters of the longest bar
-LINES = 13  # speeds in the table, from 0 to where there is no torque left
+LINES = 13  # speeds in the table, from 0 to that of no torque
 _RPM = 30.0 / math.pi
 
 
@@ -32,7 +32,7 @@ class ServoPoint:
 
 
 def servo_table(motor: ServoMotor, drive: ServoDrive, speeds_rpm: Sequence[float] = ()) -> list[ServoPoint]:
-    """Torques at some speeds; (): evenly from 0 to the highest there is."""
+    """Torques at some speeds; (): evenly from 0 to the highest possible."""
     highest_rpm = motor.corner_rad_s(drive, 0.0) * _RPM
     speeds = speeds_rpm or [highest_rpm * k / (LINES - 1) for k in range(LINES)]
     return [
@@ -48,9 +48,8 @@ def servo_table(motor: ServoMotor, drive: ServoDrive, speeds_rpm: Sequence[float
 def show_servo(
     name: str, motor: ServoMotor, drive: ServoDrive, lead_mm: float, picture: Path | None = None, *, json: bool = False
 ) -> None:
-    """Print what the motor of an axis does on its drive, as a table or as one JSON object; draw it into `picture`.
-
-    lead_mm: of its screw. Raises ValueError if a picture is asked for and matplotlib is missing.
+    """Print the torque curve of an axis, as a table or as one JSON object, and draw it into `picture`. lead_mm: of its
+    screw. Raises ValueError for a picture without matplotlib.
     """
     table = servo_table(motor, drive)
     if json:

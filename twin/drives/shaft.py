@@ -1,7 +1,7 @@
 """Rotor, screw and nut of an axis in one sub-step, whatever motor turns them; and the records of an axis drive.
 
-Goal: stepper and servo drives differ only in how a command becomes a torque. What the torque does with rotor, friction,
-screw, backlash and nut stands here once, compiled into both (dynamics.py, servo.py):
+Stepper and servo drives differ only in how a command becomes a torque. The effect of the torque on rotor, friction,
+screw, backlash and nut is here, compiled into both (dynamics.py, servo.py):
 
     F = k dead_zone(r th - x, backlash) + c (r w - v_nut)          force on the nut
     J dw/dt = T - B w - F r - T_load - friction
@@ -29,7 +29,7 @@ from isel_twin.drives.screw import Screw
 
 STEPPER = 0  # `kind`: open loop, two phases (dynamics.py)
 SERVO = 1  # `kind`: closed loop (servo.py)
-REST_RAD_S = 1e-9  # shaft speed up to which a drive counts as standing (friction brings it to exactly 0)
+REST_RAD_S = 1e-9  # shaft speed below which a drive counts as at rest (friction brings it to exactly 0)
 
 # constants of one axis drive; built by `axis_parameters` and `servo_parameters`
 AXIS_PARAMETERS = np.dtype(
@@ -93,28 +93,28 @@ AXIS_STATE = np.dtype(
         ("omega_rad_s", "f8"),  # rotor speed
         ("current_a_a", "f8"),  # phase A current
         ("current_b_a", "f8"),  # phase B current
-        ("command", "f8"),  # mean command the shape below belongs to, microsteps
+        ("command", "f8"),  # mean command that belongs to the shape below, microsteps
         ("shape_a", "f8"),  # wanted current of phase A over current_a
         ("shape_b", "f8"),
         ("smooth_rad", "f8"),  # commanded angle as the electronic damping sees it, without its steps
         ("lag_rad", "f8"),  # low pass of the load angle to that
         ("torque_nm", "f8"),  # torque of the currents in the last sub-step (for traces)
         ("force_n", "f8"),  # force on the nut in the last sub-step
-        ("at_rest", "i8"),  # 1: the last sub-step changed nothing; see at_rest()
+        ("at_rest", "i8"),  # 1: the last sub-step changed nothing (`at_rest`)
         # of servo drives; the current of the motor is current_a_a
         ("on", "i8"),  # 1: the loops are closed
         ("fault", "i8"),  # 0, LAG_FAULT, VOLTAGE_FAULT: latched, the motor is without current
-        ("cause", "i8"),  # the last fault there was, forgotten or not
-        ("faults", "i8"),  # how often it has had one
+        ("cause", "i8"),  # the last fault, cleared or not
+        ("faults", "i8"),  # number of faults so far
         ("due", "i8"),  # sub-steps to the next sample of the loops
-        ("shift", "f8"),  # command less encoder as the drive was switched on: it stays where it stands
+        ("shift", "f8"),  # command less encoder when the drive was switched on
         ("error", "f8"),  # following error at the start of the last sub-step, increments
         ("wanted_a", "f8"),
         ("integral_rad_s", "f8"),
         ("sampled", "f8"),  # command at the last sample
         ("voltage_v", "f8"),  # at the motor in the last sub-step
         ("heat", "f8"),  # I2t: low pass of (i / rated)^2
-        ("overloaded", "i8"),  # 1: I2t has gone beyond 1 and is not back: no more than the rated current flows
+        ("overloaded", "i8"),  # 1: I2t has passed 1 and is not back below I2T_BACK: at most the rated current flows
         ("arrived", "i8"),  # sub-steps within the window
     ],
     align=True,
@@ -152,16 +152,16 @@ def shaft_parameters(screw: Screw, rotor_inertia_kgm2: float, dt_s: float) -> ND
 def axis_states(n: int) -> NDArray[np.void]:
     """n drives at rest at counter 0, without current: shape [n], dtype AXIS_STATE."""
     states = np.zeros(n, AXIS_STATE)
-    states["command"] = math.nan  # the first sub-step finds the shape
+    states["command"] = math.nan  # makes the first sub-step compute the shape
     return states
 
 
 @njit(error_model="numpy", forceinline=True)
 def turn(p, s, torque, drag, nut_position_m, nut_velocity_m_s, steady):
-    """Let a torque turn the shaft through one sub-step; return the force on the nut in N (its mean).
+    """Turn the shaft by a torque for one sub-step; return the mean force on the nut in N.
 
-    torque, drag: of motor and load without the nut, in N m, and what is linear in the speed, in N m s/rad. steady:
-    nothing else in the drive has changed in this sub-step. The others: see `step_axis`.
+    torque, drag: of motor and load without the nut, in N m, and its part linear in the speed, in N m s/rad. steady:
+    nothing else in the drive has changed in this sub-step. Other arguments: `step_axis`.
     """
     half_dt = 0.5 * p.dt_s
     omega = s.omega_rad_s
@@ -210,6 +210,6 @@ def turn(p, s, torque, drag, nut_position_m, nut_velocity_m_s, steady):
 
 @njit(error_model="numpy")
 def at_rest(s):
-    """True if the last sub-step changed neither angle nor currents. Others with the same arguments change nothing
-    either, to the bit if there is friction: time may be skipped until an argument changes."""
+    """True if the last sub-step changed neither angle nor currents. With the same arguments further ones change nothing
+    either (with friction, not a bit): time may be skipped until an argument changes."""
     return s.at_rest != 0

@@ -6,8 +6,8 @@ step the two waves are switched instead:
     half step, A:  1  1  0 -1 -1 -1  0  1        full step, A:  1 -1 -1  1       (B: a quarter period later)
 
 so the torque at standstill is Km I in microstep, alternately Km I and sqrt(2) Km I in half step, and sqrt(2) Km I in
-full step. The supply limits it: supply_factor * supply_v can drive a current, and one that is to fall flows back
-against supply_v.
+full step. The supply limits it: supply_factor * supply_v drives a rising current, and a falling one flows back against
+supply_v.
 
 Two errors that repeat every electrical period, four full steps, and do not add up (drives/11; a full step is pi/2):
 
@@ -26,7 +26,7 @@ from isel_twin.drives.servo_drive import ServoDrive
 
 @dataclass(frozen=True)
 class Stage:
-    """A two-phase power stage. Raises ValueError for a setting that no stage can have."""
+    """A two-phase power stage. Raises ValueError for an impossible setting."""
 
     supply_v: float = number("V", 5.0, 200.0, key="supply")
     current_a: float = number("A", 0.1, 20.0, key="current")  # peak phase current in motion
@@ -52,7 +52,7 @@ class Stage:
     thermal_limit_c: float = number("C", -50.0, 300.0, key="thermal_limit", optional=True, default=85.0)
     # electronic damping: advance of the current vector over the swing of the load angle; 0: none. Microstep only.
     damping_gain: float = number("1", 0.0, 5.0, key="damping_gain", optional=True, default=0.0)
-    # corner of the low pass that tells the mean load angle from its swing
+    # corner of the low pass that separates the mean load angle from its swing
     damping_corner_hz: float = number("Hz", 10.0, 2000.0, key="damping_corner", optional=True, default=300.0)
     # largest error of the angle at which motor and stage hold, over a full step
     step_error: float = number("%", 0.0, 50.0, key="step_accuracy", scale=1e-2, optional=True, default=0.0)
@@ -73,8 +73,8 @@ class Stage:
 
     @property
     def stepped(self) -> bool:
-        """True in full and half step, where the phases are switched and not shaped."""
+        """True in full and half step, where the phases are switched instead of following a sine."""
         return self.microsteps <= 2
 
 
-AnyStage: TypeAlias = Stage | ServoDrive  # both tell their supply, losses and heat alike
+AnyStage: TypeAlias = Stage | ServoDrive  # both have supply, losses and heat under the same names

@@ -1,4 +1,4 @@
-"""One supply for all stages (drives/12): its capacitor, what moves take from it, and what stops give back.
+"""One supply for all stages: its capacitor, what acceleration takes from it and braking returns (drives/12).
 
     mains --|>|--[R_s]--+----------+-------------+
        U0               |          |             |          C dU/dt = max(0, (U0 - U) / R_s) - P / U - chopper
@@ -9,17 +9,16 @@
 T w is the work of the currents on the rotors, exactly the energy that the rotors gain in a sub-step; R i^2 the loss in
 windings and stage. A braking motor makes P negative: the rectifier blocks, and what is not lost charges the capacitor.
 The chopper switches so fast that it is a clamp: above its voltage it takes the excess, at most U^2 / R_c. Below
-`undervoltage_v` the stages open their phases (what their inductances hold flows back) until U is above `release_v`
-again: motors hold nothing meanwhile, and steps are lost.
+`undervoltage_v` the stages open their phases (the energy of their inductances flows back) until U is above `release_v`
+again: meanwhile motors do not hold, and steps are lost.
 
 P is summed over a window of MuJoCo and U follows once a window, with P / U constant in it:
 
     charging, U < U0     U' = U_e + (U - U_e) exp(-h / R_s C)      U_e = U0 - R_s P / U
     blocked              U'^2 = U^2 - 2 h P / C
 
-so U is a window (0.5 ms) late. That is little as long as it hardly changes in one: a capacitor whose voltage the
-greatest power of the stages could change by more than LARGEST_CHANGE in a window is refused. The law runs in
-isel_twin.plant.feed.
+so U is a window (0.5 ms) late. For this to be small, a capacitor is refused if the greatest power of the stages could
+change its voltage by more than LARGEST_CHANGE in a window. The law runs in isel_twin.plant.feed.
 
 The stages see drive_v = supply_factor U and return_v = U. The factor stands for the stage's own drops, though its
 fitted value holds the sag of the makers' benches, too (decision drives/1); switching losses are in the quiescent loss.
@@ -39,15 +38,15 @@ LARGEST_CHANGE = 0.05  # of the voltage in a window at the greatest power of all
 
 @dataclass(frozen=True)
 class Supply:
-    """The common supply of the stages. Raises ValueError for one that cannot work."""
+    """The common supply of the stages. Raises ValueError for impossible values."""
 
     enabled: bool = flag()  # off: every stage has a stiff supply of its own
     capacitance_f: float = number("uF", 100.0, 1e6, key="capacitance", scale=1e-6)
     source_ohm: float = number("ohm", 0.01, 100.0, key="source_resistance")  # transformer, rectifier and mains as one
     chopper_v: float = number("V", 5.0, 400.0, key="chopper_voltage")  # where the brake resistor begins to conduct
     chopper_ohm: float = number("ohm", 0.1, 1e6, key="chopper_resistance")
-    undervoltage_v: float = number("V", 0.0, 200.0, key="undervoltage")  # below it the stages drop
-    release_v: float = number("V", 0.0, 200.0, key="release")  # above it they come back
+    undervoltage_v: float = number("V", 0.0, 200.0, key="undervoltage")  # below it the stages switch off
+    release_v: float = number("V", 0.0, 200.0, key="release")  # above it they switch on again
 
     def __post_init__(self) -> None:
         check(self)

@@ -1,6 +1,6 @@
-"""Sine and cosine of one angle at once, to the last digit, at a third of the cost of one after the other.
+"""Sine and cosine of one angle at once, precise to the last digit, at a third of the cost of two calls.
 
-Goal: half of the cost of a drive's sub-step is sines. Reduced to the nearest quarter turn, two short polynomials do:
+Half of the cost of a drive's sub-step is sines. After reduction to the nearest quarter turn two short polynomials do:
 
     n = round(x 2/pi),  r = x - n pi/2,  |r| <= pi/4           pi/2 in two parts, n times the first of them is exact
 
@@ -18,7 +18,7 @@ import numpy as np
 
 from isel_twin.base.compiling import njit
 
-FAR_RAD = 1e6  # from here on the library is asked: 3000 turns of a rotor with 50 pole pairs
+FAR_RAD = 1e6  # from here on the library is used: 3000 turns of a rotor with 50 pole pairs
 _ROUND = 6755399441055744.0  # 1.5 2^52: added and taken away, it leaves the nearest whole number
 _HALF_PI_HIGH = 1.57079632673412561417  # the first 33 bits of pi/2
 _HALF_PI_LOW = 6.07710050650619224932e-11

@@ -1,11 +1,11 @@
-"""Torque to motion: the plants, and what every plant offers to the twin.
+"""Torque to motion: the plants, and the protocol that every plant offers to the twin.
 
 kinematic.py   the carriage follows its command exactly; thresholds still work
 mujoco.py      the MuJoCo plant (default)
 built.py       a machine put together for it: model.py (the MuJoCo model) and memory.py (arrays)
 altered.py     what events change in the model while it works
 kernel.py      the compiled loop: drives and MuJoCo together, up to the first threshold passed; in it
-               lead.py (commands led between set points), glide.py (MuJoCo's step between the stops), thread.py (uneven
+               lead.py (commands between set points), glide.py (MuJoCo's step between the stops), thread.py (uneven
                screws), feed.py (common supply), margin.py (distance from falling out of step), teeth.py (of cutting.py)
 samples.py     samples that the loop takes by itself
 picture.py     what it looks like
@@ -36,10 +36,10 @@ class Threshold:
     """A limit of one quantity of one axis; `Plant.advance` returns early where it is passed.
 
         position   a switch: passed while sense * (carriage - limit) > 0, in mm of machine coordinates
-        lag        following error: passed while |command as led by now - rotor| > limit, in microsteps of the command
-        fault      passed while the drive of the axis is faulty; limit, sense and hysteresis mean nothing
+        lag        following error: passed while |momentary command - rotor| > limit, in microsteps of the command
+        fault      passed while the drive of the axis is faulty; limit, sense and hysteresis are not used
 
-    It stays passed until the quantity is back by at least the hysteresis. Raises ValueError for what it cannot be.
+    It stays passed until the quantity is back by at least the hysteresis. Raises ValueError for impossible values.
     """
 
     axis: int  # 0 X, 1 Y ...; a carriage (X, Y, Z) if it is a position
@@ -73,20 +73,20 @@ class Plant(Protocol):
         command(t) = commanded - pending max(0, (end - t) / lead)          a tick at t: pending' = rest at t + change,
                                                                            end' = t + lead
 
-    so a tick that comes before the lead of the one before is over takes the rest of it along, and nothing jumps; a tick
-    without a change of the axis leaves its lead alone. A step in that time is made at once, and the lead goes on beside
-    it until it is over. When a motion is cut, the leads of the ticks that were made are finished all the same.
+    so a tick that comes during the lead of the one before takes over the rest of it, and nothing jumps; a tick without
+    a change of the axis does not touch its lead. A step during a lead is made at once, and the lead goes on. When a
+    motion is cut, the leads of the ticks that were made are still finished.
 
-    Axes beyond the carriages have no mechanics: what they are told, they do.
+    Axes beyond the carriages have no mechanics: they always are at their command.
 
-    Time: how a stretch of time is cut into calls never changes a bit of the result. A plant with drives runs on a fixed
-    grid of sub-steps counted from power-on; ticks after the last whole sub-step are kept, with their lead, for the next
-    call. One without them knows no grid.
+    Time: the result is the same to the bit however a stretch of time is cut into calls. A plant with drives runs on a
+    fixed grid of sub-steps counted from power-on; ticks after the last whole sub-step are kept, with their lead, for
+    the next call. One without drives has no grid.
     """
 
     physics: bool  # forces from outside and lost motor phases have an effect
     time_ns: int  # time reached: a multiple of the sub-step, if there are sub-steps
-    edge: bool  # the last `advance` has ended because a threshold was passed or left
+    edge: bool  # the last `advance` ended because a threshold was passed or left
 
     def advance(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any], lead_ns: int = 0) -> int:
         """Advance to until_ns or to the end of the first sub-step in which a threshold was passed or left (without
@@ -106,11 +106,11 @@ class Plant(Protocol):
     def set_trip_point(self, threshold: int, position_mm: float) -> None:
         """Move one threshold of a position (the repeatability of a switch, drawn by the wiring for each approach).
 
-        ValueError if it is not one. A carriage that the point has passed meets it when next something moves.
+        ValueError if it is not one. A carriage that is now beyond the point is noticed when something moves next.
         """
 
     def apply_force(self, axis: int, force_n: float, place: str = "") -> None:
-        """Push the machine from outside along one axis (0 X .. 2 Z), in N, until told otherwise: a hand (plant/11).
+        """Push the machine from outside along one axis (0 X .. 2 Z), in N, until the next call: a hand (plant/11).
 
         place: one of PLACES; "": the one that this axis moves. A positive force pushes tool or table the way that
         `position_mm` rises, and loads every joint between there and the ground. A new push replaces that of the axis,
@@ -132,8 +132,8 @@ class Plant(Protocol):
         """Add dry friction to the guides of one axis, in N, 0 or more."""
 
     def set_obstacle(self, axis: int, position_mm: float | None) -> None:
-        """Put something as firm as a hard stop in the way of a carriage: it cannot pass this position in machine
-        coordinates, seen from where it is now. None takes it away."""
+        """Put something as firm as a hard stop in the way of a carriage, at this position in machine coordinates, which
+        it cannot pass from where it is now. None takes it away."""
 
     def set_payload(self, place: str, mass_kg: float) -> None:
         """Add a load of 0 or more at the site of one of PLACES."""
@@ -155,21 +155,21 @@ class Plant(Protocol):
 
     @property
     def told(self) -> NDArray[np.int64]:
-        """int64 [axes], the same with the changes after the last whole sub-step, which no drive has been given yet."""
+        """int64 [axes], `commanded` plus the changes after the last whole sub-step, which no drive has got yet."""
 
     @property
     def command(self) -> NDArray[np.float64]:
-        """float64 [axes], the command as led by now, in microsteps; equal to `commanded` while nothing is led."""
+        """float64 [axes], the momentary command in microsteps; equal to `commanded` outside leads."""
 
     @property
     def rotor(self) -> NDArray[np.float64]:
-        """float64 [axes], measured rotor positions in microsteps; equal to `command` for unloaded motors that lost
-        nothing and stand, and for axes beyond the carriages."""
+        """float64 [axes], measured rotor positions in microsteps; equal to `command` for unloaded motors at rest that
+        lost nothing, and for axes beyond the carriages."""
 
     @property
     def lag(self) -> NDArray[np.float64]:
-        """float64 [axes], following error in microsteps: command - rotor. A servo drive takes the place in which it
-        was switched on for the one it is told; that difference is not in it."""
+        """float64 [axes], following error in microsteps: command - rotor, for a servo drive without the difference that
+        it had when it was switched on."""
 
     @property
     def powered(self) -> NDArray[np.bool_]:
@@ -206,7 +206,7 @@ class Plant(Protocol):
 
     @property
     def stages(self) -> tuple[AnyStage, ...]:
-        """Of the axes; none if the plant has no currents."""
+        """Stages of the axes; none if the plant has no currents."""
 
     @property
     def current_fraction(self) -> NDArray[np.float64]:
@@ -227,7 +227,7 @@ class Plant(Protocol):
         """float64 [axes], the same since the last call of this: 1 until the next window is over. `margin` stays."""
 
     def watch_margin(self) -> None:
-        """Begin anew with the least margins, from those of now."""
+        """Reset the least margins to those of now."""
 
     @property
     def slip_steps(self) -> NDArray[np.float64]:
@@ -235,19 +235,19 @@ class Plant(Protocol):
 
     @property
     def at_rest(self) -> bool:
-        """True when nothing moves or is led, and nothing will before the next tick or setting: time may be skipped."""
+        """True when nothing moves, nor will before the next tick or setting: time may be skipped."""
 
     def save(self) -> Mapping[str, Any]:
-        """The whole state as copies that can be pickled, without the samples that wait."""
+        """The whole state as copies that can be pickled, without unread samples."""
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Take over the state saved by a plant of the same machine, thresholds and axes, to the bit. Waiting samples
-        are dropped; how often they are taken stays."""
+        """Take over the state saved by a plant of the same machine, thresholds and axes, to the bit. Unread samples are
+        dropped; the sampling interval stays."""
 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """n samples of a plant, as its properties would have been at those times. Arrays are copies."""
+    """n samples of a plant: its properties at those times, as copies."""
 
     time_ns: NDArray[np.int64]  # int64 [n], rising
     position_mm: NDArray[np.float64]  # float64 [n, 3]
@@ -261,21 +261,20 @@ class Samples:
 
 @runtime_checkable
 class Sampled(Protocol):
-    """A plant that takes samples by itself while it advances, on a grid of time.
-
-    While nothing moves one sample is taken, at the first time of the grid: the others would be the same.
+    """A plant that takes samples while it advances, on a grid of time. While nothing moves it takes only the first one:
+    the others would be the same.
     """
 
     def fits(self, interval_ns: int) -> bool:
-        """True if the plant can take samples at this interval: its own grid has these times."""
+        """True if the plant can take samples at this interval, by its own grid."""
 
     def sample_every(self, interval_ns: int, from_ns: int = 0) -> None:
-        """Take samples from now on, on a grid that has from_ns; 0: no more, and those that wait are dropped. Between
-        sub-steps positions are those of `Plant.position_mm`, all else of the last whole one. ValueError if the interval
-        does not fit."""
+        """Take samples from now on, on a grid that has from_ns; 0: stop, and drop unread ones. Between sub-steps
+        positions are those of `Plant.position_mm`, all else is of the last whole one. ValueError if the interval does
+        not fit."""
 
     def sample_again(self) -> None:
-        """Take a sample at the next time of the grid even if nothing moves: something beside the plant has changed."""
+        """Take a sample at the next time of the grid even if nothing moves: something outside the plant has changed."""
 
     @property
     def samples_waiting(self) -> int:
@@ -284,4 +283,4 @@ class Sampled(Protocol):
     def take_samples(self) -> Samples: ...
 
 
-MOST_SAMPLES = 2048  # samples that a plant keeps until they are read
+MOST_SAMPLES = 2048  # unread samples that a plant keeps

@@ -1,4 +1,4 @@
-"""What events change in the MuJoCo model of a built machine: friction, obstacles, payload. The rest stays as built."""
+"""Changes that events make in the MuJoCo model of a built machine: friction, obstacles, payload."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Alterations:
         self._loss_n = model.dof_frictionloss.copy()
         self._stops_m = model.jnt_range.copy()
         self._mass_kg = model.body_mass.copy()
-        self._as_built: Arrays | None = None  # the model before it was first changed; None: it has not been
+        self._as_built: Arrays | None = None  # the model before its first change; None: unchanged
 
     def set_friction(self, axis: int, extra_n: float) -> None:
         built = self._begin()
@@ -35,7 +35,7 @@ class Alterations:
         self._end()
 
     def set_obstacle(self, axis: int, position_mm: float | None) -> None:
-        """The joint gets another stop, unless its own comes before."""
+        """Set another stop of the joint, unless its own comes before."""
         built = self._begin()
         joint = built.model.dof_jntid[built.dof[axis]]
         low_m, high_m = self._stops_m[joint]
@@ -47,7 +47,7 @@ class Alterations:
         self._end()
 
     def set_payload(self, place: str, mass_kg: float) -> None:
-        """Pushes have to be split anew afterwards."""
+        """The caller must split the pushes again afterwards."""
         built = self._begin()
         body = built.model.site(PLACES[place]).bodyid[0]
         built.model.body_mass[body] = self._mass_kg[body] + mass_kg
@@ -80,7 +80,7 @@ class Alterations:
         return self._built
 
     def _end(self) -> None:
-        """Fill in what follows from the model, from MuJoCo's next step on."""
+        """Fill in what follows from the model; effective from MuJoCo's next step on."""
         model, parts = self._built.model, self._built.parts
         mujoco.mj_setConst(model, mujoco.MjData(model))
         parts.joints_law[:], parts.mobility[:] = gliding(model)

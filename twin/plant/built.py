@@ -2,7 +2,7 @@
 
     Machine, thresholds, start --- build ---> Built: model, data, Parts and what it takes to change them later
 
-Nut and carriage start in balance: an axis that gravity pulls hangs on the flank of its backlash from the beginning
+Nut and carriage start in balance: an axis pulled by gravity rests on the flank of its backlash from the beginning
 (plant/8).
 """
 
@@ -37,29 +37,29 @@ from isel_twin.plant.memory import Parts
 from isel_twin.plant.model import left_of_x, reach, tool_motion
 from isel_twin.plant.thread import SCREW, feel
 
-REST_TIME_S = 0.025  # standstill before the plant is frozen; a swinging joint is never slow for so long
+REST_TIME_S = 0.025  # standstill before the plant is frozen; a swinging joint is never slow for this long
 # Largest MuJoCo step times the highest frequency (rad/s) of the machine on all its springs, nuts and structure. Above 2
-# the exchange of forces feeds what swings, and sticking and sliding in turn can (decision plant/3).
+# the exchange of forces feeds oscillations; stick-slip can feed them below that (decision plant/3).
 LARGEST_STEP_RATIO = 1.9
 NEAR_M = 1e-9  # distance from a position switch at which the loop begins to compare; rounding is far below
-_LEAST_V = 5.0  # least Stage.supply_v: what a motor can do below is taken from here
+_LEAST_V = 5.0  # least Stage.supply_v; below it a motor's torque is taken as at this voltage
 _QUANTITIES = {"position": memory.POSITION, "lag": memory.LAG, "fault": memory.FAULT}
 _LIBRARIES = ("libmujoco.so*", "libmujoco*.dylib", "mujoco*.dll")  # on Linux, macOS and Windows
 
 
 @dataclass(frozen=True, eq=False)
 class Built:
-    """A machine put together for the loop. Arrays change in place and none may be replaced: the loop has addresses."""
+    """A machine prepared for the loop. Arrays change in place; never replace one, as the loop has its address."""
 
     machine: Machine
     model: mujoco.MjModel
     data: mujoco.MjData
     parts: Parts
     memory: NDArray[np.void]  # MEMORY [1] of the parts
-    dof: NDArray[np.int64]  # [3], place of the joint of X, Y and Z in qpos and qvel
-    shape_mm: NDArray[np.float64]  # [3, nv], mm that a metre of each joint moves the tool over the table
-    reach: Mapping[str, NDArray[np.float64]]  # by place, see model.py
-    left: float  # see model.py, `left_of_x`
+    dof: NDArray[np.int64]  # [3], index of the joint of X, Y and Z in qpos and qvel
+    shape_mm: NDArray[np.float64]  # [3, nv], mm of tool over table by a metre of each joint
+    reach: Mapping[str, NDArray[np.float64]]  # by place (model.py)
+    left: float  # `left_of_x` of model.py
     closed: NDArray[np.bool_]  # [3], which axes have servo drives
     coulomb_nm: NDArray[np.float64]  # [3], dry friction of each shaft with its brake released
     brake_nm: NDArray[np.float64]  # [3], what the brake adds when it holds (plant/9)
@@ -68,8 +68,8 @@ class Built:
     weight: NDArray[np.float64]  # [nv], N
 
     def split(self, joints_n: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Forces on the joints [nv] as those on the nuts [3] that accelerate the carriages alike (second), for the
-        sub-steps, and the rest [nv] (first), for MuJoCo."""
+        """Split forces on the joints [nv]: forces on the nuts [3] with the same acceleration of the carriages (second),
+        for the sub-steps, and the rest [nv] (first), for MuJoCo."""
         nuts_n = (self.mobility @ joints_n)[self.dof] / self.parts.axes["mobility_per_kg"]
         joints_n = joints_n.copy()
         joints_n[self.dof] -= nuts_n
@@ -135,7 +135,7 @@ def weigh(built: Built, data: mujoco.MjData) -> None:
 
 
 def find_available(built: Built, left: float) -> None:
-    """Fill in the torque of the stepper motors at this part of their supply voltage."""
+    """Fill in the available torque of the stepper motors at this part of their supply voltage."""
     for i, axis in enumerate(built.machine.axes):
         if isinstance(axis.stage, Stage) and isinstance(axis.motor, Motor):
             stage = axis.stage
@@ -145,7 +145,7 @@ def find_available(built: Built, left: float) -> None:
 
 
 def find_free(parts: Parts) -> None:
-    """Fill in between which positions no switch of an axis changes: only beyond them the loop looks at each."""
+    """Fill in the range of positions in which no switch of an axis changes; the loop compares only outside it."""
     parts.axes["free_low_m"], parts.axes["free_high_m"] = -math.inf, math.inf
     for t in parts.thresholds[parts.thresholds["quantity"] == memory.POSITION]:
         axis = parts.axes[t["axis"]]
@@ -165,7 +165,7 @@ def _parts(
     commands: int,
     scratch: mujoco.MjData,
 ) -> Parts:
-    """All arrays of the loop; the axes, and what follows from the masses, are still empty."""
+    """All arrays of the loop; the axes and all that follows from the masses are filled later."""
     nv, step_s = model.nv, machine.timing.mujoco_step_ns * 1e-9
     joints_law, mobility = gliding(model, scratch)
     parts = Parts(
@@ -229,7 +229,7 @@ def _fill_axes(machine: Machine, axes: NDArray[np.void], dof: NDArray[np.int64])
 
 
 def _lay_screws(machine: Machine, parts: Parts) -> bool:
-    """Fill in the screws and tell the drives of them; returns whether one is not everywhere the same."""
+    """Fill in the screws and the drives' values of them; return whether a screw is uneven."""
     screws, laid = [axis.screw for axis in machine.axes], parts.screws
     laid["start_m"] = parts.axes["zero_m"]
     laid["travel_m_per_rad"] = parts.drives["travel_m_per_rad"]
@@ -257,7 +257,7 @@ def _check_steps(built: Built) -> None:
     name = model.joint(int(model.dof_jntid[dof])).name
     key = keys.get(name, f"structure.{name}.stiffness")
     least, most = 0.0, float(stiffness[dof])
-    while most - least > 1e-3 * most:  # which stiffness would do, the others as they are
+    while most - least > 1e-3 * most:  # find the stiffness that would do, the others unchanged
         stiffness[dof] = 0.5 * (least + most)
         holds = step_s * _highest(built.inertia, stiffness)[0] <= LARGEST_STEP_RATIO
         least, most = (float(stiffness[dof]), most) if holds else (least, float(stiffness[dof]))
@@ -299,7 +299,7 @@ def _drive(machine: Machine, axis: Axis, substep_s: float) -> NDArray[np.void]:
 
 
 def _threshold(threshold: Threshold) -> NDArray[np.void]:
-    """One record of memory.THRESHOLD, shape [1]; a position has still to be compared with the carriage."""
+    """One record of memory.THRESHOLD, shape [1]; a position is not yet compared with the carriage."""
     record = np.zeros(1, memory.THRESHOLD)
     record["quantity"] = _QUANTITIES[threshold.quantity]
     record["axis"] = threshold.axis

@@ -1,10 +1,10 @@
 """A cut: the forces of a milling cutter on tool and workpiece, tooth by tooth.
 
-Goal: show what a working spindle does to following, vibration and margin. The smallest model that has teeth
-(Y. Altintas, Manufacturing Automation, chapter 2): a force in proportion to the section of the chip,
+Shows the effect of a working spindle on following, vibration and margin, by the smallest model that has teeth (Y.
+Altintas, Manufacturing Automation, chapter 2): a force in proportion to the section of the chip,
 
     h = f sin(phi)        f = v T: feed of a tooth,  T = 1 / (teeth x turns a second),  v: speed of tool over workpiece
-    F_t = kc a h          against the way of the tooth;  a: depth of cut, kc: specific cutting force
+    F_t = kc a h          against the motion of the tooth;  a: depth of cut, kc: specific cutting force
     F_r = r F_t           from the workpiece towards the axis of the tool
 
                  left of the feed                    phi from 0 (left) by 90 degrees (ahead) to 180 (right): the spindle
@@ -16,14 +16,14 @@ Goal: show what a working spindle does to following, vibration and margin. The s
 
 for every tooth between entry and exit. A cutter with all its width in the material cuts from 0 to 180 degrees; with
 e = acos(1 - 2 width / diameter) one that climbs has the material on its right and cuts from 180 - e on, a conventional
-one on its left, up to e. The power is kc x depth x width x feed speed, whatever the rest.
+one on its left, up to e. The power is always kc x depth x width x feed speed.
 
-v is that of the screws (rotor speed times lead), behind a lag of T: a chip is the way of a whole tooth. What the frame
-swings beside that leaves no mark: vibration is forced by the teeth and never feeds itself (no chatter, plant/13). Below
-1 um/s there is no chip, and none is thicker than the cutter's radius.
+v is that of the screws (rotor speed times lead), behind a first-order lag of T. Vibration of the frame does not change
+the chip: the teeth force vibration, which never feeds itself (no chatter, plant/13). Below 1 um/s there is no chip, and
+none is thicker than the cutter's radius.
 
-Not in it: material that is removed (who says that there is a cut says how deep), feed along Z, helix and edge radius,
-torque on the spindle, wear. kc is that of these chips: by Kienzle kc = kc1 (h / 1 mm)^-m, more for thin ones.
+Not modelled: removal of material (the event gives the depth), feed along Z, helix and edge radius, torque on the
+spindle, wear. kc is that of these chips: by Kienzle kc = kc1 (h / 1 mm)^-m, more for thin ones.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ CUT = np.dtype(
     [
         ("on", "i8"),
         ("flutes", "i8"),
-        ("start", "i8"),  # sub-step in which the first tooth stood at phi = 0
+        ("start", "i8"),  # sub-step in which the first tooth was at phi = 0
         ("turns", "f8"),  # turns of the spindle in a sub-step
         ("tooth_s", "f8"),  # T
         ("gain", "f8"),  # of the lag of T in a sub-step
-        ("most_m_s", "f8"),  # feed beyond which chips get no thicker
+        ("most_m_s", "f8"),  # feed beyond which chips do not get thicker
         ("n_per_m", "f8"),  # F_t / h
         ("radial", "f8"),  # F_r / F_t
         ("enter_rad", "f8"),
@@ -72,8 +72,8 @@ class Cut:
     width_mm: float = number("mm", 0.001, 100.0, key="width")  # across the feed; the diameter is a slot
     spindle_rpm: float = number("1/min", 60.0, 60_000.0, key="spindle")  # clockwise, seen from above
     kc_n_mm2: float = number("N/mm2", 0.1, 20_000.0, key="kc")  # specific cutting force at the thickness of these chips
-    radial: float = number("1", 0.0, 2.0, key="radial", optional=True, default=0.3)  # over tangential force
-    climb: bool = flag(default=True)  # the material is on the right of the feed; no matter in a slot
+    radial: float = number("1", 0.0, 2.0, key="radial", optional=True, default=0.3)  # radial over tangential force
+    climb: bool = flag(default=True)  # the material is on the right of the feed; without effect in a slot
 
     def __post_init__(self) -> None:
         check(self)
@@ -84,7 +84,7 @@ class Cut:
 def set_cut(cuts: NDArray[np.void], cut: Cut | None, now: int, substep_s: float, left: float) -> None:
     """Begin a cut in cuts[0], or end it. now: sub-step; left: +1 if left of X is Y, seen from above, -1 if -Y.
 
-    What the window has summed up so far stays.
+    The sums of the window so far stay.
     """
     record = cuts[0]
     record["on"] = cut is not None

@@ -20,7 +20,7 @@ STEADY = 1e-9  # change of the voltage in a window, over U0, that counts as none
 SUPPLY = np.dtype(
     [
         ("on", "i8"),  # 0: every stage has its own stiff supply
-        ("gate", "i8"),  # phases that are let through: all (3), none (0) under-voltage
+        ("gate", "i8"),  # phases let through: all (3), or none (0) at under-voltage
         ("steady", "i8"),  # 1: the last window changed nothing
         ("voltage_v", "f8"),  # U
         ("source_v", "f8"),  # U0
@@ -60,8 +60,8 @@ def supply_state(supply: Supply | None, stages: Sequence[AnyStage], window_s: fl
 
 @njit(error_model="numpy")
 def feed(supply, axes, drives, states):
-    """Bring the voltage to the end of a window in which the stages took `energy_j`, and tell the drives of it. axes [3]
-    AXIS, drives [3] AXIS_PARAMETERS, states [3] AXIS_STATE. A stage without enough voltage is off."""
+    """Advance the voltage to the end of a window in which the stages took `energy_j`, and pass it to the drives. axes
+    [3] AXIS, drives [3] AXIS_PARAMETERS, states [3] AXIS_STATE. A stage without enough voltage is off."""
     magnetic_j = 0.0
     own_w = 0.0
     for i in range(axes.shape[0]):

@@ -1,8 +1,8 @@
-"""MuJoCo's step between the stops, written out: what a machine of slides does while nothing strikes anything.
+"""MuJoCo's step written out for sliding joints between their stops, without contact.
 
-Goal: the numbers of `mj_step` at a thirtieth of its cost, wherever they follow from a few constants. Where all joints
-slide, where they are changes neither a mass nor a direction. So unless a stop or a collision comes into play, the
-equations that MuJoCo solves in each step (its chapter "Computation") are linear but for dry friction:
+It gives the numbers of `mj_step` at a thirtieth of its cost. If all joints slide, masses and directions do not depend
+on positions. So without a stop or a collision the equations that MuJoCo solves in each step (its chapter "Computation")
+are linear but for dry friction:
 
     a0  = M^-1 (F - g - k (q - q_s) - d v)           M: mass matrix, F: forces on the joints, g: weights
     f_i = clip(-(a0_i + b v_i) / (A_ii + R_i))       dry friction of a joint, at most its loss either way
@@ -10,8 +10,8 @@ equations that MuJoCo solves in each step (its chapter "Computation") are linear
     v'  = v + h a,   q' = q + h v'
 
 which is exact as long as no two joints with friction are coupled by their masses (A_ij = 0), and so needs no solver.
-All constants are MuJoCo's own, and steps of MuJoCo's at a few states, asked when the plant is built, say whether it is
-so (plant/4): if not, or if something could meet within the bounds of the joints, every step is MuJoCo's.
+All constants are MuJoCo's own. When the plant is built, a few states are compared with MuJoCo's steps: if they differ,
+or if bodies could collide within the bounds of the joints, MuJoCo makes every step (plant/4).
 
     stop |<---------------- bounds ---------------->| stop             outside: mj_step, with stops and collisions
 """
@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 from isel_twin.base.compiling import njit
 from isel_twin.plant.model import blank
 
-DEFLECTION_M = 2e-3  # bounds of a joint without stops: no frame gives as much in service
-AGREE_M_S = 1e-9  # largest difference of speed after a step from MuJoCo's, whose solver stops at a tenth of that
+DEFLECTION_M = 2e-3  # bounds of a joint without stops: no frame deflects as much in service
+AGREE_M_S = 1e-9  # largest difference to MuJoCo's speed after a step; its solver stops at a tenth of that
 
 JOINT = np.dtype(
     [
@@ -81,7 +81,7 @@ def glide(joints, mobility, h_s, qpos, qvel, qacc, qacc_smooth, qfrc):
 def gliding(
     model: mujoco.MjModel, scratch: mujoco.MjData | None = None
 ) -> tuple[NDArray[np.void], NDArray[np.float64]]:
-    """JOINT [nv] and mobility M^-1 [nv, nv] of a model; bounds are nan if its steps must always be MuJoCo's."""
+    """JOINT [nv] and mobility M^-1 [nv, nv] of a model; bounds are nan if MuJoCo must make every step."""
     joints = np.zeros(model.nv, JOINT)
     joints["low_m"] = joints["high_m"] = np.nan
     mobility = np.zeros((model.nv, model.nv))
@@ -111,7 +111,7 @@ def gliding(
 
 
 def _bounds(model: mujoco.MjModel) -> NDArray[np.float64]:
-    """float64 [2, nv], the stops of the joints, or as far as they may be deflected."""
+    """float64 [2, nv], the stops of the joints, else DEFLECTION_M."""
     limited = model.jnt_limited != 0
     bounds = np.array([model.qpos0 - DEFLECTION_M, model.qpos0 + DEFLECTION_M])
     bounds[0, limited] = (model.jnt_range[:, 0] + model.jnt_margin)[limited]
@@ -126,7 +126,7 @@ def _agrees(
     mobility: NDArray[np.float64],
     bounds: NDArray[np.float64],
 ) -> bool:
-    """True if steps are MuJoCo's at both ends of the bounds and between, at rest, creeping, moving, and pushed."""
+    """True if steps equal MuJoCo's at both ends of the bounds and between, at rest, creeping, moving, and pushed."""
     one = np.where(np.arange(model.nv) % 2, 1.0, -1.0)
     for share in (0.01, 0.5, 0.99):
         for speed_m_s in (0.0, 1e-6, -0.1, 0.3):
@@ -177,7 +177,7 @@ def _box(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> tuple[NDArray
 
 
 def _carries(model: mujoco.MjModel, carrier: int, body: int) -> bool:
-    """True if `body` is `carrier` or hangs on it."""
+    """True if `body` is `carrier` or a descendant of it."""
     while body > carrier:  # a parent's number is less than its children's
         body = int(model.body_parentid[body])
     return bool(body == carrier)

@@ -1,32 +1,33 @@
 """The compiled loop: three drives and MuJoCo together, up to the first threshold passed.
 
-Goal: advance the whole plant at little more than the cost of MuJoCo alone, to the bit the same however time is cut into
-calls. Time is counted in sub-steps of dt from power-on; every n sub-steps, a window, MuJoCo makes one step:
+It advances the whole plant at little more than the cost of MuJoCo alone, and the result is the same to the bit however
+time is cut into calls. Time is counted in sub-steps of dt from power-on; every n sub-steps, a window, MuJoCo makes one
+step:
 
       window: one MuJoCo step                       sub-step: F_j = drive(command, x_j, v_j)
     |--+--+--+--+--+--+--+--|                       v_j+1 = v_j + dt (F_j / m + a), less the friction's dt F_f / m
        F_1 F_2 ...      F_n   -> mean F on the nut  x_j+1 = x_j + dt (v_j + v_j+1) / 2
                               -> mj_step            window start: v from MuJoCo, a from its last step
 
-Inside the window the drives see a carriage that answers to nut force and guide friction (m: inertia that the nut
-feels); what else acts on it counts as in the window before, but springs and dampers of the structure as at the start
-of this one: a window late they would feed what swings. At the end MuJoCo, which knows friction, stops, structure and
-contacts, gives the velocity, and the position is corrected by the difference:
+Inside the window the drives see a carriage that responds to nut force and guide friction (m: inertia at the nut). Other
+forces are those of the window before, except springs and dampers of the structure, which are those at the start of this
+one: a window late they would feed oscillations. At the end MuJoCo, with friction, stops, structure and contacts, gives
+the velocity, and the position is corrected by the difference:
 
     x = x_n + h (v_MuJoCo - v_n)                    h = n dt
 
-which is MuJoCo's own rule (x' = x + h v') for all it alone knows, and the sub-steps' for the nut force and the moment
-at which friction stops a carriage: both are resolved at dt, not at h (plant/3). MuJoCo's dry friction creeps (below
-1 um/s); a carriage that the sub-steps saw stick does not. Thresholds are looked at after every sub-step.
+which is MuJoCo's own rule (x' = x + h v') for the forces that only MuJoCo has, and the sub-steps' for the nut force and
+the moment at which friction stops a carriage: both are resolved at dt, not at h (plant/3). MuJoCo's dry friction creeps
+(below 1 um/s); a carriage that sticks in the sub-steps does not. Thresholds are compared after every sub-step.
 
-A drive is told the exact time mean of its command over the sub-step: the sum of the ticks, each by the part of the
-sub-step that follows it, less the mean of what is still to come of led ticks (lead.py).
+A drive gets the exact time mean of its command over the sub-step: the sum of the ticks, each weighted by the part of
+the sub-step that follows it, less the mean of the rest of the leads (lead.py).
 
-Rest (plant/6): when drives and joints have stood still for `rest_windows` windows and nothing is led, the plant is
-frozen: all sub-steps up to the next tick or change of current are skipped.
+Rest: after `rest_windows` windows of standstill without leads the plant is frozen: all sub-steps up to the next tick or
+change of current are skipped (plant/6).
 
 MuJoCo is called by the address of `mj_step`, an integer, so that the compiled code can be cached. Between the stops,
-with nothing to meet, its step is written out instead (glide.py).
+without contact, its step is written out instead (glide.py).
 """
 
 import math
@@ -46,9 +47,9 @@ from isel_twin.plant import feed, glide, lead, margin, memory, teeth, thread
 from isel_twin.plant.lead import begin, behind, mean_behind
 from isel_twin.plant.memory import AXES, LAG, POSITION, parts_of
 
-REST_M_S = 5e-6  # joint speed below which a joint counts as standing
+REST_M_S = 5e-6  # speed below which a joint counts as at rest
 HELD_M_S2 = 1e-3  # constraint acceleration beyond friction that counts as a carriage held; rounding is far below
-FAR_M = 1e3  # a joint further away than this has run away, finite or not
+FAR_M = 1e3  # a joint beyond this has run away
 NEVER = np.iinfo(np.int64).max
 
 
@@ -73,7 +74,7 @@ def _lower_at(axis):
 
 @njit(nogil=True, error_model="numpy")
 def _wake(plant, axes, drives, states, supply):
-    """Leave the frozen state: the part of the window that is over counts with the force that held the carriage."""
+    """Leave the frozen state; the elapsed part of the window gets the force that held the carriage."""
     if plant.frozen == 0:
         return
     plant.frozen = 0
@@ -93,7 +94,7 @@ def _wake(plant, axes, drives, states, supply):
 
 @njit(nogil=True, error_model="numpy")
 def wake(memory):
-    """Leave the frozen state: something is changed from outside."""
+    """Leave the frozen state, before a change from outside."""
     parts = parts_of(memory)
     _wake(parts.plant[0], parts.axes, parts.drives, parts.states, parts.supply[0])
 
@@ -102,8 +103,8 @@ def wake(memory):
 def begin_window(memory):
     """Take the carriages from MuJoCo at the start of a window.
 
-    Of what the constraints did, as much as guide friction can do is friction, the rest is a stop or a collision: the
-    carriage cannot go on that way, however the nut pushes.
+    Constraint forces up to the guide friction are friction; more than that is a stop or a collision: the carriage
+    cannot go on that way, however the nut pushes.
     """
     parts = parts_of(memory)
     qacc_smooth = parts.qacc_smooth
@@ -120,7 +121,7 @@ def begin_window(memory):
 
 @njit(nogil=True, error_model="numpy")
 def _leave_window(memory):
-    """One MuJoCo step with the mean forces of the window; freezes the plant if all has stood for long enough."""
+    """One MuJoCo step with the mean forces of the window; freezes the plant after a long enough standstill."""
     parts = parts_of(memory)
     plant, axes, cut = parts.plant[0], parts.axes, parts.cut[0]
     qpos, qvel, qfrc, before, rates = parts.qpos, parts.qvel, parts.qfrc, parts.before, parts.rates
@@ -178,7 +179,7 @@ def _leave_window(memory):
 
 @njit(nogil=True, error_model="numpy")
 def look(memory):
-    """Begin anew with the least pull-out margins, from those of now."""
+    """Reset the least pull-out margins to those of now."""
     parts = parts_of(memory)
     for i in range(AXES):
         parts.axes[i].margin = 1.0

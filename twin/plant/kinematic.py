@@ -2,8 +2,8 @@
 
     position = start + command * lead of the screw / steps_per_rev
 
-For host tests of protocol and timing. Nothing lags, and a switch changes at the very tick that strikes it or, where the
-command is led (lead.py), at the first whole nanosecond at which the carriage is beyond its trip point:
+For host tests of protocol and timing. Nothing lags. A switch changes at the tick that strikes it or, between set points
+(lead.py), at the first whole nanosecond at which the carriage is beyond its trip point:
 
     motor end:  struck while position <  trip, free again from trip + hysteresis on
     far end:    struck while position >  trip, free again from trip - hysteresis on
@@ -32,7 +32,7 @@ FAR = 1 << 62  # a count that no axis reaches
 
 @njit()
 def _bounds(axes, axis, sense, strike, release, struck):
-    """Open interval of counts in which no switch of an axis changes while nothing is led: int64 [axes], twice."""
+    """Open interval of counts, low and high int64 [axes], in which no switch of an axis changes outside leads."""
     low, high = np.full(axes, -FAR), np.full(axes, FAR)
     for s in range(axis.shape[0]):
         a = axis[s]
@@ -55,7 +55,7 @@ def _changes(s, t_ns, commanded, leads, axis, sense, strike, release, struck):
 
 @njit()
 def _switch(t_ns, commanded, leads, axis, sense, strike, release, struck):
-    """Let the carriages work the switches; True if one has changed."""
+    """Set the switches by the carriages; True if one has changed."""
     changed = False
     for s in range(axis.shape[0]):
         if _changes(s, t_ns, commanded, leads, axis, sense, strike, release, struck):
@@ -66,7 +66,8 @@ def _switch(t_ns, commanded, leads, axis, sense, strike, release, struck):
 
 @njit()
 def _make_steps(t_ns, delta, commanded, leads, axis, sense, strike, release, struck):
-    """Make steps until a switch changes; commanded and struck change in place. Return (ticks made, whether one has).
+    """Make steps until a switch changes; commanded and struck change in place. Return (ticks made, whether one
+    changed).
 
     Axis by axis, so that its count stays in a register; the first tick at which one leaves its bounds ends the search.
     """
@@ -103,7 +104,7 @@ def _make_steps(t_ns, delta, commanded, leads, axis, sense, strike, release, str
 def _first_change(start_ns, until_ns, commanded, leads, axis, sense, strike, release, struck):
     """First time after start_ns at which a switch changes, until_ns + 1 if none does by then; no tick in between.
 
-    Each axis goes one way in that time, so whether a switch changes does too: halving the time finds the nanosecond.
+    Each axis moves in one direction in that time, so bisection finds the nanosecond.
     """
     led_ns = start_ns
     for i in range(leads.shape[0]):  # one by one: compiles in a fraction of the time of a maximum
@@ -130,7 +131,7 @@ def _first_change(start_ns, until_ns, commanded, leads, axis, sense, strike, rel
 
 @njit()
 def _lead(start_ns, until_ns, lead_ns, t_ns, delta, commanded, leads, axis, sense, strike, release, struck):
-    """Go on with ticks and what is led until a switch changes. Return (ticks made, time reached)."""
+    """Make ticks and leads until a switch changes. Return (ticks made, time reached)."""
     made = 0
     ticks = t_ns.shape[0]
     now_ns = start_ns
@@ -165,7 +166,7 @@ class KinematicPlant:
     def __init__(
         self, machine: Machine, thresholds: Sequence[Threshold], start_mm: NDArray[np.float64], axes: int = 4
     ) -> None:
-        """start_mm [3]: of the carriages, in machine coordinates. axes: number of the controller's axes."""
+        """start_mm [3]: carriages, in machine coordinates. axes: number of the controller's axes."""
         self.time_ns = 0
         self.edge = False
         self._start_mm = np.array(start_mm, dtype=np.float64)
@@ -208,7 +209,7 @@ class KinematicPlant:
             self.time_ns = int(t_ns[made - 1]) if changed else until_ns
             return self.time_ns
         struck = self._struck.copy()
-        wide = delta.astype(np.int32)  # whatever the ticks are, one compiled function
+        wide = delta.astype(np.int32)  # one compiled function for all kinds of ticks
         made, self.time_ns = _lead(self.time_ns, until_ns, lead_ns, t_ns.astype(np.int64), wide, *self._state)
         self._led_until_ns = int(self._leads["end_ns"].max())
         self.edge = bool((struck != self._struck).any())
@@ -225,7 +226,7 @@ class KinematicPlant:
         self._stages_on = stages
 
     def _no_effect(self, *_: Any, **__: Any) -> None:
-        """What only a plant with physics does."""
+        """For the methods of a plant with physics."""
 
     apply_force = set_cut = reset_drives = set_phase_lost = watch_margin = _no_effect
     set_friction = set_obstacle = set_payload = set_undervoltage = _no_effect
@@ -339,7 +340,7 @@ class KinematicPlant:
 
     @property
     def _kept(self) -> tuple[NDArray[Any], ...]:
-        """Arrays that change; the compiled functions hold them, so none may be replaced."""
+        """Arrays that change; the compiled functions hold them, so never replace one."""
         return (self._start_mm, self._passed, self._commanded, self._leads, self._strike, self._release, self._struck)
 
     def _speed(self) -> NDArray[np.float64]:

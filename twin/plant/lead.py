@@ -1,20 +1,20 @@
-"""The command of an axis between two set points: led evenly from one to the next.
+"""The command of an axis between two set points: it moves evenly from one to the next.
 
-A tick at t0 changes the command by d, which is led evenly over the lead L > 0 that follows:
+A tick at t0 changes the command by d, evenly over the lead, the time L > 0 that follows:
 
     u(t) = commanded - behind(t),      behind(t) = pending max(0, (end - t) / L),      pending = d,  end = t0 + L
 
     commanded  ..............________________          commanded: sum of all ticks
                              |          _.-'''
-                      pending|      _.-'               u: what the drive is told
+                      pending|      _.-'               u: the drive's command
                              |  _.-'
     u  ______________________|-'
                              t0              end
 
-A tick that comes before the end of the former lead takes along what is left: pending' = behind(t) + d, end' = t + L'.
-So u has no jump and follows from the past ticks alone.
+A tick before the end of the former lead takes over its rest: pending' = behind(t) + d, end' = t + L'. So u has no jump
+and depends on past ticks only.
 
-A drive that advances in sub-steps is told the mean of u over each. Over [a, b] behind(t) has the integral
+A drive gets the mean of u over each of its sub-steps. Over [a, b] behind(t) has the integral
 
     pending (b' - a) (2 end - a - b') / (2 L),      b' = min(b, end)
 """
@@ -50,7 +50,7 @@ def all_behind(leads: NDArray[np.void], t_ns: int) -> NDArray[np.float64]:
 
 @njit(nogil=True, error_model="numpy")
 def behind(lead, t_ns):
-    """Microsteps still to come at t_ns, not before the last tick. Exact wherever it is a number with 53 bits."""
+    """Microsteps still to come at t_ns, which is not before the last tick. Exact if it fits into 53 bits."""
     return lead.pending * max(lead.end_ns - t_ns, 0) / lead.lead_ns
 
 

@@ -1,18 +1,18 @@
-"""How far a motor was from falling out of step: its pull-out margin, looked at after every window of the kernel.
+"""How far a motor was from losing step: its pull-out margin, computed after every window of the kernel.
 
-Goal: one number for each axis, 1 while nothing is asked of the motor and 0 where it is lost, that tells a job that just
-works from one that works. Two things end a motor's grip; the margin is the lesser of what is left:
+One number for each axis, 1 without load and 0 where the motor loses step, that shows how reliably a job works. Two
+limits can be reached; the margin is the smaller of what is left:
 
     torque       1 - |T| / T_max(w)   T: torque of the currents, mean over the window; T_max: the closed form of the
                                       pull-out torque at this speed by current and voltage, before iron loss
     load angle   1 - |lag| / 2        lag: command minus rotor in full steps, to the nearest place where the motor would
-                                      hold as well (they are four full steps apart); at two it holds no longer
+                                      hold as well (they are four full steps apart); at two the motor no longer holds
 
-At a voltage U of a common supply in place of its U0 T_max is looked up at w U0 / U: what a voltage must overcome,
-back-EMF and inductance, grows with the speed. But for the resistance that is exact (2 % at 0.8 U0).
+If a common supply has the voltage U in place of U0, T_max is taken at w U0 / U, as back-EMF and inductive voltage grow
+with the speed. Neglecting the resistance costs 2 % at 0.8 U0.
 
-A steady load uses up torque first (it may lag by one full step); an overshoot may go beyond, with less torque again, as
-long as the angle does not reach two. A motor that slips passes two: its margin is 0.
+A steady load reaches the torque limit first (at a lag of one full step); an overshoot may go beyond, with less torque,
+as long as the angle stays below two. A motor that slips passes two: its margin is 0.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from isel_twin.drives.motor import Motor
 from isel_twin.drives.stage import Stage
 
 SPEED_STEP_RAD_S = 2.0  # distance of the speeds in a table of available torque
-SPEEDS = 256  # in it: to 4870 rev/min, where no motor here has torque left; the last one stands for all beyond
-_LEAST_NM = 1e-6  # what counts as no torque
+SPEEDS = 256  # entries: up to 510 rad/s, where no motor here has torque; the last one holds for all beyond
+_LEAST_NM = 1e-6  # less counts as no torque
 
 
 @lru_cache(64)
 def available_torque(motor: Motor, stage: Stage) -> NDArray[np.float64]:
-    """float64 [SPEEDS], largest mean torque of the currents in N m at 0, SPEED_STEP_RAD_S, ... of the shaft; not to be
-    written to. It begins at the torque of the standing current vector, without what single steps cost."""
+    """float64 [SPEEDS], largest mean torque of the currents in N m at 0, SPEED_STEP_RAD_S, ... of the shaft; read-only.
+    The first is the torque of a current vector at rest, without losses of single steps."""
     omega = SPEED_STEP_RAD_S * np.arange(SPEEDS)
     net = np.array([pull_out_prediction(motor, stage, w * 60.0 / (2.0 * math.pi)) for w in omega])
     iron = np.array([motor.iron_torque_nm(w) for w in omega])

@@ -1,7 +1,7 @@
-"""What the compiled loop works on: records of numbers, and one small record that says where they all are.
+"""The data of the compiled loop: records of numbers, and one small record with all their addresses.
 
-Goal: a call of the loop hands over one argument, and every field has a name. The arrays belong to whoever built the
-plant, and to MuJoCo; a MEMORY holds their addresses only.
+A call of the loop passes one argument, and every field has a name. The arrays belong to `Built` and to MuJoCo; a MEMORY
+holds only their addresses.
 
     Parts of arrays  --- memory_of --->  MEMORY  --- parts_of (compiled) --->  Parts of arrays, by reference
 """
@@ -44,21 +44,21 @@ PLANT = np.dtype(
         ("frozen_at", "i8"),  # sub-step since which it is so
         ("watched", "i8"),  # 1: there are thresholds of other quantities than position
         ("edge", "i8"),  # 1: the last call ended because a threshold was passed or left
-        ("led_until_ns", "i8"),  # when the last of all leads is over
-        ("lost_dof", "i8"),  # number of the joint coordinate that left the finite numbers, -1: none
-        ("uneven", "i8"),  # 1: a screw is not everywhere the same
+        ("led_until_ns", "i8"),  # end of the last of all leads
+        ("lost_dof", "i8"),  # number of the joint coordinate that ran away, -1: none
+        ("uneven", "i8"),  # 1: a screw is uneven (thread.py)
         ("sample_every", "i8"),  # sub-steps from sample to sample, 0: none are taken
         ("sample_at", "i8"),  # sub-step of the next one
         ("sample_ahead_ns", "i8"),  # and how long after its end it is taken: less than a sub-step
         ("sampled", "i8"),  # samples that wait to be read
-        ("held", "i8"),  # 1: frozen, and a sample has been taken of it: the others would be the same
+        ("held", "i8"),  # 1: frozen and sampled once: further samples would be the same
     ],
     align=True,
 )
 
 AXIS = np.dtype(
     [
-        ("dof", "i8"),  # place of the axis joint in qpos and qvel
+        ("dof", "i8"),  # index of the axis joint in qpos and qvel
         ("zero_m", "f8"),  # joint position with rotor angle 0 and the nut in the middle of its backlash
         ("mobility_per_kg", "f8"),  # acceleration per newton at the nut
         ("x_m", "f8"),  # joint position inside the window
@@ -79,7 +79,7 @@ AXIS = np.dtype(
         ("full_steps", "f8"),  # full steps in a microstep
         ("sum_nm", "f8"),  # sum of the torques of the currents in this window
         ("mean_nm", "f8"),  # their mean in the window before
-        ("margin", "f8"),  # least pull-out margin since it was last watched anew (margin.py)
+        ("margin", "f8"),  # least pull-out margin since the last reset (margin.py)
         ("untaken", "f8"),  # the same since it was last taken
         ("fault", "i8"),  # 1: the drive has switched itself off: under-voltage of a common supply
         ("command", "f8"),  # time mean of the command in this sub-step
@@ -120,14 +120,14 @@ class Parts(NamedTuple):
     thresholds: Any  # THRESHOLD [k]
     commanded: Any  # int64 [m], microsteps, m >= 3
     leads: Any  # LEAD [m]
-    available: Any  # [3, s], see margin.py
-    joints_law: Any  # JOINT [nv], see glide.py
-    mobility: Any  # [nv, nv], see glide.py
+    available: Any  # [3, s], margin.py
+    joints_law: Any  # JOINT [nv], glide.py
+    mobility: Any  # [nv, nv], glide.py
     push: Any  # [2, nv], forces on the joints beside `push_n`: now, and a correction of this window's sum
-    springs: Any  # [2, 3, nv], acceleration of each carriage by the way and by the speed of each joint on its spring
+    springs: Any  # [2, 3, nv], acceleration of each carriage by deflection and speed of each joint on its spring
     cut: Any  # CUT [1]
-    cut_nuts: Any  # [2, 3], what a newton of the cut along X and Y is at the nuts
-    cut_joints: Any  # [2, nv], what it is at the joints beside that
+    cut_nuts: Any  # [2, 3], force on the nuts by a newton of the cut along X and Y
+    cut_joints: Any  # [2, nv], the rest of it on the joints
     supply: Any  # SUPPLY [1]
     before: Any  # [nv], joint positions one window ago
     rates: Any  # [nv], joint velocities one window ago
@@ -140,8 +140,8 @@ class Parts(NamedTuple):
     qfrc: Any
 
 
-# Addresses and sizes of the parts: handing over twenty-five arrays would take longer than computing a millisecond of
-# motion. Who keeps it must keep the arrays, too.
+# Addresses and sizes of the parts: passing twenty-five arrays would take longer than computing a millisecond of motion.
+# Keep the arrays alive as long as this.
 MEMORY = np.dtype(
     [(name, "i8") for name in (*Parts._fields, "joints", "number_of_thresholds", "commands", "speeds", "fields")],
     align=True,
@@ -194,7 +194,7 @@ def parts_of(memory):
 
 
 def memory_of(parts: Parts) -> NDArray[np.void]:
-    """MEMORY [1] of these arrays. Raises TypeError for an array in pieces."""
+    """MEMORY [1] of these arrays. Raises TypeError for an array that is not contiguous."""
     memory = np.zeros(1, MEMORY)
     for name, array in zip(parts._fields, parts, strict=True):
         if not array.flags.c_contiguous:
@@ -208,6 +208,6 @@ def memory_of(parts: Parts) -> NDArray[np.void]:
     return memory
 
 
-# What a record holds, and how many there are, is in the compiled code.
+# The compiled code depends on the fields of the records and on their number.
 _RECORDS = isel_twin.plant, shaft, cutting, feed, glide, lead, thread
 drop_stale_code(parts_of, *(str(module.__file__) for module in _RECORDS))

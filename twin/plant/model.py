@@ -1,9 +1,9 @@
 """The machine's MuJoCo model: its MJCF file with what machine.toml says about it.
 
-Goal: an override changes the physics and not the file. The MJCF brings the tree of bodies; masses, travel, guide
-friction, payload, fixture and structural modes are set when the model is loaded. What the MJCF has for use in MuJoCo
-alone is left out, as drives are simulated beside the model: armature, friction and damping of rotor and screw,
-actuators, sensors, keyframes (plant/12).
+The MJCF gives the tree of bodies; masses, travel, guide friction, payload, fixture and structural modes are set when
+the model is loaded, so that overrides work. Parts of the MJCF that are only for use without the twin are left out, as
+the drives are simulated outside the model: armature, friction and damping of rotor and screw, actuators, sensors,
+keyframes (plant/12).
 
     structure   k as stated,  c = 2 zeta sqrt(k m),  f = sqrt(k / m) / 2 pi       m: what the mode's joint carries
 
@@ -32,11 +32,11 @@ from isel_twin.plant import PLACES
 
 
 def load_model(machine: Machine, *, visual: bool = True) -> mujoco.MjModel:
-    """The model with what machine.toml says about it. visual: keep geoms that are for the eye; a step takes a third
-    longer.
+    """The model with what machine.toml says about it. visual: keep geoms that are only for display; a step takes a
+    third longer.
 
     Raises MachineError if model or fixture cannot be read, a joint or body that the machine names is missing, or a
-    joint has not one coordinate.
+    joint does not have exactly one coordinate.
     """
     model = compile_model(machine, visual=visual)
     _dress(machine, model)
@@ -44,8 +44,8 @@ def load_model(machine: Machine, *, visual: bool = True) -> mujoco.MjModel:
 
 
 def dressed(model: mujoco.MjModel, machine: Machine) -> mujoco.MjModel:
-    """What `load_model` would give for a machine, in a fiftieth of the time: a copy of the `compile_model` of another
-    one that differs in guide friction, payload and structure alone."""
+    """The `load_model` of a machine in a fiftieth of the time: a copy of the `compile_model` of a machine that differs
+    only in guide friction, payload and structure."""
     model = copy.copy(model)
     for axis in machine.axes:
         model.dof_frictionloss[model.joint(axis.name).dofadr] = axis.guide_friction_n
@@ -106,7 +106,7 @@ def _dress(machine: Machine, model: mujoco.MjModel) -> None:
             mass_kg = model.body_subtreemass[model.jnt_bodyid[joint.id]]
             model.jnt_stiffness[joint.id] = mode.stiffness_n_per_m
             model.dof_damping[joint.dofadr] = 2.0 * mode.damping_ratio * math.sqrt(mode.stiffness_n_per_m * mass_kg)
-    if machine.payload_kg > 0.0:  # at the table's centre of gravity: the table does not turn, so the place is no matter
+    if machine.payload_kg > 0.0:  # at the table's centre of gravity: the table does not turn, so any place does
         model.body_mass[model.body("table").id] += machine.payload_kg
         mujoco.mj_setConst(model, mujoco.MjData(model))
 
@@ -131,8 +131,8 @@ def reach(
     """By place, float64 [3, nv]: what each joint contributes to X, Y and Z by moving tool or table; their sum is
     `tool_motion` without squareness. Its transpose turns forces on that place into those on the joints.
 
-    Raises MachineError for a structural joint that does not move the tool over the table along its axis, the way that
-    positions rise.
+    Raises MachineError for a structural joint that does not move the tool over the table along its axis, in the
+    direction of rising positions.
     """
     jacobian = _jacobian(model, scratch)
     ways = _ways(machine, model, jacobian)
@@ -149,12 +149,12 @@ def reach(
 
 
 def left_of_x(machine: Machine, model: mujoco.MjModel, scratch: mujoco.MjData | None = None) -> float:
-    """+1 if left of X is Y for who looks down along the tool (the way of Z), -1 if it is -Y."""
+    """+1 if Y is to the left of X, seen along the tool, -1 if -Y is."""
     return math.copysign(1.0, -float(np.linalg.det(_ways(machine, model, _jacobian(model, scratch)))))
 
 
 def blank(model: mujoco.MjModel, scratch: mujoco.MjData | None) -> mujoco.MjData:
-    """The scratch data as new (ten times faster than new data), or new data if there is none."""
+    """The scratch data reset (ten times faster than new data), or new data if there is none."""
     if scratch is None:
         return mujoco.MjData(model)
     mujoco.mj_resetData(model, scratch)
@@ -172,13 +172,13 @@ def _jacobian(model: mujoco.MjModel, scratch: mujoco.MjData | None) -> dict[str,
 
 
 def _ways(machine: Machine, model: mujoco.MjModel, jacobian: dict[str, NDArray[np.float64]]) -> NDArray[np.float64]:
-    """float64 [3, 3], which way X, Y and Z point in the world: where they move the tool, seen from the table."""
+    """float64 [3, 3], directions of X, Y and Z in the world: how they move the tool, seen from the table."""
     between = jacobian["tool"] - jacobian["table"]
     return np.array([between[:, model.joint(axis.name).dofadr[0]] for axis in machine.axes])
 
 
 def mode_hz(machine: Machine, model: mujoco.MjModel) -> dict[str, float]:
-    """Frequency of each structural mode by its joint, Hz: what the joint carries, on its spring."""
+    """Frequency of each structural mode in Hz, by its joint."""
     found = {}
     for mode in machine.structure:
         mass_kg = model.body_subtreemass[model.jnt_bodyid[model.joint(mode.joint).id]]

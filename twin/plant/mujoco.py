@@ -1,7 +1,7 @@
 """The MuJoCo plant: motors, screws and a MuJoCo model, advanced by the compiled loop of kernel.py.
 
-Goal: hand ticks and settings to a built machine (built.py), and say where the carriages are, as a gauge at the tool
-would show them (model.py). The rotor, not the carriage, is where lost steps are counted.
+It passes ticks and settings to a built machine (built.py) and reports the carriages as a gauge at the tool would show
+them (model.py). Lost steps are counted at the rotor, not at the carriage.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from isel_twin.plant.lead import all_behind
 from isel_twin.plant.model import load_model
 from isel_twin.plant.samples import GRID, LoopSamples
 
-_PHASES = {"": BOTH, "a": BOTH & ~1, "b": BOTH & ~2, "ab": OPEN}  # those that are left, by the interrupted ones
+_PHASES = {"": BOTH, "a": BOTH & ~1, "b": BOTH & ~2, "ab": OPEN}  # remaining phases, by the interrupted ones
 _NOW, _EDGE, _LOST_DOF = map((memory.PLANT.names or ()).index, ("now", "edge", "lost_dof"))
 _ADDRESSES = ("mj_step", "model", "data")  # fields of memory.PLANT that belong to this process
 _SAVED = tuple(name for name in memory.Parts._fields if name != "samples")  # which have been read
@@ -37,7 +37,7 @@ _DATA = ("qacc_warmstart", "act", "ctrl", "xfrc_applied", "eq_active", "mocap_po
 
 
 class PlantError(RuntimeError):
-    """A joint has run away: the numbers mean nothing any more."""
+    """A joint has run away: the state is meaningless."""
 
 
 class MujocoPlant(LoopSamples):
@@ -56,7 +56,7 @@ class MujocoPlant(LoopSamples):
         """Carriages at start_mm [3] in machine coordinates, stages off, brakes closed.
 
         axes: number of the controller's axes; those beyond the carriages have no mechanics and follow their command.
-        model: the machine's, if there is one (`isel_twin.plant.model.dressed`); it belongs to the plant then.
+        model: the machine's, if there is one (`isel_twin.plant.model.dressed`); the plant then owns it.
 
         Raises MachineError if the model does not fit the machine or its time steps are too long for its stiffness.
         """
@@ -73,14 +73,14 @@ class MujocoPlant(LoopSamples):
         self._altered = Alterations(self.built)
         self.set_friction = self._altered.set_friction
         self.set_obstacle = self._altered.set_obstacle
-        self._pushes = np.zeros((memory.AXES, model.nv))  # [3, nv], what the push along each axis is at the joints
+        self._pushes = np.zeros((memory.AXES, model.nv))  # [3, nv], forces on the joints by the push along each axis
         self._lost = [""] * memory.AXES  # interrupted phases of each motor
-        self._power = (False, False, False)  # as `set_power` was told
+        self._power = (False, False, False)  # arguments of the last `set_power`
         self._none = np.empty(0, dtype=np.int64), np.empty((0, axes), dtype=np.int32), np.empty(0, dtype=np.int64)
         self._late = self._none  # times, changes and leads of the ticks after the last whole sub-step
 
     def __reduce_ex__(self, protocol: object) -> NoReturn:
-        """Neither copy nor pickle: the kernel would go on with the memory of this one, by its address."""
+        """Refuse copy and pickle: the kernel would use the memory of this one, by its address."""
         raise TypeError("a plant cannot be copied or pickled; take `save`, and `restore` into another one")
 
     # The whole state
@@ -97,7 +97,7 @@ class MujocoPlant(LoopSamples):
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Every array stays where it is: the kernel knows their addresses."""
+        """Arrays are filled in place: the kernel has their addresses."""
         plant = self.parts.plant
         addresses, grid = ({name: plant[name].copy() for name in names} for names in (_ADDRESSES, GRID))
         sample_at = int(plant["sample_at"][0])
@@ -123,7 +123,7 @@ class MujocoPlant(LoopSamples):
         """Raises PlantError if a joint runs away."""
         words = self._words
         early_ns, changes, early_lead_ns = self._late
-        if len(t_ns):  # whatever the ticks are, one compiled kernel
+        if len(t_ns):  # one compiled kernel for all kinds of ticks
             changes = delta.astype(np.int32)
             if len(early_ns):
                 t_ns, changes = np.concatenate((early_ns, t_ns)), np.concatenate((self._late[1], changes))
@@ -240,7 +240,8 @@ class MujocoPlant(LoopSamples):
         self._share_pushes()
 
     def _share_pushes(self) -> None:
-        """In the sub-steps a push acts on a carriage as a force at the nut; MuJoCo's next step is told the rest."""
+        """Split the pushes: in the sub-steps one acts on a carriage as a force at the nut; MuJoCo's next step gets the
+        rest."""
         joints_n, nuts_n = self.built.split(self._pushes.sum(axis=0))
         plant, push = self.parts.plant[0], self.parts.push
         self.parts.axes["push_n"] = nuts_n
@@ -256,7 +257,7 @@ class MujocoPlant(LoopSamples):
 
     @property
     def position_mm(self) -> NDArray[np.float64]:
-        """As the drives see it, and within a sub-step along its velocity."""
+        """As the drives see it; within a sub-step extrapolated by its velocity."""
         position_mm: NDArray[np.float64] = self.built.shape_mm @ self.parts.place
         return position_mm
 
@@ -374,7 +375,7 @@ class MujocoPlant(LoopSamples):
         self.sample_again()
 
     def _all(self, carriages: Sequence[Any] | NDArray[Any], others: Any) -> NDArray[Any]:
-        """[axes], values of the axes with mechanics, and one for all others."""
+        """[axes]: values of the axes with mechanics, then `others` for the rest."""
         return np.append(carriages, [others] * self._count)[: self._count]
 
     # For loops of others, compiled together with the kernel, and for pictures
@@ -382,7 +383,7 @@ class MujocoPlant(LoopSamples):
     @property
     def memory(self) -> NDArray[np.void]:
         """MEMORY [1], for compiled code that calls `kernel.advance` itself and keeps the plant alive. `time_ns`, `edge`
-        and what follows from them stay behind: such a plant must be advanced in that way alone."""
+        and what follows from them are then not updated: advance such a plant only in that way."""
         return self._memory
 
     @property
@@ -390,7 +391,7 @@ class MujocoPlant(LoopSamples):
         return self.built.shape_mm.copy()
 
     def scene(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
-        """The machine as it stands now, with everything there is to see: for pictures and viewers, on a copy."""
+        """The machine as it is now, with all visible parts, as a copy for pictures and viewers."""
         model = load_model(self.machine)
         data = mujoco.MjData(model)
         data.qpos[:] = self.parts.place

@@ -1,11 +1,11 @@
 """The machine as it looks: the scene of its model, drawn without a window.
 
-Goal: one picture for all who show the machine (environments, pages, documents):
+For environments, pages and documents:
 
     draw(load_machine("4030"), (200.0, 150.0, 70.0), height=900, width=1200)        uint8 [900, 1200, 3]
 
 `draw` is for one picture; a `Picture` keeps model and renderer for more, a `Window` shows the machine on the screen. A
-path is drawn where it lies on the workpiece, so it goes along with the table.
+path is drawn on the workpiece and moves with the table.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ from isel_twin.machine import Machine
 from isel_twin.plant import PLACES
 from isel_twin.plant.model import load_model
 
-HEIGHT, WIDTH = 480, 640  # size of a picture in pixels, unless told otherwise
-MOST_PIECES = 300  # of a path as it is drawn
+HEIGHT, WIDTH = 480, 640  # default size of a picture in pixels
+MOST_PIECES = 300  # into which a path is divided for drawing
 _RED = np.array([0.9, 0.1, 0.1, 1.0], dtype=np.float32)
 _LINE_M = 5e-4
 
 
 class Picture:
-    """A machine in front of a camera. Frees the renderer when it is closed, or left as a context."""
+    """A machine in front of a camera. `close`, or the end of the context, frees the renderer."""
 
     def __init__(
         self, machine: Machine, height: int = HEIGHT, width: int = WIDTH, camera: str = "", near_m: float = 0.0
     ) -> None:
         """camera: a name from the machine's scene; "": `front`, or one that sees it all if there is no such camera.
-        near_m: in its place a camera this far from the tool's tip, which it looks at; 0: none.
+        near_m: instead of that, a camera at this distance from the tool's tip, looking at it; 0: none.
 
         Raises ValueError for a camera that does not exist, MachineError if the model cannot be read, RuntimeError with
         one line if there is no OpenGL to draw with.
@@ -91,7 +91,7 @@ class Picture:
 
 
 class Window:
-    """A machine in a window of MuJoCo's viewer, which people can turn and zoom. Gone when it is closed."""
+    """A machine in a window of MuJoCo's viewer, which people can turn and zoom."""
 
     def __init__(self, machine: Machine) -> None:
         """Raises MachineError if the model cannot be read, RuntimeError with one line if there is no screen."""
@@ -109,7 +109,7 @@ class Window:
             raise RuntimeError(f"no window: {' '.join(str(error).split())}") from None
 
     def show(self, position_mm: Sequence[float] | NDArray[np.float64], path_mm: NDArray[np.float64]) -> None:
-        """The machine with its carriages at position_mm [3] and a path [n, 3], both in machine coordinates."""
+        """Show the carriages at position_mm [3] and a path [n, 3], both in machine coordinates."""
         if not np.array_equal(self._path, path_mm):
             self._path, self._from_table = path_mm, on_table(self._model, self._names, path_mm)
         with self._viewer.lock():
@@ -123,7 +123,7 @@ class Window:
 
 
 def on_table(model: mujoco.MjModel, names: Sequence[str], path_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """float64 [m, 3], where a path [n, 3] of the tool in machine coordinates lies, from the table's top, m; m at most
+    """float64 [m, 3], a path [n, 3] of the tool in machine coordinates, in metres from the table's top; m at most
     MOST_PIECES + 1. names: the joints of X, Y and Z."""
     data = mujoco.MjData(model)
     points = path_mm[np.unique(np.linspace(0, len(path_mm) - 1, MOST_PIECES + 1).astype(np.int64))]
@@ -175,8 +175,8 @@ def draw(
 
 
 def _renderer(model: mujoco.MjModel, height: int, width: int) -> mujoco.Renderer:
-    """A renderer; on Linux without a screen, unless MUJOCO_GL says otherwise, one that needs none: when imported,
-    MuJoCo chooses an OpenGL backend that does."""
+    """A renderer. On Linux without a screen, and without MUJOCO_GL, it is one that needs no screen: by itself MuJoCo
+    would choose one that does."""
     from mujoco.rendering.classic import gl_context
 
     screen = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")

@@ -1,4 +1,4 @@
-"""Samples that the compiled loop takes by itself: on which grid, and as arrays when they are read."""
+"""Samples that the compiled loop takes: their grid, and their arrays when they are read."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class LoopSamples:
     def __init__(self, built: Built, axes: int) -> None:
         self.built = built
         self._plant = built.parts.plant
-        self._words = self._plant.view(np.int64)  # the same as whole numbers, by place: reading one is quicker so
+        self._words = self._plant.view(np.int64)  # the same record as integers: faster to read one
         self._count = axes
         self._substep_ns = built.machine.timing.substep_ns
 
@@ -71,7 +71,7 @@ class LoopSamples:
         )
 
     def keep_grid(self, grid: Mapping[str, NDArray[Any]], sample_at: int) -> None:
-        """After the loop's state was restored: drop samples that wait and go on with this grid.
+        """After the loop's state was restored: drop unread samples and go on with this grid.
 
         sample_at: a sub-step of the grid.
         """
@@ -84,12 +84,12 @@ class LoopSamples:
             self._aim(sample_at)
 
     def _aim(self, phase: int) -> None:
-        """The next sample is the first of the grid after now; phase: a sub-step of the grid."""
+        """Set the next sample to the first of the grid after now; phase: a sub-step of the grid."""
         now, every = int(self._plant["now"][0]), int(self._plant["sample_every"][0])
         self._plant["sample_at"] = now + 1 + (phase - now - 1) % every if every else kernel.NEVER
 
 
 def _each(matrix: NDArray[np.float64], rows: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The product with each of some vectors [n, k], to the bit as with one of them."""
+    """The product with each of n vectors [n, k], the same to the bit as one by one."""
     products: NDArray[np.float64] = np.matmul(matrix, rows[:, :, None])[..., 0]
     return products

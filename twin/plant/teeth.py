@@ -1,4 +1,4 @@
-"""The teeth of a cutter in one sub-step, compiled; the equations stand in cutting.py."""
+"""The teeth of a cutter in one sub-step, compiled; the equations are in cutting.py."""
 
 import math
 

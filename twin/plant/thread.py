@@ -1,11 +1,11 @@
-"""An uneven screw: travel, zero and stiffness of its nut where it now stands (plant/14).
+"""An uneven screw: travel, zero and stiffness of its nut at its present place (plant/14).
 
-Goal: sub-steps know a screw that is everywhere the same; once a window they are told what it is here. With the nut at
-x_0 for rotor angle 0, mean travel r and amplitude a of the error that repeats every turn, it is at
+The sub-steps use constant values of a screw, which are updated once a window. With the nut at x_0 for rotor angle 0,
+mean travel r and amplitude a of the error that repeats every turn, the nut is at
 
     n(th) = x_0 + r th + a (sin u - sin(x_0/r))          u = th + x_0/r: the same place has the same error
 
-and the sub-steps are given its tangent at th_0, so that nut and shaft do the same work on one another:
+and the sub-steps use its tangent at th_0, so that nut and shaft do the same work on one another:
 
     r_here = r + a cos u         x_0,here = n(th_0) - r_here th_0
 
@@ -20,7 +20,7 @@ import numpy as np
 
 from isel_twin.base.compiling import njit
 
-# A screw, uneven or not
+# a screw, uneven or not
 SCREW = np.dtype(
     [
         ("start_m", "f8"),  # x_0
@@ -28,7 +28,7 @@ SCREW = np.dtype(
         ("cyclic_m", "f8"),  # a
         ("soft_m_per_n", "f8"),  # compliance of bearing and nut
         ("free_m", "f8"),  # free length at joint position 0
-        ("rod_n", "f8"),  # E A, inf: as stiff everywhere
+        ("rod_n", "f8"),  # E A, inf: the same stiffness everywhere
     ],
     align=True,
 )
@@ -36,7 +36,7 @@ SCREW = np.dtype(
 
 @njit(nogil=True, error_model="numpy")
 def feel(screws, axes, drives, states):
-    """Tell the drives what their screws are like where the nuts stand: [3] SCREW, AXIS, AXIS_PARAMETERS, AXIS_STATE."""
+    """Update the drives by their screws at the nuts: [3] SCREW, AXIS, AXIS_PARAMETERS, AXIS_STATE."""
     for i in range(screws.shape[0]):
         screw, drive, theta_rad = screws[i], drives[i], states[i].theta_rad
         place_m = screw.start_m + screw.travel_m_per_rad * theta_rad
