@@ -1,11 +1,11 @@
-"""Motion and people back to input levels: contacts, cabinet, serial line and what a scenario does to them.
+"""From motion and operators back to input levels: contacts, cabinet, serial line and scenarios.
 
-wiring.py     all of it as one thing that settles itself
+wiring.py     all of it as one object
 contacts.py   contacts, series circuits, bounce, broken wires -> terminal levels
 cabinet.py    operator elements, hood, safety relay, spindle contactor
 line.py       the serial line: byte times and noise
-acts.py       everything an event can do: names, meanings, values, deeds
-event.py      an event as a value, and how it is read from a table
+acts.py       the table of all that an event can do
+event.py      an event as a value, read from a table
 scenario.py   scenario files: events in virtual time
 when.py       the words of a condition
 schedule.py   which event is next

@@ -1,14 +1,14 @@
-"""Everything an event can do: one record a key, from which files are read, menus are built and events are carried out.
+"""Everything an event can do: one record a key, used to read files, build menus and carry out events.
 
-A key is the one name of what it does: in scenario files, at the control port and in `isel-twin ctl`, in a panel, in
-recordings and in `Twin.faults`. What a key sets, the same key ends, with its `off`:
+A key has the same name in scenario files, at the control port, in `isel-twin ctl`, in a panel, in recordings and in
+`Twin.faults`. Its `off` value ends what it has set:
 
     phase_lost = { x = "a" }   ...   phase_lost = { x = "" }          a table by axis, a word each
     noise = 0.01               ...   noise = 0                        one number
     key = { mode = "auto" }          key = { start = true }           a table by key of the controller's (HasKeys)
     set = { hood = "open" }          set = { limit_x1 = "broken" }    a table by input; states: Wiring.settable
 
-Beside them an event may have `place` (where its forces act) and `for`, after which everything it has set is ended.
+An event may also have `place` (where its forces act) and `for`, the time after which all that it has set ends.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from isel_twin.wiring.contacts import FAULTS, Contacts
 from isel_twin.wiring.line import SerialLine
 
 Settable: TypeAlias = Mapping[str, tuple[str, ...]]  # what can be set, and the states of each
-# What a value may be: a number, one of some words, a switch, a state of an input (`Wiring.settable`), the name of a
-# contact, the table of a cut (isel_twin.plant.Cut), or what a key takes (isel_twin.controller.Key).
+# kinds of values: a number, one of some words, a switch, a state of an input (`Wiring.settable`), the name of a
+# contact, the table of a cut (isel_twin.plant.Cut), or what a key takes (isel_twin.controller.Key)
 Form: TypeAlias = Limits | tuple[str, ...] | type[bool] | Literal["state", "contact", "cut", "key"]
-NO_KEYS: Mapping[str, Key] = {}  # of a controller without any
+NO_KEYS: Mapping[str, Key] = {}  # for a controller without keys
 
 
 class Site(Protocol):
-    """What deeds work on; `Wiring` is one. All values have been checked."""
+    """What deeds act on, such as `Wiring`. All values are valid."""
 
     @property
     def plant(self) -> Plant: ...
@@ -45,19 +45,19 @@ class Site(Protocol):
     def contacts(self) -> Contacts: ...
 
     def set_states(self, changes: Mapping[str, str]) -> None:
-        """Elements and contacts get these states, all at once."""
+        """Set elements and contacts to these states, all at once."""
 
     def press(self, keys: Mapping[str, KeyValue]) -> None:
-        """Keys of the controller are put to these values (wiring/13)."""
+        """Set keys of the controller to these values (wiring/13)."""
 
     def restart(self) -> None:
-        """The controller starts anew."""
+        """Restart the controller."""
 
     def set_mains(self, on: bool) -> None:
-        """The mains is back or gone."""
+        """Switch the mains on or off."""
 
     def warm(self, axis: int, extra_k: float, t_ns: int) -> None:
-        """The stage of an axis is warmer by this from t_ns, the present, on."""
+        """Make the stage of an axis warmer by this from t_ns, the present, on."""
 
 
 class Moment(NamedTuple):
@@ -68,7 +68,7 @@ class Moment(NamedTuple):
 
 
 class Known(NamedTuple):
-    """What a reader of values has to know of machine and controller."""
+    """Names of machine and controller that a reader of values needs."""
 
     settable: Settable
     keys: Mapping[str, Key]
@@ -78,9 +78,9 @@ class Known(NamedTuple):
         return tuple(name for name, states in self.settable.items() if "broken" in states)
 
 
-# makes of a value in a file what the deed takes: numbers as float, a cut as a Cut. Raises the error of the place.
+# converts a value of a file for the deed: numbers to float, a cut to a Cut; raises the error of the place
 Reader: TypeAlias = Callable[["Act", Any, Place, Known], Any]
-Deed: TypeAlias = Callable[[Site, Any, Moment], None]  # does it, with a value that the reader has made
+Deed: TypeAlias = Callable[[Site, Any, Moment], None]  # carries it out with the value from the reader
 
 
 # ---- readers ---------------------------------------------------------------------------------------------------------
@@ -136,7 +136,7 @@ def _key(name: str, value: Any, place: Place, keys: Mapping[str, Key]) -> Any:
 
 
 def _pairs(act: Act, value: Any, place: Place, there: Known) -> dict[str, str]:
-    """By contact, another one or ""."""
+    """Pairs of contacts to swap; "": swap back."""
     values, contacts = table(value, place), there.contacts
     for name, other in values.items():
         if name not in contacts:
@@ -148,7 +148,7 @@ def _pairs(act: Act, value: Any, place: Place, there: Known) -> dict[str, str]:
 
 
 def _cut(act: Act, value: Any, place: Place, _: Known) -> Cut | str:
-    """A cut or "off". What somebody sets is a plain number; what the material does has a source."""
+    """A cut or "off". Settings are plain numbers; material constants have a source."""
     if isinstance(value, str):
         return text(value, place, (act.off,))
     numbers = dict(table(value, place))
@@ -160,7 +160,7 @@ def _cut(act: Act, value: Any, place: Place, _: Known) -> Cut | str:
 
 
 def cut_table(cut: Cut) -> dict[str, Any]:
-    """The opposite of `_cut`."""
+    """The inverse of `_cut`."""
     numbers = {item.metadata.get("key") or item.name: getattr(cut, item.name) for item in dataclasses.fields(Cut)}
     kc = {"value": cut.kc_n_mm2, "unit": "N/mm2", "grade": "setting", "source": "set_cut"}
     return numbers | {"kc": kc}
@@ -221,14 +221,15 @@ class Act:
     value: Form
     do: Deed
     read: Reader = _one
-    by: Literal["", "axis", "place", "input", "contact", "key"] = ""  # what a table is by; "": a single value
-    off: Any = None  # the value that ends it; None: that depends on what it is done to, or it is over at once
-    physical: bool = False  # it takes a plant with physics
-    # while it lasts it stands in `Twin.faults`, under its key, or `key.member` if it is by something
+    # what the keys of its table are; "": a single value
+    by: Literal["", "axis", "place", "input", "contact", "key"] = ""
+    off: Any = None  # the value that ends it; None: depends on what is set, or it is over at once
+    physical: bool = False  # needs a plant with physics
+    # while it lasts it is in `Twin.faults`, under its key, or `key.member` for a table
     fault: bool = True
 
     def faults(self, value: Any) -> Iterator[tuple[str, Any]]:
-        """What `Twin.faults` has of this, and the value of each; contacts tell theirs themselves."""
+        """Names in `Twin.faults` and their values, except contacts, which report their own."""
         if self.fault and self.by in ("axis", "place"):
             yield from ((f"{self.key}.{name}", one) for name, one in value.items())
         elif self.fault and not self.by:
@@ -299,7 +300,7 @@ _LIST = (
 
 ACTS: Mapping[str, Act] = {act.key: act for act in _LIST}  # by key
 
-# keys that say more of the others, and what
+# keys that qualify the others, and their meaning
 BESIDE: Mapping[str, str] = {
     "place": "where its forces act: tool or table",
     "for": "seconds after which all that it has set is ended",
@@ -307,8 +308,8 @@ BESIDE: Mapping[str, str] = {
 
 
 def ended(act: Act, value: Any, settable: Settable) -> Any:
-    """The value that ends what `value` has set, None if it does not last: an element goes back to its state at
-    power-on, a contact is healed."""
+    """The value that ends what `value` has set, None if it does not last. An element returns to its state at power-on,
+    a contact is healed."""
     if act.by == "key":
         return None
     if act.by == "input":
@@ -317,7 +318,7 @@ def ended(act: Act, value: Any, settable: Settable) -> Any:
 
 
 def check_input(name: str, state: Any, settable: Settable, where: object, error: type[FileError] = FileError) -> None:
-    """Raise `error` unless `name` is something that can be set to `state`."""
+    """Raise `error` unless `name` can be set to `state`."""
     states = settable.get(name, ())
     if not states:
         raise error(f"{where}: unknown input {name!r}; {hint(name, tuple(settable), 'there are')}")

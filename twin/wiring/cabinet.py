@@ -1,7 +1,6 @@
 """The control cabinet: operator elements, hood, safety relay and spindle contactor, as hardware without software.
 
-Goal: whatever the firmware believes, the machine loses power when a person needs it to. A state machine with two
-states:
+The machine loses power when a person needs it to, whatever the firmware does. A state machine with two states:
 
                        power_request rises, or the operator's power key,
                        and every condition to close holds
@@ -14,8 +13,8 @@ states:
                        or the hood is open in automatic while axes move or the spindle runs
 
 Conditions to close: supply on, both E-stop circuits closed, stages cool, and the hood closed or the key on setup.
-The spindle contactor closes when the controller begins to ask for it while relay and hood are closed; it drops when one
-of the three ends, and the controller has to ask anew.
+The spindle contactor closes when the controller requests it while relay and hood are closed; it drops when one of the
+three ends, and needs a new request.
 
 Sources: iMC programming manual 2.2.3, 2.2.4 and section 5 (codes 9 and H); CPM operating manual ch. 5 for the
 operator's side. What the manual leaves open: wiring/1, wiring/3.
@@ -47,9 +46,9 @@ ELEMENTS: Mapping[str, tuple[str, ...]] = {
 
 
 class Cabinet(Protocol):
-    """What a machine's cabinet is to its wiring: it is told what happens, and shows contacts, relays and power."""
+    """The cabinet of a machine: it is told of inputs, and shows contacts, relays and power."""
 
-    elements: Mapping[str, tuple[str, ...]]  # what people operate; the first state is that at power-on
+    elements: Mapping[str, tuple[str, ...]]  # what operators can set; the first state is that at power-on
     signals: tuple[str, ...]  # contacts it has
 
     @property
@@ -62,35 +61,35 @@ class Cabinet(Protocol):
 
     @property
     def relays(self) -> Mapping[str, int]:
-        """Relays that are shown beside the controller's outputs."""
+        """Relays to show beside the controller's outputs."""
 
     def operate(self, element: str, state: str) -> str:
         """Operate an element; return the state it has now. Raises UnknownNameError for one that does not exist."""
 
     def operate_all(self, changes: Mapping[str, str]) -> None:
-        """Operate elements at the same instant: no state in between is seen. Raises as `operate`."""
+        """Operate elements at the same instant, without intermediate states. Raises as `operate`."""
 
     def output(self, name: str, value: int) -> None:
-        """A controller output changes; only those the cabinet is wired to matter."""
+        """Take a change of a controller output; those that the cabinet does not use are ignored."""
 
     def sense(self, closed: Callable[[str], bool]) -> None:
-        """Look at contacts as they are wired: a broken wire may be open where the element is not."""
+        """Read contacts as they are wired: with a broken wire one is open although its element is closed."""
 
     def motion(self, moving: bool) -> None:
-        """A motion is being made or not, whatever the controller says of it."""
+        """Tell whether a motion is being made, whatever the controller's outputs say."""
 
     def heat(self, hot: bool) -> None:
-        """A power stage has reached its thermal limit, or not."""
+        """Tell whether a power stage has reached its thermal limit."""
 
     def mains(self, on: bool) -> None:
-        """The mains is gone or back; when it is back, all but what people have set is as at power-on."""
+        """Switch the mains; when it comes back, everything that people have not set is as at power-on."""
 
     def contacts(self) -> Mapping[str, bool]:
-        """Closed (True) or open, for every one of `signals`."""
+        """Closed (True) or open, for each of `signals`."""
 
 
 class SafetyCabinet:
-    """Implements `Cabinet` as described in the module."""
+    """Implements `Cabinet` with a safety relay (module docstring)."""
 
     elements = ELEMENTS
     signals = SIGNALS
@@ -107,7 +106,7 @@ class SafetyCabinet:
         self._mains = True
 
     def operate(self, element: str, state: str) -> str:
-        """A locked hood stays closed unless it is forced."""
+        """A locked hood stays closed unless forced."""
         self.operate_all({element: state})
         return self.state[element]
 
@@ -154,7 +153,7 @@ class SafetyCabinet:
         self._settle()
 
     def mains(self, on: bool) -> None:
-        """The relay closes as at power-on, if nothing speaks against it."""
+        """The relay closes as at power-on, if all conditions hold."""
         self._mains = on
         if on:
             self._close_relay()

@@ -1,15 +1,15 @@
 """From contacts to terminal levels: switch types, series circuits, bounce and broken wires.
 
-Contacts hang in series at a terminal, which reads high while all of them are closed (one marked `inverted` in the
-machine file: while it is open). An end switch is an opener: it is closed while nothing strikes it.
+Contacts are in series at a terminal, which is high while all of them are closed (one marked `inverted` in the machine
+file: open). An end switch is an opener: closed unless struck.
 
 Bounce: a struck or released position switch changes at once and then chatters for at most `bounce_ms`:
 
-    struck    ____|~|_|~~~~~~~~~~~          t0: first change, the instant the controller is told
+    struck    ____|~|_|~~~~~~~~~~~          t0: first change, when the controller is told
                   t0      t0 + bounce       an even number of further changes, seeded
 
 Faults of one contact: `broken` (a wire is off: open), `stuck_open`, `stuck_closed`, `bounce` (worn: it chatters for
-WORN_MS at each change), `ok` (healed). Two contacts may be swapped: each leads where the other did.
+WORN_MS at each change), `ok` (healed). Two contacts may be swapped: each leads to the other's terminal.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import numpy as np
 
 from isel_twin.machine import Contact
 
-# fault names, and the state in which each holds the contact; None: as it is operated
+# faults, and the state in which each holds the contact; None: as operated
 FAULTS: Mapping[str, bool | None] = {
     "ok": None,
     "broken": False,
@@ -30,13 +30,13 @@ FAULTS: Mapping[str, bool | None] = {
     "bounce": None,
 }
 
-WORN_MS = 20.0  # a worn contact is quiet after this time; good switches take 1 to 5 ms
+WORN_MS = 20.0  # time for which a worn contact chatters; good switches take 1 to 5 ms
 _MAX_BOUNCES = 3
 _WORN_BOUNCES = 12
 
 
 class Contacts:
-    """State of every contact of a machine and the levels they make at the controller's terminals."""
+    """States of all contacts of a machine, and the levels at the controller's terminals."""
 
     def __init__(
         self,
@@ -57,8 +57,8 @@ class Contacts:
         self._pending: list[tuple[int, int, str, bool]] = []
         self._sequence = 0
         self._levels: dict[str, bool] | None = None
-        self._swapped: dict[str, str] = {}  # the partner of each swapped contact; a pair is in it both ways round
-        self._worn: list[str] = []  # worn contacts that have changed at this instant and are still to chatter
+        self._swapped: dict[str, str] = {}  # the partner of each swapped contact, both ways
+        self._worn: list[str] = []  # worn contacts that changed at this instant, whose chatter is not yet drawn
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -66,7 +66,7 @@ class Contacts:
 
     @property
     def next_ns(self) -> int | None:
-        """Time of the next bounce, None if nothing is bouncing; what has just changed is begun by `advance`."""
+        """Time of the next bounce, None for none; `advance` begins those of contacts that have just changed."""
         return self._pending[0][0] if self._pending else None
 
     def closed(self, name: str) -> bool:
@@ -76,7 +76,7 @@ class Contacts:
 
     @property
     def faults(self) -> Mapping[str, str]:
-        """By name of the contact, in the order of `names`."""
+        """Faults by contact, in the order of `names`."""
         return {name: self._faults[name] for name in self.names if name in self._faults}
 
     def fault(self, name: str) -> str:
@@ -99,12 +99,13 @@ class Contacts:
 
     @property
     def swapped(self) -> Mapping[str, str]:
-        """Contacts whose wires are exchanged, each pair once."""
+        """Contacts with exchanged wires, each pair once."""
         names = list(self._contacts)
         return {name: other for name, other in self._swapped.items() if names.index(name) < names.index(other)}
 
     def swap(self, name: str, other: str) -> None:
-        """Exchange the wires of two contacts where they lead; "": put those of `name` right. Either may be swapped."""
+        """Exchange the wires of two contacts; "": restore those of `name`. Contacts that are already swapped are
+        restored first."""
         self._levels = None
         for one in (name, other):
             partner = self._swapped.pop(one, None)
@@ -114,7 +115,7 @@ class Contacts:
             self._swapped |= {name: other, other: name}
 
     def set_closed(self, name: str, closed: bool) -> None:
-        """A contact changes: without bounce, but for a worn one."""
+        """Change a contact, without bounce unless it is worn."""
         if self._closed[name] != closed:
             if self._faults.get(name) == "bounce":
                 self._worn.append(name)
@@ -122,7 +123,7 @@ class Contacts:
             self._levels = None
 
     def strike(self, name: str, struck: bool, t_ns: int) -> None:
-        """A position switch is struck or released at t_ns: change now, chatter for a while."""
+        """Strike or release a position switch at t_ns: it changes now and then chatters."""
         contact = self._contacts[name]
         closed = struck != (contact.type == "opener")
         self._forget(name)
@@ -132,7 +133,7 @@ class Contacts:
             self._chatter(name, t_ns, bounce_ns, 2 * int(self._random.integers(0, _MAX_BOUNCES + 1)))
 
     def advance(self, t_ns: int) -> bool:
-        """Apply the bounces due at t_ns; say whether there were any."""
+        """Apply the bounces due at t_ns; return whether there were any."""
         due = False
         for name in dict.fromkeys(self._worn):
             self._forget(name)
@@ -148,7 +149,7 @@ class Contacts:
         return due
 
     def _chatter(self, name: str, t_ns: int, within_ns: int, changes: int) -> None:
-        """Let a contact change so often, an even number, and end as it is."""
+        """Let a contact change an even number of times, so that it ends as it is."""
         closed = self._closed[name]
         for i, delay in enumerate(sorted(self._random.integers(1, within_ns + 1, changes).tolist())):
             state = closed if i % 2 else not closed

@@ -1,7 +1,5 @@
-"""An event: what happens at one instant, as a value, and how it is read from a table.
-
-A table comes from a scenario file (scenario.py), from the control port, a panel or a recording; what it may say is in
-acts.py.
+"""An event, which happens at one instant, as a value read from a table. The table comes from a scenario file
+(scenario.py), from the control port, a panel or a recording; its keys are in acts.py.
 """
 
 from __future__ import annotations
@@ -18,7 +16,7 @@ from isel_twin.plant import PLACES
 from isel_twin.wiring.acts import ACTS, BESIDE, NO_KEYS, Known, Settable, ended
 from isel_twin.wiring.when import Trigger
 
-EVENT_KEYS = (*ACTS, *BESIDE)  # what an event says beside its time
+EVENT_KEYS = (*ACTS, *BESIDE)  # keys of an event but its time
 _LASTING = tuple(key for key, act in ACTS.items() if act.off is not None or act.by == "input")
 _FOR_S = Limits("s", 0.0, 1e9)
 
@@ -28,9 +26,9 @@ class ScenarioEvent:
     """What happens at one instant."""
 
     at_ns: int
-    acts: Mapping[str, Any] = field(default_factory=dict)  # by key of ACTS, in their order: values that `Act.read` made
+    acts: Mapping[str, Any] = field(default_factory=dict)  # values of `Act.read` by key of ACTS, in their order
     place: str = ""  # of its forces, one of PLACES; "": what each axis moves
-    end: ScenarioEvent | None = None  # what ends all of it, `for_ns` later; None: it lasts
+    end: ScenarioEvent | None = None  # the event that ends it, `for_ns` later; None: it lasts
     for_ns: int = 0
     when: Trigger | None = None  # what it waits for, in place of `at_ns`
     delay_ns: int = 0  # from the condition on
@@ -38,13 +36,13 @@ class ScenarioEvent:
     every_ns: int = 0  # from one time to the next
     name: str = ""  # what other events call it
     number: int = 0  # its place in the file, from 1
-    # the table it was read from, without its time: what a recording keeps and `event_now` takes again
+    # the table it was read from, without its time: recordings keep it, `event_now` reads it
     content: Mapping[str, Any] = field(default_factory=dict, compare=False)
     table: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)  # the whole table of a scenario
 
     @property
     def physical(self) -> bool:
-        """It pushes, cuts, loads or breaks what only a plant with physics has."""
+        """True if it needs a plant with physics: a push, a cut, a load or a broken motor cable."""
         return any(ACTS[key].physical and _begins(key, value) for key, value in self.acts.items())
 
 

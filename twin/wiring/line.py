@@ -9,8 +9,8 @@ instant they are sent (for tests of logic, where the line does not matter; wirin
 Faults of each byte in both directions, with a chance each: a bit is flipped (`noise`), the byte is lost (`dropped`) or
 comes twice (`doubled`). While the line is cut, bytes that would arrive are lost; those that arrive later are not.
 
-A controller with a handshake may let its host wait: until it is clear to send again, the time of that direction stands
-still, cut or not.
+A controller with a handshake may make its host wait: until it is clear to send again, bytes of that direction do not
+move, cut or not.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import numpy as np
 
 
 class _Direction:
-    """One direction of the line: a queue of (arrival time, bytes that arrive then), and how many bytes that are."""
+    """One direction of the line: a queue of (arrival time, bytes that arrive then), and its number of bytes."""
 
     def __init__(self) -> None:
         self.queue: deque[tuple[int, bytes]] = deque()
@@ -40,7 +40,7 @@ class _Direction:
             self._held_ns = t_ns
 
     def release(self, t_ns: int) -> None:
-        """Let the sender go on; bytes that were on their way arrive later by the time of the wait."""
+        """End the wait of the sender; bytes on their way arrive later by the time of the wait."""
         if self._held_ns is None:
             return
         later, self._held_ns = t_ns - self._held_ns, None
@@ -63,7 +63,7 @@ class _Direction:
         return arrival
 
     def receive(self, t_ns: int, at_once: int | None = None) -> bytes:
-        """Take what has arrived by t_ns, no more than at_once of it: it was put on the line in such pieces."""
+        """Take at most at_once bytes of those that have arrived by t_ns."""
         pieces, size = [], 0
         for queue in (self.landed, self.queue):
             while queue and queue[0][0] <= t_ns and (at_once is None or size + len(queue[0][1]) <= at_once):
@@ -73,12 +73,12 @@ class _Direction:
         return b"".join(pieces)
 
     def land(self, t_ns: int) -> None:
-        """Keep what has arrived by t_ns, whatever happens to the line."""
+        """Keep what has arrived by t_ns, so that a cut cannot lose it."""
         while self.queue and self.queue[0][0] <= t_ns:
             self.landed.append(self.queue.popleft())
 
     def lose(self, t_ns: int) -> list[tuple[int, bytes]]:
-        """Remove and return what would arrive by t_ns."""
+        """Remove and return what arrives by t_ns."""
         lost = []
         while self.queue and self.queue[0][0] <= t_ns:
             lost.append(self.queue.popleft())
@@ -99,7 +99,7 @@ class SerialLine:
         self.noise = 0.0  # chance of one flipped bit in each byte
         self.dropped = 0.0  # chance that a byte is lost
         self.doubled = 0.0  # chance that a byte comes twice
-        self._chances = random.spawn(1)[0]  # of those two alone: they do not change which bits a seed flips
+        self._chances = random.spawn(1)[0]  # only for these two, so that they do not change which bits a seed flips
         self.is_cut = False
         self.on_reply: Callable[[int, bytes, int], None] | None = None
         """Called with what is on its way to the host: when its last byte arrives, the bytes, ns from byte to byte."""
@@ -109,14 +109,14 @@ class SerialLine:
         self._to_host = _Direction()
 
     def clear_to_send(self, t_ns: int, clear: bool) -> None:
-        """The controller takes bytes from t_ns on, or lets its host wait."""
+        """From t_ns on the controller takes bytes, or makes its host wait."""
         if clear:
             self._to_controller.release(t_ns)
         else:
             self._to_controller.hold(t_ns)
 
     def from_host(self, t_ns: int, data: bytes, byte_ns: int, at_once: int | None = None) -> None:
-        """The host sends bytes at t_ns; at_once: of those that arrive together, so many are in one piece."""
+        """The host sends bytes at t_ns; at_once: most bytes in one piece."""
         self._to_controller.send(t_ns, self._disturbed(data), byte_ns if self.timed else 0, at_once)
 
     def from_controller(self, t_ns: int, data: bytes, byte_ns: int) -> None:
@@ -147,9 +147,9 @@ class SerialLine:
 
     @property
     def next_ns(self) -> int | None:
-        """When the next byte arrives at the controller, or would if the line were whole."""
+        """When the next byte arrives at the controller, or would without a cut."""
         held = self._to_controller.held
-        if self.is_cut:  # whoever asks for replies is not to find one that has been lost
+        if self.is_cut:  # do not count replies that are lost
             directions = (self._to_host,) if held else (self._to_controller, self._to_host)
             times = [direction.queue[0][0] for direction in directions if direction.queue]
             landed = () if held else self._to_controller.landed
@@ -167,7 +167,7 @@ class SerialLine:
 
     @property
     def commands_due(self) -> int:
-        """Bytes on their way to the controller, and those with which the host waits."""
+        """Bytes on their way to the controller, including those held back by the handshake."""
         return self._to_controller.due
 
     @property

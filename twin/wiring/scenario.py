@@ -7,7 +7,7 @@
 
     [[event]]
     name = "jam"
-    when = "x > 120 mm"                      # or when something becomes so, see when.py
+    when = "x > 120 mm"                      # or a condition (when.py) becomes true
     delay = 0.1                              # s; times = 3 or always = true: several times
     friction_n = { x = 40 }                  # what else an event can do: acts.py
     for = 0.3                                # s, after which it is ended again
@@ -16,11 +16,12 @@
     at = 4.0
     repeat = 3                               # at 4, 4.5 and 5 s
     every = 0.5
-    force_n = { x = 50.0 }                   # a hand pushes along the axis, in N, the way positions rise; 0 lets go
-    place = "tool"                           # what it pushes, tool or table; without it, what the axis moves
+    force_n = { x = 50.0 }                   # a hand pushes along the axis, in N, in the direction of rising positions;
+    0 ends it
+    place = "tool"                           # it pushes the tool or the table; by default the one that the axis moves
 
-What one event sets changes together; events at the same instant happen in the order of the file. All of it is checked
-when the file is read. More in docs/scenarios.md, with the table of a cut.
+All changes of an event happen together; events at the same instant happen in the order of the file. The file is checked
+when it is read. More in docs/scenarios.md, with the table of a cut.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ from isel_twin.wiring.acts import NO_KEYS, Settable
 from isel_twin.wiring.event import EVENT_KEYS, ScenarioEvent, event_now
 from isel_twin.wiring.when import EXAMPLES, condition
 
-# what an event says of its time, in a file
+# keys in a file for the time of an event
 TIME_KEYS = ("at", "repeat", "every", "when", "delay", "times", "always", "name")
 _AT_S = Limits("s", 0.0, 1e9)
 _EVERY_S = Limits("s", 1e-6, 1e9)
@@ -61,8 +62,8 @@ def load_scenario(
 ) -> tuple[ScenarioEvent, ...]:
     """Events sorted by time, in file order at equal times, those with a condition last.
 
-    settable: see `Wiring.settable`; switches: which of them are position switches; outputs: of the controller, and
-    relays; keys: of the controller. Raises ScenarioError for anything wrong, OSError if the file cannot be read.
+    settable: `Wiring.settable`; switches: position switches among them; outputs: of the controller, and relays; keys:
+    of the controller. Raises ScenarioError for anything wrong, OSError if the file cannot be read.
     """
     document, place = read_lines(path, ScenarioError)
     for key in document:
@@ -82,7 +83,7 @@ def read_events(
     outputs: Sequence[str] = tuple(OUTPUTS),
     keys: Mapping[str, Key] = NO_KEYS,
 ) -> tuple[ScenarioEvent, ...]:
-    """The events of the tables of a scenario, as `load_scenario`. Raises the error of `place`."""
+    """As `load_scenario`, from the tables of a scenario. Raises the error of `place`."""
     names = _names(tables, place)
     events = []
     for number, entry in enumerate(tables, 1):
@@ -101,7 +102,7 @@ def read_events(
 
 
 def scenario_text(events: Sequence[ScenarioEvent]) -> str:
-    """A scenario file of which `load_scenario` makes the same events."""
+    """The text of a scenario file with these events."""
     tables = (event.table for event in sorted(events, key=lambda event: event.number))
     lines = (
         ("[[event]]", *(f"{json.dumps(key)} = {_toml(value)}" for key, value in table.items())) for table in tables
@@ -151,7 +152,7 @@ def _timed(entry: Mapping[str, Any], place: Place) -> dict[str, Any]:
 
 
 def _conditional(entry: Mapping[str, Any], place: Place) -> dict[str, Any]:
-    """Fields of an event with `when`, but for the condition."""
+    """Fields of an event with `when`, without the condition."""
     for key in ("at", "repeat", "every"):
         if key in entry:
             raise place.at(key).wrong(
@@ -181,7 +182,7 @@ def _count(value: Any, place: Place) -> int:
 
 
 def _check_chains(events: Sequence[ScenarioEvent], place: Place) -> None:
-    """Refuse events that wait for each other: nothing would ever begin."""
+    """Refuse events that wait for each other in a circle."""
     waits = {e.name: e.when.name for e in events if e.name and e.when is not None and e.when.kind == "after"}
     for event in events:
         name, steps = event.name, 0

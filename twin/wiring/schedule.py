@@ -1,21 +1,19 @@
-"""When the events of a scenario happen: at a time, or when something is so.
-
-Goal: say at each instant which event is next, the same however time is cut. Messages, outputs, states and positions are
-told here as they happen; nothing is looked for on a grid.
+"""When the events of a scenario happen: at a time, or on a condition. Messages, outputs, states and positions are
+reported here when they change; nothing is polled, so the result does not depend on the calls.
 
     at                      t, and again after `every`, `repeat` times in all
-    when, of a message      each message that begins so
-    when, of a state        each time it becomes so; a state that holds at power-on has to end first
-    when, after an event    each time that event happens, so much later
+    when, of a message      each message with this beginning
+    when, of a state        each time the state begins; one that holds at power-on must end first
+    when, after an event    this long after each time that event happens
 
-                 so   ___|~~~~~~~~~~|____|~~|_|~~~~~~~~~~
-           happens       ^ (delay)        ^    too soon                  REARM_NS after the last time, counted from here
+                 state   ___|~~~~~~~~~~|____|~~|_|~~~~~~~~~~
+           happens       ^ (delay)        ^    too soon                  next: REARM_NS after the last time
 
 An event with a condition happens once, `times` times, or `always`, on rising edges (wiring/9). A condition met again
-within REARM_NS does not count, so that a bouncing switch is one event and two events that trigger each other are no
-endless loop.
+within REARM_NS is ignored, so that a bouncing switch is one event and two events that trigger each other do not loop
+endlessly.
 
-At one instant events happen in the order of the file, ends of what lasted (`for`) before them.
+At one instant the ends of lasting events (`for`) come first, then events in the order of the file.
 """
 
 from __future__ import annotations
@@ -30,12 +28,12 @@ from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.wiring.event import ScenarioEvent
 from isel_twin.wiring.when import Trigger
 
-REARM_NS = 1 * MILLISECOND_NS  # after which the condition of an event counts again
-_END = -1  # in place of the number of an event: sorts before all of them
+REARM_NS = 1 * MILLISECOND_NS  # time after which a condition can trigger again
+_END = -1  # number of an end in place of an event's: sorts first
 
 
 class Said(Protocol):
-    """A message as a language gives it."""
+    """A message from a language."""
 
     @property
     def text(self) -> str:
@@ -43,14 +41,14 @@ class Said(Protocol):
 
 
 class Decoder(Protocol):
-    """Finds the messages in the bytes of both directions; a fresh `isel_twin.language.Language` does."""
+    """Finds the messages in the bytes of both directions, such as a fresh `isel_twin.language.Language`."""
 
     def messages(self, data: bytes, sent: bool) -> Iterator[Said]:
-        """Messages complete with these bytes."""
+        """Messages completed by these bytes."""
 
 
 class _Raw:
-    """Finds texts in the raw bytes of a controller without a language, wherever they stand."""
+    """Finds texts anywhere in the raw bytes of a controller without a language."""
 
     def __init__(self, texts: Sequence[tuple[str, bool]]) -> None:
         self._wanted = [(text, _bytes(text), sent) for text, sent in texts]
@@ -67,19 +65,20 @@ class _Raw:
 
 
 class Schedule:
-    """The events that are still to come. Times are ns of virtual time and never run back."""
+    """The events still to come. Times are ns of virtual time and never decrease."""
 
     def __init__(self, events: Sequence[ScenarioEvent] = (), decoder: Decoder | None = None) -> None:
-        """events: those with a time sorted by it. decoder: of the messages, if the controller has a language."""
+        """events: those with a time are sorted by it. decoder: for messages, if the controller has a language."""
         self.events = tuple(events)
         self._due: list[tuple[int, int, int, ScenarioEvent, int]] = []
         """Heap of time, number in the file, sequence, event and its place here (_END: none)."""
         self._sequence = 0
-        self._met: list[int] = []  # places of events whose conditions have been met at this instant
+        self._met: list[int] = []  # indices of events whose conditions were met at this instant
         self._happened = [0] * len(self.events)
         self._begun = [0] * len(self.events)
         self._armed_ns = [0] * len(self.events)
-        self._so: list[bool | None] = [None] * len(self.events)  # its condition holds; None: not told yet
+        # whether the condition of each holds; None: not known yet
+        self._so: list[bool | None] = [None] * len(self.events)
         self._by_kind: dict[str, list[int]] = defaultdict(list)
         for place, event in enumerate(self.events):
             if event.when is None:
@@ -94,16 +93,16 @@ class Schedule:
         ]
         self._raw = _Raw(texts) if texts and decoder is None else None
 
-    # What is asked
+    # Queries
 
     @property
     def next_ns(self) -> int | None:
-        """When the next one is due; None if all that are left wait for a condition."""
+        """When the next event is due; None if all that are left wait for a condition."""
         return self._due[0][0] if self._due else None
 
     @property
     def positions(self) -> tuple[Trigger, ...]:
-        """Conditions of positions, as `passed` numbers them."""
+        """Conditions of positions, in the numbering of `passed`."""
         return tuple(self._condition(place) for place in self._of("position"))
 
     @property
@@ -115,7 +114,7 @@ class Schedule:
         return bool(self._of("sent") or self._of("replied"))
 
     def take(self, t_ns: int) -> ScenarioEvent | None:
-        """The next event that is due at t_ns, which happens now; None if there is none."""
+        """Remove and return the next event due at t_ns; None if there is none."""
         for place in self._met:
             self._begin(place, t_ns)
         self._met.clear()
@@ -127,14 +126,14 @@ class Schedule:
         return event
 
     def end_later(self, t_ns: int, event: ScenarioEvent) -> None:
-        """`event`, which ends something, happens at t_ns."""
+        """Let `event`, the end of another one, happen at t_ns."""
         self._sequence += 1
         heapq.heappush(self._due, (t_ns, _END, self._sequence, event, _END))
 
-    # What is told; `take` follows at the same instant. The first word about a state is how it is at power-on.
+    # Reports; `take` follows at the same instant. The first report of a state is the one at power-on.
 
     def heard(self, data: bytes, sent: bool) -> None:
-        """Bytes of the host have arrived (sent), or of the controller."""
+        """Take bytes that have arrived from the host (sent) or from the controller."""
         if not self.of_messages:
             return
         kind = "sent" if sent else "replied"
@@ -149,7 +148,7 @@ class Schedule:
         self._becomes(self._of("position")[number], beyond)
 
     def look(self, so: Callable[[Trigger], bool]) -> None:
-        """Outputs or inputs may have changed; `so` tells whether a condition of one holds now."""
+        """Take changes of outputs or inputs; `so` tells whether a condition of one holds now."""
         for place in self._of("output") + self._of("input"):
             self._becomes(place, so(self._condition(place)))
 

@@ -1,14 +1,14 @@
-"""The words of a condition: what stands behind `when` in a scenario file.
+"""The syntax of a condition: the text after `when` in a scenario file.
 
-    sent @0M                     a message of the host that begins so: the controller has just got the last byte of it
-    replied 0                    a message of the controller that begins so: it has just given it to the line
+    sent @0M                     a message of the host that begins with this text, once the controller has its last byte
+    replied 0                    a message of the controller that begins with this text, once it is on the line
     x > 120 mm, z < 5 mm         true position of a carriage in machine coordinates: 0 at the switch at the motor end
     output spindle == 1          an output of the controller, or a relay of the cabinet
     input hood == open           an element, a position switch (free, struck), or a contact (its fault, or ok)
-    0.5 s after trip             so long after the event of this name has happened; ms, too
+    0.5 s after trip             this long after the event of this name; ms, too
 
-Messages are found and written as by the controller's language, without the end of a line; without a language the text
-stands for bytes, <13> being the byte 13, found anywhere.
+Messages are as the controller's language writes them, without the end of line. Without a language the text means bytes
+found anywhere, with <13> for the byte 13.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.parameters import Limits, Place, hint, plain
 
 EXAMPLES = ("sent TEXT", "replied TEXT", "x > 120 mm", "output spindle == 1", "input hood == open", "0.5 s after NAME")
-SWITCH_STATES = ("free", "struck")  # what a position switch is, beside its faults
+SWITCH_STATES = ("free", "struck")  # states of a position switch, beside its faults
 _MM = Limits("mm", -1e5, 1e5)
 _LATER_S = Limits("s", 0.0, 1e9)
 _OUTPUT = Limits("", 0, 255)
@@ -53,8 +53,8 @@ def condition(
     outputs: Sequence[str],
     names: Sequence[str],
 ) -> Trigger:
-    """The condition in some words. settable: see `Wiring.settable`; switches: contacts that are position switches;
-    outputs: and relays; names: of events. Raises the error of `place`."""
+    """Parse a condition. settable: `Wiring.settable`; switches: contacts that are position switches; outputs: with
+    relays; names: of events. Raises the error of `place`."""
     if not isinstance(words, str) or not words.strip():
         raise place.wrong(f"{words!r}; {_examples()}")
     kind, _, rest = words.strip().partition(" ")

@@ -1,7 +1,7 @@
-"""Everything between machine, people and the controller's input terminals, as one thing that settles itself.
+"""Everything between machine, operators and the controller's input terminals, as one object.
 
-Goal: the owner of the clock tells the time, the controller's outputs and what a person does, and is told when to come
-back and which levels the terminals have. In between:
+The owner of the clock passes in the time, the controller's outputs and operations, and reads `next_ns` and the levels
+of the terminals. In between:
 
     position switches --> contacts --> terminals          bounce, broken wires: contacts.py
     drives -------------------------->     "              lag, fault: `DriveInput`
@@ -10,8 +10,8 @@ back and which levels the terminals have. In between:
     stages -------------> heat ------> cabinet
     scenario -----------> all of them, at its times       scenario.py
 
-Order at one instant: what the plant has done, bounces, temperatures, one event of the scenario; then again, until
-nothing is due.
+Order at one instant: changes of the plant, bounces, temperatures, one event of the scenario; repeated until nothing is
+due.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ from isel_twin.wiring.scenario import ScenarioError
 from isel_twin.wiring.schedule import Decoder, Schedule
 from isel_twin.wiring.when import Trigger
 
-PASSED_MM = 0.05  # a carriage has left a position that an event waits for when it is back by this much
-KEPT = 0.9  # of its hysteresis: by at most this part a switch's trip point moves inwards from one time to the next
+PASSED_MM = 0.05  # hysteresis of positions that events wait for
+KEPT = 0.9  # largest part of its hysteresis by which a switch's trip point moves inwards from one time to the next
 
 
 def settable(machine: Machine) -> Settable:
-    """What can be set of a machine, and the states of each: elements of its cabinet, faults of contacts."""
+    """What `operate` takes, and the states of each: elements of the cabinet, faults of contacts."""
     elements = CABINETS[machine.cabinet]().elements
     contacts = [contact.name for contact in machine.contacts]
     names = dict.fromkeys((*elements, *contacts))
@@ -54,7 +54,7 @@ def outputs(machine: Machine) -> tuple[str, ...]:
 def thresholds(
     machine: Machine, drive_inputs: Sequence[DriveInput], schedule: Schedule | None = None
 ) -> list[Threshold]:
-    """What the plant has to watch: position switches, quantities of `drive_inputs`, positions that events wait for
+    """What the plant must watch: position switches, quantities of `drive_inputs`, positions that events wait for
     (wiring/10)."""
     switches = [
         Threshold(CARRIAGES.index(s.axis), "position", s.position_mm, -1 if s.end == "motor" else 1, s.hysteresis_mm)
@@ -79,14 +79,14 @@ class Wiring:
         bounces: np.random.Generator,
         schedule: Schedule | None = None,
     ) -> None:
-        """Wire a machine to a controller's `terminals`. plant: built with `thresholds` of this machine, these drive
-        inputs and this schedule. trips, bounces: trip points and bounces are drawn from them."""
+        """Wire a machine to a controller's `terminals`. plant: built with the `thresholds` of the same machine, drive
+        inputs and schedule. trips, bounces: random generators of trip points and bounces."""
         self.plant = plant
         self.line = line
         self._switches: tuple[Contact, ...] = machine.switches
         self._drive_terminals = tuple(drive_input.terminal for drive_input in drive_inputs)
         self._trips = trips
-        self._trip_mm = [switch.position_mm for switch in machine.switches]  # where each trips the next time
+        self._trip_mm = [switch.position_mm for switch in machine.switches]  # next trip point of each
         self._cabinet = CABINETS[machine.cabinet]()
         self.contacts = Contacts(machine.contacts, terminals, self._cabinet.signals, bounces)
         self._heat = StageHeat(plant.stages)
@@ -97,14 +97,14 @@ class Wiring:
         self._schedule = Schedule() if schedule is None else schedule
         self.events_without_effect = 0  # because the plant has no physics (core/4)
         self._faults: dict[str, str | float] = {}  # of acts, by key or `key.member`; contacts keep their own
-        self.changes = 0  # goes up whenever an input may have changed
-        self.restarts = 0  # how often the controller had to start anew or lost its supply
-        self._pressed: list[tuple[str, KeyValue]] = []  # keys of the controller and their values since `take_pressed`
+        self.changes = 0  # counts up whenever an input may have changed
+        self.restarts = 0  # how often the controller was restarted or lost its supply
+        self._pressed: list[tuple[str, KeyValue]] = []  # keys pressed since `take_pressed`, and their values
         self.mains = True  # the controller has supply
         self.stages_powered = False
         self._outputs: dict[str, int] = {}
         self._shown: Mapping[str, bool] = {}
-        self._signals: Mapping[str, bool] = {}  # the cabinet's contacts as the terminals were last told of them
+        self._signals: Mapping[str, bool] = {}  # the cabinet's contacts at the last update of the terminals
         self._active = plant.trips()
         for switch, struck in zip(self._switches, self._active, strict=False):
             self.contacts.set_closed(switch.name, bool(struck) != (switch.type == "opener"))
@@ -116,16 +116,16 @@ class Wiring:
 
     @property
     def next_ns(self) -> int | None:
-        """When `settle` next has something to do by itself."""
+        """When `settle` must be called next."""
         return min((t for t in (self.next_event_ns, self._heat.next_ns) if t is not None), default=None)
 
     @property
     def next_event_ns(self) -> int | None:
-        """`next_ns` without the regular look at the temperatures, which hardly ever changes anything."""
+        """`next_ns` without the regular check of the temperatures, which hardly ever changes anything."""
         return min((t for t in (self.contacts.next_ns, self._schedule.next_ns) if t is not None), default=None)
 
     def settle(self, t_ns: int) -> bool:
-        """Do what is due at t_ns, the present; return whether there was anything: levels may have changed."""
+        """Do what is due at t_ns, the present; return whether levels may have changed."""
         if self._follow_plant(t_ns):
             return True
         if self._heat.next_ns is not None and self._heat.next_ns <= t_ns:
@@ -140,18 +140,18 @@ class Wiring:
             self.carry_out(event, t_ns)
         return event is not None
 
-    # What is done to it
+    # Operation
 
     def operate(self, name: str, state: str) -> None:
         """Give an element of the cabinet or a contact one of its states in `settable`.
 
-        Raises ScenarioError (ValueError) for any other name or state, and nothing has changed then.
+        Raises ScenarioError (ValueError) for any other name or state, and changes nothing.
         """
         check_input(name, state, self.settable, "wiring", ScenarioError)
         self.set_states({name: state})
 
     def carry_out(self, event: ScenarioEvent, t_ns: int) -> None:
-        """Let an event happen at t_ns, the present, whatever its time; all of it has been checked."""
+        """Let a valid event happen at t_ns, the present, whatever its own time."""
         self.changes += 1
         self.events_without_effect += event.physical and not self.plant.physics
         moment = Moment(t_ns, event.place)
@@ -162,7 +162,7 @@ class Wiring:
         if event.end is not None:
             self._schedule.end_later(t_ns + event.for_ns, event.end)
 
-    # What events do: see `isel_twin.wiring.acts.Site`
+    # Deeds of events: `isel_twin.wiring.acts.Site`
 
     def set_states(self, changes: Mapping[str, str]) -> None:
         self.changes += 1
@@ -194,12 +194,12 @@ class Wiring:
         self._settle_cabinet()
 
     def schedule(self, events: Sequence[ScenarioEvent], decoder: Decoder | None = None) -> None:
-        """Let these events happen, as `Schedule` takes them; none of them waits for a position."""
+        """Replace the schedule by these events; none of them may wait for a position."""
         self._schedule = Schedule(events, decoder)
         self._look()
 
     def take_pressed(self) -> list[tuple[str, KeyValue]]:
-        """Keys that events have pressed since the last call, in order, and their values."""
+        """Keys that events have pressed since the last call, with their values, in order."""
         pressed, self._pressed = self._pressed, []
         return pressed
 
@@ -208,11 +208,11 @@ class Wiring:
         return self._schedule.left
 
     def heard(self, data: bytes, sent: bool) -> None:
-        """The controller gets these bytes of the host now (sent), or answers them. `settle` follows."""
+        """Take bytes that the controller gets from the host now (sent), or sends. Call `settle` afterwards."""
         self._schedule.heard(data, sent)
 
     def output(self, name: str, value: int) -> None:
-        """A controller output has a new level. `outputs_changed` follows when all of an instant have been told."""
+        """Take the new level of a controller output. Call `outputs_changed` after all those of an instant."""
         if name == "drive_reset" and value and not self._outputs.get(name):
             self.plant.reset_drives()
         self._outputs[name] = value
@@ -220,24 +220,24 @@ class Wiring:
         self._look()
 
     def outputs_lost(self) -> None:
-        """The controller starts anew or has no supply: outputs return to their state at power-on (wiring/8)."""
+        """Reset the outputs to their state at power-on: the controller restarts or has no supply (wiring/8)."""
         for name in self._outputs:
             self.output(name, OUTPUTS.get(name, 0))
         self._settle_cabinet()
 
     def outputs_changed(self) -> None:
-        """Carry them to contacts and drives."""
+        """Apply the outputs to contacts and drives."""
         self._settle_cabinet()
 
     def motion(self, moving: bool) -> None:
         self._cabinet.motion(moving)
         self._settle_cabinet()
 
-    # What there is to see
+    # State
 
     @property
     def levels(self) -> Mapping[str, bool]:
-        """Level (True: high) of every wired terminal; the same object as long as nothing has changed."""
+        """Level (True: high) of every wired terminal; the same object while nothing changes."""
         levels = self.contacts.levels()
         if self._drive_terminals:
             active = self._active[len(self._switches) : self._places].tolist()
@@ -256,7 +256,7 @@ class Wiring:
 
     @property
     def faults(self) -> Mapping[str, str | float]:
-        """What is wrong now: faults of contacts by name, all else by key of ACTS: `noise`, `phase_lost.x`."""
+        """Faults now: of contacts by name, others by key of ACTS: `noise`, `phase_lost.x`."""
         found: dict[str, str | float] = dict(self.contacts.faults)
         found |= {f"swapped.{name}": other for name, other in self.contacts.swapped.items()}
         return found | self._faults
@@ -269,7 +269,7 @@ class Wiring:
     # Inside
 
     def _follow_plant(self, t_ns: int) -> bool:
-        """Take over what the plant has struck or released, and the bounces due; return whether there was anything."""
+        """Apply switches that the plant has struck or released, and the bounces due; return whether there were any."""
         active = self.plant.trips()
         changed = (active != self._active).nonzero()[0].tolist()
         self._active = active
@@ -312,8 +312,7 @@ class Wiring:
         return self.inputs.get(name) == value
 
     def _draw_trip_point(self, number: int) -> None:
-        """Draw where a switch that has just been released trips next: not where the carriage stands, or it is
-        struck (wiring/12)."""
+        """Draw the next trip point of a switch that has just been released, not beyond the carriage (wiring/12)."""
         switch = self._switches[number]
         inwards = 1.0 if switch.end == "motor" else -1.0
         nearest_mm = self._trip_mm[number] + inwards * KEPT * switch.hysteresis_mm
@@ -324,7 +323,7 @@ class Wiring:
         self.plant.set_trip_point(number, trip_mm)
 
     def _settle_cabinet(self) -> None:
-        """Set contacts from the cabinet, let it sense them as they are wired, and switch the power of the stages."""
+        """Set contacts from the cabinet, let it read them as wired, and switch the power of the stages."""
         self._follow_cabinet()
         self._cabinet.sense(self.contacts.closed)
         self._follow_cabinet()
