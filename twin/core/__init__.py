@@ -1,1 +1,1 @@
-"""The twin itself: one virtual clock for controller, line, wiring and plant, and what is seen of it."""
+"""The twin itself: one virtual clock for controller, line, wiring and plant, and all that can be read and done."""

@@ -26,25 +26,25 @@ PLANTS = ("mujoco", "kinematic")
 
 @dataclass(frozen=True, eq=False)
 class Plans:
-    """Common to twins that differ in seed, start and flash only."""
+    """Parts shared by twins that differ only in seed, start and flash."""
 
     machine: Machine  # with all overrides
     events: tuple[ScenarioEvent, ...]
-    # builds the controller, given a flash image; None: it was handed in
+    # builds the controller from a flash image; None: the caller gave a controller
     new_controller: Callable[[bytes | None], Controller] | None
     new_language: Callable[[], Language | None] | None
 
 
 @runtime_checkable
 class HasModel(Protocol):
-    """A plant whose model takes time to read."""
+    """A plant whose model is slow to read."""
 
     def model_as_built(self) -> Any:
         """A fresh model of this plant, for `build_plant`."""
 
 
 def draw_up(spec: TwinSpec, controller: Controller | None) -> tuple[Plans, Controller]:
-    """Plans, and the first controller: the one that was handed in, or one that has been built.
+    """Plans, and the first controller: the one given, else a new one.
 
     Raises ValueError (UnknownNameError, PluginError, MachineError, ScenarioError) with one clear line for anything
     wrong, and OSError for a scenario file that cannot be read.
@@ -80,7 +80,7 @@ def build_plant(
     axes: int,
     model: Any = None,
 ) -> Plant:
-    """model: from `HasModel`, of a plant of this machine."""
+    """The plant of this name. model: from `HasModel`, of a plant of the same machine."""
     if plant == "kinematic":
         from isel_twin.plant.kinematic import KinematicPlant
 
@@ -93,8 +93,8 @@ def build_plant(
 def power_on_mm(
     machine: Machine, random: np.random.Generator, wanted_mm: Sequence[float] | None
 ) -> NDArray[np.float64]:
-    """float64 [3], carriage positions at power-on: as wanted, or random. Raises ValueError unless the wanted positions
-    lie between the hard stops."""
+    """float64 [3], carriage positions at power-on: as wanted, else random. Raises ValueError for wanted positions
+    beyond the hard stops."""
     if wanted_mm is None:
         return np.array([random.uniform(axis.power_on_low_mm, axis.power_on_high_mm) for axis in machine.axes])
     if len(wanted_mm) != len(machine.axes):

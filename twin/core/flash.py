@@ -1,4 +1,4 @@
-"""A controller's flash memory in a file, which follows what the controller writes."""
+"""A controller's flash memory in a file that is kept up to date."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ class HasFlash(Protocol):
 class FlashFile:
     """A controller's flash memory in a file.
 
-    `image` is what the file held, None for a new device; once `attach` has named the twin, the file is that twin's own,
-    follows its flash and exists. Raises OSError if the file is no regular one of at most FLASH_BYTES or cannot be read.
+    `image` is the first content of the file, None for a new device. From `attach` on the file belongs to that twin and
+    follows its flash. Raises OSError if the file cannot be read, is no regular one or larger than FLASH_BYTES.
     """
 
     def __init__(self, path: Path) -> None:
@@ -55,8 +55,8 @@ class FlashFile:
         return self._path.read_bytes() if self._path.exists() else b""
 
     def attach(self, twin: HasFlash) -> None:
-        """Keep what this twin writes to its flash. A flash nobody has written to yet is an empty file (core/5).
-        Raises OSError as `hold` does, or if the file cannot be written."""
+        """Store what this twin writes to its flash; an unwritten flash is an empty file. Raises OSError as `hold` does,
+        or if the file cannot be written (core/5)."""
         self.hold()
         _remove_left_overs(self._target)
         if twin.flash != self.image or self.image is None:
@@ -78,7 +78,7 @@ class FlashFile:
         self._claim = claim
 
     def release(self) -> None:
-        """Let another twin claim the file; later writes of this one are lost. May be called again."""
+        """Release the file for another twin; later writes of this one are lost. May be called again."""
         if self._claim is not None:
             self._claim.release()
             self._claim = None
@@ -93,7 +93,7 @@ class FlashFile:
             if self._claim is None:
                 raise OSError(errno.EBADF, "the file has been let go", str(self._path))
             self._write(image)
-        except OSError as error:  # the machine runs on, and no reply tells (core/6)
+        except OSError as error:  # the machine runs on, and no reply reports it (core/6)
             log.error("%s: the flash image could not be stored, the file is as it was: %s", self._path, error.strerror)
             raise
 
@@ -107,7 +107,7 @@ def flash_file(twin: HasFlash) -> FlashFile | None:
 def _remove_left_overs(target: Path) -> None:
     """Remove temporary files of processes that were killed while they replaced `target`."""
     left_over = re.compile(rf"\.{re.escape(target.name)}\.\d+(-\d+)?\.tmp")
-    with suppress(OSError):  # nothing of that matters enough to refuse the file
+    with suppress(OSError):  # a left-over file is no reason to refuse the flash
         for name in os.listdir(target.parent):
             if left_over.fullmatch(name):
                 os.unlink(target.parent / name)

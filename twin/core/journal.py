@@ -1,22 +1,22 @@
-"""What happens to a twin, told at its virtual time.
+"""Notes of all that happens to a twin, with its virtual time.
 
     twin.listen(note)               note(time_ns, kind, what) from now on
 
     kind         what
-    sent         bytes                       the host sends them, as `Twin.write` was given them
-    received     Received                    bytes on their way to the host; told when the controller answers
+    sent         bytes                       the host sends them by `Twin.write`
+    received     Received                    bytes on their way to the host; noted when the controller answers
     lost         Received                    of these, bytes that do not arrive, because the line is cut
-    operated     table                       somebody acts: the keys of a scenario event, or SETTINGS
+    operated     table                       an operation: the keys of a scenario event, or SETTINGS
     scenario     table                       an event of the scenario happens
-    motion       Motion or None              the controller shows another one
+    motion       Motion or None              the controller's motion has changed
     counter      CounterSet                  it has set a counter without a motion
     flash        bytes                       it has written its flash memory
     remark       text
-    restored     time in ns                  the twin is about to be as it was saved at that time (`Twin.restore`);
-                                             who cannot follow raises ValueError with one line, and nothing happens
+    restored     time in ns                  the twin is about to be restored to a state of that time (`Twin.restore`);
+                                             a listener that cannot follow raises ValueError (one line) to prevent it
 
-Causes are told before their effects. `sent` and `operated` are the causes: repeated at the same instants with a twin of
-the same `TwinSpec` they give the same bits (recordings/2).
+Causes are noted before their effects. `sent` and `operated` are the causes: repeated at the same instants with a twin
+of the same `TwinSpec` they give the same bits (recordings/2).
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from typing import Any, Final
 from isel_twin.plant import Cut
 from isel_twin.wiring import cut_table
 
-Note = Callable[[int, str, Any], None]  # note(time_ns, kind, what); see the module
+Note = Callable[[int, str, Any], None]  # note(time_ns, kind, what), as in the module docstring
 
-# keys of an `operated` table that no scenario has: how the line is, and that the least margins begin anew
+# keys of an `operated` table that scenarios do not have: state of the line, reset of the least margins
 SETTINGS: Final = ("line_speed", "watch_margin")
 
 

@@ -1,4 +1,4 @@
-"""Least pull-out margins for several readers, each with a memory of its own.
+"""Least pull-out margins for several independent readers.
 
 The plant keeps the least margins since they were last taken, once. What one reader takes is handed to all of them:
 
@@ -16,34 +16,34 @@ from isel_twin.plant import Plant
 
 
 class MarginReaders:
-    """All readers of one twin; one that nobody holds any more is gone."""
+    """All readers of one twin, by weak references."""
 
     def __init__(self) -> None:
         self._readers: WeakSet[MarginReader] = WeakSet()
 
     def reader(self, plant: Plant) -> MarginReader:
-        """A new one, which begins now."""
+        """A new reader, which begins now."""
         self.collect(plant)
         new = MarginReader(self, plant)
         self._readers.add(new)
         return new
 
     def collect(self, plant: Plant) -> None:
-        """Hand what the plant has kept to every reader."""
+        """Pass the plant's margins to every reader."""
         taken = plant.take_margin()
         for reader in self._readers:
             reader.least = np.minimum(reader.least, taken)
 
 
 class MarginReader:
-    """One reader: see `Twin.margin_reader`."""
+    """One reader, from `Twin.margin_reader`."""
 
     def __init__(self, readers: MarginReaders, plant: Plant) -> None:
         self._readers, self._plant = readers, plant
         self.least = np.ones(len(plant.margin))
 
     def take(self) -> NDArray[np.float64]:
-        """float64 [axes], least margins since the last call of this, or since it was made: as `Twin.margin`."""
+        """float64 [axes], least margins since the last call, or since the beginning; as `Twin.margin`."""
         self._readers.collect(self._plant)
         taken, self.least = self.least, np.ones(len(self.least))
         return taken

@@ -21,24 +21,24 @@ class Observers(Generic[Seen]):
 
     def __init__(self) -> None:
         self._all: list[_Observer[Seen]] = []
-        self._changes = 0  # changes of the wiring at their last look
-        self._inputs: Mapping[str, str] = {}  # inputs then
+        self._changes = 0  # `Wiring.changes` at the last look
+        self._inputs: Mapping[str, str] = {}  # inputs at that time
 
     def __len__(self) -> int:
         return len(self._all)
 
     def add(self, callback: Callable[[Seen], None], interval_ns: int | None, twin: Seen, changes: int) -> None:
-        """A new one, who looks at once. changes: of the wiring, so far."""
+        """Add an observer and call it at once. changes: `Wiring.changes`."""
         self._all.append(_Observer(callback, interval_ns, twin.time_ns))
         self._changes, self._inputs = changes, twin.inputs
 
     @property
     def next_ns(self) -> int | None:
-        """When the next look on a grid is due."""
+        """When the next call on a grid is due."""
         return min((one.next_ns for one in self._all if one.next_ns is not None), default=None)
 
     def look(self, twin: Seen, changed: bool, changes: int) -> None:
-        """Call those whose time has come; all of them if something has changed."""
+        """Call the observers that are due; all of them if something has changed."""
         if not self._all:
             return
         if changed:
@@ -47,7 +47,7 @@ class Observers(Generic[Seen]):
             one.look(twin, changed)
 
     def inputs_changed(self, twin: Seen, changes: int) -> bool:
-        """True if an input has changed since their last look; they are about to look again."""
+        """True if an input has changed since the last look."""
         if not self._all or self._changes == changes:
             return False
         self._changes = changes
@@ -55,7 +55,7 @@ class Observers(Generic[Seen]):
         return before != self._inputs
 
     def restored(self, twin: Seen, changes: int) -> None:
-        """The twin is at another time: all look now, and then on their old grids."""
+        """Call all observers after the twin was restored to another time; their grids stay."""
         for one in self._all:
             one.go_on(twin.time_ns)
         self._changes, self._inputs = changes, twin.inputs if self._all else {}

@@ -1,7 +1,4 @@
-"""How a twin is operated and watched.
-
-Whatever changes what the twin will do is noted for its listeners before it happens, so that it can be repeated.
-"""
+"""Operating and observing a twin. Listeners get every operation before it happens, so that it can be repeated."""
 
 from __future__ import annotations
 
@@ -23,7 +20,7 @@ from isel_twin.wiring import ScenarioError, ScenarioEvent, SerialLine, Wiring, c
 
 
 class Operated:
-    """The part of a `Twin` that is operated and watched."""
+    """The part of a `Twin` for operation and observation."""
 
     time_ns: int
     keys: Mapping[str, Key]
@@ -54,7 +51,7 @@ class Operated:
         return self._margin_readers.reader(self._plant)
 
     def watch_margin(self) -> None:
-        """Begin anew with the least margins, as before each line of a job."""
+        """Reset the least margins, as before each line of a job."""
         self._note("operated", {"watch_margin": True})
         self._plant.watch_margin()
 
@@ -70,10 +67,10 @@ class Operated:
         self._line.timed = timed
 
     def set_input(self, name: str, state: str) -> str:
-        """Operate an element or give a contact a fault, now; return the state it is in afterwards.
+        """Operate an element or give a contact a fault now; return its new state.
 
         Elements are listed in `isel_twin.wiring.cabinet.ELEMENTS`, faults in `isel_twin.wiring.FAULTS`. A locked
-        element stays as it is. Raises ValueError, which lists what there is, for an unknown name or state.
+        element does not change. Raises ValueError, which lists the known ones, for an unknown name or state.
         """
         check_input(name, state, self._wiring.settable, "set_input", ScenarioError)
         self._note("operated", {"set": {name: state}})
@@ -88,13 +85,13 @@ class Operated:
         self._settle()
 
     def press(self, name: str, value: KeyValue = True) -> None:
-        """Press a key of the controller's panel, or put it to a value. Raises ValueError, which lists what there is,
+        """Press a key of the controller's panel, or set it to a value. Raises ValueError, which lists the known ones,
         for an unknown key or value (`keys`)."""
         place = Place("press", ScenarioError)
         self.carry_out(event_now({"key": {name: value}}, place, self._wiring.settable, self.keys))
 
     def apply_force(self, axis: int, force_n: float, place: str = "") -> None:
-        """Push the machine with force_n newton along an axis (0 X .. 2 Z), until told otherwise. Raises ValueError.
+        """Push the machine with force_n newton along an axis (0 X .. 2 Z), until the next call. Raises ValueError.
 
         place: "tool" or "table"; "": the one that this axis moves. A positive force pushes it so that the position of
         the axis rises. A new push of an axis replaces the old one.
@@ -110,12 +107,12 @@ class Operated:
         self.carry_out(ScenarioEvent(self.time_ns, acts, place, content=content))
 
     def set_cut(self, cut: Cut | None) -> None:
-        """The cutter is in the material from now on, or not any more (None)."""
+        """Begin a cut, or end it (None)."""
         acts = {"cut": "off" if cut is None else cut}
         self.carry_out(ScenarioEvent(self.time_ns, acts, content=cut_content(cut)))
 
     def observe(self, callback: Callable[[Self], None], interval_ns: int | None) -> None:
-        """Call `callback(twin)` now and at every input or output change; given interval_ns, every so often, too."""
+        """Call `callback(twin)` now, at every input or output change and, with interval_ns, at this interval."""
         if interval_ns is not None and interval_ns <= 0:
             raise ValueError(f"observation interval must be positive, not {interval_ns} ns")
         self._observers.add(callback, interval_ns, self, self._wiring.changes)
@@ -123,10 +120,11 @@ class Operated:
         self._due_ns = self._next_due_ns()
 
     def sample(self, take: Callable[[TwinSamples], None], interval_ns: int, from_ns: int = 0) -> Sampler | None:
-        """Have the plant take samples every interval_ns, one at from_ns, and call `take` with them some time later.
+        """Let the plant take samples every interval_ns, one at from_ns, and call `take` with batches of them later.
 
-        While nothing moves and no counter is set there is none but the first: all would be equal. The returned sampler
-        hands them on when asked. None if the plant cannot (then use `observe`), or samples on another grid already.
+        While nothing moves and no counter is set there is only the first one: all would be equal. The returned sampler
+        can hand on waiting samples at once. None if the plant cannot sample (then use `observe`), or uses another grid
+        already.
         """
         if self._sampled is None or not self.can_sample(interval_ns, from_ns):
             return None
@@ -138,18 +136,18 @@ class Operated:
         return self._sampler
 
     def can_sample(self, interval_ns: int, from_ns: int = 0) -> bool:
-        """True if `sample` would do it."""
+        """True if `sample` would succeed."""
         one = self._sampler
         same = one is None or (one.interval_ns == interval_ns and (one.from_ns - from_ns) % interval_ns == 0)
         return same and self._sampled is not None and self._sampled.fits(interval_ns)
 
     def sample_no_more(self, take: Callable[[TwinSamples], None]) -> None:
-        """Hand on what waits for `take`, and then no more."""
+        """Hand on the last samples to `take`, then stop."""
         if self._sampler is not None and self._sampler.leave(take):
             self._sampler = None
 
     def listen(self, note: Note) -> None:
-        """Call `note(time_ns, kind, what)` for all that happens from now on: isel_twin.core.journal."""
+        """Call `note(time_ns, kind, what)` for all that happens from now on (isel_twin.core.journal)."""
         self._notes.append(note)
         self._line.on_reply = lambda arrival_ns, data, byte_ns: self._note(
             "received", Received(data, arrival_ns, byte_ns)
@@ -164,5 +162,5 @@ class Operated:
 
     @property
     def followed(self) -> bool:
-        """True if somebody observes, samples, listens or keeps the flash."""
+        """True if there is an observer, a sampler, a listener or a flash file."""
         return bool(self._observers or self._notes or self._sampler or self.on_flash)

@@ -1,4 +1,4 @@
-"""Lost steps and true positions: how counters, motors and carriages are related.
+"""Lost steps and true positions: the relation of counters, motors and carriages.
 
 Each axis has three numbers, in steps of the controller:
 
@@ -6,13 +6,13 @@ Each axis has three numbers, in steps of the controller:
     command     sum of the ticks given to the drive since power-on, in the sense of the motor
     rotor       position of the motor, in the sense of the motor
 
-A motor loses whole slips, each one period of its torque (core/1). Slips before a counter was set do not count as lost
-any more (core/2):
+A motor loses whole slips, each one period of its torque. Setting a counter clears the slips before it: (core/1)
+(core/2)
 
     lost  = direction (command - rotor - slip)             slip: whole periods at the last setting of the counter
     zero  = where the carriage is when the counter is 0 and nothing is lost
 
-The zero changes only when a counter is set, for within a sub-step command and count may differ by a pulse.
+The zero changes only when a counter is set, because within a sub-step command and count may differ by a pulse.
 """
 
 from __future__ import annotations
@@ -59,18 +59,18 @@ class Position:
         self._sense, self._mirrored = self._senses()
 
     def start_anew(self, controller: Controller) -> None:
-        """Another controller of the same axes: the carriages stand where its counters say."""
+        """Take another controller of the same axes; its counters are true at the present positions."""
         self._controller = controller
         for axis, count in enumerate(controller.counts):
             self.counter_set(axis, count)
 
     def counter_set(self, axis: int, value: int) -> None:
-        """The controller has set a counter without a motion."""
+        """Take a counter that the controller has set without a motion."""
         self.follow_direction()
         if self.before_change is not None:
             self.before_change()
         told, rotor, sense = self._plant.told[axis], self._plant.rotor[axis], self._direction[axis]
-        if self._closed[axis]:  # the zero a drive took when it was switched on; its lag is no slip
+        if self._closed[axis]:  # a servo drive keeps its zero from switching on; its lag is no slip
             slip = float(self._plant.command[axis] - rotor - self._plant.lag[axis])
         else:
             slip = round((told - rotor) / self._period[axis]) * self._period[axis]
@@ -81,7 +81,7 @@ class Position:
             self._zero_mm[axis] = self._zeros()[axis]
 
     def follow_direction(self) -> None:
-        """New zeros if a direction has changed. Called before a motion: at rest counters and drives agree."""
+        """Compute new zeros if a direction has changed. Called before a motion, when counters and drives agree."""
         if self._controller.direction != self._turned:
             if self.before_change is not None:
                 self.before_change()
@@ -96,7 +96,7 @@ class Position:
 
     @property
     def position_mm(self) -> NDArray[np.float64]:
-        """float64 [3], true, in zero and direction of the counters."""
+        """float64 [3], true positions in the zero and direction of the counters."""
         self.follow_direction()
         return self.of_carriages_mm(self._plant.position_mm)
 
@@ -107,7 +107,7 @@ class Position:
 
     @property
     def velocity_mm_s(self) -> NDArray[np.float64]:
-        """float64 [3], true, in the direction of the counters."""
+        """float64 [3], true velocities in the direction of the counters."""
         self.follow_direction()
         return self.of_velocities_mm_s(self._plant.velocity_mm_s)
 
@@ -155,7 +155,7 @@ class Position:
         """float64 [axes], steps lost since power-on, either way, that `lost_steps` dropped when counters were set."""
         return self._forgotten.copy()
 
-    # Drives, for controllers that ask them
+    # Drives, for controllers that read them
 
     @property
     def encoder(self) -> tuple[int, ...]:
@@ -164,7 +164,7 @@ class Position:
 
     @property
     def lag(self) -> tuple[float, ...]:
-        slip = np.where(self._closed, 0.0, self._slip)  # a drive that was switched on anew knows of no slip
+        slip = np.where(self._closed, 0.0, self._slip)  # a drive that was switched on again has no slip
         return tuple((self._direction * (self._plant.lag - slip)).tolist())
 
     @property

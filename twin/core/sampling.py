@@ -1,7 +1,7 @@
 """Samples taken by the plant, converted to the zero, direction and counters of the controller.
 
-Looking at a twin takes 100 us, in which 20 ms of motion can be computed. A plant that samples in its compiled loop
-(isel_twin.plant.Sampled) costs nothing; its samples are converted hundreds at a time:
+A look at a twin takes 100 us, enough to compute 20 ms of motion. Sampling in the plant's compiled loop
+(isel_twin.plant.Sampled) costs next to nothing; samples are converted hundreds at a time:
 
     plant:  | . . . . . | . . . . . . . . | . .        samples wait
                         ^ a counter is set              they are converted before zero or direction change
@@ -23,7 +23,7 @@ from isel_twin.plant import MOST_SAMPLES, Sampled
 
 @dataclass(frozen=True, eq=False)
 class TwinSamples:
-    """n samples, equal to what `Twin` shows at those times."""
+    """n samples, equal to the properties of `Twin` at those times."""
 
     time_ns: NDArray[np.int64]
     counts: NDArray[np.int64]
@@ -36,7 +36,7 @@ class TwinSamples:
 
 
 class Sampler:
-    """Reads the samples of a plant in time and hands them on."""
+    """Reads the samples of a plant before they are overwritten, and hands them on."""
 
     def __init__(
         self,
@@ -46,8 +46,8 @@ class Sampler:
         take: Callable[[TwinSamples], None],
         from_ns: int = 0,
     ) -> None:
-        """take: called with samples, in order. from_ns: a time of their grid. Raises ValueError for an interval that
-        the plant does not allow."""
+        """take: called with samples, in order. from_ns: a time of the grid. Raises ValueError for an interval that the
+        plant does not allow."""
         plant.sample_every(interval_ns, from_ns)
         self.interval_ns = interval_ns
         self.from_ns = from_ns
@@ -65,7 +65,7 @@ class Sampler:
         self._takers.append(take)
 
     def leave(self, take: Callable[[TwinSamples], None]) -> bool:
-        """Hand on what waits, and call `take` no more; returns True if it was the last one: sampling ends."""
+        """Hand on what waits, and remove `take`; return True if it was the last one, which ends sampling."""
         self.hand_on()
         self._takers.remove(take)
         if self._takers:
@@ -80,13 +80,13 @@ class Sampler:
         return self._plant.samples_waiting
 
     def prepare(self) -> None:
-        """To be called before the plant advances."""
+        """Call this before the plant advances."""
         self._position.follow_direction()
         if self._offset is None:
             self._offset = self._position.offset
 
     def keep_up(self) -> None:
-        """To be called after the plant has advanced."""
+        """Call this after the plant has advanced."""
         if self._plant.samples_waiting >= MOST_SAMPLES // 2:
             self.hand_on()
 
@@ -110,7 +110,7 @@ class Sampler:
             take(samples)
 
     def begin_anew(self) -> None:
-        """The twin has been restored."""
+        """Call this after the twin was restored."""
         self._offset = None
 
     def _changes(self) -> None:

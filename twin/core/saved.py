@@ -1,4 +1,4 @@
-"""`Twin.save` and `Twin.restore`; for states see state.py."""
+"""`Twin.save` and `Twin.restore`; states are in state.py."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from isel_twin.motion import Stream
 from isel_twin.plant import Plant
 from isel_twin.wiring import SerialLine, Wiring
 
-# attributes of a twin that a state holds beside those it names
+# further attributes of a twin in a state
 _OWN = ("remarks", "acts", "_restarts", "restarts", "unpowered_steps", "stores_lost", "_sense", "_untold", "_levels")
 
 
@@ -60,7 +60,7 @@ class Saved:
         raise NotImplementedError
 
     def save(self) -> TwinState:
-        """All that decides what the twin will do, in mid-motion too.
+        """The whole state, in mid-motion too.
 
         Raises StateError (ValueError) with one line for a controller that cannot be saved now (told.py), and when
         called by an observer or a listener.
@@ -81,11 +81,11 @@ class Saved:
         )
 
     def restore(self, state: TwinState) -> None:
-        """Become the saved twin: the same calls give the same bits as there. It may have another seed.
+        """Take over a saved state: the same calls then give the same bits as there. Its seed may differ.
 
-        Observers look at once, and go on with their grids. Listeners are told `restored` before; one that cannot go
-        back (a recording) raises ValueError, and nothing happens. Raises StateError (ValueError) with one line for a
-        state of another machine, controller, plant or scenario.
+        Observers are called at once and keep their grids. Listeners get `restored` before; one that cannot go back (a
+        recording) raises ValueError, and nothing happens. Raises StateError (ValueError) with one line for a state of
+        another machine, controller, plant or scenario.
         """
         self._check_between()
         self._kind.check(state)
@@ -130,7 +130,7 @@ class Saved:
 
     @property
     def _known(self) -> dict[str, object]:
-        """What every twin built alike has, by name."""
+        """By name, what all twins of the same kind have."""
         machine = self.machine
         return {
             **self._parts,
@@ -145,5 +145,5 @@ class Saved:
         }
 
     def __reduce_ex__(self, protocol: object) -> NoReturn:
-        """Neither copy nor pickle: the plant works on memory that a copy would share, and both would be wrong."""
+        """Refuse copy and pickle: a copy would share the plant's memory."""
         raise TypeError("a twin cannot be copied or pickled; take `save`, and `restore` into another one built alike")

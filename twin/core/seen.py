@@ -1,7 +1,4 @@
-"""What there is to see of a twin.
-
-Looking changes nothing, except that the controller may be told of the time that has passed.
-"""
+"""The readable state of a twin. Reading changes nothing, except that the controller may be advanced to the present."""
 
 from __future__ import annotations
 
@@ -43,7 +40,7 @@ class Seen:
 
     @property
     def unfinished(self) -> str:
-        """Where and why the controller's program stands before its end; "" if none does."""
+        """Where and why the controller's program stopped before its end; "" if it did not."""
         self._tell()
         return self._controller.unfinished if offers(self._controller, EndsPrograms) else ""
 
@@ -76,7 +73,7 @@ class Seen:
 
     @property
     def step_mm(self) -> NDArray[np.float64]:
-        """float64 [3], nominal way of each carriage for one step of its counter, in mm."""
+        """float64 [3], nominal travel of each carriage for one step of its counter, in mm."""
         return self._position.step_mm.copy()
 
     @property
@@ -106,18 +103,18 @@ class Seen:
 
     @property
     def margin(self) -> NDArray[np.float64]:
-        """float64 [axes], least pull-out margin of each motor since `watch_margin`, or since power-on: 1 nothing was
-        asked of it, 0 it may have lost steps; nan for axes that have no motor (isel_twin.plant.margin)."""
+        """float64 [axes], least pull-out margin of each motor since `watch_margin`, or since power-on: 1 no load, 0 it
+        may have lost steps; nan for axes without a motor (isel_twin.plant.margin)."""
         return self._plant.margin
 
     @property
     def supply_v(self) -> float:
-        """Voltage of the drives, which share one source; nan if the machine has none that sags, or without physics."""
+        """Voltage of the common supply of the drives; nan if the machine has none, or without physics."""
         return self._plant.supply_v
 
     @property
     def forgotten_steps(self) -> NDArray[np.float64]:
-        """float64 [axes], steps lost since power-on and gone from `lost_steps` when the counter was set anew."""
+        """float64 [axes], steps lost since power-on that `lost_steps` dropped when the counter was set."""
         return self._position.forgotten_steps
 
     @property
@@ -127,7 +124,7 @@ class Seen:
 
     @property
     def step_hz(self) -> NDArray[np.float64]:
-        """float64 [axes], step frequencies at present, signed as the counters run; see `Stream.rate_hz`."""
+        """float64 [axes], present step frequencies, signed like the counters (`Stream.rate_hz`)."""
         return self._stream.rate_hz()
 
     @property
@@ -142,7 +139,7 @@ class Seen:
 
     @property
     def outputs(self) -> Mapping[str, int]:
-        """Outputs of the controller, and what they switch: `isel_twin.wiring.Cabinet.relays`."""
+        """Outputs of the controller, and the cabinet's relays that they switch."""
         return self._wiring.outputs
 
     @property
@@ -157,13 +154,13 @@ class Seen:
 
     @property
     def faults(self) -> Mapping[str, str | float]:
-        """What is wrong on purpose: faults of contacts by name, all else by its key of an event (`noise`,
-        `phase_lost.x`); see `isel_twin.wiring.ACTS`."""
+        """Injected faults: of contacts by name, others by key of an event (`noise`, `phase_lost.x`;
+        `isel_twin.wiring.ACTS`)."""
         return self._wiring.faults
 
     @property
     def settable(self) -> Mapping[str, tuple[str, ...]]:
-        """Everything `set_input` takes, and the states each can be given."""
+        """Names that `set_input` takes, and the states of each."""
         return self._wiring.settable
 
     @property
@@ -173,7 +170,7 @@ class Seen:
 
     @property
     def physics(self) -> bool:
-        """True if forces move something, and a motor can lose a phase."""
+        """True if the plant has physics: forces and lost motor phases have an effect."""
         return self._plant.physics
 
     @property
@@ -183,7 +180,7 @@ class Seen:
 
     @property
     def fault(self) -> bool:
-        """The controller shows an error that no reply has told; see Controller.fault."""
+        """The controller has an error that no reply has reported (`Controller.fault`)."""
         return self._controller.fault
 
     @property
@@ -210,12 +207,12 @@ class Seen:
 
     @property
     def idle(self) -> bool:
-        """Every byte sent has been dealt with, every reply has arrived, and the controller makes no motion."""
+        """True if all bytes sent are processed, all replies have arrived, and the controller makes no motion."""
         return not self._line.commands_due and self._line.quiet_ns <= self.time_ns and self._controller.idle
 
     @property
     def next_event_ns(self) -> int | None:
-        """When something may happen by itself, None: never; while something moves, when to look again."""
+        """When something may happen without a call, None: never; while something moves, a short time from now."""
         times = [self._controller.next_ns, self._line.next_ns, self._line.next_reply_ns, self._wiring.next_event_ns]
         if self._stream.moving or not self._plant.at_rest:
             times.append(self.time_ns + _MOVING_SLICE_NS)

@@ -1,4 +1,4 @@
-"""A twin at one instant, for recordings, tables and panels; positions in zero and direction of the counters."""
+"""A twin at one instant, for recordings, tables and panels; positions in the zero and direction of the counters."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Snapshot:
     time_ns: int
     counts: NDArray[np.int64]  # int64 [axes], the controller's step counters
     position_mm: NDArray[np.float64]  # float64 [3], true carriage positions X, Y, Z
-    position_error_mm: NDArray[np.float64]  # float64 [3], true carriage positions minus where the counters say they are
+    position_error_mm: NDArray[np.float64]  # float64 [3], true carriage positions minus those by the counters
     # float64 [axes], counter minus rotor position in steps; meaningful at rest, where fractions are load angle
     lost_steps: NDArray[np.float64]
     inputs: Mapping[str, str]
@@ -26,7 +26,7 @@ class Snapshot:
 
 
 class Visible(Protocol):
-    """What a snapshot needs of a twin; see `Twin` for each."""
+    """The properties of a `Twin` that a snapshot needs."""
 
     @property
     def time_ns(self) -> int: ...

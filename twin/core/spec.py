@@ -1,11 +1,11 @@
-"""The spec of a twin: all that decides what it does until somebody acts on it.
+"""The spec of a twin: all that determines its behaviour until it is operated.
 
     isel-twin run --machine 4030 --seed 1 ...  --.
     twin://imc-s8?machine=4030&seed=1 ...      ---+--  TwinSpec  --- build() -->  Twin, its flash kept in the file
     Twin(machine="4030", seed=1)               --'      | ^                  `->  CallError: one line, what to do
                                               with_(seed=2)
 
-A spec is a value: it can be compared, pickled and sent to other processes. Nothing heavy is imported before `build`.
+A spec can be compared, pickled and sent to other processes. Nothing heavy is imported before `build`.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from isel_twin.machine import Machine
     from isel_twin.wiring import ScenarioEvent
 
-MACHINE: Final = "4030"  # the machine of whoever names none
-_IMAGE = b"isel-twin "  # what flash images of the package's controllers begin with
+MACHINE: Final = "4030"  # the default machine
+_IMAGE = b"isel-twin "  # first bytes of flash images of the package's controllers
 
 
 @dataclass(frozen=True)
@@ -37,15 +37,15 @@ class TwinSpec:
     plant: str = "mujoco"
     seed: int = 0
     scenario: Path | None = None  # file of timed events
-    # File that keeps the controller's flash memory, created if missing and written whenever the flash is; or the image
-    # from an earlier life, which is read only.
+    # File for the controller's flash memory, created if missing and written whenever the flash is; or an image, which
+    # is only read.
     flash: Path | bytes | None = None
     line_speed: bool = False  # bytes take their time on the serial line
-    # machine parameters to change, see `isel_twin.machine.with_overrides`
+    # machine parameters to change, as `isel_twin.machine.with_overrides` takes them
     overrides: Mapping[str, Any] = field(default_factory=dict)
     # carriage positions at power-on in machine coordinates; None: drawn from the seed
     start_mm: tuple[float, ...] | None = None
-    events: tuple[ScenarioEvent, ...] = ()  # what happens, in place of a scenario file
+    events: tuple[ScenarioEvent, ...] = ()  # events in place of a scenario file
 
     def __post_init__(self) -> None:
         if self.events and self.scenario is not None:
@@ -56,7 +56,7 @@ class TwinSpec:
         return dataclasses.replace(self, **changes)
 
     def with_events(self, tables: Sequence[dict[str, Any]]) -> TwinSpec:
-        """With the [[event]] tables of a scenario in place of its file. Raises ScenarioError (ValueError)."""
+        """With [[event]] tables in place of a scenario file. Raises ScenarioError (ValueError)."""
         from isel_twin.core.events import events_of
 
         controller = self._new_controller()
@@ -70,7 +70,7 @@ class TwinSpec:
         return self.machine if isinstance(self.machine, Machine) else load_machine(self.machine)
 
     def fitted(self, controller: Controller | None = None) -> Machine:
-        """The twin's machine: with what its controller asks for, then the overrides. controller: one that has been
+        """The twin's machine, with the overrides of the controller and then those of the spec. controller: one already
         built. Raises ValueError with one line."""
         from isel_twin.machine import with_overrides
 
@@ -85,7 +85,7 @@ class TwinSpec:
 
     @property
     def machine_name(self) -> str:
-        """The machine as a call names it: by name or path."""
+        """The name or path of the machine."""
         return str(self.machine) if isinstance(self.machine, str | Path) else self.machine.name
 
     @property
@@ -98,10 +98,9 @@ class TwinSpec:
     def build(self, keep_motions: int | None = None, controller: Controller | None = None) -> Twin:
         """The twin, switched on, its flash kept in the file. Raises CallError for anything wrong with the call.
 
-        keep_motions: see `Twin`. controller: one that has been built, in place of the one that is named.
-
-        A flash file that is damaged is the controller's business, who says so to its host. One that never was a flash
-        image is the caller's mistake: it is refused and left as it is.
+        keep_motions: as for `Twin`. controller: one already built, in place of the named one. A damaged flash file is
+        passed to the controller, which reports it to its host. A file that is no flash image is refused and stays
+        unchanged.
         """
         if self.seed < 0:
             raise CallError(f"seed {self.seed}: must be a whole number from 0", option=True)

@@ -1,14 +1,14 @@
-"""The state of a twin, from which it, or another one built alike, can go on.
+"""The state of a twin, which it, or another twin of the same kind, can restore.
 
     state = twin.save()          controller, line, wiring, scenario, plant, random generators: to the bit
     twin.restore(state)          also in another twin, in another process (pickle)
 
-    controller            its beginning and its calls since, or a pickle (isel_twin.core.told)
-    position, line,       one pickle of all their attributes, so that shared objects stay shared; what every twin built
-    wiring, stream        alike has (machine, plant, controller, events) is named, not copied
+    controller            its first state and the calls since, or a pickle (isel_twin.core.told)
+    position, line,       one pickle of all their attributes, so that shared objects stay shared; what all twins of a
+    wiring, stream        kind have (machine, plant, controller, events) is a name in it, not a copy
     plant                 copies of its arrays (Plant.save)
 
-Observers, samplers, listeners and the flash file are not in it: they stay with their twin (core/8).
+Observers, samplers, listeners and the flash file are not in it (core/8).
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ BY_CHANCE = ("seed", "flash", "line_speed", "start_mm")  # fields of `TwinSpec` 
 
 @dataclass(frozen=True)
 class Kind:
-    """Which twins can have a state: those built alike, but for seed, start position, flash and line speed."""
+    """Kind of a twin: twins with equal kinds can exchange states. They may differ in seed, start, flash and line
+    speed."""
 
     about: str
     digest: str
@@ -47,7 +48,7 @@ class Kind:
         return cls(f"{controller} on {machine.name}, plant {plant}", sha256(whole.encode()).hexdigest())
 
     def check(self, state: TwinState) -> None:
-        """Raise StateError unless a twin of this kind can have the state."""
+        """Raise StateError unless a twin of this kind can restore the state."""
         if state.kind == self:
             return
         differs = (
@@ -60,11 +61,11 @@ class Kind:
 
 @dataclass(frozen=True, eq=False)
 class TwinState:
-    """Result of `Twin.save`: immutable, to be restored as often as wanted. It can be pickled; unpickling runs code, so
-    take states only from those you would take programs from."""
+    """Result of `Twin.save`, immutable. It can be pickled. Unpickling runs code, so load only states from sources that
+    you trust."""
 
     kind: Kind
-    origin: Mapping[str, Any]  # of `TwinSpec`, what may differ in twins of this kind
+    origin: Mapping[str, Any]  # fields of `TwinSpec` that may differ in twins of this kind
     time_ns: int
     flash: bytes | None
     life: Life  # of the controller
@@ -73,7 +74,7 @@ class TwinState:
 
 
 class _Pickler(pickle.Pickler):
-    """Writes names in place of known things."""
+    """Writes names in place of known objects."""
 
     names: dict[int, str]
 
@@ -82,7 +83,7 @@ class _Pickler(pickle.Pickler):
 
 
 class _Unpickler(pickle.Unpickler):
-    """Reads things in place of names."""
+    """Puts known objects in place of names."""
 
     things: dict[str, object]
 
@@ -91,8 +92,8 @@ class _Unpickler(pickle.Unpickler):
 
 
 def pack(own: Mapping[str, Any], parts: Mapping[str, object], known: Mapping[str, object]) -> bytes:
-    """Attributes of a twin, and of its parts, in one pickle. known: things that are named in it, not copied, parts
-    included. Raises StateError for what cannot be pickled."""
+    """Attributes of a twin and of its parts in one pickle. known: objects stored by name, parts included. Raises
+    StateError for what cannot be pickled."""
     attributes = {
         name: {key: value for key, value in vars(part).items() if key not in _OUTSIDE} for name, part in parts.items()
     }
@@ -101,14 +102,14 @@ def pack(own: Mapping[str, Any], parts: Mapping[str, object], known: Mapping[str
     pickler.names = {id(thing): name for name, thing in _named(known)}
     try:
         pickler.dump((dict(own), attributes))
-    except Exception as error:  # whatever a language or a motion of other people raises
+    except Exception as error:  # a plug-in's language or motion may raise anything
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         raise StateError(f"the twin cannot be saved: {reason}; see docs/controllers.md") from error
     return out.getvalue()
 
 
 def unpack(data: bytes, parts: Mapping[str, object], known: Mapping[str, object]) -> dict[str, Any]:
-    """Give the parts their attributes; returns those of the twin."""
+    """Set the attributes of the parts; return those of the twin."""
     unpickler = _Unpickler(io.BytesIO(data))
     unpickler.things = dict(_named(known))
     own, attributes = unpickler.load()
@@ -118,7 +119,7 @@ def unpack(data: bytes, parts: Mapping[str, object], known: Mapping[str, object]
 
 
 def _named(known: Mapping[str, object]) -> Iterator[tuple[str, object]]:
-    """Name and thing; also each member of a tuple; no None."""
+    """Pairs of name and object, also for each member of a tuple, without None."""
     for name, thing in known.items():
         if isinstance(thing, tuple):
             yield from ((f"{name}.{number}", member) for number, member in enumerate(thing))

@@ -1,15 +1,15 @@
 """Saves and restores any controller, in mid-motion too: by a log of its calls, for `Twin.save` and `restore`.
 
 A controller may keep state that cannot be copied, such as a suspended generator (isel_twin.firmware.activity). But it
-is sans-I/O: its beginning and its calls since decide its state, bit for bit (core/7). So what is saved is
+is sans-I/O: its first state and the calls since determine its state, to the bit. So this is saved: (core/7)
 
     beginning                 told since then
     |------------------------|-----------------|  now
-    built by its factory,     power_on, receive, set_input, press, advance, and what its drives have answered
+    built by its factory,     power_on, receive, set_input, press, advance, and answers of its drives
     or a pickle of it
 
-Every OFTEN calls a pickle is tried, which makes the calls before it needless: a twin that runs for weeks keeps little.
-A controller that can never be pickled can be saved up to MOST calls, and no more after that.
+Every OFTEN calls a pickle is tried, which replaces the calls before it, so that the log stays short. A controller that
+can never be pickled can be saved only up to MOST calls.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from isel_twin.controller import Controller, Drives, HasKeys, KeyValue, UsesDriv
 
 OFTEN = 1024  # calls between two attempts to pickle an idle controller; each takes 50 us
 MOST = 1 << 17  # most calls kept: some 15 MB, and a second to repeat them
-MOST_BYTES = 4 << 20  # most bytes received in them: a program may be fed without an end
+MOST_BYTES = 4 << 20  # most bytes received in them: a program may be endless
 
 _ANSWERS = frozenset(name for name, of in vars(Drives).items() if isinstance(of, property))
 
@@ -35,11 +35,11 @@ class StateError(ValueError):
 
 @dataclass(frozen=True)
 class Life:
-    """A controller's state: how it began, and the calls since."""
+    """A controller's state: its first state, and the calls since."""
 
-    pickled: bytes | None  # the controller it began as; None: one that its factory builds, with `flash`
+    pickled: bytes | None  # the first controller; None: one that its factory builds, with `flash`
     flash: bytes | None
-    # (method, time in ns, further arguments), and in between (property of its drives, None, answer)
+    # (method, time in ns, further arguments), and between them (property of its drives, None, answer)
     calls: tuple[tuple[str, Any, Any], ...]
 
 
@@ -47,7 +47,7 @@ class Told:
     """Passes calls on to a controller, and logs them."""
 
     def __init__(self, controller: Controller, flash: bytes | None, *, rebuilt: bool = True) -> None:
-        """controller: just built, with this flash image. rebuilt: its factory can build it again."""
+        """controller: new, with this flash image. rebuilt: its factory can build it again."""
         self.controller = controller
         self._drives = _Asked(self._note)
         self._begin(Life(None, flash, ()), whole=rebuilt)
@@ -96,7 +96,7 @@ class Told:
         return Life(self._life.pickled, self._life.flash, tuple(self._calls))
 
     def restore(self, life: Life, build: Callable[[bytes | None], Controller] | None, drives: Drives) -> None:
-        """Replace `controller` by one in the saved state. build: its factory, given a flash image."""
+        """Replace `controller` by one in the saved state. build: its factory, a function of a flash image."""
         replies = iter(life.calls)
         asked = _Asked(None, replies)
         if life.pickled is not None:
@@ -112,7 +112,7 @@ class Told:
                 controller.advance(t_ns)
             elif name in ("set_input", "press"):
                 getattr(controller, name)(t_ns, *value)
-            elif name in _ANSWERS:  # to a question between two calls
+            elif name in _ANSWERS:  # read between two calls
                 continue
             else:
                 getattr(controller, name)(t_ns, value)
@@ -125,7 +125,7 @@ class Told:
         self._life = life
         self._calls: list[tuple[str, Any, Any]] = list(life.calls)
         self._bytes = 0  # received in calls since `life`
-        self._whole = whole  # no call since the beginning has been dropped
+        self._whole = whole  # the calls go back to the beginning
         self._try_at = len(self._calls) + OFTEN
 
     def _note(self, call: tuple[str, Any, Any]) -> None:
@@ -139,17 +139,17 @@ class Told:
             self._try_at, self._bytes, self._whole = OFTEN, 0, False
 
     def _shorten(self) -> str:
-        """Replace the calls by a pickle of the controller; returns why not, "" if done."""
+        """Replace the calls by a pickle of the controller; return why that failed, "" if done."""
         try:
             pickled = _pickled(self.controller, self._drives)
-        except Exception as error:  # whatever other people's code raises
+        except Exception as error:  # a plug-in may raise anything
             return " ".join(f"{type(error).__name__}: {error}".split())
         self._begin(Life(pickled, None, ()), whole=True)
         return ""
 
 
 class _Asked:
-    """Implements `Drives`: asks them and logs the answers, or repeats logged answers."""
+    """Implements `Drives`: reads them and logs the answers, or repeats logged answers."""
 
     def __init__(
         self, note: Callable[[tuple[str, Any, Any]], None] | None, again: Iterator[tuple[str, Any, Any]] | None = None

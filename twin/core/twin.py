@@ -1,16 +1,16 @@
 """The twin: one virtual clock for controller, serial line, wiring and plant.
 
-Goal: at every instant each part has seen exactly what has happened before it, so that nothing is ever taken back. Every
-part has a `next_ns`, when it has something to do by itself (None: never). The loop is
+At every instant each part has seen exactly what happened before, so that nothing is ever taken back. Every part has a
+`next_ns`, the time at which it acts by itself (None: never). The loop is
 
-    settle:   hand over everything that is due now, until nothing more is
+    settle:   process everything that is due now, until nothing is left
     advance:  let the plant run to the least `next_ns`, or until it passes a threshold, whichever comes first
 
-docs/one_move.md follows one command through all of it. If time ends with nothing due, only the plant has moved: the
-controller is told when it is next called or asked for its counters.
+docs/one_move.md follows one command through all of it. A run that ends with nothing due advances only the plant; the
+controller is advanced when it is next called or its counters are read.
 
 What time means: `time_ns` counts virtual nanoseconds since power-on. It advances only inside `run`, `run_until` and
-`query`; nothing here knows a wall clock. Same arguments and same calls give the same bits.
+`query`; there is no wall clock here. The same arguments and calls give the same bits.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ from isel_twin.plant import Sampled
 from isel_twin.wiring import Schedule, SerialLine, Wiring, thresholds
 
 _NEVER_NS = 1 << 62
-# most rounds in which one instant may settle after the last event of a scenario; more: a broken controller
+# most rounds of `_settle` at one instant after the last event of a scenario; more: a broken controller
 _ENDLESS = 100_000
 _REMARKS = 1000  # remarks of the controller that are kept
 _STEPS = 10_000  # steps of a program that are kept
@@ -72,7 +72,7 @@ log = logging.getLogger("isel_twin")
 class Source(Protocol):
     @property
     def next_ns(self) -> int | None:
-        """When it has something to do by itself; None: never."""
+        """When it acts by itself; None: never."""
 
 
 class Twin(Operated, Saved, Seen):
@@ -99,16 +99,16 @@ class Twin(Operated, Saved, Seen):
         """Build a twin and switch it on.
 
         machine: name of a machine, folder of a user's own, or a loaded Machine.
-        controller: name of an installed controller, see `isel-twin controllers`, or one that has been built and not
-            been switched on yet; that has no language.
+        controller: name of an installed controller (`isel-twin controllers`), or a built one that is not switched on
+        yet, which has no language.
         plant: "mujoco" (physics) or "kinematic" (the carriage follows the counter).
         seed: of power-on positions, switch repeatability, bounce and line noise.
-        flash: the controller's flash image from an earlier life (`Twin.flash`), None for a new device.
-        scenario: file of events, see docs/scenarios.md.
+        flash: an earlier flash image of the controller (`Twin.flash`), None for a new device.
+        scenario: file of events (docs/scenarios.md).
         line_speed: bytes take their time on the serial line (True) or arrive at once (False).
-        overrides: machine parameters to change, see `isel_twin.machine.with_overrides`.
+        overrides: machine parameters to change (`isel_twin.machine.with_overrides`).
         start_mm: carriage positions at power-on in machine coordinates instead of random ones.
-        keep_motions: motions that `steps` keeps, the last ones; None for all since power-on.
+        keep_motions: how many of the last motions `steps` keeps; None: all since power-on.
 
         Raises ValueError (UnknownNameError, MachineError, ScenarioError) with one clear line for anything wrong, and
         OSError for a scenario file that cannot be read.
@@ -128,15 +128,15 @@ class Twin(Operated, Saved, Seen):
 
     @classmethod
     def of(cls, spec: TwinSpec, keep_motions: int | None = None, controller: Controller | None = None) -> Twin:
-        """A twin of this spec, whose flash is an image (`TwinSpec.build` keeps files). Raises as `Twin` does.
-        controller: one that has been built, in place of the named."""
+        """A twin of this spec, whose flash is an image (`TwinSpec.build` takes files). Raises as `Twin` does.
+        controller: one already built, in place of the named one."""
         twin = cls.__new__(cls)
         twin._begin(spec, keep_motions, controller)
         return twin
 
     def another(self, seed: int, start_mm: Sequence[float] | None = None) -> Twin:
-        """A new twin that differs in seed and start_mm. No file is read again, so it takes a tenth of the time.
-        Raises StateError if the controller was handed in."""
+        """A new twin that differs in seed and start_mm. No file is read again, so it takes a tenth of the time. Raises
+        StateError if the caller gave the controller."""
         if self._plans.new_controller is None:
             raise StateError("there is no other controller like the one that was handed in: build one for another twin")
         origin = self.origin.with_(seed=seed, start_mm=None if start_mm is None else tuple(start_mm))
@@ -208,7 +208,7 @@ class Twin(Operated, Saved, Seen):
         """Directions of the motors in a motion, if one is turned round."""
         self._due_ns = 0
         """The least `next_ns`, when the twin last settled."""
-        self._untold = False  # the plant has moved on since the twin last settled
+        self._untold = False  # the plant has advanced since the twin last settled
         self._settling = False
 
         self._told = Told(controller, self.flash, rebuilt=plans.new_controller is not None)
@@ -238,14 +238,14 @@ class Twin(Operated, Saved, Seen):
         self._settle()
 
     def read(self) -> bytes:
-        """Take the bytes that have arrived at the host by now."""
+        """Take the bytes that have arrived at the host."""
         return self._line.at_host(self.time_ns)
 
     def query(self, text: str, timeout_s: float = 3600.0) -> str:
         """Send a line of text, run until the controller has answered and is idle, return the reply.
 
-        Bytes that were waiting at the host before are dropped. After a TimeoutError what is still to come belongs to
-        this text: `run_until_idle` and `read` it before the next one, or it becomes part of that reply.
+        Unread bytes from before are dropped. After a TimeoutError use `run_until_idle` and `read` for the rest of the
+        reply, or it becomes part of the next one.
 
         Raises TimeoutError after timeout_s of virtual time,
         LanguageError (ValueError) for a text that cannot be sent or a controller without language: use `write`.
@@ -275,9 +275,8 @@ class Twin(Operated, Saved, Seen):
         self.run_until(self.time_ns + round(seconds * SECOND_NS))
 
     def run_until(self, time_ns: int, stop: Callable[[], bool] | None = None) -> None:
-        """Let virtual time pass to time_ns, or until `stop` (asked whenever something has happened) returns True.
-
-        A time in the past does nothing.
+        """Let virtual time pass to time_ns, or until `stop` (called whenever something has happened) returns True. A
+        time in the past does nothing.
         """
         self._advance(time_ns, stop)
 
@@ -313,7 +312,7 @@ class Twin(Operated, Saved, Seen):
             self._sampler.keep_up()
 
     def _tell(self) -> None:
-        """Tell the controller of the time that has passed."""
+        """Advance the controller to the present."""
         if self._untold:
             self._settle()
 
@@ -328,7 +327,7 @@ class Twin(Operated, Saved, Seen):
         return due_ns
 
     def _settle(self) -> None:
-        """Hand over everything that is due at this instant, until nothing more is."""
+        """Process everything that is due at this instant, until nothing is left."""
         self._settling = True
         try:
             self._settle_all()
@@ -340,7 +339,7 @@ class Twin(Operated, Saved, Seen):
         self._untold = False
         self._due_ns = self.time_ns
         while rounds < _ENDLESS:
-            if events != self._wiring.events_left:  # however many events there are, they come to an end
+            if events != self._wiring.events_left:  # the number of events is finite
                 rounds, events = 0, self._wiring.events_left
             rounds += 1
             self._told.advance(self.time_ns)
@@ -358,9 +357,8 @@ class Twin(Operated, Saved, Seen):
         raise RuntimeError(f"the controller does not come to an end at {self.time_ns} ns")
 
     def _restart(self) -> bool:
-        """Restart the controller with its flash, or without supply, if the wiring says so; returns True if it did.
-
-        A controller that was handed in goes on.
+        """Restart the controller with its flash, or without supply, if the wiring asks for it; return whether it did. A
+        controller that the caller gave is not restarted.
         """
         if self._restarts == self._wiring.restarts:
             return False
@@ -417,7 +415,7 @@ class Twin(Operated, Saved, Seen):
             self._line.clear_to_send(self.time_ns, self._handshake.clear_to_send)
         if self._stream.follow(self._controller.run, self.time_ns):
             self._note("motion", self._controller.run)
-            direction = self._controller.direction  # it changes between motions only
+            direction = self._controller.direction  # it changes only between motions
             self._sense = None if min(direction) > 0 else np.array(direction, dtype=np.int8)
             self._position.follow_direction()
             self._wiring.motion(self._stream.moving)

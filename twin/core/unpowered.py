@@ -1,4 +1,4 @@
-"""A controller without supply: it hears nothing, moves nothing and says nothing."""
+"""A controller without supply: no inputs, no motion, no outputs."""
 
 from __future__ import annotations
 

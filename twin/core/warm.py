@@ -1,10 +1,10 @@
 """Compiles the physics before it is needed, so that no host waits for its first reply.
 
-numba compiles a function when it is first called, and keeps the result beside the package: seconds on a new
-installation, a fraction of one ever after. `warm_up` calls every compiled function that a twin can come to.
+numba compiles a function at its first call and caches the result beside the package: seconds on a new installation,
+later a fraction of one. `warm_up` calls every compiled function that a twin can use.
 
-What is compiled does not depend on machine or controller: ticks are int64 and int8, set points int32, and the drives of
-all machines are records of one kind.
+The compiled code does not depend on machine or controller: ticks are int64 and int8, set points int32, and all drives
+are records of one type.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ def _log(text: str) -> None:
 
 @contextmanager
 def told_of_compiling(tell: Callable[[str], None] = _log) -> Iterator[None]:
-    """Tell in a line of text when numba begins to compile in the block, and at its end how long it took; nothing if
-    all is there."""
+    """Report in a line of text when numba begins to compile in the block, and at the end how long it took; nothing if
+    all is cached."""
     listener = _Listener(tell)
     with event.install_listener("numba:compile", listener):
         yield

@@ -1,8 +1,8 @@
-"""For tests of controllers: a desk with ideal carriages, position switches, an operator and a clock that never slips.
+"""For tests of controllers: a desk with ideal carriages, position switches, an operator and an exact clock.
 
-Goal: drive a controller with the exact protocol of time and nothing else, so that a test sees the firmware alone. The
-carriage follows the counter (no motor, no elasticity), in the sense of the motor: carriage += controller.direction *
-step. A position switch changes at the very tick that moves the carriage onto it; the controller hears of it then:
+The desk drives a controller with the exact protocol of time and nothing else, so that a test sees the firmware alone.
+The carriage follows the counter (no motor, no elasticity), in the sense of the motor: carriage += controller.direction
+* step. A position switch changes, and the controller is told, at the very tick that moves the carriage onto it:
 
     ticks of run   |   |   |   |   |           |   |
     carriage     103 102 101 100 (trip)       100 101
@@ -20,8 +20,8 @@ The operator's elements, safety relay and spindle contactor are those of `isel_t
     assert desk.finish() == "9"                  # until idle; all reply text not yet read
     desk.steps.t_ns, desk.steps.delta            # every tick since the first power-on
 
-A controller that asks its drives (`UsesDrives`) has ideal ones here: encoders at the counters, no lag, no fault; the
-terminals they feed are low until `set` says otherwise. The desk raises ProtocolError for a `next_ns` in the past,
+A controller that reads its drives (`UsesDrives`) has ideal ones here: encoders at the counters, no lag, no fault; the
+terminals they feed are low until `set` changes them. The desk raises ProtocolError for a `next_ns` in the past,
 counters that are not the sum of the stream, or a terminal fed by a contact that no machine has.
 """
 

@@ -44,9 +44,9 @@ class StillBusyError(AssertionError):
 
 
 class Desk:
-    """Drives one controller; see the module. Time is `time_ns`, integer nanoseconds since the desk was built."""
+    """Drives one controller. Time is `time_ns`, integer nanoseconds since the desk was built."""
 
-    # set to a list to collect every desk that is built; they then keep what is `sent`
+    # set this to a list to collect every desk that is built; desks then keep what is `sent`
     built: ClassVar[list[Desk] | None] = None
 
     def __init__(
@@ -62,8 +62,8 @@ class Desk:
     ) -> None:
         """`factory(flash)` builds the controller.
 
-        language: what `query` and `start` send; None: only `send` can be used. carriage: where the axes stand at first
-        power-on, in steps, one number an axis (default 2000). terminals: instead of the controller's own.
+        language: for `query` and `start`; None: only `send` can be used. carriage: positions of the axes at first
+        power-on, in steps (default 2000). terminals: instead of the controller's own.
         """
         self.factory = factory
         self._language = language
@@ -106,7 +106,7 @@ class Desk:
         return cls(lambda flash: create_controller(name, flash=flash, settings=settings), **options)
 
     def power_on(self) -> None:
-        """Mains on: the controller gets the levels as they are and starts with its counters at 0."""
+        """Mains on: the controller gets the present levels and starts with its counters at 0."""
         self.terminals = dict(self._terminals_given or self.controller.terminals())
         self._check_terminals()
         self._fed_by_drives: list[str] = []
@@ -212,7 +212,7 @@ class Desk:
         self.set(name, False)
 
     def at(self, seconds: float, action: Callable[[], object]) -> None:
-        """Do something momentary (set, send) `seconds` from now, whoever lets the time pass."""
+        """Call an action that takes no time (set, send) `seconds` from now, whichever call lets the time pass."""
         heapq.heappush(self._agenda, (self.time_ns + round(seconds * SECOND_NS), next(self._entry_numbers), action))
 
     # --- observation -----------------------------------------------------------------------------------------------
@@ -234,7 +234,7 @@ class Desk:
 
     @property
     def ticks(self) -> int:
-        """Number of ticks made since the first power-on: a mark to hand to `steps_since`."""
+        """Number of ticks made since the first power-on: a mark for `steps_since`."""
         return sum(len(t_ns) for t_ns, _ in self._chunks)
 
     def steps_since(self, mark: int) -> Ticks:
@@ -316,7 +316,7 @@ class Desk:
         return int(t_ns[n - 1]) if self._now_struck() != self._struck else None
 
     def _now_struck(self) -> dict[str, bool]:
-        """Which switches are struck where the carriage stands, by their contacts."""
+        """Which switches are struck at the present positions, by their contacts."""
         return {
             switch.contact: switch.side * (int(self.carriage[switch.axis]) - switch.trip)
             >= (-switch.hysteresis if self._struck[switch.contact] else 0)
@@ -331,7 +331,7 @@ class Desk:
     # --- wires -----------------------------------------------------------------------------------------------------
 
     def _check_terminals(self) -> None:
-        """Raise ProtocolError for a contact that no machine has: it would never be wired, and nobody would notice."""
+        """Raise ProtocolError for a contact that no machine has: it would silently never be wired."""
         for terminal, names in self.terminals.items():
             for name in names:
                 if name not in self.cabinet.signals and not _LIMIT_SWITCH.fullmatch(name) and name not in self._struck:
@@ -345,7 +345,7 @@ class Desk:
         return {**levels, **dict.fromkeys(self._fed_by_drives, False), **self._forced_terminals}
 
     def _wires_changed(self) -> None:
-        """Hand every changed level to the controller; what it does in answer may change further levels."""
+        """Pass every changed level to the controller; its reaction may change further levels."""
         contacts = {**self.cabinet.contacts(), **self._forced_contacts}
         self.cabinet.sense(contacts.__getitem__)
         for _ in range(_SPIN_LIMIT):

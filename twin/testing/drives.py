@@ -1,4 +1,4 @@
-"""Ideal drives: every axis is where its counter says, and has current while the stages are on."""
+"""Ideal drives: every axis is at its counter, and has current while the stages are on."""
 
 from __future__ import annotations
 
