@@ -1,8 +1,8 @@
-"""The reader that the name of a capture asks for.
+"""Chooses the reader by the file name of a capture.
 
 .vcd        value change dump                       vcd.py
 .csv        table of text, also .txt and .tsv       table.py
-.npz        ticks: t_ns, delta; `isel-twin run --steps` writes them. They have no signals, and need no map
+.npz        ticks: t_ns, delta; from `isel-twin run --steps`; no signals, so no map
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ def load(
 ) -> Ticks:
     """The stream in a capture. Raises CaptureError with one line, OSError for a file that cannot be read.
 
-    maps: as mapping.py has them; without any, signals with usual names are recognised. edge: "rising", "falling" or
-    "both". time_unit, sample_rate_hz: of a `Table`. reverse: axes whose direction is turned round.
+    maps: as in mapping.py; without any, signals with usual names are recognised. edge: "rising", "falling" or "both".
+    time_unit, sample_rate_hz: of a `Table`. reverse: axes with inverted direction.
     """
     kind = path.suffix.lower()
     if kind not in KINDS:
@@ -73,7 +73,7 @@ def _load_npz(path: Path) -> Ticks:
             t_ns, delta = file["t_ns"], file["delta"]
     except (CaptureError, OSError):
         raise
-    except Exception as error:  # numpy, zipfile and zlib have a dozen kinds for bytes that are none of theirs
+    except Exception as error:  # numpy, zipfile and zlib raise a dozen types for damaged bytes
         reason = " ".join(str(error).split())[:80]
         raise CaptureError(f"{path}: is no .npz, or damaged ({reason}); write it again") from None
     if t_ns.ndim != 1 or t_ns.dtype.kind != "i" or delta.ndim != 2 or delta.dtype.kind != "i":

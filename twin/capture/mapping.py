@@ -1,6 +1,6 @@
-"""Which signal is what: step, direction and enable of the axes.
+"""The roles of signals: step, direction and enable of the axes.
 
-    x.step=D0,x.dir=!D1,enable=!D7          as a command line says it: ROLE=SIGNAL, "!" inverts
+    x.step=D0,x.dir=!D1,enable=!D7          on the command line: ROLE=SIGNAL, "!" inverts
 
     role                  signal
     x.step, x.dir         a step at each rising edge, in positive direction while dir is high
@@ -9,7 +9,7 @@
 
 An inverted step signal counts at its falling edges, an inverted dir is positive while low. Signals with usual names
 (`step_x`, `X.DIR`, `Ystep`, `enable`) need no map, and neither do the dumps of this package, whose dir is high for
-minus and which tell what the controller did with its stages. No role is guessed otherwise (capture/3).
+minus and which contain the outputs for the stages. No role is guessed otherwise (capture/3).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.capture.wave import CaptureError, WrongCallError
 
-OUTPUTS = ("stages", "brake", "current_lowering")  # outputs of a controller that drives heed
+OUTPUTS = ("stages", "brake", "current_lowering")  # outputs of a controller with an effect on drives
 _KINDS = ("step", "dir", "plus", "minus")
 _ROLES = {*(f"{axis}.{kind}" for axis in AXIS_NAMES for kind in _KINDS), "enable"}
 _WORDS = {
@@ -45,7 +45,7 @@ MOST_NAMES = 24  # names listed in a message
 
 @dataclass(frozen=True)
 class Signal:
-    """A signal of a file by its name, and whether its opposite is meant."""
+    """A signal of a file by its name, and whether it is inverted."""
 
     name: str
     inverted: bool = False
@@ -70,7 +70,7 @@ def parse_map(texts: Iterable[str]) -> dict[str, Signal]:
 
 
 def check_roles(signals: Mapping[str, Signal]) -> None:
-    """Raise WrongCallError unless each axis that has a signal has a whole pair of them."""
+    """Raise WrongCallError for an axis with half a pair of signals."""
     for axis in AXIS_NAMES:
         kinds = {kind for kind in _KINDS if f"{axis}.{kind}" in signals}
         if kinds not in ({"step", "dir"}, {"plus", "minus"}, set()):
@@ -83,7 +83,8 @@ def check_roles(signals: Mapping[str, Signal]) -> None:
 
 
 def recognise(names: Sequence[str]) -> dict[str, Signal]:
-    """Signals by role among the names of a file. Raises CaptureError if two may have the same role, or none has any."""
+    """Signals by role, guessed from the names of a file. Raises CaptureError if a role is ambiguous, or none is
+    found."""
     own = dict(_own(names))
     if own:
         return own

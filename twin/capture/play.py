@@ -1,4 +1,4 @@
-"""A captured stream in a twin, motion by motion, and the switches that the carriages strike on the way."""
+"""Plays a captured stream in a twin, motion by motion, and records the switches that the carriages strike."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Strikes:
     """Watches the switches of a twin from now on."""
 
     def __init__(self, twin: Twin) -> None:
-        self.seen: list[Strike] = []  # the first of each switch, in the order of time; struck at the beginning counts
+        self.seen: list[Strike] = []  # the first strike of each switch, in the order of time, also one at the beginning
         self._known: set[str] = set()
         twin.observe(self._look, 100 * MILLISECOND_NS)
 
@@ -40,7 +40,7 @@ class Strikes:
 
 
 def lines_of(player: Player) -> list[Line]:
-    """The motions as lines of a job: in place of a command the way in steps."""
+    """The motions as lines of a job, with the distance in steps in place of a command."""
     return [Line(number, _in_words(motion), ()) for number, motion in enumerate(player.motions, 1)]
 
 
@@ -58,9 +58,8 @@ def play(
     allowed: Callable[[str], bool],
     stop: Callable[[], bool] | None = None,
 ) -> Iterator[Result]:
-    """Let the twin make the motions of its player; a result each, then time passes to over_ns.
-
-    allowed: says of a switch whether it may be struck; a motion that strikes another is not ok, and its reply names it.
+    """Let the twin make the motions of its player, with a result for each, then let time pass to over_ns. allowed:
+    whether a switch may be struck; a motion that strikes another one is not ok, and its reply names it.
     """
     for line, motion in zip(lines_of(player), player.motions, strict=True):
         twin.run_until(motion.start_ns, stop)

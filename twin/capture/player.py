@@ -1,10 +1,10 @@
-"""A controller that plays a captured stream: it ignores host and switches (capture/1), and makes each tick at its time.
+"""A controller that plays a captured stream: it ignores host and switches and makes each tick at its time (capture/1).
 
     ticks     ||||||||||        |||||||||||          |||
     motions   |---- 1 ---|      |---- 2 ----|        |-3-|        a pause of `gap_ns` or more ends a motion
 
-What the real controller knew is in its stream already: where it stopped at a switch, the stream stops. So the counters
-begin at 0 where the machine stands when the capture begins, and everything is relative to that.
+The stream already contains the reactions of the real controller: where it stopped at a switch, the stream stops. The
+counters begin at 0 at the position at the beginning of the capture; all is relative to that.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from isel_twin.capture.ticks import Ticks
 from isel_twin.controller import Event, Output, SerialFormat
 from isel_twin.motion import Displacement, StepRun
 
-NAME = "player"  # what twins and recordings call it
-GAP_NS = 100_000_000  # pause between two ticks that ends a motion: no start-stop frequency is below 10 Hz
+NAME = "player"  # its name in twins and recordings
+GAP_NS = 100_000_000  # pause that ends a motion: no start-stop frequency is below 10 Hz
 LEAD_NS = 1000  # a motion begins this long before its first tick, or at the end of the one before
-_BLOCK = 1 << 12  # ticks between two sums that are kept
+_BLOCK = 1 << 12  # ticks between two stored sums
 
 
 @dataclass(frozen=True, eq=False)
 class CapturedPath:
-    """Ticks of one motion, as they were captured. Implements isel_twin.motion.Path."""
+    """The captured ticks of one motion. Implements isel_twin.motion.StepPath."""
 
     delta: NDArray[np.int8]
 
@@ -67,7 +67,7 @@ class CapturedPath:
 
 @dataclass(frozen=True, eq=False)
 class CapturedTimes:
-    """Their times after the start of the motion. Implements isel_twin.motion.TimeLaw; it knows no ramp to stop by."""
+    """Their times after the start of the motion. Implements isel_twin.motion.TimeLaw, without a stop ramp."""
 
     t_ns: NDArray[np.int64]
     start_ns: int
@@ -97,13 +97,13 @@ class CapturedTimes:
 
 
 class Player:
-    """Implements isel_twin.controller.Controller; see the module."""
+    """Implements isel_twin.controller.Controller."""
 
     serial_format = SerialFormat(9600)
     fault = False
 
     def __init__(self, ticks: Ticks, contacts: tuple[str, ...] = (), gap_ns: int = GAP_NS) -> None:
-        """contacts: of the machine; each gets a terminal of its own name, to be watched."""
+        """contacts: of the machine; each gets a terminal of its own name."""
         axes = ticks.delta.shape[1]
         self.direction = (1,) * axes
         self.motions: tuple[StepRun, ...] = tuple(_motions(ticks, gap_ns))
@@ -116,7 +116,7 @@ class Player:
         self._events: list[Event] = []
 
     def image(self) -> bytes:
-        """The whole player as an image that `restored` reads: the flash memory in its recordings."""
+        """The player as an image for `restored`: the flash memory in its recordings."""
         file = io.BytesIO()
         times, names, levels = zip(*self._outputs, strict=True) if self._outputs else ((), (), ())
         np.savez_compressed(
@@ -164,7 +164,7 @@ class Player:
         return self.next_ns is None
 
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
-        self._events.append(Output("current_lowering", 1))  # as drives with step inputs do by themselves
+        self._events.append(Output("current_lowering", 1))  # drives with step inputs do this by themselves
         self.advance(t_ns)
 
     def receive(self, t_ns: int, data: bytes) -> None:

@@ -1,4 +1,4 @@
-"""Tables of text: what logic analysers export as CSV.
+"""Text tables that logic analysers export as CSV.
 
     Saleae Logic          sigrok, PulseView                   any other
     Time [s],Channel 0    ; Channels (2/8): D0, D1            t_us;D0;D1
@@ -7,8 +7,8 @@
                           0,1
 
 Separated by comma, semicolon or tab; lines that begin with ; or # are comments, empty ones are skipped. Times are
-decimal numbers in the unit that the column's name says, converted to whole nanoseconds in whole numbers; or there are
-none, and each row is one sample at a known rate. Cells are 0 or 1.
+decimal numbers in the unit of the column's name, converted exactly to whole nanoseconds; or there are none, and each
+row is one sample at a known rate. Cells are 0 or 1.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from isel_twin.capture.vcd import scanned, waves_of
 from isel_twin.capture.wave import LONGEST_NS, Capture, CaptureError, WrongCallError
 
 UNITS = {"s": 9, "ms": 6, "us": 3, "ns": 0, "ps": -3}  # powers of ten from a unit of time to nanoseconds
-HEADER_LINES = 200  # lines among which the first row must be found
-LONGEST_LINE = 1 << 16  # bytes of a line beyond which a file is taken for no table
+HEADER_LINES = 200  # lines within which the first row must be found
+LONGEST_LINE = 1 << 16  # bytes of a line beyond which a file is not a table
 FASTEST_HZ = 4 * SECOND_NS
-_PLACE, _LINE, _TIME, _PROBLEM, _COLUMN, _FIRST = range(6)  # of the state of the scanner; _TIME or number of a row
+_PLACE, _LINE, _TIME, _PROBLEM, _COLUMN, _FIRST = range(6)  # fields of the scanner's state; _TIME: or row number
 _LF, _CR, _SPACE, _QUOTE, _HASH, _PLUS, _COMMA, _MINUS, _POINT, _SEMICOLON = b'\n\r "#+,-.;'
 _IS_TIME = -2
 _NEVER = -(1 << 62)
@@ -60,10 +60,11 @@ _PROBLEMS = {
 
 
 class Table:
-    """A table whose beginning has been read."""
+    """A table; only its beginning is read at first."""
 
     def __init__(self, path: Path, time_unit: str | None = None, sample_rate_hz: float | None = None) -> None:
-        """time_unit: one of UNITS, of a time column whose name says none. sample_rate_hz: of a table without times.
+        """time_unit: one of UNITS, for a time column without a unit in its name. sample_rate_hz: of a table without
+        times.
 
         Raises CaptureError, OSError.
         """
@@ -95,11 +96,11 @@ class Table:
 
     @property
     def names(self) -> list[str]:
-        """Names of all columns but that of the time."""
+        """Names of all columns but the time."""
         return list(self._columns)
 
     def read(self, names: Sequence[str]) -> Capture:
-        """Levels of some columns, by the names they are asked for. Times that begin before 0 are shifted to begin at 0.
+        """Levels of the named columns. Times that begin before 0 are shifted to begin at 0.
 
         Raises CaptureError for a name that is not there and for a row that is damaged.
         """
@@ -213,16 +214,16 @@ def _names_in(comments: Sequence[str]) -> list[str]:
     return []
 
 
-# The scanner. pyarrow.csv takes half as long again for exact decimals, tells no line and knows no comments. What is
-# done for each cell stands in the loop: a call there takes as long as the work.
+# The scanner. pyarrow.csv takes half as long again for exact decimals and has neither line numbers nor comments. The
+# work for each cell is written in the loop: a call would take as long as the work.
 
 
 @njit(nogil=True)
 def _scan(data, delimiter, columns, timed, power, state, levels, first, times, which):
-    """Changes of wanted columns, row by row, from state[_PLACE] on, as long as there is room for a row; their number.
+    """Write the changes of wanted columns from state[_PLACE] on, while there is room for a row; return their number.
 
-    columns int16 [width]: _IS_TIME, -1 of no interest, else the signal. power: of ten, from the unit of time to ns.
-    levels, first int8 [signals]: level now (-1: none yet) and at first; times, which: room.
+    columns int16 [width]: _IS_TIME, -1 ignored, else the signal. power: of ten, from the unit of time to ns. levels,
+    first int8 [signals]: present and first level (-1: none yet); times, which: output.
     """
     size, room, count = data.size, times.size - levels.size, 0
     i, line, before = state[_PLACE], state[_LINE], state[_TIME]
@@ -323,7 +324,7 @@ def _ends(data, i, delimiter):
 
 @njit(nogil=True)
 def _cell_end(data, i, delimiter):
-    """The end of a cell of no interest; a delimiter in quotes is text."""
+    """The end of an ignored cell; a delimiter in quotes is text."""
     quoted = False
     while i < data.size and data[i] != _LF and data[i] != _CR and (quoted or data[i] != delimiter):
         quoted ^= data[i] == _QUOTE

@@ -1,13 +1,13 @@
-"""Edges to ticks, and what the drives of a real machine would have had against them.
+"""Edges to ticks, and pulses that are too short for the drives of a real machine.
 
     step   ____|~~~~|______|~~~~|____        a tick at each active edge; those of several axes at one time are one tick
            --->|    |<---                    high: shorter than the least pulse?    low: the same of the pause
     dir    ==X=================X=====
              |<->|          |<-->|           setup: from the change to the edge     hold: from the edge to the change
 
-A drive that is asked for more than its data sheet promises may miss a pulse or take it the other way; the twin does
-neither, so what is too short is counted and told. A change of direction at the very time of an edge counts as before
-it (capture/2).
+A drive outside its data-sheet timing may miss a pulse or take it in the wrong direction; the twin does neither, so
+times that are too short are counted and reported. A change of direction at the time of an edge counts as before it
+(capture/2).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from isel_twin.capture.wave import Capture, Wave
 
 @dataclass(frozen=True)
 class Needs:
-    """Least times that drives need. The values given are those of a DRV8825 (TI, SLVSA73, timing requirements)."""
+    """Least times that drives need; defaults of a DRV8825 (TI, SLVSA73, timing requirements)."""
 
     pulse_ns: int = 1900  # of a step signal at either level
     setup_ns: int = 650  # from a change of direction to an active edge of step
@@ -34,7 +34,7 @@ class Needs:
 
 @dataclass(frozen=True)
 class Offence:
-    """Times that are shorter than needed: how many, the shortest, and when the first one ends."""
+    """Times that are too short: how many, the shortest, and when the first one ends."""
 
     count: int
     least_ns: int
@@ -44,7 +44,7 @@ class Offence:
 @dataclass(frozen=True)
 class AxisTiming:
     steps: int
-    fastest_hz: float  # of two steps in a row, 0 if there are none
+    fastest_hz: float  # of two successive steps, 0 if there are none
     short_pulses: Offence | None
     short_pauses: Offence | None
     setup: Offence | None
@@ -59,10 +59,10 @@ class Ticks:
     t_ns: NDArray[np.int64]  # int64 [n], strictly increasing
     delta: NDArray[np.int8]  # int8 [n, axes]
     end_ns: int
-    outputs: tuple[tuple[int, str, int], ...] = ((0, "stages", 1),)  # what drives are told: (time, output, level)
+    outputs: tuple[tuple[int, str, int], ...] = ((0, "stages", 1),)  # outputs for the drives: (time, output, level)
     timing: Mapping[str, AxisTiming] = field(default_factory=dict)  # by axis; empty if the file has no signals
     resolution_ns: float = 0.0  # time between two samples, 0 if unknown
-    shift_ns: int = 0  # what was added to the times of the file
+    shift_ns: int = 0  # added to the times of the file
 
     @property
     def over_ns(self) -> int:
@@ -71,7 +71,7 @@ class Ticks:
 
 
 def ticks_of(capture: Capture, signals: Mapping[str, Signal], needs: Needs, edge: str = "rising") -> Ticks:
-    """The stream of a capture. signals: by role, as `parse_map` checks them. edge: which is active, or "both"."""
+    """The stream of a capture. signals: by role, as from `parse_map`. edge: the active one, or "both"."""
     waves = {role: capture.waves[signal.name] for role, signal in signals.items()}
     waves |= {role: waves[role].inverted() for role, signal in signals.items() if signal.inverted}
     used = [axis for axis in AXIS_NAMES if f"{axis}.step" in waves or f"{axis}.plus" in waves]
@@ -109,7 +109,7 @@ def ticks_of(capture: Capture, signals: Mapping[str, Signal], needs: Needs, edge
         )
         times.append(t_ns)
         signs.append(sign)
-    t_all = np.sort(np.concatenate(times), kind="stable")  # merges what is sorted; np.unique takes ten times longer
+    t_all = np.sort(np.concatenate(times), kind="stable")  # merges sorted parts; np.unique takes ten times longer
     t_all = t_all[np.diff(t_all, prepend=-1) > 0]
     delta = np.zeros((t_all.size, count), dtype=np.int8)
     for axis, t_ns, sign in zip(used, times, signs, strict=True):
@@ -122,7 +122,7 @@ def _active(step: Wave, edge: str) -> NDArray[np.int64]:
 
 
 def _outputs(waves: Mapping[str, Wave]) -> tuple[tuple[int, str, int], ...]:
-    """What drives are told: the outputs of a dump of this package, or the enable signal as stages and brakes."""
+    """Outputs for the drives: from a dump of this package, or the enable signal as stages and brakes."""
     told = {name: waves[name] for name in OUTPUTS if name in waves}
     if "enable" in waves:
         told |= dict.fromkeys(("stages", "brake"), waves["enable"])
@@ -152,7 +152,7 @@ def _around(t_ns: NDArray[np.int64], turns: NDArray[np.int64], needs: Needs) -> 
 
 
 def _short(waves: list[Wave], high: bool, least_ns: int) -> Offence | None:
-    """Stretches at one level that are too short, those at the ends of the capture left out."""
+    """Stretches at one level that are too short, without those at the ends of the capture."""
     widths, ends = [], []
     for wave in waves:
         start = int(wave.first == high)  # the first change that begins such a stretch

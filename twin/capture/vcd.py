@@ -5,8 +5,8 @@
     $enddefinitions $end
     #0 0! #25 1! #30 0!                                 body: #time, value and code, in a compiled scanner
 
-A level is the value of a wire, or whether a vector is not 0. `x` and `z` are no level: the wire keeps the one it had,
-and the first known one is no edge. The scanner takes the whole file as bytes and gives the changes of wanted signals in
+A level is the value of a wire, or whether a vector is not 0. `x` and `z` are no level: the wire keeps its last one, and
+the first known one is no edge. The scanner takes the whole file as bytes and returns the changes of wanted signals in
 pieces, so that memory is needed for edges, not for text.
 """
 
@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from isel_twin.base.compiling import njit
 from isel_twin.capture.wave import LONGEST_NS, Capture, CaptureError, Wave
 
-MOST_CHANGES = 1 << 20  # changes that one call of a scanner gives at most
+MOST_CHANGES = 1 << 20  # most changes from one call of a scanner
 Piece = tuple[NDArray[np.int64], NDArray[np.uint8]]  # times and signals of changes
-_PLACE, _LINE, _TIME, _PROBLEM = range(4)  # of the state of a scanner
+_PLACE, _LINE, _TIME, _PROBLEM = range(4)  # fields of a scanner's state
 _LF, _SPACE, _HASH, _DOLLAR = b"\n #$"
 _NO_CHANGE = -2
 _SECTION = re.compile(r"\$(\w+)\s(.*?)\$end(?=\s|$)", re.DOTALL)
@@ -40,7 +40,7 @@ _PROBLEMS = {
 
 
 class Dump:
-    """A dump whose header has been read."""
+    """A dump; only its header is read at first."""
 
     def __init__(self, path: Path) -> None:
         """Raises CaptureError for a file that is no dump, OSError for one that cannot be read."""
@@ -65,7 +65,7 @@ class Dump:
         return [name for name, _ in self._variables]
 
     def read(self, names: Sequence[str]) -> Capture:
-        """Levels of some signals, by the names they are asked for: whole ones, or the last part if no other has it.
+        """Levels of the named signals: full names, or the last part if it is unique.
 
         Raises CaptureError for a name that is not there and for a body that is damaged.
         """
@@ -133,7 +133,8 @@ class Dump:
 
 
 def scanned(scan: Callable[..., int], size: int, state: NDArray[np.int64]) -> list[Piece]:
-    """Changes to the end of the file or the first problem. scan(times, which): fills both, moves `state`, counts."""
+    """Changes up to the end of the file or the first problem. scan(times, which) fills both, advances `state` and
+    returns the number."""
     pieces = []
     while state[_PLACE] < size and not state[_PROBLEM]:
         times, which = np.empty(MOST_CHANGES, dtype=np.int64), np.empty(MOST_CHANGES, dtype=np.uint8)
@@ -143,7 +144,7 @@ def scanned(scan: Callable[..., int], size: int, state: NDArray[np.int64]) -> li
 
 
 def _to_ns(times: NDArray[np.int64], unit_fs: int) -> None:
-    """Times in units, in place, to the nearest nanosecond."""
+    """Convert times in place from units to the nearest nanosecond."""
     if unit_fs >= 10**6:
         times *= unit_fs // 10**6
     else:
@@ -153,7 +154,7 @@ def _to_ns(times: NDArray[np.int64], unit_fs: int) -> None:
 
 
 def waves_of(pieces: Sequence[Piece], first: NDArray[np.int8]) -> list[Wave]:
-    """The signals whose changes scanned pieces hold: times int64 [n], signal uint8 [n]; first: int8 [signals]."""
+    """The waves of scanned pieces: times int64 [n], signal uint8 [n]; first: int8 [signals]."""
     none = np.empty(0, dtype=np.int64)
     return [
         Wave(level > 0, np.concatenate([*(times[which == k] for times, which in pieces), none]))
@@ -171,9 +172,10 @@ def _key(code: str) -> int:
 
 @njit(nogil=True)
 def _scan(data, keys, state, levels, first, times, which):
-    """Changes of wanted signals from state[_PLACE] on; their number. Then state says where and why it ended.
+    """Write the changes of wanted signals from state[_PLACE] on; return their number. state then says where and why it
+    ended.
 
-    keys int64 [signals]; levels, first int8 [signals]: level now (-1: none yet) and at first; times, which: room.
+    keys int64 [signals]; levels, first int8 [signals]: present and first level (-1: none yet); times, which: output.
     """
     size, room, count = data.size, times.size, 0
     i, line, time = state[_PLACE], state[_LINE], state[_TIME]
@@ -195,7 +197,7 @@ def _scan(data, keys, state, levels, first, times, which):
             elif value < time:
                 problem = 2
             time = value
-        elif c == _DOLLAR:  # $dumpvars, $end and so on say nothing; a comment goes on to its end
+        elif c == _DOLLAR:  # $dumpvars, $end and so on are ignored; a comment goes on to its $end
             i = _word_end(data, i)
             if i - start == 8 and data[start + 1] == 99 and data[start + 2] == 111:  # $co(mment)
                 i, line = _comment_end(data, i, line)
@@ -237,7 +239,7 @@ def _word_end(data, i):
 
 @njit(nogil=True)
 def _comment_end(data, i, line):
-    """The place after the $end of a comment, and the line there; -1 and the line here, if it has none."""
+    """The place after the $end of a comment, and the line there; -1 and the line here without one."""
     lines = line
     while i + 3 < data.size:
         if data[i] == _DOLLAR and data[i + 1] == 101 and data[i + 2] == 110 and data[i + 3] == 100:
@@ -249,7 +251,7 @@ def _comment_end(data, i, line):
 
 @njit(nogil=True)
 def _level_at(data, i):
-    """The place of the code after a value, and the level that it means; -1: unknown, or no level."""
+    """The place of the code after a value, and its level; -1: unknown, or no level."""
     c = data[i] | 32  # small letters
     if c == 98 or c == 114 or c == 115:  # b, r, s: a vector, a real number, a text; then blanks
         i += 1
@@ -269,7 +271,7 @@ def _level_at(data, i):
 
 @njit(nogil=True)
 def _code_at(data, i):
-    """The place after the code of a signal, and its key: see `_key`."""
+    """The place after the code of a signal, and its `_key`."""
     key = 0
     while i < data.size and data[i] > _SPACE:
         key = (key * 257 + data[i]) % (1 << 53)

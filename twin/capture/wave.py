@@ -1,4 +1,4 @@
-"""Levels over time: what a logic analyser has seen of one wire, and a capture of several.
+"""Levels over time of one wire in a logic analyser, and a capture of several wires.
 
     level     ____|~~~~~|____|~~~          first = False, t_ns = [2, 8, 13]
     t_ns      0   2     8    13
@@ -18,11 +18,11 @@ LONGEST_NS = 10**18  # longest capture, 31 years: sums of some of them fit into 
 
 
 class CaptureError(ValueError):
-    """A capture cannot be used; the message is one line that says where in it, why, and what to do."""
+    """A capture cannot be used; the message is one line with the place, the reason and the remedy."""
 
 
 class WrongCallError(CaptureError):
-    """An option is wrong, not the file; the line begins with the option's bare name."""
+    """An option is wrong; the line begins with its bare name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ class Wave:
         return self.t_ns[int(self.first == rising) :: 2]
 
     def at(self, t_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """bool [m], level at times int64 [m]; at the time of a change the new one."""
+        """bool [m], level at times int64 [m]; at a change the new one."""
         changes = np.searchsorted(self.t_ns, t_ns, side="right")
         levels: NDArray[np.bool_] = (changes & 1).astype(np.bool_) ^ self.first
         return levels
@@ -50,5 +50,5 @@ class Capture:
 
     waves: Mapping[str, Wave]
     end_ns: int  # time of the last sample; the first one is not before 0
-    resolution_ns: float  # time between two samples, or the least difference that the file can say; 0 if unknown
-    shift_ns: int = 0  # what was added to the times of a file that begins before 0
+    resolution_ns: float  # time between two samples, or the time unit of the file; 0 if unknown
+    shift_ns: int = 0  # added to the times of a file that begins before 0

@@ -1,10 +1,10 @@
-"""Bytes of a line explained, message by message: what stands behind `isel-twin decode`.
+"""Bytes of a line explained message by message, for `isel-twin decode`.
 
     pieces of bytes, each with its direction  --- explain --->  Row, Row, Row ...     as the messages become complete
     text typed in                             --- typed ----->  such pieces
 
-Nothing is lost and nothing invented: the `data` of all rows of a direction, one after the other, is what was given for
-that direction. What the bytes mean is the language's business (isel_twin.language).
+The `data` of all rows of a direction, joined, is exactly the input of that direction. The language (isel_twin.language)
+knows the meaning.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ _BYTE = re.compile(r"<0*([0-9]{1,3})>")
 
 
 class DecodeError(ValueError):
-    """Text cannot be taken for bytes of a line; the message is one line that says where."""
+    """Text is not valid as bytes of a line; the message is one line with the place."""
 
 
 @dataclass(frozen=True)
 class Piece:
-    """Bytes as they went over the line, by the host (`sent`) or by the controller."""
+    """Bytes on the line, from the host (`sent`) or from the controller."""
 
     data: bytes
     sent: bool
-    time_ns: int | None = None  # when the last of them came, if anybody knows
+    time_ns: int | None = None  # when the last of them came, if known
 
 
 @dataclass(frozen=True)
 class Row:
-    """One message, or what was begun and never ended."""
+    """One message, or an incomplete one at the end."""
 
     number: int  # from 1, in the order in which messages became complete
     offset: int  # of its first byte among the bytes of its direction, from 0
@@ -45,11 +45,11 @@ class Row:
     text: str  # readable: as in a job file; never empty
     explanation: str
     complete: bool
-    time_ns: int | None = None  # when it was complete, if anybody knows
+    time_ns: int | None = None  # when it was complete, if known
 
 
 def explain(pieces: Iterable[Piece], language: Language) -> Iterator[Row]:
-    """Rows as they become complete, then what is left of each direction. `language`: a fresh one."""
+    """Rows as they become complete, then the rest of each direction. `language`: a fresh one."""
     numbers, offsets = count(1), {True: 0, False: 0}
 
     def row(data: bytes, text: str, explanation: str, sent: bool, time_ns: int | None, complete: bool = True) -> Row:
@@ -66,8 +66,8 @@ def explain(pieces: Iterable[Piece], language: Language) -> Iterator[Row]:
 
 
 def typed(text: str, sent: bool, language: Language, controller: str) -> list[Piece]:
-    """Text as somebody types it: commands as in a job file, or a reply in which <13> is the byte 13. Raises DecodeError
-    for what no line can carry."""
+    """Typed text: commands as in a job file, or a reply in which <13> is the byte 13. Raises DecodeError for text that
+    no line can carry."""
     try:
         if not sent:
             return [Piece(_BYTE.sub(_byte, encoded(text).decode("latin-1")).encode("latin-1"), sent)]
@@ -77,7 +77,7 @@ def typed(text: str, sent: bool, language: Language, controller: str) -> list[Pi
 
 
 def marked(text: str, language: Language, controller: str) -> Iterator[Piece]:
-    """Both directions: lines that begin with `>` were sent by the host, with `<` by the controller; see `typed`. Raises
+    """Typed text of both directions: lines from the host begin with `>`, lines from the controller with `<`. Raises
     DecodeError for a line that is not marked."""
     for number, line in enumerate(_LINE_END.split(text), 1):
         if not line.strip():
@@ -91,5 +91,5 @@ def marked(text: str, language: Language, controller: str) -> Iterator[Piece]:
 
 
 def _byte(found: re.Match[str]) -> str:
-    """The byte of a <N>; what is no byte stays as it is."""
+    """The byte of a <N>; other text stays."""
     return chr(int(found[1])) if int(found[1]) < 256 else found[0]

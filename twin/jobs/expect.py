@@ -1,13 +1,13 @@
-"""What a job file expects: of the reply to a line, and of the machine after it.
+"""Expectations in a job file: of the reply to a line, and of the machine after it.
 
     @0M160000,5000,0,30,0,30,0,30 => 2            the reply, byte for byte; a CR or LF at its end need not be written
     @0P => 0*                                     * any bytes, <13> the byte 13
     T0;0 => @500                                  of a controller with binary telegrams: as its language reads them
-    <253> => none                                 nothing is answered
-    @0R7 => 0 within 60 s                         and the line is over by then
-    @0A8000,900,0,30,0,30,0,30 => none within 1 s      1 s passes, and nothing has been answered by then
+    <253> => none                                 no reply
+    @0R7 => 0 within 60 s                         and the line is over within this time
+    @0A8000,900,0,30,0,30,0,30 => none within 1 s      1 s passes without a reply
 
-    ! lost == 0                                   after a line: how things are now
+    ! lost == 0                                   a condition that must hold after a line
     ! x == 50 +- 0.03 mm
     ! hood == open
 
@@ -20,15 +20,14 @@
     margin, margin.x            least torque margin during the last command: 0 .. 1, or %
     time, clock                 duration of the last command, virtual time since power-on: s, ms, min
     steps                       ticks of the stream since power-on
-    fault                       1: the controller shows an error that no reply has told
+    fault                       1: the controller has an error that no reply has reported
     lag, lag.x                  following error of servo drives now, the largest or of one axis, in increments
     drive_faults, .x            how often servo drives have switched themselves off since power-on
     spindle, hood, limit_x1     outputs and relays (numbers); elements, switches and faults of contacts (words)
     output.NAME, input.NAME, level.NAME      the same where a name could be both, and input terminals (0, 1)
 
-A blank or the end of the line stands behind `=>`, and behind the `!` at its beginning. A condition on lost or unpowered
-steps, restarts or a fault that is so answers for what it speaks of: the verdict then asks for what comes later only
-(jobs/2).
+`=>`, and `!` at the beginning, need a blank or the end of the line after them. A condition on lost or unpowered steps,
+restarts or a fault that is met makes them expected: the verdict then counts only later ones (jobs/2).
 """
 
 from __future__ import annotations
@@ -53,7 +52,7 @@ if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
     from isel_twin.jobs.result import Result
 
-LONGEST_S = 1e9  # longest time that can be expected, as for pauses
+LONGEST_S = 1e9  # longest time in an expectation, as for pauses
 EXCERPT = 100  # characters of a line that are shown around a mistake
 
 _ITEM = re.compile(r"<([^<>]*)>|\*")
@@ -81,9 +80,9 @@ _STEPS = {"steps": 1.0, "step": 1.0}
 
 @dataclass(frozen=True)
 class _Quantity:
-    units: Mapping[str, float]  # what may follow a number, and its factor; the first: of a number alone, and shown
+    units: Mapping[str, float]  # unit and factor; the first one is the default and is shown
     axes: tuple[str, ...] = ()
-    alone: bool = True  # it has a value without an axis
+    alone: bool = True  # can be used without an axis
     whole: bool = False
 
     @property
@@ -111,7 +110,7 @@ _KINDS = ("output", "input", "level")
 
 
 class ExpectError(ValueError):
-    """What is expected cannot be understood; `at`: index of the character in the text that was parsed."""
+    """An expectation has a syntax error; `at`: index of the character in the parsed text."""
 
     def __init__(self, message: str, at: int) -> None:
         super().__init__(message)
@@ -130,7 +129,7 @@ def excerpt(line: str, at: int) -> str:
 
 @dataclass(frozen=True)
 class Expected:
-    """What must be answered to a line."""
+    """The expected reply to a line."""
 
     text: str
     parts: tuple[bytes, ...] | None  # the reply, with anything between two parts; None: there must be none
@@ -138,16 +137,16 @@ class Expected:
 
     @property
     def wait_ns(self) -> int | None:
-        """Time after which the line is over, whatever the controller does; None: once the controller is idle."""
+        """Time after which the line is over in any case; None: when the controller is idle."""
         return self.within_ns if self.parts is None else None
 
     def why_not(self, reply: bytes, complete: bool, took_ns: int, text: str | None = None) -> str:
-        """Why a line with this reply, over or given up after took_ns, is not as expected; "" if it is. text: what the
-        controller's language reads in it, which may be expected as well as the bytes."""
+        """Why this reply of a line, over or given up after took_ns, is not as expected; "" if it is. text: the reply in
+        the controller's language, an alternative to the bytes."""
         read = reply if text is None else text.encode("latin-1", "replace")
         binary = read.rstrip() != reply.rstrip()
         answered = f"answered {text if binary else readable(reply)}" if reply else "not answered"
-        ways = (reply, read, reply.rstrip(), read.rstrip())  # white space at the end need not be written
+        ways = (reply, read, reply.rstrip(), read.rstrip())  # white space at the end is optional
         fits = not reply if self.parts is None else any(_fits(each, self.parts) for each in ways)
         took = f"{took_ns / SECOND_NS:.6g} s"
         if not complete:
@@ -160,7 +159,7 @@ class Expected:
 
 
 def _fits(reply: bytes, parts: tuple[bytes, ...]) -> bool:
-    """Whether the parts stand in a reply one after the other, the first at its beginning and the last at its end."""
+    """True if a reply consists of the parts in order, with anything between two of them."""
     if len(parts) == 1:
         return reply == parts[0]
     first, *middle, last = parts
@@ -176,7 +175,7 @@ def _fits(reply: bytes, parts: tuple[bytes, ...]) -> bool:
 
 
 def parse_expected(text: str) -> Expected:
-    """What stands behind `=>`. Raises ExpectError."""
+    """Parse the text after `=>`. Raises ExpectError."""
     stripped = text.strip(" \t")
     within_ns = None
     body = text.rstrip(" \t")
@@ -210,7 +209,7 @@ def parse_expected(text: str) -> Expected:
 
 
 def _duration(text: str, begin: int) -> int:
-    """A time that is all of the text from `begin` on, in ns."""
+    """Parse the text from `begin` on as a time, in ns."""
     at = _skip(text, begin)
     found = _DURATION.fullmatch(text[at:].rstrip(" \t"))
     if found is None:
@@ -226,7 +225,7 @@ def _duration(text: str, begin: int) -> int:
 
 @dataclass(frozen=True)
 class Seen:
-    """What a condition found."""
+    """The result of a condition."""
 
     met: bool
     value: str  # for people, with its unit
@@ -234,7 +233,7 @@ class Seen:
 
 @dataclass(frozen=True)
 class Condition:
-    """How things must be after a line; `name_at`, `value_at`: places in the text that was parsed."""
+    """A condition after a line; `name_at`, `value_at`: indices in the parsed text."""
 
     text: str
     name: str
@@ -245,7 +244,7 @@ class Condition:
     value_at: int
 
     def check(self, twin: Twin) -> None:
-        """Raise ExpectError for a name or a word that this twin does not know."""
+        """Raise ExpectError for a name or a word that this twin does not have."""
         head, _, rest = self.name.partition(".")
         if head in _QUANTITIES:
             axes = AXIS_NAMES[: len(twin.counts)]
@@ -266,12 +265,12 @@ class Condition:
                 raise ExpectError(f"{name} can be {', '.join(sorted(states))}", self.value_at)
 
     def look(self, twin: Twin, last: Result | None) -> Seen:
-        """How it is now. last: result of the last command of the job."""
+        """Evaluate it now. last: result of the last command of the job."""
         head, _, rest = self.name.partition(".")
         if head not in _QUANTITIES:
             kind, name = (head, rest) if head in _KINDS else (self._kind(twin), self.name)
             found = _named(twin, kind).get(name)
-            if found is not None and kind == "input" and self.value in FAULTS:  # it may have a state beside the fault
+            if found is not None and kind == "input" and self.value in FAULTS:  # it may have both a state and a fault
                 found = str(twin.faults.get(name, "ok"))
             if found is None:
                 return Seen(False, f"there is no {kind} {name}")
@@ -294,7 +293,7 @@ class Condition:
         return not math.isnan(value) and _COMPARE[self.comparison](value, wanted)
 
     def _kind(self, twin: Twin) -> str:
-        """Where a bare name is looked for: words are states of inputs, numbers are outputs."""
+        """Kind of a name without a prefix: an input for a word as value, an output for a number."""
         return "input" if isinstance(self.value, str) else "output"
 
 
@@ -341,7 +340,7 @@ def _measured(twin: Twin, name: str, axis: str, last: Result | None) -> float | 
 
 
 def parse_condition(text: str) -> Condition:
-    """What stands behind `!`. Raises ExpectError."""
+    """Parse the text after `!`. Raises ExpectError."""
     end = len(text.rstrip(" \t"))
     at = _skip(text, 0)
     name = _NAME.match(text, at, end)
@@ -412,7 +411,7 @@ def _quantity(name: str, at: int) -> _Quantity:
 
 
 def _unit(text: str, at: int, end: int, quantity: _Quantity) -> tuple[float, int, int | None]:
-    """Factor of the unit at a place, the place after it, and its own; the first unit if there is none."""
+    """Factor of the unit at an index, the index after it, and its own; the first unit if there is none."""
     word = _WORD.match(text, at, end)
     if word is None:
         return next(iter(quantity.units.values())), at, None

@@ -1,16 +1,14 @@
-"""Golden runs: what a job did once, in a small text file, and what it does differently today.
-
-Goal: a change of a job, of settings or of the twin shows what it changes, and first of all where. A run is written
-down command by command, one line each, so that two versions of a file differ in the lines that matter:
+"""Golden runs: a reference run of a job in a small text file, and the differences of a new run from it. A run is stored
+command by command, one line each, so that two versions of a file differ only in the commands that changed:
 
     command   reply   time it took   ticks of each axis   counters        digests of the stream, window by window
     ----------------------------------------------------------------------------------------------------------------
     @0M...    0       3.21 s         16000 4000 0 0       16000 4000 0 0  |7f3a11|09bc52|...|  X 5dd01c Y 20aa71 Z - A -
 
-A digest stands for the ticks in a window: their times since the command was sent, in ns, and the change of every axis.
-A command has WINDOWS of them at most, none shorter than WINDOW_TICKS, so the first divergence is found to a part of a
-move without the stream being stored. What follows a difference is not different by itself: all times count from the
-command they belong to.
+A digest covers the ticks of a window: their times since the command was sent, in ns, and the change of every axis. A
+command has at most WINDOWS of them, none shorter than WINDOW_TICKS, so the first difference is found to a part of a
+move without storing the stream. Times count from their own command, so a difference does not make all that follows
+differ.
 
 Replies, times and streams are compared exactly; positions within TOLERANCE_MM, because the last bits of the physics
 depend on the processor.
@@ -43,13 +41,13 @@ if TYPE_CHECKING:
     from isel_twin.motion import Steps
 
 SUFFIX = ".golden"
-FORMAT = 1  # of the file
+FORMAT = 1  # version of the file format
 WINDOWS = 16  # most windows of a command
-WINDOW_TICKS = 500  # ticks in its windows, unless there are too many of them
-DIGITS = 6  # hexadecimal digits of a digest: one in 16 million changes of a window goes unseen, of a whole job fewer
+WINDOW_TICKS = 500  # least ticks in a window
+DIGITS = 6  # hexadecimal digits of a digest: one in 16 million changes of a window is missed
 LONG_STEP = 60  # characters of a step of a program that are shown
 TOLERANCE_MM = 0.002
-TOLERANCE_STEPS = 2  # of lost steps: less is load angle
+TOLERANCE_STEPS = 2  # of lost steps; smaller differences are load angle
 
 _HEAD = ("format", "job", "machine", "controller", "plant", "seed", "scenario", "set")
 _END = ("ok", "cycle_s", "counts", "position_mm", "lost_steps")
@@ -61,7 +59,7 @@ class GoldenError(FileError):
 
 @dataclass(frozen=True)
 class Move:
-    """A command of a job and what came of it."""
+    """A command of a job and its outcome."""
 
     line: int
     sent: str
@@ -69,9 +67,9 @@ class Move:
     took_ns: int
     counts: tuple[int, ...] = ()  # at its end
     ticks: tuple[int, ...] = ()  # ticks in which each axis moves; () if none does
-    axes: tuple[str, ...] = ()  # digest of each axis, "-": it stands
+    axes: tuple[str, ...] = ()  # digest of each axis, "-": at rest
     windows: tuple[str, ...] = ()
-    # not in the file, in ns since the command was sent: first and last tick of each window; steps of a program
+    # not in the file: first and last tick of each window, steps of a program, in ns since the command was sent
     spans_ns: tuple[tuple[int, int], ...] = field(default=(), compare=False)
     steps: tuple[tuple[int, str], ...] = field(default=(), compare=False)
 
@@ -80,13 +78,13 @@ class Move:
 class Golden:
     """A run of a job."""
 
-    call: Mapping[str, Any] = field(default_factory=dict)  # how it was run: job, machine, controller, plant, seed ...
+    call: Mapping[str, Any] = field(default_factory=dict)  # the call: job, machine, controller, plant, seed ...
     moves: tuple[Move, ...] = ()
-    end: Mapping[str, Any] = field(default_factory=dict)  # of the verdict, by the keys _END
+    end: Mapping[str, Any] = field(default_factory=dict)  # fields of the verdict, by the keys _END
 
 
 class Scribe:
-    """A watcher that writes down each command of a job; what the twin did before is left out."""
+    """A watcher that stores each command of a job, without what the twin did before."""
 
     def __init__(self, twin: Twin) -> None:
         self._twin = twin
@@ -95,7 +93,7 @@ class Scribe:
         self.way: NDArray[np.int64] = np.zeros(1, dtype=np.int64)  # int64 [axes], sum of the ticks of the last line
 
     def take(self, result: Result) -> None:
-        """A line has just ended. Whether a condition is met is in the verdict."""
+        """Take a line that has just ended; conditions are left to the verdict."""
         t_ns, delta = _since(self._twin.steps, self._ticks)
         self._ticks = len(self._twin.steps)
         self.way = delta.sum(axis=0, dtype=np.int64)
@@ -122,7 +120,7 @@ class Scribe:
         )
 
     def golden(self, verdict: Verdict) -> Golden:
-        """The whole job, now that it is over; without its call."""
+        """The run of the whole job, at its end; without its call."""
         end = {
             "ok": verdict.ok,
             "cycle_s": verdict.cycle_s,
@@ -162,7 +160,7 @@ def golden_file(job: Path) -> Path:
 
 
 def called(run: Golden, call: TwinSpec, job: Path, file: Path) -> Golden:
-    """The run with what it was called with; files as seen from the golden file."""
+    """The run with its call; paths relative to the golden file."""
 
     def seen(path: Path) -> str:
         return Path(os.path.relpath(path.resolve(), file.resolve().parent)).as_posix()
@@ -223,13 +221,13 @@ def load(path: str | Path) -> Golden:
     return Golden(call, moves, {key: _checked(end, key, place.at("end")) for key in _END if key in end})
 
 
-# of values that are no text
+# types of values that are not text
 _KINDS: dict[str, tuple[type, ...]] = {"seed": (int,), "line": (int,), "set": (dict,), "ok": (bool,)}
 _KINDS |= {"cycle_s": (int, float), **dict.fromkeys(("counts", "ticks", "position_mm", "lost_steps"), (list,))}
 
 
 def _checked(content: Mapping[str, Any], key: str, place: Place) -> Any:
-    """A value of the kind it must be; a list is one of numbers."""
+    """A value, checked for its type; lists must hold numbers."""
     value, kinds = content[key], _KINDS.get(key, (str,))
     right = isinstance(value, kinds) and (kinds == (bool,) or not isinstance(value, bool))
     if isinstance(value, list):
@@ -257,7 +255,7 @@ def _move(entry: Any, place: Place) -> Move:
 
 @dataclass(frozen=True)
 class Difference:
-    """One thing that is not as it was."""
+    """One difference between two runs."""
 
     line: int | None  # line of the job; None: the job as a whole
     what: str
@@ -267,7 +265,7 @@ class Difference:
 
 
 def differences(golden: Golden, run: Golden) -> Iterator[Difference]:
-    """What the run does differently, in the order of the job, so that the first is the first divergence."""
+    """Differences of the run, in the order of the job."""
     for key in _HEAD[1:]:
         if (was := golden.call.get(key)) != (now := run.call.get(key)) and key != "job":
             a, b = ("none" if value in (None, "") else value for value in (was, now))
@@ -299,12 +297,12 @@ def _of_moves(was: Move, now: Move) -> Iterator[Difference]:
 
 
 def _where(was: Move, now: Move) -> str:
-    """Which axes differ, and from when on."""
+    """Which axes differ, and since when."""
     names = [
         f"{name} {a} -> {b} ticks" if a != b else f"{name} at other times"
         for name, (a, b), (x, y) in zip(
             AXIS_NAMES,
-            zip_longest(was.ticks, now.ticks, fillvalue=0),  # an axis that is not named stands
+            zip_longest(was.ticks, now.ticks, fillvalue=0),  # a missing axis is at rest
             zip_longest(was.axes, now.axes, fillvalue="-"),
             strict=False,
         )

@@ -1,20 +1,20 @@
 """Job files: commands for a controller, one a line, played in virtual time.
 
     # a comment: "#" at the start of a line or after a blank, not followed by a letter or digit (`#DX,...` is a command)
-    @07                                      text is sent as the controller's language frames it, its reply awaited
+    @07                                      text is framed by the controller's language; the reply is awaited
     @0M16000,5000,0,30,0,30,0,30<13> <0.5s> <253>     <N> is the byte N, <Ns> lets N seconds pass
-    <254>                                    text before a <...> is sent as it stands, only what follows is framed
-    @0M160000,5000,0,30,0,30,0,30 => 2       what must be answered, and what must be so afterwards: expect.py
+    <254>                                    text before a <...> is sent unchanged, only text after it is framed
+    @0M160000,5000,0,30,0,30,0,30 => 2       expected reply, and a condition after it: expect.py
     ! x < 396 mm
 
 Lines end in LF, CR LF or CR. A file is UTF-8 or, where it is not valid UTF-8, Latin-1; what is sent is Latin-1. UTF-16
 is refused.
-A line is over when the controller has answered and stands still, or when the time has passed in which it must not
-answer (`=> none within 1 s`); its reply is everything that came meanwhile. A line that is not over in time ends the
-job: whatever came later would be taken for the reply to the lines after it.
+A line is over when the controller has answered and is idle, or when the time without a reply (`=> none within 1 s`) has
+passed; its reply is everything that came meanwhile. A line that is not over in time ends the job: later bytes would be
+taken for replies to the next lines.
 
-The controller's language (`isel_twin.language`) knows what a frame is and what a refusal. A controller without one can
-be sent bytes only, and nothing that it answers is known to be a refusal.
+The controller's language (`isel_twin.language`) defines frames and refusals. A controller without one takes bytes only,
+and no reply counts as a refusal.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 LONGEST_PAUSE_S = 1e9  # longest pause in virtual seconds, as for the times of a scenario
 
-_LINE_END = re.compile(r"\r\n|\r|\n")  # and nothing else: str.splitlines also splits at controls such as 85h
+_LINE_END = re.compile(r"\r\n|\r|\n")  # str.splitlines would also split at controls such as 85h
 _BLANKS = " \t"
 _COMMENT = re.compile(r"(^|[ \t])#(?![A-Za-z0-9]).*", re.DOTALL)
 _EXPECTED = re.compile(r"=>(?=[ \t]|$)")
@@ -56,7 +56,7 @@ _PAUSE = re.compile(r"([0-9]+(?:\.[0-9]*)?|\.[0-9]+)[ \t]*s")
 class JobError(ValueError):
     """A job file is wrong; the message is one line that names the line and the remedy.
 
-    excerpt: the line with a caret below the mistake, if its column is known.
+    excerpt: the line with a caret below the error, if its column is known.
     """
 
     def __init__(self, message: str, excerpt: str = "") -> None:
@@ -73,9 +73,10 @@ class Line:
     actions: tuple[bytes | int, ...]
     expected: Expected | None = None
     condition: Condition | None = None
-    source: str = ""  # the line as it stands in the file, of a program all of it
-    begin: int = 0  # where what is parsed of its condition begins
-    program: Iterable[bytes] = ()  # in place of actions, if it loads or runs a program: what is sent, see RunsPrograms
+    source: str = ""  # the line in the file; of a program the whole text
+    begin: int = 0  # index at which the parsed condition begins
+    # in place of actions, if it loads or runs a program: the bytes to send (RunsPrograms)
+    program: Iterable[bytes] = ()
 
     @property
     def sent(self) -> bytes:
@@ -87,7 +88,7 @@ class Line:
 
 
 def decode_job(data: bytes) -> str:
-    """Text of a job file. Raises JobError for UTF-16 and for what is no text at all."""
+    """Text of a job file. Raises JobError for UTF-16 and binary data."""
     if b"\0" in data or data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         raise JobError("is UTF-16 or no text at all; save it as UTF-8, and write a byte 0 in a command as <0>")
     try:
@@ -97,8 +98,7 @@ def decode_job(data: bytes) -> str:
 
 
 def parse_job(text: str, language: Language | None, controller: str) -> list[Line]:
-    """Lines of a job without empty lines and comments. Only text that has to be framed needs the language. Raises
-    JobError."""
+    """Lines of a job without empty lines and comments. Only text to be framed needs the language. Raises JobError."""
     if offers(language, RunsPrograms):
         try:
             steps = language.job(text)
@@ -129,7 +129,7 @@ def parse_job(text: str, language: Language | None, controller: str) -> list[Lin
 
 
 def check_controller(text: str, language: Language | None, controller: str) -> None:
-    """Raise JobError for a text that can only be a program of another controller than the one named (jobs/3)."""
+    """Raise JobError for a text that can only be a program of another controller than this one (jobs/3)."""
     if not offers(language, RunsPrograms) and (others := programs_for(text)):
         raise JobError(
             f"is a program for {' or '.join(others)}, which {controller} cannot run; name the controller, {others[0]}, "
@@ -138,13 +138,13 @@ def check_controller(text: str, language: Language | None, controller: str) -> N
 
 
 def expect_error(error: ExpectError, number: int, source: str, begin: int = 0) -> JobError:
-    """The error of a line of a job. begin: where what was parsed begins in it."""
+    """The error of a line of a job. begin: index at which the parsed text begins."""
     at = begin + error.at
     return JobError(f"line {number}, column {at + 1}: {error}", expect.excerpt(source, at))
 
 
 def check_conditions(lines: Sequence[Line], twin: Twin) -> None:
-    """Raise JobError for a condition with a name that this twin does not know."""
+    """Raise JobError for a condition with a name that this twin does not have."""
     for line in lines:
         if line.condition is not None:
             try:
@@ -195,10 +195,10 @@ def _actions(command: str, language: Language | None, controller: str) -> Iterat
 
 
 def play(twin: Twin, lines: Sequence[Line], timeout_s: float, stop: Stop | None = None) -> Iterator[Result]:
-    """Send the lines one after the other, each when the one before is over.
+    """Send the lines, each when the one before is over.
 
-    timeout_s: virtual seconds after which a line without complete reply is given up; it counts as refused, and the job
-    ends there. stop: asked whenever something has happened; once it returns True, the job ends in the same way.
+    timeout_s: virtual seconds after which a line without complete reply counts as refused and ends the job. stop:
+    called whenever something has happened; True ends the job in the same way.
     """
     language = twin.language
     last: Result | None = None
@@ -250,12 +250,12 @@ def play(twin: Twin, lines: Sequence[Line], timeout_s: float, stop: Stop | None 
             parts=parts,
         )
         yield last
-        if not complete or (line.program and not last.ok):  # what cannot be loaded cannot be started
+        if not complete or (line.program and not last.ok):  # a program that was not loaded cannot be started
             return
 
 
 def _parts(twin: Twin, line: Line, before: tuple[int, str] | None) -> tuple[Part, ...]:
-    """Steps of a program, each with the place that it ends at, and what was said since the remark `before`."""
+    """Steps of a program, each with the position at its end, and the remarks after the remark `before`."""
     steps = list(twin.steps_made)
     ends = [step.counts for step in steps[1:]] + [tuple(twin.counts.tolist())]
     scale = twin.step_mm.tolist()
@@ -284,7 +284,7 @@ def _parts(twin: Twin, line: Line, before: tuple[int, str] | None) -> tuple[Part
 
 
 def _feed(twin: Twin, pieces: Iterable[bytes], timeout_s: float, stop: Stop | None) -> bool:
-    """Send pieces, each when the controller has taken the one before; return whether it has taken all."""
+    """Send pieces, each when the controller has taken the one before; return whether it took all."""
     for piece in pieces:
         twin.write(piece)
         if not twin.commands_due:
@@ -357,10 +357,10 @@ def _converse(twin: Twin, line: Line, timeout_s: float, stop: Stop | None) -> bo
 
 
 def _over(twin: Twin) -> bool:
-    """Whether a program that this line has begun is not to go on."""
+    """True if a program that this line has started must end now."""
     return twin.fault or not twin.steps_made or not twin.unfinished
 
 
 def _stands(twin: Twin) -> bool:
-    """Whether it should, and there is nobody who could see to it: a scenario that presses Start later (bwo900/76)."""
+    """True if it waits and nothing can continue it, such as a later scenario event that presses Start (bwo900/76)."""
     return not _over(twin) and not twin.events_left

@@ -1,4 +1,4 @@
-"""What is legal in a job, and absurd: moves that crawl. It fails no job, and is told.
+"""Legal but absurd lines of a job: moves that crawl. They are reported and do not make a job fail.
 
 @0z1  @0M12,30,16000,900,0,30,0,30      three axes together: the speed written for X is that of the longest way, so Y
                                         makes 16 000 steps at 30 a second and not at 900
@@ -16,13 +16,13 @@ from isel_twin.controller import offers
 from isel_twin.jobs.result import Result
 from isel_twin.language import Language, RetimesJobs
 
-LONG_S = 5.0  # a move that takes less is worth no word
-SLOWER = 5.0  # than its line asks: another axis times it
-CRAWLS = 1000.0  # times slower than possible
+LONG_S = 5.0  # shorter moves are not reported
+SLOWER = 5.0  # factor to the speed of its line: another axis determines the time
+CRAWLS = 1000.0  # factor to the possible speed
 
 
 def oddities(results: Sequence[Result], language: Language | None) -> Iterator[tuple[int, str]]:
-    """Number of the line, and what is odd about it."""
+    """Number of the line, and what is odd."""
     if offers(language, RetimesJobs):
         yield from _of_moves(results, language)
     for result in results:

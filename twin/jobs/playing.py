@@ -1,16 +1,16 @@
-"""A job played to its end, for whoever wants to know what becomes of it.
+"""A job played to its end and judged.
 
     lines --- play ---> Result, Result, ...  --- judge --->  Played: results and verdict
                           |
                           `--> watchers: golden run, inspection, first loss, table, ...
 
-What became of a job is told in these words everywhere:
+Terms for the outcome of a job:
 
     Result    a line       number, command, reply, ok, why, time_ns, end_ns, margin     result.py
     Verdict   the machine  ok, refused, lost, unsent, interrupted, cycle_s, margin      verdict.py
     Played    the job      results, verdict                                             here
-    Golden    written down call, moves, end                                             golden.py
-    Finding   what is wrong rule, message, line, time_ns                                checks/job.py
+    Golden    as a file    call, moves, end                                             golden.py
+    Finding   a violation  rule, message, line, time_ns                                checks/job.py
     Report    checked      findings, verdict, golden run                                checks/job.py
 """
 
@@ -31,12 +31,12 @@ from isel_twin.jobs.verdict import Verdict, judge, lost
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
 
-TIMEOUT_S = 3600.0  # virtual time that a line may take, unless told otherwise
+TIMEOUT_S = 3600.0  # default virtual time that a line may take
 
 
 @dataclass(frozen=True)
 class Played:
-    """What became of a job."""
+    """The outcome of a job."""
 
     results: tuple[Result, ...]  # of the lines that were sent
     verdict: Verdict
@@ -47,7 +47,7 @@ class Played:
 
     @property
     def whole(self) -> bool:
-        """Every line was sent, and the last one was over."""
+        """True if every line was sent and the last one was over."""
         return not self.verdict.unsent and bool(self.results) and self.results[-1].complete
 
 
@@ -61,9 +61,9 @@ def played(
 ) -> Played:
     """Play a job, let the machine come to rest, and judge.
 
-    watchers: given each line's result when it is over, in their order. timeout_s: see `play`. stop: asked whenever
-    something has happened; once it returns True the job ends, and is judged as interrupted unless it was over. begins:
-    given each line before it is sent. Raises GivenUp if the caller has cancelled this work before the job was over.
+    watchers: called in order with the result of each line. timeout_s: as for `play`. stop: called whenever something
+    has happened; True ends the job, which is then judged as interrupted unless it was over. begins: called with each
+    line before it is sent. Raises GivenUp if the caller has cancelled this work before the job was over.
     """
 
     def ends() -> bool:
@@ -80,7 +80,7 @@ def followed(
     stop: Stop | None = None,
     begins: Callable[[Line], object] | None = None,
 ) -> Played:
-    """As `played`, of results that come from elsewhere than `play`; fewer than lines: the job has ended early."""
+    """As `played`, with given results instead of `play`; fewer than lines mean that the job ended early."""
     seen: list[Result] = []
     for line in lines:
         if begins is not None:
@@ -103,7 +103,7 @@ class FirstLoss:
 
     def __init__(self, twin: Twin) -> None:
         self._twin = twin
-        self.why = ""  # what is lost; "" as long as nothing is
+        self.why = ""  # what is lost; "" for nothing
 
     def take(self, result: Result) -> None:
         self.why = self.why or losses(self._twin)
@@ -113,7 +113,7 @@ class FirstLoss:
 
 
 def losses(twin: Twin) -> str:
-    """What has been lost by now, in words; a servo drive that has switched itself off counts as that."""
+    """What is lost so far, in words; a servo drive that has switched itself off counts as a loss."""
     gone = lost(twin.lost_steps, twin.slip_steps) | (twin.forgotten_steps != 0.0)
     steps = np.abs(twin.lost_steps) + np.abs(twin.forgotten_steps)
     found = [f"{AXIS_NAMES[axis].upper()} has lost {steps[axis]:.0f} steps" for axis in np.flatnonzero(gone)]

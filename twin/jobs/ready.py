@@ -1,5 +1,4 @@
-"""All that playing a job needs, modules and compiled code: a process that will fork workers imports it first
-(base/crew.py), so that it is paid for once."""
+"""Imports all modules and compiled code that playing a job needs, before workers are forked (base/crew.py)."""
 
 from isel_twin.core.warm import warm_up
 from isel_twin.jobs import playing, robust

@@ -1,4 +1,4 @@
-"""What becomes of a line of a job."""
+"""The outcome of a line of a job."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Part:
-    """In a line that runs a program of the controller's (jobs/5): a step of it, or a remark of the controller."""
+    """Part of a line that runs a program of the controller (jobs/5): a step of it, or a remark of the controller."""
 
-    time_ns: int  # when the step began, or when it was said
+    time_ns: int  # when the step began or the remark was made
     text: str
-    position_mm: tuple[float, ...] = ()  # [3], counted by the end of the step; () for a remark
+    position_mm: tuple[float, ...] = ()  # [3], by the counters at the end of the step; () for a remark
     plane: tuple[int, int] = (0, 1)  # axes of the plane in which the step cuts
-    tool_mm: float = 0.0  # radius of its tool, 0 if it cuts nothing or nobody knows
-    at: tuple[int, int] | None = None  # line and column of the file where it, or what is remarked, stands
+    tool_mm: float = 0.0  # radius of its tool, 0 if it does not cut or the radius is unknown
+    at: tuple[int, int] | None = None  # its line and column in the file
 
 
 @dataclass(frozen=True)
 class Result:
-    """What became of a line: sent at time_ns, over at end_ns; counters [axes] and true positions [3] mm at its end."""
+    """The outcome of a line: sent at time_ns, over at end_ns; counters [axes] and true positions [3] mm at its end."""
 
     number: int
     command: str
@@ -30,18 +30,18 @@ class Result:
     counts: tuple[int, ...]
     position_mm: tuple[float, ...]
     margin: tuple[float | None, ...] = ()  # least pull-out margin of each axis meanwhile; None without a motor
-    complete: bool = True  # all was sent, the controller has answered and stands still; if not, the job ends here
-    expected: str | None = None  # what the line expects; `ok` says whether it was so
-    why: str = ""  # why not; of a program of which nothing is expected: what the controller says is wrong
+    complete: bool = True  # all was sent, the controller has answered and is idle; if not, the job ends here
+    expected: str | None = None  # what the line expects; `ok` says whether it was met
+    why: str = ""  # why it was not met; of a program without expectation: the error that the controller reports
     event: str = ""  # of a line that is not ok: the last event during it, or before it
-    condition: bool = False  # it is no command: the reply is what was found
-    lost_known: tuple[float | None, ...] = ()  # steps lost of each axis that a condition on them has found well
-    unpowered_known: int | None = None  # the same of steps made without power
-    restarts: int = 0  # how often the controller started anew since the line before, or since the job began
-    restarts_known: int | None = None  # as many, since power-on, a condition has found well
-    fault_known: bool = False  # the same of the controller's fault
-    drive_faults_known: tuple[int | None, ...] = ()  # the same of the faults of each drive: how many
-    parts: tuple[Part, ...] = ()  # of a line that loads or runs a program; the last ones, if there are very many
+    condition: bool = False  # it is a condition: the reply is the value found
+    lost_known: tuple[float | None, ...] = ()  # lost steps of each axis that a condition expects
+    unpowered_known: int | None = None  # number of steps without power that a condition expects
+    restarts: int = 0  # restarts of the controller since the line before, or since the beginning of the job
+    restarts_known: int | None = None  # number of restarts since power-on that a condition expects
+    fault_known: bool = False  # a condition expects the controller's fault
+    drive_faults_known: tuple[int | None, ...] = ()  # number of faults of each drive that a condition expects
+    parts: tuple[Part, ...] = ()  # parts of a line that loads or runs a program; only the last of very many
 
     @property
     def blame(self) -> str:

@@ -1,8 +1,8 @@
-"""Is the outcome of a job luck? The same job on machines that differ by no more than machines of one kind do.
+"""Is the outcome of a job luck? The job is repeated on machines that differ as machines of one kind do.
 
-Near stall what happens is chaotic in narrow bands: one speed loses everything, a little more and a little less lose
-nothing. One run cannot tell such a job from a sound one. So it is repeated with small perturbations, each drawn from
-seed and number of the repetition:
+Near stall the behaviour is chaotic in narrow bands: one speed loses everything, slightly more or less loses nothing.
+One run cannot tell such a job from a reliable one. So it is repeated with small perturbations, each drawn from seed and
+number of the repetition:
 
     start       another power-on position of each carriage, so another rotor angle and another scatter of the switches
     supply      of all stages, +-5 %: mains and load of an unregulated supply
@@ -42,7 +42,7 @@ FRICTION_KEYS = ("guide_friction", "shaft_coulomb", "shaft_viscous")  # of an ax
 
 @dataclass(frozen=True)
 class Repetition:
-    """A repetition of a job and what became of it."""
+    """A repetition of a job and its outcome."""
 
     number: int  # from 1
     seed: int  # of the twin: power-on positions, switch scatter, bounce
@@ -75,7 +75,7 @@ def perturbation(machine: Machine, seed: int, number: int) -> tuple[int, dict[st
 
 
 def check(call: TwinSpec, number: int) -> None:
-    """Refuse a call that cannot be repeated so many times, before anything has been computed.
+    """Check, before any computation, that a call can be repeated this often.
 
     Raises CallError for a plant without physics, on which no perturbation can have an effect, and for a machine whose
     numbers leave their limits when perturbed.
@@ -98,23 +98,23 @@ def repetitions(
     crew: Crew | None = None,
     stop: Stop | None = None,
 ) -> Iterator[Repetition]:
-    """Repeat a job so many times with small perturbations; in the order of their numbers, whatever crew makes them.
+    """Repeat a job with small perturbations; results come in the order of their numbers, with any crew.
 
-    flash: image of the controller's flash memory at the beginning of the job; nothing is written to the call's file.
-    crew: None: here, each when it is asked for. stop: asked now and then; once it returns True no more come.
+    flash: image of the controller's flash memory at the beginning of the job; the call's file is not written. crew:
+    None: in this process, on demand. stop: called now and then; True ends the iteration.
     """
     repeat = functools.partial(_repetition, call, lines, timeout_s, flash)
     return in_order(repeat, range(1, number + 1), crew, stop)
 
 
 def agree(verdict: Verdict, other: Verdict) -> bool:
-    """Whether two runs of a job ended alike: accepted or not, as expected or not, and lost or not on each axis."""
+    """True if two runs of a job ended alike: accepted or not, as expected or not, and lost or not on each axis."""
     end, other_end = ((v.ok, v.refused, v.unmet, v.lost) for v in (verdict, other))
     return end == other_end
 
 
 def perturbed_twin(call: TwinSpec, number: int, flash: bytes | None = None) -> tuple[Twin, int, dict[str, float]]:
-    """The twin of a repetition, its seed and its factors; nothing is written to the call's flash file."""
+    """The twin of a repetition, its seed and its factors; the call's flash file is not written."""
     seed, factors, overrides = perturbation(call.fitted(), call.seed, number)
     spec = call.with_(seed=seed, flash=flash, overrides={**call.overrides, **overrides}, start_mm=None)
     return spec.build(), seed, factors
@@ -123,6 +123,6 @@ def perturbed_twin(call: TwinSpec, number: int, flash: bytes | None = None) -> t
 def _repetition(
     call: TwinSpec, lines: Sequence[Line], timeout_s: float, flash: bytes | None, number: int
 ) -> Repetition:
-    """A function of its arguments alone, so that it can run in another process."""
+    """Depends only on its arguments, so that it can run in another process."""
     twin, seed, factors = perturbed_twin(call, number, flash)
     return Repetition(number, seed, factors, played(twin, lines, timeout_s=timeout_s).verdict)

@@ -5,20 +5,19 @@ rest
 
     steps are lost  <=>  |counter - rotor| >= slip / 2
 
-and anything less is load angle. Almost half a slip is neither: there, between two places that would hold, dry friction
-keeps a rotor on the unstable point of its motor. Nothing pulls it back, and the next touch takes it one way or the
-other; so it is told as what it is, and is not well. What was lost and then forgotten, as a reference run set the
-counter anew, counts too.
+and anything less is load angle. Almost half a slip is neither: dry friction holds the rotor at the unstable point
+between two stable places, and the next touch moves it one way or the other. So it is reported as `halfway` and is not
+ok. Steps lost before a reference run set the counter count, too.
 
 Steps that are made while the stages have no power move nothing. With physics they are lost steps; the kinematic plant
 follows them, so they are counted for themselves, and are not well on any plant. Neither is a controller that starts
 anew before its last reply, whatever it answers afterwards.
 
-A servo drive loses nothing; it switches itself off if its following error goes beyond its limit. That it did is no
-better than lost steps, also if somebody has switched it on again.
+A servo drive loses nothing; it switches itself off if its following error exceeds its limit. That is as bad as lost
+steps, even if it was switched on again.
 
-Events of a scenario that could not have an effect are no blame for the job, but they are counted: whoever meant to see
-an emergency stop, and had it come after the end of the job, has seen nothing.
+Events of a scenario without effect are no failure of the job, but they are counted: an emergency stop after the end of
+the job, for example, has tested nothing.
 """
 
 from __future__ import annotations
@@ -40,18 +39,18 @@ if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
     from isel_twin.jobs.result import Result
 
-HALFWAY = 0.375  # part of a slip from the nearest place that holds beyond which a rotor counts as resting halfway
+HALFWAY = 0.375  # distance from the nearest stable place, in slips, beyond which a rotor counts as halfway
 
 SHOWN_UNMET = 10  # lines of a job that are named if they did not get what they expected
 
-SETTLE_S = 0.5  # virtual time for the machine to come to rest after the last command, before losses are looked at
+SETTLE_S = 0.5  # virtual time for the machine to come to rest after the last command, before judging
 
 
 def lost(steps: ArrayLike, slip_steps: ArrayLike) -> NDArray[np.bool_]:
     """bool [axes], whether an axis has lost steps.
 
     steps [axes]: counter minus rotor position at rest, or its change from one rest to another. slip_steps [axes]: steps
-    in one slip of each motor. What is not a number counts as lost.
+    in one slip of each motor. nan counts as lost.
     """
     return ~(np.abs(steps) < np.asarray(slip_steps) / 2.0)
 
@@ -63,9 +62,8 @@ def whole_slips(steps: ArrayLike, slip_steps: ArrayLike) -> NDArray[np.float64]:
 
 
 def halfway(steps: ArrayLike, slip_steps: ArrayLike) -> NDArray[np.bool_]:
-    """bool [axes], whether a rotor rests near the middle between two places that its motor would hold.
-
-    Arguments as in `lost`. No load does that: beyond a quarter of a slip the torque of a motor falls with the angle.
+    """bool [axes], whether a rotor rests near the middle between two stable places. Arguments as in `lost`. A load
+    alone cannot cause this: beyond a quarter of a slip the torque of a motor falls with the angle.
     """
     slips = np.asarray(steps) / np.asarray(slip_steps, dtype=np.float64)
     return np.abs(slips - np.round(slips)) >= HALFWAY
@@ -73,41 +71,39 @@ def halfway(steps: ArrayLike, slip_steps: ArrayLike) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What became of a job. Tuples have one entry an axis, those of positions one a carriage."""
+    """The verdict on a job. Tuples have one entry an axis, those of positions one a carriage."""
 
     commands: int
-    refused: int  # not accepted, or not as it should be though nothing was expected
+    refused: int  # commands that were refused, or went wrong without an expectation
     lost_steps: tuple[float, ...]  # counter minus rotor position in steps at rest, since each counter was set
     forgotten_steps: tuple[float, ...]  # steps lost before that, since power-on
     slip_steps: tuple[float, ...]  # steps in one slip of each motor
-    controller_fault: bool  # the controller shows an error that no reply has told
-    faults: Mapping[str, str]  # contacts that are broken or stuck, and how. No blame for the job: it may be about them.
+    controller_fault: bool  # the controller has an error that no reply has reported
+    faults: Mapping[str, str]  # broken or stuck contacts, and how; no failure of the job, which may test them
     ticks: int  # ticks of the step stream since power-on
     counts: tuple[int, ...]
     position_mm: tuple[float, ...]
     position_error_mm: tuple[float, ...]
     began_ns: int  # when the first command was sent
     ended_ns: int  # when the last one was over
-    time_ns: int  # when the verdict was given, the machine at rest
+    time_ns: int  # time of the verdict, with the machine at rest
     machine: str
     margin: tuple[float | None, ...] = ()  # least pull-out margin of each axis in all lines; None without a motor
-    unsent: int = 0  # commands of the job that were never sent, as it ended before
-    interrupted: bool = False  # somebody stopped the job
+    unsent: int = 0  # commands of the job that were never sent
+    interrupted: bool = False  # the caller stopped the job
     unfinished: int = 0  # commands that were not over when the job ended: 0 or 1
-    restarts: int = 0  # how often the controller started anew before the last command was over, that nobody expected
-    unpowered_steps: int = 0  # made by all axes while the stages had no power, that nobody expected
-    stores_lost: int = 0  # what the flash memory has not kept
-    odd: tuple[tuple[int, str], ...] = ()  # what is legal and absurd: number of the line, and what (odd.py)
-    physics: bool = True  # without it nothing is known of lost steps, margins and loads
-    flash_fault: bool = False  # the flash image handed over could not be read, and has not been written anew
-    expectations: int = 0  # replies and conditions that the job expects, as far as it came
-    unmet: tuple[int, ...] = ()  # numbers of the lines with one that was not so
-    lost_known: tuple[float, ...] = ()  # steps lost of each axis that the job has expected: they do not count as lost
-    fault_known: bool = False  # the job has expected the controller's error
-    drive_faults: tuple[
-        tuple[int, str], ...
-    ] = ()  # how often each servo drive switched itself off, and why it did last
-    drive_faults_known: tuple[int, ...] = ()  # as many of each as the job has expected
+    restarts: int = 0  # unexpected restarts of the controller before the end of the last command
+    unpowered_steps: int = 0  # unexpected steps of all axes while the stages had no power
+    stores_lost: int = 0  # writes that the flash memory could not store
+    odd: tuple[tuple[int, str], ...] = ()  # legal but absurd lines: number and description (odd.py)
+    physics: bool = True  # False: lost steps, margins and loads are unknown
+    flash_fault: bool = False  # the flash image could not be read and has not been rewritten
+    expectations: int = 0  # expected replies and conditions of the lines that were played
+    unmet: tuple[int, ...] = ()  # numbers of the lines with one that was not met
+    lost_known: tuple[float, ...] = ()  # lost steps of each axis that the job expects: they do not count
+    fault_known: bool = False  # the job expects the controller's error
+    drive_faults: tuple[tuple[int, str], ...] = ()  # how often each servo drive switched itself off, and the last cause
+    drive_faults_known: tuple[int, ...] = ()  # number of faults of each that the job expects
     following_error: tuple[float | None, ...] = ()  # of each servo drive at rest, in increments; None: no such drive
     events_after_end: int = 0  # events of the scenario that were still to come when the last command was over
     events_without_effect: int = 0  # forces, cuts and lost phases of the scenario on a plant without physics
@@ -118,7 +114,7 @@ class Verdict:
 
     @property
     def least_margin(self) -> float | None:
-        """The least of all axes; None without physics."""
+        """The least margin of all axes; None without physics."""
         return min((margin for margin in self.margin if margin is not None), default=None)
 
     @property
@@ -133,7 +129,7 @@ class Verdict:
 
     @property
     def lost(self) -> tuple[bool, ...]:
-        """Whether steps of each axis are lost, or were before its counter was set anew, that nobody expected."""
+        """Which axes have lost steps unexpectedly, including those before the counter was set."""
         now = lost(self.lost_steps, self.slip_steps) | (np.array(self.forgotten_steps) != 0.0)
         if any(self.lost_known):
             known = np.array(self.lost_known)
@@ -143,7 +139,7 @@ class Verdict:
 
     @property
     def switched_off(self) -> tuple[str, ...]:
-        """Why the servo drive of each axis has switched itself off, "" if it has not, or the job has expected it."""
+        """Why the servo drive of each axis has switched itself off, "" if it has not or the job expects it."""
         known = (*self.drive_faults_known, *[0] * len(self.drive_faults))
         return tuple(
             cause if number != expected else ""
@@ -156,16 +152,17 @@ class Verdict:
 
     @property
     def ok(self) -> bool:
-        """Every command sent and accepted or answered as expected, every condition met, no step lost, half lost or made
-        without power, no drive switched off by itself, no restart, no error left in the controller."""
+        """True if every command was sent and accepted or answered as expected, every condition is met, no step is lost,
+        half lost or made without power, no drive has switched itself off, there was no restart, and the controller has
+        no error left."""
         return not self.problems()
 
     def problems(self, refused: str = "refused") -> tuple[str, ...]:
-        """Each thing that is not well, in words. refused: what became of the commands that were."""
+        """Everything that is wrong, in words. refused: the outcome of refused commands."""
         return tuple(_problems(self, refused))
 
     def summary(self) -> dict[str, Any]:
-        """In JSON's types, as `isel-twin run --json` has it; with what is of servo drives if the machine has any."""
+        """In JSON's types, as in `isel-twin run --json`; with values of servo drives if the machine has any."""
         told = {
             "ok": self.ok,
             "commands": self.commands,
@@ -200,9 +197,8 @@ class Verdict:
 
 
 def judge(twin: Twin, results: Sequence[Result], unsent: int = 0, interrupted: bool = False) -> Verdict:
-    """The verdict on the job that had these results on this twin, after SETTLE_S in which it comes to rest.
-
-    unsent: commands of the job that have no result. interrupted: because somebody stopped it.
+    """The verdict on a job with these results on this twin, after SETTLE_S to come to rest. unsent: commands without a
+    result. interrupted: the caller stopped the job.
     """
     start_ns, events_after_end = twin.time_ns, twin.events_left
     twin.run(SETTLE_S)
@@ -283,7 +279,7 @@ def _problems(verdict: Verdict, refused: str) -> Iterator[str]:
 
 
 def _since_known(results: Sequence[Result]) -> Sequence[Result]:
-    """Those after the last condition on restarts that was met."""
+    """The restarts after the last met condition on them."""
     known = [number for number, result in enumerate(results, 1) if result.restarts_known is not None]
     return results[known[-1] if known else 0 :]
 
@@ -293,7 +289,7 @@ def _last(known: Sequence[int | None]) -> int:
 
 
 def _known(found: Sequence[Sequence[float | None]]) -> tuple[float, ...]:
-    """What conditions have found well of each axis, the last of it; 0 if there were none."""
+    """The last value of each axis that a condition expects; 0 without one."""
     known = [0.0] * max(map(len, found), default=0)
     for each in found:
         for axis, steps in enumerate(each):

@@ -1,4 +1,4 @@
-"""Assertions about a machine that explain themselves: what was expected, what was, when, which axis, which command.
+"""Assertions about a machine whose errors name what was expected, what was found, when, which axis and which command.
 
     def test_pocket(watched):
         watched.play("jobs/pocket.txt")
@@ -48,11 +48,11 @@ __all__ = [
     "assert_torque_margin",
 ]
 
-MOST = 5  # differences from a golden run that are told
+MOST = 5  # differences from a golden run that are listed
 
 
 class MotionError(AssertionError):
-    """A machine did what it should not; the message says what, when, which axis and which command."""
+    """An assertion about a machine failed; the message says what, when, which axis and which command."""
 
     def __init__(
         self,
@@ -73,8 +73,8 @@ class MotionError(AssertionError):
 
 
 def assert_no_step_lost(seen: Watched) -> None:
-    """No axis has lost steps, since power-on, nor rests halfway between two places that would hold; no servo drive has
-    switched itself off. Lets the machine come to rest first. A controller that is still at work is an error."""
+    """Since power-on no axis has lost steps or rests halfway between two stable places, and no servo drive has switched
+    itself off. Lets the machine come to rest first. Fails if the controller is still busy."""
     __tracebackhide__ = True
     _at_rest(seen, "no step lost")
     twin = seen.twin
@@ -107,7 +107,7 @@ def assert_no_step_lost(seen: Watched) -> None:
 
 
 def assert_accepted(seen: Watched) -> None:
-    """Every command since `begin` was answered, and none refused; of a job, every expectation was met."""
+    """Every command since `begin` was answered and not refused; in a job, every expectation was met."""
     __tracebackhide__ = True
     seen.rest()
     if seen.run is not None and seen.run.verdict.began_ns >= seen.begin_ns:
@@ -135,7 +135,7 @@ def assert_accepted(seen: Watched) -> None:
 
 
 def assert_replies(seen: Watched, expected: Sequence[str]) -> None:
-    """The commands since `begin` were answered so, in this order; "" for one without an answer."""
+    """The commands since `begin` had these replies, in this order; "" for none."""
     __tracebackhide__ = True
     commands = seen.commands
     for command, text in zip(commands, expected, strict=False):
@@ -156,8 +156,8 @@ def assert_replies(seen: Watched, expected: Sequence[str]) -> None:
 def assert_ends_at(
     seen: Watched, position_mm: Sequence[float | None] | Mapping[str, float], tolerance_mm: float = 0.05
 ) -> None:
-    """The carriages are there now, after they came to rest: true positions in the zero of the counters. position_mm: X,
-    Y, Z, None for an axis that does not matter; or by name, {"x": 50.0}."""
+    """The carriages, at rest, are at these true positions in the zero of the counters. position_mm: X, Y, Z, None for
+    an axis to ignore; or by name, {"x": 50.0}."""
     __tracebackhide__ = True
     wanted = _by_axis(position_mm)
     _at_rest(seen, "an end position")
@@ -178,10 +178,10 @@ def assert_ends_at(
 
 
 def assert_on_path(seen: Watched, points_mm: ArrayLike, tolerance_mm: float) -> None:
-    """Since `begin`, no look at the machine found it farther from the path than that.
+    """Since `begin`, no sample of the position was farther from the path than the tolerance.
 
-    points_mm: [n, 2] corners of a path in XY, or [n, 3] in space, by the counters; `arc` makes some. It says nothing
-    about the speed, nor whether the whole path was made: `assert_ends_at` and `assert_cycle_time` do.
+    points_mm: [n, 2] corners of a path in XY, or [n, 3] in space, by the counters; `arc` makes some. Speed and
+    completeness are not checked here but by `assert_ends_at` and `assert_cycle_time`.
     """
     __tracebackhide__ = True
     points = np.asarray(points_mm, dtype=np.float64)
@@ -207,7 +207,7 @@ def assert_on_path(seen: Watched, points_mm: ArrayLike, tolerance_mm: float) -> 
 
 
 def assert_cycle_time(seen: Watched, most_s: float, least_s: float = 0.0) -> None:
-    """From the first command since `begin` to the last reply, or the end of the last line of a job."""
+    """The time from the first command since `begin` to the last reply, or the end of the last line of a job."""
     __tracebackhide__ = True
     commands = seen.commands
     if not commands:
@@ -230,9 +230,8 @@ def assert_cycle_time(seen: Watched, most_s: float, least_s: float = 0.0) -> Non
 
 def assert_switch_margin(seen: Watched, least_mm: float) -> None:
     """Since `begin`, every carriage kept that distance from the nominal trip point of each of its end switches.
-
-    Commands that set a counter, such as reference runs, may come nearer; and as they end near a switch, a carriage may
-    first go away from it: nearer counts once it has been farther. Beyond the trip point counts always.
+    Commands that set a counter, such as reference runs, may come nearer. As they end near a switch, a carriage may then
+    leave it first: being nearer counts only after it has been farther away; being beyond the trip point counts always.
     """
     __tracebackhide__ = True
     time_ns, _, machine_mm = seen.samples()
@@ -265,8 +264,8 @@ def assert_switch_margin(seen: Watched, least_mm: float) -> None:
 
 
 def assert_torque_margin(seen: Watched, least: float) -> None:
-    """In every command since `begin` each motor kept that pull-out margin: 1 nothing was asked of it, 0 all it has.
-    Raises ValueError for a plant without physics, which knows no margin."""
+    """In every command since `begin` each motor kept that pull-out margin (1 without load, 0 at the limit). Raises
+    ValueError for a plant without physics, which has no margin."""
     __tracebackhide__ = True
     margins = [
         (margin, axis, command)
@@ -289,7 +288,7 @@ def assert_torque_margin(seen: Watched, least: float) -> None:
 
 
 def assert_outputs(seen: Watched, **values: int) -> None:
-    """Outputs of the controller, and what they switch, have these values now: spindle=1."""
+    """Outputs of the controller and relays have these values now: spindle=1."""
     __tracebackhide__ = True
     outputs = seen.twin.outputs
     for name, value in values.items():
@@ -308,8 +307,8 @@ def assert_outputs(seen: Watched, **values: int) -> None:
 
 
 def assert_golden(seen: Watched, file: str | os.PathLike[str] | None = None, *, update: bool = False) -> None:
-    """The job that `Watched.play` played does what it did in its golden run (`isel-twin golden record`), to the tick.
-    file: None for the one beside the job. update: write it anew instead. Raises GoldenError for a file that is none."""
+    """The job of `Watched.play` equals its golden run (`isel-twin golden record`), to the tick. file: None for the one
+    beside the job. update: write it instead. Raises GoldenError for a wrong file."""
     __tracebackhide__ = True
     if (run := seen.run) is None:
         raise ValueError("no job was played: watched.play(job) first")
@@ -393,7 +392,7 @@ def _from_path(where_mm: NDArray[np.float64], points_mm: NDArray[np.float64]) ->
 
 
 def _since_left(free: NDArray[np.bool_], far: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """bool [n], whether there was a far sample before, in the same stretch of free ones."""
+    """bool [n], True after a far sample in the same stretch of free ones."""
     left = np.zeros(len(free), dtype=np.bool_)
     edges = np.flatnonzero(np.diff(free.astype(np.int8), prepend=0, append=0))
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
@@ -402,7 +401,7 @@ def _since_left(free: NDArray[np.bool_], far: NDArray[np.bool_]) -> NDArray[np.b
 
 
 def _divergence(was: Golden, now: Golden, run: JobRun) -> tuple[int | None, str | None]:
-    """When the streams part first, to a window of a move, and the axis that does; None if they do not."""
+    """When the streams first differ, to a window of a move, and the axis; None if they do not."""
     commands = (result for result in run.results if not result.condition)
     for command, a, b in zip(commands, was.moves, now.moves, strict=False):
         if a.windows != b.windows:

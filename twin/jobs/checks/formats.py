@@ -1,6 +1,6 @@
-"""Findings for others to read: JUnit XML, SARIF, JSON, annotations of a pull request.
+"""Findings as JUnit XML, SARIF, JSON and annotations of a pull request.
 
-JUnit    one suite, one case a job; what is wrong with it as one failure, warnings in system-out
+JUnit    one suite, one case a job; its findings as one failure, warnings in system-out
 SARIF    2.1.0, one result a finding, with the line of the job, for code scanning and editors
 JSON     one object a job
 ::error  commands in the log of a GitHub-style runner, which shows them at the line
@@ -20,7 +20,7 @@ from isel_twin.base.units import SECOND_NS
 from isel_twin.jobs.checks.job import RULES, Finding, Report
 from isel_twin.version import VERSION
 
-# characters that XML does not have; a reply may hold any
+# characters that XML cannot hold, but a reply can
 _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
@@ -59,7 +59,7 @@ def _xml(text: str) -> str:
 
 
 def sarif(reports: Sequence[Report]) -> str:
-    """SARIF 2.1.0. Paths are those of the call; relative ones are seen from the root of the sources."""
+    """SARIF 2.1.0. Paths are those of the call; relative ones start at the root of the sources."""
     rules = [{"id": rule, "shortDescription": {"text": text}} for rule, text in RULES.items()]
     names = list(RULES)
     results = [
@@ -125,7 +125,7 @@ def as_annotations(reports: Iterable[Report]) -> Iterator[str]:
 
 
 def _escaped(text: str, others: str = "") -> str:
-    """Characters that would end a command, as the runner wants them."""
+    """Escape the characters that would end a command."""
     for character in "%\r\n" + others:
         text = text.replace(character, f"%{ord(character):02X}")
     return text

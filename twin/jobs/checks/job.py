@@ -1,32 +1,32 @@
-"""Checks of a job: what a pull request must not change, as findings that name the rule, the line and the moment.
+"""Checks of a job: findings that name the rule, the line and the moment.
 
-Goal: one function that plays a job and says everything that is wrong with it, so that a terminal, an XML file and an
-annotation in a review say the same.
+One function plays a job and collects all findings, so that a terminal, an XML file and an annotation in a review say
+the same.
 
     job, machine, bounds  --- check_job --->  Report: findings, each with rule, line of the job, virtual time
 
     rule          it is broken when                                                       bound
-    refused       a command is refused, or answered otherwise than the job expects        always
+    refused       a command is refused, or its reply is not what the job expects          always
     restart       the controller starts anew before the last reply                        always
-    unmet         a condition of the job (`! lost == 0`) is not so                        always
+    unmet         a condition of the job (`! lost == 0`) is false                         always
     unfinished    a command is not over in time; the job ends there                       `timeout`
     unpowered     steps are made while the stages have no power                           always
-    lost          an axis has lost steps, told with the line after which it first had     always
-    halfway       a rotor rests between two places that would hold                        always
-    drive         a servo drive has switched itself off, told with the line                always
+    lost          an axis has lost steps; with the first line after which it had          always
+    halfway       a rotor rests between two stable places                                 always
+    drive         a servo drive has switched itself off; with the line                    always
     switch        an end switch is struck in a line that sets no counter, and no          `may_strike`
-                  condition of the job (`! limit_x1 == struck`) wants it so
+                  condition of the job (`! limit_x1 == struck`) expects it
     fault         the controller shows an error at the end, or its flash is damaged       always
     margin        the least pull-out margin of a motor in a line                          `margin`
-    deviation     true position and counter differ by more, looked at every 5 ms          `deviation_mm`
+    deviation     true position and counter differ by more, sampled every 5 ms            `deviation_mm`
     cycle         first command to end of the last one takes longer                       `cycle_s`
-    golden        the run is not what it was, where the job has a golden run              `golden`
-    luck          repetitions on slightly different machines end otherwise                `robust`
+    golden        the run differs from the golden run of the job, if it has one           `golden`
+    luck          repetitions on slightly different machines end differently              `robust`
     odd           a line is legal and absurd: a move that crawls (a warning)               always
     effect        an event of the scenario came too late, or had no effect (a warning)    always
 
-A reference run strikes switches and sets counters, so a switch that is struck in a line which sets a counter is none
-of its business; a switch that stays struck is told once.
+A reference run strikes switches and sets counters, so `switch` ignores lines that set a counter; a switch that stays
+struck is reported once.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     from isel_twin.core.spec import TwinSpec
     from isel_twin.core.twin import Twin
 
-LOOK_NS = 5 * MILLISECOND_NS  # between two looks at the deviation
+LOOK_NS = 5 * MILLISECOND_NS  # sampling interval of the deviation
 
 RULES: Mapping[str, str] = {
     "refused": "Every command is accepted, or answered as the job expects.",
@@ -74,15 +74,15 @@ RULES: Mapping[str, str] = {
     "odd": "No move crawls.",
     "effect": "Every event of the scenario comes in time and has an effect.",
 }
-WARNINGS = ("odd", "effect")  # rules that make no job fail
+WARNINGS = ("odd", "effect")  # rules that do not make a job fail
 MOST = 20  # findings of one rule that a report names one by one
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """What a job may do at most, and at least; None: whatever it likes."""
+    """Bounds of a job; None: no bound."""
 
-    margin: float | None = None  # least pull-out margin of each motor, 0 .. 1.
+    margin: float | None = None  # least pull-out margin of each motor, 0 .. 1
     deviation_mm: float | None = None
     cycle_s: float | None = None
     may_strike: tuple[str, ...] = ()  # end switches that may be struck; "all"
@@ -92,7 +92,7 @@ class Bounds:
 
 @dataclass(frozen=True)
 class Finding:
-    """Something is not as it has to be."""
+    """One violation of a rule."""
 
     rule: str
     message: str
@@ -102,17 +102,17 @@ class Finding:
 
     @property
     def warning(self) -> bool:
-        """It makes no job fail."""
+        """True if it does not make the job fail."""
         return self.rule in WARNINGS
 
     @property
     def level(self) -> str:
-        """As CI services call it."""
+        """The level in the words of CI services."""
         return "warning" if self.warning else "error"
 
     @property
     def place(self) -> str:
-        """Where in the file, in words; "" if it is about the job as a whole."""
+        """The place in the file, in words; "" for the job as a whole."""
         if self.at is not None:
             return f"line {self.at[0]}, column {self.at[1]}"
         return "" if self.line is None else f"line {self.line}"
@@ -120,26 +120,26 @@ class Finding:
 
 @dataclass(frozen=True)
 class Report:
-    """What a job did and what is wrong with it."""
+    """The outcome of a job and its findings."""
 
     job: str
     findings: tuple[Finding, ...]
     verdict: Verdict
-    golden: Golden  # what it did, without its call
+    golden: Golden  # the run, without its call
 
     @property
     def ok(self) -> bool:
-        """Nothing is wrong, warnings aside."""
+        """True without findings other than warnings."""
         return all(finding.warning for finding in self.findings)
 
     def compared(self, was: Golden, now: Golden) -> Report:
-        """With the differences from a golden run as findings; now: this run with its call."""
+        """The report with the differences from a golden run as findings; now: this run with its call."""
         found = [Finding("golden", each.what, each.line) for each in differences(was, now)]
         return replace(self, golden=now, findings=_few([*self.findings, *found]))
 
 
 class _Watch:
-    """Looks at a twin while it makes a job: switches struck and the largest deviation, line by line."""
+    """Observes a twin during a job: struck switches and the largest deviation, line by line."""
 
     def __init__(self, twin: Twin, bounds: Bounds) -> None:
         self._twin = twin
@@ -148,10 +148,11 @@ class _Watch:
         self._may = self._ends if "all" in bounds.may_strike else frozenset(bounds.may_strike)
         self._most_mm = bounds.deviation_mm
         self.begin()
-        twin.observe(self._look, None if bounds.deviation_mm is None else LOOK_NS)  # switches are told as they change
+        # switches are observed at each change
+        twin.observe(self._look, None if bounds.deviation_mm is None else LOOK_NS)
 
     def begin(self) -> None:
-        self.struck: dict[str, int] = {}  # when each switch was struck in it
+        self.struck: dict[str, int] = {}  # when each switch was struck in this line
         self._worst_mm = np.zeros(len(CARRIAGES))
         self._worst_ns = [0] * len(CARRIAGES)
 
@@ -169,7 +170,7 @@ class _Watch:
                 self._worst_mm[i], self._worst_ns[i] = error_mm[i], twin.time_ns
 
     def findings(self, result: Result, counter_set: bool) -> list[Finding]:
-        """What is wrong with the line that has just ended. A counter that is set anew makes earlier errors moot."""
+        """Findings of the line that has just ended. Setting a counter makes earlier deviations meaningless."""
         if counter_set:
             return []
         found = [
@@ -187,7 +188,7 @@ class _Watch:
 
 
 class Inspection:
-    """Follows a job on a twin, line by line, from before its first one, and says what is wrong with it."""
+    """Follows a job on a twin line by line, from before the first, and collects findings."""
 
     def __init__(self, twin: Twin, bounds: Bounds | None = None) -> None:
         self.twin = twin
@@ -200,7 +201,7 @@ class Inspection:
         self._faults = [number for number, _ in twin.drive_faults]
         self._unpowered = int(twin.unpowered_steps.sum())
         self._expected = np.array(twin.counts)
-        self.setting: set[int] = set()  # numbers of the lines that set a counter: reference runs, above all
+        self.setting: set[int] = set()  # numbers of the lines that set a counter, such as reference runs
 
     def take(self, result: Result) -> None:
         twin, bounds = self.twin, self.bounds
@@ -234,7 +235,7 @@ class Inspection:
         self._faults = faults
 
     def report(self, job: str, verdict: Verdict, others: Sequence[Finding] = ()) -> Report:
-        """All of it, when the job is over; others: findings from elsewhere."""
+        """The report at the end of the job; others: further findings."""
         findings = [finding for finding in self._findings if not _expected(finding, verdict, self.results)]
         findings += [*_of_verdict(verdict, self._gone, self.results, self.bounds), *others]
         placed = [_placed(finding, self.results) for finding in findings]
@@ -248,9 +249,9 @@ def check_job(
     bounds: Bounds | None = None,
     begun: Callable[[Inspection], None] | None = None,
 ) -> Report:
-    """Play a job on a twin of its own and say what is wrong with it; `Report.compared` adds what it did otherwise once.
+    """Play a job on a twin of its own and report findings; `Report.compared` adds differences from a golden run.
 
-    begun: given the inspection before the first line. Raises CallError for a call that cannot be carried out.
+    begun: called with the inspection before the first line. Raises CallError for a call that cannot be carried out.
     """
     inspection = Inspection(call.build(), bounds)
     if begun is not None:
@@ -261,7 +262,7 @@ def check_job(
 
 
 def _expected(finding: Finding, verdict: Verdict, results: Sequence[Result]) -> bool:
-    """Whether the job says itself that it must be so, and it is: `! lost > 0`, `! limit_x2 == struck`."""
+    """True if the job itself expects it by a condition that is met: `! lost > 0`, `! limit_x2 == struck`."""
     if finding.rule in ("unpowered", "restart"):
         return not (verdict.unpowered_steps if finding.rule == "unpowered" else verdict.restarts)
     name = finding.message.partition(" ")[0]
@@ -275,8 +276,8 @@ def _expected(finding: Finding, verdict: Verdict, results: Sequence[Result]) -> 
 
 
 def _placed(finding: Finding, results: Sequence[Result]) -> Finding:
-    """With its place in the file, if it is about a line that runs a program: where the controller says it is wrong, or
-    the step that was made then."""
+    """The finding with its place in the file if its line runs a program: the place of the controller's remark, else the
+    step at that time."""
     result = next((one for one in results if one.number == finding.line and one.parts), None)
     if result is None:
         return finding
@@ -359,7 +360,7 @@ def _of_repetitions(call: TwinSpec, lines: Sequence[Line], verdict: Verdict, bou
 
 
 def _few(findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    """At most MOST of each rule, in the order of lines, and how many there are beside."""
+    """At most MOST findings of each rule, in the order of lines, and the number of the others."""
     kept: list[Finding] = []
     for rule in RULES:
         own = [finding for finding in findings if finding.rule == rule]

@@ -1,7 +1,7 @@
-"""What a project demands of its jobs: the file isel-twin.toml, searched from the folder of a job upwards.
+"""Bounds of a project for its jobs: the file isel-twin.toml, searched from the folder of a job upwards.
 
     [check]                          # for every job below this folder; all of it may be left out
-    machine = "machines/mine"        # paths as seen from this file
+    machine = "machines/mine"        # paths relative to this file
     controller = "imc-s8"
     plant = "mujoco"
     seed = 0
@@ -11,16 +11,16 @@
     deviation_mm = 0.05              # most difference between counter and true position
     cycle_s = 60.0                   # most time from the first command to the end of the last one
     may_strike = ["limit_x1"]        # end switches that may be struck outside a reference run; ["all"]
-    golden = true                    # compare a job with its golden run, where it has one (the default)
+    golden = true                    # compare a job with its golden run, if it has one (the default)
     robust = 20                      # repetitions on slightly different machines
     timeout_s = 600.0                # of each command
 
-    [[check.job]]                    # for some of them, in the order of the file; the last word counts
-    match = "pocket*.txt"            # path as seen from this file, with * and ?
+    [[check.job]]                    # for some jobs, in the order of the file; the last match wins
+    match = "pocket*.txt"            # path relative to this file, with * and ?
     cycle_s = 40.0
     margin = "off"                   # no bound for these
 
-Options of the command line have the last word of all.
+Options of the command line win over all of them.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class SettingsError(FileError):
 
 @dataclass(frozen=True)
 class Task:
-    """A job with all that is to be known for checking it. Small enough to be sent to another process."""
+    """A job with all that its check needs; small enough to be sent to another process."""
 
     job: Path
     call: TwinSpec = field(default_factory=TwinSpec)
@@ -72,8 +72,8 @@ def find(job: Path) -> Path | None:
 
 
 def load(path: Path) -> list[tuple[str, dict[str, Any]]]:
-    """What a settings file demands, as pairs of pattern and values, the general first ("*"). Raises SettingsError for
-    anything wrong in it, OSError if it cannot be read."""
+    """The content of a settings file as pairs of pattern and values, the general one ("*") first. Raises SettingsError
+    for anything wrong in it, OSError if it cannot be read."""
     place = Place(path, SettingsError)
     content = read_toml(place)
     known(content, ("check",), place)
@@ -124,7 +124,7 @@ def switch_names(value: Any, place: Place) -> tuple[str, ...]:
 
 
 def _flat(tree: Mapping[str, Any], above: str) -> Iterator[tuple[str, Any]]:
-    """Keys with dots and values of a table and those within it."""
+    """All values of a nested table, by keys joined with dots."""
     for key, value in tree.items():
         if isinstance(value, Mapping):
             yield from _flat(value, f"{above}{key}.")
@@ -133,7 +133,7 @@ def _flat(tree: Mapping[str, Any], above: str) -> Iterator[tuple[str, Any]]:
 
 
 def task(job: Path, settings: Path | None, options: Mapping[str, Any]) -> Task:
-    """What is demanded of a job by its settings file and by options (same keys, None: not given). Raises as `load`."""
+    """The task of a job from its settings file and options (same keys, None: not given). Raises as `load`."""
     values: dict[str, Any] = {}
     if settings is not None:
         folder = settings.resolve().parent

@@ -1,12 +1,12 @@
-"""A twin under observation: its commands one by one, and where the machine was meanwhile, for assertions.
+"""A twin under observation: its commands one by one, and the positions meanwhile, for assertions.
 
     twin --- listen, observe ---> Watched:  commands   text, line of the job, reply, begin, end, margin, losses
                                             samples    time, position of the carriages, every few milliseconds
                                             outputs    when which was switched
 
-Goal: whatever is wrong in the end can be told with the moment, the axis and the command in which it began, whether a
-job was played or a host has sent the bytes. A command begins with the first byte after a reply, or after the
-controller was idle; the rest of a message that is not whole yet belongs to it.
+An error found at the end can be traced to the moment, the axis and the command in which it began, both for a played job
+and for bytes from a host. A command begins with the first byte after a reply, or after the controller was idle; the
+rest of an incomplete message belongs to it.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ from isel_twin.language import create_language, readable
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
 
-LOOK_S = 0.005  # virtual time between two looks, unless told otherwise
+LOOK_S = 0.005  # default virtual time between two samples
 
 
 @dataclass
 class Command:
-    """What the host has sent in one go, and what came of it."""
+    """What the host has sent at once, and its outcome."""
 
     begin_ns: int
     line: int | None = None  # of the job; None: there is no job
@@ -47,7 +47,7 @@ class Command:
     reply: bytes = b""
     end_ns: int = 0  # when its last reply arrived; until then, when it began
     margin: tuple[float, ...] = ()  # least pull-out margin of each axis meanwhile; nan for axes without a motor
-    lost: dict[str, float] = field(default_factory=dict)  # steps lost of each axis that was well before it
+    lost: dict[str, float] = field(default_factory=dict)  # lost steps of each axis that had none before
     counter_set: bool = False  # a counter was set in it, as by a reference run
     refused: bool = False
     text: str = ""
@@ -62,24 +62,24 @@ class JobRun(Played):
     """A job from a file that was played."""
 
     job: Path
-    golden: Golden  # what it did, without its call
+    golden: Golden  # the run, without its call
 
 
 class Watched:
-    """A twin, and what it has done since this was made. For one thread, the one in which virtual time passes."""
+    """A twin and the record of what it has done since. Only for the thread in which virtual time passes."""
 
     def __init__(self, twin: Twin, interval_s: float = LOOK_S) -> None:
-        """interval_s: virtual time between two looks at the carriages."""
+        """interval_s: virtual time between two samples of the carriages."""
         if not 1e-9 <= interval_s < math.inf:
             raise ValueError(f"interval_s is {interval_s}; give the virtual seconds between two looks")
         self.twin = twin
         self.run: JobRun | None = None
-        self.begin_ns = twin.time_ns  # what was before is not looked at, see `begin`
+        self.begin_ns = twin.time_ns  # what was before is ignored (`begin`)
         self.output_changes: dict[str, tuple[int, Command | None]] = {}  # time in ns and command of the last change
         self._commands: list[Command] = []
         self._current: Command | None = None
         self._line: int | None = None
-        self._fresh = False  # the next byte begins a command
+        self._fresh = False  # True if the next byte begins a command
         self._samples = array("d")
         self._outputs: Mapping[str, int] = dict(twin.outputs)
         self._gone: set[str] = set()
@@ -90,13 +90,13 @@ class Watched:
         twin.observe(self._look, round(interval_s * SECOND_NS))
 
     def begin(self) -> None:
-        """Look only at what comes from now on: path, switches, margins, time and replies. Lost steps stay lost."""
+        """Ignore what was before now: path, switches, margins, time and replies. Lost steps stay lost."""
         self._close()
         self.begin_ns = self.twin.time_ns
 
     def play(self, job: str | os.PathLike[str], timeout_s: float = TIMEOUT_S) -> JobRun:
-        """Play a job file to its end, and begin anew with it. timeout_s: virtual seconds that a line may take. Raises
-        JobError (ValueError) for a job that cannot be played, OSError."""
+        """Call `begin` and play a job file to its end. timeout_s: virtual seconds that a line may take. Raises JobError
+        (ValueError) for a job that cannot be played, OSError."""
         __tracebackhide__ = True
         path, twin = Path(job), self.twin
         try:
@@ -120,7 +120,7 @@ class Watched:
         return self.run
 
     def rest(self) -> None:
-        """Let the machine come to rest, half a second of virtual time, unless it just did or is still at work."""
+        """Let the machine come to rest, half a second of virtual time, unless it just did or is still busy."""
         if self._rested_ns != self.twin.time_ns and self.twin.idle:
             self.twin.run(SETTLE_S)
             self._rested_ns = self.twin.time_ns
@@ -128,17 +128,17 @@ class Watched:
 
     @property
     def commands(self) -> list[Command]:
-        """All since `begin`, in their order."""
+        """All commands since `begin`, in their order."""
         self._take_margin()
         return [command for command in self._commands if command.begin_ns >= self.begin_ns]
 
     @property
     def every_command(self) -> list[Command]:
-        """All since this was made."""
+        """All commands, from the start of the observation."""
         return self._commands
 
     def command_at(self, time_ns: int) -> Command | None:
-        """The last one that was begun by then."""
+        """The last command that began by then."""
         return next((command for command in reversed(self._commands) if command.begin_ns <= time_ns), None)
 
     def samples(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
@@ -204,7 +204,7 @@ class Watched:
             self._forget_after(what)
 
     def _forget_after(self, time_ns: int) -> None:
-        """The twin goes to another time: what was seen after that does not count."""
+        """Drop what was seen after a time to which the twin is restored."""
         self._close()
         self._commands = [command for command in self._commands if command.begin_ns < time_ns]
         table = self._table()
@@ -228,7 +228,7 @@ class Watched:
         self._current.margin = tuple(float(np.fmin(a, b)) for a, b in zip(before, margin, strict=True))
 
     def _look_for_losses(self) -> None:
-        """Ask which axes have lost steps; the last command is the one in which they did."""
+        """Find axes that have newly lost steps, and assign them to the last command."""
         twin = self.twin
         command = self._commands[-1] if self._commands else None
         if command is None or not twin.idle:
