@@ -1,16 +1,16 @@
-"""What happened to a twin, written down for other tools, and read back.
+"""Recordings and traces of a twin for other tools, and reading them back.
 
     recorder.py   samples of the machine on a grid of virtual time, and every change of a level, input or output
     npz.py        the stream, exactly: t_ns, delta
-    mcap.py       the recording: bytes of the line and what the machine did, in one file that grows as it goes
-    container.py  its container, written
-    recording.py  a twin recorded; runs.py, samples.py: its motions and samples as messages
-    reading.py    recordings read back; replay.py, compare.py: what is made of them
+    mcap.py       the recording: bytes of the line and the behaviour of the machine, in one growing file container.py
+    writes its container format
+    recording.py  records a twin; runs.py, samples.py: its motions and samples as messages
+    reading.py    reads recordings; replay.py, compare.py: uses of them
     vcd.py        step and direction signals or commands, levels and positions for a waveform viewer
     parquet.py    the samples as a table
     csv.py        the same as text
-    write.py      one of these, as the name of the file says, of a twin or of a recording
+    write.py      chooses the kind by the file name, for a twin or a recording
 
-Everything is written in pieces: an hour of machining needs no more memory than a second. Files appear complete or not
-at all (files.py).
+All are written in pieces: an hour of machining needs no more memory than a second. Files appear complete or not at all
+(base/files.py).
 """

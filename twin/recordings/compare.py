@@ -1,14 +1,14 @@
-"""Two recordings laid over each other, command by command: the twin's over the real controller's.
+"""Compares two recordings command by command, such as the twin's with the real controller's.
 
     A   @07 -> 0    @0R7 -> 0    @0A800,...       -> 0
         |  5 ms |      | 18.31 s |     | 0.42 s    |
-    B   @07 -> 0    @0R7 -> 0    @0A800,...          -> 0       the same commands, whenever the host sent them
-        |  5 ms |      | 18.30 s |     | 0.48 s       |         duration: from the command's last byte to the reply's
+    B   @07 -> 0    @0R7 -> 0    @0A800,...          -> 0       the same commands, at any time
+        |  5 ms |      | 18.30 s |     | 0.48 s       |         duration: from the last byte of the command to that of
+        the reply
 
-A language (`isel_twin.language`) frames commands and replies. Replies come in the order of the commands that demand
-one; further bytes belong to the last command. Commands are matched as a diff matches lines: what only one side has is
-listed, the rest is compared. Where both sides are of twins, so are the counters at each reply, exactly: what
-the stream has made by then since the counter was set.
+A language (`isel_twin.language`) frames commands and replies. Replies come in the order of the commands that need one;
+further bytes belong to the last command. Commands are matched like lines in a diff: those on one side only are listed,
+the others are compared. If both sides are twins, the counters at each reply are compared exactly, too.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import numpy as np
 from isel_twin.language import Language, readable
 from isel_twin.recordings.reading import Recorded, RecordingError
 
-# most commands that are matched as a text is; in longer stretches each is compared with the one at its place
+# most commands that are matched like a text; longer stretches are compared in order
 MOST_UNLIKE = 4000
 
 
@@ -74,7 +74,7 @@ class Comparison:
     only_a: tuple[Exchange, ...]
     only_b: tuple[Exchange, ...]
     tolerance_ns: int
-    different: tuple[Pair, ...] = field(init=False)  # the pairs that differ in something, in the order of side A
+    different: tuple[Pair, ...] = field(init=False)  # the pairs that differ, in the order of side A
 
     def __post_init__(self) -> None:
         different = tuple(pair for pair in self.pairs if pair.differs(self.tolerance_ns))
@@ -82,7 +82,7 @@ class Comparison:
 
     @property
     def same(self) -> bool:
-        """Nothing differs beyond the tolerance, and no side has a command of its own."""
+        """True if nothing differs beyond the tolerance and no command is on one side only."""
         return not (self.different or self.only_a or self.only_b)
 
     @property
@@ -93,7 +93,7 @@ class Comparison:
 
 
 def compare(a: Recorded, b: Recorded, language_a: Language, language_b: Language, tolerance_ns: int) -> Comparison:
-    """Compare two recordings; the languages are fresh instances of their own. Raises RecordingError."""
+    """Compare two recordings, each with a fresh language. Raises RecordingError."""
     side_a, side_b = exchanges(a, language_a), exchanges(b, language_b)
     pairs, only_a, only_b = [], [], []
     for first_a, last_a, first_b, last_b, alike in _matched([e.command for e in side_a], [e.command for e in side_b]):
@@ -107,7 +107,7 @@ def compare(a: Recorded, b: Recorded, language_a: Language, language_b: Language
 
 
 def _matched(a: Sequence[bytes], b: Sequence[bytes]) -> list[tuple[int, int, int, int, bool]]:
-    """Stretches of both sides, in order: from, to in A, from, to in B, and whether they are the same commands."""
+    """Stretches of both sides, in order: from and to in A, from and to in B, and whether the commands are equal."""
     head = next((i for i, (x, y) in enumerate(zip(a, b, strict=False)) if x != y), min(len(a), len(b)))
     left = min(len(a), len(b)) - head
     back = zip(reversed(a), reversed(b), strict=False)
@@ -141,7 +141,7 @@ def exchanges(recorded: Recorded, language: Language) -> list[Exchange]:
 
 
 def paired(pieces: Iterable[tuple[int, bytes, bool, int]], language: Language) -> list[Exchange]:
-    """The commands in pieces of traffic (see `traffic`), each with its reply, without counters."""
+    """The commands in pieces of `traffic`, each with its reply, without counters."""
     sent: list[tuple[int, bytes, str, str]] = []
     replies: list[list[tuple[int, bytes]]] = []
     waiting: list[int] = []
@@ -163,7 +163,8 @@ def paired(pieces: Iterable[tuple[int, bytes, bool, int]], language: Language) -
 
 
 def traffic(recorded: Recorded) -> list[tuple[int, bytes, bool, int]]:
-    """Time, bytes, by the host?, ns a byte: in the order in which the last bytes came, without those that did not."""
+    """Time, bytes, from the host or not, ns a byte: in the order of the last bytes, without those that never
+    arrived."""
     lost = {(entry.time_ns, recorded.data(entry)) for entry in recorded.of("/host/lost")}
     found = []
     for entry in recorded.of("/host/sent", "/host/received"):
@@ -181,7 +182,7 @@ def traffic(recorded: Recorded) -> list[tuple[int, bytes, bool, int]]:
 
 
 class Counters:
-    """The controller's counters at any time of a twin's recording: what was set, and the ticks made since."""
+    """The controller's counters at any time of a twin's recording: the last setting plus the ticks since."""
 
     def __init__(self, recorded: Recorded) -> None:
         """Raises RecordingError if /runs is damaged."""

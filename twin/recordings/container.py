@@ -1,9 +1,9 @@
-"""MCAP written: the container of recordings, as https://mcap.dev/spec has it, so that thousands of samples cost little.
+"""Writes MCAP (https://mcap.dev/spec), the container of recordings, fast enough for thousands of samples.
 
     magic | header | metadata, attachments | chunk, message indexes | ... | data end | summary, offsets | footer | magic
 
-A chunk holds messages, compressed by zstandard, and the schemas and channels that came up with them. The writer of the
-`mcap` package takes 6 us a message, more than the twin between two samples: here many messages are one array.
+A chunk holds messages, compressed by zstandard, and their new schemas and channels. The writer of the `mcap` package
+takes 6 us a message, more than the twin needs between two samples: here many messages are one array.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ class Output(Protocol):
 
 @dataclass
 class _Chunk:
-    """The chunk in progress: its records, and where those of each channel are."""
+    """The chunk in progress: its records, and the offsets of each channel."""
 
     data: bytearray = field(default_factory=bytearray)
     entries: dict[int, list[NDArray[np.void]]] = field(default_factory=dict)
-    single: dict[int, list[tuple[int, int]]] = field(default_factory=dict)  # one by one: time in ns, offset
+    single: dict[int, list[tuple[int, int]]] = field(default_factory=dict)  # single messages: time in ns, offset
 
     def indexes(self) -> dict[int, NDArray[np.void]]:
         """Times and offsets by channel, in the order of time."""
@@ -50,7 +50,7 @@ class _Chunk:
         return {channel: _in_order(entries) for channel, entries in every.items()}
 
     def add(self, channel: int, times_ns: NDArray[Any], size: int) -> None:
-        """Messages of `size` bytes each, record included, are about to be appended."""
+        """Note messages of `size` bytes each, record included, that are about to be appended."""
         entries = np.empty(len(times_ns), dtype=_ENTRY)
         entries["time_ns"] = times_ns
         entries["offset"] = len(self.data) + size * np.arange(len(times_ns))
@@ -66,7 +66,7 @@ class Container:
         self._compressor = zstandard.ZstdCompressor(level=_LEVEL)
         self._output = output
         self._chunk = _Chunk()
-        self._messages: dict[int, int] = {}  # how many of each channel
+        self._messages: dict[int, int] = {}  # number of messages of each channel
         self._first_ns, self._last_ns = 1 << 63, 0
         self._schemas: list[bytes] = []
         self._channels: list[bytes] = []
@@ -96,7 +96,7 @@ class Container:
         self._attachments.append(_record(_ATTACHMENT_INDEX, index))
 
     def channel(self, topic: str, encoding: str, schema: tuple[str, str, bytes]) -> int:
-        """A channel, its messages in `encoding`; schema: its name, its own encoding, and what it says."""
+        """Add a channel with messages in `encoding`; schema: name, encoding and content. Returns its number."""
         name, kind, data = schema
         number = len(self._channels) + 1
         text = struct.pack("<H", number) + _text(name) + _text(kind) + struct.pack("<I", len(data)) + data
@@ -114,7 +114,7 @@ class Container:
         self._chunk.data += head + data
 
     def messages(self, channel: int, times_ns: NDArray[np.int64], rows: NDArray[np.void], head: bytes) -> None:
-        """Append a message for each row: `head`, then the row as it is in memory. times_ns: never decreasing."""
+        """Append a message for each row: `head`, then the bytes of the row. times_ns: never decreasing."""
         if not len(rows):
             return
         size = _MESSAGE_HEAD.size + len(head) + rows.dtype.itemsize
@@ -134,7 +134,7 @@ class Container:
         return self._messages[channel]
 
     def flush(self) -> None:
-        """Write the chunk in progress and hand everything to the operating system."""
+        """Write the chunk in progress and pass everything to the operating system."""
         if self._chunk.entries or self._chunk.single:
             chunk, self._chunk = self._chunk, _Chunk()
             self._write(chunk)
@@ -158,7 +158,7 @@ class Container:
         self._chunks.append(_record(_CHUNK_INDEX, index))
 
     def finish(self) -> None:
-        """Write what is left, and the summary."""
+        """Write the rest and the summary."""
         self.flush()
         self._output.write(_record(_DATA_END, struct.pack("<I", 0)))
         start = self._output.tell()
@@ -187,14 +187,14 @@ class Container:
 
 
 def _in_order(entries: list[NDArray[np.void]]) -> NDArray[np.void]:
-    """All entries of a channel, in the order of time: mostly they are."""
+    """All entries of a channel in the order of time; mostly they already are."""
     every = np.concatenate(entries) if len(entries) > 1 else entries[0]
     times = every["time_ns"]
     return every if (times[1:] >= times[:-1]).all() else every[np.argsort(times, kind="stable")]
 
 
 def _bytes(values: NDArray[Any]) -> NDArray[np.uint8]:
-    """uint8 [n, size], values [n] as they are in memory."""
+    """uint8 [n, size], the bytes of values [n]."""
     return np.ascontiguousarray(values).view(np.uint8).reshape(len(values), values.dtype.itemsize)
 
 

@@ -1,4 +1,4 @@
-"""Recordings are MCAP files: what went over the line and what the machine did, with the time of each, in one file.
+"""Recordings as MCAP files: the traffic of the line and the behaviour of the machine, with times, in one file.
 
 MCAP (https://mcap.dev) is a container of messages on named channels, in chunks that are compressed one by one. Foxglove
 and PlotJuggler open it. `log_time` is virtual time in ns since power-on (of a real controller: since the recording
@@ -7,9 +7,9 @@ began). The channels are in CHANNELS; each but `/samples` carries JSON with its 
     head: metadata, attachments | chunk | chunk | chunk | ... | index, end
                                                  ^ killed here: everything up to the last whole chunk can be read
 
-`flush` hands the chunk in progress to the operating system. A file of that name is replaced only when the head of the
-new one is on the disk, and is claimed by one recording at a time. When the disk is full, the recording ends with one
-line in the log and keeps what it has; the twin goes on.
+`flush` passes the chunk in progress to the operating system. An existing file is replaced only when the head of the new
+one is on the disk, and one recording at a time claims it. If the disk is full, the recording ends with one line in the
+log and keeps what it has; the twin goes on.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ if TYPE_CHECKING:
     from isel_twin.language import Language
 
 METADATA: Final = "isel-twin"  # name of the metadata record: plain text by key
-CHUNK_BYTES = 256 * 1024  # size before compression at which a chunk is written by itself
+CHUNK_BYTES = 256 * 1024  # size before compression at which a chunk is written
 log = logging.getLogger("isel_twin")
 
 _TEXT: Final = {"type": "string"}
 _NUMBER: Final = {"type": "integer"}
 _TRAFFIC: Final = {"hex": _TEXT, "text": _TEXT, "explanation": _TEXT, "byte_ns": _NUMBER}
-# what each channel carries, and the properties of its messages; none: whatever names there are
+# content of each channel, and the properties of its messages; none: any names
 CHANNELS: Final[Mapping[str, tuple[str, Mapping[str, Any]]]] = {
     "/host/sent": ("bytes the host has sent, at once", _TRAFFIC),
     "/host/received": ("bytes that reach the host: the last of them now, each byte_ns after the one before", _TRAFFIC),
@@ -68,7 +68,7 @@ SAMPLES: Final = "/samples"  # the channel of the samples (samples.py)
 
 
 class RecordingWriter:
-    """One recording, from its head to `close`. `sent` and `received` never raise; see the module."""
+    """One recording, from its head to `close`. `sent` and `received` never raise."""
 
     def __init__(
         self,
@@ -77,10 +77,10 @@ class RecordingWriter:
         attachments: Mapping[str, bytes] | None = None,
         language: Language | None = None,
     ) -> None:
-        """Begin the file. Raises OSError, which names `path`, and leaves what was there.
+        """Begin the file. Raises OSError, which names `path`, and then leaves an old file unchanged.
 
         metadata: plain text by key, such as `kind` and `controller`; the version is added. attachments: files by name.
-        language: explains the bytes; an instance of its own.
+        language: explains the bytes; a fresh instance.
         """
         self.path = Path(path)
         self.ended = False  # True once nothing more is recorded: closed, or the disk is full
@@ -111,7 +111,7 @@ class RecordingWriter:
         self._carry("/host/sent", time_ns, data, 0)
 
     def received(self, time_ns: int, data: bytes, byte_ns: int = 0) -> None:
-        """Bytes reach the host: the last one at time_ns, each byte_ns after the one before."""
+        """Record bytes that reach the host: the last one at time_ns, each byte_ns after the one before."""
         self._carry("/host/received", time_ns, data, byte_ns)
 
     def message(self, channel: str, time_ns: int, content: Mapping[str, Any]) -> None:
@@ -123,7 +123,7 @@ class RecordingWriter:
         self._grown()
 
     def samples(self, time_ns: NDArray[np.int64], rows: NDArray[np.void], schema: str) -> None:
-        """Write samples, their fields in the words of `schema`, which is the same each time; see samples.py."""
+        """Write samples; `schema` describes their fields and is always the same (samples.py)."""
         if self.ended:
             return
         if (number := self._channels.get(SAMPLES)) is None:
@@ -138,7 +138,7 @@ class RecordingWriter:
             self.flush()
 
     def flush(self) -> None:
-        """Hand everything recorded so far to the operating system, where it outlives this process."""
+        """Pass everything recorded so far to the operating system, so that it outlives this process."""
         if self.ended or not self.unwritten:
             return
         self.unwritten = False
@@ -175,7 +175,7 @@ class RecordingWriter:
         return number
 
     def _end(self, error: OSError) -> None:
-        """The disk is full: end the recording, keep what there is."""
+        """End the recording on a full disk, and keep what there is."""
         self.ended = self.broken = True
         self._file.give_up()
         log.error("%s: the recording ends here, the machine goes on: %s", self.path, error.strerror or error)
@@ -184,7 +184,8 @@ class RecordingWriter:
 class _File:
     """The file of a recording: its head under a temporary name, the rest in its place (recordings/1).
 
-    Closed in between: Windows renames no open file. What is no regular file (/dev/stdout) is written to as it stands.
+    It is closed in between, as Windows cannot rename an open file. Other than regular files (/dev/stdout) are written
+    directly.
     """
 
     def __init__(self, path: Path) -> None:
@@ -205,7 +206,7 @@ class _File:
         self._temporary = temporary
 
     def put_in_place(self) -> None:
-        """The head is written: let it replace what was there."""
+        """Replace the old file, once the head is written."""
         self._file.flush()
         if self._temporary is not None:
             os.fsync(self._file.fileno())
@@ -221,7 +222,7 @@ class _File:
         return self._file.write(data)
 
     def tell(self) -> int:
-        """Bytes written; a pipe has no place of its own."""
+        """Bytes written; counted, as a pipe cannot tell."""
         return self._written
 
     def flush(self) -> None:
@@ -235,7 +236,7 @@ class _File:
         self._let_go()
 
     def give_up(self) -> None:
-        """Close after an error; what is on the disk stays there."""
+        """Close after an error; written data stay on the disk."""
         with suppress(OSError):
             self._file.close()
         self._let_go()

@@ -3,7 +3,7 @@
     with np.load("out.npz") as stream:
         assert stream["delta"].sum(axis=0) ...
 
-The file is what numpy.savez would write, but no more than a piece of the stream is in memory at a time.
+The file is as from numpy.savez, but only a piece of the stream is in memory at a time.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ position_x_mm .. position_z_mm              float64, true carriage positions
 lost_x_steps, lost_y_steps ..               float64
 level_<terminal>, input_<name>, output_<name>    int64 or text, null before the first value
 
-Each column says so itself: its metadata has `unit` ("1": a number of things; none for text) and `description`.
+The metadata of each column have `unit` ("1": a count; none for text) and `description`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.base.files import replacing
 from isel_twin.recordings.recorder import Change, Samples
 
-# unit and meaning of columns, by the first word of their names
+# unit and description of columns, by the first word of their names
 _COLUMNS = {
     "time": ("ns", "virtual time since power-on"),
     "count": ("steps", "counter of axis {} in the controller"),
@@ -70,7 +70,7 @@ def _table(piece: NDArray[np.void], history: dict[tuple[str, str], list[Change]]
 
 
 def _held(time_ns: NDArray[np.int64], changes: Sequence[Change]) -> pa.Array:
-    """The value in force at each time: that of the last change before or at it."""
+    """The value at each time: that of the last change before or at it."""
     last = np.searchsorted(np.array([change.time_ns for change in changes]), time_ns, side="right") - 1
     text = any(isinstance(change.value, str) for change in changes)
     values: list[Any] = [str(change.value) if text else change.value for change in changes]

@@ -1,4 +1,4 @@
-"""Recordings read back: whole ones, cut-off ones, and those of a real controller.
+"""Reads recordings: complete ones, incomplete ones, and those of a real controller.
 
     read("real.mcap")  ->  Recorded: metadata, attachments, messages in the order in which they were written
 
@@ -31,7 +31,7 @@ MOST_AXES = 8
 
 
 class RecordingError(ValueError):
-    """A file is no recording, or not one for this; the message is one line that begins with its name."""
+    """A file is no recording, or not a suitable one; the message is one line that begins with its name."""
 
 
 class Entry(NamedTuple):
@@ -49,22 +49,22 @@ class Recorded:
     attachments: Mapping[str, bytes]
     entries: tuple[Entry, ...]  # in the order in which they were written
     sample_times_ns: NDArray[np.int64]  # never decreasing
-    sample_bytes: bytes  # the samples one after the other, without the header of each
-    whole: bool  # False if it was cut off: the process was killed, or the disk was full
+    sample_bytes: bytes  # all samples, without their headers
+    whole: bool  # False if it is incomplete: the process was killed, or the disk was full
 
     @property
     def controller(self) -> str:
-        """Its name; "" if unknown."""
+        """Name of the controller; "" if unknown."""
         return self.metadata.get("controller", "")
 
     @property
     def of_twin(self) -> bool:
-        """True for a twin; a real controller's recording has nothing but bytes."""
+        """True for a twin; a recording of a real controller has only bytes."""
         return self.metadata.get("kind") == "twin"
 
     @cached_property
     def end_ns(self) -> int:
-        """Time by which everything recorded had happened. What was still on its way to the host arrives later."""
+        """Time of the last recorded event, without bytes that arrive at the host later."""
         times = [entry.time_ns for entry in self.entries if entry.channel != "/host/received" or not self.of_twin]
         return max([0, *times, *self.sample_times_ns[-1:].tolist()])
 
@@ -74,12 +74,12 @@ class Recorded:
 
     @property
     def interval_ns(self) -> int:
-        """From sample to sample of the grid."""
+        """Sampling interval."""
         return self._number("interval_ns", 1, 1 << 62)
 
     @cached_property
     def samples(self) -> NDArray[np.void]:
-        """The samples, with the fields of samples.py. Raises RecordingError if they are none."""
+        """The samples, with the fields of samples.py. Raises RecordingError if they do not fit."""
         dtype = cdr.sample_dtype(self.axes, self._number("motors", 0, MOST_AXES))
         if len(self.sample_bytes) != dtype.itemsize * len(self.sample_times_ns):
             raise RecordingError(f"{self.path}: the samples have not the fields that its metadata say")
@@ -102,7 +102,7 @@ class Recorded:
             raise RecordingError(f"{self.path}: {entry.channel} at {entry.time_ns} ns has no bytes") from None
 
     def steps(self) -> Steps:
-        """The stream that was made, exactly, as far as the recording goes. Raises RecordingError."""
+        """The exact stream of the recording. Raises RecordingError."""
         steps = Steps(self.axes)
         for entry in self.of("/runs"):
             try:
@@ -113,10 +113,10 @@ class Recorded:
 
 
 class Played:
-    """A recording as `recorder.Samples`: samples and changes, read instead of taken."""
+    """A recording as `recorder.Samples`, read back."""
 
     def __init__(self, recorded: Recorded) -> None:
-        """Raises RecordingError for samples that are none."""
+        """Raises RecordingError for wrong samples."""
         self.axes = recorded.axes
         self.dtype = sample_dtype(self.axes)
         self.changes: list[Change] = []
@@ -126,14 +126,14 @@ class Played:
             self._names[groups[channel]] |= dict.fromkeys(content)
             self.changes += [Change(time_ns, groups[channel], name, value) for name, value in content.items()]
         times_ns, every = recorded.sample_times_ns, recorded.samples
-        last = np.append(np.diff(times_ns) > 0, True)[: len(times_ns)]  # of several looks at one instant
+        last = np.append(np.diff(times_ns) > 0, True)[: len(times_ns)]  # the last of several samples at one instant
         self._times_ns, self._rows = times_ns[last], np.flatnonzero(last)
         if recorded.metadata.get("held") == "true":
             self._hold(recorded.interval_ns, recorded.end_ns)
         self._every = every
 
     def _hold(self, interval_ns: int, end_ns: int) -> None:
-        """Fill the grid: what was not sampled, because nothing moved, is as it was before."""
+        """Fill the grid: samples missing because nothing moved repeat the one before."""
         if not len(self._times_ns):
             return
         grid_ns = np.arange(-(-self._times_ns[0] // interval_ns) * interval_ns, end_ns + 1, interval_ns)
@@ -158,7 +158,7 @@ class Played:
 
 
 def read(path: str | os.PathLike[str]) -> Recorded:
-    """Read a recording. Raises RecordingError for a file that is none, OSError for one that cannot be read."""
+    """Read a recording. Raises RecordingError for another file, OSError for one that cannot be read."""
     from mcap.records import Attachment, Channel, Footer, Message, Metadata
     from mcap.stream_reader import StreamReader
 
@@ -194,7 +194,7 @@ def read(path: str | os.PathLike[str]) -> Recorded:
 
 
 def _next(records: Iterator[Any]) -> Any:
-    """The next record, None at the end of what is whole."""
+    """The next record, None at the end or at an incomplete one."""
     from mcap.exceptions import McapError
     from zstandard import ZstdError
 

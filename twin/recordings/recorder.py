@@ -1,7 +1,6 @@
-"""Samples of a twin, on a grid of virtual time and whenever a level, input or output changes; and these changes.
-
-Samples go to a temporary file, so that a long job needs little memory; changes are few and stay in memory. When the
-disk is full, the recording ends and the machine goes on.
+"""Samples of a twin, on a grid of virtual time and at every change of a level, input or output, and these changes.
+Samples go to a temporary file, so that a long job needs little memory; changes are few and stay in memory. If the disk
+is full, the recording ends and the machine goes on.
 
     time    0      1 ms    2 ms         3 ms
     sample  |       |       |    |       |
@@ -42,7 +41,7 @@ class Change:
 
 
 def changes(last: dict[str, int | str], values: Mapping[str, int | str]) -> dict[str, int | str]:
-    """The values that are not as in `last`, which has them from now on; numbers in JSON's types."""
+    """The values that differ from `last`, which is updated; numbers in JSON's types."""
     if values == last:
         return {}
     plain = {name: value if isinstance(value, str) else int(value) for name, value in values.items()}
@@ -52,13 +51,13 @@ def changes(last: dict[str, int | str], values: Mapping[str, int | str]) -> dict
 
 
 def sample_dtype(axes: int) -> np.dtype[np.void]:
-    """One sample of a controller with that many axes."""
+    """The type of a sample of a controller with that many axes."""
     counts, lost = ("counts", np.int64, (axes,)), ("lost_steps", np.float64, (axes,))
     return np.dtype([("time_ns", np.int64), counts, ("position_mm", np.float64, (len(CARRIAGES),)), lost])
 
 
 class Samples(Protocol):
-    """What the writers of traces want: samples and changes, taken now by a `Recorder`, or read back (reading.py)."""
+    """Samples and changes for the writers of traces, from a `Recorder` or read back (reading.py)."""
 
     axes: int
     dtype: np.dtype[np.void]
@@ -76,8 +75,8 @@ class Recorder:
         self.changes: list[Change] = []
         self.axes = len(twin.counts)
         self.dtype = sample_dtype(self.axes)
-        self.ended = False  # True once the disk was full; nothing more is recorded
-        self.counters_set_ns: list[int] = []  # counters were set anew: positions before and after are no motion
+        self.ended = False  # True after a full disk: nothing more is recorded
+        self.counters_set_ns: list[int] = []  # times at which counters were set: the jump of positions is no motion
         self.events: list[tuple[int, str, str]] = []
         """(time in ns, kind, in words) of what a scenario or somebody did, and remarks."""
         self._last: dict[str, dict[str, int | str]] = {"level": {}, "input": {}, "output": {}}
@@ -105,7 +104,8 @@ class Recorder:
                 self.counters_set_ns.append(time_ns)
         elif kind == "restored" and not self._file.closed:
             raise StateError("a twin that is being recorded cannot go to another time; close its recording before")
-        elif kind in ("scenario", "operated", "remark") and what != {"watch_margin": True}:  # a job does that itself
+        # each line of a job does this
+        elif kind in ("scenario", "operated", "remark") and what != {"watch_margin": True}:
             self.events.append((time_ns, kind, in_words(what)))
 
     def _look(self, twin: Twin) -> None:
@@ -114,7 +114,7 @@ class Recorder:
         again = self._buffered > 0 and self._buffer["time_ns"][self._buffered - 1] == time_ns
         if self.ended or (self._buffered == BUFFER and not again and not self._store()):
             return
-        if not again:  # of several looks at one instant, the last one counts
+        if not again:  # the last of several samples at one instant counts
             self._buffered += 1
         self._buffer[self._buffered - 1] = (time_ns, seen.counts, seen.position_mm, seen.lost_steps)
         for group, values in (("level", seen.levels), ("input", seen.inputs), ("output", seen.outputs)):
@@ -125,7 +125,7 @@ class Recorder:
         """Move the buffer to the file. False if there is no room for it, which ends the recording."""
         try:
             self._buffer.tofile(self._file)
-        except OSError:  # numpy does not say why
+        except OSError:  # numpy does not give the reason
             self.ended = True
             now_s, folder = self._buffer["time_ns"][-1] / 1e9, tempfile.gettempdir()
             log.error("the recording ends at %.3f s: no room for it in %s", now_s, folder)
@@ -147,5 +147,5 @@ class Recorder:
             yield self._buffer[first : min(first + size, self._buffered)].copy()
 
     def names(self) -> list[tuple[str, str]]:
-        """(group, name) of everything that was seen to have a value, group by group."""
+        """(group, name) of everything that had a value, group by group."""
         return [(group, name) for group, values in self._last.items() for name in values]

@@ -1,11 +1,10 @@
-"""A twin recorded: everything that happens to it, as messages, and all it takes to build it again.
+"""Records a twin: everything that happens to it, as messages, and all that is needed to build it again.
 
-    Twin --- listen, observe ---> Recording --- message(channel, time, content) ---> a Sink: the file, or a replay's eye
+    Twin --- listen, observe ---> Recording --- message(channel, time, content) ---> a Sink: the file, or a replay
 
-Messages are in the order in which things happen; the same session gives the same messages, byte for byte, however many
-calls of `run` its time is divided into. `CHANNELS` (mcap.py) says what each channel carries. `/samples` come on a grid
-of virtual time and at every change of a level, input or output; a `Recorder` (recorder.py) sees the same
-(recordings/4).
+Messages are in the order of events; the same session gives the same messages, byte for byte, however its time is
+divided into calls of `run`. `CHANNELS` (mcap.py) lists the channels. `/samples` come on a grid of virtual time and at
+every change of a level, input or output, like those of a `Recorder` (recorder.py) (recordings/4).
 """
 
 from __future__ import annotations
@@ -38,14 +37,14 @@ if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
     from isel_twin.motion import Motion
 
-# names of attachments: flash memory before power-on, scenario, the machine file with all it is based on
+# names of attachments: flash memory before power-on, scenario, machine files
 FLASH, SCENARIO, MACHINE = "flash", "scenario.toml", "machine.json"
-# folders that go before the names of the files of the MuJoCo model, and of what is clamped on the table
+# folders in the names of attached files: of the MuJoCo model, and of the fixture on the table
 MODEL, FIXTURE = "model", "fixture"
-ASSETS: Final = (".xml", ".stl", ".obj", ".msh")  # files beside a model that it may need
+ASSETS: Final = (".xml", ".stl", ".obj", ".msh")  # types of files that a model may need
 MOST_ASSET_BYTES = 1 << 24
 GROUPS: Final = {"level": "/levels", "input": "/inputs", "output": "/outputs"}  # channels, by `recorder.Change.group`
-MOST_LOOKS = 100  # most samples of changes that wait for those of the plant
+MOST_LOOKS = 100  # most samples at changes that wait for those of the plant
 PACKAGES: Final = ("mujoco", "numpy", "numba")
 
 
@@ -57,10 +56,10 @@ class Sink(Protocol):
 
 
 class Recording:
-    """Tells a sink of everything that happens to a twin, from now on."""
+    """Sends everything that happens to a twin from now on to a sink."""
 
     def __init__(self, twin: Twin, sink: Sink, interval_ns: int) -> None:
-        """interval_ns: from sample to sample, virtual time."""
+        """interval_ns: sampling interval in virtual time."""
         self._sink, self._twin = sink, twin
         self._motors = len(twin.current_fraction)
         self._step_mm = twin.step_mm
@@ -69,7 +68,7 @@ class Recording:
         self._last: dict[str, dict[str, int | str]] = {group: {} for group in GROUPS}
         self._faults: Mapping[str, str | float] = {}
         self._motion: Motion | None = None
-        self._looks: list[tuple[int, NDArray[np.void]]] = []  # wait for samples of the plant from before them
+        self._looks: list[tuple[int, NDArray[np.void]]] = []  # waiting for earlier samples of the plant
         self._ended = False
         twin.listen(self._note)
         self._sampler = twin.sample(self._take, interval_ns)
@@ -77,11 +76,11 @@ class Recording:
 
     @property
     def waiting(self) -> bool:
-        """The sink has not been told of everything."""
+        """True if the sink has not got everything."""
         return bool(self._looks) or (self._sampler is not None and self._sampler.waiting > 0)
 
     def hand_on(self) -> None:
-        """Tell the sink of everything so far."""
+        """Send everything so far to the sink."""
         if self._sampler is not None:
             self._sampler.hand_on()
         if self._looks:
@@ -106,13 +105,13 @@ class Recording:
         return rows
 
     def _tell_samples(self, times_ns: NDArray[np.int64], rows: NDArray[np.void]) -> None:
-        """Tell the sink of samples, and of the looks that have come in between, in the order of time."""
+        """Send samples of the plant, and samples at changes between them, in the order of time."""
         if self._looks:
             looks, self._looks = self._looks, []
             look_ns = np.array([time_ns for time_ns, _ in looks], dtype=np.int64)
             at = np.searchsorted(times_ns, look_ns, side="right")
             times_ns = np.insert(times_ns, at, look_ns)
-            whole = np.dtype((np.void, self._dtype.itemsize))  # moved as one piece each, not field by field
+            whole = np.dtype((np.void, self._dtype.itemsize))  # copied as one piece, not field by field
             seen = np.concatenate([row.view(whole) for _, row in looks])
             rows = np.insert(rows.view(whole), at, seen).view(self._dtype)
         self._sink.samples(times_ns, rows, self._schema)
@@ -167,7 +166,7 @@ class FileRecording:
     def __init__(
         self, path: str | os.PathLike[str], twin: Twin, interval_ns: int, said: Mapping[str, str] | None = None
     ) -> None:
-        """said: further metadata. interval_ns: from sample to sample."""
+        """said: further metadata. interval_ns: sampling interval."""
         self.path = Path(path)
         self._twin = twin
         self.writer = RecordingWriter(
@@ -179,21 +178,21 @@ class FileRecording:
         self._recording = Recording(twin, self.writer, interval_ns)
 
     def flush(self) -> None:
-        """Hand what has been recorded to the operating system."""
+        """Pass everything recorded to the operating system."""
         self._recording.hand_on()
         self.writer.flush()
 
     @property
     def unwritten(self) -> bool:
-        """Something has been recorded since the last `flush`."""
+        """True if something was recorded since the last `flush`."""
         return self.writer.unwritten or self._recording.waiting
 
     def tell_time(self, what: str) -> None:
-        """Write down how virtual time passes from now on."""
+        """Record how virtual time passes from now on."""
         self.writer.message("/time", self._twin.time_ns, {"what": what})
 
     def close(self) -> bool:
-        """Close the file; False if the disk was full, which has been logged. May be called again."""
+        """Close the file; False if the disk was full, which is logged. May be called again."""
         if not self.writer.ended:
             self._recording.end()
             self.writer.close()
@@ -201,7 +200,7 @@ class FileRecording:
 
 
 def metadata(twin: Twin, interval_ns: int) -> dict[str, str]:
-    """What a recording of this twin says of it, plain text by key."""
+    """Metadata of a recording of this twin, plain text by key."""
     origin = twin.origin
     return {
         "kind": "twin",
@@ -226,7 +225,7 @@ def metadata(twin: Twin, interval_ns: int) -> dict[str, str]:
 
 
 def packages() -> dict[str, str]:
-    """Versions of what decides the last bit, by package."""
+    """Versions of the packages that affect the last bit."""
     found = {}
     for name in PACKAGES:
         try:
@@ -237,7 +236,7 @@ def packages() -> dict[str, str]:
 
 
 def attachments(origin: TwinSpec) -> dict[str, bytes]:
-    """Files that belong to it, by name. Raises OSError for a scenario that has gone."""
+    """Files of the twin to attach, by name. Raises OSError for a missing scenario."""
     machine = origin.as_built
     text = machine.file.read_bytes() if machine.file.is_file() else b""
     files = {MACHINE: json.dumps(machine.tree, default=_plain).encode(), "machine.toml": text}
@@ -256,5 +255,5 @@ def attachments(origin: TwinSpec) -> dict[str, bytes]:
 
 
 def _plain(value: Any) -> Any:
-    """What JSON cannot hold: numpy's numbers and arrays, paths."""
+    """Convert for JSON: numpy's numbers and arrays, paths."""
     return value.tolist() if hasattr(value, "tolist") else str(value)

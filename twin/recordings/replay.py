@@ -1,14 +1,13 @@
-"""A recording played again: the same causes at the same instants, given to a twin built from the recording.
+"""Plays a recording again: the same causes at the same instants, to a twin built from the recording.
 
-    metadata, attachments --- rebuilt ---> Twin <--- bytes of the host, what people did --- at their virtual times
+    metadata, attachments --- rebuilt ---> Twin <--- bytes of the host, operations ------- at their virtual times
                                              |
-                                             '---> what happens now  ==  what was recorded?   first Difference, or none
+                                             '---> new events == recorded events?   first Difference, or none
 
-With the versions it was recorded with there is no difference, to the bit, at whatever speed.
+With the same versions there is no difference, to the bit, at any speed.
 
-A recording of a real controller (kind `tap`) is bytes with times. It is played to a twin that the caller builds, as a
-host would: what was sent after a reply is sent as much later than that reply. Replies are compared, not their times
-(compare.py does that).
+A recording of a real controller (kind `tap`) has only bytes with times. It is played to a twin that the caller builds,
+with the host's delays after replies kept. Replies are compared, not their times (compare.py does that).
 """
 
 from __future__ import annotations
@@ -38,12 +37,12 @@ from isel_twin.recordings.recording import FIXTURE, FLASH, MACHINE, MODEL, SCENA
 from isel_twin.version import VERSION
 from isel_twin.wiring import ScenarioError, event_now
 
-SLICE_NS = 10 * MILLISECOND_NS  # virtual time after which a paced replay looks at the clock
-PATIENCE_S = 3600.0  # virtual seconds a host waits for a reply that the real controller gave
+SLICE_NS = 10 * MILLISECOND_NS  # virtual time between two looks of a paced replay at the clock
+PATIENCE_S = 3600.0  # virtual seconds to wait for a reply that the real controller gave
 CAUSES = ("/host/sent", "/operator")
 _DONE = (*CAUSES, "/scenario", "/runs")
 _TRAFFIC = ("/host/sent", "/host/received")
-_NOT_COMPARED = ("/time",)  # at what speed time passed
+_NOT_COMPARED = ("/time",)  # the speed of time
 Pace = Callable[[int], None]  # pace(time_ns): wait until virtual time time_ns is due
 
 
@@ -51,7 +50,7 @@ Pace = Callable[[int], None]  # pace(time_ns): wait until virtual time time_ns i
 class Difference:
     time_ns: int
     channel: str
-    recorded: str  # what the recording has there; "nothing" if it has nothing
+    recorded: str  # the recorded value, or "nothing"
     replayed: str
 
     def __str__(self) -> str:
@@ -60,7 +59,7 @@ class Difference:
 
 
 def versions(recorded: Recorded) -> list[str]:
-    """What was of another version when it was recorded, one line each: differences may come from that."""
+    """Packages with another version in the recording, one line each: they may cause differences."""
     here = {"isel_twin": VERSION, "python": platform.python_version(), "platform": platform.platform(), **packages()}
     then = recorded.metadata
     changed = {name: now for name, now in here.items() if then.get(name, now) != now}
@@ -68,9 +67,9 @@ def versions(recorded: Recorded) -> list[str]:
 
 
 def rebuilt(recorded: Recorded, folder: Path) -> Twin:
-    """The twin of a recording, as it was at power-on. folder: for files that only this call needs.
+    """The twin of a recording, as it was at power-on. folder: for temporary files.
 
-    Raises RecordingError for a recording that does not say enough, and ValueError as `Twin` does.
+    Raises RecordingError for an insufficient recording, and ValueError as `Twin` does.
     """
     said = recorded.metadata
     if not recorded.of_twin:
@@ -81,7 +80,7 @@ def rebuilt(recorded: Recorded, folder: Path) -> Twin:
     for name, data in files.items():
         kind, slash, rest = name.partition("/")
         if name == SCENARIO or (slash and kind in (MODEL, FIXTURE)):
-            path = folder / (kind if slash else "") / Path(rest or name).name  # nothing leads out of the folder
+            path = folder / (kind if slash else "") / Path(rest or name).name  # no path leads out of the folder
             path.parent.mkdir(exist_ok=True)
             path.write_bytes(data)
     try:
@@ -109,8 +108,8 @@ def rebuilt(recorded: Recorded, folder: Path) -> Twin:
 
 
 def replay(recorded: Recorded, twin: Twin, pace: Pace | None = None) -> Difference | None:
-    """Play a recording to its twin, fresh from `rebuilt`; the first difference. Raises RecordingError, also if nothing
-    was done in it: that nothing differs then would say nothing."""
+    """Play a recording to its twin from `rebuilt` and return the first difference. Raises RecordingError, also for a
+    recording without operations, as its comparison would have no meaning."""
     if not any(recorded.of(*_DONE)):
         raise RecordingError(f"{recorded.path}: nobody does anything in it: there is nothing to compare")
     eye = _Eye(recorded, twin)
@@ -148,7 +147,7 @@ def _cause(recorded: Recorded, entry: Entry, twin: Twin) -> None:
 
 
 class _Eye:
-    """Compares what happens with what was recorded, channel by channel; a `recording.Sink`."""
+    """Compares events with the recorded ones, channel by channel; a `recording.Sink`."""
 
     def __init__(self, recorded: Recorded, twin: Twin) -> None:
         self.difference: Difference | None = None
@@ -166,7 +165,7 @@ class _Eye:
         return self.difference is not None
 
     def missing(self) -> Difference | None:
-        """The first message that was recorded and has not come."""
+        """The first recorded message that has not come."""
         left = [(queue[0], channel) for channel, queue in self._expected.items() if queue]
         if self._sample < len(self._sample_times):
             left.append(((self._sample_times[self._sample], "a sample"), SAMPLES))
@@ -217,7 +216,7 @@ class _Eye:
             self._differ(channel, min(then_ns, time_ns), then + at, text + now)
 
     def _extra(self, channel: str, time_ns: int, text: str) -> None:
-        if self._whole or self._twin.time_ns < self._end_ns:  # else it was lost with the end of the file
+        if self._whole or self._twin.time_ns < self._end_ns:  # else it may be in the missing end of the file
             self._differ(channel, time_ns, "nothing", text)
 
     def _differ(self, channel: str, time_ns: int, recorded: str, replayed: str) -> None:
@@ -241,7 +240,7 @@ def _table(content: Mapping[str, Any]) -> str:
 
 
 def _first_field(then: Any, now: Any) -> tuple[str, Any, Any]:
-    """The first field that is not the same, to the bit."""
+    """The first field that differs, to the bit."""
     for name in then.dtype.names:
         if then[name].tobytes() != now[name].tobytes():
             a, b = np.atleast_1d(then[name]), np.atleast_1d(now[name])
@@ -251,8 +250,8 @@ def _first_field(then: Any, now: Any) -> tuple[str, Any, Any]:
 
 
 def play_host(recorded: Recorded, twin: Twin, pace: Pace | None = None) -> Difference | None:
-    """Play the host of any recording to a twin; the first reply that is not the same bytes, None if there is none.
-    Raises RecordingError if the host sends nothing."""
+    """Play the host of any recording to a twin; return the first reply with other bytes, or None. Raises RecordingError
+    if the host sends nothing."""
     if not any(recorded.of("/host/sent")):
         raise RecordingError(f"{recorded.path}: the host sends nothing in it: there is nothing to compare")
     then, now = bytearray(), bytearray()
@@ -280,7 +279,7 @@ def play_host(recorded: Recorded, twin: Twin, pace: Pace | None = None) -> Diffe
 
 
 def _await(twin: Twin, answered: Callable[[], bool], pace: Pace | None) -> None:
-    """Let time pass until the twin has answered as much as the controller had by then, or will not."""
+    """Let time pass until the twin has answered as much as the controller had at that point, or is idle."""
     end_ns = twin.time_ns + round(PATIENCE_S * SECOND_NS)
     while not answered() and twin.time_ns < end_ns and not twin.idle:
         _run_until(twin, twin.time_ns + SLICE_NS, pace, lambda: twin.reply_waiting or twin.idle)

@@ -1,13 +1,14 @@
-"""Motions as tables that JSON can hold, and back, so that a recording has the exact stream and needs little room.
+"""Motions as JSON tables, and back, so that a recording has the exact stream in little space.
 
     StepRun(StepLine, Trapezoid)  <-->  {"steps": {"line": [800, -2000, 0, 0]}, "law": [...], "start_ns": t, "first": 0}
 
-What the package makes is described: lines, circles and helices under the trapezoidal law; joined set points by phases
-and pieces, and of a motion that continues another only what comes from the phase under way on:
+Motions of the package's controllers are stored by their parameters: lines, circles and helices with the trapezoidal
+law; joined set points by phases and pieces. A motion that continues another has only its phases from the present one
+on:
 
     {"joined": {"first": 17, "ticks": 550, "phases": "<base64>", ...}, "later": true, "period_ns": 4000000, ...}
 
-A motion of a controller from outside, with a path, law or plan of its own, is written down tick by tick (recordings/3):
+A motion of a plug-in controller with its own path, law or plan is stored tick by tick: (recordings/3)
 
     {"ticks": {"t_ns": "<base64>", "delta": "<base64>", "dtype": "int32"}, "axes": 6, "lead_ns": 1000000, ...}
 
@@ -31,11 +32,11 @@ from isel_twin.motion.path import StepLine, StepPath
 from isel_twin.motion.stretch import Stretch, since, written
 from isel_twin.motion.time_law import Trapezoid, law_from_numbers, law_numbers
 
-MOST_TICKS = 1 << 31  # ticks of a listed motion that are read; more are no recording of ours
+MOST_TICKS = 1 << 31  # most ticks of a listed motion that are read
 
 
 def described(motion: Motion, before: Motion | None = None, time_ns: int = 0) -> dict[str, Any]:
-    """The motion as a table. before: the motion that it continues at time_ns, if any, whose table is known."""
+    """The motion as a table. before: the motion that it continues at time_ns, if any, which is already stored."""
     if isinstance(motion, StepRun) and isinstance(motion.law, Trapezoid) and isinstance(motion.path, StepLine | Circle):
         table = {"steps": _path_table(motion.path), "law": law_numbers(motion.law)}
         return {**table, "start_ns": motion.start_ns, "first": motion.first}
@@ -72,7 +73,7 @@ def described(motion: Motion, before: Motion | None = None, time_ns: int = 0) ->
 
 
 def motion_from(table: dict[str, Any], before: Motion | None = None) -> Motion:
-    """The motion that a table describes; before: the one that it continues. Raises ValueError if it describes none."""
+    """The motion of a table; before: the one that it continues. Raises ValueError for a wrong table."""
     try:
         if "joined" in table:
             return _joined_from(table, before)
@@ -91,7 +92,7 @@ def motion_from(table: dict[str, Any], before: Motion | None = None) -> Motion:
 
 
 def add_run(steps: Steps, time_ns: int, content: dict[str, Any]) -> None:
-    """Follow a recording: from time_ns on the motion is that of a message of `/runs`. Raises ValueError."""
+    """Add the motion in a message of `/runs`, from time_ns on. Raises ValueError."""
     if content.get("run") is not None and content.get("continues"):
         if not steps.motions:
             raise ValueError("a motion continues none")
@@ -106,7 +107,7 @@ def add_run(steps: Steps, time_ns: int, content: dict[str, Any]) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Listed:
-    """A motion as its ticks; follows `isel_twin.motion.Motion`."""
+    """A motion as a list of ticks; implements `isel_twin.motion.Motion`."""
 
     t_ns: NDArray[np.int64]
     delta: NDArray[Any]
@@ -140,7 +141,7 @@ class Listed:
         return tuple(int(n) for n in self.delta[:made].sum(axis=0, dtype=np.int64))
 
     def stopped(self, t_ns: int) -> Listed:
-        """Never asked for: how a motion ends is in the recording."""
+        """Never used: the end of a motion is in the recording."""
         return self.cut(t_ns)
 
     def cut(self, t_ns: int) -> Listed:

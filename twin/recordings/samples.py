@@ -1,4 +1,4 @@
-"""Samples as messages of plain numbers, which cost little room and less time: CDR, the encoding of ROS 2.
+"""Samples as small messages of plain numbers: CDR, the encoding of ROS 2.
 
 A message is four bytes of header (little endian) and the fields one after the other:
 
@@ -11,8 +11,7 @@ A message is four bytes of header (little endian) and the fields one after the o
     float32[m]     current              phase current over nominal of each motor; none without physics
     float32        supply_v             nan if there is none
 
-All lengths are fixed, so no field has a length of its own in the message; the long fields come first, so that nothing
-needs to be aligned.
+All lengths are fixed, so the message has no length fields; the 64-bit fields come first, so that no padding is needed.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ _ROS: Final = {"i8": "int64", "f8": "float64", "f4": "float32"}
 
 
 def sample_dtype(axes: int, motors: int) -> np.dtype[np.void]:
-    """The fields of a sample of a twin with that many axes and motors."""
+    """The type of a sample of a twin with that many axes and motors."""
     carriages = len(CARRIAGES)
     fields: list[Any] = [
         ("counts", "<i8", (axes,)),
@@ -44,7 +43,7 @@ def sample_dtype(axes: int, motors: int) -> np.dtype[np.void]:
 
 
 def samples_schema(dtype: np.dtype[np.void]) -> str:
-    """The fields in ROS's words."""
+    """The fields as a ROS 2 message definition."""
     lines = []
     for name, (field, *_) in (dtype.fields or {}).items():
         length = f"[{field.shape[0]}]" if field.shape else ""

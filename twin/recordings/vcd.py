@@ -1,13 +1,13 @@
 """A value change dump for waveform viewers (GTKWave, Surfer, sigrok): IEEE 1364, timescale 1 ns.
 
     scope step       step_x, dir_x ...        what the controller sends to the power stages; dir 1: minus
-    scope step       full_x ...               1: a pulse is two steps of the counter, where there are such pulses
-    scope step       command_x ...            sum of the changes so far, where there are set points
+    scope step       full_x ...               1: a pulse is two steps of the counter; only if there are such pulses
+    scope step       command_x ...            sum of the changes so far; only if there are set points
     scope machine    position_x_mm, count_x, lost_x_steps ...     the samples of the recorder
     scope level      p3_0 ...                 electrical level of the input terminals
     scope input      hood, limit_x1 ...       state of switches and elements, as text
-    scope input      hood_changed ...         the same as one bit, for viewers without text: 1, not as at the first look
-    scope output     stages, spindle ...      outputs of the controller and relays: one bit, if they are but 0 and 1
+    scope input      hood_changed ...         the same as one bit, for viewers without text: 1, not as at the beginning
+    scope output     stages, spindle ...      outputs of the controller and relays; one bit, if only 0 and 1
 
 A pulse rises at the time of its tick, one for each axis that the tick changes (a full step of a half-step stage is one
 pulse too), and is over before the next tick. Direction is stable before and after it, as power stages want it:
@@ -17,11 +17,11 @@ pulse too), and is over before the next tick. Direction is stable before and aft
                    |<->| PULSE_NS, at most half the time to the next tick
                  |<| SETUP_NS, at most half the time since the tick before
 
-Between ticks less than 2 ns apart there is no room for a falling edge: the pulses of an axis that makes both are one,
-which begins with the first of them, and if its direction turns, it turns with the second. No controller is that fast.
+Between ticks less than 2 ns apart there is no time for a falling edge: two such pulses of an axis are one, which begins
+with the first, and a change of direction comes with the second. No controller is that fast.
 
 Ticks of set points have no pulses. If there are any, `command_<axis>` follows every tick, also those of steps; the
-drive is led to the value shown in the time after it.
+drive reaches the value shown during the time after it.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def _doubled(steps: Steps) -> bool:
 
 
 def _pulses(steps: Steps, doubled: bool) -> Iterator[_Entry]:
-    """Rising and falling edges of step, and direction before them; `doubled`: and how many steps a pulse is."""
+    """Rising and falling edges of step, with the direction before them and, if `doubled`, the steps of a pulse."""
     minus = [False] * steps.axes
     full = [False] * steps.axes
     high: list[int] = []

@@ -1,4 +1,4 @@
-"""One way to write a trace, of a twin or of a recording: the suffix of the file says which.
+"""Writes a trace of a twin or of a recording; the suffix of the file gives the kind.
 
 .npz        the step stream, exactly                    npz.py
 .vcd        a value change dump for waveform viewers    vcd.py
@@ -22,7 +22,7 @@ KINDS = (".npz", ".vcd", ".parquet", ".csv")
 
 
 def trace_kind(path: Path) -> str:
-    """The kind of trace that a file name ends in, one of KINDS. Raises ValueError, also if it needs an extra."""
+    """The kind of trace by a file name, one of KINDS. Raises ValueError, also if an optional package is missing."""
     if path.suffix not in KINDS:
         raise ValueError(f"{path}: the name must end in {', '.join(KINDS[:-1])} or {KINDS[-1]}")
     check_kind(path.suffix, f"{path}:")
@@ -30,16 +30,16 @@ def trace_kind(path: Path) -> str:
 
 
 def check_kind(kind: str, about: str) -> None:
-    """Raise ValueError, of one line that begins with `about`, if traces of a kind need what is not installed."""
+    """Raise ValueError, one line that begins with `about`, if a kind of trace needs a missing package."""
     if kind == ".parquet" and find_spec("pyarrow") is None:
         raise ValueError(f"{about} needs pyarrow: pip install 'isel-twin[trace]'")
 
 
 def write_trace(path: Path, steps: Steps, recorder: Samples | None, kind: str | None = None) -> None:
-    """Write a stream and samples. kind: one of KINDS; without it, the one that the file name ends in.
+    """Write a stream and samples. kind: one of KINDS, by default from the file name.
 
-    Raises ValueError for a name that says nothing and without a recorder, which only .npz can do without; OSError about
-    `path` if the file cannot be written.
+    Raises ValueError for an unknown ending or a missing recorder (only .npz needs none), OSError about `path` if the
+    file cannot be written.
     """
     kind = kind or trace_kind(path)
     check_kind(kind, f"{path}:")
@@ -55,14 +55,13 @@ def write_trace(path: Path, steps: Steps, recorder: Samples | None, kind: str | 
             writers.write_parquet(path, recorder)
         else:
             writers.write_csv(path, recorder)
-    except OSError as error:  # which may name a temporary file, or none
+    except OSError as error:  # its file name may be a temporary one, or missing
         raise OSError(error.errno, os.strerror(error.errno) if error.errno else str(error), str(path)) from error
 
 
 def export(recording: str | os.PathLike[str], out: str | os.PathLike[str], kind: str | None = None) -> bool:
-    """Write a recording as a file of a kind, as `write_trace` does; return False if it was cut off.
-
-    Raises RecordingError for one of a real controller, which has nothing but bytes, and as `read` does.
+    """Write a recording as `write_trace` does; return False if it is incomplete. Raises RecordingError for one of a
+    real controller, which has only bytes, and as `read` does.
     """
     from isel_twin.recordings.reading import Played, RecordingError, read
 

@@ -1,8 +1,8 @@
-"""What people look at: the page or picture about a job, and what any page is made of.
+"""Reports for people: the page or picture of a job, and the elements of all pages.
 
 report.py    the page: verdict, findings, path, time plots, commands
-columns.py   samples as the columns of a screen
-path.py      the path in two views; times.py: everything above one axis of time
-svg.py, page.py, report.css, report.js    what every page is made of
+columns.py   samples reduced to the columns of a screen
+path.py      the path in two views; times.py: all plots over time
+svg.py, page.py, report.css, report.js    elements of all pages
 picture.py   the report as a picture; sketch.py: a quick one for a test that has failed
 """

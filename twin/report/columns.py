@@ -1,12 +1,12 @@
-"""What a screen shows of samples, however many there are: least and greatest value of each column of pixels.
+"""Any number of samples reduced to a screen: minimum and maximum in each column of pixels.
 
     samples  . .. . .: .  . .: .  ..  :.      millions, read piece by piece
     columns  |--|--|--|--|--|--|--|--|--|     at most COLUMNS, and one more for each time a counter was set
              low, high of each curve          nan: no sample there
 
-Curves: true position, position error and speed of the carriages and lost steps of the axes. A counter that is set anew
-moves the zero, not the machine: curves are interrupted there, no speed is taken across it, and the path, drawn in the
-zero that counts at the end, goes on where it was.
+Curves: true position, position error and speed of the carriages and lost steps of the axes. Setting a counter moves the
+zero, not the machine: curves are interrupted there, no speed is computed across it, and the path, drawn in the last
+zero, is continuous.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from isel_twin.core.position import position_error_mm
 if TYPE_CHECKING:
     from isel_twin.recordings.recorder import Recorder
 
-COLUMNS = 3000  # columns of a curve: what a screen of 1500 pixels shows at twice its width
+COLUMNS = 3000  # columns of a curve: for a screen of 1500 pixels at double zoom
 MOST_WAY = 16_000  # most vertices of a path
-SHORTEST_NS = 2 * MILLISECOND_NS  # between samples that a speed is taken of: in less, it is one step more or less
-PIXELS = 1500  # way in pixels of the longest extent: vertices within one are one
-Pair = tuple[NDArray[np.float64], NDArray[np.float64]]  # least and greatest values
+SHORTEST_NS = 2 * MILLISECOND_NS  # least time between samples for a speed: in less, one step more or less dominates
+PIXELS = 1500  # resolution of the longest extent of a path: vertices within one pixel are merged
+Pair = tuple[NDArray[np.float64], NDArray[np.float64]]  # minima and maxima
 
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """Curves of a run; n columns, low and high [n] or [n, ...] of each."""
+    """Curves of a run: n columns, low and high [n] or [n, ...] of each."""
 
     first_ns: int
     last_ns: int
@@ -54,14 +54,14 @@ class Way:
     time_ns: NDArray[np.int64]
 
     def at(self, time_ns: int) -> NDArray[np.float64]:
-        """float64 [3], where the machine was."""
+        """float64 [3], position at this time."""
         vertex = min(int(self.time_ns.searchsorted(time_ns)), len(self.time_ns) - 1)
         found: NDArray[np.float64] = self.position_mm[vertex]
         return found
 
 
 def columns(recorder: Recorder, step_mm: NDArray[np.float64], last_ns: int) -> Columns:
-    """Curves of what a recorder has seen; last_ns: the present."""
+    """Curves of a recorder's samples; last_ns: the present."""
     breaks = np.array(recorder.counters_set_ns[:COLUMNS], dtype=np.int64)
     first_ns, least, most = _extent(recorder, breaks)
     last_ns = max(last_ns, first_ns + 1)
@@ -119,9 +119,8 @@ def _extent(recorder: Recorder, breaks: NDArray[np.int64]) -> tuple[int, NDArray
 
 
 def _shifts(recorder: Recorder, breaks: NDArray[np.int64]) -> NDArray[np.float64]:
-    """float64 [pieces, 3]: to be added to the positions of each piece to have them in the last zero.
-
-    A zero moves by as much as the position jumps between two samples; the machine stands meanwhile, or nearly so.
+    """float64 [pieces, 3]: offset of each piece to the last zero, from the jump of the position when the zero moved;
+    the machine is at rest then, or nearly.
     """
     jumps = np.zeros((len(breaks) + 1, 3))
     before: tuple[int, NDArray[np.float64]] | None = None
@@ -144,7 +143,7 @@ def _speed(
     piece: NDArray[np.int64],
     before: tuple[int, NDArray[np.float64], int] | None,
 ) -> tuple[NDArray[np.float64], tuple[int, NDArray[np.float64], int]]:
-    """Way over time [n] in mm/s since the sample before; nan where there is none, or a counter was set in between."""
+    """Speed [n] in mm/s since the sample before; nan without one, or if a counter was set in between."""
     if before is None:
         before = int(t_ns[0]), position_mm[0], int(piece[0])
     took_ns = np.diff(t_ns, prepend=before[0])
@@ -155,7 +154,7 @@ def _speed(
 
 
 class _WayMaker:
-    """Collects vertices; what stays within a pixel is one, and when there are too many, every second one goes."""
+    """Collects vertices, merges those within a pixel, and drops every second one when there are too many."""
 
     def __init__(self, pixel_mm: float) -> None:
         self._pixel_mm = pixel_mm

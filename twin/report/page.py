@@ -1,4 +1,4 @@
-"""A page that needs nothing else: HTML with its style and script in it, and a policy that forbids everything else."""
+"""A self-contained HTML page with style and script, and a policy that forbids loading anything else."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from isel_twin.report.svg import escape
 
 
 def whole_page(title: str, body: Iterable[str], script: str = "") -> str:
-    """The page; body: parts of it, empty ones are left out. script: name of a file beside this one."""
+    """The page; body: its parts, empty ones are skipped. script: name of a file in this folder."""
     style = _part("report.css")
     allowed = f"style-src '{_hashed(style)}'; "
     end = "</body></html>\n"
@@ -37,5 +37,5 @@ def _part(name: str) -> str:
 
 
 def _hashed(text: str) -> str:
-    """The name of a part of the page in a Content-Security-Policy."""
+    """The hash of a part of the page for the Content-Security-Policy."""
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()

@@ -1,4 +1,4 @@
-"""The path of a job in two views, XY and XZ, as inline SVG; colour: how far the machine is from its counters."""
+"""The path of a job in two views, XY and XZ, as inline SVG; the colour shows the deviation from the counters."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from isel_twin.report.svg import WIDTH, Mark, apart, badge, line, nice, number
 if TYPE_CHECKING:
     from isel_twin.jobs.job import Result
 
-COLOURS = ("#1f4e9e", "#2a86b8", "#35a07c", "#c9a227", "#dd7a1c", "#c02a1d")  # of deviations, the largest last
-LEAST_UM = 1.0  # deviation up to which all is one colour: rounding is not worth one
+COLOURS = ("#1f4e9e", "#2a86b8", "#35a07c", "#c9a227", "#dd7a1c", "#c02a1d")  # of deviations, from small to large
+LEAST_UM = 1.0  # smaller deviations have one colour: they are rounding errors
 BOX = 62.0, 28.0, 490.0, 350.0  # of a view: left, top, width and height of the frame, px
 
 
 def deviation_classes(columns: Columns) -> tuple[float, NDArray[np.int64]]:
-    """Largest deviation in um, at least LEAST_UM, and for each vertex of the path which of COLOURS it has."""
+    """Largest deviation in um, at least LEAST_UM, and for each vertex of the path the index in COLOURS."""
     deviation_um = columns.way.deviation_mm * 1e3
     most_um = max(float(np.nanmax(deviation_um, initial=0.0)), LEAST_UM)
     classes = np.minimum(np.nan_to_num(deviation_um / most_um) * len(COLOURS), len(COLOURS) - 1)
@@ -32,7 +32,7 @@ def deviation_classes(columns: Columns) -> tuple[float, NDArray[np.int64]]:
 
 @dataclass(frozen=True)
 class Swath:
-    """A tool cuts in a plane."""
+    """A stretch of time with one tool cutting in one plane."""
 
     begin_ns: int
     end_ns: int
@@ -41,7 +41,7 @@ class Swath:
 
 
 def swaths(results: Sequence[Result]) -> list[Swath]:
-    """Where the tools of programs cut, one for each stretch in one plane with one tool."""
+    """The swaths that programs cut."""
     found: list[Swath] = []
     for result in results:
         steps = [part for part in result.parts if part.position_mm]
@@ -82,7 +82,7 @@ class _View:
         return max(float(max(extent[0] / BOX[2], extent[1] / BOX[3])) * 1.08, 1e-3)
 
     def px(self, position_mm: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """x and y of places [..., 3]."""
+        """x and y in px of positions [..., 3]."""
         from_middle = (position_mm[..., self.axes] - self.middle) / self.scale
         return BOX[0] + BOX[2] / 2.0 + from_middle[..., 0], BOX[1] + BOX[3] / 2.0 - from_middle[..., 1]
 
@@ -112,7 +112,7 @@ class _View:
 def path_view(
     columns: Columns, axes: tuple[int, int], name: str, marks: Sequence[Mark], cuts: Sequence[Swath] = ()
 ) -> str:
-    """The path seen along the third axis. Of the cuts, those in its plane are drawn as wide as the tool is."""
+    """The path seen along the third axis. Cuts in its plane are drawn with the width of the tool."""
     view = _View.of(columns, axes)
     most_um, classes = deviation_classes(columns)
     x, y = view.px(columns.way.position_mm)
@@ -146,7 +146,7 @@ def path_view(
 
 
 def finding_picture(columns: Columns, mark: Mark, error_at: tuple[float, float]) -> str:
-    """Where in the path a finding is, and the error within a second of it, at error_at (top and height, px)."""
+    """The place of a finding in the path, and the error within a second of it, at error_at (top and height, px)."""
     top, height = error_at
     span_ns = columns.last_ns - columns.first_ns
     middle = (mark.time_ns - columns.first_ns) / span_ns * WIDTH
@@ -166,7 +166,7 @@ def finding_picture(columns: Columns, mark: Mark, error_at: tuple[float, float])
 
 
 def _runs(x: NDArray[np.float64], y: NDArray[np.float64], wanted: NDArray[np.bool_]) -> str:
-    """Lines from each wanted vertex to the next one, whatever that is."""
+    """Lines from each wanted vertex to the next vertex."""
     if len(x) < 2:
         return ""
     edges = np.diff(np.concatenate([[0], wanted[:-1].astype(np.int8), [0]]))

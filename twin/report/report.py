@@ -1,14 +1,14 @@
-"""A report about a job for people: one HTML page that needs nothing else, or a picture.
+"""A report about a job: one self-contained HTML page, or a picture.
 
     verdict and limits | findings with pictures | path | time plots | what differs from the golden run | commands
 
-The page is plain HTML with inline SVG (report/1), and a little script of its own for the zoom: without it, in print and
-for a screen reader everything is there too. A Content-Security-Policy forbids it to load anything. All text that comes
-from outside (names, commands, replies) is escaped. Its size does not grow with the length of the job: what a screen
-cannot show is left out (columns.py), and of commands beyond ROWS only those with a finding are listed.
+The page is plain HTML with inline SVG and a small script for the zoom; print and screen readers show everything without
+it. A Content-Security-Policy forbids loading anything. All text from outside (names, commands, replies) is escaped. The
+size does not grow with the length of the job: curves have the resolution of a screen (columns.py), and beyond ROWS only
+commands with a finding are listed (report/1).
 
-`isel_twin.core.position` defines the position error. Curves are of the carriages, counters of all axes that the
-controller has. A name that ends in .png makes a picture instead (picture.py, with matplotlib, the extra `report`).
+`isel_twin.core.position` defines the position error. Curves show the carriages, counters all axes of the controller. A
+name ending in .png makes a picture instead (picture.py, needs matplotlib).
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def write_report(
 ) -> None:
     """Write the page, or a picture if the name ends in .png. Raises OSError.
 
-    summary: of the verdict, with "ok". checked: what is wrong with the job; bounds: what it was measured by.
+    summary: of the verdict, with "ok". checked: report with the findings; bounds: those of the check.
     """
     seen = columns(recorder, twin.step_mm, twin.time_ns)
     findings = () if checked is None else checked.findings
@@ -95,7 +95,7 @@ def write_report(
 
 
 def _time(finding: Finding, results: Sequence[Result]) -> int | None:
-    """When a finding is shown: at its time, or at the end of its line."""
+    """The time at which a finding is shown: its own, or the end of its line."""
     if finding.time_ns is not None:
         return finding.time_ns
     return next((result.end_ns for result in results if result.number == finding.line), None)
@@ -198,8 +198,8 @@ def _findings(findings: Sequence[Finding], marks: Sequence[Mark], seen: Columns,
 
 
 def _golden(findings: Sequence[Finding], checked: Report | None) -> str:
-    """What is otherwise than in the golden run; nothing if there is none."""
-    if checked is None or not checked.golden.call:  # only a run that is compared knows its call
+    """Differences from the golden run; "" without one."""
+    if checked is None or not checked.golden.call:  # only a compared run has its call
         return ""
     rows = "".join(
         f"<tr><td>{'' if finding.line is None else finding.line}</td>"
@@ -294,7 +294,7 @@ def _commands(results: Sequence[Result], axes: int, findings: Sequence[Finding])
 
 
 def _part(part: Part, axes: int, columns: int) -> str:
-    """A row of a step of a program, or of what the controller has said."""
+    """A row for a step of a program, or a remark of the controller."""
     places = "".join(f"<td>{position:.4f}</td>" for position in part.position_mm)
     style = "" if places else " class='wrong'"
     begin = f"<td>{part.time_ns / SECOND_NS:.6f}</td><td></td><td class='code command'>{escape(part.text[:LONG])}</td>"

@@ -1,6 +1,5 @@
-"""One picture of what a machine did, for a test that failed: path from above and from the front, error and lost steps.
-
-A path has one zero, so it begins where a counter was last set: by a reference run, mostly.
+"""A picture of a run for a failed test: path from above and from the front, error and lost steps. The path begins where
+a counter was last set, mostly by a reference run, as it needs a constant zero.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
     from isel_twin.recordings.recorder import Recorder
 
-POINTS = 4000  # samples drawn, about
+POINTS = 4000  # approximate number of samples drawn
 
 
 def write_sketch(path: str | os.PathLike[str], twin: Twin, recorder: Recorder, zero_ns: int = 0) -> None:
@@ -30,7 +29,7 @@ def write_sketch(path: str | os.PathLike[str], twin: Twin, recorder: Recorder, z
     samples = np.concatenate([samples[:: max(1, len(samples) // POINTS)], samples[-1:]])
     time_s = samples["time_ns"] / SECOND_NS
     x, y, z = samples["position_mm"][samples["time_ns"] >= zero_ns].T
-    figure = Figure(figsize=(11, 8), dpi=100)  # with room between the curves; to have it found out would draw all twice
+    figure = Figure(figsize=(11, 8), dpi=100)  # fixed margins; computing them would draw all twice
     figure.subplots_adjust(0.09, 0.07, 0.98, 0.95, wspace=0.2, hspace=0.3)
     (plan, front), (error, lost) = figure.subplots(2, 2)
     plan.plot(x, y, linewidth=1)
@@ -39,7 +38,7 @@ def write_sketch(path: str | os.PathLike[str], twin: Twin, recorder: Recorder, z
     front.plot(x, z, linewidth=1)
     front.plot(x[-1:], z[-1:], "o")
     front.set(xlabel="X / mm", ylabel="Z / mm", title="and from the front")
-    for curve in (plan, front):  # rounding errors are not worth a magnified look, here and below
+    for curve in (plan, front):  # do not magnify rounding errors, here and below
         for limits, limit in ((curve.get_xlim(), curve.set_xlim), (curve.get_ylim(), curve.set_ylim)):
             middle = sum(limits) / 2.0
             limit(min(limits[0], middle - 0.5), max(limits[1], middle + 0.5))

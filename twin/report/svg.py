@@ -1,6 +1,5 @@
-"""What drawings of a page are made of: escaped text, numbers, axes, lines and marks, as inline SVG.
-
-No other style than that of classes is used, so that a page can forbid all others.
+"""Elements of drawings as inline SVG: escaped text, numbers, axes, lines and marks. Style comes from classes only, so
+that a page can forbid inline styles.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ _CONTROLS = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\
 
 
 def escape(text: object) -> str:
-    """Text for a page: nothing in it is markup, and characters that a page may not hold are shown as such."""
+    """Text for a page, with markup escaped and forbidden characters replaced by visible ones."""
     return html.escape(_CONTROLS.sub("\ufffd", str(text)))
 
 
@@ -30,7 +29,7 @@ def number(value: float) -> str:
 
 
 def nice(low: float, high: float) -> tuple[float, float, float]:
-    """Ends of an axis that holds both, and the distance of its grid lines: 1, 2 or 5 times a power of ten."""
+    """Ends of an axis that includes both, and the distance of its grid lines: 1, 2 or 5 times a power of ten."""
     span = max(high - low, 1e-9)
     power = 10.0 ** math.floor(math.log10(span / 3.0))
     step = power * next(factor for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= span / 3.0)
@@ -38,7 +37,7 @@ def nice(low: float, high: float) -> tuple[float, float, float]:
 
 
 def line(x: Iterable[float], y: Iterable[float]) -> str:
-    """The path of one line, in tenths of a pixel, points that are the same left out."""
+    """The path of one line, in tenths of a pixel, without repeated points."""
     points = list(dict.fromkeys(f"{tenths(a)} {tenths(b)}" for a, b in zip(x, y, strict=True)))
     return "M" + "L".join(points if len(points) > 1 else points * 2)
 
@@ -62,5 +61,5 @@ def badge(mark: Mark) -> str:
 
 
 def apart(marks: Sequence[Mark]) -> Iterable[Mark]:
-    """Of marks at one time, the first."""
+    """The first of the marks at each time."""
     return {mark.time_ns: mark for mark in reversed(marks)}.values()

@@ -1,9 +1,9 @@
-"""Everything of a job that has a time, above one axis, as inline SVG.
+"""All plots of a job over one time axis, as inline SVG.
 
     commands | speed | position | error | lost steps | margin | lanes of outputs and inputs | events
                                      ^ a numbered line: a finding
 
-Everything in the group `zoom` has x in pixels of the whole job; report.js stretches the group.
+In the group `zoom` x is in pixels of the whole job; report.js stretches the group.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ if TYPE_CHECKING:
     from isel_twin.jobs.job import Result
     from isel_twin.recordings.recorder import Change, Recorder
 
-MM_FROM_UM = 1000.0  # deviations and errors from here on are told in mm
+MM_FROM_UM = 1000.0  # deviations and errors from here on are shown in mm
 LEFT, RIGHT = 120, 20  # of the time plots, px
-MOST_SPANS = 1500  # of a lane; shorter ones than that part of the job are joined
+MOST_SPANS = 1500  # of a lane; spans shorter than this part of the job are joined
 _Pixels = Callable[[int], float]
 
 
 @dataclass(frozen=True)
 class TimePlots:
-    """The drawing, and where in it the errors are: top and height, px."""
+    """The drawing, and top and height of the error plot in px."""
 
     svg: str
     error_at: tuple[float, float]
@@ -51,7 +51,7 @@ class _Curve:
 
 @dataclass(frozen=True)
 class _Row:
-    """Curves of one quantity; least: a smaller range is not magnified; bound: lines at plus and minus this."""
+    """Curves of one quantity; least: smallest range of the axis; bound: lines at plus and minus this."""
 
     name: str
     unit: str
@@ -63,7 +63,7 @@ class _Row:
 
 @dataclass
 class _Drawing:
-    """What has been drawn so far: what stays where it is, what the zoom stretches, and where the next row begins."""
+    """The drawing so far: fixed parts, parts that the zoom stretches, and the top of the next row."""
 
     y: float = 26.0
     fixed: list[str] = field(default_factory=list)
@@ -142,7 +142,7 @@ def _rows(columns: Columns, axes: int, limits: Mapping[str, float]) -> Iterable[
 
 
 def _curves(pair: Pair, names: Sequence[tuple[str, str]], by: float = 1.0) -> list[_Curve]:
-    """names: pairs of style and name."""
+    """Curves with names; names: pairs of style and name."""
     return [_Curve(style, name, pair[0][:, i] * by, pair[1][:, i] * by) for i, (style, name) in enumerate(names)]
 
 
@@ -197,7 +197,7 @@ def _events(recorder: Recorder, px: _Pixels, y: float) -> Iterable[str]:
 
 
 def _ticks(first_s: float, last_s: float, bottom: float) -> str:
-    """Without a script, and in print, the axis has its numbers as well."""
+    """Numbers of the time axis, for print and without the script."""
     _, _, step = nice(0.0, (last_s - first_s) * 3.0 / 8.0)
     ticks = [n * step for n in range(math.ceil(first_s / step - 1e-9), math.floor(last_s / step + 1e-9) + 1)]
     places = ((at, LEFT + (at - first_s) / (last_s - first_s) * WIDTH) for at in ticks)
@@ -209,7 +209,7 @@ def _range(row: _Row) -> tuple[float, float, float]:
     """Ends of the axis for the curves of a row, and the distance of its grid lines."""
     low = min(float(np.nanmin(curve.low, initial=0.0)) for curve in row.curves)
     high = max(float(np.nanmax(curve.high, initial=0.0)) for curve in row.curves)
-    if row.bound is not None and row.bound < 4.0 * max(high, -low):  # a bound far away would flatten the curve
+    if row.bound is not None and row.bound < 4.0 * max(high, -low):  # a distant bound would flatten the curve
         low, high = min(low, -row.bound), max(high, row.bound)
     if high - low < row.least:
         low, high = min(low, -row.least if low < 0.0 else 0.0), max(high, row.least)
@@ -217,7 +217,7 @@ def _range(row: _Row) -> tuple[float, float, float]:
 
 
 def _scale(row: _Row, y: float, low: float, high: float, step: float) -> Iterable[str]:
-    """On the left of a row: its name and unit, the names of its curves if there are several, and numbers."""
+    """The left side of a row: its name and unit, the names of several curves, and numbers."""
     yield f"<text x='4' y='{y + 12:g}'>{row.name}</text><text class='soft' x='4' y='{y + 28:g}'>{row.unit}</text>"
     if len(row.curves) > 1 or row.name == "margin":
         for k, curve in enumerate(row.curves):
@@ -231,7 +231,7 @@ def _scale(row: _Row, y: float, low: float, high: float, step: float) -> Iterabl
 def _zigzag(
     x: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64], piece: NDArray[np.int64]
 ) -> str:
-    """A line through the least and greatest value of each column, interrupted between pieces; y grows downwards."""
+    """A line through minimum and maximum of each column, interrupted between pieces; y grows downwards."""
     good = np.isfinite(low)
     x, low, high, piece = x[good], low[good], high[good], piece[good]
     data = []
@@ -242,7 +242,7 @@ def _zigzag(
         values: list[tuple[str, str]] = []
         for at, a, b in zip(x[part].tolist(), low[part].tolist(), high[part].tolist(), strict=True):
             values += [(f"{at:.2f}", tenths(a))] + ([(f"{at:.2f}", tenths(b))] if abs(a - b) >= 0.05 else [])
-        for k, (at_text, value) in enumerate(values):  # of a level stretch the ends are enough
+        for k, (at_text, value) in enumerate(values):  # a level stretch needs only its ends
             if not (0 < k < len(values) - 1 and values[k - 1][1] == value == values[k + 1][1]):
                 points.append(f"{at_text} {value}")
         data.append("M" + "L".join(points if len(points) > 1 else points * 2))
@@ -268,7 +268,7 @@ def _command_band(results: Sequence[Result], px: _Pixels, y: float) -> str:
 
 
 def _margin_lines(results: Sequence[Result], px: _Pixels, y: float, height: float) -> dict[str, str]:
-    """The least margin of each axis in each line of the job, as steps; none without physics."""
+    """The least margin of each axis in each line of the job, as a stepped curve; none without physics."""
     found = {}
     for i, axis in enumerate(AXIS_NAMES):
         data, shown = [], -1.0
@@ -285,7 +285,7 @@ def _margin_lines(results: Sequence[Result], px: _Pixels, y: float, height: floa
 
 
 def lanes(recorder: Recorder, last_ns: int) -> list[tuple[str, str, list[tuple[int, int, int | str]]]]:
-    """(group, name, spans) of each output and input that changes or is faulty: (from, to, value), as time goes."""
+    """(group, name, spans) of each output and input that changes or is faulty; a span is (from, to, value)."""
     names = [(group, name) for kind in ("output", "input") for group, name in recorder.names() if group == kind]
     histories: dict[tuple[str, str], list[Change]] = {}
     for change in recorder.changes:
@@ -303,7 +303,7 @@ def lanes(recorder: Recorder, last_ns: int) -> list[tuple[str, str, list[tuple[i
 
 def _lane(name: str, spans: Sequence[tuple[int, int, int | str]], px: _Pixels, y: float) -> Iterable[str]:
     values: dict[int | str, int] = {0: 0, "free": 0, "released": 0, "closed": 0, "ok": 0}
-    if isinstance(spans[0][2], str):  # of an input, what it is at first is its rest; a number speaks for itself
+    if isinstance(spans[0][2], str):  # the first state of an input is its rest; numbers have no rest
         values[spans[0][2]] = 0
     least = (spans[-1][1] - spans[0][0]) / MOST_SPANS
     drawn_ns = spans[0][0]
