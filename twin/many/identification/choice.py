@@ -1,12 +1,12 @@
-"""Which blocks of moves would tell most of a machine, one after the other.
+"""Chooses the most informative blocks of moves, one after the other.
 
-Each block's Jacobian J_b (fit.py) on the machine as it is believed to be, with the data's standard deviations, says
-what it would tell. One after the other the block is taken that with those before it leaves least (greedy):
+The information of a block is its Jacobian J_b (fit.py) on the machine as it is believed to be, in standard deviations
+of the data. A greedy choice takes the block that, with those before it, leaves the least uncertainty:
 
     C <- (C^-1 + J_b' J_b)^-1        D: least det C        E: least largest eigenvalue of C
 
-C begins as the prior, 1, or as the covariance of an identification (`--known`). The same block may be taken again:
-then it is read again. Greedy is within 1 - 1/e of the best choice for D (the gain is submodular), and needs no search.
+C begins as the prior, 1, or as the covariance of an identification (`--known`). The same block may be taken, and
+measured, again. For D the greedy choice is within 1 - 1/e of the best one (the gain is submodular), without a search.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def choose(
         worth = [
             -math.inf if block.stall is not None and block in chosen else _worth(information + one, criterion)
             for block, one in zip(candidates, told, strict=True)
-        ]  # the same series again would tell the same
+        ]  # the same series gives no new information
         best = int(np.argmax(worth))
         information = information + told[best]
         chosen.append(candidates[best])
@@ -70,7 +70,7 @@ def choose(
 
 
 def _worth(information: NDArray[np.float64], criterion: str) -> float:
-    """The more the better: log det, or the least eigenvalue."""
+    """The criterion to maximise: log det, or the least eigenvalue."""
     if criterion == "E":
         return float(np.linalg.eigvalsh(information)[0])
     return float(np.linalg.slogdet(information)[1])

@@ -1,17 +1,16 @@
-"""Experiments that tell a machine's numbers: blocks of moves, written as a job with a file to fill in.
+"""Experiments for identification: blocks of moves, written as a job with a file to fill in.
 
-A block is a short piece of a job with what to measure in it; it begins and ends at rest, referenced:
+A block is a short piece of a job with measurements; it begins and ends at rest, referenced:
 
-    reversal   to a place from below, read, beyond it and back, read            backlash, friction
-    push       at rest, pulled at the tool one way and the other, read          stiffness, backlash
-    coast      emergency stop at speed, read how far beyond the counter         friction, mass
+    reversal   to a place from below, read; from above, read            backlash, friction
+    push       at rest, tool pulled in both directions, read          stiffness, backlash
+    coast      emergency stop at speed, read the overrun         friction, mass
     stall      the same move ever faster until steps are lost                   supply, mass, friction
     far        a place near the motor and one far away, by a scale              lead error
     switch     slowly into the far switch, read                                 its position
 
-Which of them are worth most says choice.py.
-
-Speeds, places and forces vary with the seed, so that a second experiment, the one to hold back, is not the first again.
+choice.py chooses among them. Speeds, places and forces vary with the seed, so that a second experiment, to be held
+back, differs from the first.
 """
 
 from __future__ import annotations
@@ -30,27 +29,25 @@ from isel_twin.many.identification.session import referenced, stall_speed_hz
 from isel_twin.many.identification.unknowns import Unknown
 
 PUSH_N = 150.0  # a spring scale or a 15 kg weight over a pulley
-STALL_HZ_PER_MS = (400, 1000)  # accelerations of the stall series: each has chaos of its own
+STALL_HZ_PER_MS = (400, 1000)  # accelerations of the stall series: the chaos near stall differs for each
 PULLS = 2
 REVERSALS = 4
-APART_MM = (
-    0.3625  # between places of a reversal: elsewhere within a motor step, so that the place of rest is drawn anew
-)
+APART_MM = 0.3625  # between places of a reversal: not whole motor steps, so that the place of rest varies
 APPROACH_MM = 2.0  # far more than any backlash
-FAR_SIGMA_MM = 0.01  # of a scale or gauge blocks over a long way
+FAR_SIGMA_MM = 0.01  # of a scale or gauge blocks over a long distance
 COAST_S = 1.5  # duration of a move for an emergency stop: a person needs time to press it
-PRESS_S, RELEASE_S = 0.5, 2.5  # after the command was sent; speed and way of the coasting do not depend on it
+PRESS_S, RELEASE_S = 0.5, 2.5  # after the command was sent; the coasting does not depend on it
 GENTLE = (6000, 100, 300)  # speed, acceleration and start-stop frequency of moves between readings
-SERIES = 1.04  # from one speed of a stall series to the next
+SERIES = 1.04  # ratio of successive speeds of a stall series
 SERIES_FROM, SERIES_TO = 0.5, 1.8  # of the stall speed expected
 
 
 @dataclass(frozen=True)
 class Step:
-    """One command of a job and what is measured after it."""
+    """One command of a job and the measurements after it."""
 
     data: bytes
-    readings: tuple[Reading, ...] = ()  # without recording, command and value
+    readings: tuple[Reading, ...] = ()  # without recording, command number and value
     acts: tuple[Act, ...] = ()
     comment: str = ""
     any_reply: bool = False  # any reply is accepted
@@ -58,10 +55,10 @@ class Step:
 
 @dataclass(frozen=True)
 class Block:
-    """A short piece of a job that tells something, or a series of stalls."""
+    """A short piece of a job with measurements, or a series of stalls."""
 
     name: str
-    what: str  # for people
+    what: str  # description for people
     steps: tuple[Step, ...] = ()
     stall: Stall | None = None
 
@@ -81,14 +78,14 @@ class Experiment:
         return Measured(tuple(readings), tuple(acts), stalls)
 
     def comments(self) -> dict[int, str]:
-        """By command: what to read after it."""
+        """By command: what to measure after it."""
         return {number: step.comment for number, step in enumerate(self.steps, 1) if step.comment}
 
 
 def blocks(
     machine: Machine, controller: str, axes: Sequence[str], unknowns: Sequence[Unknown], seed: int
 ) -> list[Block]:
-    """All blocks for these axes. Raises ValueError for a controller that does not answer moves."""
+    """All blocks for these axes. Raises ValueError for a controller that does not reply to moves."""
     language = needed(create_language(controller), controller)
     if language.accepted(language.move([0] * len(CARRIAGES), MoveSettings())[-1], b""):
         raise ValueError(
@@ -119,7 +116,7 @@ def blocks(
 
 
 class _Teller:
-    """Moves of one axis in the words of a controller."""
+    """Moves of one axis in the language of a controller."""
 
     def __init__(self, language: Language, axis: str, steps_per_mm: float) -> None:
         self.language, self.axis, self.steps_per_mm = language, axis, steps_per_mm
@@ -129,7 +126,7 @@ class _Teller:
     def move(
         self, mm: float, how: tuple[int, int, int] | None = None, readings: tuple[Reading, ...] = (), **of_last: object
     ) -> tuple[Step, ...]:
-        """To a place; the other axes stay at 0. Readings and the rest belong to the command that moves."""
+        """Move to a position; the other axes stay at 0. Readings and the rest belong to the moving command."""
         target = _target(self.axis, mm, self.steps_per_mm)
         *before, last = self.language.move(target, MoveSettings(*(how or self.gentle)))
         step = Step(last, readings)
@@ -207,7 +204,7 @@ def _switch(tell: _Teller, language: Language, travel_mm: float, contact: str) -
 
 
 def assemble(name: str, chosen: Sequence[Block], language: Language) -> Experiment:
-    """A job of blocks: reference run first, then each in its turn; gauges of a block that comes twice are set anew."""
+    """A job of a reference run and these blocks; a repeated block has its own gauge zeros."""
     steps = [Step(data) for data in language.reference()]
     stalls = []
     for number, block in enumerate(chosen, 1):
@@ -253,7 +250,7 @@ def series_text(experiment: Experiment, machine: Machine, language: Language) ->
 
 
 def series_hz(stall: Stall, language: Language) -> list[int]:
-    """Speeds of the series for a stall that is expected at its speeds."""
+    """Speeds of the series for an expected stall."""
     middle = math.sqrt(stall.held_hz * stall.lost_hz)
     low, high = language.ranges["speed_hz"]
     count = math.ceil(math.log(SERIES_TO / SERIES_FROM) / math.log(SERIES))

@@ -1,25 +1,24 @@
-"""Least squares over several sessions: what can be told, what is found, and whether it predicts what it has not seen.
+"""Least squares over several sessions: identifiability, estimates, and prediction of held-back data.
 
     r(u) = (measured - predicted(u)) / sigma          less the weighted mean within a group that shares a zero
     cost = |r(u)|^2 + |u|^2                           u: standard deviations from the prior (unknowns.py)
-    J    = dr/du                                      by differences of wide steps, below
+    J    = dr/du                                      by finite differences of large steps, below
 
-**Before the fit**: the singular values of J at the prior. A direction of the u with singular value s is known to
-1/sqrt(1 + s^2) of the prior afterwards; where s < 1 the data say less than what was believed before. So the rank is
-the number of s >= 1, and a parameter is told as not identified if its interval stays wider than NOT_IDENTIFIED of the
-prior's.
+**Before the fit**: the singular values of J at the prior. A direction of u with singular value s has 1/sqrt(1 + s^2) of
+its prior standard deviation afterwards; for s < 1 the data say less than the prior. So the rank is the number of s >=
+1, and a parameter counts as not identified if its interval stays wider than NOT_IDENTIFIED of the prior's.
 
 **Steps of the differences.** On a small scale the model is not smooth: counters are whole steps of 3 um, the backlash
-is a dead zone, dry friction lets a carriage rest anywhere in 1 to 3 um, a stall comes in bands of speed. A step of
-1e-8 would measure these corners, and one of 2 % still their scatter: 3 um over 2 % is more than any parameter does.
-So the step is STEP of the prior's standard deviation, some 30 % of an estimate, throughout. The first and the last
-Jacobian are central, free of the curvature; those between only lead downhill, and go one way (many/9).
+is a dead zone, dry friction lets a carriage rest anywhere in 1 to 3 um, stall occurs in bands of speed. A step of 1e-8
+would measure these corners, and 2 % still their scatter, which exceeds the effect of any parameter. So the step is
+always STEP of the prior's standard deviation, some 30 % of an estimate. The first and the last Jacobian use central
+differences, free of the curvature; those between only give the direction of descent, and are one-sided (many/9).
 
-**After it**: cov = (J'J + 1)^-1, times chi^2 per degree of freedom where that is above 1, so that a model that does
-not fit does not claim precision; 95 % intervals are of the u, so never negative where the value cannot be.
+**After it**: cov = (J'J + 1)^-1, times chi^2 per degree of freedom if that is above 1, so that a bad fit does not claim
+precision; 95 % intervals are in u, so never negative for a positive value.
 
-**Held back**: the root mean square of r over recordings that had no part in the fit, before (at the prior) and after.
-Greater after than before: refused.
+**Held back**: the root mean square of r over recordings that are not fitted, before (at the prior) and after. If it
+grows, the result is refused.
 """
 
 from __future__ import annotations
@@ -37,21 +36,21 @@ from isel_twin.many.identification.session import MISSED, Datum, Session, predic
 from isel_twin.many.identification.unknowns import Unknown, candidate
 
 STEP = 0.8  # step of the differences, in standard deviations of the prior
-CLIFF = 5.0  # if the differences of a step up and a step down are in a larger ratio, one of them is no slope
-CHANCE = 4.0  # standard deviations by which the sum of squares of differences must exceed that of scatter to count
-BOUND = 3.0  # the search stays within so many standard deviations of the prior
-NOT_IDENTIFIED = 0.9  # standard deviation afterwards over that of the prior: from here on nothing has been learnt,
-WEAK = 0.5  # and from here on the parameter is known only roughly
+CLIFF = 5.0  # largest ratio of the differences of a step up and a step down; beyond it one of them is no slope
+CHANCE = 4.0  # standard deviations by which the sum of squares of differences must exceed the scatter to count
+BOUND = 3.0  # limit of the search, in standard deviations of the prior
+NOT_IDENTIFIED = 0.9  # standard deviation over that of the prior from which a parameter is not identified,
+WEAK = 0.5  # and from which it is known only roughly
 NORMAL_95 = 1.96
-TOLD = 0.3  # a parameter with this part of a direction or more is named in it
-ENOUGH = 0.01  # relative change of cost and place at which the search ends: less than the scatter of the model makes
-MOST_CALLS = 8  # of the model by the search, beside those for its Jacobians
+TOLD = 0.3  # a parameter with at least this part of a direction is named in it
+ENOUGH = 0.01  # relative change of cost and point at which the search ends: below the scatter of the model
+MOST_CALLS = 8  # evaluations in the search, without those for Jacobians
 
 Floats = NDArray[np.float64]
 
 
 class Model:
-    """All sessions on candidate machines; keeps what it has computed."""
+    """Predictions of all sessions on candidate machines, cached."""
 
     def __init__(
         self,
@@ -61,7 +60,7 @@ class Model:
         crew: Crew | None = None,
         progress: Callable[[int], None] | None = None,
     ) -> None:
-        """crew: for the replays; None: here. progress: told how many were."""
+        """crew: for the replays; None: this process. progress: called with the number of replays."""
         self.machine = machine
         self.unknowns = tuple(unknowns)
         self.sessions = tuple(sessions)
@@ -76,11 +75,11 @@ class Model:
         self._kinds = self._alike(lambda item: True)
         self._batches = self._alike(lambda item: item.scatter > 0.0)
         self._groups = self._alike(lambda item: bool(item.group))
-        # data that are free to differ: less those that set zeros, less the parameters
+        # degrees of freedom: data less zeros less parameters
         self.freedom = max(1, len(self.data) - len(self._groups) - len(self.unknowns))
 
     def _alike(self, counts: Callable[[Datum], bool]) -> list[NDArray[np.int64]]:
-        """Indices of those data that count, by group or, without one, by kind."""
+        """Indices of the selected data, by group or, without one, by kind."""
         found: dict[str, list[int]] = {}
         for index, item in enumerate(self.data):
             if counts(item):
@@ -91,7 +90,7 @@ class Model:
         return [item.value(float(one)) for item, one in zip(self.unknowns, u, strict=True)]
 
     def predictions(self, points: Sequence[Floats]) -> list[Floats]:
-        """float64 [data] at each of several u."""
+        """float64 [data] for each of several u."""
         keys = [tuple(np.round(point, 12).tolist()) for point in points]
         new = list(dict.fromkeys(key for key in keys if key not in self._known))
         calls = [
@@ -111,7 +110,7 @@ class Model:
         return [self._known[key] for key in keys]
 
     def residuals(self, predicted: Floats) -> Floats:
-        """r [data], zeros of gauges taken out (many/10)."""
+        """r [data], without the zeros of gauges (many/10)."""
         difference = self._value - predicted
         weight = 1.0 / self._sigma**2
         for indices in self._groups:
@@ -142,8 +141,8 @@ class Model:
         return np.array(columns).T.reshape(len(self.data), len(u))
 
     def _between(self, ahead: Floats, back: Floats) -> Floats:
-        """The mean of the differences [data] of two steps; the smaller one in a batch where they are far apart (CLIFF):
-        there one of the two candidates has lost steps where the other has not, no slope of anything."""
+        """The mean of the differences [data] of two steps. In a batch where they differ much (CLIFF) one candidate has
+        lost steps and the other has not: then the smaller one."""
         mean = self._told(ahead + back) / 2.0
         for indices in self._kinds:
             one, two = float(np.linalg.norm(ahead[indices])), float(np.linalg.norm(back[indices]))
@@ -152,7 +151,7 @@ class Model:
         return mean
 
     def _told(self, difference: Floats) -> Floats:
-        """Differences [data] of two residuals, 0 throughout a batch in which they are no more than model scatter."""
+        """Differences [data] of two residuals, 0 in a batch in which they are within the scatter of the model."""
         told = difference.copy()
         for indices in self._batches:
             by_chance = 2.0 * float(((self._scatter[indices] / self._sigma[indices]) ** 2).sum())
@@ -162,16 +161,16 @@ class Model:
 
 
 def _predict(call: tuple[Session, Machine, tuple[Unknown, ...], list[float]]) -> Floats:
-    """One session on one candidate, for processes."""
+    """One session on one candidate, for worker processes."""
     session, machine, unknowns, values = call
     return predict(session, candidate(machine, unknowns, values))
 
 
 @dataclass(frozen=True)
 class Prospect:
-    """What the data can tell, known before the fit."""
+    """Identifiability, known before the fit."""
 
-    singular: tuple[float, ...]  # from the largest; in standard deviations of the data for one of the prior
+    singular: tuple[float, ...]  # descending; standard deviations of the data per standard deviation of the prior
     remaining: tuple[float, ...]  # by parameter: expected standard deviation afterwards over that of the prior
     lines: tuple[str, ...]
 
@@ -182,7 +181,7 @@ class Prospect:
 
 
 def prospect(unknowns: Sequence[Unknown], jacobian: Floats) -> Prospect:
-    """What data with this Jacobian [data, n] can tell."""
+    """Identifiability with this Jacobian [data, n]."""
     count = len(unknowns)
     _, values, ways = np.linalg.svd(jacobian, full_matrices=True)
     singular = np.zeros(count)
@@ -208,7 +207,7 @@ def prospect(unknowns: Sequence[Unknown], jacobian: Floats) -> Prospect:
 
 @dataclass(frozen=True)
 class Estimate:
-    """One parameter afterwards."""
+    """One parameter after the fit."""
 
     unknown: Unknown
     value: float
@@ -223,7 +222,7 @@ class Estimate:
 
     @property
     def note(self) -> str:
-        """Why the interval is wide, if it is."""
+        """The reason for a wide interval, else ""."""
         if not self.identified:
             return "not identified: the data say no more than the prior"
         if self.remaining >= WEAK:
@@ -244,17 +243,17 @@ class Fit:
     after: Mapping[str, float]
     fitted_before: Mapping[str, float]
     fitted_after: Mapping[str, float]
-    held: tuple[tuple[Datum, float, float], ...]  # held back: prediction before and after, zeros of gauges taken out
+    held: tuple[tuple[Datum, float, float], ...]  # held back: prediction before and after, without zeros of gauges
     replays: int
 
     @property
     def worse(self) -> bool:
-        """True if what was held back is predicted worse than by the prior."""
+        """True if held-back data are predicted worse than by the prior."""
         return bool(self.before) and self.after["all"] > self.before["all"]
 
     @property
     def times(self) -> float:
-        """By how much better what was held back is predicted; nan: nothing was."""
+        """Improvement factor of the prediction of held-back data; nan without any."""
         return self.before["all"] / self.after["all"] if self.before else math.nan
 
 
@@ -268,7 +267,7 @@ def fit(
     told: Callable[[Prospect], None] | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Fit:
-    """Fit and judge. told: called with what can be identified, before the fit. Raises ImportError without SciPy."""
+    """Fit and validate. told: called with the identifiability before the fit. Raises ImportError without SciPy."""
     from scipy.optimize import least_squares
 
     model = Model(machine, unknowns, fitted, crew, progress)

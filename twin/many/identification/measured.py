@@ -1,27 +1,27 @@
-"""The file of what was measured at a machine: TOML, or CSV for readings alone.
+"""The file of measurements at a machine: TOML, or CSV for readings only.
 
-    gauge_sigma_mm = 0.005                  # standard deviation of a reading, if the entry has none of its own
+    gauge_sigma_mm = 0.005                  # default standard deviation of a reading
     time_sigma_s = 0.005                    # of a duration in a recording
 
     [[reading]]                             # a dial gauge, a scale, calipers
     recording = "first"                     # the recording's file without .mcap
-    command = 7                             # at rest after this command, counted from 1 as by `compare --all`
+    command = 7                             # at rest after this command, numbered from 1 as by `compare --all`
     axis = "x"
-    mm = 19.993                             # up in the direction of the counter; nan: not read yet
+    mm = 19.993                             # rising in the direction of the counter; nan: not read yet
     gauge = "a"                             # readings of one mounting of the gauge share an unknown zero
     push_n = 150.0                          # force at the tool along the axis meanwhile; left out: none
-    counter_mm = 20.0                       # what the counter says then, if that is by chance (an emergency stop)
-    at_s = 0.35                             # in motion, so long after the command was sent; left out: at rest
+    counter_mm = 20.0                       # the counter at that time, if it is random (an emergency stop)
+    at_s = 0.35                             # in motion, at this time after the command was sent; left out: at rest
     sigma_mm = 0.02
 
-    [[act]]                                 # what was done to the machine
+    [[act]]                                 # an operation at the machine
     recording = "first"
     command = 9
     after_s = 0.4                           # after the command was sent
     set = { estop = "pressed" }             # any keys of a scenario event
 
     [[stall]]                               # the same move ever faster, until the motor stalled
-    recording = "first"                     # what it is fitted or held back with; there need not be such a file
+    recording = "first"                     # fitted or held back with this one; the file need not exist
     command = 20                            # first command of that series, if it is in the recording; replay ends there
     axis = "x"
     from_mm = 20.0
@@ -29,15 +29,15 @@
     acceleration_hz_per_ms = 400
     start_stop_hz = 300
     held_hz = 24000                         # fastest speed at which no step was lost
-    lost_hz = 25000                         # the next one, at which some were; left out: it never stalled
+    lost_hz = 25000                         # the next one, at which steps were lost; left out: it never stalled
 
     [[repeats]]                             # the same place after several reference runs
     recording = "first"
     axis = "x"
     mm = [0.003, 0.011, -0.004]
 
-A CSV file has the keys of a reading in its first line, one reading a line. Sampled positions (a scale that was logged)
-are readings with `at_s`.
+A CSV file has the keys of a reading in its first line, then one reading a line. A log of a scale is a list of readings
+with `at_s`.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ from isel_twin.base.toml import toml_line
 from isel_twin.wiring import EVENT_KEYS
 
 GAUGE_SIGMA_MM = 0.005
-TIME_SIGMA_S = 0.005  # USB adapters keep bytes back for 1 to 16 ms, and hosts are busy now and then
+TIME_SIGMA_S = 0.005  # USB adapters hold bytes for 1 to 16 ms, and hosts are sometimes busy
 
 _MM = Limits("mm", -1e5, 1e5)
 _N = Limits("N", -1e4, 1e4)
@@ -73,7 +73,7 @@ class MeasuredError(FileError):
 
 @dataclass(frozen=True)
 class Reading:
-    """A position that was read; the module says what the fields mean."""
+    """A position that was read; fields as in the module docstring."""
 
     recording: str
     command: int
@@ -128,7 +128,7 @@ class Measured:
     repeats: tuple[Repeats, ...] = ()
     time_sigma_s: float = TIME_SIGMA_S
     gauge_sigma_mm: float = GAUGE_SIGMA_MM
-    unread: int = 0  # entries whose number is still nan: left out
+    unread: int = 0  # number of entries that are still nan
 
     @property
     def names(self) -> list[str]:
@@ -143,7 +143,7 @@ class Measured:
         return [name for name in CARRIAGES if name in found]
 
     def of(self, recording: str) -> Measured:
-        """What belongs to one recording."""
+        """The part that belongs to one recording."""
         lists: tuple[tuple[Any, ...], ...] = (self.readings, self.acts, self.stalls, self.repeats)
         readings, acts, stalls, repeats = (tuple(one for one in each if one.recording == recording) for each in lists)
         return Measured(readings, acts, stalls, repeats, self.time_sigma_s, self.gauge_sigma_mm)

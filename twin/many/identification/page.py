@@ -1,8 +1,8 @@
-"""The result of an identification as a page that needs nothing else: plain HTML with inline SVG, no script, no request.
+"""The result of an identification as a self-contained page: plain HTML with inline SVG, no script.
 
-    verdict | what can be told | estimates with intervals | correlations | held back: before and after, datum by datum
+    verdict | identifiability | estimates with intervals | correlations | held back: before and after, datum by datum
 
-Residuals are in standard deviations of the data, on a logarithmic scale (decades above 1): what is within 1 is noise.
+Residuals are in standard deviations of the data, on a logarithmic scale (decades above 1); within 1 is noise.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from isel_twin.report.svg import escape
 
 ROWS = 400  # most data listed; the worst ones first
 WIDTH, ROW = 460, 22
-LABEL = 46  # most characters of a label that stand beside its bar
+LABEL = 46  # most characters of a label beside its bar
 
 
 def page(title: str, result: Fit, fitted: Sequence[str], held: Sequence[str]) -> str:
@@ -128,7 +128,7 @@ def _errors(result: Fit) -> str:
 
 
 def _held(result: Fit) -> str:
-    """Every datum held back with its residuals, the largest ones first."""
+    """All held-back data with their residuals, the largest first."""
     left = 330
 
     def px(sigmas: float) -> float:

@@ -1,4 +1,4 @@
-"""The result as a machine: a machine.toml that says what has been found and is based on what it was begun with.
+"""The result as a machine.toml with the identified numbers, based on the original machine.
 
     based_on = "4030"
     name = "4030-identified"
@@ -6,9 +6,8 @@
     [axes.x]
     backlash = { value = 0.0312, unit = "mm", grade = "measured", source = "identified from a: 95 % 0.027 .. 0.036" }
 
-Only what the data have told is in it; the rest stays what it was. Grade `measured` if recordings were held back and
-are predicted better; without any held back the numbers are estimates, and graded so, and so is what is known only
-roughly.
+Only identified numbers are in it. Their grade is `measured` if recordings were held back and are predicted better;
+without any, or if a number is known only roughly, it is `estimate`.
 """
 
 from __future__ import annotations
@@ -27,14 +26,14 @@ from isel_twin.models import machine_names
 
 
 def based_on(name: str, machine: Machine, folder: Path) -> str:
-    """What a machine.toml in that folder says to begin with `name`, which is that machine."""
+    """The value of `based_on` for a machine.toml in that folder, for the machine `name`."""
     return name if name in machine_names() else Path(os.path.relpath(machine.folder, folder)).as_posix()
 
 
 def patch(
     result: Fit, machine: Machine, base: str, name: str, controller: str, fitted: Sequence[str], held: Sequence[str]
 ) -> str:
-    """The text of the machine.toml. base: see `based_on`. controller: any that moves it. fitted, held: recordings."""
+    """The text of the machine.toml. base: from `based_on`. controller: any that moves it. fitted, held: recordings."""
     tables: dict[str, list[str]] = {}
     flags: dict[str, None] = {}
     units = {row.parameter: row.unit for row in rows(machine.tree)}
@@ -75,7 +74,7 @@ def patch(
 
 
 def _step_ms(result: Fit, machine: Machine, controller: str) -> float | None:
-    """The time step that the machine found needs, if it is another one."""
+    """The time step that the identified machine needs, if it differs."""
     from isel_twin.many.identification.session import model_twin
 
     known = [estimate for estimate in result.estimates if estimate.identified]
@@ -85,7 +84,7 @@ def _step_ms(result: Fit, machine: Machine, controller: str) -> float | None:
 
 
 def as_json(result: Fit, fitted: Sequence[str], held: Sequence[str]) -> dict[str, Any]:
-    """The result in JSON's types: for programs, and for `isel-twin experiment --known`."""
+    """The result in JSON's types, also for `isel-twin experiment --known`."""
     return {
         "parameters": [
             {

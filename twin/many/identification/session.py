@@ -1,20 +1,20 @@
-"""A recording with what was measured meanwhile, and what a machine with other numbers would have given in its place.
+"""A recording with its measurements, and their prediction by a machine with other numbers.
 
-    recording    sent --------- reply   gap   sent ----- reply     bytes and their times, of whatever machine
+    recording    sent --------- reply   gap   sent ----- reply     bytes and their times, of any machine
     measured         act   at_s       reading
 
-    replay       the same bytes to a twin of the candidate machine, each as long after the last reply as it was then;
+    replay       the same bytes to a twin of the candidate machine, with the recorded delays after replies;
                  acts and readings at their commands, in the order of the file
 
-Each number of one side is compared with one of the other, `Datum` by `Datum`:
+Measured and predicted numbers are compared one by one (`Datum`):
 
     duration     of each command that takes LEAST_S or longer, from its last byte to the last one of its reply, but not
                  of the first reference run of an axis, whose start is unknown, nor while an act interferes
-    reading      position at rest or in motion; less the counter where the file says what it was
-    stall        logarithm of the speed at which steps begin to be lost, found as at the machine: ever faster
+    reading      position at rest or in motion; less the counter where the file has it
+    stall        logarithm of the speed at which loss of steps begins, found as at the machine, by increasing the speed
     scatter      logarithm of the standard deviation over reference runs
 
-The model is deterministic: one seed, switches that do not scatter, chance only in the data. Two candidates differ by
+The model is deterministic: one seed, switches without scatter. Only the data have noise, so two candidates differ by
 their numbers alone (common random numbers).
 """
 
@@ -41,26 +41,27 @@ from isel_twin.recordings.compare import paired, traffic
 from isel_twin.recordings.reading import Recorded, RecordingError
 from isel_twin.wiring import ScenarioError, event_now
 
-LEAST_S = 0.05  # a shorter duration says something of the controller and its line, nothing of the machine
-SETTLE_S = 0.3  # from the reply, or from a pull at the machine, until a gauge is read
-# relative standard deviation of a stall speed beside what its two speeds leave open: near stall the outcome is chaotic
+LEAST_S = 0.05  # shorter durations depend on the controller and its line, not on the machine
+SETTLE_S = 0.3  # from the reply or the change of a push until a gauge is read
+# relative standard deviation of a stall speed, beside the interval of its two speeds: near stall the outcome is chaotic
 # in narrow bands of speed
 STALL_SCATTER = 0.03
-START_MM = 3.0  # of the model's carriages at power-on: near the switch, so that the first reference run is short
-STALL_LOW, STALL_HIGH = 0.6, 1.7  # looked for from and to, over the speed measured
-STALL_COARSE, STALL_FINE = 1.06, 1.02  # from one speed to the next: until steps are lost, then from the last that held
-# standard deviation of a place of rest beside the gauge's: dry friction lets rotor and carriage stand anywhere in a
+START_MM = 3.0  # model's carriages at power-on: near the switch, so that the first reference run is short
+STALL_LOW, STALL_HIGH = 0.6, 1.7  # range of the search, over the measured speed
+# ratio of successive speeds: until steps are lost, then again from the last that held
+STALL_COARSE, STALL_FINE = 1.06, 1.02
+# standard deviation of a place of rest, beside the gauge's: dry friction lets rotor and carriage rest anywhere in a
 # narrow band (0.7 to 1.5 um on the 4030, over forty places)
 REST_SIGMA_MM = 0.001
-REFERENCE_SIGMA_S = 0.015  # of a reference run beside the clock's: a switch scatters by 10 to 15 um, left at 1 mm/s
-MISSED = 1e4  # residual where the model has no value because the command was not answered, in standard deviations
-MOST_HALVINGS = 3  # of the time step, for candidates that need a shorter one
+REFERENCE_SIGMA_S = 0.015  # of a reference run, beside the clock's: a switch scatters by 10 to 15 um, left at 1 mm/s
+MISSED = 1e4  # residual, in standard deviations, where the model has no value because the command got no reply
+MOST_HALVINGS = 3  # most halvings of the time step, for candidates that need a shorter one
 _PATIENCE_S = 3600.0
 
 
 @dataclass(frozen=True)
 class Datum:
-    """One number that was measured."""
+    """One measured number."""
 
     kind: str  # duration, reading, stall, scatter
     label: str
@@ -68,21 +69,21 @@ class Datum:
     value: float
     sigma: float
     unit: str
-    group: str = ""  # readings of one group share an unknown zero, durations what line, adapter and host always take
-    scatter: float = 0.0  # standard deviation of the model's own value, by chance; it is part of sigma
+    group: str = ""  # readings of a group share an unknown zero, durations an unknown delay of line, adapter and host
+    scatter: float = 0.0  # standard deviation of the model's own value; part of sigma
 
 
 @dataclass(frozen=True)
 class Session:
-    """A recording as it is replayed; can be pickled."""
+    """A recording for replay; can be pickled."""
 
     name: str
     controller: str
     pieces: tuple[tuple[int, bytes, bool, int], ...]  # time in ns, bytes, True if from the host, ns a byte
-    operated: tuple[tuple[int, Mapping[str, Any]], ...]  # time in ns, and what was done: keys of a scenario event
+    operated: tuple[tuple[int, Mapping[str, Any]], ...]  # time in ns, and keys of a scenario event
     measured: Measured
     line_speed: bool = True
-    unknown_start: frozenset[int] = frozenset()  # commands whose duration depends on where the carriages were at first
+    unknown_start: frozenset[int] = frozenset()  # commands whose duration depends on the unknown first positions
     references: frozenset[int] = frozenset()  # commands that are reference runs
 
     @property
@@ -92,12 +93,12 @@ class Session:
 
     @property
     def stalls(self) -> tuple[Stall, ...]:
-        """Those that did stall: a speed that held is no number that a fit could follow."""
+        """Series that did stall: a fit cannot use a speed that held."""
         return tuple(stall for stall in self.measured.stalls if stall.lost_hz < math.inf)
 
     @property
     def data(self) -> tuple[Datum, ...]:
-        """What was measured, in the order of `predict`."""
+        """The measured data, in the order of `predict`."""
         found = []
         if self.pieces:
             language = _language(self.controller)
@@ -133,7 +134,7 @@ class Session:
 
 
 def _log_speed(stall: Stall) -> tuple[float, float]:
-    """ln of the stall speed, Hz, and its standard deviation: evenly distributed between the two speeds."""
+    """ln of the stall speed in Hz, uniform between the two speeds, and its standard deviation."""
     low, high = math.log(stall.held_hz), math.log(stall.lost_hz)
     return 0.5 * (low + high), math.hypot((high - low) / math.sqrt(12.0), STALL_SCATTER)
 
@@ -143,7 +144,7 @@ def _language(controller: str) -> Language:
 
 
 def session_of(recorded: Recorded, measured: Measured, controller: str, machine: Machine) -> Session:
-    """A recording with its measurements. machine: any, to see where reference runs begin. Raises RecordingError."""
+    """A recording with its measurements. machine: any, to find where reference runs begin. Raises RecordingError."""
     name = recorded.path.stem
     own = measured.of(name)
     controller = recorded.controller or controller
@@ -166,12 +167,12 @@ def session_of(recorded: Recorded, measured: Measured, controller: str, machine:
 
 
 def stand_alone(name: str, measured: Measured, controller: str) -> Session:
-    """What was measured without a recording: stall speeds, repeats."""
+    """Measurements without a recording: stall speeds, repeats."""
     return Session(name, controller, (), (), measured.of(name))
 
 
 def predict(session: Session, machine: Machine) -> NDArray[np.float64]:
-    """float64 [n], what the machine gives for each of `session.data`; nan: nothing."""
+    """float64 [n], prediction of each of `session.data` by the machine; nan: none."""
     found: list[float] = []
     data = session.data
     if session.pieces and any(item.kind in ("duration", "reading") for item in data):
@@ -201,7 +202,7 @@ class Player:
         self._pieces: list[tuple[int, bytes, bool, int]] = []
         self._twin.listen(self._note)
         self._command = 0
-        self.readings: list[float] = []  # of each reading of the session, mm; nan: its command was never sent
+        self.readings: list[float] = []  # of the session's readings, mm; nan: the command was never sent
         self.unknown_start: set[int] = set()
         self.references: set[int] = set()
         self._referenced: set[int] = set()
@@ -225,12 +226,12 @@ class Player:
         return paired(sorted(self._pieces, key=lambda piece: piece[0]), _language(self._session.controller))
 
     def play(self) -> None:
-        """All of it, up to the last command that counts."""
+        """Replay up to the last command that counts."""
         session, twin = self._session, self._twin
         language = _language(session.controller)
         found: dict[Reading, float] = {}
         then = now = 0
-        past_ns = resumed_ns = 0  # the last instant that both know: then, and now
+        past_ns = resumed_ns = 0  # the last common instant, in the recording and now
         entries: list[tuple[int, int, Any]] = [(piece[0], 1, piece) for piece in session.pieces]
         entries += [(time_ns, 0, content) for time_ns, content in session.operated]
         for time_ns, kind, content in sorted(entries, key=lambda entry: entry[:2]):
@@ -263,7 +264,7 @@ class Player:
         twin.carry_out(event_now(dict(content), self._place, twin.settable, twin.keys))
 
     def _await(self, then: int, now: int) -> int:
-        """Let time pass until as many bytes have come as came then, or no more will."""
+        """Let time pass until as many bytes have come as in the recording, or no more will come."""
         twin = self._twin
         end_ns = twin.time_ns + round(_PATIENCE_S * SECOND_NS)
         now += len(twin.read())
@@ -273,12 +274,12 @@ class Player:
         return now
 
     def _meanwhile(self, found: dict[Reading, float]) -> None:
-        """What was done and read while the command just sent was carried out."""
+        """Carry out the acts and readings during the command just sent."""
         measured, twin, sent_ns = self._session.measured, self._twin, self._twin.time_ns
         happened: list[tuple[float, Act | Reading]] = [(act.after_s, act) for act in measured.acts]
         happened += [(reading.at_s, reading) for reading in measured.readings if reading.at_s is not None]
         own = (each for each in happened if each[1].command == self._command)
-        for after_s, what in sorted(own, key=lambda each: each[0]):  # of the same moment the acts first
+        for after_s, what in sorted(own, key=lambda each: each[0]):  # acts first at equal times
             twin.run_until(max(twin.time_ns, sent_ns + round(after_s * SECOND_NS)))
             if isinstance(what, Act):
                 self._carry_out(what.content)
@@ -286,7 +287,7 @@ class Player:
                 found[what] = self._position_mm(what)
 
     def _read(self, found: dict[Reading, float]) -> None:
-        """The gauges at rest after the last command."""
+        """Read the gauges at rest after the last command."""
         pushed: set[int] = set()
         twin = self._twin
         for reading in self._session.measured.readings:
@@ -311,10 +312,8 @@ class Player:
 
 
 def model_twin(machine: Machine, controller: str, line_speed: bool = False) -> Twin:
-    """A twin of a candidate, near its switches, in steps of time that its stiffness and masses need.
-
-    Light and stiff candidates need shorter ones than the machine one began with, which the plant refuses: then half of
-    them. Raises MachineError.
+    """A twin of a candidate, near its switches. If its masses and stiffness need shorter time steps than the original
+    machine, the steps are halved. Raises MachineError.
     """
     x, y, z = (min(START_MM, 0.5 * axis.travel_mm) for axis in machine.axes)
     for _ in range(MOST_HALVINGS):
@@ -337,7 +336,7 @@ def referenced(controller: str, machine: Machine) -> Twin:
 
 
 def converse(twin: Twin, data: bytes) -> bytes:
-    """Send, and run until all is answered and stands still: the reply."""
+    """Send, run until the twin is idle, and return the reply."""
     twin.read()
     twin.write(data)
     twin.run_until_idle(_PATIENCE_S)
@@ -345,10 +344,9 @@ def converse(twin: Twin, data: bytes) -> bytes:
 
 
 def stall_speed_hz(twin: Twin, stall: Stall) -> float:
-    """The speed at which the move there and back begins to lose steps, as one finds it at the machine: ever faster.
-
-    Upwards and not by bisection, for near stall there are bands of speed that hold beyond the first that does not.
-    The highest speed, where none loses any.
+    """The speed at which the move there and back begins to lose steps, found as at the machine, by increasing the
+    speed: bisection would fail, as near stall some bands of higher speed hold again. The highest speed, if none loses
+    steps.
     """
     language = needed(twin.language, twin.controller_name)
     lowest, highest = language.ranges["speed_hz"]
@@ -358,7 +356,7 @@ def stall_speed_hz(twin: Twin, stall: Stall) -> float:
         while held < top:
             faster = min(held * factor, top)
             if stalls(twin, stall, round(faster)):
-                for command in language.reference():  # its place is unknown now
+                for command in language.reference():  # its position is unknown now
                     converse(twin, command)
                 top = faster
                 break

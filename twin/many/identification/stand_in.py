@@ -1,7 +1,6 @@
-"""An experiment carried out on a twin, in the place of a machine and of the person who measures at it.
-
-The result is that of a real one: a recording of bytes and times as `tap` makes it, and the filled-in file, with the
-errors of a gauge and a clock. For trying out an experiment before going to the machine, and for judging a block.
+"""An experiment carried out on a twin in place of a real machine. The result has the same form: a recording of bytes
+and times as from `tap`, and the filled-in file, with the errors of a gauge and a clock. For testing an experiment
+before going to the machine, and for judging a block.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ PLACE = 2.0  # the zero of a gauge is drawn from 0 to this, mm
 def carry_out(
     experiment: Experiment, machine: Machine, controller: str, *, seed: int, noise_mm: float, time_noise_s: float
 ) -> tuple[Recorded, Measured]:
-    """The recording and what was measured. noise_mm, time_noise_s: standard deviations of gauge and clock."""
+    """The recording and the measurements. noise_mm, time_noise_s: standard deviations of gauge and clock."""
     draw = np.random.default_rng([seed, 5])
     twin = Twin(machine, controller, "mujoco", seed, line_speed=True, keep_motions=1)
     entries: list[Entry] = []
@@ -86,7 +85,7 @@ def _act(twin: Twin, step: Step, began_ns: int) -> None:
 
 
 def _stalled(stall: Stall, machine: Machine, controller: str, seed: int) -> Stall:
-    """Ever faster on another such machine, until steps are lost."""
+    """The result of a stall series on another twin of this machine."""
     twin = Twin(machine, controller, "mujoco", seed, keep_motions=1)
     language = needed(create_language(controller), controller)
     for command in language.reference():
@@ -104,7 +103,7 @@ def _content(data: bytes, byte_ns: int) -> dict[str, Any]:
 
 
 def write_recording(path: Path, recorded: Recorded) -> None:
-    """Keep it as a file, in the order of time. Raises OSError."""
+    """Write the recording, in the order of time. Raises OSError."""
     language = create_language(recorded.controller)
     with RecordingWriter(path, dict(recorded.metadata), language=language) as writer:
         for entry in sorted(recorded.entries, key=lambda each: each.time_ns):

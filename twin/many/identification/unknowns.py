@@ -1,4 +1,4 @@
-"""Named parameters of a machine that are to be found, and what is believed of them before anything is measured.
+"""Named parameters of a machine to identify, and their prior distributions.
 
     name             stands for                                                       as
     friction.x       axes.x.guide_friction, shaft_coulomb, shaft_viscous              a common factor
@@ -9,17 +9,17 @@
     mass             all [masses]                                                     a common factor
     switch.limit_x2  contacts.limit_x2.position                                       mm
     repeatability    switches.repeatability                                           mm
-    any key          as `isel-twin describe` has it: axes.z.brake, controller.start_stop_hz ...
+    any key          of `isel-twin describe`: axes.z.brake, controller.start_stop_hz ...
 
-Keys that only act together at what can be measured have one factor: guides and shaft both only brake, and a gauge at
-the tool sees screw and frame in series. Who can tell them apart names single keys.
+Keys that measurements cannot separate have a common factor: guides and shaft both brake, and a gauge at the tool sees
+screw and frame in series. If you can separate them, name single keys.
 
-Within the fit each is a plain number u, 0 at the prior value, 1 a standard deviation of what is believed:
+In the fit each is a number u, 0 at the prior value, in standard deviations of the prior:
 
-    value = prior exp(s u)      for what is positive         value = prior + s u      for what may be 0 or negative
+    value = prior exp(s u)      if positive                  value = prior + s u      if 0 or negative is possible
 
-The prior range holds 95 % of the belief, so s is a quarter of its width (in the logarithm). Unless one is given, it
-follows from the grade of the number in the machine file, GRADE_FACTOR.
+The prior range holds 95 %, so s is a quarter of its width (in the logarithm). By default it follows from the grade of
+the number in the machine file, GRADE_FACTOR.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from isel_twin.base.parameters import hint, rows
 from isel_twin.jobs.robust import FRICTION_KEYS
 from isel_twin.machine import Machine, machine_from_tree
 
-# by grade: the prior range reaches from the value divided by this to the value times it
+# by grade: the prior range is from the value divided by this to the value times this
 GRADE_FACTOR: Mapping[str, float] = {"measured": 1.1, "datasheet": 1.2, "setting": 1.2, "estimate": 2.0}
 SWITCH_MM = 2.0  # prior range of a switch position, either way: cams are clamped by hand
 LEAD_PERCENT = 0.1  # prior range of a lead error, either way: rolled screws of class C7 to C10 have 0.05 to 0.2 %
@@ -46,16 +46,16 @@ _SD_PER_RANGE = 4.0  # standard deviations in a range that holds 95 % (3.92, rou
 @dataclass(frozen=True)
 class Unknown:
     name: str
-    keys: tuple[str, ...]  # keys of the machine file, all of which follow it
+    keys: tuple[str, ...]  # keys of the machine file that it sets
     prior: float
     low: float
-    high: float  # 95 % of the belief lies between the two
+    high: float  # ends of the 95 % prior range
     unit: str
     source: str  # where the prior comes from
-    factor: bool = False  # the value multiplies what the machine file has under the keys
+    factor: bool = False  # the value multiplies the numbers in the machine file
     whole: bool = False  # the file has whole numbers only
-    flag: str = ""  # imperfection that has to be on for it to act
-    place: bool = False  # a place, counted from a chosen zero: belief is a sum, never a factor
+    flag: str = ""  # imperfection that must be on for an effect
+    place: bool = False  # a position from an arbitrary zero: the prior is additive
 
     @property
     def logarithmic(self) -> bool:
@@ -63,7 +63,7 @@ class Unknown:
 
     @property
     def deviation(self) -> float:
-        """s of the module: of the logarithm, or of the value."""
+        """s in the module docstring: of the logarithm, or of the value."""
         width = math.log(self.high / self.low) if self.logarithmic else self.high - self.low
         return width / _SD_PER_RANGE
 
@@ -74,14 +74,14 @@ class Unknown:
         return self.prior + self.deviation * u
 
     def at(self, value: float) -> float:
-        """u of a value, the opposite of `value`."""
+        """u of a value, the inverse of `value`."""
         if self.logarithmic:
             return math.log(value / self.prior) / self.deviation
         return (value - self.prior) / self.deviation
 
 
 def parse_prior(text: str) -> tuple[str, float, float]:
-    """NAME=LOW..HIGH. Raises ValueError with one line."""
+    """Parse NAME=LOW..HIGH. Raises ValueError with one line."""
     name, equals, span = (part.strip() for part in text.partition("="))
     low_text, dots, high_text = span.partition("..")
     try:
@@ -94,7 +94,7 @@ def parse_prior(text: str) -> tuple[str, float, float]:
 
 
 def default_names(axes: Iterable[str], machine: Machine) -> list[str]:
-    """What is fitted by default, for the axes that were measured; only stages of stepper motors have a supply."""
+    """Parameters fitted by default, for the measured axes; only stages of stepper motors have a supply."""
     axes = list(dict.fromkeys(axes))
     named = [f"{what}.{axis}" for axis in axes for what in ("friction", "backlash", "stiffness")]
     return [*named, *_supply(machine), "mass"]
@@ -105,9 +105,9 @@ class _Meaning:
     keys: tuple[str, ...]
     factor: bool = False
     flag: str = ""
-    half: float | None = None  # prior range either way, where the grade of the number says nothing about it
-    prior: float | None = None  # otherwise that of the first key
-    unit: str = "1"  # of a key that the machine file does not have
+    half: float | None = None  # half of the prior range, if the grade of the number does not give it
+    prior: float | None = None  # None: that of the first key
+    unit: str = "1"  # if the machine file does not have the key
 
 
 def _meaning(machine: Machine, name: str) -> _Meaning:
@@ -206,7 +206,7 @@ def changes(machine: Machine, unknowns: Sequence[Unknown], values: Sequence[floa
 
 
 def candidate(machine: Machine, unknowns: Sequence[Unknown], values: Sequence[float]) -> Machine:
-    """The machine with other values, [n] as the unknowns, and switches that do not scatter: only data scatter.
+    """The machine with these values [n] of the unknowns, and switches without scatter.
 
     Raises MachineError for a value out of its limits.
     """

@@ -1,13 +1,13 @@
 """Studies: one job under many conditions, as a table.
 
-    plan.py         what stays the same, what varies: a TOML file, checked when it is read
-    parameters.py   a parameter of a plan, checked against what it changes
+    plan.py         constants and varying parameters: a TOML file, checked when it is read
+    parameters.py   a parameter of a plan, checked against its target
     points.py       grid, samples and seeds: the points of a plan
-    row.py          one point, one row: a function that runs anywhere
-    table.py        rows as they come, in a Parquet file that is whole at any time
-    sensitivity.py  what the outcome depends on, from the rows
+    row.py          one point, one row: a function that runs in any process
+    table.py        rows as they come, in a Parquet file that is always complete
+    sensitivity.py  dependence of the outcome on parameters, from the rows
 
-`isel-twin sweep` puts them together; docs/sweeps.md shows how they are used.
+Used by `isel-twin sweep`; see docs/sweeps.md.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ __all__ = ["wilson"]
 
 
 def wilson(hits: int, total: int, z: float = 1.96) -> tuple[float, float]:
-    """The interval in which the probability of a hit lies, after so many in `total` tries; z = 1.96: 95 %.
+    """Confidence interval of the probability of a hit after `hits` in `total` tries; z = 1.96: 95 %.
 
     (p + z^2/2n +- z sqrt(p (1 - p)/n + z^2/4n^2)) / (1 + z^2/n), E. B. Wilson, J. Am. Stat. Assoc. 22 (1927) 209.
     """

@@ -1,4 +1,4 @@
-"""Parameters of a plan: what may vary, and the check of each against machine, settings, job and scenario."""
+"""Parameters of a plan, and the check of each against machine, settings, job and scenario."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from isel_twin.many.studies.row import OUTCOMES, Work
 from isel_twin.wiring import EVENT_KEYS
 from isel_twin.wiring.scenario import TIME_KEYS
 
-TIMES = "times"  # unit of a value that multiplies what the file has
-EVENTS = "events"  # the parameter of [scenario] that says which of the named events happen, with blanks between them
+TIMES = "times"  # unit of a value that multiplies the one in the file
+EVENTS = "events"  # the parameter of [scenario] that lists the named events that happen, separated by blanks
 _FORM = ("values", "low", "high", "steps", "unit", "name", "log", "whole")  # keys of a parameter
 _STEPS = Limits("steps", 2, 100_000, whole=True)
 _ANY = Limits("", -1e300, 1e300)
 _PLACEHOLDER = re.compile(r"[A-Za-z_]\w*")
 _COLUMN = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,62}")
-_OWN = ("row", "point", "seed", *OUTCOMES)  # columns that every table has
+_OWN = ("row", "point", "seed", *OUTCOMES)  # columns of every table
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,8 @@ class Parameter:
     section: str
     key: str
     name: str
-    unit: str = ""  # as the file of the machine has it; TIMES: a factor; "": none
-    values: tuple[Any, ...] = ()  # all of one kind; none: it is sampled between `low` and `high`
+    unit: str = ""  # as in the machine file; TIMES: a factor; "": none
+    values: tuple[Any, ...] = ()  # all of one type; none: sampled between `low` and `high`
     low: float = 0.0
     high: float = 0.0
     log: bool = False
@@ -39,12 +39,12 @@ class Parameter:
 
     @property
     def sampled(self) -> bool:
-        """It has a range and no values."""
+        """True with a range instead of values."""
         return not self.values
 
     @property
     def kind(self) -> str:
-        """Of its column: bool, int64, float64 or string."""
+        """Type of its column: bool, int64, float64 or string."""
         if self.sampled:
             return "int64" if self.whole else "float64"
         if isinstance(self.values[0], str):
@@ -55,7 +55,8 @@ class Parameter:
 
 
 def flat(content: Mapping[str, Any], place: Place, prefix: str = "") -> list[tuple[str, Any]]:
-    """Keys with dots and what stands there: `a.b = [1]` and `"a.b" = [1]` are the same. A form has a key of _FORM."""
+    """Parameters by dotted keys: `a.b = [1]` and `"a.b" = [1]` are the same. A table with a key of _FORM is a
+    parameter."""
     found: list[tuple[str, Any]] = []
     for key, value in content.items():
         if isinstance(value, dict) and not any(name in value for name in ("values", "low", "high")):
@@ -108,7 +109,7 @@ def read_parameter(section: str, key: str, form: Any, place: Place, work: Work, 
 
 
 def between(parameter: Parameter, part: float) -> float:
-    """The value so far from low (0) to high (1) of a range; a whole one each number as often as another."""
+    """The value at a fraction of a range, from low (0) to high (1); whole numbers are equally frequent."""
     low, high = parameter.low, parameter.high
     value = low * (high / low) ** part if parameter.log else low + part * (high - low)
     value = min(max(value, low), high)
@@ -118,7 +119,7 @@ def between(parameter: Parameter, part: float) -> float:
 def _values(value: Any, is_number: bool | None, place: Place) -> tuple[Any, ...]:
     if not isinstance(value, list) or not value:
         raise place.wrong(f"{value!r}; allowed: a list of values")
-    kinds = {float if type(one) is int else type(one) for one in value}  # JSON's: number, text, switch
+    kinds = {float if type(one) is int else type(one) for one in value}  # JSON's types: number, text, switch
     one_kind = len(kinds) == 1 and kinds <= {float, str, bool}
     if not one_kind or (is_number is not None and is_number != (kinds == {float})):
         wanted = "numbers" if is_number else "texts or switches" if is_number is False else "all of one kind"
@@ -130,7 +131,7 @@ def _values(value: Any, is_number: bool | None, place: Place) -> tuple[Any, ...]
 
 
 def _machine_key(key: str, unit: str, place: Place, work: Work, machine: Machine) -> bool | None:
-    """Check key and unit; whether it takes numbers (None: whatever the values are)."""
+    """Check key and unit; return whether it takes numbers (None: as the values are)."""
     if key == "imperfections":
         _no_unit(unit, place, f"nothing; the values are levels: {', '.join(LEVELS)}")
         return False
@@ -218,7 +219,7 @@ def check_names(parameters: Sequence[Parameter], place: Place) -> None:
 
 
 def check_events(parameters: Sequence[Parameter], work: Work, place: Place) -> None:
-    """Every event that `events` names must be there."""
+    """Check that all events named by `events` exist."""
     names = work.event_names
     for parameter in parameters:
         if (parameter.section, parameter.key) != ("scenario", EVENTS):
@@ -232,7 +233,7 @@ def check_events(parameters: Sequence[Parameter], work: Work, place: Place) -> N
 
 
 def checked_number(value: Any, limits: Limits, place: Place) -> float:
-    """A number within limits; a whole one stays one."""
+    """A number within limits; a whole one stays an integer."""
     held = plain(value, limits, place)
     if limits.whole and not isinstance(value, int):
         raise place.wrong(f"{value}; allowed: a whole number")

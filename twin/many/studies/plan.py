@@ -1,12 +1,12 @@
-"""Plans of sweeps: what stays the same, what varies, and how often, in a TOML file that is checked when it is read.
+"""Plans of sweeps: constants, parameters and repetitions, in a TOML file that is checked when it is read.
 
-    [sweep]                          # what stays the same
+    [sweep]                          # constants
     job = "pocket.txt"               # or moves = [[60, 0, 0], [0, 0, 0]], targets in mm after a reference run
     scenario = "stuck.toml"
     seeds = 20                       # 0 .. 19, or a list of them
-    samples = 64                     # of the parameters that have a range
+    samples = 64                     # of the parameters with a range
 
-    [machine]                        # what varies: keys of `isel-twin describe`, with their unit, or as multiples
+    [machine]                        # parameters: keys of `isel-twin describe`, with their unit, or as multiples
     payload.mass = { values = [0, 4, 8], unit = "kg" }
     axes.all.guide_friction = { low = 0.8, high = 1.5, unit = "times" }
 
@@ -17,18 +17,18 @@
     speed = [5000, 10000, 20000]
     "line 4" = ["@0J100", "@0J400"]
 
-    [scenario]                       # of the scenario: EVENT.KEY, by name or number; which events happen
+    [scenario]                       # of the scenario: EVENT.KEY, by name or number; and which events happen
     jam.friction_n.x = { low = 0, high = 400 }
     events = ["", "jam", "jam stick"]
 
 A parameter is one of
 
-    values = [...]                   each of them; a list alone is short for it
-    low, high, steps                 so many values, evenly spaced
-    low, high                        somewhere between: the samples say where
+    values = [...]                   each of them; short form: the list alone
+    low, high, steps                 this many values, evenly spaced
+    low, high                        sampled between the two
 
-with `unit`, `name` (its column in the table), `log = true` (evenly by ratio) and `whole = true` (whole numbers). Values
-and steps make a grid; each of its points has all samples; each of those has all seeds (points.py).
+with `unit`, `name` (its column in the table), `log = true` (logarithmic) and `whole = true` (whole numbers). Values and
+steps make a grid; each of its points has all samples, and each sample all seeds (points.py).
 """
 
 from __future__ import annotations
@@ -54,8 +54,8 @@ from isel_twin.many.studies.parameters import Parameter, checked_number
 from isel_twin.many.studies.row import Work
 from isel_twin.version import VERSION
 
-SECTIONS = ("machine", "settings", "job", "scenario")  # of a plan, beside [sweep]: whose parameters vary
-MOST_POINTS = 1_000_000  # rows of a table at most
+SECTIONS = ("machine", "settings", "job", "scenario")  # sections of parameters in a plan
+MOST_POINTS = 1_000_000  # most rows of a table
 
 _WORDS = ("machine", "controller", "plant", "scenario", "job")
 _NUMBERS: Mapping[str, Limits] = {
@@ -81,7 +81,7 @@ class PlanError(FileError):
 class Plan:
     file: Path
     text: str
-    call: TwinSpec  # the twin of all rows, but for what varies; its scenario is the file itself
+    call: TwinSpec  # the twin of all rows without the parameters; its scenario is the file itself
     work: Work
     parameters: tuple[Parameter, ...] = ()
     samples: int = 1
@@ -91,8 +91,8 @@ class Plan:
 
 
 def load_plan(path: str | Path) -> Plan:
-    """Read a plan and what it names: job, machine and scenario, as seen from the folder of the plan. Raises PlanError,
-    JobError or MachineError for anything wrong in it or in those, and OSError for what cannot be read."""
+    """Read a plan and its job, machine and scenario, with paths relative to the plan. Raises PlanError, JobError or
+    MachineError for anything wrong in them, and OSError for a file that cannot be read."""
     file = Path(path)
     document, place = read_lines(file, PlanError)
     known(document, ("sweep", *SECTIONS), place)
@@ -190,7 +190,7 @@ def _job(file: Path, controller: str) -> str:
 
 
 def _events(file: Path) -> list[dict[str, Any]]:
-    """The tables of a scenario as they stand in its file; they are checked when a twin reads them."""
+    """The tables of a scenario file, unchecked: a twin checks them."""
     place = Place(file, PlanError)
     tables = read_toml(place).get("event", [])
     return [dict(entry) for entry in tables if isinstance(entry, dict)] if isinstance(tables, list) else []

@@ -1,16 +1,17 @@
-"""Points of a plan: a grid, in each of its points all samples, in each of those all seeds.
+"""Points of a plan: a grid; in each of its points all samples, in each sample all seeds.
 
-    number 1, 2, 3 ...    the seed changes fastest, then the sample, then the values, those of the last parameter first
+    number 1, 2, 3 ...    the seed changes fastest, then the sample, then the values from the last parameter to the
+    first
 
-Samples are one low-discrepancy sequence for all that is sampled, the same in every point of the grid, so that grids can
-be compared sample by sample:
+Samples are one low-discrepancy sequence over all sampled parameters, the same in every point of the grid, so that grid
+points can be compared sample by sample:
 
-    sobol       points of a scrambled Sobol' sequence, [0, 1)^d; twice as many samples begin with the same ones
-    saltelli    A, B, and A with one column of B, for each of them: d + 2 points a sample, of which variances of first
+    sobol       points of a scrambled Sobol' sequence, [0, 1)^d; more samples begin with the same ones
+    saltelli    A, B, and A with each column of B in turn: d + 2 points a sample, from which variances of first
                 order and of all orders follow (A. Saltelli et al., Computer Physics Communications 181 (2010) 259)
 
-A point is known by its content, a digest of all that its row depends on. So a plan that has more values, samples or
-seeds than before has the old points among the new ones; one with another job has none of them.
+The id of a point is a digest of all that its row depends on. So a plan extended by values, samples or seeds contains
+the old points; one with another job has none of them.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ def unit_samples(plan: Plan) -> NDArray[np.float64]:
         raise CallError("samples need scipy: pip install 'isel-twin[tune]'") from None
     saltelli = plan.sampling == "saltelli"
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of older versions, that `seed` becomes `rng`
+        warnings.simplefilter("ignore")  # older versions warn that `seed` becomes `rng`
         sequence = qmc.Sobol(2 * count if saltelli else count, scramble=True, seed=plan.sample_seed)
         drawn = sequence.random(plan.samples)
     if not saltelli:
@@ -56,10 +57,10 @@ def unit_samples(plan: Plan) -> NDArray[np.float64]:
 
 
 def all_points(plan: Plan) -> Iterator[Point]:
-    """All of them in their order, also those that stand twice."""
+    """All points in order, with duplicates."""
     spec = plan.work.spec
     same = dataclasses.asdict(dataclasses.replace(plan.work, parameters=(), job_name="", spec=TwinSpec()))
-    del same["spec"]  # names of jobs and machines may change, content counts
+    del same["spec"]  # the content of job and machine counts, not their names
     same |= {"machine": "", "controller": spec.controller, "plant": spec.plant, "start_mm": spec.start_mm}
     digest = hashlib.sha256(_canonical(same))
     axes = [parameter.values or (None,) for parameter in plan.parameters]
@@ -76,7 +77,7 @@ def all_points(plan: Plan) -> Iterator[Point]:
 
 
 def points(plan: Plan) -> list[Point]:
-    """All different ones, numbered from 1: whole numbers may be drawn twice."""
+    """All points without duplicates (whole numbers may be drawn twice), numbered from 1."""
     different = {point.id: point for point in reversed(list(all_points(plan)))}
     ordered = sorted(different.values(), key=lambda point: point.number)
     return [dataclasses.replace(point, number=number) for number, point in enumerate(ordered, 1)]

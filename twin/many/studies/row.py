@@ -1,13 +1,12 @@
-"""One point of a sweep, one row of its table: a function of two values that runs anywhere.
+"""One point of a sweep, one row of its table: a function of two values that runs in any process.
 
-    Work    what is the same for all rows: text of the job, machine by name, tables of the scenario, bounds
-    Point   what is not: the values of the parameters and the seed
+    Work    common to all rows: text of the job, machine by name, tables of the scenario, bounds
+    Point   of one row: the values of the parameters and the seed
     compute(work, point) -> {"ok": True, "margin": 0.41, "cycle_s": 12.3, ...}, the columns OUTCOMES
 
-A row is as good as the job was: refused commands, lost steps, bounds that are not kept make `ok` false and say so in
-`failure`, by the rules of `isel-twin check`. What cannot even begin (a machine out of its limits, a job that is none)
-is a row, too, with `error` and nothing else. What is the matter with the computer and not with the point (a file that
-is not there, no memory) is raised.
+Refused commands, lost steps and violated bounds make `ok` false, with the reason in `failure`, by the rules of
+`isel-twin check`. A point that cannot begin (a machine out of its limits, an invalid job) is a row with `error` only.
+Problems of the computer (a missing file, no memory) are raised.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ if TYPE_CHECKING:
     from isel_twin.jobs.job import Line
     from isel_twin.machine import Machine
 
-# columns that every row has: kind, unit ("": text or truth) and meaning
+# columns of every row: type, unit ("": text or bool) and meaning
 OUTCOMES: Mapping[str, tuple[str, str, str]] = {
     "ok": ("bool", "", "the job did what it has to, no step lost, every bound kept; null: it could not begin"),
     "error": ("string", "", "why it could not begin; null: it did"),
@@ -52,18 +51,18 @@ OUTCOMES: Mapping[str, tuple[str, str, str]] = {
 
 
 class MismatchError(RuntimeError):
-    """Whoever computes has another version of the package, or another machine of that name."""
+    """The computing process has another version of the package, or another machine of that name."""
 
 
 @dataclass(frozen=True)
 class Work:
-    """What is the same for all rows of a sweep. Travels to whoever computes them."""
+    """What all rows of a sweep have in common; sent to the workers."""
 
     version: str
     job_name: str
     job: str = ""  # text of the job with its placeholders; "" if there are moves
     moves: tuple[tuple[float, float, float], ...] = ()  # targets in mm, after a reference run
-    spec: TwinSpec = field(default_factory=TwinSpec)  # the twin of all rows, but for its seed, events and overrides
+    spec: TwinSpec = field(default_factory=TwinSpec)  # the twin of all rows, without seed, events and overrides
     machine_digest: str = ""
     events: tuple[Mapping[str, Any], ...] = ()
     perturbed: bool = False  # each seed has a slightly different machine, as with `isel-twin run --robust`
@@ -83,14 +82,14 @@ class Work:
 @dataclass(frozen=True)
 class Point:
     number: int  # of its row, from 1
-    id: str  # the same for the same content, in whatever plan
+    id: str  # the same for the same content, in any plan
     values: tuple[Any, ...]  # in the order of `Work.parameters`
     seed: int
 
 
 def compute(work: Work, point: Point) -> dict[str, Any]:
-    """The outcome of one point, OUTCOMES by name. Raises MismatchError and OSError for what is no fault of the point,
-    GivenUp if nobody waits for it any more."""
+    """The outcome of one point, OUTCOMES by name. Raises MismatchError and OSError for problems that are not the
+    point's, GivenUp if nobody waits for it any more."""
     _check(work)
     found: dict[str, Any]
     try:
@@ -177,7 +176,7 @@ def _of(given: Mapping[tuple[str, str, str], Any], section: str) -> list[tuple[s
 
 
 def _overrides(call: TwinSpec, given: Sequence[tuple[str, str, Any]]) -> dict[str, Any]:
-    """Overrides of the machine: plain values first, then multiples of what the machine then has."""
+    """Overrides of the machine: plain values first, then multiples of the resulting values."""
     overrides = {key: value for key, unit, value in given if unit != "times"}
     if factors := [(key, value) for key, unit, value in given if unit == "times"]:
         tree = call.with_(overrides=overrides).fitted().tree
@@ -215,14 +214,14 @@ def _lines(work: Work, given: Mapping[tuple[str, str, str], Any], call: TwinSpec
 
 
 def _word(value: Any) -> str:
-    """A value as a job has it: a number that is whole without a point, as controllers want it."""
+    """A value as text in a job: whole numbers without a decimal point, as controllers need them."""
     if isinstance(value, float) and value == math.floor(value) and abs(value) < 1e15:
         return str(int(value))
     return str(value)
 
 
 def _moves(work: Work, settings: Mapping[str, int], machine: Machine) -> list[Line]:
-    """What a host would send for the moves: a reference run, and each target with the settings."""
+    """The lines that a host would send for the moves: a reference run, and each target with the settings."""
     from isel_twin.jobs.job import Line
     from isel_twin.language import MoveSettings, create_language, needed, readable
 
@@ -267,7 +266,7 @@ def _events(work: Work, given: Sequence[tuple[str, str, Any]]) -> list[dict[str,
 
 @contextmanager
 def _quietly() -> Iterator[None]:
-    """Warnings of one twin among thousands are a column of its row, if anything."""
+    """Suppress warnings of single twins."""
     log = logging.getLogger("isel_twin")
     before = log.level
     log.setLevel(logging.CRITICAL)

@@ -1,14 +1,14 @@
-"""What the outcome of a job depends on: variance-based sensitivity of the rows of a sweep, by SALib.
+"""Variance-based sensitivity of the outcome of a job, from the rows of a sweep, by SALib.
 
-    first order    S_i  = V[E(Y | x_i)] / V[Y]         part of the variance that goes away if x_i were known
-    total          ST_i = E[V(Y | all but x_i)] / V[Y] part that stays as long as x_i is not known, all else being so
+    first order    S_i  = V[E(Y | x_i)] / V[Y]         part of the variance that vanishes if x_i is known
+    total          ST_i = E[V(Y | all but x_i)] / V[Y] part that remains if all but x_i is known
 
-Y is the least margin outside reference runs, the duration, and whether the job fails (1) or not (0). What the S_i lack
-to 1 is due to parameters together, and to what only the seed changes.
+Y is the least margin outside reference runs, the duration, and whether the job fails (1) or not (0). The rest of the
+S_i to 1 is due to interactions and to the seed.
 
     sampling      sampled parameters                        parameters with values
-    sobol         S_i by RBD-FAST (E. Plischke 2010,        S_i by groups of equal values, less what chance alone
-                  bias by Tissot and Prieur 2012)           gives: (SSB - (k - 1) MSW) / SST
+    sobol         S_i by RBD-FAST (E. Plischke 2010,        S_i by groups of equal values, less the expectation of
+                  bias by Tissot and Prieur 2012)           chance: (SSB - (k - 1) MSW) / SST
     saltelli      S_i and ST_i of the mean over grid and    none: they are averaged over
                   seeds (Saltelli 2010)
 
@@ -32,9 +32,9 @@ from isel_twin.base.pictures import picture_bytes, plain_text
 from isel_twin.many.studies.plan import Plan
 from isel_twin.many.studies.points import all_points
 
-# outcomes that are looked at, and what they are called
+# analysed outcomes and their names
 OUTCOME_TITLES: Mapping[str, str] = {"margin_moves": "least torque margin", "cycle_s": "duration", "ok": "failure"}
-LEAST_ROWS = 64  # fewer tell nothing
+LEAST_ROWS = 64  # fewer are not enough
 HARMONICS = 10  # of RBD-FAST: its usual number
 RESAMPLES = 100
 _KINDS = (".png", ".svg", ".pdf")
@@ -89,12 +89,12 @@ def _varies(values: NDArray[np.float64]) -> bool:
 
 
 def _given(plan: Plan, rows: Sequence[Mapping[str, Any]], outcome: str) -> list[Index]:
-    """First order, from whatever rows there are."""
+    """First order, from any rows."""
     from SALib.analyze import rbd_fast
 
     draw = np.random.default_rng(0)
     known = [row for row in rows if not math.isnan(_value(row, outcome))]
-    known = [known[i] for i in draw.permutation(len(known))]  # ties in the order of nothing else
+    known = [known[i] for i in draw.permutation(len(known))]  # break ties at random
     y = np.array([_value(row, outcome) for row in known])
     if len(known) < LEAST_ROWS // 2 or not _varies(y):
         return []
@@ -116,7 +116,7 @@ def _given(plan: Plan, rows: Sequence[Mapping[str, Any]], outcome: str) -> list[
 
 
 def by_groups(groups: NDArray[np.int64], y: NDArray[np.float64]) -> float:
-    """Part of the variance of y [n] between groups [n], less what groups drawn at random would show."""
+    """Part of the variance of y [n] between groups [n], less the expectation for random groups."""
     total = float(((y - y.mean()) ** 2).sum())
     if total == 0.0:
         return 0.0
@@ -135,7 +135,7 @@ def _saltelli(plan: Plan, rows: Sequence[Mapping[str, Any]], outcome: str) -> li
     values = np.array([by_id.get(point.id, math.nan) for point in all_points(plan)])
     size = len(sampled) + 2
     y = values.reshape(-1, plan.samples * size, len(plan.seeds)).mean(axis=(0, 2)).reshape(-1, size)
-    y = y[~np.isnan(y).any(axis=1)].ravel()  # a sample without one of its rows says nothing
+    y = y[~np.isnan(y).any(axis=1)].ravel()  # drop samples with a missing row
     if len(y) < LEAST_ROWS // 2 or not _varies(y):
         return []
     names = [parameter.name for parameter in sampled]
@@ -151,8 +151,8 @@ _FIRST, _TOTAL, _INK = "#1f5f8b", "#a9cbe0", "#1d2733"
 
 
 def draw(path: Path, plan: Plan, rows: Sequence[Mapping[str, Any]], found: Sequence[Index]) -> None:
-    """A picture of the indices: a field of bars for each outcome, the parameters in the order of their weight. Raises
-    OSError, and CallError if nothing varies."""
+    """Draw the indices: bars for each outcome, with the parameters by weight. Raises OSError, and CallError if nothing
+    varies."""
     from matplotlib.figure import Figure
 
     outcomes = list(dict.fromkeys(index.outcome for index in found))

@@ -1,15 +1,16 @@
-"""The table of a sweep: one Parquet file that is whole at any time, and a journal for what is not in it yet (many/1).
+"""The table of a sweep: one Parquet file that is always complete, and a journal of rows that are not in it yet
+(many/1).
 
-    row comes ->  sweep.parquet.journal   a line of JSON, handed to the operating system at once
+    new row   ->  sweep.parquet.journal   a line of JSON, written at once
                         | now and then, and at the end
                         v
-                  sweep.parquet      written anew, sorted by row, and renamed over the old one
+                  sweep.parquet      rewritten, sorted by row, and renamed over the old one
 
-Whoever is killed loses no row: the next one reads both, and a row that is in both counts once. Whoever reads meanwhile
-(DuckDB, polars) finds a whole file, at most a sixteenth of its rows behind. Rows are sorted and depend on their points
-alone, so the finished file is the same, byte for byte, whoever computed them in whatever order.
+A killed process loses no row: the next call reads both, and a row in both counts once. Other readers (DuckDB, polars)
+always find a complete file, at most a sixteenth of its rows behind. Rows are sorted and depend on their points alone,
+so the finished file is the same, byte for byte, whatever computed the rows in any order.
 
-Each column says what it is: metadata `key`, `unit` ("1": a number of things; none for text) and `description`.
+The metadata of each column have `key`, `unit` ("1": a count; none for text) and `description`.
 """
 
 from __future__ import annotations
@@ -30,8 +31,8 @@ if TYPE_CHECKING:
 
     from isel_twin.many.studies.plan import Plan
 
-MOST_WAITING = 10_000  # rows that wait in the journal at most
-PART_WAITING = 16  # and the part of the table that they are at most, one in so many
+MOST_WAITING = 10_000  # most rows in the journal
+PART_WAITING = 16  # and at most one in this many rows of the table
 
 
 def journal_of(file: Path) -> Path:
@@ -39,8 +40,8 @@ def journal_of(file: Path) -> Path:
 
 
 class Table:
-    """The table of a plan in a file, this process's own until `close`. A context manager. Raises CallError if the file
-    is in use, is no table of a sweep, or has rows that are not of this plan."""
+    """The table of a plan in a file that this process owns until `close`. A context manager. Raises CallError if the
+    file is in use, is no table of a sweep, or has rows of another plan."""
 
     def __init__(self, file: Path, plan: Plan, points: Sequence[Point]) -> None:
         _need_pyarrow()
@@ -56,7 +57,7 @@ class Table:
                 self._take_in()
                 self._write()
                 journal_of(file).write_bytes(b"")
-                self._journal = journal_of(file).open("a", encoding="utf-8")  # its end, also after it has been emptied
+                self._journal = journal_of(file).open("a", encoding="utf-8")  # append also after it was emptied
             except BaseException:
                 self._claim.release()
                 raise
@@ -68,11 +69,11 @@ class Table:
         self.close()
 
     def missing(self) -> list[Point]:
-        """Points that have no row yet, in their order."""
+        """Points without a row, in their order."""
         return [point for point in self._points.values() if point.id not in self.rows]
 
     def add(self, point: Point, outcome: Mapping[str, Any]) -> dict[str, Any]:
-        """Keep a row, and return it as the table has it. Raises OSError."""
+        """Store a row and return it as in the table. Raises OSError."""
         row = self._row(point, outcome)
         self.rows[point.id] = row
         self._journal.write(json.dumps(row) + "\n")
@@ -84,7 +85,7 @@ class Table:
         return row
 
     def close(self) -> None:
-        """Write what is waiting, and let others have the file; one without rows is removed. May be called again."""
+        """Write waiting rows and release the file; one without rows is removed. May be called again."""
         if self._journal.closed:
             return
         try:
@@ -103,13 +104,13 @@ class Table:
         return {"row": point.number, "point": point.id, **given, "seed": point.seed, **outcome}
 
     def _take_in(self) -> None:
-        """Rows of an earlier call."""
+        """Read the rows of an earlier call."""
         found: dict[str, Mapping[str, Any]] = {}
         if self.file.exists():
             found |= {row["point"]: row for row in read_rows(self.file)}
         if journal_of(self.file).exists():
-            for line in journal_of(self.file).read_bytes().split(b"\n")[:-1]:  # the last one may be torn
-                with suppress(ValueError):  # after a power cut any of them; its row is computed again
+            for line in journal_of(self.file).read_bytes().split(b"\n")[:-1]:  # the last line may be incomplete
+                with suppress(ValueError):  # any line may be damaged after a power cut; its row is computed again
                     row = json.loads(line)
                     found[row["point"]] = row
         if strange := sum(point not in self._points for point in found):
@@ -134,7 +135,7 @@ class Table:
 
 
 def read_rows(file: Path) -> list[dict[str, Any]]:
-    """The rows of a table. Raises CallError for a file that is none, OSError."""
+    """The rows of a table. Raises CallError for another file, OSError."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

@@ -1,16 +1,16 @@
-"""Settings of a controller for a job: found by trial on the twin, judged on its bad days, brought back to it.
+"""Tuning: the fastest controller settings for a job, found by trials on the twin and on perturbed machines.
 
-    job, language --> space.py    what can be set, for the whole job or for each move
+    job, language --> space.py    the parameters, for the whole job or for each move
                       |
                       v
-                  study.py        which settings are tried next, and what became of all that were (Optuna, a database)
+                  study.py        which settings to try next, and all results (Optuna, a database)
                       |  ^         compose.py: move by move
                       v  |
-                  judge.py        one setting on the machine and on others of its kind: time, margin, first lost step
+                  judge.py        one setting on the machine and on similar ones: time, margin, first lost step
                       |
                       v
-                  result.py       the fastest that holds: the job's new lines, the commands that make it permanent
-                  front.py        what else could be had: time against margin, as a table and a picture
+                  result.py       the fastest that holds: new lines of the job, commands that make it permanent
+                  front.py        the trade-off of time and margin, as a table and a picture
 
 Everything about a controller comes from its language (`isel_twin.language.RetimesJobs`). Only study.py needs Optuna.
 """

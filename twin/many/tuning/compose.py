@@ -1,21 +1,19 @@
-"""What to try next: moves know of each other only what the clock tells, so each is a small problem of its own.
+"""What to try next: each move is a small problem of its own. The machine is at rest between two moves, so the behaviour
+of a move depends on its own settings, and
 
-Between two moves the machine stands. So what a move does depends on its own settings, and
-
-    time of the job   = sum of the times of its moves, and what lies between
+    time of the job   = sum of the times of its moves and pauses
     margin of the job = least margin of its moves
 
-Sixty trials are too few for thirty parameters at once, but plenty for three: every trial tells of every move what its
-settings did there, and a lost step is the fault of the move in which it was lost (many/5). A new trial is put
-together:
+Sixty trials are too few for thirty parameters at once, but enough for three: every trial gives a result for every move,
+and a lost step belongs to the move in which it was lost. A new trial is composed: (many/5)
 
     move     1        2        3        4
-            best     NEW      best     NEW      best: the fastest known of that move that keeps the margin looked for
+            best     NEW      best     NEW      best: the fastest known settings of that move that keep the margin
                                                 new:  a step from its best, the best of another move, or from an
-                                                      estimator of its own (TPE); oftener where much time goes
+                                                      estimator of its own (TPE); more often for long moves
 
-Where all moves share their settings there is one such problem, and every trial tries something new. Half of the trials
-look for the margin that is wanted, half for more, so that the front is filled.
+If all moves share their settings there is one such problem, and every trial tries something new. Half of the trials aim
+at the wanted margin, half at more, to fill the front.
 """
 
 from __future__ import annotations
@@ -33,14 +31,14 @@ from isel_twin.many.tuning.space import Group, Parameter, Problem
 if TYPE_CHECKING:
     import optuna
 
-NEW = 3  # most moves of a trial that try something new: with more, one of them nearly always loses steps
-# standard deviation of a large step from the best, as the logarithm of a ratio; others are down to a tenth of it
+NEW = 3  # most moves of a trial with new settings: with more, one of them nearly always loses steps
+# standard deviation of a large step from the best, in the logarithm; smaller steps go down to a tenth of it
 STEP = {"speed_hz": 0.2, "acceleration_hz_per_ms": 0.6, "start_stop_hz": 0.6}
 
 
 @dataclass(frozen=True)
 class Known:
-    """What some settings did in the moves of a group; `margin` 0 if they lost steps there."""
+    """Result of some settings in the moves of a group; `margin` 0 if they lost steps there."""
 
     values: dict[str, int]
     time_s: float
@@ -48,10 +46,9 @@ class Known:
 
 
 def known(problem: Problem, tried: Sequence[Tried]) -> list[list[Known]]:
-    """Of each group what its settings did; the same settings once, with the least margin that they ever kept.
-
-    Of a trial that went wrong the move to blame is known, and those before it as far as they were made: if that was on
-    too few machines to tell, the trial that takes them for the best will.
+    """For each group the results of its settings; equal settings once, with their least margin. A failed trial gives
+    the result of the failing move and of those before it, even if these were made on too few machines: a trial that
+    uses them as the best will show more.
     """
     places = {move.line: at for at, move in enumerate(problem.moves)}
     found = []
@@ -76,7 +73,7 @@ def known(problem: Problem, tried: Sequence[Tried]) -> list[list[Known]]:
 
 
 def composed(problem: Problem, tried: Sequence[Tried], least: float, seed: int, number: int) -> dict[str, int] | None:
-    """Values of all parameters for a trial; None if nothing is known yet. least: the margin that is wanted."""
+    """Values of all parameters for a trial; None if nothing is known yet. least: the wanted margin."""
     groups = known(problem, tried)
     if not all(any(each.margin > 0.0 for each in seen) for seen in groups):
         return None
@@ -108,24 +105,24 @@ def _step(group: Group, best: Known, draw: np.random.Generator) -> dict[str, int
 
 
 def _borrowed(group: Group, other: Group, best: Known) -> dict[str, int]:
-    """The best of other moves, as far as it is one for these."""
+    """The best settings of other moves, limited to the ranges of these."""
     theirs = {one.setting: best.values[one.name] for one in other.parameters}
     return {one.name: one.nearest(theirs[one.setting]) for one in group.parameters if one.setting in theirs}
 
 
 def best_of_each(problem: Problem, tried: Sequence[Tried], least: float) -> dict[str, int]:
-    """Of every move the fastest settings that are known to keep a margin, or those that keep most."""
+    """For every move the fastest known settings with this margin, else those with the most."""
     return {name: value for seen in known(problem, tried) for name, value in _best(seen, least).values.items()}
 
 
 def _best(seen: Sequence[Known], wanted: float) -> Known:
-    """The fastest that keeps a margin, or what keeps most."""
+    """The fastest with this margin, else the one with the most."""
     keeping = [each for each in seen if each.margin > 0.0 and each.margin >= wanted]
     return min(keeping, key=lambda each: each.time_s) if keeping else max(seen, key=lambda each: each.margin)
 
 
 def _estimated(group: Group, seen: Sequence[Known], wanted: float, seed: int, number: int) -> dict[str, int]:
-    """Something that may be faster and keep the margin."""
+    """Settings that may be faster with this margin."""
     import optuna
     from optuna.trial import TrialState, create_trial
 

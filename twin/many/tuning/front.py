@@ -1,9 +1,9 @@
-"""Time against margin: what could be had, as a table and a picture.
+"""The trade-off of time and margin, as a table and a picture.
 
 margin |  o  o
        |        o   job as it stands
        |     o
-       |   *  tuned            o  of the front: none else is faster and has more margin
+       |   *  tuned            o  the front: no other trial is faster and has more margin
        |  o                    .  everything else that lost nothing
        +-----------------> time
 """
@@ -32,7 +32,7 @@ def rows(tried: Sequence[Tried], before: Judgement, tuned: int | None = None) ->
 
 
 def in_words(values: Mapping[str, int]) -> str:
-    """Settings on a line: `speed_hz 21000, ...`; of those for each move only how many there are."""
+    """Settings on a line: `speed_hz 21000, ...`; for settings of each move only their number."""
     if len(values) > len({name.partition(".")[0] for name in values}):
         return f"{len(values)} of their own"
     return ", ".join(f"{name} {value}" for name, value in values.items())
@@ -41,9 +41,8 @@ def in_words(values: Mapping[str, int]) -> str:
 def draw(
     kind: str, title: str, tried: Sequence[Tried], marks: Mapping[str, Judgement], least: float | None = None
 ) -> bytes:
-    """A picture of a kind that matplotlib knows ("png", "svg"). marks: further points, by what they are called.
-
-    least: the margin that was asked for, as a line.
+    """A picture of a kind that matplotlib knows ("png", "svg"). marks: further points by name. least: the wanted
+    margin, drawn as a line.
     """
     from matplotlib.figure import Figure
 

@@ -1,11 +1,10 @@
-"""One setting, judged: the job on the machine as it is, and on others of its kind, until something is wrong.
+"""Judges one setting: the job on the machine as it is, and on similar machines, until something is wrong.
 
     repetition 0      the machine as it is          time, from the first move to the end of the last line
     repetition n      `isel_twin.jobs.robust`: other power-on position, supply, friction, masses and payload
 
-The same numbers are the same machines for every setting (common random numbers), so that two settings differ by what
-they are and not by the weather they met. The first lost step ends the repetition and the judgement: what is lost stays
-lost, and the rest of the job would tell nothing.
+Equal numbers mean equal machines for every setting (common random numbers), so that two settings differ only by
+themselves. The first lost step ends the repetition and the judgement: the rest of the job would have no meaning.
 
     margin of a setting = the least pull-out margin of any motor, in any line from the first move on, in any repetition
 """
@@ -30,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Weather:
-    """Where jobs are made: what is the same for all settings. Goes to other processes."""
+    """What is common to all settings; sent to other processes."""
 
     call: TwinSpec
     timeout_s: float
@@ -44,14 +43,14 @@ class Weather:
 
 @dataclass(frozen=True)
 class Judgement:
-    """What became of a job with a setting, in one repetition or in several."""
+    """The outcome of a job with a setting, in one or several repetitions."""
 
     time_s: float  # from the first move (many/3) to the end of the last line that was made; of the first repetition
     margin: float  # least of all motors from the first move on, in all repetitions; 0 if anything is wrong
-    why: str = ""  # what is wrong, with line and repetition; nothing if all is well
-    repetitions: int = 0  # that were made, the machine as it is among them
-    slipped: bool = False  # what is wrong is that steps were lost
-    # time of each move in the first repetition, and its least margin in all; what is wrong is so in the last of these
+    why: str = ""  # what is wrong, with line and repetition; "" for nothing
+    repetitions: int = 0  # number of repetitions made, including the machine as it is
+    slipped: bool = False  # steps were lost
+    # time of each move in the first repetition, and its least margin in all; the last one is the failing one
     moves: tuple[tuple[float, float], ...] = ()
     number: int = 0  # of the last repetition
 
@@ -61,16 +60,16 @@ class Judgement:
 
     @classmethod
     def of(cls, made: Sequence[Judgement]) -> Judgement:
-        """All of these repetitions, of which only the last may have gone wrong."""
+        """The judgement of all these repetitions, of which only the last may have failed."""
         last = made[-1]
         margin = min(each.margin for each in made)
-        each_move = zip(*(each.moves for each in made), strict=False)  # as far as all of them came
+        each_move = zip(*(each.moves for each in made), strict=False)  # moves that all of them made
         moves = tuple((move[0][0], min(margin for _, margin in move)) for move in each_move)
         return cls(made[0].time_s, margin, last.why, len(made), last.slipped, moves, last.number)
 
 
 def make(candidate: Candidate, weather: Weather, number: int) -> Judgement:
-    """Make a job once; a function of its arguments alone, so that it can run in another process."""
+    """Make a job once; depends only on its arguments, so that it can run in another process."""
     if number:
         twin, _, _ = perturbed_twin(weather.call, number, weather.flash)
     else:
@@ -106,7 +105,7 @@ def _wrong(results: Sequence[Result]) -> str:
 def judged(
     candidate: Candidate, weather: Weather, numbers: Sequence[int], least: float = 0.0, stop: Stop | None = None
 ) -> Judgement | None:
-    """As `repeated`, as one."""
+    """As `repeated`, combined into one judgement."""
     made = repeated(candidate, weather, numbers, least, stop=stop)
     return None if made is None else Judgement.of(made)
 
@@ -120,8 +119,8 @@ def repeated(
     stop: Stop | None = None,
     told: Callable[[Judgement], None] | None = None,
 ) -> list[Judgement] | None:
-    """Make a job with these repetitions, in their order, until one is wrong or keeps less than this margin. None if it
-    was stopped. told: given each as it is over."""
+    """Make a job with these repetitions, in order, until one fails or has less than this margin. None if stopped. told:
+    called with each when it is over."""
     made: list[Judgement] = []
     for each in in_order(functools.partial(make, candidate, weather), numbers, crew, stop):
         made.append(each)

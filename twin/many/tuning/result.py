@@ -1,9 +1,9 @@
-"""The fastest setting that holds, and how it is brought back to the real controller.
+"""The fastest setting that holds, and its transfer to the real controller.
 
-    front, fastest first --> repetitions that the study has not seen --> the first that loses nothing and keeps `least`
+    front, fastest first --> repetitions that are new to the study --> the first that loses nothing and keeps `least`
 
-A study takes the best of many; what is best on a few machines may owe it to them. So the margin that is promised comes
-from machines on which nothing was chosen. A setting is given up at the first that goes wrong.
+A study takes the best of many, which may fit only the few machines it was tried on. So the promised margin comes from
+machines that had no part in the choice. A setting is dropped at the first failure.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from isel_twin.language import MoveSettings
 from isel_twin.many.tuning.judge import Judgement, Weather, repeated
 from isel_twin.many.tuning.space import Candidate, Problem
 
-ALONE = 5  # per cent of the repetitions that may have kept less than the margin that nearly all keep
-PUT_TOGETHER = -1  # in place of the number of a trial: no trial was made of it, its moves are from several
+ALONE = 5  # per cent of the repetitions with less than the margin `nearly_all`
+PUT_TOGETHER = -1  # in place of the number of a trial: its moves are from several trials
 
 
 @dataclass(frozen=True)
@@ -30,11 +30,11 @@ class Tried:
 
 @dataclass(frozen=True)
 class Held:
-    """How a setting did on machines that the study has not seen."""
+    """Result of a setting on machines that are new to the study."""
 
-    made: int  # repetitions; the first that goes wrong ends them
+    made: int  # number of repetitions; the first failure ends them
     margin: float  # least of all
-    nearly_all: float  # margin that all but ALONE per cent of them keep
+    nearly_all: float  # margin of all but ALONE per cent of them
     last: Judgement
     why: str = ""  # what was wrong in the last one
 
@@ -44,7 +44,7 @@ class Held:
 
     @property
     def lost(self) -> int:
-        """Repetitions in which something was wrong, and not only little margin."""
+        """Number of failed repetitions, without those with only too little margin."""
         return int(not self.last.good)
 
 
@@ -54,11 +54,11 @@ class Tuned:
     candidate: Candidate
     held: Held
     permanent: tuple[str, ...]  # lines that make its ramps, those of the most careful move, its own (many/6)
-    kept: MoveSettings  # what these make permanent; its speed stands in the job
+    kept: MoveSettings  # the stored settings; the speed is in the job
 
 
 def front(tried: Sequence[Tried]) -> list[Tried]:
-    """Trials of which none else is both faster and has more margin, the fastest first; of equals the first."""
+    """Trials that no other beats in both time and margin, the fastest first; the first of equals."""
     best: list[Tried] = []
     for each in sorted(tried, key=lambda one: (one.judgement.time_s, -one.judgement.margin, one.number)):
         if each.judgement.good and (not best or each.judgement.margin > best[-1].judgement.margin):
@@ -76,8 +76,8 @@ def confirm(
     told: Callable[[Judgement], None] | None = None,
     hard: Sequence[int] = (),
 ) -> Held | None:
-    """Make a job `wanted` times on machines that no trial has seen; otherwise as `repeated`. hard: repetitions that go
-    first, as others have failed there."""
+    """Make a job `wanted` times on machines that are new to the study; otherwise as `repeated`. hard: repetitions to
+    make first, at which others have failed."""
     those = range(problem.repetitions + 1, problem.repetitions + 1 + wanted)
     numbers = [*(number for number in hard if number in those), *(number for number in those if number not in hard)]
     made = repeated(candidate, Weather.of(problem), numbers, least, crew, stop, told)
@@ -90,7 +90,7 @@ def confirm(
 
 
 def tuned(problem: Problem, tried: Tried, held: Held) -> Tuned:
-    """A setting with what is needed to bring it back."""
+    """A setting with all that is needed to transfer it."""
     settings = problem.settings(tried.values).values()
     kept = MoveSettings(
         speed_hz=max(each.speed_hz for each in settings),
@@ -102,7 +102,7 @@ def tuned(problem: Problem, tried: Tried, held: Held) -> Tuned:
 
 
 def gain(now_s: float, before_s: float) -> float:
-    """Part of the time that is saved."""
+    """Saved part of the time."""
     return 1.0 - now_s / before_s if before_s > 0.0 else 0.0
 
 

@@ -1,13 +1,12 @@
-"""What can be set in a job, and the job with other settings.
+"""The parameters of a job, and the job with other settings.
 
-    whole job        3 parameters: speed of the rapid ways, acceleration, start-stop frequency
-    each move        3 for each move with a rapid way, 2 for one without; lines of the same text share them
+    whole job        3 parameters: rapid speed, acceleration, start-stop frequency
+    each move        3 for each move with a rapid, 2 for others; lines of the same text share them
 
-A rapid way is one whose speed in the job is `rapid_hz` or more; what is slower is a feed that a process demands.
-Without a number for it, half of the fastest speed that stands in the job (many/4).
+A rapid has a speed of `rapid_hz` or more in the job, by default half of the fastest speed there; slower moves are feeds
+that a process needs (many/4).
 
-Parameters lie within the ranges of the controller's language, and not below half of what the job has: slower than
-that nobody looks for the fastest.
+Parameters are within the ranges of the controller's language, and not below half of the job's values.
 """
 
 from __future__ import annotations
@@ -27,25 +26,25 @@ from isel_twin.jobs.job import Line, parse_job
 from isel_twin.language import JobMove, LanguageError, MoveSettings, RetimesJobs, create_language, needed
 from isel_twin.machine import with_overrides
 
-# names of `MoveSettings`; speeds count by their differences, ramps by their ratios
+# names of `MoveSettings`; speeds are searched linearly, ramps logarithmically
 SETTINGS = ("speed_hz", "acceleration_hz_per_ms", "start_stop_hz")
-SLOWEST = 2  # what the job has, divided by this, is the lowest that is tried
+SLOWEST = 2  # the job's value divided by this is the lowest that is tried
 
 _LINE_END = re.compile(r"(\r\n|\r|\n)")
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number to be found."""
+    """One number to find."""
 
-    name: str  # `speed_hz`, or for the moves that read like the one in line 9 `speed_hz.9`
+    name: str  # `speed_hz`, or `speed_hz.9` for the moves with the text of line 9
     setting: str
     low: int
     high: int
 
     @property
     def log(self) -> bool:
-        """Tried on a geometric scale."""
+        """True if searched on a logarithmic scale."""
         return self.setting != "speed_hz"
 
     def nearest(self, value: int) -> int:
@@ -59,11 +58,11 @@ class Group:
     parameters: tuple[Parameter, ...]
 
     def own(self, values: Mapping[str, int]) -> dict[str, int]:
-        """Values of its parameters among those of all."""
+        """The values of its own parameters."""
         return {parameter.name: values[parameter.name] for parameter in self.parameters}
 
     def parameter(self, setting: str) -> str:
-        """Name of its parameter for this setting."""
+        """The name of its parameter for this setting."""
         return f"{setting}.{self.name}" if self.name else setting
 
 
@@ -71,20 +70,20 @@ class Group:
 class Candidate:
     text: str
     lines: tuple[Line, ...]
-    first: int  # number of the line with which the first move begins: what sets its ramps, or the move
+    first: int  # number of the line with which the first move begins: that of its ramps, or the move
     moves: tuple[int, ...]  # numbers of the lines of all moves, as `Problem.moves` has them
 
 
 @dataclass(frozen=True)
 class Problem:
-    """A job on a machine, and what may be changed. Raises ValueError or CallError for one that cannot be tuned."""
+    """A job on a machine, and its parameters. Raises ValueError or CallError for one that cannot be tuned."""
 
-    text: str  # of the job file
+    text: str  # text of the job file
     call: TwinSpec = field(default_factory=TwinSpec)
     each_move: bool = False
     rapid_hz: int | None = None
-    ranges: Mapping[str, tuple[int, int]] = field(default_factory=dict)  # narrower than the language's, by SETTINGS
-    repetitions: int = 5  # on slightly different machines, with which a setting is judged beside the machine as it is
+    ranges: Mapping[str, tuple[int, int]] = field(default_factory=dict)  # ranges within the language's, by SETTINGS
+    repetitions: int = 5  # number of slightly different machines for judging a setting, beside the machine as it is
     timeout_s: float = 3600.0
     flash: bytes | None = None  # image of the controller's flash memory
 
@@ -98,7 +97,7 @@ class Problem:
 
     @cached_property
     def language(self) -> RetimesJobs:
-        """Raises LanguageError if it cannot bring settings into a job."""
+        """The controller's language. Raises LanguageError if it cannot change settings in a job."""
         language = needed(create_language(self.call.controller), self.call.controller)
         if not offers(language, RetimesJobs):
             raise LanguageError(
@@ -119,7 +118,7 @@ class Problem:
 
     @cached_property
     def rapid_from_hz(self) -> int:
-        """Speed from which a way counts as rapid."""
+        """Speed from which a move is a rapid."""
         if self.rapid_hz is not None:
             return self.rapid_hz
         return max(1, max((speed for move in self.moves for speed in move.speeds_hz), default=0) // 2)
@@ -140,7 +139,7 @@ class Problem:
 
     def _parameter(self, group: Group, setting: str) -> Parameter | None:
         now = self._now(group, setting)
-        if not now:  # no rapid way
+        if not now:  # no rapid
             return None
         low, high = self._range(setting)
         if setting not in self.ranges:
@@ -148,7 +147,7 @@ class Problem:
         return Parameter(group.parameter(setting), setting, low, high) if low < high else None
 
     def _range(self, setting: str) -> tuple[int, int]:
-        """Of a setting, as it may be tried. Raises ValueError for one that the controller does not take."""
+        """The range of a setting. Raises ValueError for one that the controller does not take."""
         low, high = self.language.ranges[setting]
         if setting not in self.ranges:
             return low, high
@@ -158,7 +157,7 @@ class Problem:
         return asked_low, asked_high
 
     def _now(self, group: Group, setting: str) -> list[int]:
-        """What the moves of a group have in the job as it stands; of speeds those of rapid ways."""
+        """The values of a group's moves in the job; only speeds of rapids."""
         if setting == "speed_hz":
             return [speed for move in group.moves for speed in move.speeds_hz if speed >= self.rapid_from_hz]
         return [getattr(move, setting) for move in group.moves]
@@ -168,7 +167,7 @@ class Problem:
         return [parameter for group in self.groups for parameter in group.parameters]
 
     def nearest(self) -> dict[str, int]:
-        """The parameters that come nearest to the job as it stands."""
+        """The parameters nearest to the job as it is."""
         return {
             parameter.name: parameter.nearest(max(self._now(group, parameter.setting)))
             for group in self.groups
@@ -176,7 +175,7 @@ class Problem:
         }
 
     def settings(self, values: Mapping[str, int]) -> dict[int, MoveSettings]:
-        """Settings of each move, by its line from 0, for a value of every parameter."""
+        """Settings of each move, by its line from 0, for these values of all parameters."""
         made = {}
         for group in self.groups:
             chosen = {name: self._chosen(group, name, values) for name in SETTINGS}
@@ -198,7 +197,7 @@ class Problem:
         return Candidate(self.text, self.lines, numbers[0], numbers)
 
     def defaults(self) -> Candidate:
-        """The job with its own speeds and the ramps of a controller as it was delivered."""
+        """The job with its own speeds and the default ramps of the controller."""
         speed_hz, _ = self._range("speed_hz")
         settings = MoveSettings(speed_hz=speed_hz, **self.language.defaults)
         none = 1 + max(speed for move in self.moves for speed in (*move.speeds_hz, 0))
@@ -214,7 +213,7 @@ class Problem:
         return Candidate(text, lines, lines[ends[first] - len(made[first])].number, numbers)
 
     def about(self) -> dict[str, Any]:
-        """What results depend on, in JSON's types: a study of anything else is another study."""
+        """All that results depend on, in JSON's types; a study belongs to exactly these."""
 
         def digest(data: bytes) -> str:
             return hashlib.sha256(data).hexdigest()[:16]
@@ -236,7 +235,7 @@ class Problem:
 
 
 def _rewritten(text: str, lines: Sequence[Line], made: Sequence[Sequence[str]]) -> str:
-    """The text of a job with other commands; comments, blanks and what is expected stay where they are."""
+    """The text of a job with other commands; comments, blanks and expectations stay."""
     pieces = _LINE_END.split(text)
     end = pieces[1] if len(pieces) > 1 else "\n"
     for line, (*before, own) in zip(lines, made, strict=True):

@@ -1,19 +1,18 @@
-"""Which settings are tried: a study of Optuna with two objectives, kept in a database.
+"""Chooses the settings to try: an Optuna study with two objectives, in a database.
 
     batch 0: trials 0 .. 7      batch 1: trials 8 .. 15     ...
-    ask all 8 -> judge them, by whatever executor -> tell all 8, in their order
+    ask all 8 -> judge them, by any executor -> tell all 8, in their order
 
-A trial is chosen knowing the batches before it, and what the others of its own batch are about to try, never how fast a
-worker was. The sampler is made anew for every trial, its seed drawn from the study's seed and the trial's number, so
-that a study which was interrupted goes on as if it had not been: trials that had been asked and not told are judged
-first, with the values the database has for them.
+A trial depends on the batches before it and on the values of its own batch, never on the speed of workers. Every trial
+has a new sampler, with a seed from the study's seed and the trial's number, so that an interrupted study continues as
+if without interruption: trials asked but not told are judged first, with their values from the database.
 
-    trial 0                    the job as it stands, or what of the ranges comes nearest
-    then a few at random       all moves alike, also if each can have its own settings: most of them want much the same
-    then                       compose.py: the best that is known of each move, and something new for a few of them,
-                               from Optuna's tree-structured Parzen estimator or near what is best
+    trial 0                    the job as it is, or the nearest values in the ranges
+    then a few at random       the same for all moves, even with settings of each move: most need similar ones
+    then                       compose.py: the best known settings of each move, and new ones for a few of them,
+                               from Optuna's tree-structured Parzen estimator or near the best
 
-A setting that loses a step is pruned there and then. Objectives: time (to be small) and margin (to be large).
+A setting that loses a step is pruned at once. Objectives: least time and greatest margin.
 """
 
 from __future__ import annotations
@@ -38,12 +37,12 @@ if TYPE_CHECKING:
     import optuna
 
 BATCH = 8  # trials that are chosen together
-RANDOM = 12  # trials at the beginning that are drawn at random, and at most a third of all
-MENDED = 60  # times that the best of each move is mended before it is given up
+RANDOM = 12  # random trials at the beginning, at most a third of all
+MENDED = 60  # most corrections of the composed best settings
 
 
 class StudyError(ValueError):
-    """A study cannot be begun or gone on with; the message is one line that says why and what to do."""
+    """A study cannot begin or continue; the message is one line with the reason and the remedy."""
 
 
 class Study:
@@ -58,8 +57,8 @@ class Study:
         batch: int = BATCH,
         least: float = 0.0,
     ) -> None:
-        """storage: URL of a database, as Optuna has it; None: in memory. seed: of the choice of trials. least: margin
-        that is wanted; nothing with less is looked for."""
+        """storage: Optuna URL of a database; None: in memory. seed: of the choice of trials. least: the wanted
+        margin."""
         self.problem = problem
         self.seed = seed
         self.least = least
@@ -82,7 +81,7 @@ class Study:
             return
         other = [key for key, value in about.items() if had.get(key) != value]
         if other:
-            what = "job" if "job" in other else ", another ".join(other)  # much follows from the job
+            what = "job" if "job" in other else ", another ".join(other)  # much else depends on the job
             raise StudyError(
                 f"{self._where}: study {self._study.study_name!r} is of another {what}; choose another name or another "
                 "storage"
@@ -90,17 +89,17 @@ class Study:
 
     @property
     def tried(self) -> list[Tried]:
-        """All trials that are over, in their order."""
+        """All finished trials, in their order."""
         over = self._trials("COMPLETE", "PRUNED")
         return [Tried(one.number, one.params, _judgement(one.user_attrs["judgement"])) for one in over]
 
     def reference(self, what: str) -> Judgement | None:
-        """How the job does `as it stands`, or with the `defaults` of the controller, if that has been judged."""
+        """The judgement of the job `as it stands`, or with the `defaults` of the controller, if there is one."""
         told = self._study.user_attrs.get(what)
         return None if told is None else _judgement(told)
 
     def judge_references(self, stop: Stop | None = None) -> None:
-        """Judge the job as it stands and with the defaults of the controller, unless that has been done."""
+        """Judge the job as it is and with the defaults of the controller, unless already done."""
         for what, candidate in (("as it stands", self.problem.as_it_stands()), ("defaults", self.problem.defaults())):
             if self.reference(what) is None:
                 judgement = judged(candidate, self._weather, self._numbers, stop=stop)
@@ -116,10 +115,11 @@ class Study:
         stop: Stop | None = None,
         told: Callable[[Tried], None] | None = None,
     ) -> None:
-        """Go on until so many trials have been made in all, or `stop` returns True. told: given each as it is over."""
+        """Continue until there are this many trials in all, or `stop` returns True. told: called with each finished
+        trial."""
         while not (stop is not None and stop()):
             with _storing(self._where):
-                asked = self._trials("RUNNING") or self._ask(trials)  # those that were asked and never told first
+                asked = self._trials("RUNNING") or self._ask(trials)  # first those asked but never told
             if not asked:
                 return
             judge = functools.partial(judged, weather=self._weather, numbers=self._numbers)
@@ -140,11 +140,9 @@ class Study:
         stop: Stop | None = None,
         told: Callable[[str], None] | None = None,
     ) -> tuple[Tried, Held] | None:
-        """The best that is known of each move, made on `wanted` machines that no trial has seen, until it holds.
-
-        Where it does not, the settings of the move to blame are worse than was known, and the next best of that move
-        take their place: at most MENDED times. None if nothing has been found so, or if it was stopped. hard: machines
-        that go first; those on which it failed are added. told: given what was wrong each time.
+        """Compose the best known settings of each move and confirm them on `wanted` new machines. After a failure the
+        failing move gets its next best settings, at most MENDED times. None if nothing was found, or if stopped. hard:
+        machines to try first, extended by those with failures. told: called with each failure.
         """
         seen, been = self.tried, set[tuple[int, ...]]()
         for _ in range(MENDED):
@@ -177,7 +175,7 @@ class Study:
         return self._study.get_trials(deepcopy=False, states=[TrialState[state] for state in states])
 
     def _ask(self, trials: int) -> list[optuna.trial.FrozenTrial]:
-        """The rest of the next batch."""
+        """Ask for the rest of the next batch."""
         over = len(self._study.get_trials(deepcopy=False)) - len(self._trials("WAITING"))
         many = min(trials, (over // self.batch + 1) * self.batch) - over
         for number in range(over, over + many):
@@ -189,7 +187,7 @@ class Study:
         return self._trials("RUNNING")
 
     def _given(self, number: int, trials: int) -> dict[str, int] | None:
-        """Values of a trial that nobody has to think about."""
+        """Values of the first trials, which are fixed or random."""
         if number == 0:
             return self.problem.nearest()
         if number > min(RANDOM, max(1, trials // 3)):
@@ -202,7 +200,7 @@ class Study:
     def _tell(self, trial: optuna.trial.FrozenTrial, judgement: Judgement) -> None:
         from optuna.trial import TrialState
 
-        # what is told of a trial is told before it is over: afterwards nothing can be added
+        # attributes must be set before the trial is over: afterwards nothing can be added
         self._study._storage.set_trial_user_attr(trial._trial_id, "judgement", dataclasses.asdict(judgement))
         if judgement.good:
             self._study.tell(trial.number, (judgement.time_s, judgement.margin))
@@ -217,12 +215,12 @@ def _between(parameter: Parameter, share: float) -> int:
 
 
 def _judgement(kept: Mapping[str, Any]) -> Judgement:
-    """As it comes out of a database."""
+    """The judgement from its attributes in a database."""
     return Judgement(**{**kept, "moves": tuple((time_s, margin) for time_s, margin in kept["moves"])})
 
 
 def _opened(storage: str | None, name: str) -> optuna.Study:
-    """A study, new or gone on with. Raises StudyError."""
+    """A new or continued study. Raises StudyError."""
     need_optuna()
     import optuna
     from sqlalchemy.exc import SQLAlchemyError
@@ -251,7 +249,7 @@ def need_optuna() -> None:
 
 @contextmanager
 def _storing(where: str) -> Iterator[None]:
-    """What goes wrong with a database in use is a StudyError."""
+    """Turn errors of a database in use into StudyError."""
     from optuna.exceptions import StorageInternalError
     from sqlalchemy.exc import SQLAlchemyError
 
@@ -264,7 +262,7 @@ def _storing(where: str) -> Iterator[None]:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Without what Optuna says of every study and of what it calls experimental."""
+    """Silence Optuna's logging and its warnings about experimental features."""
     import optuna
 
     before = optuna.logging.get_verbosity()
