@@ -8,13 +8,12 @@
 What they share:
 
     options.py       options that several commands have, and checks of their values
-    jobs.py          job files as they are given to a command
-    outputs.py       what is told, as a table or JSON; files.py: what is written
+    jobs.py          job files as arguments of commands
+    outputs.py       output as a table or JSON; files.py: files that are written
     interruption.py  Ctrl-C
 
-Exit codes: 0 all well; 1 a job in which a command was refused or steps were lost; 2 a call that cannot be carried out,
-with one line on stderr that says why; those of `exec` are its host's. Everything heavy is imported by the command that
-needs it.
+Exit codes: 0 success; 1 a job in which a command was refused or steps were lost; 2 a call that cannot be carried out,
+with the reason in one line on stderr; those of `exec` are its host's. Heavy imports are in the commands that need them.
 """
 
 from __future__ import annotations
@@ -61,7 +60,7 @@ app = App(
     version_flags=["--version"],
     default_parameter=Parameter(negative=()),
 )
-# the commands by what a person wants, in the order of the help
+# the commands by purpose, in the order of the help
 GROUPS = {
     "Operate": (serve.serve, ctl.ctl, tap.tap, ports.ports, exec_),
     "Test": (run.run, check.check, golden.golden, drive.drive, replay.replay, compare.compare),
@@ -82,7 +81,7 @@ app.register_install_completion_command()
 def main(argv: Sequence[str] | None = None) -> None:
     """Run the command line, then exit."""
     tokens = list(_plain_tokens(sys.argv[1:] if argv is None else argv))
-    if logging.lastResort is not None:  # warnings, unless the command has something else in mind for its log
+    if logging.lastResort is not None:  # warnings, unless the command configures logging
         logging.lastResort.setFormatter(logging.Formatter("isel-twin: %(message)s"))
     try:
         code = app(tokens, print_error=False, exit_on_error=False, result_action="return_value")
@@ -98,12 +97,12 @@ def main(argv: Sequence[str] | None = None) -> None:
             print(f"    {line}", file=sys.stderr)
     except KeyboardInterrupt:
         code = 130
-    except BrokenPipeError:  # nobody reads our output any more, for example `| head`
+    except BrokenPipeError:  # the reader of the output is gone, for example `| head`
         sys.stderr.close()
         code = 1
     except OSError as error:  # standard output cannot be written, for example a full disk
         code = _say(2, f"{error.filename or 'standard output'}: {error.strerror or error}")
-        sys.stdout = None  # or the interpreter tries to flush it once more
+        sys.stdout = None  # else the interpreter tries to flush it again
     sys.exit(code)
 
 
@@ -112,11 +111,11 @@ def _say(code: int, text: str) -> int:
     return code
 
 
-_MAY_STAND_ALONE = ("--pty", "--panel")  # options whose value may be left out
+_MAY_STAND_ALONE = ("--pty", "--panel")  # options with an optional value
 
 
 def _plain_tokens(tokens: Iterable[str]) -> Iterator[str]:
-    """Give an option that may stand alone and does an empty value, and `-` its name; nothing after `--`."""
+    """Add an empty value to an option that has none, and replace `-` by its file name; unchanged after `--`."""
     pending, verbatim = "", False
     for token in tokens:
         if verbatim:

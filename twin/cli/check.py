@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from isel_twin.jobs.checks import Report
     from isel_twin.jobs.checks.settings import Task
 
-INTERVAL_NS = 10_000_000  # between two samples of what a page shows
+INTERVAL_NS = 10_000_000  # sampling interval of the pages
 
 
 def check(
@@ -49,13 +49,13 @@ def check(
     report: Annotated[Path | None, Parameter(help="Folder for a page about each job (HTML).")] = None,
     json: Annotated[bool, Parameter(help="One line of JSON a job.")] = False,
 ) -> int:
-    """Play jobs and say what is wrong: refused commands, lost steps, switches struck, margins, tolerances, time.
+    """Play jobs and report what is wrong: refused commands, lost steps, struck switches, margins, tolerances, time.
 
-    Bounds come from options, or from isel-twin.toml in the folder of a job or above it ([check], see docs/ci.md).
-    Everything else holds always. Where a job has a golden run beside it, it is compared.
+    Bounds come from options, or from isel-twin.toml in the folder of a job or above it ([check], see docs/ci.md). All
+    other rules always apply. A job with a golden run beside it is compared with it.
 
     Exit code 0 if nothing is wrong, 1 if something is, 2 for a call that cannot be carried out. In a workflow of
-    GITHUB_ACTIONS the findings are also told as annotations.
+    GITHUB_ACTIONS the findings are also annotations.
     """
     asked: dict[str, Any] = {
         "machine": machine, "controller": controller, "plant": plant, "seed": seed, "scenario": scenario,
@@ -108,7 +108,7 @@ def _check_options(asked: dict[str, Any], workers: int) -> None:
 
 
 def _tasks(jobs: Sequence[Path], settings: Path | None, asked: dict[str, Any]) -> list[Task]:
-    """The tasks, all checked before any is begun. Raises CallError."""
+    """The tasks, all checked before the first begins. Raises CallError."""
     from isel_twin.jobs.checks import settings as demanded
     from isel_twin.jobs.golden import golden_file, load
 
@@ -143,7 +143,8 @@ def _tasks(jobs: Sequence[Path], settings: Path | None, asked: dict[str, Any]) -
 
 
 def _pages(tasks: Sequence[Task], folder: Path | None) -> list[Path | None]:
-    """A page for each task in the folder, which is made: NAME.html; of jobs of one name, NAME-2.html and so on."""
+    """A page for each task in the folder, which is created: NAME.html, then NAME-2.html and so on for jobs of one
+    name."""
     if folder is None:
         return [None] * len(tasks)
     if folder.is_file():
@@ -161,7 +162,7 @@ def _pages(tasks: Sequence[Task], folder: Path | None) -> list[Path | None]:
 
 
 def perform(asked: tuple[Task, Path | None]) -> Report:
-    """Check one job, and write a page about it if one is named; in this process or another."""
+    """Check one job, and write a page about it if asked; in this process or another."""
     task, page = asked
     from isel_twin.jobs.checks import check_job
     from isel_twin.jobs.checks.job import Inspection

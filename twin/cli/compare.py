@@ -1,4 +1,4 @@
-"""`isel-twin compare`: two recordings laid over each other."""
+"""`isel-twin compare`: two recordings compared."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from isel_twin.recordings.compare import Comparison, Exchange, Pair
     from isel_twin.recordings.reading import Recorded
 
-ROWS = 40  # most rows of a table that is not asked to have all
+ROWS = 40  # most rows of a table without --all
 
 
 def compare(
@@ -30,10 +30,10 @@ def compare(
     all: Annotated[bool, Parameter(help="Every command, not only those that differ.")] = False,
     json: Annotated[bool, Parameter(help="One JSON object a command, then one with the summary.")] = False,
 ) -> int:
-    """Lay two recordings over each other, command by command: replies, durations, counters.
+    """Compare two recordings command by command: replies, durations, counters.
 
-    A duration is the time from the last byte of a command to the last byte of its reply. Says what differs first and
-    most. Exit code 0 if nothing differs beyond the tolerance, 1 otherwise.
+    A duration is the time from the last byte of a command to the last byte of its reply. Shows the first and the
+    largest difference. Exit code 0 if nothing differs beyond the tolerance, 1 otherwise.
     """
     from isel_twin.recordings.compare import compare as compare_recordings
     from isel_twin.recordings.reading import read

@@ -2,8 +2,8 @@
 
     isel-twin ctl 127.0.0.1:4002 set estop=pressed
 
-Exit codes: 0 done; 1 what was waited for did not come in time; 2 a call that cannot be carried out, with one line that
-says why. What the server answers is printed as a line of JSON.
+Exit codes: 0 done; 1 a wait that ran out of time; 2 a call that cannot be carried out, with the reason in one line. The
+server's answer is printed as a line of JSON.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ Command = Literal[
     "resume", "step", "speed", "state", "settable", "keys", "wait", "stop",
 ]  # fmt: skip
 
-CONNECT_S = 10.0  # wall time in which the server must take the connection, and answer what needs no waiting
-_SHORT = {"fault": "set", "force": "force_n", "phase": "phase_lost"}  # other words for keys of an event
+CONNECT_S = 10.0  # wall time for the server to accept the connection and to answer requests other than waits
+_SHORT = {"fault": "set", "force": "force_n", "phase": "phase_lost"}  # short names for keys of an event
 _ALONE = ("pause", "resume", "state", "settable", "keys", "stop")
 
 
@@ -87,7 +87,7 @@ def _request(command: Command, what: Sequence[str], place: str | None) -> dict[s
 
 
 def _act(command: str, act: Act, what: Sequence[str]) -> dict[str, Any]:
-    """The event that does one thing, to each NAME=VALUE or as a whole, with for=SECONDS if wanted."""
+    """The event of one act, for each NAME=VALUE or as a whole, with an optional for=SECONDS."""
     from isel_twin.base.parameters import Limits
 
     ends = [item.removeprefix("for=") for item in what if item.startswith("for=")]
@@ -115,7 +115,7 @@ def _pair(command: str, item: str) -> tuple[str, str]:
 
 
 def _value(text: str) -> float | bool | str:
-    """A number or a switch where it can be one; nan and inf are none, and refused by name."""
+    """A number or a switch, else text; nan and inf are text and so are refused by name."""
     if text in ("true", "false"):
         return text == "true"
     try:
@@ -128,7 +128,7 @@ def _value(text: str) -> float | bool | str:
 
 
 def _converse(address: str, request: dict[str, Any], token: str | None) -> dict[str, Any]:
-    """Ask and get the answer. Raises CallError if nobody is there, or goes away."""
+    """Send a request and return the answer. Raises CallError without a server, or if it goes away."""
     import json
     import socket
 
@@ -158,7 +158,7 @@ def _converse(address: str, request: dict[str, Any], token: str | None) -> dict[
 
 
 def _answers(connection: socket.socket, data: bytes, count: int) -> list[bytes]:
-    """Lines that come for what is sent: `count`, or fewer if the other side closes. Raises OSError if none comes."""
+    """Send data and return `count` lines, or fewer if the other side closes. Raises OSError if none comes."""
     connection.sendall(data)
     received = b""
     while received.count(b"\n") < count:

@@ -1,4 +1,4 @@
-"""`isel-twin decode`: what bytes on the line mean."""
+"""`isel-twin decode`: the meaning of bytes on the line."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ def decode(
     text: Annotated[bool, Parameter(help="The argument is text, whether there is such a file or not.")] = False,
     json: Annotated[bool, Parameter(help="One JSON object a message.")] = False,
 ) -> int:
-    """Explain the bytes of a line: one row for each message, and nothing of them left out.
+    """Explain the bytes of a line: one row for each message, with all bytes.
 
     A file is read as bytes of one direction. Text is taken as in a job file: a command is sent with its end, <253> is a
-    byte. A recording (.mcap) is explained with the times of its messages, both directions. What the bytes mean is known
-    for every controller that has a language.
+    byte. A recording (.mcap) is explained with the times of its messages, both directions. Every controller with a
+    language can be explained.
     """
     if sent + received + marked > 1:
         raise CallError("--sent, --received, --marked: only one of them can be so")
@@ -63,7 +63,7 @@ def decode(
             pieces = _pieces(source, text, marked, not received, language, controller)
         else:
             pieces = (Piece(data, by_host, time_ns) for time_ns, data, by_host, _ in traffic(recorded))
-        first = next(pieces, None)  # whatever is wrong with the source, before anything is printed
+        first = next(pieces, None)  # find errors of the source before anything is printed
     timed = recorded is not None
     if not json:
         print(f"{'no':>6} {'time / s' if timed else 'offset':>{14 if timed else 8}}  dir   {'text':<32}  explanation")
@@ -73,7 +73,7 @@ def decode(
 
 
 def _recording(source: str) -> Recorded | None:
-    """The recording that a file is; None if it is something else. Raises CallError."""
+    """The recording in a file; None if it is something else. Raises CallError."""
     path = Path(source)
     if is_standard_input(path) or not _exists(path) or not path.is_file():
         return None
@@ -110,7 +110,7 @@ def _pieces(
 
 
 def _suggest(path: Path, language: Language, controller: str) -> None:
-    """Say so if a file looks like a program of another controller; its bytes are explained all the same."""
+    """Warn if a file looks like a program of another controller; its bytes are still explained."""
     from isel_twin.cli.outputs import say
     from isel_twin.jobs.job import JobError, check_controller
 
@@ -138,7 +138,7 @@ def _of_marked(name: str, chunks: Any, language: Language, controller: str) -> I
 
 
 def _exists(path: Path) -> bool:
-    """Whether there is such a file; text may be too long for a name, or have a byte 0 in it."""
+    """True if the file exists; text may be too long for a name, or contain a byte 0."""
     try:
         return path.exists()
     except (OSError, ValueError):
@@ -146,7 +146,7 @@ def _exists(path: Path) -> bool:
 
 
 def _chunks(path: Path) -> Iterator[bytes]:
-    """What is in a file, or what comes from standard input as soon as it comes."""
+    """The content of a file in pieces, or of standard input as it comes."""
     if is_standard_input(path):
         yield from iter(lambda: sys.stdin.buffer.read1(CHUNK_BYTES), b"")  # type: ignore[union-attr]
         return

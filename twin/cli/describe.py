@@ -18,7 +18,7 @@ def describe(
     set: Overrides = (),
     json: Json = False,
 ) -> int:
-    """Show the parameters of a machine with value, unit, source and grade; without a name, which machines there are."""
+    """Show the parameters of a machine with value, unit, source and grade; without a name, list the machines."""
     if name is None:
         return machines(json=json)
     from rich.markup import escape

@@ -1,4 +1,4 @@
-"""`isel-twin drive`: a captured step and direction stream, and what drives and machine would have made of it."""
+"""`isel-twin drive`: a captured step and direction stream on simulated drives and machine."""
 
 from __future__ import annotations
 
@@ -66,8 +66,8 @@ def drive(
     x.minus), y, z, a ... and a common enable; `step_x`, `Y_DIR` and other usual names need no map. Positive is dir
     high. Understood are CSV of Saleae Logic and sigrok, other CSV with times, VCD, and --steps and --vcd of `run`.
 
-    Positions are relative to where the capture begins: --start, or somewhere by --seed. What drives would not take
-    for sure (pulses too short, direction too late) is counted; the limits are those of a DRV8825 unless given.
+    Positions are relative to the beginning of the capture: --start, or random by --seed. Pulses that are too short and
+    changes of direction that are too late for the drives are counted; the default limits are those of a DRV8825.
 
     Exit code 0 if no step was lost and no switch struck that is not named by --may-strike, else 1.
     """
@@ -158,7 +158,7 @@ def _start(text: str) -> tuple[float, ...] | None:
 
 
 def _allowed(text: str, switches: Sequence[str]) -> Callable[[str], bool]:
-    """A function that says of a switch whether it may be struck. Raises CallError."""
+    """A function that tells whether a switch may be struck. Raises CallError."""
     names = [name.strip() for name in text.split(",") if name.strip()]
     for name in names:
         if name != "all" and name not in switches:
@@ -167,7 +167,7 @@ def _allowed(text: str, switches: Sequence[str]) -> Callable[[str], bool]:
 
 
 def _summary(path: Path, ticks: Ticks, strikes: Strikes, allowed: Callable[[str], bool]) -> dict[str, Any]:
-    """What the capture was, and what became of it, in JSON's types."""
+    """The capture and its outcome, in JSON's types."""
     import dataclasses
 
     first_ns, last_ns = int(ticks.t_ns[0]), int(ticks.t_ns[-1])

@@ -43,7 +43,7 @@ def exec_(
     isel-twin exec --port COM4 -- python host.py --job circle
 
     Its serial.Serial("COM4") is the twin, and sleeps, clocks, timeouts, locks and threads follow the virtual clock: ten
-    minutes of waiting take seconds, and the same program does the same to the nanosecond every time. The verdict on the
+    minutes of waiting take seconds, and the program behaves the same to the nanosecond every time. The verdict on the
     machine follows on standard error.
 
     Exit code: the host's own; with --check 1 if that is 0 and the machine is not well; 2 if the call cannot be carried
@@ -51,7 +51,7 @@ def exec_(
     """
     try:
         from isel_twin.bridge.virtual.virtual_host import parse_program, run_host
-    except ImportError as error:  # a Python that virtual threads cannot rest on
+    except ImportError as error:  # a Python version without support for virtual threads
         raise CallError(str(error)) from error
 
     if timeout is not None:
@@ -113,14 +113,14 @@ def _wire_log(controller: str, stack: ExitStack) -> WireLog:
 
 
 def _give_up(time: VirtualTime) -> None:
-    """The host's main thread will not end: say why it has to, and end without it."""
+    """The host's main thread does not end: report why it must, and end the process without it."""
     reason = time.ending.reason if time.ending is not None else ""
     outputs.say(f"{reason}; its main thread will not end, and there is no verdict")
     _leave(2 if time.ending is not None and time.ending.kind == "refused" else 1)
 
 
 def _leave(code: int) -> None:
-    """End the process without waiting for anything that the host has left."""
+    """End the process without waiting for remains of the host."""
     import os
 
     sys.stdout.flush()
@@ -129,7 +129,7 @@ def _leave(code: int) -> None:
 
 
 def summary(done: HostRun) -> dict[str, Any]:
-    """What became of a host and its machine, in JSON's types."""
+    """The outcome of a host and its machine, in JSON's types."""
     verdict = done.verdict.summary()
     for about_commands in ("commands", "refused", "unsent", "interrupted", "margin"):
         del verdict[about_commands]

@@ -1,4 +1,4 @@
-"""`isel-twin experiment`: the moves that would tell most about a machine."""
+"""`isel-twin experiment`: the most informative moves for identification."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def experiment(
     gauge_noise_mm: Annotated[float, Parameter(help="Standard deviation of its gauge.")] = 0.005,
     json: options.Json = False,
 ) -> int:
-    """Choose moves and measurements that tell most about what is least known, and write them as a job.
+    """Choose the moves and measurements that tell most about uncertain parameters, and write them as a job.
 
     NAME.txt is a job for `isel-twin run` or any host; what to measure stands in it as comments. NAME.toml has an entry
     for each measurement, nan until it is filled in. NAME-stall.txt, if there is one, is the series of speeds for stall
@@ -108,7 +108,7 @@ def experiment(
 
 
 def _known(file: Path, unknowns: list[Unknown]) -> NDArray[np.float64]:
-    """Covariance of the parameters as an identification left it. Raises CallError."""
+    """Covariance of the parameters from an identification. Raises CallError."""
     import json
 
     import numpy as np

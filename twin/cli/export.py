@@ -20,7 +20,7 @@ def export(
 ) -> int:
     """Write a recording as a file for other tools: the same that `--record OUT` would have written.
 
-    A recording that was cut off (a killed process, a full disk) is written as far as it goes.
+    An incomplete recording (a killed process, a full disk) is written as far as it goes.
     """
     from isel_twin.cli.outputs import say, say_json
     from isel_twin.recordings import write

@@ -1,6 +1,5 @@
-"""Files that commands write: `--record`, and all that `run` and `drive` write of a job.
-
-One file that cannot be written costs neither the verdict nor another file.
+"""Files that commands write: `--record`, and the files of `run` and `drive`. A file that cannot be written does not
+affect the verdict or other files.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
     from isel_twin.recordings.recorder import Recorder
     from isel_twin.recordings.recording import FileRecording
 
-MOST_SAMPLES = 100_000_000  # of a trace, beyond which a job is not begun: ten gigabytes, two hours to take them
+MOST_SAMPLES = 100_000_000  # most samples of a trace: ten gigabytes, two hours to take them
 StepsPath = Annotated[Path | None, Parameter(help="Write the step stream (npz: t_ns, delta).")]
 VcdPath = Annotated[Path | None, Parameter(help="Write step, direction, levels and positions (VCD).")]
 TracePath = Annotated[Path | None, Parameter(help="Write samples of counters, positions, levels (.parquet, .csv).")]
@@ -48,17 +47,17 @@ class Files:
 
     @property
     def needs_recorder(self) -> bool:
-        """Some of them are made of samples that are kept in memory."""
+        """True if a file needs the samples of a `Recorder`."""
         return any(path is not None for path in (self.vcd, self.trace, self.report))
 
     @property
     def sampled(self) -> bool:
-        """Some of them have samples."""
+        """True if a file has samples."""
         return self.needs_recorder or self.record is not None
 
     @property
     def needs_stream(self) -> bool:
-        """Some of them need the whole step stream."""
+        """True if a file needs the whole step stream."""
         return self.needs_recorder or self.steps is not None
 
     def check(self, *kept: Path | None) -> None:
@@ -71,7 +70,7 @@ class Files:
         check_record(self.record)
 
     def kinds(self) -> tuple[str, str, str]:
-        """The kinds of steps, vcd and trace, as their names say. Raises CallError."""
+        """The kinds of steps, vcd and trace, by their names. Raises CallError."""
         return (
             check_kind("steps", self.steps, ".npz"),
             check_kind("vcd", self.vcd, ".vcd"),
@@ -79,7 +78,7 @@ class Files:
         )
 
     def begin(self, twin: Twin, said: Mapping[str, str], stack: ExitStack) -> Writing:
-        """Begin to keep what the twin does. said: what a recording says of itself. Raises CallError."""
+        """Begin to record the twin. said: further metadata of a recording. Raises CallError."""
         recorder = outputs.record(twin, self.interval_s, stack) if self.needs_recorder else None
         recording = None if self.record is None else begin(self.record, twin, self.interval_s, said, stack)
         return Writing(self, twin, recorder, recording)
@@ -93,7 +92,8 @@ class Writing:
     recording: FileRecording | None
 
     def write(self, page: Callable[[Path, Recorder], None]) -> bool:
-        """Write all, the report by `page`; True if the recording is whole. Raises the last CallError after all."""
+        """Write all files, the report by `page`; True if the recording is complete. Raises the last CallError at the
+        end."""
         files, whole = self.files, True
         failures: list[CallError] = []
         from isel_twin.recordings.write import write_trace
@@ -113,7 +113,7 @@ class Writing:
 
 
 def check_record(record: Path | None) -> None:
-    """Raise CallError unless the name says what is to be written, and it can be."""
+    """Raise CallError unless the name has a known ending and the file can be written."""
     if record is None or record.suffix == MCAP:
         return
     from isel_twin.recordings.write import trace_kind
@@ -126,7 +126,7 @@ def check_record(record: Path | None) -> None:
 
 
 def begin(record: Path, twin: Twin, interval_s: float, said: Mapping[str, str], stack: ExitStack) -> FileRecording:
-    """Begin the recording: in its place or, if it is to be of another kind, in a temporary folder. Raises CallError."""
+    """Begin the recording: in its place or, for another kind, in a temporary folder. Raises CallError."""
     from isel_twin.recordings.recording import FileRecording
 
     path = record
@@ -142,7 +142,7 @@ def begin(record: Path, twin: Twin, interval_s: float, said: Mapping[str, str], 
 
 
 def keep(recording: FileRecording, record: Path) -> bool:
-    """End the recording, and write it as its kind. False if there was no room for some of it. Raises OSError."""
+    """End the recording, and write it as its kind. False if it is incomplete, on a full disk. Raises OSError."""
     whole = recording.close()
     if record.suffix != MCAP:
         from isel_twin.recordings.write import export

@@ -1,4 +1,4 @@
-"""`isel-twin golden record|compare`: jobs that have to do what they did."""
+"""`isel-twin golden record|compare`: jobs that must behave as before."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 golden = App(name="golden", help="Jobs that have to do what they did: write down a run, compare with it.")
 
-MOST = 20  # differences of a job that are told
+MOST = 20  # differences of a job that are shown
 Jobs = Annotated[Path, Parameter(help="Files of controller commands, one a line.")]
 
 
@@ -31,10 +31,8 @@ def record(
     timeout: options.Timeout = 3600.0,
     replace: options.Replace = False,
 ) -> int:
-    """Run jobs and write down beside each what it did: job.txt has its golden run in job.golden.
-
-    A small text file, one line a command: reply, time, counters, digests of the step stream. Made to be kept beside the
-    job under version control.
+    """Run jobs and write a golden run beside each: that of job.txt is job.golden, a small text file for version control
+    with one line a command: reply, time, counters, digests of the step stream.
     """
     files = _files(jobs)
     options.check_seconds("timeout", timeout, 0.0)
@@ -64,10 +62,9 @@ def compare(
     replace: Annotated[bool, Parameter(help="Replace the golden runs that differ.")] = False,
     json: Annotated[bool, Parameter(help="One line of JSON a job.")] = False,
 ) -> int:
-    """Run jobs as their golden runs were made, and say what they do differently, the first divergence first.
+    """Run jobs as their golden runs were made, and show the differences, the first one first.
 
-    Exit code 0 if nothing is different (or --replace has written it down), 1 if something is, 2 if a golden run is
-    missing.
+    Exit code 0 without differences (or with --replace), 1 with differences, 2 if a golden run is missing.
     """
     from isel_twin.jobs.golden import called, differences, load
 
@@ -129,7 +126,7 @@ def _play(job: Path, call: TwinSpec, timeout_s: float) -> Golden:
 
 
 def _call(head: dict[str, Any], file: Path, asked: dict[str, Any]) -> TwinSpec:
-    """The call of a golden run; its files are where they are seen from it."""
+    """The call of a golden run; its paths are relative to its file."""
     folder = file.resolve().parent
     machine = head["machine"]
     if asked["machine"] is None and (folder / machine).is_dir():

@@ -1,4 +1,4 @@
-"""`isel-twin identify`: a machine's numbers from recordings and measurements."""
+"""`isel-twin identify`: machine parameters from recordings and measurements."""
 
 from __future__ import annotations
 
@@ -50,10 +50,10 @@ def identify(
     workers: options.Workers = 1,
     json: Annotated[bool, Parameter(help="One JSON object.")] = False,
 ) -> int:
-    """Fit parameters of a machine to recordings and to what was measured meanwhile.
+    """Fit parameters of a machine to recordings and measurements.
 
-    Says before the fit what these data cannot tell. Recordings that are held out are only predicted: if the fit
-    predicts them worse than the machine file did, nothing is written and the exit code is 1. See
+    Shows before the fit which parameters the data cannot identify. Recordings that are held out are only predicted: if
+    the fit predicts them worse than the machine file, nothing is written and the exit code is 1. See
     docs/identification.md.
     """
     with call_errors():
@@ -116,7 +116,7 @@ def need_scipy() -> None:
 
 
 def read_all(files: Sequence[Path] | None) -> Measured:
-    """What all files together say. Raises CallError."""
+    """The measurements of all files. Raises CallError."""
     from isel_twin.many.identification.measured import read_measured
 
     total: Measured | None = None
@@ -135,7 +135,7 @@ def read_all(files: Sequence[Path] | None) -> Measured:
 def unknowns_of(
     machine: Machine, fit: Sequence[str] | None, prior: Sequence[str] | None, axes: Sequence[str]
 ) -> list[Unknown]:
-    """The parameters that a call names, or those that everybody has. Raises CallError."""
+    """The parameters that a call names, or the default ones. Raises CallError."""
     from isel_twin.many.identification.unknowns import default_names, parse_prior, unknown
 
     with call_errors():
@@ -167,7 +167,7 @@ def _sessions(recordings: Sequence[Path], told: Measured, controller: str, machi
 
 
 def _split(sessions: Sequence[Session], hold_out: Sequence[str] | None) -> tuple[list[Session], list[Session]]:
-    """Those fitted, those only predicted. Raises CallError."""
+    """The sessions to fit and those only to predict. Raises CallError."""
     names = [session.name for session in sessions]
     wanted = list(hold_out) if hold_out else ["1" if len(sessions) > 1 else "0"]
     if wanted == ["1"] and len(sessions) == 1:
@@ -189,7 +189,7 @@ def _split(sessions: Sequence[Session], hold_out: Sequence[str] | None) -> tuple
 
 
 def progress() -> Callable[[int], None] | None:
-    """Tells people at a terminal how many replays are done; None without a terminal."""
+    """Shows the number of replays at a terminal; None without a terminal."""
     if not sys.stderr.isatty():
         return None
 
@@ -225,6 +225,6 @@ def _print(result: Fit) -> None:
 
 
 def _told(before: Mapping[str, float], after: Mapping[str, float]) -> str:
-    """Root mean squares in standard deviations of the data, of all and by kind."""
+    """Root mean squares in standard deviations of the data, for all and by kind."""
     kinds = ", ".join(f"{kind} {before[kind]:.2f} -> {after[kind]:.2f}" for kind in before if kind != "all")
     return f"rms {before['all']:.2f} -> {after['all']:.2f} standard deviations ({kinds})"

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM: a command ends what it is at, and keeps what it has."""
+"""Ctrl-C and SIGTERM: a command ends early and keeps its results."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def interruption() -> Iterator[list[int]]:
-    """A list that is empty until Ctrl-C or SIGTERM comes, and then holds its number; the next one acts as ever."""
+    """A list that is empty until Ctrl-C or SIGTERM comes, and then holds its number; a second signal acts as usual."""
     stopped: list[int] = []
 
     def stop(number: int, _: object) -> None:

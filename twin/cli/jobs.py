@@ -1,4 +1,4 @@
-"""Job files as commands are given them: read, checked, and what is wrong with one told with its place."""
+"""Job files as arguments of commands: read and checked, with errors that name the place."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from isel_twin.jobs.job import Line
 
 JOB_BYTES = 1 << 24  # longest job file: 16 MiB, some four hundred thousand moves
-PROGRAM_BYTES = 1 << 30  # longest file for a controller that runs programs, which are long
+PROGRAM_BYTES = 1 << 30  # longest file for a controller that runs programs
 
 
 def job_name(job: Path) -> str:
@@ -62,7 +62,7 @@ def check_names(job: Path, lines: Sequence[Line], twin: Twin) -> None:
 
 @contextmanager
 def _told(job: Path) -> Iterator[None]:
-    """A ValueError becomes a CallError about the job."""
+    """Turn ValueError into CallError about the job."""
     try:
         yield
     except CallError:

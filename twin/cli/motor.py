@@ -27,10 +27,11 @@ def motor(
     picture: Annotated[Path | None, Parameter(help="Draw the curve into a file (.png, .svg, .pdf).")] = None,
     json: Json = False,
 ) -> int:
-    """Show a motor's torque curve with its closed forms: a prediction, and a bound. * marks what was compared.
+    """Show a motor's torque curve with two closed forms, a prediction and a bound. * marks speeds compared with a
+    maker's curve.
 
-    On 48 V with the rated current and 1600 microsteps a revolution, or on the stage that a machine has for it. Of a
-    servo axis: what it can do for moments, and for ever.
+    At 48 V with the rated current and 1600 microsteps a revolution, or on the stage of a machine. For a servo axis:
+    peak and continuous torque.
     """
     from tempfile import TemporaryDirectory
 
@@ -69,7 +70,7 @@ def _keep(drawn: Path | None, picture: Path | None) -> int:
 
 
 def _show_servo(machine: Machine, name: str, picture: Path | None, json: bool) -> bool:
-    """Show the motor of a servo axis; False if the axis is none."""
+    """Show the motor of a servo axis; False for another axis."""
     from isel_twin.base.axes import CARRIAGES
     from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
     from isel_twin.drives.servo_report import show_servo

@@ -1,4 +1,4 @@
-"""`isel-twin machines` and `isel-twin controllers`: what there is to choose from."""
+"""`isel-twin machines` and `isel-twin controllers`: lists of what is installed."""
 
 from __future__ import annotations
 

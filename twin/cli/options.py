@@ -1,13 +1,13 @@
-"""Options that several commands have, each with one name and one meaning, and checks before anything is begun.
+"""Options that several commands share, each with one name and one meaning, and their checks.
 
     --machine --controller --plant --seed --flash --scenario --set   which twin (TwinOptions)
-    --workers     processes that share the work; what comes out does not depend on them
-    --timeout     virtual seconds after which a missing reply is given up
+    --workers     processes that share the work, without effect on results
+    --timeout     virtual seconds to wait for a reply
     --robust      repetitions on slightly different machines
-    --json        what is told, for programs
-    --out, -o     the file that the command is for; --steps --vcd --trace --report --picture --record: files beside it
+    --json        output for programs
+    --out, -o     the main output file; --steps --vcd --trace --report --picture --record: further files
 
-Files that can be made again are replaced whole. What a real machine has done, and golden runs, need --replace.
+Files that can be made again are replaced. Recordings of a real machine, and golden runs, need --replace.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 def _whole_number(_: Any, tokens: Sequence[Token]) -> int:
-    """A whole number as it is written; cyclopts alone would round 1.5. Raises ValueError."""
+    """A whole number; cyclopts alone would round 1.5. Raises ValueError."""
     word = tokens[0].value
     try:
         return int(word)
@@ -76,24 +76,24 @@ class TwinOptions:
     set: Overrides = ()
 
     def spec(self, *, line_speed: bool = False) -> TwinSpec:
-        """The twin that is asked for. Raises CallError for a wrong --set."""
+        """The spec of this twin. Raises CallError for a wrong --set."""
         chosen = self.machine, self.controller, self.plant, self.seed, self.scenario, self.flash
         return TwinSpec(*chosen, line_speed, parse_overrides(self.set))
 
     @property
     def files(self) -> tuple[Path | None, ...]:
-        """What the twin reads or keeps: nothing else may be written there."""
+        """Files that the twin reads or keeps, which no output may replace."""
         return self.flash, self.scenario
 
 
 DEFAULT_TWIN = TwinOptions()
-STANDARD_INPUT = "/dev/stdin"  # what `-` stands for
+STANDARD_INPUT = "/dev/stdin"  # the file for `-`
 STREAMS = {STANDARD_INPUT: "standard input", "/dev/stdout": "standard output"}
-LONGEST_S = 1e9  # longest time a call may name, in virtual seconds, as for the times of a scenario
+LONGEST_S = 1e9  # longest time of an option in virtual seconds, as for scenarios
 
 
 def is_standard_input(path: Path) -> bool:
-    """Whether a path is what `-` stands for, however this system writes it."""
+    """True for the path that `-` means, in the spelling of any system."""
     return path == Path(STANDARD_INPUT)
 
 
@@ -104,7 +104,7 @@ def check_seconds(option: str, value: float, low: float) -> None:
 
 
 def check_writable(*paths: Path | None, kept: Sequence[Path | None] = ()) -> None:
-    """Raise CallError if results would have nowhere to go, or would replace a file that the call needs (`kept`)."""
+    """Raise CallError if a path cannot be written, or is a file that the call needs (`kept`)."""
     import os
 
     taken = {path.resolve() for path in kept if path is not None}
@@ -132,15 +132,15 @@ def check_workers(workers: int) -> None:
 
 
 def crew_of(workers: int) -> Crew:
-    """So many processes of this computer, ready to play jobs; 1: this one."""
+    """A crew of `workers` processes of this computer, ready to play jobs; 1: this process."""
     from isel_twin.base.crew import local
 
     return local(workers, preload=("isel_twin.jobs.ready",))
 
 
 def check_kind(option: str, path: Path | None, *kinds: str) -> str:
-    """The kind of file that an option is to write, by its ending; without one, or with the option's own name as in
-    `out.steps`, the first of kinds. Raises CallError."""
+    """The kind of file of an option, by its ending; without one, or with the option's own name as in `out.steps`, the
+    first of kinds. Raises CallError."""
     from isel_twin.recordings.write import check_kind as check_extra
 
     if path is None:
@@ -157,7 +157,7 @@ def check_kind(option: str, path: Path | None, *kinds: str) -> str:
 
 
 def parse_overrides(texts: Iterable[str]) -> dict[str, Any]:
-    """Machine parameters as `--set` has them. Raises CallError."""
+    """Machine parameters from `--set`. Raises CallError."""
     return dict(parse_override(text) for text in texts)
 
 

@@ -26,17 +26,17 @@ if TYPE_CHECKING:
     from isel_twin.recordings.recorder import Recorder
 
 WIDE = 160  # columns of a table that goes to a file or pipe
-MANY_SAMPLES = 10_000_000  # samples of a recorder that are worth a word, and so is ten times as many
-# characters of a command, reply (a position of four axes) or block of a program beyond which its row gets longer
+MANY_SAMPLES = 10_000_000  # samples of a recorder that are reported, and every tenfold of it
+# width of the columns of commands, replies (a position of four axes) and program blocks
 LONG_COMMAND, LONG_REPLY, LONG_BLOCK = 56, 25, 100
-HEAD = 1 << 16  # characters of a program in which its longest block is looked for
+HEAD = 1 << 16  # characters of a program that are searched for its longest block
 NAME = 4  # characters before a block: the program's name
-SHOWN_TRIALS = 5  # repetitions that are shown if they ended otherwise
+SHOWN_TRIALS = 5  # most repetitions shown that ended differently
 NO_PHYSICS = "without physics nothing is known of lost steps, margins and loads: --plant mujoco knows"
 
 
 def console() -> Console:
-    """Standard output, as wide as it is or, if it is no terminal, WIDE."""
+    """Standard output with the terminal's width or, without a terminal, WIDE."""
     from rich.console import Console
 
     here = Console()
@@ -44,7 +44,7 @@ def console() -> Console:
 
 
 def progress(console: Console, time: type[ProgressColumn], shown: bool = True, **more: Any) -> Progress:
-    """A bar on a terminal, gone when it is done. time: of these columns the one that is shown."""
+    """A progress bar on a terminal that vanishes at the end. time: the column of time."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), time()
@@ -53,17 +53,17 @@ def progress(console: Console, time: type[ProgressColumn], shown: bool = True, *
 
 
 def many(number: int, what: str) -> str:
-    """A number of things, in words: 1 command, 2 commands."""
+    """A number with its noun: 1 command, 2 commands."""
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def say(text: str) -> None:
-    """One line for the user beside the results, on standard error."""
+    """Print one line for the user on standard error."""
     print(f"isel-twin: {text}", file=sys.stderr, flush=True)
 
 
 def say_json(told: object) -> None:
-    """One line of JSON, on standard output."""
+    """Print one line of JSON on standard output."""
     from json import dumps
 
     print(dumps(told), flush=True)
@@ -71,7 +71,7 @@ def say_json(told: object) -> None:
 
 @contextmanager
 def put_off(failures: list[CallError], path: Path | None) -> Iterator[None]:
-    """Keep what cannot be written for `tell`, so that one full disk does not cost the other files."""
+    """Collect errors of writing for `tell`, so that one file does not prevent the others."""
     try:
         with call_errors(path):
             yield
@@ -80,7 +80,7 @@ def put_off(failures: list[CallError], path: Path | None) -> Iterator[None]:
 
 
 def tell(failures: Sequence[CallError]) -> None:
-    """Say what could not be written, one line each, and raise the last one."""
+    """Print the errors of writing, one line each, and raise the last one."""
     for failure in failures[:-1]:
         say(str(failure))
     if failures:
@@ -88,7 +88,7 @@ def tell(failures: Sequence[CallError]) -> None:
 
 
 def record(twin: Twin, interval_s: float, stack: ExitStack) -> Recorder:
-    """Samples of the twin every interval_s of virtual time, until the stack is unwound; says so if they are many."""
+    """Record the twin every interval_s of virtual time until the stack is closed; reports very many samples."""
     from isel_twin.recordings.recorder import Recorder
 
     recorder = stack.enter_context(Recorder(twin, round(interval_s * SECOND_NS)))
@@ -109,17 +109,17 @@ class JobOutput(Protocol):
     """Shows a job as it runs."""
 
     def result(self, result: Result) -> None:
-        """A line of the job is over."""
+        """Show a finished line of the job."""
 
     def verdict(self, verdict: Verdict, call: Mapping[str, Any]) -> None:
-        """The job is over; `call`: what else belongs to its summary."""
+        """Show the verdict; `call`: further entries of the summary."""
 
     def robust(self, verdict: Verdict, trials: Sequence[Repetition], wanted: int) -> bool:
-        """Its repetitions are over, fewer than wanted if they were stopped; return whether all ended alike."""
+        """Show the repetitions, fewer than wanted if stopped; return whether all ended alike."""
 
 
 class JsonOutput:
-    """One line a command and one for the summary; of repetitions a line each and one for all."""
+    """One line a command and one for the summary; one line for each repetition and one for all."""
 
     def result(self, result: Result) -> None:
         import dataclasses
@@ -148,12 +148,12 @@ class JsonOutput:
 
 
 class TableOutput:
-    """A table on stdout, a row as each command is over, and a line of progress on a terminal. A context manager.
+    """A table on stdout with a row for each finished command, and a line of progress on a terminal. A context manager.
 
     line     time / s  command              reply                X / mm     Y / mm     Z / mm     margin
        3       12.345  @0P                  0003E80001F4...      50.000     25.000      0.000        71 %
 
-    Rows are plain text of known columns: a table that fits itself to its contents has to wait for all of them.
+    Columns have fixed widths: a table fitted to its contents would have to wait for all rows.
     """
 
     heads = ("line", "time / s", "command", "reply")
@@ -230,7 +230,7 @@ class TableOutput:
             self._print(NO_PHYSICS)
 
     def counted(self, verdict: Verdict) -> str:
-        """How many there were."""
+        """Number of commands and expectations."""
         expected = f", {many(verdict.expectations, 'expectation')}" if verdict.expectations else ""
         return f"{many(verdict.commands, 'command')}{expected}"
 
@@ -257,7 +257,7 @@ class TableOutput:
         return not other
 
     def _row(self, number: str, time_s: str, words: str, *positions: str, style: str = "") -> None:
-        """words: both columns of text."""
+        """Print a row; words: both text columns."""
         places = "".join(f"{position:>11}" for position in positions)
         row = f"{number:>{self._before - 15}} {time_s:>12}  "
         self._print(f"{row}{words:<{self._wide}}{places}", style)
@@ -275,7 +275,7 @@ class TableOutput:
 
 
 class MotionsOutput(TableOutput):
-    """The motions of a capture, in steps, and the switches they strike."""
+    """Shows the motions of a capture, in steps, and the switches they strike."""
 
     heads = ("motion", "time / s", "steps", "struck")
     refused = "struck a switch"
@@ -285,7 +285,7 @@ class MotionsOutput(TableOutput):
 
 
 def _percent(margins: Sequence[float | None]) -> str:
-    """The least of the margins; nothing without physics."""
+    """The least of the margins in per cent; "" without physics."""
     least = min((margin for margin in margins if margin is not None), default=None)
     return "" if least is None else f"{100.0 * least:.0f} %"
 

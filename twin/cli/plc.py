@@ -29,7 +29,7 @@ def assemble(
     ] = None,
     json: Json = False,
 ) -> int:
-    """Assemble a program: text, one instruction a line, to the image that a controller is loaded with.
+    """Assemble a program: text, one instruction a line, to an image for a controller.
 
     Without --out the bytes are printed in hexadecimal.
     """
@@ -59,7 +59,7 @@ def disassemble(source: Source) -> int:
 
 @plc.command
 def explain(source: Source, *, json: Json = False) -> int:
-    """Print a program, each instruction with what it does in a few words."""
+    """Print a program with a short explanation of each instruction."""
     from isel_twin.firmware.plc.assembler import explain as explained
 
     with call_errors(source):

@@ -41,7 +41,7 @@ def _rows(server: dict[str, Any]) -> list[str]:
 
 
 def _url(port: dict[str, Any]) -> str:
-    """What a host opens; for pySerial."""
+    """The pySerial URL that a host opens."""
     address = str(port.get("address"))
     kind = port.get("kind")
     if kind == "pty":

@@ -1,4 +1,4 @@
-"""`isel-twin replay`: a recorded session once more, and what is different."""
+"""`isel-twin replay`: plays a recorded session again and shows differences."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ def replay(
     set: Annotated[Overrides, Parameter(help="Of a real controller: KEY=VALUE, a parameter of the machine.")] = (),
     json: Annotated[bool, Parameter(help="One JSON object.")] = False,
 ) -> int:
-    """Give what the host sent and what people did, at the same virtual times, to a twin built from the recording.
+    """Play the host's bytes and all operations, at the same virtual times, to a twin built from the recording.
 
     Prints the first difference in replies, times, stream or positions. Exit code 0 if there is none, 1 if there is.
-    With the versions it was recorded with there is none, to the bit; other versions are told.
+    With the same versions there is none, to the bit; other versions are reported.
 
-    A recording of a real controller (`tap`) is played to a twin of --controller, --machine, --plant and --seed as its
-    host would: the replies are compared as bytes, and `compare` compares the times, with what --record keeps.
+    A recording of a real controller (`tap`) is played to a twin of --controller, --machine, --plant and --seed: the
+    replies are compared as bytes. For times, use `compare` with the file of --record.
     """
     import time
     from contextlib import ExitStack
@@ -63,7 +63,7 @@ def replay(
         folder = Path(stack.enter_context(TemporaryDirectory(prefix="isel-twin-")))
         call = TwinSpec(machine, plant=plant, seed=seed, overrides=options.parse_overrides(set))
         twin = _twin(recorded, folder, controller, call)
-        if recorded.of_twin:  # its samples are compared, so they are taken when they were
+        if recorded.of_twin:  # its samples are compared, so they are taken at the same times
             interval = recorded.interval_ns / SECOND_NS
         recorder = None if record is None else begin(record, twin, interval, {"replay_of": recording.name}, stack)
         pacer = Pacer(factor, 0)
@@ -91,7 +91,7 @@ def replay(
 
 
 def _twin(recorded: Recorded, folder: Path, controller: str, call: TwinSpec) -> Twin:
-    """The twin that is played to. Raises CallError."""
+    """The twin for the replay. Raises CallError."""
     from isel_twin.recordings.replay import rebuilt
 
     if recorded.of_twin:

@@ -1,6 +1,5 @@
-"""`isel-twin run`: a file of commands in virtual time, and the verdict on it.
-
-A job that is stopped by Ctrl-C, or ends because a line is not over in time, keeps what it has: table, traces, report.
+"""`isel-twin run`: a file of commands in virtual time, and the verdict on it. A job that ends early, by Ctrl-C or a
+timeout, keeps its results: table, traces, report.
 """
 
 from __future__ import annotations
@@ -52,13 +51,13 @@ def run(
     begins a comment. <253> is the byte 253, <0.5s> lets time pass, and text before a <...> is sent as it stands. So
     this starts a motion of an iMC and stops it: `@0A8000,5000,0,30,0,30,0,30<13> <0.2s> <253>`
 
-    `=> 2` behind a command says what must be answered (`*` anything, `none` nothing, `=> 0 within 5 s`), and a line
-    `! x == 50 +- 0.03 mm` what must be so after it; docs/hosts.md lists what can be expected.
+    `=> 2` after a command is the expected reply (`*` anything, `none` nothing, `=> 0 within 5 s`), and a line `! x ==
+    50 +- 0.03 mm` a condition after it; docs/hosts.md lists all.
 
     A program of a controller that runs programs (DIN 66025, see docs/bwo900.md) is loaded, the axes are referenced, it
-    is started, and its blocks are told as they are made.
+    is started, and its blocks are shown as they are made.
 
-    Ctrl-C ends the job; what has happened by then is written. So does a command that is not over after --timeout.
+    Ctrl-C, or a command that is not over after --timeout, ends the job; all files are still written.
 
     Exit code 0 if every command was accepted ("0", or a longer answer to a query) or answered as expected, every
     condition met, a program at its end and no step lost, else 1. With
@@ -124,7 +123,7 @@ def run(
 
 
 def _golden(job: Path) -> Golden | None:
-    """The golden run beside a job, if there is one. Raises CallError."""
+    """The golden run beside a job, or None. Raises CallError."""
     from isel_twin.jobs.golden import golden_file, load
 
     if options.is_standard_input(job) or not (file := golden_file(job)).is_file():
@@ -147,7 +146,8 @@ def _why_it_ended(made: Played, timeout_s: float) -> str:
 def _repetitions(
     call: TwinSpec, lines: Sequence[Line], number: int, workers: int, timeout_s: float
 ) -> Callable[[Callable[[], bool]], Iterator[Repetition]] | None:
-    """Makes the repetitions of a job, with the flash memory as it is now; None if none are wanted. Raises CallError."""
+    """A function that makes the repetitions of a job, with the present flash memory; None for none. Raises
+    CallError."""
     if number < 0:
         raise CallError(f"robust {number}: must be a number of repetitions, such as 20", option=True)
     options.check_workers(workers)
@@ -165,7 +165,7 @@ def _repetitions(
 
 
 def _check_samples(lines: Sequence[Line], interval_s: float) -> None:
-    """Refuse a trace that cannot but be too long: the pauses alone make more samples than MOST_SAMPLES."""
+    """Refuse a trace whose pauses alone make more samples than MOST_SAMPLES."""
     from isel_twin.jobs.verdict import SETTLE_S
 
     least_s = SETTLE_S + sum(line.pauses_ns for line in lines) / SECOND_NS

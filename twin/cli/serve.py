@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from isel_twin.bridge.serve.borders import WireTap
     from isel_twin.bridge.serve.server import Guest
 
-KEPT_MOTIONS = 1000  # in the record of a server: what its panel may want to look back at; recordings have all
-PANEL = "127.0.0.1:8217"  # where the panel is without an address
+KEPT_MOTIONS = 1000  # motions that a server's record keeps for its panel; recordings have all
+PANEL = "127.0.0.1:8217"  # default address of the panel
 
 
 def serve(
@@ -81,7 +81,7 @@ def serve(
     with ExitStack() as stack:
         if (stderr := file_number(sys.stderr)) is not None:
             stack.enter_context(log_to(stderr, count=log != "wire"))
-        stack.enter_context(on_signals(lambda: sys.exit(0)))  # until the server can be stopped by them
+        stack.enter_context(on_signals(lambda: sys.exit(0)))  # until the server handles the signals
         endpoints = open_endpoints(pty, tcp, rfc2217, stack)
         port = _control_port(control, control_token, stack)
         page = _panel(panel, panel_token, stack)
@@ -143,7 +143,7 @@ def _panel(address: str | None, token: str | None, stack: ExitStack) -> Panel | 
 
 
 def file_number(stream: TextIO) -> int | None:
-    """File descriptor of a stream; None if a caller has put something in its place that has none."""
+    """File descriptor of a stream; None if it was replaced by an object without one."""
     try:
         return stream.fileno()
     except (OSError, ValueError):

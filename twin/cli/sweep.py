@@ -1,4 +1,4 @@
-"""`isel-twin sweep`: a table of what a job does while machine, settings, job, scenario and seed vary."""
+"""`isel-twin sweep`: a table of a job's outcomes while machine, settings, job, scenario and seed vary."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from isel_twin.many.studies.sensitivity import Index
     from isel_twin.many.studies.table import Table
 
-MOST_GROUPS = 12  # values of a parameter that are told one by one
+MOST_GROUPS = 12  # most values of a parameter that are listed
 
 
 def sweep(
@@ -41,13 +41,13 @@ def sweep(
     ] = None,
     json: Annotated[bool, Parameter(help="One line of JSON a row as it comes, and one for all.")] = False,
 ) -> int:
-    """Make a job again and again while parameters of machine, settings, job and scenario vary; a table of the rows.
+    """Repeat a job with varying parameters of machine, settings, job and scenario, and make a table of the outcomes.
 
-    Rows go to the table as they come. Called again, it makes the rows that are missing: after Ctrl-C or a crash,
-    and after values, samples or seeds have been added to the plan.
+    Rows go to the table as they come. Called again, it makes only the missing rows: after Ctrl-C or a crash, and after
+    values, samples or seeds were added to the plan.
 
-    Exit code 0 if the table is whole, whatever its rows say; 1 if a row could not be computed, or is missing; 2 for a
-    call that cannot be carried out.
+    Exit code 0 if the table is complete, whatever its rows say; 1 if a row could not be computed, or is missing; 2 for
+    a call that cannot be carried out.
     """
     if is_standard_input(plan):
         raise CallError("-: a job stands beside its plan; name a file")
@@ -90,13 +90,13 @@ def _crew(workers: int | None, address: str | None, missing: int) -> Crew:
 
     if address is not None:
         return cluster(address)
-    affinity = getattr(os, "sched_getaffinity", None)  # processors that this process may use; not everywhere
+    affinity = getattr(os, "sched_getaffinity", None)  # processors that this process may use; not on every system
     processors = len(affinity(0)) if affinity is not None else os.cpu_count() or 1
     return crew_of(max(1, min(workers or processors, missing)))
 
 
 def _try_out(plan: Plan) -> None:
-    """Find out what is wrong with scenario and job before a long sweep. Raises CallError."""
+    """Check scenario and job before a long sweep. Raises CallError."""
     twin = plan.call.with_(plant="kinematic").build()
     names = {switch.name for switch in twin.machine.switches} | {"all"}
     if unknown := sorted(set(plan.work.bounds.may_strike) - names):
@@ -104,7 +104,7 @@ def _try_out(plan: Plan) -> None:
 
 
 def _fill(table: Table, plan: Plan, crew: Crew, json: bool) -> int:
-    """Make the missing rows; an exit code if somebody stops it, else 0."""
+    """Make the missing rows; return an exit code if stopped, else 0."""
     from isel_twin.base.crew import Lost, finished
     from isel_twin.many.studies.row import MismatchError, compute
 
@@ -123,7 +123,7 @@ def _fill(table: Table, plan: Plan, crew: Crew, json: bool) -> int:
                     why = why or outcome.why
                 else:
                     shown.row(table.add(missing[index], outcome))
-        except BrokenPipeError:  # nobody reads the rows any more
+        except BrokenPipeError:  # the reader of the rows is gone
             raise
         except (MismatchError, OSError, CallError) as error:
             if isinstance(error, CallError) and error.option:
@@ -170,7 +170,7 @@ class _Progress:
 
 
 def _tell(plan: Plan, rows: Sequence[dict[str, Any]], wanted: int, file: Path, json: bool) -> None:
-    """Print how many rows are not well: of all, and for each value of a parameter."""
+    """Print the number of failed rows: of all, and for each value of a parameter."""
     failed = [row for row in rows if row["ok"] is False]
     errors = [row for row in rows if row["error"] is not None]
     if json:
@@ -196,7 +196,7 @@ def _tell(plan: Plan, rows: Sequence[dict[str, Any]], wanted: int, file: Path, j
 
 
 def _tell_indices(found: Sequence[Index], picture: Path, json: bool) -> None:
-    """Print what each outcome depends on, the most first."""
+    """Print the sensitivity of each outcome, the largest first."""
     if json:
         told = [dataclasses.asdict(index) for index in found]
         outputs.say_json({"sensitivity": told, "picture": str(picture)})
@@ -220,7 +220,7 @@ def _counted(words: Sequence[str]) -> str:
 
 
 def _share(bad: int, total: int) -> str:
-    """So many of so many, and where the true part lies with 95 % certainty (E. B. Wilson, 1927)."""
+    """`bad` of `total`, with the 95 % interval of the true fraction (E. B. Wilson, 1927)."""
     if not total:
         return "0"
     from isel_twin.many.studies import wilson

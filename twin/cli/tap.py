@@ -1,4 +1,4 @@
-"""`isel-twin tap`: between a real host and a real controller."""
+"""`isel-twin tap`: records the line between a real host and a real controller."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from isel_twin.bridge.tap.tap import BookWriter
     from isel_twin.controller import SerialFormat
 
-SWITCH_S = 0.0005  # a writing thread gives way so soon to one that has a byte to stamp; Python's own value is 5 ms
+SWITCH_S = 0.0005  # Python's thread switch interval, so that bytes get their time stamps soon; the default is 5 ms
 
 
 def tap(
@@ -39,7 +39,7 @@ def tap(
         Literal["events", "wire"], Parameter(help="events: who comes and goes. wire: every message, in words, too.")
     ] = "events",
 ) -> int:
-    """Stand between a host program and a real controller: pass every byte on at once, record both directions.
+    """Sit between a host program and a real controller: pass every byte on at once, record both directions.
 
     Prints one line of JSON with the addresses for the host once everything is open. Ends with Ctrl-C.
     """
@@ -55,7 +55,7 @@ def tap(
     form = _format(baud, frame)
     _check(record, replace)
     with call_errors():
-        create_language(controller)  # an unknown name, before anything is opened
+        create_language(controller)  # refuse an unknown name before anything is opened
     with ExitStack() as stack:
         if (stderr := file_number(sys.stderr)) is not None:
             stack.enter_context(log_to(stderr, count=log != "wire"))
@@ -95,7 +95,8 @@ def _format(baud: int, frame: str) -> SerialFormat:
 
 
 def _check(record: Path | None, replace: bool) -> None:
-    """What a real machine has done cannot be recorded again, so no recording is replaced by mistake (bridge/10)."""
+    """Check the file: a recording of a real machine cannot be made again, so none is replaced by mistake
+    (bridge/10)."""
     if record is None:
         return
     if record.suffix.lower() != ".mcap":
@@ -119,7 +120,7 @@ def _book_writer(record: Path, device: str, controller: str, form: SerialFormat)
 
 
 def _refusal(device: str, error: OSError | ValueError) -> str:
-    """Why the controller's port cannot be had, and what there is."""
+    """Why the controller's port cannot be opened, and the ports there are."""
     reason = f"{device}: {getattr(error, 'strerror', None) or error}"
     if isinstance(error, PermissionError) or "Permission denied" in reason:
         return f"{reason}; ask for the group of serial ports (dialout, uucp), or try as root"

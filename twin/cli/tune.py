@@ -1,6 +1,5 @@
-"""`isel-twin tune`: the fastest settings of a job that lose no step, and how the real controller gets them.
-
-What has been tried is in a database, so that the same command goes on after Ctrl-C, or with more trials.
+"""`isel-twin tune`: the fastest settings of a job that lose no step, and their transfer to the real controller. Trials
+are in a database, so that the same command continues after Ctrl-C, or with more trials.
 """
 
 from __future__ import annotations
@@ -63,14 +62,14 @@ def tune(
 ) -> int:
     """Find the fastest settings of a job that lose no step and keep a margin, also on slightly different machines.
 
-    Tried are the speed of its rapid ways, the acceleration and the start-stop frequency, for the whole job or, with
-    --each-move, for each of its moves. Each setting is judged on the machine as it is and on --robust others
-    (power-on position, supply 5 %, friction 20 %, masses and payload 10 %), the same ones for all; the first lost step
-    ends it. The fastest that keeps --margin there has to keep it on --confirm others, too.
+    It varies the rapid speed, the acceleration and the start-stop frequency, for the whole job or, with --each-move,
+    for each of its moves. Each setting is judged on the machine as it is and on --robust others (power-on position,
+    supply 5 %, friction 20 %, masses and payload 10 %), the same for all; the first lost step ends it. The fastest that
+    keeps --margin there must keep it on --confirm others, too.
 
-    Written are the job with its new lines, and the commands that make its ramps the controller's own. What has been
-    tried stays in --storage: after Ctrl-C the same command goes on. The time counts from the first move; the reference
-    run before it is not tuned.
+    It writes the job with its new lines, and the commands that store its ramps in the controller. Trials stay in
+    --storage: after Ctrl-C the same command continues. The time counts from the first move; the reference run before it
+    is not tuned.
 
     Exit code 0 if a setting holds; 1 if none does, and nothing is written; 130 after Ctrl-C.
     """
@@ -79,7 +78,7 @@ def tune(
     _check_numbers(trials, robust, confirm, workers, batch, margin, seed, rapid)
     options.check_seconds("timeout", timeout, 0.0)
     ranges = _ranges({"speed": speed, "acceleration": acceleration, "start-stop": start_stop})
-    read_job(job, controller)  # says what is wrong with it, with its line
+    read_job(job, controller)  # reports errors with their line
     database = storage if storage is not None else str(job.with_name(f"{job.stem}.tune.db"))
     file = None if "://" in database else Path(database)
     out = out or job.with_name(f"{job.stem}.tuned{job.suffix}")
@@ -157,7 +156,7 @@ def _ranges(texts: dict[str, str | None]) -> dict[str, tuple[int, int]]:
 
 @contextmanager
 def _failures() -> Iterator[None]:
-    """What ends a study from outside, such as a lost database, is a CallError."""
+    """Turn errors from outside, such as a lost database, into CallError."""
     from isel_twin.many.tuning.study import StudyError
 
     try:
@@ -169,7 +168,7 @@ def _failures() -> Iterator[None]:
 def _tuned(
     job: Path, study: Study, trials: int, confirm: int, crew: Crew, stopped: Sequence[int], show: Output
 ) -> Tuned | None:
-    """Try settings, then confirm the fastest; None if none holds, or if it was stopped."""
+    """Try settings, then confirm the fastest; None if none holds, or if stopped."""
     study.judge_references(lambda: bool(stopped))
     before = study.reference("as it stands")
     if before is not None and not before.good and not before.slipped:
@@ -180,7 +179,7 @@ def _tuned(
 
 
 def _chosen(study: Study, confirm: int, crew: Crew, stopped: Sequence[int], show: Output) -> Tuned | None:
-    """The fastest setting of the front that holds; None if none does, or if it was stopped."""
+    """The fastest setting of the front that holds; None if none does, or if stopped."""
     from isel_twin.many.tuning.result import confirm as confirmed
     from isel_twin.many.tuning.result import front, tuned
 
@@ -210,7 +209,7 @@ def _chosen(study: Study, confirm: int, crew: Crew, stopped: Sequence[int], show
 
 
 def _draw(picture: Path, job: Path, study: Study, found: Tuned | None) -> None:
-    """Draw time against margin: all trials, the references, and what was found."""
+    """Draw time against margin: all trials, the references and the result."""
     from isel_twin.base.files import atomic_write
     from isel_twin.many.tuning import front
 
@@ -223,7 +222,7 @@ def _draw(picture: Path, job: Path, study: Study, found: Tuned | None) -> None:
 
 
 def _write(job: Path, found: Tuned, out: Path, permanent: Path) -> None:
-    """Write the tuned job, and the job that makes its ramps the controller's own."""
+    """Write the tuned job, and the job that stores its ramps in the controller."""
     from isel_twin.base.files import atomic_write
 
     with call_errors(out):

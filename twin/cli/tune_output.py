@@ -1,4 +1,4 @@
-"""What `isel-twin tune` says while it tries settings, and at the end: JSON for programs, a table for people."""
+"""Output of `isel-twin tune`: JSON for programs, a table for people."""
 
 from __future__ import annotations
 
@@ -16,32 +16,32 @@ if TYPE_CHECKING:
 
 
 class Output:
-    """Is told how the study goes."""
+    """Shows the progress of a study."""
 
     def begun(self, study: Study) -> None:
-        """The references have been judged; `study.tried` has the trials of earlier calls."""
+        """After the references are judged; `study.tried` has the trials of earlier calls."""
 
     def tried(self, tried: Tried) -> None: ...
 
     def puts_together(self) -> None:
-        """The best settings of each move are about to be put together."""
+        """Before the best settings of each move are combined."""
 
     def mended(self, why: str) -> None:
-        """Together they did not hold, and are about to be mended."""
+        """The combination failed, for this reason, and is corrected next."""
 
     def confirms(self, tried: Tried) -> None:
-        """A setting is about to be confirmed on further machines, or falls there."""
+        """Before a setting is confirmed on further machines."""
 
     def confirmed(self, repetition: Judgement) -> None: ...
 
     def fell(self, tried: Tried, why: str) -> None: ...
 
     def over(self, job: Path, study: Study, found: Tuned | None, stopped: bool, files: Sequence[Path]) -> None:
-        """files: written if something was found."""
+        """At the end. files: written if a setting was found."""
 
 
 class Json(Output):
-    """A line a trial and one for the summary."""
+    """One line a trial and one for the summary."""
 
     def begun(self, study: Study) -> None:
         for tried in study.tried:
@@ -62,7 +62,7 @@ class Json(Output):
 
 
 class Table(Output):
-    """What is better than all before, as it is found; a line of progress on a terminal. A context manager."""
+    """Each improvement as it is found, and a line of progress on a terminal. A context manager."""
 
     def __init__(self, trials: int, confirm: int) -> None:
         from rich.console import Console
@@ -73,7 +73,7 @@ class Table(Output):
         self._progress = progress(
             out if out.is_terminal else messages,
             TimeRemainingColumn,
-            redirect_stdout=out.is_terminal,  # a file must get what goes there
+            redirect_stdout=out.is_terminal,  # output to a file must not be redirected
             redirect_stderr=messages.is_terminal,
         )
         self._task = self._progress.add_task("job as it stands", total=trials)
