@@ -1,23 +1,24 @@
-"""What takes time: activities, and what they may ask for.
+"""Activities, which take time, and their requests.
 
 An activity is a generator. It yields a request, is suspended while the request is carried out, and goes on with the
-result. So what a command does reads from top to bottom:
+result. So a command reads from top to bottom:
 
-    ended = yield Travel(path, law)      make these ticks              -> Ended: ticks made so far, by an event?
+    ended = yield Travel(path, law)      make these ticks              -> Ended: ticks made so far, ended by an event or
+    not
     left = yield Pause(50_000_000)       let time pass                 -> None, or the ns left of it
     byte = yield Listen()                wait for a byte               -> the byte, or None
 
-A stop sets the activity aside wherever it is. When it goes on, it gets the second kind of result: fewer ticks than it
-asked for, time left, no byte. What is left, the activity asks for again, or not.
+A stop sets the activity aside at its request. When it goes on, the result is incomplete: fewer ticks than requested,
+time left, no byte. The activity may then request the rest:
 
     made = 0
     while made < path.ticks:
         ended = yield Travel(path, law(path.ticks - made), made)
         made = ended.ticks
 
-It ends by returning, or early by an exception of the kind `Unfinished`. Whatever it holds it gives back in a `finally`:
-an activity that is broken off or forgotten is closed. `purpose` is what a request is for, in the firmware's own terms
-(towards this switch, a rest before the next motion); only the firmware looks at it.
+It ends by returning, or early by an `Unfinished` exception. It must release what it holds in a `finally`, because an
+activity that is broken off or forgotten is closed. `purpose` tells the firmware, in its own terms, what a request is
+for (towards this switch, a rest before the next motion).
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from isel_twin.motion import StepPath, TimeLaw
 
 
 class Unfinished(Exception):
-    """An activity has ended before its work was done. Firmwares derive their own."""
+    """An activity ended before its work was done. Firmwares derive their own."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ class Travel:
 
 @dataclass(frozen=True)
 class Ended:
-    """How a motion has ended: number of the last tick made (those before its first included); by an event?"""
+    """How a motion ended: number of the last tick made (including those before its first), and whether by an event."""
 
     ticks: int
     by_event: bool = False
@@ -53,7 +54,7 @@ class Ended:
 
 @dataclass(frozen=True)
 class Pause:
-    """Let time pass. Result: None when it has passed, or how many ns were left when a stop came."""
+    """Let time pass. Result: None when it has passed, or the ns left when a stop came."""
 
     ns: int
     purpose: object = None

@@ -1,24 +1,24 @@
-"""Carries out activities, one at a time, in virtual time; keeps the motion in execution and the counters.
+"""Carries out activities, one at a time, in virtual time; has the motion in execution and the counters.
 
-Goal: how something is stopped, set aside and resumed stands here once. What a limit switch, a fault or a stop byte
-*means* is the firmware's business: it calls one of these.
+Stopping, setting aside and resuming are implemented here once. The firmware decides what a limit switch, a fault or a
+stop byte means, and calls one of these:
 
     park         stop ramp   the activity is set aside; `resume` goes on with it, `forget` closes it
     event        stop ramp   it goes on, with Ended(by_event=True)
     cut          at once     it goes on, with Ended(by_event=True)
-    break_off    stop ramp   it is closed; whoever started it is told the reason
-    abort        at once     it is closed; whoever started it is told the reason
-    discard      at once     it is closed, and a parked one too; nobody is told
+    break_off    stop ramp   it is closed; the callback gets the reason
+    abort        at once     it is closed; the callback gets the reason
+    discard      at once     it is closed, and a parked one too; no callback
 
-A motion comes down one ramp only. What is called on the way changes what follows it: a park becomes a break-off, never
-the other way; a cut ends the ramp there and then.
+A motion has only one stop ramp. A call during the ramp changes what follows it: a park becomes a break-off, never the
+other way; a cut ends the ramp at once.
 
-Time is `now_ns`. Whoever owns the executor sets it, never backwards, never beyond `next_ns`, and calls `tick` when
-something is `due`. So a motion has ended when the time of its last tick has come *and* `tick` is called: an edge at
-that very time still meets it, because its tick is what caused the edge. A motion that has been stopped or cut ends the
-same way; if nothing of it is left to be made, it is due now.
+Time is `now_ns`. The owner sets it, never backwards, never beyond `next_ns`, and calls `tick` when something is `due`.
+So a motion ends when the time of its last tick has come *and* `tick` is called: an edge at that very time still meets
+the motion, because its tick caused the edge. A stopped or cut motion ends the same way; if no tick is left, it is due
+now.
 
-Counters count what motions make: `counts` is what they were when the present motion began plus what it has made since.
+`counts` is the value at the beginning of the present motion plus its ticks since.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ from isel_twin.firmware.activity import Activity, Ended, Listen, Pause, Request,
 from isel_twin.motion import Displacement, StepRun
 from isel_twin.motion.path import added
 
-# called when an activity has ended: with None if it returned, else with the reason why it did not
+# called at the end of an activity: with None if it returned, else with the reason
 EndedBy = Callable[[Unfinished | None], None]
 
 
 @dataclass(frozen=True)
 class Parked:
-    """An activity set aside: the request it was stopped in, and the result with which it will go on."""
+    """An activity set aside: its request, and the result with which it will go on."""
 
     activity: Activity
     ended: EndedBy
@@ -46,7 +46,7 @@ class Parked:
 
 @dataclass(frozen=True)
 class _Stopping:
-    """What follows a motion that has been stopped or cut; without `park` and `reason` the activity goes on."""
+    """What follows a stopped or cut motion; without `park` and `reason` the activity goes on."""
 
     by_event: bool = False
     park: Callable[[], None] | None = None
@@ -91,7 +91,7 @@ class Executor:
 
     @property
     def next_ns(self) -> int | None:
-        """When something is due; None if only the outside can change anything."""
+        """When something is due; None if only an input can change anything."""
         end_ns = self._pause_end_ns if self.motion is None else self.motion.end_ns
         return None if end_ns is None else max(end_ns, self.now_ns)
 
@@ -106,13 +106,13 @@ class Executor:
         self._base = (*self._base[:axis], value, *self._base[axis + 1 :])
 
     def start(self, activity: Activity, ended: EndedBy) -> None:
-        """Begin an activity at once; none is in progress. `ended` is called unless it is discarded or forgotten."""
+        """Begin an activity at once; none may be in progress. `ended` is called unless it is discarded or forgotten."""
         assert self._activity is None
         self._activity, self._ended = activity, ended
         self._go_on(None)
 
     def tick(self) -> None:
-        """End the motion or the pause that is due, and do all that follows without taking time."""
+        """End the motion or pause that is due, and go on up to the next request that takes time."""
         if not self.due:
             return
         if self.motion is None:
@@ -134,9 +134,8 @@ class Executor:
     # ---- stopping ---------------------------------------------------------------------------------------------------
 
     def park(self, parked: Callable[[], None]) -> None:
-        """Set the activity aside where it is; `parked` is called when that is done: now, or after the stop ramp.
-
-        Does nothing at rest, or in a stop ramp that has a reason to end the activity.
+        """Set the activity aside; `parked` is called when that is done, now or after the stop ramp. Does nothing at
+        rest, or in a stop ramp that will end the activity.
         """
         if self.motion is not None:
             stopping = self._stop()
@@ -156,21 +155,20 @@ class Executor:
         self._go_on(parked.result)
 
     def forget(self) -> None:
-        """Close the parked activity, if there is one; nobody is told."""
+        """Close the parked activity, if any, without a callback."""
         if self.parked is not None:
             self.parked.activity.close()
             self.parked = None
 
     def event(self) -> None:
-        """The event the motion was waiting for has come: it ends with the stop ramp and the activity goes on.
-
-        A motion that is being stopped already keeps what follows it.
+        """The expected event has come: the motion ends with the stop ramp and the activity goes on. No effect on a
+        motion that is already stopping.
         """
         if self.motion is not None:
             self._stopping = replace(self._stop(), by_event=True)
 
     def cut(self) -> None:
-        """The same without a ramp: the last tick made is the last one. A parked motion counts as ended by it, too."""
+        """As `event` without a ramp: no more ticks. A parked motion counts as ended by it, too."""
         if self.motion is not None:
             self.motion = self.motion.cut(self.now_ns)
             self._stopping = replace(self._stopping or _Stopping(), by_event=True)
@@ -185,14 +183,14 @@ class Executor:
             self.abort(reason)
 
     def abort(self, reason: Unfinished) -> None:
-        """End the activity at once; the last tick made is the last one."""
+        """End the activity at once; no more ticks."""
         if self.motion is not None:
             self._end_motion()
         if self._activity is not None:
             self._finish(reason)
 
     def discard(self) -> None:
-        """Everything ends at once, the parked activity too, and nobody is told. Counters keep what has been made."""
+        """End everything at once, including the parked activity, without callbacks. Counters stay."""
         if self.motion is not None:
             self._end_motion()
         if self._activity is not None:
@@ -200,7 +198,7 @@ class Executor:
         self.forget()
 
     def _go_on(self, result: Ended | int | None) -> None:
-        """Let the activity go on with the result of its request, up to its next one that takes time."""
+        """Continue the activity with the result of its request, up to its next one that takes time."""
         while self._activity is not None:
             self.request = self._pause_end_ns = self._stopping = None
             try:
@@ -223,7 +221,7 @@ class Executor:
             return
 
     def _stop(self) -> _Stopping:
-        """Put the motion on its stop ramp, once; return what follows it."""
+        """Begin the stop ramp of the motion, once; return what follows it."""
         assert self.motion is not None
         if self._stopping is None:
             self.motion = self.motion.stopped(self.now_ns)
@@ -231,7 +229,7 @@ class Executor:
         return self._stopping
 
     def _end_motion(self) -> int:
-        """The motion is over; return the number of its last tick made."""
+        """End the motion; return the number of its last tick made."""
         assert self.motion is not None
         ticks = self.motion.count(self.now_ns)
         self._base, self.motion = self.counts, None
@@ -251,7 +249,7 @@ class Executor:
         ended(reason)
 
     def _release(self) -> Activity:
-        """End the activity in progress without telling anybody; return it."""
+        """End the activity in progress without a callback; return it."""
         assert self._activity is not None
         activity = self._activity
         self._activity = self._ended = self.request = self._pause_end_ns = self._stopping = None

@@ -3,9 +3,9 @@
     line, keys, inputs
         |
     control.py      host, inputs and clock: implements isel_twin.controller.Controller; ports.py
-    commands.py     parameters that are keys (keys.py); transfer.py: files of the line; feeder.py: programs that are fed
-    operating.py    modes, Start, Stop, HAND, power; status.py: what is told in parameters
-    execution.py    the program under way: what surrounds the channel
+    commands.py     parameters that act as keys (keys.py); transfer.py: files on the line; feeder.py: fed programs
+    operating.py    modes, Start, Stop, HAND, power; status.py: status in parameters
+    execution.py    the program in execution: the channel's surroundings
     hardware.py     inputs, axes, power, machine_plc.py (spindle, coolant, tool change), outputs
     parameters.py, messages.py, memory.py (the flash), language.py
         |
@@ -14,15 +14,15 @@
     analysis/       interpreter.py: blocks of a program to blocks of a path: stack.py (calls, loops), values.py,
         |           reader.py (G, M: said.py), targets.py (axes, circles), coordinates.py, tools.py, cycles/
         |
-    geometry/       elements.py, blocks.py: what a path is made of; frames.py; contour.py (G12, G123), offset.py (G41)
+    geometry/       elements.py, blocks.py: elements of a path; frames.py; contour.py (G12, G123), offset.py (G41)
         |
-    realtime/       surroundings.py: what the channel needs; ahead.py: blocks that wait; channel.py: states;
+    realtime/       surroundings.py: interfaces of the channel; ahead.py: waiting blocks; channel.py: states;
         |           path_run.py: the path under way: joining.py, stretch.py, path.py: its pieces;
         |           hand.py: moves without a program; axes.py, power.py, outgoing.py
         v
     set points (isel_twin.motion.joined), outputs, messages
 
-docs/bwo900.md has what there is and what not, docs/decisions/bwo900.md what the manual leaves open.
+docs/bwo900.md lists what is emulated, docs/decisions/bwo900.md what the manual leaves open.
 """
 
 from __future__ import annotations

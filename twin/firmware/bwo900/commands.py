@@ -1,9 +1,9 @@
-"""Parameters that are keys: what the line, a key of the panel or the program asks for by writing one (manual 8.4).
+"""Parameters that act as keys: requests by the line, a panel key or the program (manual 8.4).
 
     written(P8684, 1) --> keys.wish --> START --> operating.py
                                         STOP, ABORT, MODE, MOVE, REFERENCE, OVERRIDE ...
 
-What a program asks for waits until the channel has come to rest (`answer`).
+A program's request waits until the channel is at rest (`answer`).
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ class Commands:
         self._parameters = execution.parameters
 
     def answer(self) -> None:
-        """Do what the program has asked for."""
+        """Carry out the requests of the program."""
         asked = self._execution.asked
         while asked:
             self.written(*asked.pop(0), "P", 1)
 
     def written(self, number: int, value: float | None, area: str, channel: int) -> None:
-        """A parameter has been written: some are keys. Those are named by their P; as q they are part of a backup."""
+        """Take a written parameter, which may act as a key if written as P; a write to its q is part of a backup."""
         p = self._parameters
         if area == "P" and channel == 1:
             self._execution.deletion.written(number, value)
@@ -86,14 +86,14 @@ class Commands:
                 operating.refer(int(given))
 
     def _mapped(self, number: int) -> float | None:
-        """P8553: the q that a P is; None: there is no such P."""
+        """P8553: the q of a P; None: no such P."""
         try:
             return float(self._parameters.address("P", number))
         except ProgramError:
             return None
 
     def _put_out(self, kind: int) -> None:
-        """P11181: all parameters as a file, 5: with their status."""
+        """P11181: send all parameters as a file; 5: with their status."""
         p = self._parameters
         assert p.live is not None
         self._execution.rest()
@@ -102,7 +102,7 @@ class Commands:
         self._reply(parameter_file(p, status=kind == 5))
 
     def put_out_programs(self, number: int) -> None:
-        """A program P as a file, 0: all programs and cycles in one."""
+        """Send a program P as a file; 0: all programs and cycles in one."""
         names = [f"P{number}"] if number else sorted(self._store)
         if number and names[0] not in self._store:
             self._execution.say(message(Code.NO_PROGRAM, detail=names[0], effect=Effect.SHOWN))

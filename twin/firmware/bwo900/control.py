@@ -37,7 +37,7 @@ class Control:
     output_names: Sequence[str] = (*MachinePlc.OUTPUTS, "drive_reset", "auto", "active", "message")
 
     def __init__(self, flash: bytes | None, *, plc: str | None = None) -> None:
-        """flash: programs and parameters that were kept. plc: STEP 5 text in place of the default program."""
+        """flash: stored programs and parameters. plc: STEP 5 text in place of the default program."""
         self._parameters, store, self._flash_fault = memory.read(flash)
         self._hardware = hardware = Hardware(self._parameters, plc)
         self._axes, self._power, self._hand = hardware.axes, hardware.power, hardware.hand
@@ -48,7 +48,7 @@ class Control:
         self._commands = Commands(self._operating, self._execution, store)
         self._receiver = Receiver(self._parameters, store, self._commands.written, self._execution.locked)
 
-    # ---- what there is to see ---------------------------------------------------------------------------------------
+    # ---- state ------------------------------------------------------------------------------------------------------
 
     @property
     def serial_format(self) -> SerialFormat:
@@ -68,12 +68,12 @@ class Control:
 
     @property
     def messages(self) -> list[Message]:
-        """Those that stand, the newest last."""
+        """The uncleared messages, the newest last."""
         return self._outgoing.standing
 
     @property
     def history(self) -> list[tuple[int, Message]]:
-        """What has been said, and when, ns."""
+        """All messages with their times in ns."""
         return self._outgoing.history
 
     @property
@@ -112,10 +112,10 @@ class Control:
 
     @property
     def _power_due_ns(self) -> int | None:
-        """Until when the drives are waited for; None: for nothing, or for the end of the file that asks for them."""
+        """Time limit of the wait for the drives; None: no wait, or until the end of the file that needs them."""
         return None if self._receiver.busy else self._power.until_ns
 
-    # ---- what happens -----------------------------------------------------------------------------------------------
+    # ---- inputs -----------------------------------------------------------------------------------------------------
 
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
         self._axes.now_ns = t_ns
@@ -202,7 +202,7 @@ class Control:
     def use_drives(self, drives: Drives) -> None:
         self._axes.drives = drives
 
-    # ---- going on ---------------------------------------------------------------------------------------------------
+    # ---- progress ---------------------------------------------------------------------------------------------------
 
     def _settle(self) -> None:
         now_ns = self._axes.now_ns
@@ -223,7 +223,7 @@ class Control:
         self._show_status()
 
     def _show_status(self) -> None:
-        """Parameters and outputs about the channel and the line."""
+        """Update parameters and outputs about the channel and the line."""
         p, channel = self._parameters, self._channel
         state = 0.0 if not channel.active else 1.0 if channel.held else 2.0
         if p.get(P.PROGRAM_ACTIVE) != state:

@@ -1,6 +1,6 @@
-"""The program in execution: how it begins, what its blocks do to the control, how it ends (manual 7.5).
+"""The program in execution: its beginning, the effects of its blocks on the control, its end (manual 7.5).
 
-Start --> begin: feeder.py, interpreter, restart --> channel --> ended: where it was broken off, an image for the flash
+Start --> begin: feeder.py, interpreter, restart --> channel --> ended: place of an interruption, image for the flash
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from isel_twin.firmware.bwo900.transfer import POSITIONED
 
 
 class Execution:
-    """Programs and the channel that carries them out; the `Surroundings` of that channel."""
+    """Programs and their channel; implements the `Surroundings` of that channel."""
 
     def __init__(self, hardware: Hardware, store: Store, memory: Memory) -> None:
         self.hardware, self._store, self._memory = hardware, store, memory
@@ -42,8 +42,8 @@ class Execution:
         self.mode = Mode.HAND
         self.asked: list[tuple[int, float | None]] = []
         """Parameters that the program has written, and that are keys: they act once the channel has come to rest."""
-        self._began_at: tuple[float, ...] = (0.0,) * AXES  # where the axes stood as the last program was started, mm
-        self._broken = ""  # where the last program was broken off, for people; empty: it was not
+        self._began_at: tuple[float, ...] = (0.0,) * AXES  # positions of the axes at the last start, mm
+        self._broken = ""  # where the last program was interrupted, for people; empty: it was not
 
     @property
     def single(self) -> bool:
@@ -83,18 +83,18 @@ class Execution:
         self.keep()
 
     def _ask(self, number: int, value: float | None) -> None:
-        """The program has written a parameter P: one that is a key waits to be answered."""
+        """Take a parameter P written by the program: one that acts as a key waits for `answer`."""
         if keys.wish(number, value, AXES) is not None:
             self.asked.append((number, value))
 
     @property
     def program(self) -> str:
-        """The program that Start begins."""
+        """Name of the program that Start begins."""
         return f"P{int(self.parameters.get(P.PROGRAM))}"
 
     @property
     def unfinished(self) -> str:
-        """Why the last program has not come to its end; empty: it has."""
+        """Why the last program did not reach its end; empty: it did."""
         if self.channel.held:
             program, number = self.executed.place
             wanted = "Start" if self.channel.path.override > 0.0 else "an override above 0 %"
@@ -105,11 +105,11 @@ class Execution:
 
     @property
     def hand_is_free(self) -> bool:
-        """Axes may be moved without a program."""
+        """True if axes may be moved without a program."""
         return self.mode is Mode.HAND and not self.channel.active and not self.channel.path.locked
 
     def begin(self) -> None:
-        """The program of P8800 begins, or the positioning block."""
+        """Begin the program of P8800, or the positioning block."""
         p = self.parameters
         positioning = self.mode is Mode.POSITIONING
         name = POSITIONED if positioning else self.program
@@ -131,16 +131,17 @@ class Execution:
         self.channel.start()
 
     def rest(self) -> None:
-        """Without a program HAND has coordinates of its own."""
+        """Set the coordinates of HAND without a program."""
         if self.hand_is_free:
             self.interpreter.hand(self.axes.position)
 
     def keep(self) -> None:
-        """Programs and parameters go into the flash."""
+        """Write programs and parameters to the flash."""
         self.hardware.outgoing.add(FlashWrite(self._memory.image()))
 
     def locked(self, name: str) -> bool:
-        """A program that is, or has been, analysed for the one under way; with P8806, byte 2, bit 0 it must be open."""
+        """True for a program that was analysed for the one in execution; with P8806, byte 2, bit 0 only if it is
+        open."""
         if not self.channel.active:
             return False
         only_open = byte(self.parameters.get(P.START_FLAGS_1), 2) & 1

@@ -1,11 +1,10 @@
-"""Programs that are carried out while they come (dripfeed), and how the host is told to wait (2.5.1, P8811; P8807;
-P11176).
+"""Programs that are executed while they arrive (dripfeed), and flow control of the host (2.5.1, P8811; P8807; P11176).
 
     mode AUTO with P8811 = 1 (or Start, if P8807 says so)   the next program that comes is fed
-    Start                                                    it is carried out, as soon as its first block is there
-    end, abort, message, HAND                                what comes of it still is thrown away
+    Start                                                    it is executed as soon as its first block is there
+    end, abort, message, HAND                                the rest of it is discarded
 
-RTS/CTS: no byte comes while the line is not clear to send. Xon/Xoff: the host is told by a character, and trusted.
+RTS/CTS: no byte comes while the line is not clear to send. Xon/Xoff: the host must obey the characters.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ XON, XOFF = b"\x11", b"\x13"
 
 
 class Feeder:
-    """Puts a `Feed` into the store when there is to be one, and takes it away."""
+    """Puts a `Feed` into the store when needed, and removes it."""
 
     def __init__(self, parameters: Parameters, store: Store) -> None:
         self._parameters, self._store = parameters, store
@@ -45,17 +44,17 @@ class Feeder:
 
     @property
     def failed(self) -> str:
-        """The fed program, if blocks of it are lost so that it cannot go on; empty: none."""
+        """Name of the fed program if blocks of it are lost; empty: none."""
         feed = self._store.feed
         return feed.name if feed is not None and feed.given_up else ""
 
     def automatic(self, name: str) -> None:
-        """The mode has become AUTO or SINGLE; name: of the program that Start begins."""
+        """Take the change to AUTO or SINGLE; name: of the program that Start begins."""
         if self._wanted and not int(self._parameters.get(P.START_FLAGS_2)) & AT_START:
             self._arm(name)
 
     def start(self, name: str, *, from_the_middle: bool) -> None:
-        """A program is started. Raises ProgramError M1269 if it is fed and is to begin in its middle."""
+        """Take the start of a program. Raises ProgramError M1269 for a fed one from the middle."""
         if not self._wanted:
             self.end()
         elif from_the_middle:
@@ -69,7 +68,7 @@ class Feeder:
             self._store.feed = None
 
     def say(self) -> bytes:
-        """Xoff or Xon for the host, if what it was told last is no longer true."""
+        """Xoff or Xon for the host, if its state has changed."""
         waits = self._by_characters and self._store.feed is not None and self._store.feed.waits
         if waits == self._told_to_wait:
             return b""

@@ -1,4 +1,4 @@
-"""What the control is wired to, and what it tells: inputs, axes, power, PLC, outputs and messages."""
+"""The control's connections: inputs, axes, power, PLC, outputs and messages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The operator's keys, and the parameters that a host or PLC writes instead (manual 7.5, 8.4: P8682 on; P8800 on).
+"""The operator's keys, and the parameters with the same effect (manual 7.5, 8.4: P8682 on; P8800 on).
 
 key            parameter
 mode           P8683            hand 1, auto 2, single 4, positioning 8
@@ -12,7 +12,7 @@ reference      P12130 ...       reference run of an axis, or of all of them: Z, 
 axis           P8751            that moves in hand
 step           P8750, P8760     mm in hand; 0: as long as the key is held
 move           P8752            + and - move the axis in hand, off ends a move without steps
-output                          sends a program over the line, as the panel's key for copies does
+output                          sends a program over the line, like the panel's copy key
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def writes(name: str, value: KeyValue) -> Iterator[tuple[int, float]]:
 
 
 class Wish(Enum):
-    """What the writing of a parameter asks for, and its value."""
+    """The request of a written parameter, and its value."""
 
     MODE = "a mode, by its number"
     START = "begin the program, or go on with it"
@@ -96,7 +96,7 @@ class Wish(Enum):
 
 
 def wish(number: int, value: float | None, axes: int) -> tuple[Wish, float] | None:
-    """What the writing of a parameter P asks for; None: nothing. axes: how many the machine has."""
+    """The request of a written parameter P, or None. axes: number of the machine's axes."""
     given = int(value or 0)
     match number:
         case P.MODE_TO_PLC | P.MODE:

@@ -1,7 +1,7 @@
-"""The control's language: what its bytes mean to people and tools. Implements `isel_twin.language.Language`.
+"""The control's language. Implements `isel_twin.language.Language`.
 
-What a host sends are lines of files (transfer.py); the control answers nothing. A program file is a job by itself: it
-is transferred, the axes are referenced, the program is started; a long one is fed while it is carried out (feed.py):
+A host sends lines of files (transfer.py); the control never answers. A program file is a job: it is transferred, the
+axes are referenced, the program is started; a long one is fed while it is executed (feed.py):
 
     P1 ... #  EOT     D  P8683: 1, P12130: 1 ...  #  EOT     D  P8811: 0, P8800: 1, P8683: 2, P8684: 1  #  EOT
                       D  P8683: 1, P12130: 1 ...  #  EOT     D  P8811: 1, P8800: 1, P8683: 2, P8684: 1  #  EOT   P1 ...
@@ -41,7 +41,7 @@ PER_MM: Final = 1000.0
 RAPID_HZ: Final = 100_000.0  # counts/s at P12004 as delivered, 6000 mm/min
 MOVE: Final = 9_999  # the program that `move` starts
 WORDS: Final = (4_990, 4_991, 4_992, 4_993)  # parameters that hold its feed in mm/min, and X, Y, Z in mm
-NUMBER: Final = 1  # program number of a file that names none
+NUMBER: Final = 1  # program number of a file without one
 
 G_WORDS: Final[Mapping[int, str]] = {
     G.RAPID: "rapid", G.LINE: "line", G.CIRCLE_CLOCKWISE: "circle clockwise",
@@ -76,18 +76,18 @@ KEYS: Final[Mapping[int, str]] = {
     P.PROGRAM: "program", P.START_BLOCK: "start block", P.SKIP: "skip blocks with /", P.OVERRIDE: "feed override, %",
     P.ACKNOWLEDGE: "acknowledge messages",
 }  # fmt: skip
-KEPT: Final = 4 << 20  # most bytes of a program that is stored whole; a longer one is fed, if it is linear
+KEPT: Final = 4 << 20  # most bytes of a program that is stored; a longer linear one is fed
 PIECE: Final = 1 << 16  # characters encoded at a time
-MARKS: Final = frozenset("PZD#%\x04")  # first characters of lines that may be no blocks
+MARKS: Final = frozenset("PZD#%\x04")  # first characters of lines that may not be blocks
 _LINE = re.compile(r"[^\r\n]*(?:\r\n|\n|\r)|[^\r\n]+\Z")
 _ROW = re.compile(r"[^\r\n]*[^\s][^\r\n]*")  # not blank
 _ENDS = re.compile(r"[ \t]*(?:\r\n|\r|\n)(?:[ \t]*(?:\r\n|\r|\n))*")
 _BLOCK = re.compile(r"\s*/?\s*N\s*(\d+)")
 # what makes a program not linear: M23, M24, M25, M29, jumps by comparison
 _LEADS_BACK = re.compile(r"M\s*0*2[3459](?!\d)|[<>=]")
-SURE: Final = 100  # lines looked at to recognise a program
+SURE: Final = 100  # lines examined to recognise a program
 SHOWN: Final = 40  # characters of a line quoted in an error
-_KNOWN = re.compile(r"\s*(?:/?\s*N\s*\d+\s*(?:[A-Za-z_!({/]|$)|;)")  # hardly anything but a block or a remark
+_KNOWN = re.compile(r"\s*(?:/?\s*N\s*\d+\s*(?:[A-Za-z_!({/]|$)|;)")  # almost certainly a block or a remark
 _JOB = re.compile(r"\s*[<#!]")  # beginnings of a job file: bytes, a remark
 _PARAMETERS: Final = ("D", "D+")
 _PARAMETER = re.compile(r"\s*(?:K\d+\s*:?\s*)?([Pq])\s*(\d+)\s*:\s*(\S+)")
@@ -114,7 +114,7 @@ class Bwo900Language:
         return readable(reply)
 
     def accepted(self, sent: bytes, reply: bytes) -> bool:
-        """It refuses nothing on the line: what is wrong is a message, and `Controller.fault`."""
+        """Always True: the control never refuses on the line; errors are messages and `Controller.fault`."""
         return True
 
     def messages(self, data: bytes, sent: bool) -> Iterator[Message]:
@@ -127,14 +127,14 @@ class Bwo900Language:
         return (self._sent if sent else self._received).rest
 
     def reference(self) -> Sequence[bytes]:
-        """The program that `move` starts, and the reference runs of all axes. Its words are parameters, since the
-        control remarks whenever a program is replaced."""
+        """The program that `move` starts, and the reference runs of all axes. The program takes its target from
+        parameters, as replacing a program gives a remark each time."""
         words = " ".join(f"{word}:P{number}" for word, number in zip(("F", *AXES), WORDS, strict=True))
         return [_file([f"P{MOVE}", f"N10 G90 G1 {words}", "N20 M30"]), _REFERENCE]
 
     def move(self, target: Sequence[int], settings: MoveSettings) -> Sequence[bytes]:
-        """In HAND ramps and words of the program, then its start; servo drives have no start-stop frequency. A count is
-        0.001 mm; the ramp time is that to 100 mm/s, as P12012 and P12004 are delivered (bwo900/75)."""
+        """In HAND the ramps and target parameters, then the start; servo drives have no start-stop frequency. A count
+        is 0.001 mm; the ramp time is that to 100 mm/s (default P12012 and P12004) (bwo900/75)."""
         counts = integers(target, len(AXES))
         values = settings.speed_hz / PER_MM * 60.0, *(count / PER_MM for count in counts)
         words = [f"K1:P{number}: {value:.3f}" for number, value in zip(WORDS, values, strict=True)]
@@ -146,21 +146,21 @@ class Bwo900Language:
         return _file(["D", f"K1:P{P.ABORT}: 1"])
 
     def claims(self, text: str) -> bool:
-        """True for names of programs and numbered blocks, and nothing else."""
+        """True for a text of only program names and numbered blocks."""
         rows = [row[0] for row in islice(_significant(text), SURE)]
         plain = (END, "\x04", *_PARAMETERS)
         known = all(program_name(row) or row.strip() in plain or _is_known(row) for row in rows)
         return known and any(map(_is_known, rows))
 
     def job(self, text: str) -> Sequence[tuple[str, Iterable[bytes]]] | None:
-        """None for a text that begins as a job does. The first program is started; a linear one longer than KEPT is
-        fed (P8811)."""
+        """None for a text that begins like a job. The first program is started; a linear one longer than KEPT is fed
+        (P8811)."""
         beginning = next(_significant(text), None)
         if beginning is None or _JOB.match(beginning[0]):
             return None
         _check_beginning(beginning[0])
         if not text.isascii():
-            encoded(text)  # or say now that it cannot be sent
+            encoded(text)  # raises if it cannot be sent
         files = list(_programs(text))
         first = next((file for file in files if file.name[0] == "P"), None)
         if first is None and any(file.name[0] == "Z" for file in files):
@@ -200,7 +200,7 @@ class Bwo900Language:
 
 
 def _significant(text: str) -> Iterator[re.Match[str]]:
-    """Lines, without blank ones and the remarks and tape marks (%) before the first program."""
+    """Lines without blank ones and without remarks and tape marks (%) before the first program."""
     began = False
     for row in _ROW.finditer(text):
         began = began or row[0].lstrip()[0] not in ";%"
@@ -224,7 +224,7 @@ def _check_beginning(row: str) -> None:
 
 @dataclass(frozen=True)
 class _Program:
-    """A program of a text, or parameters (D). Iterating gives its file for the line, piece by piece."""
+    """A program in a text, or parameters (D). Iteration gives its file for the line in pieces."""
 
     text: str
     name: str

@@ -1,4 +1,4 @@
-"""What the PLC of the machine does: spindle, coolant, tool change, clamping, as a program of the twin's PLC.
+"""The PLC of the machine: spindle, coolant, tool change, clamping, as a program of the twin's PLC.
 
     control --- M code, S, T, strobe ---> flags ---> OB 1 ---> outputs, strobe reset: acknowledged
 
@@ -6,7 +6,7 @@
     MW 34      speed in 1/min    MB 36  tool                      A 0.1   turns left       A 0.4   coolant 2
     M 32.0     strobe: set by the control, reset by the program   A 0.2   tool is changed  A 0.5   clamped (M10)
 
-DEFAULT is small on purpose: another one is given as text (setting `plc_program` of the machine file).
+DEFAULT is small on purpose; the setting `plc_program` of the machine file gives another one as text.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ BE
 
 
 class MachinePlc:
-    """The PLC, and the flags that the control sets for it: M functions go to it one after the other."""
+    """The PLC and its flags from the control; M functions go to it one after the other."""
 
     OUTPUTS: Final = ("spindle", "hood_release", "analog", *(f"a0.{bit}" for bit in range(8)))
 
@@ -118,7 +118,7 @@ class MachinePlc:
 
     @property
     def room(self) -> bool:
-        """The queue takes more M functions; a program that has more of them waits."""
+        """True if the queue takes more M functions; otherwise a program waits."""
         return len(self._waiting) < MOST_WAITING
 
     def power_on(self, t_ns: int) -> None:
@@ -136,12 +136,12 @@ class MachinePlc:
         self._hand_over(t_ns)
 
     def withdraw(self) -> None:
-        """Take back the M functions that are not acknowledged, also the one handed over."""
+        """Remove the M functions that are not acknowledged, including the one shown to the PLC."""
         self._waiting.clear()
         self._memory.m[STROBE] &= 0xFE
 
     def forget(self) -> None:
-        """Clear the queue; the function that was handed over goes on."""
+        """Clear the queue; the function shown to the PLC goes on."""
         self._waiting.clear()
 
     def speed(self, spindle: int, value: float) -> None:

@@ -1,10 +1,10 @@
-"""What the control keeps over a power cut: programs and parameters, as one image with a checksum.
+"""The control's non-volatile memory: programs and parameters, as one image with a checksum.
 
     | BWO2 | checksum | program | program | ... | head | size of the head |
                         each compressed by itself       parameters, names and sizes, as JSON, compressed
 
 Every key of the operator writes an image. Programs may be 100 MB and change only when a file comes, so their compressed
-form and checksum are kept; a key costs the head, and one copy of the rest.
+form and checksum are cached; a key costs the head and one copy of the rest.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Memory:
     def _forget(self) -> None:
         self._packed: dict[StoredProgram, bytes] = {}
         """Programs of the last image, compressed; a program is replaced, never changed."""
-        self._checksum = zlib.crc32(b"")  # of all of them in their order
+        self._checksum = zlib.crc32(b"")  # of all programs in order
 
     def image(self) -> bytes:
         programs = [self._store[name] for name in sorted(self._store)]
@@ -61,7 +61,7 @@ class Memory:
 
 
 def read(flash: bytes | None) -> tuple[Parameters, Store, bool]:
-    """Parameters and programs of an image, True if it could not be read; else those of a new control."""
+    """Parameters and programs of an image, or those of a new control; True if the image could not be read."""
     if flash is not None:
         try:
             return *_unpacked(flash), False

@@ -1,6 +1,6 @@
-"""Messages of the control: number, effect, and what they say (manual, chapter 9).
+"""Messages of the control: number, effect and text (manual, chapter 9).
 
-    A     shown, no more           KS    the channel stops, Start goes on
+    A     only shown               KS    the channel stops, Start goes on
     KA    the channel breaks off   SA    the system breaks off: drives off
 
 A message of a program names program, block and column in the text of the block.
@@ -17,7 +17,7 @@ from isel_twin.firmware.bwo900.numbers import P, Ray
 
 
 class Effect(Enum):
-    """What a message does."""
+    """The effect of a message."""
 
     SHOWN = "A"
     STOP = "KS"
@@ -27,7 +27,7 @@ class Effect(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """program, block, column: where; 0: not known. infos: numbers for P8505 on."""
+    """A message with its place; 0: unknown. infos: numbers for P8505 on."""
 
     number: int
     effect: Effect
@@ -46,7 +46,7 @@ class Message:
 
 
 class ProgramError(Exception):
-    """A program cannot go on; column: from 1, 0: not known; infos: for P8505 on."""
+    """A program cannot go on; column: from 1, 0: unknown; infos: for P8505 on."""
 
     def __init__(self, number: int, detail: str = "", column: int = 0, infos: tuple[float, ...] = ()) -> None:
         super().__init__(f"M{number}: {detail}")
@@ -55,7 +55,7 @@ class ProgramError(Exception):
         """Program and block, where it is not the one that is analysed."""
 
     def at(self, program: str, block: int, column: int) -> ProgramError:
-        """The same, about this block."""
+        """The error with this place."""
         self.place, self.column = (program, block), column
         return self
 
@@ -163,9 +163,9 @@ class Code(IntEnum):
     DIVISION_ANGLE_ZERO = 8334, _KA, "division angle is 0 (P125)"
 
 
-LOCKED: Final = 1304  # a locked parameter; has no text of its own
+LOCKED: Final = 1304  # a locked parameter; without a text of its own
 
-# parameters P of cycles, as named in the message that they are not valid
+# names of cycle parameters P in the message that they are not valid
 _INVALID: Final[Mapping[int, str]] = {
     P.SIZE_1: "first size of the pocket", P.SIZE_2: "second size of the pocket",
     P.POCKET_DEPTH: "depth of the pocket", P.POCKET_RADIUS: "radius", P.ALLOWANCE: "allowance",
@@ -187,7 +187,7 @@ def invalid(parameter: int) -> int:
     return 8000 + parameter
 
 
-# those of `Code`, and those about parameters of cycles
+# messages of `Code`, and those about parameters of cycles
 MESSAGES: Final[Mapping[int, Message]] = {
     **{code.value: Message(code.value, code.effect, code.text) for code in Code},
     **{

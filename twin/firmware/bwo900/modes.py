@@ -6,7 +6,7 @@ from enum import IntEnum
 
 
 class Mode(IntEnum):
-    """P8683, P8703. AUTO and POSITIONING change into each other only by way of HAND (M1009)."""
+    """P8683, P8703. AUTO and POSITIONING can only be changed through HAND (M1009)."""
 
     HAND = 1
     AUTO = 2

@@ -1,7 +1,7 @@
 """Names for the numbers of the manual: path conditions G, M functions, parameters P and q. Section in brackets.
 
-Plain integers, so that they cost nothing in the analysis of a block and stand in `match` by their dotted names.
-Messages have theirs in messages.py, beside their texts.
+Plain integers, which are fast and can be used in `match` by their dotted names. Numbers of messages are in messages.py
+with their texts.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class G:
 
 
 class M:
-    """M functions that the control knows itself (6.1), and those that its first table defines (6.2)."""
+    """M functions built into the control (6.1), and those of its first table (6.2)."""
 
     HALT, SYNCHRONISE, RETURN, SPINDLE_RIGHT, SPINDLE_LEFT, SPINDLE_OFF = 0, 1, 2, 3, 4, 5
     TOOL_CHANGE, COOLANT_1_ON, COOLANT_2_ON, COOLANT_OFF = 6, 7, 8, 9
@@ -55,7 +55,7 @@ class SC:
     GO_ON = 0
     STAY = 1  # blocks are kept (supervision)
     STAY_AND_WAIT = 2  # as `STAY`, once the path of the last block has begun
-    GO_NOW = 100  # those that are kept come now
+    GO_NOW = 100  # the kept blocks come now
     ALL = (GO_ON, STAY, STAY_AND_WAIT, GO_NOW)
 
 
@@ -87,14 +87,14 @@ class P:
     # tools (8.5)
     TOOL_LOCK = 8_040  # 1: a block with T waits
     TOOL_TAKE, TOOL_COPY, TOOL_PUT_BACK = 8_045, 8_046, 8_047
-    # t of a block that has been executed; of a block with T: 6 with M06, 16 with M16
+    # T of an executed block; of a block with T: 6 with M06, 16 with M16
     TOOL_ASKED, TOOL_INFO = 8_048, 8_049
-    # the first of a record each: that T has asked for, in the spindle, of the path, executed T
+    # first parameters of records: requested by T, in the spindle, of the path, executed T
     TOOL_REQUESTED, TOOL_SPINDLE, TOOL_PATH, TOOL_REAL_TIME = 8_050, 8_100, 8_150, 8_200
     TOOL_RADIUS, TOOL_LENGTH, TOOL_RADIUS_CORRECTION, TOOL_LENGTH_CORRECTION = 8_160, 8_161, 8_162, 8_163
     TOOL_QUADRANT = 8_164
     M_TABLE = 8_250  # definitions of M functions of the channel, four in each
-    # messages, locks, what the channel is (8.5)
+    # messages, locks, the channel (8.5)
     MESSAGE_SYSTEM, MESSAGE_HIGH, MESSAGE_LOW, MESSAGE_SHOWN = 8_500, 8_501, 8_502, 8_503
     MESSAGE_AXIS, MESSAGE_INFO_1, MESSAGE_INFO_2, MESSAGE_INFO_3 = 8_504, 8_505, 8_506, 8_507
     ACKNOWLEDGE = 8_508
@@ -170,18 +170,18 @@ class P:
 
 
 class Ray:
-    """Of a ray of places: behind P100 or P110 (5.4)."""
+    """Of a ray of places: offsets from P100 or P110 (5.4)."""
 
     X, Y, ANGLE, LENGTH, DIVISION, PLACES = 0, 1, 3, 4, 5, 6
 
 
 class Axis:
-    """Of an axis: behind P12000, and 200 more for each further axis (8.7)."""
+    """Of an axis: offsets from P12000, and 200 more for each further axis (8.7)."""
 
     SPEED = 4
     SLOPE_SPEED_1, SLOPE_SPEED_2 = 5, 6
     DYNAMICS_1, DYNAMICS_2, DYNAMICS_KIND = 8, 9, 10
-    INCREMENTS, INCREMENTS_PER = 12, 13  # so many increments in so many mm
+    INCREMENTS, INCREMENTS_PER = 12, 13  # this many increments in this many mm
     WINDOW_FINE, WINDOW_COARSE = 16, 17
     SETTLING_MS = 18
     KV = 20
@@ -205,7 +205,7 @@ class Axis:
 
 
 class Cell:
-    """Of the block that is executed (behind P8900) or analysed (behind P9300): 8.5."""
+    """Of the block in execution (from P8900) or in analysis (from P9300): 8.5."""
 
     PROGRAM, BLOCK = 0, 1
     DEPTH_ANALYSED = 3
@@ -245,7 +245,7 @@ class Q:
 
 
 class Descriptor:
-    """Of a channel: behind q100, q200 ... (8.3)."""
+    """Of a channel: offsets from q100, q200 ... (8.3)."""
 
     NUMBER = 1
     USER_1, SIZE_1, USER_2, SIZE_2, USER_3, SIZE_3 = 2, 3, 4, 5, 6, 7

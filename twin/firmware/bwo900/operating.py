@@ -1,7 +1,7 @@
-"""Operating: modes, Start and Stop, moves in HAND, and what ends all of it (manual 7.5).
+"""Operating: modes, Start and Stop, moves in HAND, and their ends (manual 7.5).
 
-mode      HAND <--> AUTO, SINGLE, POSITIONING       AUTO, SINGLE <--> POSITIONING by way of HAND only (M1009)
-Start     referenced (M1008) --> power --> nothing moves in HAND any more --> execution.py
+mode      HAND <--> AUTO, SINGLE, POSITIONING       AUTO, SINGLE <--> POSITIONING only through HAND (M1009)
+Start     referenced (M1008) --> power --> HAND moves have ended --> execution.py
 move      HAND, no program --> power --> hand.py          (Start, Stop and abort there: bwo900/53)
 """
 
@@ -22,7 +22,7 @@ class Operating:
         self._execution, self._channel = execution, execution.channel
         self._hardware = hardware = execution.hardware
         self._axes, self._power, self._hand = hardware.axes, hardware.power, hardware.hand
-        self._starts = False  # Start waits for power, or for what moves in HAND
+        self._starts = False  # Start waits for power, or for a move in HAND
 
     def set_mode(self, given: int) -> None:
         """Change to a mode by its number: M1322 there is no such mode, M1009."""
@@ -53,7 +53,7 @@ class Operating:
         execution.rest()
 
     def start(self) -> None:
-        """Start: the program of P8800, or on with the one that is held."""
+        """Start the program of P8800, or continue a held one."""
         if self._channel.active and self._channel.state is not State.ABORTING:
             self._channel.go_on()
         elif self._execution.mode is Mode.HAND:
@@ -68,7 +68,7 @@ class Operating:
                 self._power.request(self._axes.now_ns)
 
     def start_at_rest(self) -> None:
-        """The program that is to start begins when nothing moves any more: of HAND, of one that was broken off."""
+        """Begin the waiting program once moves in HAND, or of an aborted program, have ended."""
         free = self._hand.move is None and not self._channel.active
         if self._starts and free and self._power.until_ns is None:
             self._starts = False
@@ -121,7 +121,7 @@ class Operating:
             self._hardware.plc.function(self._axes.now_ns, code)
 
     def powered(self) -> None:
-        """The drives are there, or have not come: what has waited for them begins."""
+        """The wait for the drives is over, with or without success: begin what waited for them."""
         power, hand = self._power, self._hand
         power.until_ns = None
         wants, hand.wants = hand.wants, []
@@ -136,7 +136,7 @@ class Operating:
             hand.begin_jog()
 
     def lose(self, number: int, detail: str = "") -> None:
-        """Drives off, everything ends, with that message."""
+        """Switch the drives off and end everything, with that message."""
         matters = self._power.on or self._channel.active or self._hand.move is not None
         said = self._execution.executed.message(number, detail)
         self._starts = False
@@ -150,7 +150,7 @@ class Operating:
             self._hardware.say(said)
 
     def limit(self, axis: int, end: int) -> None:
-        """The limit switch at an end (1, 2) of an axis is struck: outside of a reference run everything ends."""
+        """Take a struck limit switch at an end (1, 2) of an axis: outside a reference run everything ends."""
         if self._hand.homing is not None or self._axes.run is None:
             return
         number = Code.HARDWARE_LIMIT_LOW if end == 1 else Code.HARDWARE_LIMIT_HIGH

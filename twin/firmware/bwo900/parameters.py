@@ -1,4 +1,4 @@
-"""The parameters: one array q of the system, and P, which each channel sees through its descriptor (manual, 8.1).
+"""The parameters: one array q of the system, and P, the view of each channel by its descriptor (manual, 8.1).
 
     P0 .. P6999       user block 1, q(102) on, q(103) of them        P12000 + 200 (a - 1)   axis a of the channel:
     P7000 .. P9999    behind it                                        2000 + 200 (physical - 1)
@@ -24,14 +24,14 @@ SYNCHRONISING: Final = 0x08
 LOCKS: Final = 0x0F  # of byte 3
 LARGEST_Q: Final = 59_999  # 60 000 parameters, the largest system
 AXIS_SIZE: Final = 200
-FIRST_LIVE: Final = P.M_WAITS  # parameters below are never computed when read
+FIRST_LIVE: Final = P.M_WAITS  # parameters below are never computed on reading
 MOST_AXES: Final = 32
 MACHINE_AXES: Final = 3
 FIXED: Final = P.FIXED_LAST + 1 - P.FIXED_FIRST  # P7000 to P9999
 CHANNEL_SIZE: Final = Q.CHANNEL_1  # of a channel's descriptor: q100, q200
 
 _FIXED_FIRST, _FIXED_LAST, _COMMON_FIRST, _COMMON_LAST = P.FIXED_FIRST, P.FIXED_LAST, P.COMMON_FIRST, P.COMMON_LAST
-# bound once: every access needs them, and a module's name is found sooner than a class's
+# bound once for speed: every access needs them
 _CHANNELS, _USER_1, _SIZE_1, _AXES_FIRST = Q.CHANNELS, Descriptor.USER_1, Descriptor.SIZE_1, P.AXES_FIRST
 
 
@@ -71,7 +71,7 @@ FACTORY: Final[Mapping[int, float]] = {
 
 
 class Parameters:
-    """The array, addressed as in programs; by default P of channel 1."""
+    """The array, addressed as in programs, by default as P of channel 1."""
 
     def __init__(self, values: Mapping[int, float] | None = None) -> None:
         """values: by q, in place of FACTORY."""
@@ -79,10 +79,10 @@ class Parameters:
         self._status: dict[int, int] = {}
         self.live: Callable[[int], float | None] | None = None
         """The present value of a P of channel 1, None: as written."""
-        self.revision = 0  # rises with every writing
+        self.revision = 0  # counts every write
 
     def address(self, area: str, number: int, channel: int = 1) -> int:
-        """The q that a parameter is. Raises ProgramError M1302: no such number, M1305: no such channel."""
+        """The q of a parameter. Raises ProgramError M1302: no such number, M1305: no such channel."""
         q = number if area == "q" else self._of_channel(number, channel)
         if q is None or not 0 <= q <= LARGEST_Q:
             raise ProgramError(Code.NO_PARAMETER, f"{area}{number}")
@@ -112,7 +112,7 @@ class Parameters:
         return None
 
     def of_channel(self, q: int) -> int | None:
-        """The P of channel 1 for this q, if it is one that the control itself uses."""
+        """The P of channel 1 for this q, if the control uses it."""
         first = self._of_channel(P.FIXED_FIRST, 1) or 0
         if first <= q < first + FIXED:
             return q - first + P.FIXED_FIRST
@@ -146,7 +146,7 @@ class Parameters:
         return value
 
     def write(self, number: int, value: float | None, area: str = "P", channel: int = 1) -> None:
-        """Set a value; None deletes it. Raises ProgramError M1202 for one that is no number a double holds."""
+        """Set a value; None deletes it. Raises ProgramError M1202 if it is not finite."""
         q = self.address(area, number, channel)
         if value is not None and not math.isfinite(value):
             raise ProgramError(Code.TOO_LARGE, f"{area}{number}")
@@ -173,8 +173,8 @@ class Parameters:
     def locked(self, number: int, area: str = "P", channel: int = 1) -> bool:
         """True if a program must not write it: byte 3 of its status has the bit of a lock that is set.
 
-        P8510 sets locks in AUTO, P11008 = 1 those of P11018 and P11009 = 1 those of P11019, -1 lifts them; P8511 lifts
-        them for programs.
+        P8510 sets locks in AUTO, P11008 = 1 those of P11018 and P11009 = 1 those of P11019, -1 clears them; P8511
+        clears them for programs.
         """
         bits = self._status.get(self.address(area, number, channel), 0) >> 16 & LOCKS
         if not bits:
@@ -193,8 +193,8 @@ class Parameters:
 
     @property
     def axes(self) -> Iterator[tuple[str, int]]:
-        """Name and physical number of each axis of the machine, in order. A descriptor without a letter, and all of
-        them if two names are equal, are as in a new control."""
+        """Name and physical number of each axis of the machine, in order. A descriptor without a letter has its
+        default; if two names are equal, all have."""
         given = [self._values.get(Q.AXIS_1 + axis, 0.0) for axis in range(MACHINE_AXES)]
         known = [FACTORY[Q.AXIS_1 + axis] for axis in range(MACHINE_AXES)]
         chosen = [value if _name(value) else other for value, other in zip(given, known, strict=True)]

@@ -1,4 +1,4 @@
-"""Where the contacts of machine and cabinet lead to, and how bytes come over the line."""
+"""The terminals of the contacts of machine and cabinet, and the form of bytes on the line."""
 
 from __future__ import annotations
 

@@ -1,13 +1,13 @@
-"""What the control tells about itself in parameters, for programs and files (manual 8.5, P8900 on; 8.7, P12150 on).
+"""Status parameters for programs and files (manual 8.5, P8900 on; 8.7, P12150 on).
 
-    P8900 .. P8942    program, block, cycle, loop, feed, motion, dwell: of the block that is carried out
+    P8900 .. P8942    program, block, cycle, loop, feed, motion, dwell: of the block in execution
     P8945 .. P8981    its G functions                P9100 .. P9102    its G92
-    P9300 .. P9381    the same of the block that is analysed, up to 400 further on; P9500 .. P9502 its G92
+    P9300 .. P9381    the same of the block in analysis, up to 400 further on; P9500 .. P9502 its G92
     P12150 ..         positions of an axis, mm       P12170            its speed, mm/min
     P12135, 180 ..    its switches, limits, whether it moves       P8559   an M function is waited for
 
-They are worked out when they are asked for (bwo900/33). Without a program they are 0 (cycles: deleted, as the manual
-says), and the G functions those that a program begins with.
+They are computed when read. Without a program they are 0 (cycles: deleted, as in the manual), and the G functions those
+at the start of a program (bwo900/33).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from isel_twin.firmware.bwo900.realtime.axes import AXES, Axes
 from isel_twin.firmware.bwo900.realtime.channel import Channel
 from isel_twin.firmware.bwo900.realtime.executed import Executed
 
-# by the number behind P8900 (but for 40, see `Executed.motion`) and behind P9300
+# by offset from P8900 (but for 40, `Executed.motion`) and from P9300
 MODAL: Final[Mapping[int, Callable[[Modal], int]]] = {
     Cell.MOTION: lambda m: m.motion,
     Cell.POLAR: lambda m: m.polar,
@@ -74,7 +74,7 @@ FORGOTTEN: Final = (
 
 
 def at_power_on() -> Iterator[tuple[int, float | None]]:
-    """P and values written at power-on: size of the channel, no references and programs, settings that are not kept."""
+    """P and values written at power-on: size of the channel, no references and programs, volatile settings."""
     yield from ((P.CHANNEL, 1.0), (P.AXES, float(AXES)), (P.LAST_AXIS, float(AXES)))
     yield from ((number, 0.0) for number in (P.ALL_REFERENCED, P.PROGRAM_ACTIVE, P.PROGRAM_RUNS, P.REFERENCED))
     yield from ((number, 1.0) for number in (P.MODE_TO_PLC, P.MODE_ACTIVE, P.MODE))  # HAND
@@ -86,7 +86,7 @@ def at_power_on() -> Iterator[tuple[int, float | None]]:
 
 
 def value(number: int, interpreter: Interpreter, channel: Channel, axes: Axes) -> float | None:
-    """The value of a parameter P that is worked out; None: it is deleted, or not one of them."""
+    """The value of a computed parameter P; None: deleted, or not one of them."""
     if number not in _KNOWN:
         return None
     if number >= P.AXES_FIRST:

@@ -4,7 +4,7 @@
     CR LF  D  CR LF  K1:P 10: 1 S:$00000009 CR LF  q 3: 30000 ...   parameters; D+ with their status; a dash deletes
 
 Lines end in CR LF, CR or LF. A wrong line gives a message with its number, and the rest of the file is skipped.
-The control answers nothing by itself; what it is asked to put out are files of the same form.
+The control sends nothing by itself; files that it is asked for have the same form.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from isel_twin.firmware.bwo900.programs.stored import Builder, Store, program_na
 EOT: Final = 0x04  # end of a file, unless P11177 says otherwise
 PROTECTED: Final = 0x01  # bit of P11178: programs are not overwritten (M1107)
 LINE_MODE: Final = 0x01  # of q41, byte 1: blocks need no number (nc_line_mode, 3.9.2.2)
-# its first block is the positioning block, which needs no number either: it is typed at the panel (2.6.2)
+# program of the positioning block, which is typed at the panel and needs no number (2.6.2)
 POSITIONED: Final = "P0"
 # characters that are ignored at the ends of a line: blanks, and ends of files of another setting
 BLANK: Final = "".join(chr(code) for code in range(33))
-HANDSHAKE: Final = b"\x11\x13"  # Xon and Xoff of a host: what is put out does not wait
+HANDSHAKE: Final = b"\x11\x13"  # Xon and Xoff of a host, which are ignored
 _LINE = re.compile(
     r"\s*(?:K(?P<channel>\d+)\s*:?\s*)?(?P<area>[Pq])\s*(?P<number>\d+)\s*:\s*"
     r"(?P<value>--|[-–—\x96\x97]|\$[0-9A-Fa-f]+;?|[-+]?\d+(?:[.,]\d*)?(?:[Ee][-+]?\d+)?)"
@@ -40,8 +40,8 @@ _LINE = re.compile(
 class Receiver:
     """Reads files from the line.
 
-    written: called with (number, value, area, channel) for each parameter that a file sets, after it has been set.
-    locked: true of a program that must not be replaced now (M1105).
+    written: called with (number, value, area, channel) after a file has set a parameter. locked: True for a program
+    that must not be replaced now (M1105).
     """
 
     def __init__(
@@ -56,17 +56,17 @@ class Receiver:
         self._number = 0
         self._sign = end_of_file(parameters)
         """The end of a file as it was when this one began, which may set another one."""
-        self._kind = ""  # the file that is read: name of a program, D, D+, "?" for one that is skipped; empty: none
+        self._kind = ""  # the present file: name of a program, D, D+, "?" for a skipped one; empty: none
         self._builder: Builder | Feed | None = None
-        self.changed = False  # programs or parameters have changed; the reader of this flag resets it
+        self.changed = False  # programs or parameters have changed; its reader resets it
 
     @property
     def busy(self) -> bool:
-        """In the middle of a file, also of one that is skipped; a program that is fed does not count."""
+        """True within a file, even a skipped one, but not a fed program."""
         return bool(self._kind) and not isinstance(self._builder, Feed)
 
     def take(self, data: bytes) -> Iterator[ProgramError]:
-        """Take in bytes of the line; yields what was wrong with them."""
+        """Take bytes of the line; yields errors."""
         data = data.translate(None, HANDSHAKE)
         at = 0
         while (found := _ends(self._sign, end_of_file(self._parameters)).search(data, at)) is not None:
@@ -79,7 +79,7 @@ class Receiver:
         self._more(data[at:])
 
     def _more(self, data: bytes) -> None:
-        """Keep a part of a line, of a line that is too long just enough to show that."""
+        """Keep a part of a line; of one that is too long just enough to detect that."""
         self._line += data[: max(MOST_LINE + 1 - len(self._line), 0)]
 
     def _end_of_line(self) -> Iterator[ProgramError]:

@@ -4,19 +4,19 @@
     link.py         frames both ways, DIL switches
     commands.py     every command, as one table; instruction.py: one with its parameters
     sequencer.py    order, barriers, buffer of 100 moves
-    queue.py        what waits, programs in progress, the command in progress; waiting.py: what it waits for
-    interpolator.py moves to set points: planner.py, circle.py; hold, go on, break off
-    actions.py      commands that set, wait, make ready    queries.py    T
+    queue.py        waiting commands, programs and command in progress; waiting.py: what it waits for interpolator.py
+    moves to set points: planner.py, circle.py; hold, go on, break off
+    actions.py      commands that set, wait, reference     queries.py    T
     corrections.py  G; offsets.py: zero points             directly.py   p10: direct inputs and outputs
     programming.py  p: programs; store.py: the program store
     images.py       process images, flags, data words
     logic.py        the PLC of the folder beside this one on them, FB 254
-    drives.py       what belongs to the drives
-    settings.py     what a host sets, and the flash image
-    board.py        the card's state, which all these share and which knows none of them
+    drives.py       the drives
+    settings.py     settings of the host, and the flash image
+    board.py        the card's state, shared by all these
     device.py       the card: the parts that work on it, for commands and controller
 
-docs/gmi99.md has the commands and what is not emulated, docs/decisions/gmi99.md what the manual leaves open.
+docs/gmi99.md lists the commands and what is not emulated, docs/decisions/gmi99.md what the manual leaves open.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def create(name: str, *, flash: bytes | None, settings: Mapping[str, Any]) -> Gm
 
     dil_switches               eight characters, switch 1 first, 1 on (11111111: address 224, variant E, 38400 Bd)
     host_parity                even (default) or none
-    override_pot_percent       where the potentiometer stands, 0 .. 125 (100)
+    override_pot_percent       position of the potentiometer, 0 .. 125 (100)
     drive_increments_per_rev   from one zero pulse of the encoders to the next (5000)
     safety_program             whether a card without flash image has a program for its PLC (no)
     """

@@ -1,7 +1,7 @@
-"""What the commands do that set something, wait for something, or make the axes ready: rows of commands.py.
+"""Commands that set something, wait for something, or make the axes ready: rows of commands.py.
 
-Every handler gets the card and the instruction. One whose parameters are beyond their range raises OutOfRangeError
-before it has changed anything.
+Every handler gets the card and the instruction. It raises OutOfRangeError for wrong parameters before it changes
+anything.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def axis_of(name: str, value: int) -> int:
 
 
 def no_action(card: Card, instruction: Instruction) -> None:
-    """Questions are answered by queries.py."""
+    """No action: queries.py answers."""
 
 
 def move(card: Card, instruction: Instruction) -> None:
@@ -47,7 +47,7 @@ def move(card: Card, instruction: Instruction) -> None:
 
 
 def _per_axis(card: Card, name: str, value: int, slot: int) -> None:
-    """A value of the leading axis and thereby of all axes (slot 0), or of one axis (slot + 1)."""
+    """Set a value of all axes by the leading one (slot 0), or of one axis (slot + 1)."""
     within("P2", slot, 0, SLOTS)
     old = getattr(card.settings, name)
     new = (value,) * (SLOTS + 1) if slot == 0 else (*old[:slot], value, *old[slot + 1 :])
@@ -87,7 +87,7 @@ def override(card: Card, instruction: Instruction) -> None:
         card.set(override=1)
     else:
         if instruction.p1 == 1:
-            card.override_given = None  # the potentiometer, or what comes from outside, acts again
+            card.override_given = None  # the potentiometer or the external value acts again
         card.set(override=instruction.p1)
     card.interpolator.speeds_changed()
 
@@ -164,7 +164,7 @@ def reset(card: Card, instruction: Instruction) -> None:
 
 
 def duplicate(card: Card, instruction: Instruction) -> None:
-    """Axis duplication: the target makes all motions of the source; -1: no more."""
+    """Axis duplication: the target makes all motions of the source; -1 ends it."""
     target, source = axis_of("P1", instruction.p1), signed(instruction.p2)
     within("P2", source, -1, target - 1)
     card.interpolator.sources[target] = source

@@ -1,7 +1,7 @@
-"""The card's state: what its parts share. It knows none of them.
+"""The card's state, shared by its parts.
 
-settings   what a host sets             images   inputs, outputs, flags     events   for whoever drives the card
-stored     what survives the mains      store    programs                   struck   limit switches
+settings   set by the host              images   inputs, outputs, flags     events   of the controller
+stored     kept without mains           store    programs                   struck   limit switches
 offsets    zero points                  path_run, drives_run   motion in execution, and how far the ended ones went
 
     Board <- Interpolator <- DriveBank, Queue, CardPlc <- Card (device.py) <- actions and commands <- Sequencer, Gmi99
@@ -36,11 +36,11 @@ class Board:
         self.power_on_ns = 0
         self.events: list[Event] = []
         self.fault = False
-        self.path_run: SetPointRun | None = None  # the interpolator's motion, a ghost too
-        self.ghost = False  # it leaves no set point (N17)
-        self.drives_run: SetPointRun | None = None  # motion the drives make by themselves
+        self.path_run: SetPointRun | None = None  # the interpolator's motion, even a ghost
+        self.ghost = False  # path_run sends no set points (N17)
+        self.drives_run: SetPointRun | None = None  # motion of the drives' own indexers
         self._made = (0,) * SLOTS  # counters when the motion in execution began
-        self._apart = (0,) * SLOTS  # how far T0 is from the counters: what ghosts have made
+        self._apart = (0,) * SLOTS  # T0 minus counters: the displacement of ghosts
         self.struck: dict[tuple[int, int], bool] = {}
         """Limit switches that are wired, by slot and end (0: motor, 1: far)."""
         self.override_given: int | None = None  # percent of `o2`
@@ -50,7 +50,7 @@ class Board:
         self.analog_drives = 0  # drives whose analog output leaves the image (FB 254.8)
         self._analog = 0
         self.pot_percent = override_pot_percent  # where the potentiometer stands
-        self._levels: dict[tuple[int, int], int] = {}  # outputs of the drives as they are, by byte and bit
+        self._levels: dict[tuple[int, int], int] = {}  # present outputs of the drives, by byte and bit
         self.images = Images(self._output_changed)
         self.offsets = Offsets(self.stored.zero_points, self.stored.fine)
         self.store = Store(self.stored.programs)
@@ -59,7 +59,7 @@ class Board:
         self.events.append(Output(name, value))
 
     def refuse(self, why: str) -> None:
-        """Note that a command has no effect or something has failed, which no reply tells the host."""
+        """Report a failure for which the host gets no reply."""
         self.fault = True
         self.events.append(Remark(why))
 
@@ -79,7 +79,7 @@ class Board:
                 self.output("hood_release", 1 - level)
 
     def put_analog_outputs(self) -> None:
-        """Tell the analog output of slot 0 as it is in the image (M3.2, FB 254.8)."""
+        """Send the analog output of slot 0 from the image (M3.2, FB 254.8)."""
         value = self.images.outputs[self.images.drives_at + DIGITAL]
         if value != self._analog:
             self._analog = value
@@ -94,7 +94,7 @@ class Board:
         self.images.arrange(cards=cards, mode=self.image_mode)
 
     def keep(self, **values: Any) -> None:
-        """Change what the memories hold; the flash is written."""
+        """Change stored values and write the flash."""
         self.stored = replace(self.stored, **values)
         self.events.append(FlashWrite(encode(self.stored)))
 
@@ -115,7 +115,7 @@ class Board:
 
     @property
     def run(self) -> SetPointRun | None:
-        """The motion whose set points leave the card."""
+        """The motion whose set points are sent."""
         return self.drives_run or (None if self.ghost else self.path_run)
 
     @property
@@ -132,12 +132,12 @@ class Board:
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """Counters: the sum of the set points that have left the card."""
+        """Counters: the sum of the set points sent."""
         run = self.run
         return self._made if run is None else added(self._made, run.displacement(self.now_ns))
 
     def take_in(self, displacement: Sequence[int], *, ghost: bool) -> None:
-        """Add the displacement of a motion that has ended."""
+        """Add the displacement of an ended motion."""
         if ghost:
             self._apart = added(self._apart, displacement)
         else:
@@ -150,7 +150,7 @@ class Board:
         self.events.append(CounterSet(axis, value))
 
     def struck_ahead(self, way: Sequence[int]) -> int | None:
-        """The slot whose limit switch is struck and which would move further onto it."""
+        """A slot that would move further onto its struck limit switch."""
         for (slot, end), struck in self.struck.items():
             if struck and way[slot] * (1 if end else -1) > 0:
                 return slot
@@ -172,7 +172,7 @@ class Board:
 
     @property
     def stopped(self) -> bool:
-        """Stop flag or missing enable hold the motion."""
+        """True if the stop flag or a missing enable holds the motion."""
         flags = self.images
         return self.enable_missing or (flags.flag(places.STOP) and not flags.flag(places.STOP_SUPPRESSED))
 

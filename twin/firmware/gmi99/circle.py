@@ -1,12 +1,12 @@
-"""Circles of the card: chords so short that set points stay within one increment of the arc (GMI99 manual 1.2).
+"""Circles of the card: chords short enough that set points stay within one increment of the arc (GMI99 manual 1.2).
 
                 C2 ___ C3        corners on radius R + 1/4, n equal angles, beginning and end on the exact points
               C1 /     \\
                 /       \\        chord of sagitta 1/2:  d = 2 asin(1 / sqrt R),  length sqrt(4 R)
          start |    + R  | end   n = max(ceil(theta / d), ceil(theta / 90 deg)),  V <= sqrt(4 R) / 12 ms
 
-Seen with the lower of the two slots to the right and the higher one upwards. Where beginning and end differ in radius
-it runs evenly with the angle; further axes go evenly along with the chords (a helix). An end at the beginning is a full
+The lower of the two slots points to the right and the higher one upwards. If beginning and end differ in radius it
+changes evenly with the angle; further axes move evenly along the chords (a helix). An end at the beginning is a full
 circle.
 """
 
@@ -20,13 +20,13 @@ import numpy as np
 from isel_twin.firmware.gmi99.planner import AXES, SHORTEST_S, PreparedMove, Rules, straight
 from isel_twin.motion.look_ahead import FRACTIONS
 
-ROUNDING = 1e-9  # chords by which a quotient may miss a whole number
-# increments by which inner corners lie outside the arc: half the sagitta, so that chords are as near on both sides
+ROUNDING = 1e-9  # tolerance in chords for a quotient that should be a whole number
+# increments by which inner corners lie outside the arc: half the sagitta, for equal errors on both sides
 OUTSIDE = 0.25
 
 
 def fastest_hz(radius: float) -> float:
-    """sqrt(4 R) / 12 ms: greatest path speed on a circle of so many increments."""
+    """sqrt(4 R) / 12 ms: highest path speed on a circle with this radius in increments."""
     return math.sqrt(4.0 * radius) / SHORTEST_S
 
 

@@ -1,10 +1,10 @@
-"""Every command of the manual, as one table: letter, section, kind, what it does.
+"""Every command of the manual in one table: letter, section, kind, handler.
 
     <address> <command> [<P1> [<P2> [<P3>]]]        P: 24 bits, low byte first; what is left out is 0
 
-    normal        carried out in the order of arrival, when no motion is under way           E5h
-    synchronous   in the same order, without parting the moves before and behind it: (F)     E5h
-    move          in the same order; joins with moves before and behind it                   E5h, or buffer full
+    normal        carried out in the order of arrival, when nothing moves                    E5h
+    synchronous   in the same order, without separating the moves around it: (F)             E5h
+    move          in the same order; joins with the moves around it                          E5h, or buffer full
     immediate     at once, also while others wait                                            E5h, or an answer
 
 A command of unknown letter or wrong length in a long record has no effect and no answer (gmi99/4).
@@ -34,7 +34,7 @@ class Kind(Enum):
 
 
 def parse(code: int, content: bytes) -> Instruction | None:
-    """A command and the bytes behind it; None if there is no such command or the length cannot be right."""
+    """A command from its code and the bytes after it; None for an unknown command or a wrong length."""
     if code & MOVE_BIT:
         count = (code & 0x3F).bit_count()
         return Instruction(code, _numbers(content, signed_=True)) if len(content) == 3 * count else None
@@ -83,7 +83,7 @@ def _p_kind(instruction: Instruction) -> Kind:
     return Kind.SYNCHRONOUS if flying else Kind.NORMAL
 
 
-DUPLICATE = "X"  # axis duplication has lost its letter in print (3.1.1): a placeholder, decision gmi99/10
+DUPLICATE = "X"  # placeholder: the letter of axis duplication is missing in print (3.1.1), decision gmi99/10
 
 _NORMAL, _SYNCHRONOUS, _IMMEDIATE = _always(Kind.NORMAL), _always(Kind.SYNCHRONOUS), _always(Kind.IMMEDIATE)
 

@@ -1,9 +1,9 @@
-"""The border to host, inputs and clock: implements `isel_twin.controller.Controller`.
+"""Host, inputs and clock: implements `isel_twin.controller.Controller`.
 
     bytes -> link.py -> own address: short records here, long ones by the table of commands.py
                         address of a drive (0..63): the drives answer, through the card
 
-Everything that takes time goes on in `_settle`, after whatever has happened.
+Everything that takes time continues in `_settle`, after every call.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class Gmi99:
         self._receiver = Receiver(dil.variant, from_host=True)
         self._heard_ns = 0
 
-    # ---- what there is to see ---------------------------------------------------------------------------------------
+    # ---- state ------------------------------------------------------------------------------------------------------
 
     @property
     def serial_format(self) -> SerialFormat:
@@ -87,7 +87,7 @@ class Gmi99:
     def fault(self) -> bool:
         return self._card.fault
 
-    # ---- what happens -----------------------------------------------------------------------------------------------
+    # ---- inputs -----------------------------------------------------------------------------------------------------
 
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
         self._card.power_on(t_ns, levels)
@@ -143,7 +143,7 @@ class Gmi99:
     def use_drives(self, drives: Drives) -> None:
         self._card.drives.asked = drives
 
-    # ---- going on ---------------------------------------------------------------------------------------------------
+    # ---- progress ---------------------------------------------------------------------------------------------------
 
     def _settle(self) -> None:
         card = self._card
@@ -230,7 +230,7 @@ class Gmi99:
     # ---- records to drives ------------------------------------------------------------------------------------------
 
     def _through(self, frame: Frame) -> None:
-        """A record for a drive, if there is one with this address and the list of N18 lets it through."""
+        """Pass a record to a drive, if it exists and the list of N18 allows it."""
         listed = self._card.settings.addresses
         slot = frame.address
         if slot >= SLOTS or (listed and slot not in listed):

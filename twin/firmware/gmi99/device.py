@@ -1,4 +1,4 @@
-"""The card: its state (board.py), the parts that work on it, what ends them all, and what there is to see of them."""
+"""The card: its state (board.py), its parts, abort, and status."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Card(Board):
         self.output("brake", 0)
         self.output("spindle", 0)
         self.output("hood_release", 1)
-        for terminal in ("slot0.estop", "slot0.power"):  # not wired: nothing speaks against it
+        for terminal in ("slot0.estop", "slot0.power"):  # not wired: counts as good
             self.drives.set_input(terminal, True)
         for terminal in sorted(levels):
             self.drives.set_input(terminal, levels[terminal])
@@ -46,12 +46,12 @@ class Card(Board):
         self.plc.power_on(t_ns, bytes.fromhex(self.stored.plc))
 
     def parameters_changed(self) -> None:
-        """Put changed N parameters in force."""
+        """Apply changed N parameters."""
         self.arrange_images()
         self.interpolator.speeds_changed()
 
     def abort(self) -> None:
-        """#0, M0.1: everything under way brakes and is forgotten."""
+        """#0, M0.1: brake and drop everything."""
         self.queue.drop()
         self.interpolator.break_off()
         self.drives.brake()
@@ -72,7 +72,7 @@ class Card(Board):
             self.queue.enter(commands)
 
     def flags_changed(self, *, program_ran: bool) -> None:
-        """Host or PLC have written flags; `program_ran`: M0.2 before."""
+        """Take flags written by host or PLC; `program_ran`: M0.2 before."""
         flags = self.images
         if flags.flag(images.BREAK_OFF):
             flags.set_flag(images.BREAK_OFF, False)
@@ -91,12 +91,12 @@ class Card(Board):
 
     @property
     def busy(self) -> bool:
-        """A command or program is being carried out."""
+        """True while a command or program is in execution."""
         return self.queue.busy or not self.interpolator.at_rest or not self.drives.at_rest
 
     @property
     def information(self) -> int:
-        """Information character but for the message (3.2)."""
+        """Information character without the message (3.2)."""
         return self.drives.estop << 3 | self.moving << 4 | (not self.drives.ready) << 6 | self.busy << 7
 
     @property
@@ -113,7 +113,7 @@ class Card(Board):
         return self.reduced | blocked << 1 | stop << 2 | self.enable_missing << 3
 
     def refresh_flags(self) -> None:
-        """Bring the flags of the firmware and the output `moving` up to date."""
+        """Update the flags of the firmware and the output `moving`."""
         if self.moving != self._moving_told:
             self._moving_told = self.moving
             self.output("moving", int(self.moving))
@@ -125,5 +125,5 @@ class Card(Board):
         set_flag(images.FROZEN, bool(self.settings.motion_off))
 
     def ask_drives(self) -> None:
-        """Bring the flag I2T up to date, which only the drives know: before somebody looks at it."""
+        """Update the flag I2T from the drives, before it is read."""
         self.images.set_flag(images.I2T, any(map(self.drives.is_overloaded, range(SLOTS))))

@@ -1,7 +1,7 @@
-"""What belongs to the drives at the card's slots: status, readiness, reference run, faults, limit switches, E-stop.
+"""The drives at the card's slots: status, readiness, reference run, faults, limit switches, E-stop.
 
-The drives' own manual is not to be had: what they do is decided (gmi99/16 to gmi99/20). A drive at slot i has address
-i, sixteen inputs and outputs, an encoder, and an indexer of its own for the reference run:
+The drives' own manual is not available: their behaviour is decided in gmi99/16 to gmi99/20. A drive at slot i has
+address i, sixteen inputs and outputs, an encoder, and an indexer of its own for the reference run:
 
     speed     -10000 Hz until the motor-end switch is struck, brake
               ______
@@ -32,18 +32,18 @@ from isel_twin.firmware.gmi99.waiting import Wait
 from isel_twin.motion import SetPointRun
 from isel_twin.motion.indexer import Indexer, at_rest, braked
 
-MECHANICAL = 3  # slots with a motor of the gantry: X, Y, Z. Those behind have set points only
-POWER_WAIT_NS = 500 * MILLISECOND_NS  # how long Q waits for the supply after it has asked for it
-FAULT_NS = 20 * MILLISECOND_NS  # how long it waits for drives that are to forget their faults
+MECHANICAL = 3  # slots with a motor of the gantry: X, Y, Z; further ones have only set points
+POWER_WAIT_NS = 500 * MILLISECOND_NS  # how long Q waits for the supply after its request
+FAULT_NS = 20 * MILLISECOND_NS  # how long it waits for drives to clear their faults
 SEARCH_HZ, FREE_HZ = 10_000.0, 2000.0
 # increments after which a search ends without a switch: 1.2 times the longest travel of the gantry at 1 um
 SEARCH_LENGTH = 480_000
 FREE_LENGTH = 20_000
-TURN = 5000  # increments from zero pulse to zero pulse, unless the machine file says otherwise
+TURN = 5000  # increments from zero pulse to zero pulse, by default
 DRIVE_ACCELERATION = 100_000.0  # increments/s^2 of a drive's own indexer
 LIMIT_SHARPNESS = 4
 
-# where the contacts of machine and cabinet lead to: inputs of drives, E-stop and supply of all of them (gmi99/19)
+# terminals of the contacts of machine and cabinet: inputs of drives, E-stop and supply of all of them (gmi99/19)
 TERMINALS: Mapping[str, tuple[str, ...]] = {
     "slot0.estop": ("estop_1", "estop_2", "overtemperature"),
     "slot0.power": ("power_ok",),
@@ -68,16 +68,16 @@ class DriveBank:
         self.asked: Drives | None = None
         self.ready = False
         self.enabled = False
-        self.searching = 0  # axes that search or leave their switch (FB 254.3)
+        self.searching = 0  # mask of axes that search or leave their switch (FB 254.3)
         self._zeroed = [False] * SLOTS
         self._faulty = [False] * SLOTS
         self.estop = True
         self._power = False
         self._serial = 0
         self._referencing = False
-        self._edge = False  # a switch has changed since the reference run was last gone on with
+        self._edge = False  # a switch has changed since the last step of the reference run
 
-    # ---- what there is to see ---------------------------------------------------------------------------------------
+    # ---- state ------------------------------------------------------------------------------------------------------
 
     @property
     def run(self) -> SetPointRun | None:
@@ -99,7 +99,7 @@ class DriveBank:
         )
 
     def blocked(self, slot: int) -> bool:
-        """True without current: the stages are off, or this drive has switched itself off."""
+        """True if it has no current: the stages are off, or this drive has switched itself off."""
         return not self.enabled or self._faulty[slot]
 
     def drive_inputs(self) -> Sequence[DriveInput]:
@@ -113,14 +113,14 @@ class DriveBank:
 
     def in_position(self, mask: int) -> Generator[Wait, None, None]:
         axes = [slot for slot in range(SLOTS) if mask >> slot & 1]
-        yield Wait(at_ns=self._board.now_ns + planner.PERIOD_NS)  # the last set point is still being led to
+        yield Wait(at_ns=self._board.now_ns + planner.PERIOD_NS)  # the drives still move to the last set point
         while not all(map(self._is_in_position, axes)):
             yield Wait(at_ns=self._interpolator.grid_ns(self._board.now_ns + 1))
 
     # ---- inputs -----------------------------------------------------------------------------------------------------
 
     def set_input(self, terminal: str, level: bool) -> None:
-        """A level changes; the levels at power-on come the same way, first."""
+        """Take a changed level; levels at power-on come the same way."""
         if terminal == "slot0.estop":
             self.estop = not level
             if self.estop:
@@ -152,14 +152,14 @@ class DriveBank:
             self.lose(f"limit switch of slot {slot}", stages=False)
 
     def _speed(self, run: SetPointRun, slot: int) -> int:
-        """Increments in the tick that is being led to, or the next one."""
+        """Increments of the present or next tick."""
         k = min(run.count(self._board.now_ns), run.last - 1)
         return int(run.plan.deltas(max(k - 1, run.first), k + 1)[:, slot].sum()) if k >= run.first else 0
 
     # ---- losing readiness -------------------------------------------------------------------------------------------
 
     def lose(self, why: str, *, stages: bool) -> None:
-        """Not ready any more: motion ends, queue and program are dropped; `stages`: they are off."""
+        """Lose readiness: motion ends, queue and program are dropped; `stages`: switch them off."""
         was_ready, self.ready = self.ready, False
         interpolator = self._interpolator
         if stages:
@@ -185,7 +185,7 @@ class DriveBank:
         self._board.output("brake", int(on))
 
     def brake(self) -> None:
-        """A reference run ends with its ramp."""
+        """End a reference run with its ramp."""
         if self.run is not None and isinstance(self.run.plan, Indexer):
             self._replan(self.run.plan.stopped(self.run.next_tick(self._board.now_ns)))
 
@@ -201,7 +201,7 @@ class DriveBank:
     # ---- becoming ready ---------------------------------------------------------------------------------------------
 
     def make_ready(self, mask: int, *, run: bool, indexer: bool = True) -> Generator[Wait, None, None]:
-        """Q: power, stages on, axes zeroed or referenced; then the indexer is ready if all drives are."""
+        """Q: switch on, zero or reference axes; then the indexer is ready if all drives are."""
         board = self._board
         if self.estop:
             board.refuse("Q: E-stop")
@@ -232,7 +232,7 @@ class DriveBank:
         self.ready = all(self._zeroed[slot] and not self._faulty[slot] for slot in wanted)
 
     def _reference(self, axes: list[int]) -> Generator[Wait, None, list[int]]:
-        """The reference run of some axes at once; return those that have found their place."""
+        """The reference run of several axes at once; return those that succeeded."""
         board = self._board
         self._serial += 1
         self._referencing = True
@@ -267,13 +267,13 @@ class DriveBank:
         return found
 
     def _next_stand_ns(self) -> int:
-        """When the next axis stands that moves now."""
+        """When the next moving axis stops."""
         run, plan, _ = self._indexer()
         times = (run.start_ns + plan.stands_at(slot) * run.period_ns for slot in range(SLOTS))
         return min((t_ns for t_ns in times if t_ns > self._board.now_ns), default=self._board.now_ns + 1)
 
     def _axis(self, slot: int, base: int) -> Generator[None, None, bool]:
-        """What the drive at a slot does in a reference run: gone on with after everything that happens."""
+        """The reference run of one drive, continued after every event."""
         near, far, struck = (slot, 0), (slot, 1), self._board.struck
         if near not in struck:
             return False
@@ -302,7 +302,7 @@ class DriveBank:
         return True
 
     def encoder(self, slot: int) -> int:
-        """Measured position of a drive; the set point where nothing measures."""
+        """Measured position of a drive; the set point without an encoder."""
         if self.asked is not None and slot < len(self.asked.encoder):
             return self.asked.encoder[slot]
         return self._board.counts[slot]
@@ -318,7 +318,7 @@ class DriveBank:
         return isinstance(run.plan, Indexer) and run.plan.stands(slot, run.count(self._board.now_ns))
 
     def _go(self, slot: int, way: float, speed: float, *, absolute: bool = False) -> None:
-        """From standstill so far on; absolute: to that place, from the start of the run."""
+        """Move by a distance from standstill; absolute: to a place, from the start of the run."""
         _, plan, k = self._indexer()
         self._replan(plan.to(slot, k, way if absolute else plan.displacement(k)[slot] + way, speed))
 
@@ -328,7 +328,7 @@ class DriveBank:
             self._replan(plan.braked(slot, k))
 
     def _indexer(self) -> tuple[SetPointRun, Indexer, int]:
-        """The reference run, its plan, and the tick from which on that can be another one."""
+        """The reference run, its plan, and the first tick that can still change."""
         assert self.run is not None
         assert isinstance(self.run.plan, Indexer)
         return self.run, self.run.plan, self.run.next_tick(self._board.now_ns)

@@ -1,4 +1,4 @@
-"""What the card remembers of its surroundings: process images, flags, data words, registers (6, 6.1.1, 6.2).
+"""Process images, flags, data words, registers of the card (6, 6.1.1, 6.2).
 
     E 48 bytes   inputs       M 256 bytes   flags; MB0..19 couple card and PLC, MB30.. are free
     A 48 bytes   outputs      D 256 bytes   data words DW0..127; DW0..39 are the registers R00..19, DW0..79 are kept
@@ -7,14 +7,14 @@
     I/O cards, mode 0 (default)     E, A: cards 0..23, drives 24..47
     I/O cards, mode 1 (FB 254.2)    E, A: drives 0..23, cards 24..47
 
-Of a group of 24 bytes the first 12 are digital, slot i having bytes 2i and 2i + 1, the others analog.
+In a group of 24 bytes the first 12 are digital, with bytes 2i and 2i + 1 for slot i, the others analog.
 
 Words have their low byte first: MWn = MBn + 256 MB(n+1), in all areas (gmi99/9). Registers: 32 bits, at byte 4i of D.
 
 Who may change a flag
 ---------------------
-FIRMWARE_OWNS says which bits of the flags belong to the firmware; host (`p11`) and PLC may change the others, the PLC
-some of them one way only.
+FIRMWARE_OWNS are the flag bits of the firmware; host (`p11`) and PLC may change the others, the PLC some of them only
+in one direction.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from collections.abc import Callable, Mapping
 
 GROUP = 24
 DIGITAL = 12
-STATIC_BYTES = 160  # DW0..79 survive the mains (3.1.1 d)
+STATIC_BYTES = 160  # DW0..79 are non-volatile (3.1.1 d)
 REGISTERS = 20
 
 # Flags that couple card and PLC, as (byte, bit) (6.1.1).
@@ -37,7 +37,7 @@ PROGRAM_ENDED = 1, 0
 I2T = 1, 1
 READY = 1, 2
 SYNCHRONISATION = 1, 3
-PROGRAM_NUMBER = 2  # a byte, like those below
+PROGRAM_NUMBER = 2  # a byte number, like those below
 REPORT_AGAIN = 3, 1
 ANALOG = 3, 2
 STOP_SUPPRESSED = 3, 3
@@ -55,9 +55,9 @@ TOOL_MEMORY = 19
 
 # bits of a flag byte that neither host nor PLC changes: reserved ones, and those marked r in 6.1.1
 FIRMWARE_OWNS: Mapping[int, int] = {0: 0b1111_1000, 1: 0b0001_0111, 3: 0b0011_0001, TOOL_MEMORY: 0xFF}
-# bits the PLC may reset only (marked 0 in 6.1.1), or only read though the host writes them
+# bits that the PLC may only reset (marked 0 in 6.1.1), or only read while the host writes them
 PLC_MAY_NOT_SET: Mapping[int, int] = {3: 0b0000_0010, KEY: 0xFF}
-# bits the PLC may set only (marked 1 in 6.1.1), or only read
+# bits that the PLC may only set (marked 1 in 6.1.1), or only read
 PLC_MAY_NOT_RESET: Mapping[int, int] = {0: 0b0000_0010, KEY: 0xFF}
 
 
@@ -85,7 +85,7 @@ class Images:
         self.flags[byte] = self.flags[byte] & ~(1 << bit) | (on << bit)
 
     def arrange(self, *, cards: bool, mode: int) -> None:
-        """Put the drives into the first or second group: inputs move along, outputs follow the image there."""
+        """Put the drives into the first or second group, with their inputs; outputs follow the image there."""
         at = GROUP if cards and mode == 0 else 0
         if at != self.drives_at:
             self.inputs[:] = self.inputs[GROUP:] + self.inputs[:GROUP]

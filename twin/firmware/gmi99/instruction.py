@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-MOVE_BIT = 0x80  # of a command character: the general motion command, its lower bits are the mask of axes
+MOVE_BIT = 0x80  # in a command character: general motion command; its lower bits are the mask of axes
 
 
 class OutOfRangeError(Exception):
-    """A parameter is beyond what the command takes; the message says which. The command has no effect (gmi99/6)."""
+    """A parameter is out of range; the message says which. The command has no effect (gmi99/6)."""
 
 
 @dataclass(frozen=True)

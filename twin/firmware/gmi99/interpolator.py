@@ -1,15 +1,15 @@
-"""The interpolator: moves in, set points every 4 ms out; hold, go on, break off, and what is to happen on the way.
+"""The interpolator: from moves to set points every 4 ms; hold, resume, break off, and actions on the way.
 
     commands f, G, W ...  -->  rules, feed, coordinates  --+
     moves                 -->  pieces (planner, circle)  --+-->  plan (isel_twin.motion.joined)  -->  run
 
-The plan is made anew at the next time of the grid whenever a move comes, or override, reduced speed or spindle speed
-change. The grid counts from power-on; a move that can begin begins at the first time of it that is not past.
+Every new move and every change of override, reduced speed or spindle speed replans from the next time of the grid,
+which counts from power-on. A move begins at the next time of the grid.
 
-A hold brakes along the path and ends the motion; what is left of the plan is the next motion, when nothing holds any
-more. A break-off brakes the same way and forgets what is left. `cut` ends it at once.
+A hold brakes along the path and ends the motion; the rest of the plan is the next motion after the hold. A break-off
+brakes the same way and drops the rest. `cut` ends the motion at once.
 
-N17 = 1: a motion takes its time and T0 counts, but no set point leaves the card: it is kept as a ghost (gmi99/22).
+N17 = 1: a motion takes its time and T0 counts, but no set points are sent: it is a ghost (gmi99/22).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Position = tuple[int, ...]
 
 
 class OntoSwitchError(Exception):
-    """An axis stands on the limit switch that it would move onto."""
+    """An axis would move further onto its struck limit switch."""
 
     def __init__(self, slot: int) -> None:
         super().__init__(f"slot {slot} stands on the limit switch it would move onto")
@@ -39,7 +39,7 @@ class OntoSwitchError(Exception):
 
 @dataclass(frozen=True)
 class _Mark:
-    """What happens when so many pieces of the plan are made: a move ends (no `act`), an output is switched."""
+    """An action after a number of pieces of the plan: the end of a move (no `act`), or an output."""
 
     pieces: int
     act: Callable[[], None] | None
@@ -48,7 +48,7 @@ class _Mark:
 
 @dataclass(frozen=True)
 class _Circle:
-    """A circle begun by G2 or G3: its centre relative to the start by slot, None before it is known; {}: dropped."""
+    """A circle after G2 or G3: its centre relative to the start by slot, None if not yet known; {}: dropped."""
 
     clockwise: bool
     centre: dict[int, int] | None = None
@@ -61,21 +61,21 @@ class Interpolator:
         self.absolute = True
         self.per_turn = False  # G95
         self.shortest_way = False  # G36 for the next move
-        self.sources = [-1] * SLOTS  # axis whose motions an axis makes too, -1: none
+        self.sources = [-1] * SLOTS  # the axis that each axis duplicates, -1: none
         self.spindle_rpm = 0
         self._plan: Joined | None = None
         self._end: Position = (0,) * SLOTS
         self._heading: planner.Heading | None = None
         self._marks: deque[_Mark] = deque()
         self._circle: _Circle | None = None
-        self.breaking = False  # the motion is being broken off: no move can be planned
+        self.breaking = False  # the motion is breaking off: no move can be planned
         self._serial = 0
 
-    # ---- what there is to see ---------------------------------------------------------------------------------------
+    # ---- state ------------------------------------------------------------------------------------------------------
 
     @property
     def run(self) -> SetPointRun | None:
-        """The motion in execution, a ghost too."""
+        """The motion in execution, even a ghost."""
         return self._board.path_run
 
     @property
@@ -108,7 +108,7 @@ class Interpolator:
     # ---- commands ---------------------------------------------------------------------------------------------------
 
     def begin_circle(self, *, clockwise: bool) -> None:
-        """G2, G3: the next move is the centre, the one after the end."""
+        """G2, G3: the next move is the centre, the one after it the end."""
         self._circle = _Circle(clockwise)
 
     def move(self, instruction: Instruction, *, from_host: bool) -> None:
@@ -178,14 +178,14 @@ class Interpolator:
         self._marks.append(_Mark(self._plan.pieces, None, from_host=from_host))
 
     def on_the_way(self, act: Callable[[], None]) -> None:
-        """Do this when what is planned so far has been made: at once at rest."""
+        """Call `act` at the end of the present plan, at rest at once."""
         if self._plan is None:
             act()
         else:
             self._marks.append(_Mark(self._plan.pieces, act))
 
     def rules(self) -> planner.Rules:
-        """What moves are planned by."""
+        """The rules for planning moves."""
         settings = self._board.settings
         return planner.Rules(
             speed_hz=settings.m_hz,
@@ -203,7 +203,8 @@ class Interpolator:
 
     def _scale(self) -> float:
         percent = self._board.override_percent or None
-        return planner.scale(percent, self.spindle_rpm if self.per_turn else None) or 1.0  # what stands is held
+        # 0 would not be a plan: a stop is a hold
+        return planner.scale(percent, self.spindle_rpm if self.per_turn else None) or 1.0
 
     def _ceiling_hz(self) -> float:
         return float(self._board.settings.r_hz[0]) if self._board.reduced else math.inf
@@ -213,7 +214,7 @@ class Interpolator:
         return board.stopped or board.override_percent == 0 or (self.per_turn and not self.spindle_rpm)
 
     def speeds_changed(self) -> None:
-        """Override, reduced speed, spindle speed, stop flag or enable may have changed."""
+        """Take changes of override, reduced speed, spindle speed, stop flag or enable."""
         plan = self._plan
         if plan is None or self.breaking:
             return
@@ -241,7 +242,7 @@ class Interpolator:
         self._drop()
 
     def release(self) -> SetPointRun:
-        """Give the motion in execution to the caller, who ends it in another way, and forget the plan."""
+        """Give the motion in execution to the caller, who ends it, and drop the plan."""
         assert self.run is not None
         run, self._board.path_run = self.run, None
         self._drop()
@@ -255,7 +256,7 @@ class Interpolator:
     # ---- time -------------------------------------------------------------------------------------------------------
 
     def advance(self) -> None:
-        """Do what is due now: acts on the way, and the end."""
+        """Do what is due now: actions on the way, and the end."""
         if self.run is None:
             return
         assert self._plan is not None
@@ -276,7 +277,7 @@ class Interpolator:
         self._board.path_run = SetPointRun(self._plan, planner.PERIOD_NS, self.grid_ns(self._board.now_ns))
 
     def _go_on(self, scale: float, ceiling: float) -> None:
-        """Go on with what was held, as another motion."""
+        """Continue a held plan as a new motion."""
         assert self._plan is not None
         self._serial += 1
         rest = self._plan.remainder(self._serial)
@@ -293,7 +294,7 @@ class Interpolator:
     def _forget(self) -> None:
         self._plan = self._heading = None
         self.breaking = False
-        while self._marks:  # acts behind the last move
+        while self._marks:  # actions after the last move
             mark = self._marks.popleft()
             if mark.act is not None:
                 mark.act()
@@ -304,6 +305,6 @@ class Interpolator:
             self._board.path_run = self.run.with_plan(plan)
 
     def _tick(self) -> int:
-        """The tick at or after now, from which on a plan can be another one; the last one of a plan that is held."""
+        """The first tick that can still change; the last one of a held plan."""
         assert self._plan is not None
         return self._plan.ticks if self.run is None else self.run.next_tick(self._board.now_ns)

@@ -1,4 +1,4 @@
-"""The language of the GMI99: its manual's own text for frames, and frames in words. Implements
+"""The language of the GMI99: frames as text in the manual's notation, and explanations. Implements
 `isel_twin.language.Language`.
 
     p3;100;0      a letter and its parameters             68 0B 0B 68 E0 70 03 ... 16
@@ -6,10 +6,10 @@
     a 0 53 35 01  data of a PLC program: offset, bytes in hexadecimal
     #1, #9 50     short records, with their bytes         10 E0 01 E1 16
     5: #1         to the device with address 5: a drive
-    f5000 | 81h 9 | 81h 0       several at once: only so do moves in a job file join, whose lines wait for each other
+    f5000 | 81h 9 | 81h 0       several at once: only these join, as lines of a job wait for each other
 
-Replies read the same way: `E5` received, `#90` an information character, `@-5` an answer to T. Frames are those of a
-card as it comes: address 224, variant E.
+Replies have the same notation: `E5` received, `#90` an information character, `@-5` an answer to T. Frames are for the
+default address 224 and variant E.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ ADDRESS = link.FIRST_ADDRESS
 VARIANT: link.Variant = "E"
 BUFFER_FULL = 0x08
 
-# the card starts at any speed from standstill: its ramps begin at 0, whatever `start_stop_hz` says
+# the card's ramps begin at 0; `start_stop_hz` has no effect
 RANGES: Ranges = {
     "speed_hz": (30, 40_000),
     "acceleration_hz_per_ms": SETTINGS_RANGES["acceleration_hz_per_ms"],
@@ -112,7 +112,7 @@ class Gmi99Language:
         raise LanguageError(f"{text!r} is no command of the card; examples: #1, T1;0, 81h 238, p3;100;0")
 
     def text(self, reply: bytes) -> str:
-        """Frames as they read, separated by blanks; bytes that are none in hexadecimal."""
+        """Frames as text, separated by blanks; other bytes in hexadecimal."""
         receiver = Receiver(VARIANT, from_host=False)
         pieces = [*receiver.take(reply), receiver.rest]
         return " ".join(_reply_text(piece) for piece in pieces if piece)
@@ -153,7 +153,7 @@ class Gmi99Language:
         return iter([_command(piece) if sent else _answer(piece) for piece in pieces])
 
     def rest(self, sent: bool) -> bytes:
-        """The frame begun."""
+        """The incomplete frame."""
         return self._receivers[sent].rest
 
 

@@ -1,4 +1,4 @@
-"""Frames of DIN 19244: bytes to frames and back, in both wire variants, and what the DIL switches say of them.
+"""Frames of DIN 19244: bytes to frames and back, in both variants, and the DIL switches.
 
                      variant E (switch 7 on)               variant S (switch 7 off)
     single           E5                                    E5
@@ -11,8 +11,8 @@ bytes between the start (10h, or the second 68h) and CS modulo 256, L their numb
 The manual (2.1, 3, 3.1, 3.2) names the three kinds of telegram and prints no frame: order, checksum and lengths are
 those of FT1.2, decisions gmi99/1 to gmi99/6.
 
-What cannot be read has no effect: its first byte is dropped and the rest looked at again, so noise before a frame does
-no harm. A frame that pauses for longer than GAP_NS is dropped as far as it had come.
+Unreadable bytes have no effect: the first one is dropped and the rest parsed again, so noise before a frame does no
+harm. An incomplete frame is dropped after a pause of GAP_NS.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ LOADER = 239  # the address at which only the loader listens (2.2): it is silent
 
 @dataclass(frozen=True)
 class Frame:
-    """A record: its bytes, the address, the character behind it, and what follows that."""
+    """A record: its bytes, the address, the character after it, and the rest."""
 
     data: bytes
     address: int
@@ -93,7 +93,7 @@ def _framed(start: bytes, body: bytes) -> bytes:
 
 
 class Receiver:
-    """Cuts the bytes of one direction into frames. Time is the caller's: `expire` drops a part that has paused."""
+    """Cuts the bytes of one direction into frames. The caller has the time: `expire` drops an incomplete frame."""
 
     def __init__(self, variant: Variant, *, from_host: bool) -> None:
         """`from_host`: short records are commands, otherwise they carry an information character."""
@@ -105,7 +105,7 @@ class Receiver:
         self.rest = b""
 
     def take(self, data: bytes) -> list[Frame | bytes]:
-        """Frames that are whole now, single characters of the card, and between them the bytes of neither."""
+        """Complete frames, single characters of the card, and bytes of neither, in order."""
         pieces: list[Frame | bytes] = []
         rest = self.rest + data
         at = noise = 0
@@ -127,7 +127,7 @@ class Receiver:
         return pieces
 
     def _read(self, data: bytes, at: int) -> Frame | bytes | None:
-        """The frame or single character that begins here; None if it has not ended yet, empty if none does."""
+        """The frame or single character that begins here; None if incomplete, empty if none begins."""
         if data[at] == _SHORT:
             return self._short(data, at)
         if data[at] == _LONG:
@@ -143,7 +143,7 @@ class Receiver:
                 return b""
             extension = SHORT_COMMANDS[command]
         else:
-            extension = command >> 1 & 1  # the message from MB4, if bit 1 of the information character says so (3.2)
+            extension = command >> 1 & 1  # the message from MB4, if bit 1 of the information character is set (3.2)
         size = 5 + extension
         if len(data) < at + size:
             return None

@@ -2,11 +2,11 @@
 
     images.py   E A M D   <---- pass by pass ---->   isel_twin.firmware.plc.Plc
                                                          |
-    card: positions, status, corrections, speeds  <---  FB 254: accumulator 1 says which function, 2 has its argument
+    card: positions, status, corrections, speeds  <---  FB 254: accumulator 1 is the function, 2 its argument
 
-A pass works on copies. It takes 45 us an instruction, rounded up to the 4 ms grid (gmi99/31); its effects show at its
-end, when the card looks at the flags. FB 254 acts when it is called; its functions that the manual names but does
-not describe have no effect (gmi99/32).
+A pass works on copies. It takes 45 us an instruction, rounded up to the 4 ms grid (gmi99/31); its effects come at its
+end, when the card reads the flags. FB 254 acts when called; functions that the manual names but does not describe have
+no effect (gmi99/32).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from isel_twin.firmware.gmi99.settings import FINE, SLOTS
 from isel_twin.firmware.plc import ImageError, Plc, PlcMemory, PlcProgram, Rights
 from isel_twin.firmware.plc.assembler import assemble
 
-SAFETY = "safety.awl"  # text of the program that a card may have from the beginning, beside this file
+SAFETY = "safety.awl"  # program text that a new card may have, in this folder
 LONGEST_IMAGE = 0xFFFF
 DEVICE = 0x5B
 READ = 0x8000
@@ -42,7 +42,7 @@ def safety_program() -> bytes:
 
 
 def _rights() -> Rights:
-    """What a program may do to the flags (6.1.1)."""
+    """Rights of a program to the flags (6.1.1)."""
     free = [0xFF & ~FIRMWARE_OWNS.get(byte, 0) for byte in range(256)]
     return Rights(
         bytes(mask & ~PLC_MAY_NOT_SET.get(byte, 0) for byte, mask in enumerate(free)),
@@ -64,16 +64,16 @@ class CardPlc:
 
     @property
     def running(self) -> bool:
-        """A program is being carried out."""
+        """True while a program runs."""
         return self._plc.running
 
     @property
     def next_ns(self) -> int | None:
-        """End of the next pass that may differ from the one before; None while it does not run, or nothing changes."""
+        """End of the next pass that may differ from the one before; None if it does not run or nothing changes."""
         return self._plc.next_ns
 
     def power_on(self, t_ns: int, image: bytes) -> None:
-        """Mains on; a program there is starts by itself. `image`: as `end_load` gave it, empty for none."""
+        """Mains on; a stored program starts by itself. `image`: from `end_load`, empty for none."""
         if not image:
             return
         try:
@@ -94,7 +94,7 @@ class CardPlc:
             self._plc.stop_at_end(t_ns)
 
     def look(self, t_ns: int) -> None:
-        """Something has happened: inputs, flags or data may have changed."""
+        """Take changes of inputs, flags or data."""
         seen = _bytes(self.board.images)
         if self._plc.running and seen != self._seen:
             self._plc.touch(t_ns)
@@ -170,7 +170,7 @@ class CardPlc:
         if number not in FUNCTIONS:
             return number, argument
         result = self._function(number, argument)
-        memory.e[:] = self.board.images.inputs  # which function 2 may have put elsewhere
+        memory.e[:] = self.board.images.inputs  # function 2 may have moved them
         return result
 
     def _function(self, number: int, argument: int) -> tuple[int, int]:
@@ -210,7 +210,7 @@ class CardPlc:
             position = self.board.position[axis]
             return position & ALL, position >> 16 & ALL
         if what == 5:
-            return 0, argument  # no axis is ever uncoupled
+            return 0, argument  # uncoupled axes are not emulated
         return self.queue.block_number & ALL if what == 15 else 6, argument
 
     def _plc_zero(self, axis: int, argument: int) -> int:

@@ -1,9 +1,8 @@
-"""Zero points and corrections: what is added to programmed positions (3.1.1 G, 6.1.3 FB 254).
+"""Zero points and corrections, which are added to programmed positions (3.1.1 G, 6.1.3 FB 254).
 
     machine target = programmed target (absolute) + zero point + fine correction + temporary ones + PLC zero point
 
-One table of 16 zero points, G54 to G57 being its first four. Tool offsets have no command that enters them and are 0
-(gmi99/13).
+One table has 16 zero points; G54 to G57 are the first four. No command sets tool offsets, so they are 0 (gmi99/13).
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ class Offsets:
         self._active = self._last = (number, fine)
 
     def select_again(self) -> None:
-        """The zero point last in force."""
+        """Select the last zero point again."""
         self._active = self._last
 
     def deselect(self) -> None:

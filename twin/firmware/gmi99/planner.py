@@ -1,4 +1,4 @@
-"""How the card plans moves: speeds and accelerations of the leading axis, corners, the 4 ms grid.
+"""Planning of moves: speeds and accelerations of the leading axis, corners, the 4 ms grid.
 
     increments n_i of a move  --ratios-->  e_i = n_i r_i  --+-> L, F, A of the piece        (GMI99 manual 1.1, 1.3, W)
     f, M, B, G0, G95, override -----------------------------+
@@ -32,10 +32,10 @@ from isel_twin.motion.pieces import Pieces, chain
 
 AXES = 6  # slots 0 to 5; a displacement has one number for each
 PERIOD_NS = 4_000_000  # set points leave every 4 ms (1.2)
-SHORTEST_S = 0.012  # least time of a piece of line (1.2)
+SHORTEST_S = 0.012  # least duration of a line segment (1.2)
 # greatest M of each V factor (5)
 FACTORS = ((50_000, 1), (100_000, 2), (200_000, 4), (400_000, 8), (500_000, 10), (1_000_000, 20))
-STRAIGHT = 1e-9  # change of direction, per path, that is none: what rounding leaves of two moves along one line
+STRAIGHT = 1e-9  # change of direction that counts as none: rounding of two moves along one line
 RIGHT_ANGLE_DEG = 90.0
 FULL_RATIO = 65535.0
 MOST_OVERRIDE = 125.0  # "Erhöht um 25 %" (3.1.1 f)
@@ -44,7 +44,7 @@ NOWHERE = Pieces(np.empty((0, AXES)), *(np.empty(0),) * 5)
 
 @dataclass(frozen=True)
 class Rules:
-    """What moves are planned by; the card keeps one and replaces it when a command changes something.
+    """Rules for planning moves; immutable, replaced when a command changes something.
 
     speed_hz, acceleration_hz_per_ms: M and B, first the value of the leading axis, then those of slots 0 to 5.
     ratio: resolution ratios of slots 0 to 5 times 65535 (W). influence: whether a slot counts for the tool speed.
@@ -81,8 +81,8 @@ class Heading:
 
 @dataclass(frozen=True, eq=False)
 class PreparedMove:
-    """A move ready to be joined: its pieces, one for a line, the chords of a circle, and its directions at both ends;
-    no pieces and None if it goes nowhere."""
+    """A move ready to be joined: its pieces (one for a line, the chords of a circle) and its directions at both ends;
+    no pieces and None without a displacement."""
 
     pieces: Pieces
     first: Heading | None
@@ -95,7 +95,7 @@ def factor(speed_hz: int) -> int:
 
 
 def useful_hz(feed_hz: int, rules: Rules) -> int:
-    """What the card makes of f: not above M, a multiple of the V factor k, not below 2 k."""
+    """The effective f: not above M, a multiple of the V factor k, not below 2 k."""
     k = factor(rules.speed_hz[0])
     return max(min(feed_hz, rules.speed_hz[0]) // k * k, 2 * k)
 
@@ -107,7 +107,7 @@ def scale(override_percent: float | None = None, spindle_rpm: float | None = Non
 
 
 def line(displacement: Sequence[int], feed: int | None, rules: Rules, *, per_revolution: bool = False) -> PreparedMove:
-    """A straight move by so many increments of each slot.
+    """A straight move; displacement: increments of each slot.
 
     feed: f in Hz; None: rapid, G0. per_revolution: feed is in increments per revolution (G95), the plan is scaled by
     `scale(override, rpm)`. Raises ValueError unless there are six numbers, or for a feed that is not positive.
@@ -127,10 +127,9 @@ def straight(
     shortest_s: NDArray[np.float64] | None = None,
     corners: bool = True,
 ) -> PreparedMove:
-    """Pieces one after the other, as one move: `way` float64 [n, 6], increments, none of them all zeros.
-
-    feed, per_revolution: see `line`. shortest_s: float64 [n], least time of each; 12 ms without. corners: whether the
-    corners between these pieces limit the speed.
+    """A move of n straight pieces: `way` float64 [n, 6], increments, none of them all zeros. feed, per_revolution: as
+    for `line`. shortest_s: float64 [n], least duration of each, by default 12 ms. corners: whether the corners between
+    these pieces limit the speed.
     """
     if feed is not None and feed <= 0:
         raise ValueError(f"a feed must be positive, got {feed}")
@@ -153,7 +152,8 @@ def straight(
 
 @njit(nogil=True, error_model="numpy")
 def _limits(way, ratio, influence, top, steepest, tool_speed, shortest_s, length, limit, acceleration, per_path):
-    """Length of each piece, its greatest speed and acceleration, its effective increments per path; see the module."""
+    """Length of each piece, its highest speed and acceleration, its effective increments per path (module
+    docstring)."""
     for j in range(way.shape[0]):
         square, longest, plain = 0.0, 0.0, 0.0
         for slot in range(way.shape[1]):
@@ -175,7 +175,7 @@ def _limits(way, ratio, influence, top, steepest, tool_speed, shortest_s, length
 
 
 def corner_hz(before: Heading, after: Heading, rules: Rules) -> float:
-    """Greatest path speed at which a move of the one direction may pass into one of the other; inf if equal."""
+    """Highest path speed at the corner from one direction to the other; inf if equal."""
     entry = np.full(2, math.inf)
     _corners_hz(np.array([before.per_path, after.per_path]), rules.jump_hz, rules.sharp_jump_hz, entry)
     return float(entry[1])
@@ -183,7 +183,7 @@ def corner_hz(before: Heading, after: Heading, rules: Rules) -> float:
 
 @njit(nogil=True, error_model="numpy")
 def _corners_hz(per_path, jump_hz, sharp_hz, entry):
-    """entry[j]: greatest speed from the direction in row j - 1 into that of row j; see the module. Not of row 0."""
+    """entry[j]: highest speed from the direction in row j - 1 into that of row j; not of row 0."""
     for j in range(1, per_path.shape[0]):
         before, after = per_path[j - 1], per_path[j]
         a, b = math.sqrt((before * before).sum()), math.sqrt((after * after).sum())
@@ -208,13 +208,13 @@ def start(
     ceiling_hz: float = math.inf,
     identity: object = 0,
 ) -> Joined:
-    """The plan that makes these moves from standstill, joined. ceiling_hz: R while the PLC asks for it."""
+    """The joined plan of these moves from standstill. ceiling_hz: R while the PLC requests it."""
     pieces = _together(moves, rules, None)
     return joined(pieces, PERIOD_NS, sine=rules.sine, scale=scale, ceiling=ceiling_hz, identity=identity)
 
 
 def more(plan: Joined, k: int, moves: Sequence[PreparedMove], rules: Rules, after: Heading | None) -> Joined:
-    """The plan with these moves behind it, known at tick k; after: direction at its end so far, None: it has none."""
+    """The plan with these moves appended at tick k; after: direction at its present end, or None."""
     return plan.replanned(k, append=_together(moves, rules, after))
 
 

@@ -13,7 +13,7 @@ from isel_twin.firmware.gmi99.waiting import Wait
 
 
 class Of(IntEnum):
-    """P1 of `p`: what is programmed."""
+    """P1 of `p`: the object."""
 
     PLC = 1
     PROGRAM = 3
@@ -22,7 +22,7 @@ class Of(IntEnum):
 
 
 class Do(IntEnum):
-    """P2: what is done to it."""
+    """P2: the action."""
 
     START = 1
     STOP = 2
@@ -33,7 +33,7 @@ class Do(IntEnum):
 
 
 def programming(card: Card, instruction: Instruction) -> Generator[Wait, None, None] | None:
-    """`p`: P1 says of what."""
+    """`p`: dispatch by P1."""
     match instruction.p1:
         case Of.PLC:
             _plc(card, instruction.p2)
@@ -49,7 +49,7 @@ def programming(card: Card, instruction: Instruction) -> Generator[Wait, None, N
 
 
 def set_flag_byte(card: Card, instruction: Instruction) -> None:
-    """`p11`: MB(P2) becomes P3, but for the bits of the firmware."""
+    """`p11`: MB(P2) becomes P3, except the bits of the firmware."""
     if instruction.p2 > 255 or instruction.p3 > 255:
         raise OutOfRangeError("p11 wants a flag byte 0 .. 255 and a value 0 .. 255")
     before = card.images.flag(images.PROGRAM_RUNS)

@@ -2,7 +2,7 @@
 
     T0   @ 3 bytes      T1  V or I, 2      T3  ident only      T5  N, 3      T8  Z, 3      T11  C, 3      T12  x 6, e 2
 
-Widths and idents the manual does not print are decided (gmi99/8). An unknown question is not answered (gmi99/4).
+Widths and idents that the manual does not print: decision gmi99/8. An unknown question gets no answer (gmi99/4).
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from isel_twin.firmware.gmi99.instruction import Instruction, signed
 from isel_twin.firmware.gmi99.settings import SLOTS
 
 VERSION = 488
-STATUS = b""  # answer in place of which the status record is sent (T3;0)
+STATUS = b""  # marks the status record as the answer (T3;0)
 
 
 def answer(card: Card, instruction: Instruction) -> bytes | None:
-    """Ident and value; STATUS for the status record; None if there is no such question."""
+    """Ident and value; STATUS for the status record; None for an unknown question."""
     what, second, third = instruction.values
     match what:
         case 0:

@@ -1,9 +1,9 @@
-"""What waits and what is under way: commands of the host, programs, the command that takes time.
+"""Waiting commands of the host, programs in progress, and the command in progress.
 
     host ---> queue of commands ---------+
     program, its subprograms ------------+---> next command (sequencer.py)
 
-While a program runs its commands come first; what the host has sent waits.
+While a program runs its commands come first; commands of the host wait.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ class Queue:
         self._programs: list[_Running] = []  # the main program and the subprograms open in it
         self._current: Generator[Wait, None, None] | None = None
         self._wait = Wait()
-        self._going = False  # the command in progress is being gone on with now: what it does itself may drop it
-        self.recording = False  # what the host sends now is recorded in its turn
+        self._going = False  # the command in progress is running now: it may drop itself
+        self.recording = False  # commands of the host are recorded in their turn
 
     @property
     def busy(self) -> bool:
@@ -45,12 +45,12 @@ class Queue:
 
     @property
     def block_number(self) -> int:
-        """Number of the command of the program that was begun last, from 1 on (FB 254.6); 0 without a program."""
+        """Number of the program's last begun command, from 1 (FB 254.6); 0 without a program."""
         return self._programs[-1].next if self._programs else 0
 
     @property
     def next_ns(self) -> int | None:
-        """When the command in progress is gone on with."""
+        """When the command in progress continues."""
         return self._wait.at_ns if self._current is not None else None
 
     def peek(self) -> tuple[bytes, Instruction] | None:
@@ -67,14 +67,14 @@ class Queue:
             self.waiting.popleft()
 
     def enter(self, commands: tuple[Instruction, ...]) -> None:
-        """A program begins, within the one that runs if there is one."""
+        """Begin a program, as a subprogram if one runs."""
         if not self._programs:
             self._board.images.set_flag(images.PROGRAM_ENDED, False)
             self._board.images.set_flag(images.PROGRAM_RUNS, True)
         self._programs.append(_Running(commands))
 
     def leave(self) -> None:
-        """p3;2: the rest of the program that contains it is skipped."""
+        """p3;2: skip the rest of its program."""
         if self._programs:
             self._programs[-1].next = len(self._programs[-1].commands)
 
@@ -89,7 +89,7 @@ class Queue:
             self._board.images.set_flag(images.PROGRAM_ENDED, True)
 
     def drop(self) -> None:
-        """Everything that waits is forgotten, what is being carried out is closed, a program or a recording ends."""
+        """Drop everything that waits, close the command in progress, end programs and a recording."""
         self.waiting.clear()
         if self._programs:
             self._programs.clear()
@@ -115,7 +115,7 @@ class Queue:
         self.go_on()
 
     def go_on(self) -> None:
-        """Go on with it, up to what it waits for next."""
+        """Continue the command in progress up to its next wait."""
         current = self._current
         assert current is not None
         self._going = True
@@ -129,7 +129,7 @@ class Queue:
             self._board.refuse(str(error))
         else:
             self._wait = wait
-            if self._current is not current:  # dropped by what it did itself
+            if self._current is not current:  # it has dropped itself
                 current.close()
         finally:
             self._going = False

@@ -1,10 +1,9 @@
-"""Order: what the host sent and what programs say, one after the other, with barriers where motion must have ended.
+"""Order: commands of the host and of programs one after the other, with barriers where motion must have ended.
 
-    next command (queue.py) ---> move, (F)   planned at once behind what is planned already
-                                 any other   a barrier: when nothing moves, then it is done, then the next
+    next command (queue.py) ---> move, (F)   planned at once after the present plan
+                                 any other   a barrier: waits until nothing moves, then it is carried out
 
-There is room for 100 moves and 100 others. Commands behind `p3;100` are recorded in their turn instead of being carried
-out.
+There is room for 100 moves and 100 others. Commands after `p3;100` are recorded instead of carried out.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ class Sequencer:
         self._card.queue.waiting.append((data, instruction))
 
     def put_drive(self, slot: int, *, run: bool) -> None:
-        """The host tells a drive to zero or to make a reference run; not heard while anything is under way."""
+        """Zero or reference a drive for the host; ignored while anything is in progress."""
         if not self._card.busy:
             self._card.queue.start(self._card.drives.make_ready(1 << slot, run=run, indexer=False))
 
@@ -71,7 +70,7 @@ class Sequencer:
             queue.take()
             if kind is Kind.MOVE and not card.drives.ready:
                 card.refuse("a move while the indexer is not ready")
-            elif kind is Kind.SYNCHRONOUS and instruction.code == ord("p"):  # outputs switch where they stand
+            elif kind is Kind.SYNCHRONOUS and instruction.code == ord("p"):  # outputs switch at their place in the path
                 card.interpolator.on_the_way(lambda: self._begin(instruction))
             else:
                 self._begin(instruction)
@@ -83,7 +82,7 @@ class Sequencer:
         return True
 
     def _return(self) -> bool:
-        """A program has ended: go on with its caller; the main program is over when the last motion has ended."""
+        """Return from a program to its caller; the main program ends after its last motion."""
         card = self._card
         if card.queue.depth == 1 and not (card.interpolator.at_rest and card.drives.at_rest):
             return False

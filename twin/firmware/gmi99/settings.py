@@ -1,10 +1,10 @@
-"""What a host sets, and what of it survives the mains: one flash image, versioned, with a checksum.
+"""Settings of the host, and their non-volatile part: one flash image with version and checksum.
 
     at once, with the command    zero points, fine corrections, PLC program, CNC programs, DW0..79
     by command `s`               M, B, R, N 10 11 12 13 14 16 18 24 40 51 1000, W ratios, override activity
-    never                        positions, flags, f, what G has set, N 8 and 17
+    never                        positions, flags, f, settings by G, N 8 and 17
 
-An image is old or new, never half; one that cannot be read as a whole means defaults and the output `flash_fault`.
+An image is replaced as a whole; an unreadable one means defaults and the output `flash_fault`.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ NUMBERS: Mapping[int, tuple[str, int, int]] = {
 
 @dataclass(frozen=True)
 class Settings:
-    """What a host sets. Speeds in Hz, accelerations in Hz/ms, of the leading axis first and then of each axis (3.1.1);
-    defaults as printed there, or decisions gmi99/7."""
+    """Settings of the host. Speeds in Hz, accelerations in Hz/ms, first of the leading axis, then of each axis (3.1.1);
+    defaults as printed there, or by decision gmi99/7."""
 
     m_hz: Axes = (2000,) * (SLOTS + 1)
     b_hz_per_ms: Axes = (50,) * (SLOTS + 1)
@@ -70,14 +70,14 @@ class Settings:
 
     @property
     def kept(self) -> Settings:
-        """What `s` keeps of it."""
+        """The part that `s` stores."""
         zero = (0,) * SLOTS
         return replace(self, motion_off=0, home_from=zero, home_to=zero)
 
 
 @dataclass(frozen=True)
 class Stored:
-    """Content of the memories that need no mains."""
+    """Content of the non-volatile memories."""
 
     settings: Settings = field(default_factory=Settings)
     zero_points: tuple[Axes, ...] = ((0,) * SLOTS,) * ZERO_POINTS
@@ -94,7 +94,7 @@ def encode(stored: Stored) -> bytes:
 
 
 def decode(image: bytes) -> Stored | None:
-    """Content of a flash image; None if it cannot be read as a whole or holds what no command could have stored."""
+    """Content of a flash image; None if it is damaged or has values that no command could have stored."""
     head, _, body = image.partition(b"\n")
     if head != MAGIC + b"%08x" % zlib.crc32(body):
         return None
@@ -147,5 +147,5 @@ def _axes(values: Any, count: int, low: int, high: int) -> bool:
 
 
 def _whole(value: Any, low: int, high: int) -> bool:
-    """Whether it is a whole number (True and False are none) in this range."""
+    """True for a whole number (no bool) in this range."""
     return type(value) is int and low <= value <= high

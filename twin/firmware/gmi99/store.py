@@ -3,8 +3,8 @@
     p3;100;n   commands ...   p3;101          recorded, checked for form only
     p3;1;n                                    from the host, from a program (eight deep), from the PLC
 
-A recording of program 0 clears all programs. While one is recorded its program is empty in flash, so that a mains
-failure leaves it empty; programs change in flash as a whole.
+Recording program 0 clears all programs. During a recording the program is empty in flash, and so it stays after a mains
+failure; programs change in flash as a whole.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from isel_twin.firmware.gmi99.instruction import Instruction
 from isel_twin.firmware.gmi99.settings import PROGRAMS
 
 CAPACITY = 65_536
-DEPTH = 8  # subprograms open beside the main program
+DEPTH = 8  # most nested subprograms
 
 
 class Store:
-    """Recorded commands; see the module. `error`: bit 4 of the memory status."""
+    """The recorded commands. `error`: bit 4 of the memory status."""
 
     def __init__(self, programs: Mapping[str, tuple[str, ...]]) -> None:
         self._programs: dict[int, tuple[tuple[bytes, Instruction], ...]] = {}
@@ -29,7 +29,7 @@ class Store:
         self._loaded = programs
 
     def restore(self, parse: Callable[[int, bytes], Instruction | None]) -> None:
-        """Take what flash has; `parse` as commands.parse."""
+        """Load the programs from flash; `parse`: commands.parse."""
         for number, commands in self._loaded.items():
             data = [bytes.fromhex(text) for text in commands]
             lines = [(line, instruction) for line in data if (instruction := parse(line[0], line[1:])) is not None]
@@ -53,7 +53,7 @@ class Store:
         self.recording, self._lines = number, []
 
     def record(self, data: bytes, instruction: Instruction) -> bool:
-        """Take a command; False if there is no room, which ends the recording."""
+        """Record a command; False if there is no room, which ends the recording."""
         used = sum(len(line) + 1 for lines in self._programs.values() for line, _ in lines)
         if used + sum(len(line) + 1 for line, _ in self._lines) + len(data) + 1 > CAPACITY:
             self.forget()

@@ -1,12 +1,12 @@
-"""What a command that takes time asks for: to be gone on with when a condition holds.
+"""Waits of commands that take time.
 
 A handler of a normal command is a plain function, or a generator that yields Waits:
 
     def wait(card, instruction):
         yield Wait(at_ns=card.now_ns + 100_000_000)
 
-It is gone on with when the time has come or the condition holds, whichever is first; conditions are looked at after
-everything that happens. What it holds it gives back in a `finally`: a break-off closes it.
+It continues when the time has come or the condition holds, whichever is first; conditions are checked after every
+event. It must release what it holds in a `finally`: a break-off closes it.
 """
 
 from __future__ import annotations

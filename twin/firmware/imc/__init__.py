@@ -2,15 +2,15 @@
 
     grammar.py     bytes to lines, lines to codes and numbers
     commands.py    every command of the manual, as three tables
-    controller.py  what host, inputs and clock do: implements isel_twin.controller.Controller
-    waiting.py     lines that wait, and those a stop holds
-    supervisor.py  what takes time: what may happen to it, and what that means (executor.py of the folder above)
-    purpose.py     what activities ask for things for
+    controller.py  host, inputs and clock: implements isel_twin.controller.Controller
+    waiting.py     waiting lines, and lines held by a stop
+    supervisor.py  events during commands that take time, and their effects (executor.py of the folder above)
+    purpose.py     purposes of requests of activities
     moves.py       straight moves, arcs, moves until an event
     reference.py   reference run, running free
     program.py     stored programs
-    adjust.py      commands that set something
-    query.py       commands that ask something
+    adjust.py      commands that set
+    query.py       commands that ask
     device.py      the state behind all of them: counters, references, outputs
     safety.py      the safety chain's three states
     limits.py      limit switches
@@ -18,7 +18,7 @@
     settings.py    initialisation values and the flash image
     profile.py     members of the family, as data (profiles.toml)
     replies.py     the reply codes
-    language.py    what its bytes mean to people and tools: reading.py (lines and answers), wording.py, retiming.py
+    language.py    its language: reading.py (lines and answers), wording.py, retiming.py
 
 docs/imc.md is the overview of commands, docs/safety.md the safety chain, docs/decisions/imc.md what is left open.
 """

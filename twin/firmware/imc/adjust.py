@@ -1,7 +1,7 @@
 """Commands that set something: axes, zeros, modal values, ports, initialisation values.
 
-`check_...` judge parameters, `admit_...` the state of the machine; both raise Refusal and change nothing. Everything
-else is never refused.
+`check_...` check parameters, `admit_...` the state of the machine; both raise Refusal and change nothing. The other
+functions never refuse.
 """
 
 from __future__ import annotations
@@ -65,13 +65,13 @@ def check_axes(device: Device, mask: int) -> None:
 
 
 def admit_powered(device: Device, mask: int) -> tuple[int]:
-    """Refuse unless axes may move; see `Device.require_power`."""
+    """Refuse unless axes may move (`Device.require_power`)."""
     device.require_power()
     return (mask,)
 
 
 def set_virtual_zero(device: Device, mask: int) -> None:
-    """`@0n`, `n`: absolute moves count from here."""
+    """`@0n`, `n`: absolute moves are relative to this position."""
     for axis in axes_of(mask):
         device.virtual_zero[axis] = device.counts[axis]
 
@@ -97,14 +97,14 @@ def four_speeds(device: Device) -> tuple[Number, ...]:
 
 
 def default_speed_parameters(device: Device) -> tuple[Number, ...]:
-    """Four speeds; those of axes that are not set are not checked if the profile says so (imc/46)."""
+    """Four speeds; depending on the profile those of axes that are not set are unchecked (imc/46)."""
     if not (device.profile.extra_values and device.axes):
         return four_speeds(device)
     return tuple(speed(device) if axis in device.axis_list else ANY_SPEED for axis in range(AXES))
 
 
 def set_default_speeds(device: Device, *speeds_hz: int) -> None:
-    """`@0Id`: a number that is no speed changes nothing."""
+    """`@0Id`: a number that is not a valid speed changes nothing."""
     valid, now = speed(device), device.settings.reference_hz
     new = (hz if valid.low <= hz <= valid.high else was for hz, was in zip(speeds_hz, now, strict=True))
     device.set_settings(reference_hz=tuple(new))
@@ -142,7 +142,7 @@ def set_number(device: Device, number: int) -> None:
 
 
 def _aliased(device: Device, port: int) -> int:
-    """The port meant: the profile may have another number for that of the spindle."""
+    """The effective port: the profile may have another number for that of the spindle."""
     return 2 if port == device.profile.spindle_port else port
 
 
@@ -165,7 +165,7 @@ def admit_port(device: Device, port: int, value: int) -> tuple[Mapping[str, int]
 
 
 def _with_brake(device: Device, levels: Mapping[str, int]) -> Mapping[str, int]:
-    """The brake follows the stages: it has dropped when they go off, and lets go when they are on (imc/23)."""
+    """The brake follows the stages: it closes before they go off, and opens when they are on (imc/23)."""
     stages = levels.get("stages", device.outputs["stages"])
     if stages == device.outputs["stages"]:
         return levels
@@ -225,7 +225,7 @@ def set_inverted(device: Device, mask: int) -> None:
 
 
 def set_swapped(device: Device, mask: int) -> None:
-    """`@0Ie`: which switch lies at which end. It replaces what a motion has found out (imc/20)."""
+    """`@0Ie`: which switch is at which end. It replaces what motions have found (imc/20)."""
     device.limits.forget_found(device.settings.swapped ^ mask)
     device.set_settings(swapped=mask)
 

@@ -1,15 +1,14 @@
-"""Every command of the manual, as data: code, section, parameters, what must hold, what it does.
+"""Every command of the manual as data: code, section, parameters, conditions, handler.
 
-Three tables, as in chapter 1: DNC (`@<number>` in front), CNC (storable), INITIALISATION (`@<number>I` in front). What
-a command does is in the module its handler comes from. A command is refused first and done afterwards; nothing changes
-before it is certain that it will be done.
+Three tables, as in chapter 1: DNC (prefix `@<number>`), CNC (storable), INITIALISATION (prefix `@<number>I`). Refusals
+come first: nothing changes before it is certain that the command will be carried out.
 
     refuse    axes set (4) -> numbers read (7, 1, the parameter's own code) -> check: parameters -> admit: state of the
               machine (5, 9, H, 2, R, 1; imc/16)
     do        changes something and returns nothing (reply `0`), a text (the reply) or an activity; never refuses
 
-A stored command is read and checked when it is stored, admitted and done when it runs. An activity may still end by
-Refusal while it runs: that is how it ended, not a command refused.
+A stored command is read and checked when it is stored, admitted and done when it runs. A running activity may also end
+by Refusal, which is then its result.
 """
 
 from __future__ import annotations
@@ -44,10 +43,10 @@ WATCH = (INPUT_PORT, BYTE, BYTE)
 class Command:
     """One row of a table.
 
-    parameters: numbers; a function of the device that gives them; None: the rest of the line, as it stands.
-    check(device, *values) and admit(device, *values) raise Refusal and change nothing; what admit returns, a tuple, is
-    handed to do in place of the values. needs_axes: answers 4 without axes. spare_values: one for each of the four axes
-    may be there, though fewer are set, if the profile has `extra_values`.
+    parameters: numbers, or a function of the device that gives them; None: the rest of the line unchanged.
+    check(device, *values) and admit(device, *values) raise Refusal and change nothing; a tuple that admit returns
+    replaces the values for do. needs_axes: answers 4 without axes. spare_values: with `extra_values` of the profile,
+    values for all four axes are accepted although fewer are set.
     """
 
     section: str
@@ -74,7 +73,7 @@ class Command:
         return values
 
     def admitted(self, device: Device, values: tuple[Any, ...]) -> tuple[Any, ...]:
-        """What to hand to `do` now. Raises Refusal if the machine's state forbids it."""
+        """The arguments of `do`. Raises Refusal if the machine's state forbids it."""
         return values if self.admit is None else self.admit(device, *values)
 
 
@@ -144,7 +143,7 @@ DNC: Mapping[str, Command] = {
     ),
 }
 
-# letters that mean the same as another one
+# letters that are synonyms of others
 DNC_ALIASES: Mapping[str, str] = {"a": "A", "m": "M", "r": "R", "s": "S", "p": "P", "?": "V"}
 
 # initialisation commands
@@ -172,7 +171,7 @@ INITIALISATION: Mapping[str, Command] = {
 
 
 def _stored(section: str, code: str, **other: Any) -> Command:
-    """The storable form of a DNC command: the same but for its section of the manual and `other` fields."""
+    """The storable form of a DNC command, with another section and `other` fields."""
     return replace(DNC[code], section=section, **other)
 
 
@@ -211,7 +210,7 @@ CNC: Mapping[str, Command] = {
 # the overview prints these codes as capitals, their sections as small letters; both are taken
 CNC_ALIASES: Mapping[str, str] = {"F": "f", "G": "g", "M": "m", "O": "o", "P": "p", "W": "w", "Y": "y", "Z": "z"}
 
-# DNC commands that change nothing and take no time: they are answered even if a stop has overtaken them
+# DNC commands that change nothing and take no time: they are answered even if held by a stop
 QUESTIONS = frozenset("bDhHPUV")
 
 

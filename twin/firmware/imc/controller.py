@@ -1,4 +1,4 @@
-"""The iMC: what the host, the inputs and the clock do to the device.
+"""The iMC: effects of host, inputs and clock on the device.
 
     host bytes --> 253, 254, 255 at once
               `-> lines (waiting.py) --> refused, or done: reply now, or a task of the supervisor
@@ -8,8 +8,8 @@
 A command begins when its CR arrives, or when the one before it has been answered. Its reply leaves at the time of its
 last pulse. There is no processing time in between (imc/21).
 
-A line is looked at in one step that may refuse it (`_admit...`: returns an effect, or raises Refusal), and carried out
-in a second one that may not: the effect.
+A line is handled in two steps: `_admit...` may refuse it (returns an effect, or raises Refusal), and the effect carries
+it out and never refuses.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from isel_twin.firmware.imc.supervisor import Supervisor, signal_error, watched
 from isel_twin.firmware.imc.waiting import WaitingLines
 from isel_twin.motion import Displacement, Motion
 
-# what a line that was not refused does. Returns the reply, or None if it comes later or not at all.
+# the effect of an accepted line; returns the reply, or None if it comes later or never
 Effect = Callable[[], str | None]
 
 
@@ -39,7 +39,7 @@ class Imc:
     """Implements `isel_twin.controller.Controller`."""
 
     def __init__(self, profile: Profile, flash: bytes | None) -> None:
-        """flash: image from the last power-off; None or nothing in it for a new device."""
+        """flash: image from the last power-off; None or empty for a new device."""
         self._profile = profile
         self._events: list[Event] = []
         self._flash = settings.Flash(settings.default_settings(profile)) if not flash else settings.decode(flash)
@@ -67,7 +67,7 @@ class Imc:
         """Keep what the device has written to its flash for the next start."""
         self._flash = None if self._device.outputs["flash_fault"] else self._device.flash
 
-    # ---- the border -------------------------------------------------------------------------------------------------
+    # ---- Controller -------------------------------------------------------------------------------------------------
 
     @property
     def serial_format(self) -> SerialFormat:
@@ -93,12 +93,12 @@ class Imc:
 
     @property
     def idle(self) -> bool:
-        """True if no command waits or is carried out; commands held by a stop do not count, they wait for the host."""
+        """True if no command waits or is in progress; commands held by a stop do not count."""
         return self._supervisor.task is None and not self._lines
 
     @property
     def fault(self) -> bool:
-        """Always False: replies tell every error."""
+        """Always False: replies report every error."""
         return False
 
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
@@ -165,9 +165,8 @@ class Imc:
         return True
 
     def _answer_held(self) -> bool:
-        """Answer the first line that a stop holds (imc/5); False if there is none or it must wait.
-
-        A question is answered at once, anything else by `F` when there is nothing left to resume.
+        """Answer the first line that a stop holds (imc/5); False if there is none or it must wait. A query is answered
+        at once, other lines by `F` when nothing is left to resume.
         """
         line = self._lines.first_held
         if line is None:
@@ -229,7 +228,7 @@ class Imc:
                 self._events.append(CounterSet(axis, 0))
 
     def _execute(self, line: bytes, recorder: Recorder | None) -> None:
-        """Refuse one line, or carry it out: reply, or start a task. recorder: it belongs to a data field."""
+        """Refuse a line, or carry it out: reply, or start a task. recorder: for a line of a data field."""
         try:
             effect = self._admit(line) if recorder is None else self._admit_stored(line, recorder)
         except Refusal as refusal:
@@ -273,7 +272,7 @@ class Imc:
         return OK
 
     def _admit_stored(self, line: bytes, recorder: Recorder) -> Effect:
-        """A line of the data field. One that is refused ends the field and spoils it (3.1, imc/40)."""
+        """A line of the data field. A refused one ends the field and makes it invalid (3.1, imc/40)."""
         self._recorder = None
         try:
             code, text = grammar.split_cnc(line, commands.CNC_ALIASES)
@@ -289,7 +288,7 @@ class Imc:
         return lambda: OK
 
     def _admit_start(self, *, answers: bool) -> Effect:
-        """Go on with what was stopped, or start the stored program (2.2.23). Raises Refusal."""
+        """Resume a stopped task, or start the stored program (2.2.23). Raises Refusal."""
         device, parked = self._device, self._supervisor.parked
         device.require_supply()
         if parked is None:
@@ -306,7 +305,7 @@ class Imc:
         self._supervisor.resume(answers=answers)
 
     def _start_key(self) -> None:
-        """The start key acts only at rest; no reply says why it does nothing (imc/32)."""
+        """The start key acts only at rest; a failure gives no reply (imc/32)."""
         if self._supervisor.task is not None or self._recorder is not None:
             return
         try:
@@ -335,7 +334,7 @@ class Imc:
         self._supervisor.start(run_program(self._device, commands.CNC), answers=answers, program=True)
 
     def _require_sound(self, program: settings.StoredProgram) -> None:
-        """Raise Refusal(G) unless this firmware would store every line: the image may come from another one."""
+        """Raise Refusal(G) unless this firmware accepts every line: the image may come from another one."""
         try:
             for code, values in program.lines:
                 commands.find_cnc(code).read(self._device, ",".join(map(str, values)))

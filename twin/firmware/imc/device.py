@@ -1,6 +1,5 @@
-"""The controller as a machine: motion, counters, references, settings, outputs. Knows neither lines nor grammar.
-
-Counters count what motions make, and jump only where a CounterSet says so.
+"""The state of the controller without its protocol: motion, counters, references, settings, outputs. Counters count
+ticks, and jump only with a CounterSet event.
 """
 
 from __future__ import annotations
@@ -41,7 +40,7 @@ class Device:
     """State of one controller from power-on or reset to the next."""
 
     def __init__(self, profile: Profile, flash: Flash | None, inputs: Inputs, events: list[Event]) -> None:
-        """flash: what it holds (None: cannot be read); events: where everything that happens is noted."""
+        """flash: its content (None: unreadable); events: list that gets all events."""
         self.profile = profile
         self.executor = Executor(AXES)
         self.flash = flash or Flash(flash_image.default_settings(profile))
@@ -82,7 +81,7 @@ class Device:
         return axes_of(self.axes)
 
     def set_reference(self, axis: int) -> None:
-        """The axis stands at its reference point: counter 0, no virtual zero."""
+        """Reference an axis at the present position: counter 0, no virtual zero."""
         self.executor.set_counter(axis, 0)
         self._events.append(CounterSet(axis, 0))
         self.referenced[axis] = True
@@ -130,7 +129,7 @@ class Device:
             raise Refusal(LIMIT_SWITCH)
 
     def guards(self, axis: int) -> bool:
-        """True if limit switches end motions of this axis: not in test mode, nor for a rotary axis (imc/29)."""
+        """True if limit switches end motions of this axis; False in test mode and for a rotary axis (imc/29)."""
         return bool(self.axes >> axis & 1) and not self.settings.rotary >> axis & 1 and not self.test_mode
 
     def require_room(self, *legs: Displacement, unreferenced: bool = False) -> None:
@@ -155,7 +154,7 @@ class Device:
         self.outputs["brake"] = self.outputs["stages"]
 
     def shut_down(self) -> None:
-        """Fault: everything that moves or holds is off, positions are lost."""
+        """Fault: switch off stages, brake and spindle; positions are lost."""
         self.note(SafetyEvent.POWER_LOST)
         for name in ("stages", "brake", "spindle"):
             self.outputs[name] = 0
@@ -194,7 +193,7 @@ class Device:
         return self.modal.clockwise is not False
 
     def law(self, speed_hz: int) -> Callable[[int], TimeLaw]:
-        """Time law of any number of ticks, with the ramps in force now, however late it is used."""
+        """A function of a number of ticks that gives the time law with the present ramps, even if called later."""
         return partial(
             trapezoid,
             speed_hz=speed_hz,
@@ -203,7 +202,7 @@ class Device:
         )
 
     def store(self, *, settings: Settings | None = None, program: StoredProgram | None = None) -> None:
-        """Write the flash: new settings or a new program beside what it holds of the other."""
+        """Write new settings or a new program to the flash; the other stays."""
         self.flash = Flash(settings or self.flash.settings, program or self.flash.program)
         self.outputs["flash_fault"] = 0
         self._events.append(FlashWrite(flash_image.encode(self.flash)))
@@ -220,7 +219,7 @@ class Device:
 
     @contextmanager
     def supposing(self, axes: int, modal: Modal) -> Iterator[None]:
-        """Within the block, as if these axes and modal values were set."""
+        """Within the block these axes and modal values are set."""
         kept = self.axes, self.modal
         self.axes, self.modal = axes, modal
         try:

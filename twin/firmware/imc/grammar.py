@@ -1,10 +1,10 @@
-"""From bytes to commands: lines, codes, numbers. Knows the form of a command, nothing of its meaning.
+"""From bytes to commands: lines, codes, numbers, without their meaning.
 
     bytes  ->  LineAssembler  ->  lines  ->  split_dnc / split_cnc  ->  code, parameter text  ->  read_numbers
 
-A line is everything up to CR. LF counts for nothing, wherever it stands, and an empty line is no command (imc/6). The
-control bytes 253, 254 and 255 never come here (imc/14). Nothing that comes from the line is ever evaluated: a number is
-matched by a pattern and converted.
+A line is everything up to CR. LF is ignored everywhere, and an empty line is no command (imc/6). The control bytes 253,
+254 and 255 never come here. Nothing from the line is evaluated: a number is matched by a pattern and converted
+(imc/14).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class LineAssembler:
         self._too_long = False
 
     def feed(self, byte: int) -> bytes | None:
-        """Take one byte; return a line when this byte ends one. A line that was too long comes out empty."""
+        """Take one byte; return a line when this byte ends one. A line that was too long is returned empty."""
         if byte == LF:
             return None
         if byte != CR:
@@ -96,7 +96,7 @@ def cut(text: str, wanted: int, most: int) -> str:
 def read_numbers(text: str, numbers: Sequence[Number]) -> tuple[int, ...]:
     """Read comma-separated parameters, as many as `numbers` has.
 
-    Raises Refusal: 7 for another count, 1 for what is no number, the parameter's own code when out of range.
+    Raises Refusal: 7 for another count, 1 for a field that is no number, the parameter's own code when out of range.
     """
     fields = text.split(",") if text.strip(" ") else []
     if len(fields) != len(numbers):

@@ -1,21 +1,21 @@
-"""The iMC's language: what its bytes mean to people and tools. Implements `isel_twin.language.Language`, `RetimesJobs`.
+"""The iMC's language. Implements `isel_twin.language.Language` and `RetimesJobs`.
 
-Goal: every command of the tables in commands.py and every reply code in words, and both directions cut into messages.
+It explains every command of commands.py and every reply code, and cuts both directions into messages.
 
     sent      a line up to its CR; 253, 254 and 255 by themselves, also in the middle of a line, which then goes on
-    received  one character, but for the queries: how long an answer is follows from the query
+    received  one character, except for queries, which determine the length of their answers
 
                  @0P CR   @0x CR                          queue of lines not answered yet:   @0P   @0x
                              0003E80001F4000000  5        oldest line -> form of the answer -> position, then 5
 
-Replies come in the order of the commands, so a queue tells which of them an answer belongs to. How lines are read
-depends on the axes that are set, the device number, and a data field between `@0i` and `9`. These are followed twice:
-`_told` by what has been answered, to read answers, and `_ahead` by what has been sent, as if all were accepted, to
-explain commands. Both are the same whenever nothing is left to be answered.
+Replies come in the order of the commands, so a queue gives the command of an answer. The syntax of lines depends on the
+axes that are set, the device number, and a data field between `@0i` and `9`. These are tracked twice: `_told` by the
+answered lines, to read answers, and `_ahead` by the sent lines, as if all were accepted, to explain commands. Both are
+equal whenever no answer is open.
 
-Bytes alone do not tell everything: a byte for a stored program that waits for one is taken for the beginning of a line,
-and a reply code that a stored program sends for a reply. After a lost answer each answer is explained as that of the
-command before, until a reset.
+Some bytes are ambiguous: a byte for a stored program that waits for one is taken for the beginning of a line, and a
+reply code that a stored program sends for a reply. After a lost answer each answer is assigned to the command before,
+until a reset.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ CONTROL: Mapping[int, str] = {
     grammar.BREAK: "break: stop with the ramp and forget the rest",
 }
 
-LONGEST = 4096  # bytes after which a message is given out as it stands; no line and no answer has so many
-MOST_UNANSWERED = 65_536  # lines remembered while nobody answers; then the oldest is forgotten
+LONGEST = 4096  # bytes after which an incomplete message is returned; no line or answer is that long
+MOST_UNANSWERED = 65_536  # most unanswered lines remembered; then the oldest is dropped
 
 
 def create(name: str) -> ImcLanguage:
@@ -70,7 +70,7 @@ class ImcLanguage:
         self._answered = b""
         self._form = AnswerForm()
 
-    # ---- what a host says -------------------------------------------------------------------------------------------
+    # ---- the host's side --------------------------------------------------------------------------------------------
 
     def frame(self, text: str) -> bytes:
         return encoded(text) + CR
@@ -79,9 +79,8 @@ class ImcLanguage:
         return reply.decode("latin-1")
 
     def accepted(self, sent: bytes, reply: bytes) -> bool:
-        """A refusal is a single printable character other than `0`, or no reply to a line of text.
-
-        Queries answer with several characters; control bytes by themselves demand nothing.
+        """A refusal is a single printable character other than `0`, or no reply to a line of text. Queries answer with
+        several characters; single control bytes need no reply.
         """
         if not reply:
             return not any(32 <= byte < 127 for byte in sent)
@@ -93,13 +92,13 @@ class ImcLanguage:
         return [self.frame(line) for line in ("@07", "@0d5000,5000,5000", "@0R7", "@0z1")]
 
     def move(self, target: Sequence[int], settings: MoveSettings) -> Sequence[bytes]:
-        """`@0j`, `@0J`, `@0M` with the speed at every axis; the fourth pair counts for nothing (2.2.18)."""
+        """`@0j`, `@0J`, `@0M` with the speed for every axis; the fourth pair is ignored (2.2.18)."""
         ways = ",".join(f"{steps},{settings.speed_hz}" for steps in integers(target, 3))
         lines = (f"@0j{settings.start_stop_hz}", f"@0J{settings.acceleration_hz_per_ms}", f"@0M{ways},0,30")
         return [self.frame(line) for line in lines]
 
     def ask_counters(self) -> Sequence[bytes]:
-        """Beyond the protocol of languages, for callers that know this language."""
+        """Not part of `Language`, for callers that know this language."""
         return [self.frame("@0P")]
 
     def break_off(self) -> bytes:
@@ -108,7 +107,7 @@ class ImcLanguage:
     # ---- jobs with other settings: retiming.py ----------------------------------------------------------------------
 
     def job_moves(self, lines: Sequence[str]) -> Sequence[JobMove]:
-        """Straight moves, whose speeds can be others; arcs, helices, moves until a port and programs keep theirs."""
+        """Straight moves have variable speeds; arcs, helices, moves until a port and programs keep theirs."""
         return retiming.job_moves(lines, self.defaults)
 
     def retimed(
@@ -117,10 +116,11 @@ class ImcLanguage:
         return retiming.retimed(lines, settings, rapid_hz)
 
     def permanent(self, settings: MoveSettings) -> Sequence[str]:
-        """`@0IL`, so that nothing else is stored that was only tried; `@0Ij`, `@0IJ`, `@0IW` (4.2.3, 4.2.4, 4.2.18)."""
+        """`@0IL` first, so that other unsaved values are not stored; then `@0Ij`, `@0IJ`, `@0IW` (4.2.3, 4.2.4,
+        4.2.18)."""
         return ["@0IL", f"@0Ij{settings.start_stop_hz}", f"@0IJ{settings.acceleration_hz_per_ms}", "@0IW"]
 
-    # ---- what goes over the line ------------------------------------------------------------------------------------
+    # ---- the line ---------------------------------------------------------------------------------------------------
 
     def messages(self, data: bytes, sent: bool) -> Iterator[Message]:
         return iter([self._command(piece) for piece in self._pieces.cut(data)] if sent else self._answers(data))
@@ -142,11 +142,11 @@ class ImcLanguage:
         return Message(piece, text, self._line(line.removesuffix(CR)), sent=True)
 
     def _line(self, line: bytes) -> str:
-        """Remember that this line wants an answer, and say what it means."""
+        """Note that this line needs an answer, and explain it."""
         if not line.strip():
             return "an empty line, no command"
         if len(line) > self._line_bytes:
-            line = b""  # nothing is left of it but that it is answered
+            line = b""  # of a corrupted line only the answer is known
         words = line_words(line, self._ahead) if line else "a line that is too long"
         self._unanswered.append(line)
         self._ahead.follow(line, accepted=True)
@@ -171,7 +171,7 @@ class ImcLanguage:
         return messages
 
     def _begin_answer(self, byte: int) -> None:
-        """Find the line that the answer beginning with this byte belongs to, and how long it is."""
+        """Find the line of the answer that begins with this byte, and the answer's length."""
         self._form, self._answered = AnswerForm(), b""
         while self._unanswered:
             form = self._told.form(self._unanswered[0])
@@ -180,7 +180,7 @@ class ImcLanguage:
             elif chr(byte) in replies.WORDS or form.code_last:
                 self._form, self._answered = form, self._unanswered.popleft()
                 return
-            else:  # a stored program speaks
+            else:  # a byte of a stored program
                 return
 
     def _answer_ended(self) -> Message:

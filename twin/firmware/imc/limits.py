@@ -1,8 +1,8 @@
-"""Limit switches: which are struck, which way they lie, and when one is newly struck.
+"""Limit switches: which are struck, in which direction they are, and when one is newly struck.
 
-Switch 1 lies in the negative direction of the counter, switch 2 in the positive one; `@0Ie` exchanges them for an axis.
-A switch that a motion has struck lies where that motion went, until the next `@0Ie`: so even an axis inverted by `@0ID`
-without exchanging its switches finds its way off them (imc/20).
+Switch 1 is in the negative direction of the counter, switch 2 in the positive one; `@0Ie` exchanges them for an axis. A
+switch struck by a motion is in the direction of that motion until the next `@0Ie`: so even an axis inverted by `@0ID`
+without exchanged switches can leave them (imc/20).
 
     level   ______|~|_|~~~~~~~~~~~~~~~|_|~|_______      active high, for the picture
     struck        ^ newly struck: at once
@@ -29,7 +29,7 @@ class LimitSwitches:
         self._found: dict[int, int] = {}
 
     def active(self, bit: int) -> bool:
-        """Enabled (`@0IE`) and at its active level."""
+        """True if it is enabled (`@0IE`) and at its active level."""
         axis, switch = divmod(bit, 2)
         nibble = self._settings().limit_switches >> 4 * axis
         enabled, low_active = nibble >> switch & 1, nibble >> 2 + switch & 1
@@ -40,7 +40,7 @@ class LimitSwitches:
         return [bit for bit in switches_of(axis) if self.active(bit)]
 
     def edge(self, bit: int, now_ns: int) -> bool:
-        """The level at a switch has changed; True if it has been newly struck."""
+        """Take a change of a switch; return True if it is newly struck."""
         if not self.active(bit):
             self._released_ns[bit] = now_ns
             return False
@@ -48,7 +48,7 @@ class LimitSwitches:
         return released_ns is None or now_ns - released_ns > self._debounce_ns
 
     def found(self, bit: int, motor_direction: int) -> None:
-        """A motion of the motor in this direction (+1, -1) has struck the switch."""
+        """Note that a motor motion in this direction (+1, -1) has struck the switch."""
         if motor_direction:
             self._found[bit] = motor_direction
 
@@ -57,7 +57,7 @@ class LimitSwitches:
         self._found = {bit: direction for bit, direction in self._found.items() if not axes >> axis_of(bit) & 1}
 
     def lies(self, bit: int) -> int:
-        """Counter direction (+1, -1) in which a switch lies."""
+        """Counter direction (+1, -1) of a switch."""
         axis, switch = divmod(bit, 2)
         settings = self._settings()
         if bit in self._found:
@@ -65,7 +65,7 @@ class LimitSwitches:
         return 1 if switch ^ (settings.swapped >> axis & 1) else -1
 
     def blocks(self, axis: int, direction: int) -> bool:
-        """True if a switch is struck towards which the axis would go in this direction."""
+        """True if the axis would move towards a struck switch."""
         return any(self.lies(bit) == direction for bit in self.struck(axis))
 
 

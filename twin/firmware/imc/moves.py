@@ -1,11 +1,11 @@
-"""Moves, straight and round: from parameters to legs, and the activity that travels them.
+"""Straight moves and arcs: from parameters to legs, and the activity that travels them.
 
     numbers --plan_...--> legs --follow--> activity
             refuses                may end early: limit switch, fault, stop
 
 A relative move in 2.5D is up to three legs: X and Y together, Z by z1, Z by z2; with an A axis its way is the last leg.
 In 3D it is one leg, at the speed given for X (imc/22). A leg starts at the time of the last pulse of the one before.
-Everything a move can be refused for is checked when it is planned.
+All reasons for a refusal are checked in planning.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from isel_twin.firmware.imc.replies import BAD_AXES, BAD_NUMBER, BAD_SPEED, LIMI
 from isel_twin.motion import Displacement, StepPath, TimeLaw, circle, line
 
 XYZ = 7
-ANY_SPEED = Number(-(1 << 62), 1 << 62)  # a speed whose range is checked later, because it may not matter
+ANY_SPEED = Number(-(1 << 62), 1 << 62)  # a speed whose range is checked later, as it may be unused
 
 
 @dataclass(frozen=True)
 class Leg:
-    """A path, and the time law for as many of its ticks as are left."""
+    """A path, and a function that gives the time law for its remaining ticks."""
 
     path: StepPath
     law: Callable[[int], TimeLaw]
@@ -35,7 +35,7 @@ class Leg:
 def travel(device: Device, legs: Sequence[Leg], until: Until | None = None) -> Activity | None:
     """Travel the legs one after the other; a stop in between resumes where it was. `until` ends all of it.
 
-    None if there is nothing to travel: then what was stopped before can still be resumed.
+    None if there is nothing to travel: then a stopped move can still be resumed.
     """
     return _travel(device, legs, until) if any(leg.path.ticks for leg in legs) else None
 
@@ -51,7 +51,7 @@ def _travel(device: Device, legs: Sequence[Leg], until: Until | None) -> Activit
 
 
 def set_off(device: Device, way: Travel) -> Generator[Request, Ended, Ended]:
-    """Make a travel, unless its condition holds already. Raises Refusal(2) if it leads onto a struck switch."""
+    """Make a travel, unless its condition already holds. Raises Refusal(2) if it leads onto a struck switch."""
     purpose = way.purpose
     if isinstance(purpose, Until) and purpose.condition():
         return Ended(way.first, by_event=True)
@@ -63,7 +63,7 @@ def set_off(device: Device, way: Travel) -> Generator[Request, Ended, Ended]:
 
 
 def _blocked(device: Device, way: Travel) -> bool:
-    """True if this travel would drive an axis further onto a switch it stands on."""
+    """True if this travel would drive an axis further onto its struck switch."""
     first, last = way.first, way.first + way.law.ticks
     # over the first ticks, as a curved path may turn later; over all if the axis rests in those
     spans = (first, min(first + 100, last)), (first, last)
@@ -113,7 +113,7 @@ def speed(device: Device) -> Number:
 
 
 def follow(device: Device, legs: Sequence[Leg]) -> Activity | None:
-    """Travel what has been planned; that uses up the port condition of a stored program (3.2.7)."""
+    """Travel planned legs; this consumes the port condition of a stored program (3.2.7)."""
     condition, device.port_condition = device.port_condition, None
     return travel(device, legs, None if condition is None else _until(device, *condition))
 

@@ -1,4 +1,4 @@
-"""Controller profiles: numbers and habits that tell the members of the family apart, as data (profiles.toml)."""
+"""Controller profiles: the differences between members of the family, as data (profiles.toml)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ BASE = "imc-s8"
 
 @dataclass(frozen=True)
 class Profile:
-    """One member of the family; see profiles.toml for the meaning, unit and origin of each field."""
+    """One member of the family; profiles.toml has the meaning, unit and origin of each field."""
 
     name: str
     min_speed_hz: int
@@ -47,7 +47,7 @@ class Profile:
 
 
 def settings() -> Mapping[str, Setting]:
-    """What a machine file may set: whole positive numbers, and switches, of the base profile."""
+    """Settings for machine files: the whole positive numbers and switches of the base profile."""
     number = Limits("", 1, 1e9, whole=True)
     base = _profiles()[BASE].items()
     return {key: bool if isinstance(value, bool) else number for key, value in base if isinstance(value, int)}

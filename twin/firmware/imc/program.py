@@ -1,11 +1,11 @@
 """Stored programs (chapter 3): storing, checking, running.
 
-Offsets count commands from the branch itself: 5 skips four commands, -5 repeats the last five. A loop makes its
-commands once and then `count` times more (imc/31).
+Offsets count commands from the branch itself: 5 skips four commands, -5 repeats the last five. A loop runs its commands
+once and then `count` times more (imc/31).
 
-The flash says `incomplete` from `@0i` on and `valid` from `9` on, so a power loss or an error in between leaves a
-program that cannot run and must be erased. Memory is counted in bytes of the text of a command without blanks, its CR
-included (imc/12).
+The flash state is `incomplete` from `@0i` and `valid` from `9` on, so a power loss or an error in between leaves a
+program that cannot run and must be erased. Memory is counted in bytes of the text of a command without blanks but with
+its CR (imc/12).
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def admit_recording(device: Device) -> None:
 
 
 class Recorder:
-    """Takes the lines between `@0i` and `9`. A line with an error ends the field and spoils it (3.1)."""
+    """Takes the lines between `@0i` and `9`. A line with an error ends the field and makes it invalid (3.1)."""
 
     def __init__(self, device: Device) -> None:
         self._device = device
@@ -81,7 +81,7 @@ class Recorder:
         device.store(program=StoredProgram(ProgramState.VALID, tuple(self._lines), device.axes, device.modal))
 
     def spoil(self) -> None:
-        """At the beginning, and after an error: what has been stored so far is no valid program."""
+        """At the beginning, and after an error: mark the program as invalid."""
         lines, axes = tuple(self._lines), self._device.axes
         self._device.store(program=StoredProgram(ProgramState.INCOMPLETE, lines, axes))
 
@@ -91,7 +91,7 @@ def offset_of(code: str, values: tuple[int, ...]) -> int | None:
     return values[-1] if code in ("2", "3", "o") else None
 
 
-# ---- commands that only a program has --------------------------------------------------------------------------------
+# ---- commands only for programs ------------------------------------------------------------------------------------
 
 
 def check_loop(device: Device, count: int, offset: int) -> None:
@@ -148,8 +148,8 @@ def _masked(bit: int, value: int) -> tuple[int, int]:
 def run_program(device: Device, table: Mapping[str, Any]) -> Activity:
     """Run the stored program; `table` maps codes to commands. Ends like a command: return, or Refusal with its code.
 
-    Commands without a duration of their own take no time. Only a second branch back at the same instant costs a cycle,
-    so that waiting for an input is possible and no program stands still in time (imc/31).
+    Commands without a duration take no time. Only a second branch back at the same instant takes a cycle, so that a
+    loop can wait for an input and time always advances (imc/31).
     """
     lines = device.flash.program.lines
     loops: list[list[int]] = []

@@ -1,9 +1,9 @@
-"""Purposes of the iMC's requests: they decide how a stop, a switch or an input ends them.
+"""Purposes of the iMC's requests, which determine the effect of a stop, a switch or an input.
 
-Travel(path, law)                            an ordinary way: a stop parks it, a limit switch is an error
+Travel(path, law)                            an ordinary move: a stop parks it, a limit switch is an error
 Travel(path, law, first, Until(condition))   ... and it ends with the stop ramp as soon as the condition holds
 Travel(path, law, 0, Reference(seek=2))      towards the reference switch of Z, which ends it at once
-Pause(ns, REFERENCE)                         standing within a reference run
+Pause(ns, REFERENCE)                         a rest within a reference run
 Pause(ns, WAITING)                           a program that waits for an input
 """
 
@@ -30,4 +30,4 @@ class Reference:
 REFERENCE = Reference()
 
 
-WAITING = "waiting"  # a pause in which a stop parks the program, as it does in its moves
+WAITING = "waiting"  # a pause in which a stop parks the program, as in moves

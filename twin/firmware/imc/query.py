@@ -63,7 +63,7 @@ DIAGNOSES: Mapping[str, Callable[[Device], int]] = {
     "S0": _status,
 }
 
-# what `@0H` says, line by line: words, each with the levels of its inputs
+# the lines of `@0H`: words, each with the levels of its inputs
 STATUS_LINES: tuple[tuple[tuple[str, tuple[str, ...]], ...], ...] = (
     (("e-stop", ("estop_1", "estop_2")), ("cool", ("cool",)), ("power", ("power_ok",))),
     (("start", ("start",)), ("stop", ("stop_released",)), ("probe", ("probe",))),

@@ -1,4 +1,4 @@
-"""How the iMC's lines are read and answered, as far as it depends on the lines before: `ReadingState`."""
+"""The state from earlier lines that determines how the iMC's lines are read and answered."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ END_OF_FIELD = "9"  # ends the data field (3.2.9)
 
 @dataclass(frozen=True)
 class AnswerForm:
-    """How long an answer is: the code and so many hexadecimal digits or lines; or lines and, `code_last`, the code."""
+    """Length of an answer: the code and a number of hexadecimal digits or lines; or lines and, `code_last`, the
+    code."""
 
     digits: int = 0
     lines: int = 0
     code_last: bool = False
-    # what an answer (without a code before it) to a query with these parameters means; None: it is only a code
+    # explains an answer (without its code) to a query with these parameters; None: the answer is only a code
     words: Callable[[str, str], str] | None = None
 
     def whole(self, answer: bytes | bytearray) -> bool:
@@ -39,14 +40,14 @@ class AnswerForm:
 
 @dataclass
 class ReadingState:
-    """What decides how lines are read: axes set (a mask, 0: not known), device number, data field begun."""
+    """State for reading lines: axes set (a mask, 0: unknown), device number, data field begun."""
 
     axes: int = 0
     number: int = 0
     storing: bool = False
 
     def split(self, line: bytes) -> tuple[str, str] | None:
-        """Code and parameters of a DNC line, ("", "") if it is none; None: for another device."""
+        """Code and parameters of a DNC line, ("", "") for another line; None: for another device."""
         try:
             parts = grammar.split_dnc(line, self.number, commands.DNC_ALIASES)
         except replies.Refusal:
@@ -54,7 +55,7 @@ class ReadingState:
         return None if parts is None else parts[1:]
 
     def form(self, line: bytes) -> AnswerForm | None:
-        """How the line is answered; None: not at all."""
+        """The form of the line's answer; None: no answer."""
         if self.storing:
             return AnswerForm()
         parts = self.split(line)
@@ -65,7 +66,7 @@ class ReadingState:
         return QUERIES.get(parts[0], AnswerForm())
 
     def follow(self, line: bytes, *, accepted: bool) -> None:
-        """The line has been answered, or will be."""
+        """Update the state by a line that was or will be answered."""
         if self.storing:
             self.storing = accepted and stored(line)[0] != END_OF_FIELD
             return
@@ -114,7 +115,7 @@ def _lines_words(about: str) -> Callable[[str, str], str]:
     return lambda answer, text: f"{about}: {', '.join(plain(line) for line in answer.split(END)[:-1])}"
 
 
-# queries that answer with more than a code, by their own code; for `@0P` see `ReadingState.form`
+# queries that answer with more than a code, by their code; `@0P` is in `ReadingState.form`
 QUERIES: Mapping[str, AnswerForm] = {
     "b": AnswerForm(digits=2, words=_byte_words("port")),
     "D": AnswerForm(digits=2, words=_byte_words("diagnosis")),

@@ -4,12 +4,12 @@
                #########
        start           |<----------------------------- approach at reference speed, ends at once when the switch opens
        settle          |  50 ms
-       step out        |-|-|-|-|-|>                    one step, look, one step, look ... until the switch closes
+       step out        |-|-|-|-|-|>                    one step, check, one step, check ... until the switch closes
        run free                   |--------->          the run-free steps of the axis, at reference speed
        zero                                 0
 
-An axis that stands on its switch leaves out the approach. Directions are those of the counter: negative, or positive
-for axes named by `@0IR`. Whichever switch of the axis opens on the way is its reference switch (imc/8).
+An axis on its switch skips the approach. Directions are those of the counter: negative, or positive for axes of `@0IR`.
+The first switch of the axis to open on the way is its reference switch (imc/8).
 """
 
 from __future__ import annotations
@@ -47,13 +47,13 @@ def admit_run_free(device: Device, mask: int) -> tuple[int]:
 
 
 def _require_ways_off(device: Device, mask: int) -> None:
-    """Raise Refusal(2) if both switches of an axis are struck: either way leads onto one of them."""
+    """Raise Refusal(2) if both switches of an axis are struck: every direction leads onto one of them."""
     if any(len(device.limits.struck(axis)) > 1 for axis in ORDER if mask >> axis & 1):
         raise Refusal(LIMIT_SWITCH)
 
 
 def reference_run(device: Device, mask: int) -> Activity:
-    """`@0R`, `7`: find the reference points of the axes in `mask`. In test mode they are where the axes stand."""
+    """`@0R`, `7`: find the reference points of the axes in `mask`; in test mode take the present positions."""
     device.note(Event.REFERENCE_BEGUN)
     device.set_modal(three_d=False)
     axes = [axis for axis in ORDER if mask >> axis & 1]
@@ -70,7 +70,7 @@ def _reference_run(device: Device, axes: list[int]) -> Activity:
 
 
 def run_free(device: Device, mask: int) -> Activity:
-    """`@0F`: run the axes in `mask` off the switches they stand on; then no axis is referenced any more (imc/38)."""
+    """`@0F`: run the axes in `mask` off their struck switches; all references are then lost (imc/38)."""
     device.lose_references()
     return _run_free(device, [axis for axis in ORDER if mask >> axis & 1])
 
@@ -104,7 +104,7 @@ def _fail(device: Device, axis: int, what: str, why: str) -> NoReturn:
 
 
 def _leave(device: Device, axis: int, direction: int, what: str) -> Activity:
-    """Step out of the switch until it closes, then run free. The level is looked at half a period after each step."""
+    """Step out of the switch until it closes, then run free. The level is read half a period after each step."""
     step = line(as_steps({axis: direction}))
     half_hz = 2 * device.profile.step_out_hz
     made, farthest = 0, device.profile.leave_steps

@@ -1,13 +1,13 @@
-"""Bring other settings into a job: speeds stand in the moves, ramps in `@0j` and `@0J` before them.
+"""Change the settings in a job: speeds in the moves, ramps in `@0j` and `@0J` before them.
 
     @0j300        -->  @0j800                    a line that sets a ramp gets the value of the next move
-    @0M0,9000,... -->  @0J900                    what is not in force yet is set before the move
+    @0M0,9000,... -->  @0J900                    other ramps are set before the move
                        @0M0,22000,...            speeds from `rapid_hz` upwards; slower ones are feeds
 
-Ramps are in force until the next reset (2.2.15, 2.2.16), so a move with those of the one before gets no line. They are
-set anew after a line with <...> in it, which may be a reset, and after commands that bring other defaults (`@0IJ`,
-`@0Ij`, `@0IL`, `@0IX`). Lines between `@0i` and `9` are a stored program, whose branches count lines; it stays as it is
-and travels with the ramps in force when it is started.
+Ramps hold until the next reset (2.2.15, 2.2.16), so a move with the ramps of the one before gets no extra line. They
+are set again after a line with <...>, which may be a reset, and after commands that change defaults (`@0IJ`, `@0Ij`,
+`@0IL`, `@0IX`). Lines between `@0i` and `9` are a stored program, whose branches count lines; it stays unchanged and
+moves with the ramps in force at its start.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from isel_twin.language import JobMove, MoveSettings
 # commands that set a ramp (2.2.15, 2.2.16), and the setting it is
 RAMPS: Mapping[str, str] = {"j": "start_stop_hz", "J": "acceleration_hz_per_ms"}
 STRAIGHT = frozenset("AM")  # moves with pairs of steps and speed (2.2.2, 2.2.18)
-# motions whose speed stays as it is: arcs, helices, until a port, stored programs (2.2.23, 2.2.27, 2.2.28, 2.2.30)
+# motions with fixed speed: arcs, helices, until a port, stored programs (2.2.23, 2.2.27, 2.2.28, 2.2.30)
 OTHER_MOTIONS = frozenset("ywZS")
 PAUSES = re.compile(r"(<[^<>]*s>\s*)+")  # lines that send nothing
 FORGETTING = frozenset(("IJ", "Ij", "IL", "IX"))  # commands after which other ramps may be in force
@@ -30,10 +30,10 @@ FORGETTING = frozenset(("IJ", "Ij", "IL", "IX"))  # commands after which other r
 
 @dataclass(frozen=True)
 class _Told:
-    """What a line means for speeds and ramps."""
+    """The meaning of a line for speeds and ramps."""
 
     code: str = ""
-    head: str = ""  # what stands before the parameters: `@0M`
+    head: str = ""  # the text before the parameters: `@0M`
     values: tuple[int, ...] = ()
     forgets: bool = False
 
@@ -56,7 +56,7 @@ def job_moves(lines: Sequence[str], defaults: Mapping[str, int]) -> list[JobMove
 
 
 def retimed(lines: Sequence[str], settings: Mapping[int, MoveSettings], rapid_hz: int) -> list[list[str]]:
-    """What stands in place of each line."""
+    """The replacement of each line."""
     in_force: dict[str, int] = {}
     made = []
     for number, (line, told) in enumerate(zip(lines, _told(lines), strict=True)):
@@ -89,7 +89,7 @@ def _faster(line: str, told: _Told, speed_hz: int, rapid_hz: int) -> str:
 
 
 def _told(lines: Sequence[str]) -> Iterator[_Told]:
-    """What each line means; lines of a stored program, and those that are no command, mean nothing."""
+    """The meaning of each line; none for lines of a stored program and other text."""
     storing = False
     for line in lines:
         text = line.strip()

@@ -1,7 +1,5 @@
-"""The safety chain as the firmware sees it: three states, and what each forbids.
-
-The hardware (safety relay, hood lock) works without it; this machine reads their contacts, drops the controller's own
-enable signals and refuses commands.
+"""The safety chain in the firmware: three states, and what each forbids. The hardware (safety relay, hood lock) works
+without it; this state machine reads their contacts, drops the controller's own enable signals and refuses commands.
 
                   initialised (@0<axes>: circuits closed, power on)
           +------------------------------------------------------------+
@@ -16,7 +14,7 @@ enable signals and refuses commands.
                                       |                                |
                                       +--------------------------------+
 
-FAULT: stages, brake and spindle off, every reference lost; what moves or starts the spindle answers 9.
+FAULT: stages, brake and spindle off, every reference lost; commands that move or start the spindle answer 9.
 LIMIT: every reference lost; moves answer 2. docs/safety.md has the table of events.
 """
 
@@ -41,7 +39,7 @@ class Event(enum.Enum):
     POWER_LOST = "power lost"
 
 
-# whatever is not listed leaves the state as it is
+# other events do not change the state
 TRANSITIONS: Mapping[tuple[State, Event], State] = {
     (State.OPERATING, Event.LIMIT_STRUCK): State.LIMIT,
     (State.OPERATING, Event.POWER_LOST): State.FAULT,
@@ -58,10 +56,10 @@ def circuits_closed(inputs: Inputs) -> bool:
 
 
 def powered(inputs: Inputs) -> bool:
-    """The stages have power and nothing speaks against it."""
+    """True if the stages have power and may have it."""
     return circuits_closed(inputs) and inputs["power_ok"]
 
 
 def hood_safe(inputs: Inputs) -> bool:
-    """The hood is closed, or the key is on setup. Both hood contacts must say so: a broken wire counts as open."""
+    """The hood is closed, or the key is on setup. Both hood contacts must be closed: a broken wire counts as open."""
     return inputs["hood_setup"] and (inputs["setup"] or inputs["hood_automatic"])

@@ -4,9 +4,8 @@ The image is one line of text with a checksum over the rest, then JSON:
 
     isel-twin imc flash 1 <crc32, 8 hex digits>\\n{"settings": {...}, "program": {...}}
 
-A FlashWrite hands over a whole new image, and whoever keeps it replaces the old one in one go, so after a power loss
-the flash holds the old image or the new one. An image that cannot be read (truncated, altered, another version) or
-holds a value that no command would have stored counts as none: the device takes its defaults and says so (imc/33).
+A FlashWrite has a whole new image that replaces the old one atomically. An image that is damaged, of another version,
+or has a value that no command would have stored counts as none: the device takes its defaults and reports it (imc/33).
 """
 
 from __future__ import annotations
@@ -79,7 +78,7 @@ class Modal:
     test_mode: bool | None = None
 
     def filled(self, other: Modal) -> Modal:
-        """These values, those of a stored program where nothing is set; test mode is never taken from it (imc/36)."""
+        """These values, completed by those of a stored program, except test mode (imc/36)."""
         names = {f.name for f in fields(self)} - {"test_mode"}
         unset = {name: getattr(other, name) for name in names if getattr(self, name) is None}
         return replace(self, **unset)
@@ -114,14 +113,14 @@ def encode(flash: Flash) -> bytes:
     return MAGIC + b"%08x\n" % zlib.crc32(body) + body
 
 
-WHOLE = 0, (1 << 23) - 1  # numbers of a command that have no narrower range
+WHOLE = 0, (1 << 23) - 1  # range of numbers without a narrower one
 PORT, BYTE, MASK, SWITCH = (0, 3), (0, 255), (0, 15), (0, 1)
 
 # axes that `@0<axes>` can have set: none, X, XY, XYZ, and A alone or with those
 AXIS_SETS = frozenset((0, 1, 3, 7, 8, 9, 11, 15))
 
-# Ranges of the numbers of each value: those of the command that sets it (commands.py). The range of speeds is a setting
-# of the profile, which may be another one at the next start; so for them any positive number will do.
+# Ranges of each value: those of the command that sets it (commands.py). The range of speeds is a setting of the
+# profile, which may change at the next start; so for them any positive number is valid.
 RANGES: Mapping[str, tuple[tuple[int, int], ...]] = {
     "reference_hz": ((1, WHOLE[1]),) * AXES,
     "run_free_steps": (WHOLE,) * AXES,
@@ -175,7 +174,7 @@ def is_user_info(text: Any) -> bool:
 
 
 def _in_range(name: str, value: Any) -> bool:
-    """Whether the number or numbers of a value are within the range of the command that sets it."""
+    """True if the numbers of a value are within the range of the command that sets it."""
     ranges = RANGES[name]
     numbers = value if isinstance(value, tuple) else (value,)
     return (
@@ -186,7 +185,7 @@ def _in_range(name: str, value: Any) -> bool:
 
 
 def _whole(value: Any, low: int, high: int) -> bool:
-    """Whether it is a whole number, and no bool, in this range."""
+    """True for a whole number (no bool) in this range."""
     return type(value) is int and low <= value <= high
 
 

@@ -1,4 +1,4 @@
-"""What may happen to a command or program in progress, and what follows from it; the executor does it.
+"""Events during a command or program, and their effects, which the executor carries out.
 
 One task at a time:
 
@@ -10,8 +10,8 @@ One task at a time:
     limit switch                 ends at once, `2`
     power lost                   ends at once, `9`
 
-An input that concerns safety or the motion acts when it changes; the hood, and the ports that a stored program watches,
-are looked at once a cycle (imc/30).
+An input for safety or motion acts when it changes; the hood, and the ports that a stored program watches, are polled
+once a cycle (imc/30).
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from isel_twin.motion import Displacement, StepRun
 
 @dataclass
 class Task:
-    """A command in progress. answers: the host is told its end, as it is always told a stop; program: a stored one."""
+    """A command in progress. answers: the host gets a reply at its end (after a stop always); program: a stored one."""
 
     answers: bool
     program: bool
@@ -57,7 +57,7 @@ class Supervisor:
         self._executor.start(activity, self._ended)
 
     def resume(self, *, answers: bool) -> None:
-        """Go on with the parked task. answers: the host has asked for that, and is told the end."""
+        """Resume the parked task. answers: the host has requested it and gets a reply at its end."""
         assert self.parked is not None
         self.task, self.parked = self.parked, None
         self.task.answers |= answers
@@ -75,7 +75,7 @@ class Supervisor:
         self._executor.forget()
 
     def discard(self) -> None:
-        """Reset: end and forget everything at once, without a reply."""
+        """Reset: end and drop everything at once, without a reply."""
         self.task = self.parked = None
         self._executor.discard()
 
@@ -105,7 +105,7 @@ class Supervisor:
 
     @property
     def moving(self) -> bool:
-        """True while axes move, the short rests within a reference run included."""
+        """True while axes move, including short rests within a reference run."""
         return self._executor.motion is not None or isinstance(self._executor.purpose, Reference)
 
     def tick(self) -> None:
@@ -116,7 +116,7 @@ class Supervisor:
             self._executor.tick()
 
     def _supervise(self) -> None:
-        """Once a cycle: the hood while something moves; in a stored program the ports of 4.2.11 to 4.2.14."""
+        """Check once a cycle the hood during motion, and in a stored program the ports of 4.2.11 to 4.2.14."""
         if self.moving and not hood_safe(self._device.inputs):
             self._power_lost()
         elif self.task is not None and self.task.program:
@@ -130,7 +130,7 @@ class Supervisor:
 
     @property
     def listening(self) -> bool:
-        """The stored program waits for a byte."""
+        """True if the stored program waits for a byte."""
         return isinstance(self._executor.request, Listen)
 
     def stop(self) -> bool:
@@ -145,7 +145,7 @@ class Supervisor:
         return True
 
     def stop_key(self) -> bool:
-        """The stop key; on the way to a reference switch it stands for the switch (2.2.22). Returns as `stop`."""
+        """The stop key; on the way to a reference switch it acts as the switch (2.2.22). Returns as `stop`."""
         purpose = self._executor.purpose
         if isinstance(purpose, Reference) and purpose.seek is not None and not self._executor.stopping:
             self._executor.cut()
@@ -153,7 +153,7 @@ class Supervisor:
         return self.stop()
 
     def break_off(self, code: str = STOPPED) -> None:
-        """Byte 255, or a port that ends the program: stop ramp, answer `code`, forget the rest."""
+        """Byte 255, or a port that ends the program: stop ramp, answer `code`, drop the rest."""
         if self.task is None:
             self.forget_parked()
         elif self.moving or self.task.program:
@@ -200,7 +200,7 @@ def heading(run: StepRun, now_ns: int, axis: int) -> int:
 
 
 def watched(device: Device) -> str | None:
-    """What the ports watched in CNC mode demand: 9 (emergency), H (hood), F (abort), None (nothing)."""
+    """The code by the ports watched in CNC mode: 9 (emergency), H (hood), F (abort) or None."""
     settings = device.settings
     watches = (settings.emergency, FAULT), (settings.hood, HOOD_OPEN), (settings.abort, STOPPED)
     for (port, mask, value), code in watches:
@@ -210,7 +210,7 @@ def watched(device: Device) -> str | None:
 
 
 def signal_error(device: Device, error: bool) -> None:
-    """Write the error signal of 4.2.12: the value after an error, its complement while all is well."""
+    """Write the error signal of 4.2.12: its value after an error, else the complement."""
     _, mask, value = device.settings.error_signal
     level = value if error else ~value
     if mask:

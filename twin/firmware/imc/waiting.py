@@ -1,4 +1,4 @@
-"""Lines that wait for their turn, and those that a stop holds back (imc/5, imc/18).
+"""Waiting lines, and lines that a stop holds back (imc/5, imc/18).
 
     received ----> waiting --first in first out--> carried out
                      |  ^
@@ -6,8 +6,8 @@
                      v  |
                      held -------> dropped, if the rest of the stopped motion is forgotten
 
-A stop holds what has come before it; what comes after it is carried out at once. So nothing moves that was not asked
-for after the stop, and the position can be asked for. Memory is bounded: lines that do not fit are lost and counted.
+A stop holds earlier lines; later ones are carried out at once. So nothing moves without a command after the stop, and
+queries work. Memory is bounded: lines that do not fit are lost and counted.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class WaitingLines:
         return bool(self._waiting or self.lost)
 
     def put(self, line: bytes) -> None:
-        """Let a line wait. Once one does not fit, it and all behind it are lost until the others have been taken."""
+        """Queue a line. Once one does not fit, it and all later ones are lost until the others have been taken."""
         size = len(line) + 1
         if self.lost or self._waiting_bytes + size > self._limit:
             self.lost += 1
@@ -56,7 +56,7 @@ class WaitingLines:
                 self._held_bytes += size
 
     def release(self) -> None:
-        """What was held waits again, before all that has come since."""
+        """Queue the held lines again, before later ones."""
         self._waiting.extendleft(reversed(self._held))
         self._waiting_bytes += self._held_bytes
         self._held.clear()

@@ -1,4 +1,4 @@
-"""The iMC's commands in words: what their parameters say, a row for each command of commands.py that has some."""
+"""The parameters of the iMC's commands in words: a row for each command of commands.py with parameters."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from isel_twin.firmware.imc import commands, moves
 from isel_twin.firmware.imc.query import AXIS_NAMES
 from isel_twin.firmware.imc.reading import END_OF_FIELD, ReadingState, numbers, plain, stored
 
-# `@0i` (2.2.13) and `@0S` (2.2.23), which concern the flow of commands and stand in no table
+# `@0i` (2.2.13) and `@0S` (2.2.23), which control the flow of commands and are in no table
 FLOW: Mapping[str, str] = {"i": "store a program: the lines that follow", "S": "go on, or start the stored program"}
 
-# (parameters, axes set) -> the parameters in words, behind the command's purpose; None: their number is wrong
+# (parameters, axes set) -> the parameters in words, after the command's purpose; None: wrong number of them
 Details = Callable[[Sequence[int], int], str | None]
 
 
@@ -39,7 +39,7 @@ def line_words(line: bytes, mode: ReadingState) -> str:
 
 
 def _parameters(details: Details | None, text: str, axes: int) -> str:
-    """As they stand if their number is not as expected."""
+    """The parameters in words, or unchanged if their number is wrong."""
     values = numbers(text)
     if values == []:
         return ""
@@ -61,7 +61,7 @@ def _letters(mask: int) -> str:
 
 
 def _names(axes: int, count: int) -> list[str]:
-    """Names of the axes that `count` numbers are for: those set, or the first ones if that is not known."""
+    """Names of the axes of `count` numbers: those set, or the first ones if unknown."""
     return _letters(axes).split() if axes else list(AXIS_NAMES[:count])
 
 
@@ -83,7 +83,7 @@ def _four(unit: str) -> Details:
 
 
 def _ways(preposition: str, fourth: str | None) -> Details:
-    """Pairs of steps and speed. With X, Y, Z there are four: the fourth is the second way of Z, or nothing (2.2.2)."""
+    """Pairs of steps and speed. With X, Y, Z there are four: the fourth is the second Z move, or unused (2.2.2)."""
 
     def words(values: Sequence[int], axes: int) -> str | None:
         pairs = list(zip(values[0::2], values[1::2], strict=False))

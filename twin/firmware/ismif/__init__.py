@@ -1,15 +1,15 @@
 """The iSMIF stepper interface (20 commands, a job memory of 64 KB, three axes), after its manual.
 
-    interface.py       the border to host, input and clock: implements isel_twin.controller.Controller
-    commands.py        what a line says
-    jobs.py            lines to stored commands, one carried out after the other; pause, halt, failures
+    interface.py       host, input and clock: implements isel_twin.controller.Controller
+    commands.py        parses lines
+    jobs.py            stores and carries out commands; pause, halt, failures
     memory.py          the job memory
-    actions.py         what stored commands do: vector, waiting time, reference run
-    configuration.py   what can be set
+    actions.py         stored commands: vector, waiting time, reference run
+    configuration.py   settings
     moves.py           ramp law, full steps
 
-docs/ismif.md has what the manual leaves open and the ramp law in closed form. Sections in the docstrings are the
-manual's; decisions are in docs/decisions/ismif.md.
+docs/ismif.md has the ramp law in closed form, docs/decisions/ismif.md what the manual leaves open. Sections in the
+docstrings are the manual's.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ ERROR_LIMIT_PPM = 50_000
 
 @takes({"frequency_error_ppm": Limits("", -ERROR_LIMIT_PPM, ERROR_LIMIT_PPM, whole=True)})
 def create(name: str, *, flash: bytes | None, settings: Mapping[str, Any]) -> Ismif:
-    """Entry point of `isel_twin.controllers`. The interface keeps nothing without power, so there is no flash image.
+    """Entry point of `isel_twin.controllers`. The interface has no non-volatile memory, so there is no flash image.
 
     Settings: `frequency_error_ppm`, output frequency over nominal in millionths, -50000 .. 50000 (default 0); others
     are ignored. Raises ValueError for a wrong value.

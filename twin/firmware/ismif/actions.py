@@ -1,4 +1,4 @@
-"""What the iSMIF's stored commands do, and the settings, counters, signals and reference input they work on.
+"""The iSMIF's stored commands, and their settings, counters, signals and reference input.
 
 A command that takes time is an activity (`isel_twin.firmware.activity`). The reference run of an axis (6.13):
 
@@ -11,7 +11,7 @@ A command that takes time is an activity (`isel_twin.firmware.activity`). The re
        rest            |          50 ms
        offset              |--->0                      #O steps, then the counter is set to 0
 
-A search or a free run whose way ends before the input changes has failed, and its command with it.
+A search or free run that ends before the input changes fails, and its command fails, too.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from isel_twin.firmware.ismif.configuration import Configuration
 from isel_twin.firmware.ismif.moves import FullSteps, ramp
 from isel_twin.motion import Displacement, line
 
-AXES, COUNTERS = range(3), 4  # X, Y, Z, and a counter that nothing moves
+AXES, COUNTERS = range(3), 4  # X, Y, Z, and an unused counter
 # standstill before each motion of a reference run: the carriage settles, the switch stops bouncing (ismif/8)
 REST_NS = 50 * MILLISECOND_NS
 SEARCH_LIMIT = 200_000
@@ -37,7 +37,7 @@ FREE_LIMIT = 4_000  # half steps after which a search or a free run has failed (
 
 
 class Standing(Enum):
-    """What a pause is for."""
+    """The purpose of a pause."""
 
     WAITING = "waiting time of the job"
     RESTING = "rest of a reference run"
@@ -51,14 +51,14 @@ class Search:
 
 
 class Failure(Unfinished):
-    """The command cannot be carried out (to its end): its job is dropped (ismif/1)."""
+    """The command cannot be completed: its job is dropped (ismif/1)."""
 
 
 class Actions:
-    """The interface as a machine. Counters count half steps of the stage, whatever F says (ismif/4)."""
+    """The state of the interface. Counters count half steps of the stage, independent of F (ismif/4)."""
 
     def __init__(self, events: list[Event], error_ppm: int) -> None:
-        """events: where everything that happens is noted; error_ppm: how far the output frequency is off (ismif/5)."""
+        """events: list that gets all events; error_ppm: error of the output frequency (ismif/5)."""
         self.executor = Executor(COUNTERS)
         self.configuration = Configuration()
         self.input = True
@@ -68,7 +68,7 @@ class Actions:
         self._pen = 0
 
     def carry_out(self, instruction: Instruction) -> Activity | None:
-        """Do what a stored command says, or return the activity that does it."""
+        """Carry out a stored command, or return the activity that does."""
         match instruction.code:
             case "L":
                 return self._vector(*instruction.arguments)
@@ -98,7 +98,7 @@ class Actions:
         yield from self._travel(tuple(steps), index)
 
     def _reference_run(self, axes: tuple[int, ...]) -> Activity:
-        """6.13: each axis in turn. Z of a plotter has nothing to search for, its pen is lifted first (ismif/12)."""
+        """6.13: each axis in turn. Z of a plotter has no search, its pen is lifted first (ismif/12)."""
         for axis in axes:
             self._known[axis] = False
         motors = [axis for axis in axes if not self._is_pen(axis)]
@@ -120,7 +120,7 @@ class Actions:
         self._known[axis] = True
 
     def _travel(self, steps: Displacement, index: int, search: Search | None = None) -> Activity:
-        """Move straight by `steps`, with `search` to the change of the input. Raises Failure if that does not come."""
+        """Move straight by `steps`, with `search` to the change of the input. Raises Failure if it does not change."""
         settings = self.configuration
         straight = line(steps)
         path = FullSteps(straight) if settings.half_steps == 2 else straight
@@ -149,7 +149,7 @@ class Actions:
         return self.executor.purpose if parked is None else parked.request.purpose
 
     def set_input(self, level: bool) -> None:
-        """The reference input has this level now; a search that stands in a pause has found it, too."""
+        """Take the level of the reference input; a search in a pause is also successful then."""
         self.input = level
         if self.purpose == Search(level):
             self.executor.cut()
@@ -179,7 +179,7 @@ class Actions:
         self._put_safe()
 
     def request_power(self) -> None:
-        """A pulse: the safety relay closes at its rising edge, if nothing speaks against it."""
+        """Send a pulse: the safety relay closes at its rising edge, if its conditions hold."""
         self._put("power_request", 1)
         self._put("power_request", 0)
 
@@ -216,11 +216,11 @@ class Actions:
 
     @property
     def position_known(self) -> bool:
-        """Every axis that has a motor has been referenced."""
+        """True if every axis with a motor is referenced."""
         return all(known for axis, known in enumerate(self._known) if not self._is_pen(axis))
 
     def position_steps(self, axis: int) -> int:
-        """Position of an axis in the steps that commands count in."""
+        """Position of an axis in the steps of commands."""
         return self._pen if self._is_pen(axis) else self.executor.counts[axis] // self.configuration.half_steps
 
     def _is_pen(self, axis: int) -> bool:
@@ -228,7 +228,7 @@ class Actions:
 
 
 def failed(parked: Parked) -> bool:
-    """True if this command was parked in a search that has ended its way without finding the switch."""
+    """True if this command was parked in a search that ended without finding the switch."""
     request, result = parked.request, parked.result
     return (
         isinstance(request, Travel)

@@ -1,13 +1,13 @@
 """The iSMIF's command language: one line of text becomes one command, or is refused.
 
-All twenty commands of the manual stand in `COMMANDS`, with their parameters:
+All twenty commands of the manual are in `COMMANDS`, with their parameters:
 
     #E25,400 + CR   ->   Instruction("#E", (25, 400))
     L1,x-50,Y100    ->   Instruction("L", (1, Target(axis=0, relative=True, steps=-50), Target(1, False, 100)))
 
-A line that begins with @ is a master command and is carried out at once; every other one goes into the job memory
-(section 5.2). Letters are told apart by case, as printed: only the axes of a vector may be small, and then mean a
-relative distance. Blanks count for nothing. Limits that the manual does not print are decision ismif/3.
+A line that begins with @ is a master command and is carried out at once; others go into the job memory (section 5.2).
+Case matters, as printed: only the axes of a vector may be small, and then mean a relative distance. Blanks are ignored.
+Limits that the manual does not print: decision ismif/3.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class CommandError(ValueError):
 
 @dataclass(frozen=True)
 class Target:
-    """Where a vector takes an axis (0 X .. 2 Z): `steps` from the zero point, or from the position if relative."""
+    """Target of an axis (0 X .. 2 Z) in a vector: `steps` from the zero point, or from the position if relative."""
 
     axis: int
     relative: bool

@@ -1,4 +1,4 @@
-"""What can be set at the iSMIF, with the factory's values (5.2), and the commands that set it (6.5 to 6.12)."""
+"""The iSMIF's settings with factory values (5.2), and the commands that set them (6.5 to 6.12)."""
 
 from __future__ import annotations
 

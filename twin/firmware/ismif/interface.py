@@ -1,11 +1,11 @@
-"""The iSMIF stepper interface: its border to host, input and clock, and the commands that are carried out at once.
+"""The iSMIF stepper interface: host, input and clock, and the commands that are carried out at once.
 
     host bytes --> lines --> master commands (@), at once
                        `---> jobs --> actions --> motion, outputs
     pin 11 ----------------------------^
     clock -----> ends of motions and waiting times
 
-The status (6.3) is computed from the state, not kept beside it.
+The status (6.3) is computed from the state.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ REFERENCE_INPUT = "pin11"
 
 
 class Ismif:
-    """Implements `isel_twin.controller.Controller`. Counters count half steps, whatever F says (ismif/4)."""
+    """Implements `isel_twin.controller.Controller`. Counters count half steps, independent of F (ismif/4)."""
 
     serial_format = SerialFormat(19_200)
     direction = (1, 1, 1, 1)
 
     def __init__(self, *, error_ppm: int = 0) -> None:
-        """error_ppm: how far the output frequency is off (ismif/5)."""
+        """error_ppm: error of the output frequency (ismif/5)."""
         self._events: list[Event] = []
         self._line = bytearray()
         self._actions = Actions(self._events, error_ppm)
@@ -48,7 +48,7 @@ class Ismif:
             "@C": self._jobs.go_on,
         }
 
-    # ---- the border -------------------------------------------------------------------------------------------------
+    # ---- Controller -------------------------------------------------------------------------------------------------
 
     @property
     def counts(self) -> Displacement:
@@ -65,12 +65,12 @@ class Ismif:
 
     @property
     def idle(self) -> bool:
-        """True if nothing moves or will move before host or operator act; a pause counts as idle."""
+        """True if nothing moves or will move without host or operator; a pause counts as idle."""
         return self.run is None and self._jobs.idle
 
     @property
     def fault(self) -> bool:
-        """The third character of the status: only `@X` asks for it (ismif/14)."""
+        """True for an error in the third character of the status, which only `@X` reads (ismif/14)."""
         return self._jobs.error
 
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
@@ -79,17 +79,17 @@ class Ismif:
         self._actions.power_on(levels.get(REFERENCE_INPUT, True))
 
     def receive(self, t_ns: int, data: bytes) -> None:
-        """Bytes from the host: CR ends a line, 01h ends it and starts the job, LF is not there."""
+        """Bytes from the host: CR ends a line, 01h ends it and starts the job, LF is ignored."""
         self.advance(t_ns)
         for byte in data:
             if byte in (CR[0], START[0]):
                 line, self._line = bytes(self._line), bytearray()
                 self._receive_line(line, byte == START[0])
-            elif byte != LF[0] and len(self._line) < LINE_LIMIT:  # one byte too long says enough
+            elif byte != LF[0] and len(self._line) < LINE_LIMIT:  # one byte too many marks it as too long
                 self._line.append(byte)
 
     def set_input(self, t_ns: int, terminal: str, level: bool) -> None:
-        """Pin 11 matters during a reference run only (ismif/8)."""
+        """Pin 11 has an effect only during a reference run (ismif/8)."""
         self.advance(t_ns)
         if terminal == REFERENCE_INPUT:
             self._actions.set_input(level)
@@ -114,7 +114,7 @@ class Ismif:
         return {"axes.all.steps_per_rev": 400, "axes.all.stage.supply": 32.0, "axes.all.stage.current": 2.0}
 
     def _receive_line(self, line: bytes, starts: bool) -> None:
-        """A master command that ends with 01h also starts what is stored."""
+        """Take a line; a master command that ends with 01h also starts the stored commands."""
         if line.lstrip(b" ").startswith(b"@"):
             self._carry_out_master(line)
             line = b""
@@ -141,7 +141,7 @@ class Ismif:
         return f"@V {VERSION}".encode()
 
     def _status(self) -> bytes:
-        """6.3. A reference run is not a job, and moves from its beginning to its end (ismif/9)."""
+        """6.3. A reference run is not a job, and counts as moving throughout (ismif/9)."""
         jobs = self._jobs
         bits = (
             self.run is not None or (jobs.referencing and not jobs.paused),
@@ -157,7 +157,7 @@ class Ismif:
         return f"@L{AXIS_LETTERS[axis]}{self._actions.position_steps(axis)}".encode()
 
     def _reset(self) -> None:
-        """6.1: like 6.16, and the fault is forgotten too; the cabinet is asked for power as at power-on (ismif/11)."""
+        """6.1: like 6.16, and the fault is cleared; power is requested from the cabinet as at power-on (ismif/11)."""
         self._jobs.error = False
         self._stop()
         self._actions.request_power()

@@ -1,8 +1,8 @@
-"""Jobs: lines become stored commands, stored commands are carried out one after the other (5.2), and what stops them.
+"""Jobs: lines become stored commands, which are carried out one after the other (5.2), with pause, halt and clear.
 
 line ---> receive queue ---> job memory ---released---> the command in progress ---> 02h when its job is over
-          no room: waits     wrong: its job is void     fails: its job is dropped
-                                                        @A pause, @C go on, @B leave it, @S everything
+          no room: waits     wrong: its job is invalid  fails: its job is dropped
+                                                        @A pause, @C continue, @B halt it, @S stop all
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ class Jobs:
         self._entry: Entry | None = None
 
     def receive(self, line: bytes, starts: bool) -> None:
-        """A line that is no master command, without its end; `starts`: it came with 01h."""
+        """Take a line without its end that is no master command; `starts`: it came with 01h."""
         if line or starts:
             self.error |= not self._waiting_lines.append(line, starts)
             self._store_lines()
 
     def _store_lines(self) -> None:
-        """Take lines into the memory as long as they fit; the others stay in the line's queue, unanswered (ismif/2)."""
+        """Move lines to the memory while they fit; others stay in the receive queue, unanswered (ismif/2)."""
         while self._waiting_lines:
             line, starts = self._waiting_lines.head
             if line is None:
@@ -66,7 +66,8 @@ class Jobs:
                 self._reply(FULL if full else ACKNOWLEDGED)
 
     def _checked(self, line: bytes) -> Instruction | None:
-        """The command to store; None for an empty line and in a void job. A wrong command voids its job (ismif/1)."""
+        """The command to store; None for an empty line and in an invalid job. A wrong command makes its job invalid
+        (ismif/1)."""
         command = None
         try:
             command = read(line) if line else None
@@ -75,7 +76,7 @@ class Jobs:
         return None if self._void else command
 
     def _void_job(self) -> None:
-        """Forget what is stored of the job that is being received, and the rest of it up to its 01h (ismif/1)."""
+        """Drop the stored part of the job in reception, and ignore the rest up to its 01h (ismif/1)."""
         self.error = self._void = True
         self._memory.drop_stored()
 
@@ -103,14 +104,14 @@ class Jobs:
             self._executor.start(activity, self._ended)
 
     def _use_room(self) -> None:
-        """Commands have left the memory: take in waiting lines, or tell the host that there is room."""
+        """After commands have left the memory: take waiting lines, or tell the host that there is room."""
         self._store_lines()
         if self._told_full and self._memory.free >= ROOM:
             self._told_full = False
             self._reply(READY)
 
     def _ended(self, reason: Unfinished | None) -> None:
-        """The activity of the command in progress is over; `work` ends the command."""
+        """Note the end of the activity in progress; `work` ends the command."""
         if isinstance(reason, Failure):
             self._fail()
 
@@ -121,20 +122,20 @@ class Jobs:
             self._entry = self._memory.take()
         if self._entry is not None and self._entry.ends_job:
             self._entry = Entry(None, 0, ends_job=True)
-        else:  # a full memory has started it: its 01h is not in the memory yet, and gets the 02h
+        else:  # a full memory started the job: its 01h is still to come and gets the 02h
             self._entry = None
             self._void_job()
         self._use_room()
 
     def pause(self) -> None:
-        """6.17: ramp down and stand; a waiting time stands still too (ismif/10)."""
+        """6.17: ramp down to rest; a waiting time is also interrupted (ismif/10)."""
         if not self.paused:
             self.paused = True
             self._executor.park(self._stands)
             self._actions.settle()
 
     def _stands(self) -> None:
-        """The pause has been reached. A search that came to the end of its way while it slowed down has failed."""
+        """At the beginning of the pause: a search that reached its end while slowing down has failed."""
         if self._executor.parked is not None and failed(self._executor.parked):
             self._executor.resume()
 
@@ -143,7 +144,7 @@ class Jobs:
         self.paused = False
 
     def halt(self) -> None:
-        """6.15: end this motion and go on with the next command. A waiting time is no motion and stays."""
+        """6.15: end this motion and go on with the next command. A waiting time is no motion and goes on."""
         if self._actions.purpose is Standing.WAITING:
             return
         self._executor.forget()
@@ -151,7 +152,7 @@ class Jobs:
         self._actions.settle()
 
     def clear(self) -> None:
-        """6.16: every job is forgotten, and a pause ends; the error character stays."""
+        """6.16: drop every job and end a pause; the error character stays."""
         self.paused = False
         self._entry = None
         self._memory.clear()
@@ -164,7 +165,7 @@ class Jobs:
 
     @property
     def in_progress(self) -> bool:
-        """A released command has not been carried out yet."""
+        """True if a released command is not yet carried out."""
         return self._entry is not None or self._memory.released > 0
 
     @property

@@ -1,18 +1,18 @@
-"""The iSMIF's language: what its bytes mean to people and tools. Implements `isel_twin.language.Language`.
+"""The iSMIF's language. Implements `isel_twin.language.Language`.
 
     sent      a line ends with CR, or with 01h, which also starts the job
-    received  a line ends with CR; what it is shows by itself
+    received  a line ends with CR and identifies itself
 
                 #E1,1200 CR    L1,X4000,Y4000 01h                 @X CR
                            CR                     CR  02h CR            @X000001 CR
 
-The interface refuses nothing (ismif/1): what went wrong is the third character of the status, and `Controller.fault`.
+The interface never refuses (ismif/1): errors are in the third character of the status, and in `Controller.fault`.
 
-A ramp is set by its length here, not by an acceleration (ismif/5). From the start speed f0 to the end speed V it takes
+A ramp is set by its duration, not by an acceleration (ismif/5). From the start speed f0 to the end speed V it takes
 
-    R = (V - f0) / a        in whole ms, rounded up: the ramp is never steeper than asked for
+    R = (V - f0) / a        in whole ms, rounded up: the ramp is never steeper than wanted
 
-and a motion of `move` uses the end speed at INDEX of the table, which no reference run uses unless told to.
+and `move` uses the end speed at INDEX of the table, which reference runs do not use by default.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ RANGES: Ranges = {
     "start_stop_hz": (SPEEDS_HZ[0], min(SPEEDS_HZ[-1], SETTINGS_RANGES["start_stop_hz"][1])),
 }
 
-# what a 1 at each place of the status means (6.3)
+# meaning of a 1 at each place of the status (6.3)
 STATUS = ("moving", "waiting time", "error", "not referenced", "reference run", "job in progress")
 
 
@@ -75,7 +75,7 @@ class IsmifLanguage:
         return reply.decode("latin-1")
 
     def accepted(self, sent: bytes, reply: bytes) -> bool:
-        """Any answer is an acceptance, and every answer ends with CR; text demands one."""
+        """Every answer is an acceptance and ends with CR; text needs one."""
         if not reply:
             return not any(32 <= byte < 127 for byte in sent)
         return reply.endswith(CR)

@@ -1,13 +1,12 @@
-"""The iSMIF's job memory: 64 KB of commands that wait for their start; and the lines that wait for room in it.
-
-Section 5.2 as a queue: commands enter at the tail with the bytes they took on the line, and leave at the head when they
-are carried out. Only *released* ones may leave: 01h releases everything stored so far, and so does a full memory.
+"""The iSMIF's job memory: 64 KB of commands that wait for their start; and the lines that wait for room in it. It is a
+queue (section 5.2): commands enter at the tail with their length on the line, and leave at the head when they are
+carried out. Only *released* ones may leave: 01h releases everything stored so far, and so does a full memory.
 
       head |==========released==========|------stored------|.........free.........|
            next to be carried out                           ^ tail        RESERVE: 03h from here on
 
-`ends_job` marks the command that came with 01h: when it has been carried out, 02h is due. Lines that do not fit, from a
-host that ignores 03h, wait in the receive queue; what does not fit there is lost.
+`ends_job` marks the command that came with 01h: after it 02h is sent. Lines that do not fit, from a host that ignores
+03h, wait in the receive queue; beyond that they are lost.
 """
 
 from __future__ import annotations

@@ -5,9 +5,9 @@ falls the same way (6.8 to 6.10). So its acceleration follows from the three set
 
     a = (V - f0) / R        s(t) = f0 t + a t^2 / 2 on the ramp,  s(T) = N
 
-and the rest is the trapezoid of `isel_twin.motion.time_law`: a short motion turns around at its middle before it gets
-to V, and V <= f0 or R = 0 means no ramp. The output frequency of a real device is off by up to 5 %: `error_ppm` scales
-f0 and V, while the ramp keeps its length (ismif/5), so that a is scaled with them.
+and the rest is the trapezoid of `isel_twin.motion.time_law`: a short motion slows down from its middle on before it
+reaches V, and V <= f0 or R = 0 means no ramp. The output frequency of a real device is off by up to 5 %: `error_ppm`
+scales f0 and V, while the ramp keeps its length (ismif/5), so that a is scaled with them.
 
 In full-step mode the PBL pattern jumps by two half steps at once: a tick of the stream is +-2 half steps of the stage
 (ismif/4).

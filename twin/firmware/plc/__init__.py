@@ -6,14 +6,14 @@
                                   v
                       processor.py: one pass over the blocks, on copies of the images
                                   ^
-    plc.py: cycles in virtual time, start-up blocks, what becomes of a pass at its end
+    plc.py: cycles in virtual time, start-up blocks, effects at the end of a pass
 
-Nothing here knows whose PLC it is: a card hands over its memory, which flags a program may change, and its built-in
-function blocks.
+It does not depend on a particular controller: a card passes its memory, the rights of a program to its flags, and its
+built-in function blocks.
 
 The language is general STEP 5: results of logic operations (VKE), AND before OR, edges of timers and counters, two
-accumulators of 16 bits. The machine codes are those of general knowledge of S5; they have been compared with no
-document, so that assembler and processor need only agree with each other.
+accumulators of 16 bits. The machine codes are from general knowledge of S5, not checked against a document; assembler
+and processor agree with each other.
 """
 
 from isel_twin.firmware.plc.image import ImageError, PlcBlock, PlcProgram

@@ -28,7 +28,7 @@ _AREAS = {m: sorted({a for n, a in FORMS if n == m}, key=len, reverse=True) for 
 
 
 class AssemblyError(ValueError):
-    """A line that cannot be assembled; `line` is its number from 1, the message what is wrong and what is allowed."""
+    """A line that cannot be assembled; `line` is its number from 1, the message the error and what is allowed."""
 
     def __init__(self, line: int, text: str) -> None:
         super().__init__(text)
@@ -163,7 +163,7 @@ _CONSTANTS = {
 
 def _constant(line: int, source: str, area: str, operand: str) -> int:
     pattern, allowed = _CONSTANTS[area]
-    if area in ("KT", "KZ") and re.fullmatch(r"H[0-9A-F]{4}", operand):  # digits that are no decimal ones
+    if area in ("KT", "KZ") and re.fullmatch(r"H[0-9A-F]{4}", operand):  # hexadecimal digits that are not decimal
         return int(operand[1:], 16)
     if re.fullmatch(pattern, operand):
         match area:
@@ -192,7 +192,7 @@ def disassemble(program: PlcProgram) -> str:
 
 
 def explain(program: PlcProgram) -> Sequence[tuple[str, str]]:
-    """The lines of `disassemble`, each with what it does in a few words."""
+    """The lines of `disassemble`, each with a short explanation."""
     rows: list[tuple[str, str]] = []
     for block in program.blocks:
         head, *lines = _listing(block)

@@ -1,4 +1,4 @@
-"""The instructions: how each is written, how it is coded, and what it does in a few words.
+"""The instructions: text, code and a short explanation of each.
 
 An instruction is one word of two bytes, B0 B1; a constant has a second word, high byte first. One table serves
 assembler, disassembler, explanation and processor:
@@ -14,7 +14,7 @@ from typing import Final, Literal
 
 WORD_BYTES: Final = 2
 
-# none, byte.bit, one number of 0 to 255, a second word, a distance in words, a block's number
+# kinds of operands: none, byte.bit, one number of 0 to 255, a second word, a distance in words, a block's number
 Operand = Literal["", "bit", "number", "constant", "jump", "block"]
 
 
@@ -22,8 +22,8 @@ Operand = Literal["", "bit", "number", "constant", "jump", "block"]
 class Form:
     """One way to write an instruction.
 
-    area: what stands before the number, "M", "EB", "KH"; "" for none. base: B0, for bits that of bit 0; second: B1
-    where it is fixed, or what is added to the number there (80h: outputs). lowest, highest: of the number.
+    area: the letters before the number, "M", "EB", "KH"; "" for none. base: B0, for bits that of bit 0; second: fixed
+    B1, or an offset of the number there (80h: outputs). lowest, highest: of the number.
     """
 
     mnemonic: str
@@ -217,7 +217,7 @@ def decode(code: bytes, offset: int = 0) -> Instruction | None:
     return None
 
 
-_BY_BASE: Final[dict[int, list[Form]]] = {}  # the forms that a B0 may begin
+_BY_BASE: Final[dict[int, list[Form]]] = {}  # the forms that begin with a B0
 for _form in FORMS.values():
     for _base in range(_form.base, _form.base + (8 if _form.operand == "bit" else 1)):
         _BY_BASE.setdefault(_base, []).append(_form)

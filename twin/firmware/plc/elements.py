@@ -4,7 +4,7 @@ Five kinds of timers (STEP 5), `in` the result at the starting instruction, T th
 
     in            ____/~~~~~~~~~~~~\\_______       KT = 4 units
     SI  pulse     ____/~~~~\\_______________      while in, at most 4
-    SV  extended  ____/~~~~\\_______________      4, whatever in does
+    SV  extended  ____/~~~~\\_______________      4, independent of in
     SE  on-delay  _________/~~~~~~~\\_______      4 later, while in
     SS  stored    _________/~~~~~~~~~~~~~~~      4 later, until reset
     SA  off-delay ____/~~~~~~~~~~~~~~~~~\\__      at once, 4 longer
@@ -28,7 +28,7 @@ def bcd(number: int) -> int:
 
 
 def from_bcd(word: int) -> int | None:
-    """The number of the low twelve bits, None if one of its digits is none."""
+    """The number of the low twelve bits, None if a digit is above 9."""
     digits = (word >> 8 & 15, word >> 4 & 15, word & 15)
     return None if max(digits) > 9 else digits[0] * 100 + digits[1] * 10 + digits[2]
 
@@ -37,11 +37,11 @@ def from_bcd(word: int) -> int | None:
 class Timer:
     """One timer. Times are virtual, in ns."""
 
-    kind: str = ""  # as what it has been started: SI, SV, SE, SS, SA; empty: not at all
-    was: bool = False  # the result at its starting instruction, the last time
+    kind: str = ""  # how it was started: SI, SV, SE, SS, SA; empty: not started
+    was: bool = False  # the last result at its starting instruction
     end_ns: int | None = None  # when it runs out; None: it does not run
     unit_ns: int = 0
-    ran_out: bool = False  # it has, since it was started; SS: since it was reset
+    ran_out: bool = False  # it has run out since its start; SS: since its reset
 
     def start(self, kind: str, result: bool, constant: int, now_ns: int) -> bool:
         """The starting instruction; True if anything has changed. A constant with digits above 9 starts nothing."""
@@ -85,7 +85,7 @@ class Timer:
         return False
 
     def left(self, now_ns: int) -> int:
-        """Units that are left, those begun counted as whole ones."""
+        """Units left, rounded up."""
         self.settle(now_ns)
         return 0 if self.end_ns is None else -(-(self.end_ns - now_ns) // self.unit_ns)
 

@@ -1,9 +1,9 @@
-"""A program as bytes: what a host loads and what a flash keeps.
+"""A program as bytes, for loading by a host and for the flash.
 
     53 35 01 n | n x (kind, number, offset, length) | code of the blocks        offset, length: 16 bit, low byte first
 
-Offsets count from the start of the image. The maker's own format is unknown, so this one is ours: a program made by the
-maker's assembler cannot be loaded.
+Offsets count from the start of the image. The maker's format is unknown, so programs of the maker's assembler cannot be
+loaded.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _END_CODES: Final = tuple(encode(Instruction(FORMS[end, ""])) for end in ENDS)
 
 
 class ImageError(ValueError):
-    """Bytes that are no program; the message says in one line why."""
+    """Bytes are not a program; the message is one line with the reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ class PlcProgram:
 
     @classmethod
     def of(cls, blocks: Iterable[PlcBlock]) -> PlcProgram:
-        """A program of blocks. Raises ImageError for one that is there twice, and for more than an image holds."""
+        """A program of blocks. Raises ImageError for a repeated block, and for more than an image holds."""
         program = cls(tuple(blocks))
         names = [block.name for block in program.blocks]
         if doubled := next((name for name in names if names.count(name) > 1), None):

@@ -1,4 +1,4 @@
-"""What a PLC program works on: images of inputs and outputs, flags, data words; and what it may change of the flags."""
+"""The memory of a PLC program: images of inputs and outputs, flags, data words; and its rights to the flags."""
 
 from __future__ import annotations
 

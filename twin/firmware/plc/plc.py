@@ -2,14 +2,13 @@
 
     begin             end = next begin
     |--- pass --------|--- pass ---- ...        the program works on copies taken at the begin;
-    ^ images copied   ^ what it has changed      what it has changed becomes true at the end
+    ^ images copied   ^ changes take effect      the changes take effect at the end
 
-Only what a pass has *changed* is carried over: a flag that a host sets while a pass runs is not undone by a program
-that has seen it as it was before. At the end outputs go out, inputs come in (manual of the card, section 6).
+Only what a pass has *changed* is written back, so that it does not undo a flag that a host sets while the pass runs. At
+the end outputs are written and inputs are read (manual of the card, section 6).
 
-A pass that changes nothing, and asks for nothing that changes by itself, would be repeated unchanged until somebody
-touches the memory or a timer runs out. The PLC skips those passes and wakes on the grid they would have had: the result
-is the same and costs nothing.
+A pass that changes nothing and reads nothing that changes by itself would repeat unchanged until the memory is touched
+or a timer runs out. The PLC skips those passes and continues on their grid, with the same result.
 """
 
 from __future__ import annotations
@@ -28,12 +27,12 @@ INSTRUCTION_NS: Final = 45 * MICROSECOND_NS
 
 CYCLIC: Final = ("OB", 1)
 AT_START: Final = ("OB", 21)  # once, when it is started by hand
-AT_POWER_ON: Final = ("OB", 22)  # once, when it starts by itself as the mains is switched on
+AT_POWER_ON: Final = ("OB", 22)  # once, when it starts by itself at power-on
 
 
 @dataclass(slots=True)
 class _Made:
-    """A pass that has been computed and lasts until later: the memory it began with, and as it left it."""
+    """A computed pass that ends later: the memory before and after it."""
 
     before: PlcMemory
     after: PlcMemory
@@ -43,7 +42,7 @@ class _Made:
 
 
 class Plc:
-    """One PLC. `next_ns` is when `end_pass` and `begin_pass` are due; see the module."""
+    """One PLC. `next_ns` is when `end_pass` and `begin_pass` are due."""
 
     def __init__(self, rights: Rights, functions: Mapping[int, Function], shortest_ns: int) -> None:
         """functions: built-in FBs by number. shortest_ns: a pass takes a multiple of it, at least one."""
@@ -66,7 +65,7 @@ class Plc:
 
     @property
     def next_ns(self) -> int | None:
-        """End of the pass that runs; None at rest, and while passes would only repeat the last one."""
+        """End of the present pass; None at rest, and while passes would only repeat the last one."""
         made = self._made
         if made is None:
             return None
@@ -76,7 +75,7 @@ class Plc:
         return self._first_begin(made, min(ends)) if ends else None
 
     def load(self, image: bytes) -> None:
-        """Take a program over, at rest. Raises ImageError and changes nothing if it is none."""
+        """Load a program, at rest. Raises ImageError and changes nothing for a wrong image."""
         program = PlcProgram.read(image)
         if program.block(*CYCLIC) is None:
             raise ImageError("there is no OB 1")
@@ -105,9 +104,9 @@ class Plc:
         self._stops = True
 
     def touch(self, t_ns: int) -> None:
-        """Somebody else may have changed inputs, flags or data at t_ns: the next pass sees it."""
+        """Note that inputs, flags or data may have changed at t_ns, for the next pass."""
         made = self._made
-        if made is not None and made.repeats and not self._touched and t_ns >= made.end_ns:  # those slept through
+        if made is not None and made.repeats and not self._touched and t_ns >= made.end_ns:  # skipped passes
             length = made.end_ns - made.begin_ns
             begin = made.begin_ns + (t_ns - made.begin_ns) // length * length
             made.begin_ns, made.end_ns = begin, begin + length

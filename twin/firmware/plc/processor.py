@@ -27,7 +27,7 @@ from isel_twin.firmware.plc.memory import PlcMemory
 
 DEEPEST_CALLS: Final = 16  # blocks that may be open at once (manual of the card: a stack of 16 levels)
 DEEPEST_BRACKETS: Final = 8
-# of a pass, 0.9 s of virtual time: a program that takes more does not come to an end, and the PLC stops
+# most instructions of a pass, 0.9 s of virtual time: beyond that the PLC stops
 MOST_INSTRUCTIONS: Final = 20_000
 ELEMENTS: Final = 32
 
@@ -49,7 +49,7 @@ class Elements:
 
 class Processor:
     def __init__(self, program: PlcProgram, functions: Mapping[int, Function]) -> None:
-        """functions: built-in FBs by number; they go before blocks of that name."""
+        """functions: built-in FBs by number; they take precedence over blocks of that name."""
         self._functions = functions
         self._blocks = {(block.kind, block.number): instructions_by_word(block) for block in program.blocks}
 
@@ -75,7 +75,7 @@ def instructions_by_word(block: PlcBlock) -> list[Instruction | None]:
 
 
 class Pass:
-    """A pass while it is computed, and what is known of it afterwards."""
+    """A pass during its computation, and its results."""
 
     def __init__(
         self,
@@ -159,7 +159,7 @@ class Pass:
             self.call(kind, number)
 
     def _conditional(self) -> bool:
-        """True if the VKE is 1; afterwards it is."""
+        """Return whether the VKE is 1, and set it to 1."""
         vke, self._vke = self._vke, True
         return vke
 

@@ -1,4 +1,4 @@
-"""Coordinates in force, and the end of the path in the machine's and in the program's (manual 4.13 on).
+"""Coordinates in force, and the end of the path in machine and program coordinates (manual 4.13 on).
 
     program position --- frame ---> position (machine)        frame: correction G44, rotation G45, mirror G61 G62,
                                                                      shift G92, zero point G53 on, tool length
@@ -37,7 +37,7 @@ FREE_PLANES: Final[Mapping[int, tuple[int, Plane]]] = {
 
 
 class Coordinates:
-    """What is in force for the next path, and where it begins."""
+    """The coordinates in force for the next path, and its beginning."""
 
     names: Mapping[str, int]  # axes by their letters
     modal: Modal  # G functions in force
@@ -62,14 +62,14 @@ class Coordinates:
         self.position = tuple(position) + (0.0,) * (axes - len(position))
         self._unmirrored: dict[int, float] = {}
         """Program coordinates, as before a mirror was switched, of axes that have not moved since."""
-        self._known: tuple[object, ...] | None = None  # what the frame has been worked out from
+        self._known: tuple[object, ...] | None = None  # inputs of the computed frame
         self.frame = self._frame_now()
         self.program_position = self.frame.program(self.position)
 
     # What changes them
 
     def g(self, number: int) -> None:
-        """Put a G function in force; `renew` before the next path. G45 takes P160, P161, P163 as they are now."""
+        """Put a G function in force; call `renew` before the next path. G45 takes the present P160, P161, P163."""
         self.modal = self.modal.with_g(number)
         if number == G.ROTATION_ON:
             p = self._parameters
@@ -80,7 +80,7 @@ class Coordinates:
             self.rotation = replace(self.rotation, du=0.0, dv=0.0, dangle_deg=0.0)
 
     def written(self, number: int, value: float | None) -> None:
-        """A parameter P has been written: those of the rotation turn at once."""
+        """Take a written parameter P: those of the rotation act at once."""
         if number in ROTATION_SET:
             self.rotation = self.rotation.set(**{ROTATION_SET[number]: value or 0.0})
             self.renew()
@@ -89,12 +89,12 @@ class Coordinates:
             self.renew()
 
     def use_length(self, length_mm: float) -> None:
-        """The tool in use has this length."""
+        """Set the length of the tool in use."""
         self._length = length_mm
         self.renew()
 
     def without_program(self, zero: int, plane: int, length_mm: float, position: Point) -> None:
-        """HAND: a zero point, a plane, the tool's length, and nothing else. Raises ProgramError M1240, M1302."""
+        """HAND: only a zero point, a plane and the tool's length. Raises ProgramError M1240, M1302."""
         nothing = (0.0,) * len(self.names)
         self.modal = START.with_g(zero).with_g(plane)
         self.rotation, self.shift, self.correction = Rotation(), nothing, nothing
@@ -103,24 +103,25 @@ class Coordinates:
         self.stand(position)
 
     def stand(self, position: Point) -> None:
-        """The axes stand elsewhere than the path ended: a deleted path, a move in another mode."""
+        """Set the position of axes that are not at the end of the path: after a deleted path, or a move in another
+        mode."""
         self.position = tuple(position) + self.position[len(position) :]
         self.program_position = self.frame.program(self.position)
         self._unmirrored.clear()
 
     def arrive(self, position: Point, program_position: Point, axes: Iterable[int]) -> None:
-        """The path leads there now; these axes were programmed."""
+        """Set the end of the path; these axes were programmed."""
         self.position, self.program_position = position, program_position
         for axis in axes:
             self._unmirrored.pop(axis, None)
 
     @property
     def counted_from(self) -> Point:
-        """What G91 counts from: the target is worked out in the system before the mirror, then mirrored (4.21)."""
+        """Origin of G91: the target is computed in the system before the mirror, then mirrored (4.21)."""
         return tuple(self._unmirrored.get(axis, value) for axis, value in enumerate(self.program_position))
 
     def renew(self) -> None:
-        """The frame may have changed: the axes stay, and their program coordinates change."""
+        """Compute the frame again: the axes stay, and their program coordinates change."""
         known = (self.modal, self.rotation, self.shift, self.correction, self._length, self._parameters.revision)
         if known == self._known:
             return
@@ -132,7 +133,7 @@ class Coordinates:
             self.program_position = frame.program(self.position)
 
     def _keep_unmirrored(self, frame: Frame) -> None:
-        """Keep the coordinates of the plane's axes as the mirrors were before, if they have changed."""
+        """If the mirrors have changed, keep the coordinates of the plane's axes as before."""
         old, plane = self.frame, frame.plane
         flags = (frame.mirror_first != old.mirror_first, frame.mirror_second != old.mirror_second)
         if not any(flags):
@@ -143,7 +144,7 @@ class Coordinates:
             if turned or frame.rotation is not None:
                 self._unmirrored.setdefault(axis, before[axis])
 
-    # What they are used for
+    # Their use
 
     def machine(self, frame: Frame, goal: Point, targets: Mapping[int, float]) -> Point:
         """A target in machine coordinates; axes without a word stay, unless a rotation moves them."""
@@ -154,7 +155,7 @@ class Coordinates:
         return tuple(place[axis] if axis in moving else now for axis, now in enumerate(self.position))
 
     def logical(self, axis: int) -> int:
-        """The axis of the program that is this one of the machine (P8880)."""
+        """The program's axis for this axis of the machine (P8880)."""
         return self.frame.order.index(axis)
 
     def _frame_now(self) -> Frame:
@@ -185,7 +186,7 @@ class Coordinates:
         )
 
     def _senses(self, order: tuple[int, ...]) -> Point | None:
-        """P8892: a bit for each axis of the program that is turned round."""
+        """P8892: a bit for each reversed axis of the program."""
         turned = int(self._parameters.get(P.MIRRORED))
         senses = tuple(-1.0 if turned >> order.index(axis) & 1 else 1.0 for axis in range(len(order)))
         return senses if -1.0 in senses else None
@@ -233,7 +234,7 @@ def start_state(p: Parameters) -> Iterator[int]:
 
 
 def _known(number: int, group: int | None) -> int:
-    """Check that a G function is modal, and of that group. Raises ProgramError M1249."""
+    """Check that a G function is modal and of this group. Raises ProgramError M1249."""
     if GROUPS.get(number) is None or (group is not None and GROUPS[number] != group):
         raise ProgramError(Code.WRONG_START_STATE, f"G{number} at the start of a program")
     return number

@@ -1,4 +1,4 @@
-"""A cycle being carried out: its call, and the path of each of its moves (manual 6.4, 7).
+"""A cycle in execution: its call, and the path of each of its moves (manual 6.4, 7).
 
     block with G81 ... G99 --> which cycles --> Call --> cycles/ --> Move --> elements and changes of a PathBlock
 
@@ -28,7 +28,7 @@ from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.numbers import Axis, G, P
 from isel_twin.firmware.bwo900.parameters import Parameters
 
-# p that a cycle gets, as they are when it begins
+# P numbers whose values a cycle gets when it begins
 CYCLE_PARAMETERS: Final = (*range(P.CYCLES_FIRST, P.CYCLES_LAST + 1), *range(P.PATTERNS_FIRST, P.PATTERNS_LAST + 1))
 MOTION: Final[Mapping[Kind, int]] = {
     Kind.RAPID: G.RAPID, Kind.LINE: G.LINE, Kind.TAP: G.LINE, Kind.CLOCKWISE: G.CIRCLE_CLOCKWISE,
@@ -38,7 +38,7 @@ MOTION: Final[Mapping[Kind, int]] = {
 
 @dataclass
 class Cycle:
-    """A cycle under way, and what comes at its end."""
+    """A cycle in execution, and what follows its end."""
 
     said: Said
     level: Level
@@ -46,13 +46,13 @@ class Cycle:
     post: list[MFunction]
     stop: Stop
     modal: Modal  # in force again at its end
-    comes: bool  # its first move only leads to the pattern: functions before the path come after it
+    comes: bool  # its first move only leads to the pattern: pre functions come after it
     goal: Goal | None = None
 
 
 def chosen(numbers: Sequence[int], staying: int | None) -> tuple[int, int | None, int | None]:
-    """Of the cycles of a block: the one that is called, the pattern and the machining cycle. staying: the drilling
-    cycle in force. Raises ProgramError M1232: too many of them."""
+    """From the cycles of a block: the called one, the pattern and the machining cycle. staying: the drilling cycle in
+    force. Raises ProgramError M1232: too many."""
     numbers = [G.DRILLING if number == G.DRILLING_WITH_DWELL else number for number in numbers]
     pattern = next((n for n in numbers if G.RAY <= n <= G.CIRCLE_OF_PLACES), None)
     machining = next((n for n in numbers if n != pattern), None if pattern is None else staying)
@@ -62,7 +62,7 @@ def chosen(numbers: Sequence[int], staying: int | None) -> tuple[int, int | None
 
 
 def comes_first(pattern: int | None, coordinates: Coordinates, targets: Mapping[int, float]) -> bool:
-    """True if a pattern begins with a move to where it lies."""
+    """True if a pattern begins with a move to its place."""
     plane = coordinates.frame.plane
     return pattern == G.CIRCLE_OF_PLACES or (
         pattern is not None and not {plane.first, plane.second}.isdisjoint(targets)
@@ -80,7 +80,7 @@ def call_of(
     *,
     bare: bool,
 ) -> Call:
-    """bare: G66."""
+    """The call of a cycle; bare: G66."""
     loaded = {number: parameters.get(number) for number in CYCLE_PARAMETERS if parameters.loaded(number)}
     fastest = max((parameters.axis(axis, Axis.SPEED, 0.0) for axis in range(len(coordinates.names))), default=0.0)
     return Call(

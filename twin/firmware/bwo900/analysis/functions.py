@@ -17,7 +17,7 @@ from isel_twin.firmware.bwo900.parameters import Parameters, byte
 
 PRE, POST, HALT, SYNCHRONISES, JUMP, CYCLE = 0x01, 0x02, 0x04, 0x08, 0x10, 0x20
 
-# those that control the program (manual 6.1); M06 does both
+# M functions that control the program (manual 6.1); M06 also goes to the PLC
 CONTROLLING: Final = frozenset((
     M.HALT, M.SYNCHRONISE, M.RETURN, M.TOOL_DATA, M.JUMP, M.LOOP, M.LOOP_END, M.DELETE_DISTANCE, M.CALL, M.REPEAT,
     M.END,
@@ -37,14 +37,14 @@ class Definition:
 
 
 class Functions:
-    """The table as it was when last taken over, from HAND to AUTO."""
+    """The table, as last read at the change from HAND to AUTO."""
 
     def __init__(self, parameters: Parameters) -> None:
         self._parameters = parameters
         self.take_over()
 
     def take_over(self) -> None:
-        """Read the table anew."""
+        """Read the table again."""
         p = self._parameters
         in_channel = bool(p.get(Q.M_IN_CHANNEL, 0.0, "q"))
         self._bits: dict[int, float] = {}

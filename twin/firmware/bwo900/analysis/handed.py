@@ -1,6 +1,6 @@
-"""Arguments of a user cycle, handed over in parameters (manual 8.5, P8640, P8642; P9700 to P9799).
+"""Arguments of a user cycle, passed in parameters (manual 8.5, P8640, P8642; P9700 to P9799).
 
-    P8640 = 1    G1001 X10 F500 M7    -->  P9700: 10, P9739: 500, P9740: 1001, P9750: 7; nothing else is done
+    P8640 = 1    G1001 X10 F500 M7    -->  P9700: 10, P9739: 500, P9740: 1001, P9750: 7; the words have no other effect
     P8642: 100   with P100: 72 (H), P101: 75 (K), P102: 0       G1001 H3 K-1    -->  P9790: 3, P9791: -1
 
 They are deleted at the start of a program, and when a cycle has returned.
@@ -25,7 +25,7 @@ MOST: Final = 8  # G and M functions, spindles
 
 
 def clear(p: Parameters) -> None:
-    """A program begins, or a cycle has returned."""
+    """Delete the arguments: a program begins, or a cycle has returned."""
     for switch, numbers in (
         (P.HANDED_WHOLE, range(P.HANDED_AXES, P.HANDED_OWN)),
         (P.HANDED_LIST, range(P.HANDED_OWN, P.HANDED_LAST + 1)),

@@ -1,6 +1,6 @@
-"""The interpreter: blocks of a program to blocks of a path, as far ahead as it is asked (manual 3.6, 4, 6, 7.1).
+"""The interpreter: blocks of a program to blocks of a path, called ahead of the execution (manual 3.6, 4, 6, 7.1).
 
-    next() ---> PathBlock     the next block that has something for the real time
+    next() ---> PathBlock     the next block with something for the real time
            ---> Waiting       for a block to be executed (M01), a parameter (waituntil), an M function with a jump
            ---> None          the program has ended
 
@@ -9,8 +9,8 @@
 Within a block: parameters, jumps by comparison, M functions with a jump, then G functions, tool, path; last the call of
 a subprogram. A block of the program makes one PathBlock, a cycle one for each of its moves.
 
-All state is in attributes, so that a control can be copied. Whoever executes the blocks calls `executed` after M01,
-and `acknowledged` for an M function with a jump.
+All state is in attributes, so that a control can be copied. The execution calls `executed` after M01, and
+`acknowledged` for an M function with a jump.
 """
 
 from __future__ import annotations
@@ -44,17 +44,17 @@ from isel_twin.firmware.bwo900.programs.expressions import whole
 from isel_twin.firmware.bwo900.programs.stored import Store
 from isel_twin.firmware.bwo900.programs.words import ProgramBlock
 
-MOST_KEPT: Final = 100_000  # moves of a cycle that supervision keeps (M8006)
+MOST_KEPT: Final = 100_000  # most moves of a cycle that supervision keeps (M8006)
 
 
 class Interpreter:
     def __init__(self, parameters: Parameters, store: Store, *, cycles: Mapping[int, object] = CYCLES) -> None:
-        """cycles: functions of cycles by their G number, `Call -> Iterator[CycleMove]`."""
+        """cycles: functions by G number, `Call -> Iterator[CycleMove]`."""
         self._parameters, self._store, self._cycles = parameters, store, dict(cycles)
         self._tools = Tools(parameters)
         self.on_write: Callable[[int, float | None], None] | None = None
         """Told of parameters P that programs write."""
-        self.stack = Stack(store)  # others only read it
+        self.stack = Stack(store)  # read-only for others
         self._values = Values(parameters, self._written)
         self._coordinates = Coordinates(parameters, self._tools.length_mm)
         self._reader = Reader(parameters, store, self.stack, self._values, self._coordinates, self._tools, self._cycles)
@@ -74,12 +74,12 @@ class Interpreter:
         self._supervision.clear()
         self._cycle_now: Cycle | None = None
         self._waiting: Waiting | None = None
-        self._due = Renewal.NOTHING  # what counts anew once the block that is waited for has been executed
-        self._renewal: Renewal | None = None  # the same after that, with the next block
+        self._due = Renewal.NOTHING  # what to renew after the awaited block
+        self._renewal: Renewal | None = None  # then to renew with the next block
         self._jump_to: Goal | None = None
         self._otherwise: Goal | None = None
         """Where the block leads to if its M function with a jump is not acknowledged."""
-        self._watched = False  # a block with M26 is not executed yet: no path is analysed
+        self._watched = False  # a block with M26 is not yet executed: analyse no path
         self._skips = False
 
     def begin(self, name: str, position: Point, block: int | None = None, skips: bool = False) -> None:
@@ -97,7 +97,7 @@ class Interpreter:
             self._coordinates.g(number)
         self._coordinates.renew()
 
-    # What others see
+    # State
 
     @property
     def active(self) -> bool:
@@ -109,7 +109,7 @@ class Interpreter:
 
     @property
     def notes(self) -> list[Message]:
-        """Messages that do not break off; whoever executes the blocks takes them."""
+        """Messages that do not break off, for the execution to take."""
         return self._targets.notes
 
     @property
@@ -119,7 +119,7 @@ class Interpreter:
 
     @property
     def in_force(self) -> InForce:
-        """What holds for the next block."""
+        """The modal state of the next block."""
         return self._output.in_force(None) if self.stack else AT_REST
 
     @property
@@ -127,10 +127,10 @@ class Interpreter:
         """The last target, in the program's coordinates."""
         return self._coordinates.program_position
 
-    # What the execution tells
+    # Reports of the execution
 
     def put_back(self, *blocks: PathBlock) -> None:
-        """These blocks come next."""
+        """Put these blocks first again."""
         self._ready.extendleft(reversed(blocks))
 
     def end(self) -> None:
@@ -143,7 +143,7 @@ class Interpreter:
         self._tools.end()
 
     def executed(self) -> None:
-        """The block that analysis waits for has been executed; tool data may have changed."""
+        """The awaited block has been executed; tool data may have changed."""
         self._watched = False
         if self._waiting is Waiting.EXECUTION:
             self._waiting = None
@@ -160,7 +160,7 @@ class Interpreter:
 
     def acknowledged(self, jumps: bool) -> None:
         """The M function with a jump was acknowledged and its path deleted (jumps), or the path has been made. Raises
-        ProgramError: there is no such goal. Beside M30 nothing is left that could go on elsewhere."""
+        ProgramError for an unknown goal. With M30 in the block there is no jump."""
         if self._waiting is Waiting.ACKNOWLEDGEMENT:
             self._waiting = None
             goal = self._jump_to if jumps else self._otherwise
@@ -169,7 +169,8 @@ class Interpreter:
                 self.stack.go(goal)
 
     def stand(self, position: Point) -> None:
-        """The axes stand elsewhere than the path ended: it was deleted, or another mode has moved them."""
+        """Set the position of axes that are not at the end of the path: it was deleted, or another mode has moved
+        them."""
         self._coordinates.stand(position)
 
     def hand(self, position: Point) -> None:
@@ -179,14 +180,14 @@ class Interpreter:
         length = self._tools.length_mm
         try:
             self._coordinates.without_program(zero if zero in ZERO_POINTS else G.NO_ZERO, plane, length, position)
-        except ProgramError:  # the table of zero points is not where it ought to be
+        except ProgramError:  # the table of zero points is at a wrong address
             self._coordinates.without_program(G.NO_ZERO, plane, length, position)
 
     # Analysis
 
     def next(self) -> PathBlock | Waiting | None:
-        """Analyse one block of the program at most. A block without a path gives an empty PathBlock, so that its
-        analysis takes time, too. Raises ProgramError with the column; `stack.place` tells which block."""
+        """Analyse at most one block of the program. A block without a path gives an empty PathBlock, so that its
+        analysis takes time, too. Raises ProgramError with the column; `stack.place` is the block."""
         if self._ready:
             return self._ready.popleft()
         if self._renewal is not None:
@@ -194,7 +195,7 @@ class Interpreter:
         if self._cycle_now is not None:
             return self._next_of_cycle(self._cycle_now)
         if self._waiting is Waiting.CONDITION:
-            self._waiting = None  # the block is looked at again
+            self._waiting = None  # analyse the block again
         if self._waiting is not None and not self.supervises_watched:
             return self._waiting
         if not self.stack:
@@ -231,7 +232,7 @@ class Interpreter:
         self._coordinates.renew()
 
     def _returned(self, level: Level) -> PathBlock:
-        """A subprogram has ended, or the main program without M30."""
+        """End a subprogram, or the main program without M30."""
         self.stack.pop()
         if level.cycle:
             clear(self._parameters)
@@ -279,13 +280,13 @@ class Interpreter:
             self.on_write(number, value)
 
     def command(self, number: int, value: float | None, *, in_hand: bool) -> None:
-        """The line has written a parameter P: it may copy tool records, or exchange or turn axes."""
+        """Take a parameter P written by the line: it may copy tool records, or exchange or reverse axes."""
         self._tools.command(number, value, in_hand=in_hand)
         if P.EXCHANGE <= number <= P.MIRRORED:
             self._coordinates.renew()
 
     def forget_in_hand(self) -> None:
-        """HAND: the mirror of axes ends (P8892), and their exchange if it is to (P8880 = 2)."""
+        """HAND: end the reversal of axes (P8892), and their exchange if P8880 = 2."""
         p = self._parameters
         for number in (P.MIRRORED, *((P.EXCHANGE,) if p.get(P.EXCHANGE) == 2.0 else ())):
             if p.loaded(number):
@@ -306,7 +307,7 @@ class Interpreter:
         self._after(said)
 
     def _emit(self, said: Said, elements: tuple[Element, ...], **changes: object) -> None:
-        """A PathBlock of what the block has said, and what analysis waits for after it."""
+        """Make the block's PathBlock, and set what analysis waits for after it."""
         made = self._output.append(said, elements, **changes)
         self._watched = self._watched or made.watched
         measured = made.stop is Stop.MEASURING_STOP
@@ -320,7 +321,7 @@ class Interpreter:
             self._waiting, self._jump_to = Waiting.ACKNOWLEDGEMENT, said.jump
 
     def _conclude(self, goal: Goal | None, said: Said, level: Level) -> None:
-        """Jumps, calls and loops, which come last. goal: of a jump; level: that of the block."""
+        """Carry out jumps, calls and loops, which come last. goal: of a jump; level: of the block."""
         if said.jump is not None:
             self._otherwise = goal
         elif goal is not None:
@@ -350,7 +351,7 @@ class Interpreter:
             self.stack.clear()
 
     def _after(self, said: Said) -> None:
-        """Tool change and length at the end of the block; if the PLC changes the tool, when it says so."""
+        """Tool change and length at the end of the block; if the PLC changes the tool, after its acknowledgement."""
         changed = said.changes and said.call is None
         if changed and self._waiting is Waiting.EXECUTION:
             self._due = Renewal.TOOL
@@ -393,7 +394,7 @@ class Interpreter:
         self._after(said)
 
     def _next_of_cycle(self, cycle: Cycle) -> PathBlock:
-        """The block of a cycle's next move; at its end its jumps and calls, too."""
+        """The block of a cycle's next move; at the end of the cycle with its jumps and calls."""
         try:
             self._go_on_with(cycle)
             if self._cycle_now is None:
@@ -408,17 +409,17 @@ class Interpreter:
 
     @property
     def supervises_watched(self) -> bool:
-        """A block with M26 is being executed, and the next one has no path: it belongs to its supervision."""
+        """True if a block with M26 is in execution and the next one has no path: it belongs to the supervision."""
         if not self._watched or self._waiting is not Waiting.EXECUTION or not self.stack or self.stack.top.over:
             return False
         try:
             block = self.stack.top.program.block(self.stack.top.place)
-        except ProgramError:  # said when its turn comes
+        except ProgramError:  # reported when it is analysed
             return False
         moves = block.g or any(word.name[0] not in "FSTft" for word in block.words)
         return not moves and (self._supervision.on or bool(block.calls))
 
     def _stays(self) -> bool:
-        """Keep the blocks of supervision, unless something is waited for."""
+        """True if the blocks of supervision are kept; False if analysis waits for something."""
         waits = None if self._watched else self._waiting
         return waits in (None, Waiting.BEGINNING) and bool(self.stack) and self._supervision.keep()

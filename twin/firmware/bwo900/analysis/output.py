@@ -1,4 +1,4 @@
-"""The blocks for the path that analysis has made."""
+"""The PathBlocks that analysis has made."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Output:
         return PathBlock(name, **fields)  # type: ignore[arg-type]
 
     def append(self, said: Said, elements: tuple[Element, ...], **changes: object) -> PathBlock:
-        """The block of a path, or of a cycle's move; changes: fields that differ from what was said."""
+        """Append the block of a path, or of a cycle's move; changes: fields that differ from `said`."""
         told = self.in_force(said.cycles[0] if said.cycles else None)
         feed = self._targets.feed_mm_min
         made = path_block(said, elements, self._coordinates, feed, self._tools, self._parameters, told)

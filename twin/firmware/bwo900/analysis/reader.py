@@ -1,10 +1,10 @@
 """Reads G and M functions, tools and speeds of a block (manual 4, 5, 7.1).
 
-    G        of a group: in force until another one; blockwise; a cycle; a program Z of that number
+    G        modal in its group; blockwise; a cycle; a program Z of that number
     M        program organisation (0, 1, 2, 16, 23 to 30), cycles, the rest to the PLC, before or after the path
     T t tr tl tq S      tool and spindles
 
-Two of a group in one block, unknown numbers, and what is not in the twin are errors with their column.
+Two of a group in one block, unknown numbers and functions that the twin lacks are errors with their column.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Reader:
         self.speed_rpm: float | None = None  # S of the first spindle
         self.turning = 0  # +1 M03, -1 M04, 0 M05
         self._tool: int | None = None
-        self.drilling: int | None = None  # the drilling cycle that stays
+        self.drilling: int | None = None  # the drilling cycle in force
 
     def read(self, said: Said) -> None:
         """G functions, tools and speeds, M functions. A zero point ends G92."""
@@ -213,7 +213,7 @@ class Reader:
                 said.activates = True
             case M.JUMP:
                 goal = self._goal(values, m)
-                said.goal = said.goal or goal  # the first one, as of comparisons
+                said.goal = said.goal or goal  # the first one wins, as for comparisons
             case M.LOOP:
                 if len(values) != 1 or values[0] is None or values[0] < 1:
                     raise ProgramError(Code.WRONG_LOOP, "M24.passes, at least 1", m.column)
@@ -287,7 +287,7 @@ class Reader:
 
 @contextmanager
 def _at(column: int) -> Iterator[None]:
-    """Errors are of the word in this column."""
+    """Give errors this column."""
     try:
         yield
     except ProgramError as error:

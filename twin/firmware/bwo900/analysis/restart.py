@@ -1,12 +1,12 @@
-"""Restart at the contour: a program that was broken off goes on at the block it was broken off in (manual 8.5, P8804).
+"""Restart at the contour: an interrupted program goes on at the block of the interruption (manual 8.5, P8804).
 
-    P8802, P8803   program and block that were broken off, written by the control
+    P8802, P8803   program and block of the interruption, written by the control
     P8804 = 1      Start analyses the program up to there without moving, drives to the beginning of that block in
-                   rapid, and goes on; P8804 is 0 when it is there
-    P8686          2 on that way, 0 else
+                   rapid, and goes on; P8804 is then 0
+    P8686          2 on the way there, else 0
 
-A block of a cycle is begun at the beginning of the cycle. M functions on the way are not sent: the bits of the table
-that say which are to be are lost with the manual's picture.
+A block of a cycle restarts at the beginning of the cycle. M functions before are not sent: the table bits that select
+them are in a lost picture of the manual.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.numbers import P
 
 APPROACHES: Final = 2.0
-MOST_BLOCKS: Final = 1_000_000  # a program that does not reach the block within so many is a loop
+MOST_BLOCKS: Final = 1_000_000  # a program that does not reach the block within this many is an endless loop
 
 
 def find(
     interpreter: Interpreter, name: str, number: int, position: Point, write: Callable[[int, float | None], None]
 ) -> None:
-    """Analyse a begun program up to a block: the way to it and the block come next. position: where the axes stand, mm.
-    Raises ProgramError M1255 if the program ends before it, and its own."""
+    """Analyse a begun program up to a block, so that the way to it and the block come next. position: of the axes, mm.
+    Raises ProgramError: M1255 if the program ends before it, and those of the program."""
     for _ in range(MOST_BLOCKS):
         block = interpreter.next()
         if block is Waiting.EXECUTION:

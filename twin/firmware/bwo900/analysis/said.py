@@ -1,4 +1,4 @@
-"""What a block has said, and the PathBlock that comes of it.
+"""The content of a block read so far, and its PathBlock.
 
 block --> reader.py (G, M, S, T) --> Said --> targets.py (axes) --> elements
                                       |                                |
@@ -26,14 +26,14 @@ Called: TypeAlias = tuple[str, int | None, int | None]  # program, first and las
 
 @dataclass
 class Said:
-    """What a block has said so far."""
+    """The content of a block read so far."""
 
     block: ProgramBlock
     program: str
     main: bool  # True for a block of a program, False for one of a cycle
     parameters: Later = field(default_factory=list)
     synchronises: bool = False  # analysis waits until it has been executed
-    blockwise: set[int] = field(default_factory=set)  # G functions that hold for it alone
+    blockwise: set[int] = field(default_factory=set)  # G functions for this block alone
     groups: dict[int, int] = field(default_factory=dict)  # the G function of each group that it has
     cycles: list[int] = field(default_factory=list)
     pre: list[MFunction] = field(default_factory=list)
@@ -51,15 +51,15 @@ class Said:
     passes: int | None = None  # M24
     loops_back: bool = False  # M25
     returns: bool = False  # M02
-    activates: bool = False  # M16: the tool data count from here on
+    activates: bool = False  # M16: the tool data are used from here on
     changes: bool = False  # M06
     length: bool = False  # `tl`: another tool length
     watches: bool = False  # M26
     shifts: bool = False  # G92
-    zero_cleared: bool = False  # a zero point: G92 is gone
+    zero_cleared: bool = False  # a zero point, which clears G92
 
     def goes_elsewhere(self) -> None:
-        """A comparison jumps: functions of the block that control the program are left out (bwo900/61)."""
+        """After a jump by comparison: drop the functions of the block that control the program (bwo900/61)."""
         self.goal = self.passes = None
         self.loops_back = self.returns = False
         if self.stop in (Stop.END, Stop.REPEAT):
@@ -75,7 +75,7 @@ def path_block(
     parameters: Parameters,
     in_force: InForce,
 ) -> PathBlock:
-    """The PathBlock of what a block has said. feed_mm_min: F in force."""
+    """The PathBlock of a block. feed_mm_min: F in force."""
     rapid, alone = coordinates.modal.motion == G.RAPID, said.blockwise
     feed = said.feed if said.feed is not None else feed_mm_min
     chamfer_mm, rounding_mm = _transition(parameters) if alone and G.CORNER in alone else (None, None)

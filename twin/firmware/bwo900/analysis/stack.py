@@ -18,7 +18,7 @@ from isel_twin.firmware.bwo900.programs.stored import Blocks, Store
 from isel_twin.firmware.bwo900.programs.words import ProgramBlock
 
 DEEPEST_CALLS: Final = 6  # nested subprograms (M1220)
-DEEPEST_LOOPS: Final = 32  # nested M24 (M1218); the manual names no number
+DEEPEST_LOOPS: Final = 32  # nested M24 (M1218); the manual gives no number
 
 Goal: TypeAlias = tuple[str, int]  # a program and the number of a block of it
 
@@ -37,7 +37,7 @@ class Level:
 
     @property
     def over(self) -> bool:
-        """There is no next block, or a fed one has not come yet."""
+        """True if there is no next block, or a fed one has not arrived yet."""
         return self.place >= len(self.program) or (self.last is not None and self.place > self.last)
 
     @property
@@ -46,7 +46,7 @@ class Level:
         return self.program.name, max(self.program.number(max(self.place - 1, 0)), 0)
 
     def take(self) -> ProgramBlock:
-        """The next block; steps on. Raises ProgramError for a block that cannot be read."""
+        """Return the next block and advance. Raises ProgramError for a block that cannot be read."""
         block = self.program.block(self.place)
         self.place += 1
         return block
@@ -71,7 +71,7 @@ class Level:
             raise ProgramError(Code.NOT_WHILE_FED, f"{what} in {self.program.name}, a program that is fed")
 
     def close_loop(self) -> None:
-        """M25: back to behind M24, or on after the last pass."""
+        """M25: go back to the block after M24, or on after the last pass."""
         place, left, passes = self.loops.pop()
         if left > 1:
             self.loops.append((place, left - 1, passes))
@@ -79,7 +79,7 @@ class Level:
 
 
 class Stack:
-    """The main program and the subprograms that are open."""
+    """The main program and the open subprograms."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
@@ -170,8 +170,8 @@ class Stack:
         level.place = level.program.place(number)
 
     def call(self, name: str, start: int | None, last: int | None, *, change: bool) -> None:
-        """Begin a subprogram, from block to block if they are given. change: it changes the tool. Raises ProgramError:
-        M1220 too deep, M1252 no such program, M1255 no such block, M1269 it is fed."""
+        """Begin a subprogram, optionally from block to block. change: it changes the tool. Raises ProgramError: M1220
+        too deep, M1252 no such program, M1255 no such block, M1269 it is fed."""
         if len(self._levels) > DEEPEST_CALLS:
             raise ProgramError(Code.CALLS_TOO_DEEP, f"{name} on level {len(self._levels)}; allowed: {DEEPEST_CALLS}")
         program = self._store.find(name)

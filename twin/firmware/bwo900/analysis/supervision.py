@@ -1,6 +1,6 @@
 """Supervision: analysed blocks that wait for `sc:100` (manual 3.6, `sc:n`).
 
-sc:0      the kept blocks go on, then those that follow
+sc:0      the kept blocks go on, then the following ones
 sc:1      blocks are kept
 sc:2      the same, once the path of the last block has begun
 sc:100    the kept blocks go on; supervision stays as it is
@@ -18,14 +18,14 @@ from isel_twin.firmware.bwo900.numbers import SC
 
 
 class Keeping(Enum):
-    """What becomes of the block in analysis."""
+    """What to do with the block in analysis."""
 
     OFF = "it goes on"
     ON = "it is kept"
     LET_GO = "it goes on, for it has said sc:0 or sc:100; the next one is kept"
 
 
-OFF, ON = Keeping.OFF, Keeping.ON  # bound once: an enumeration's member takes 0.2 us to look up, for every block
+OFF, ON = Keeping.OFF, Keeping.ON  # bound once: looking up an enumeration's member takes 0.2 us, for every block
 
 
 class Supervision:
@@ -61,7 +61,7 @@ class Supervision:
         return waits
 
     def keep(self) -> bool:
-        """Keep what a block has made; False, and nothing is done, if it has functions, writes or a stop."""
+        """Keep a block's output; return False and do nothing if it has functions, writes or a stop."""
         if any(b.pre or b.post or b.stop is not Stop.NONE or b.parameters for b in self._ready):
             return False
         self._kept += [made for made in self._ready if made.elements or made.dwell_s is not None or made.speeds]

@@ -3,7 +3,7 @@
     X Y Z, x c about a pole --> target in program coordinates --> coordinates.py --> Line, Arc in the machine's
     I J K, R: centre or radius of a circle          F, f: feed
 
-F, centre, radius, pole and polar coordinates stay until there are others.
+F, centre, radius, pole and polar coordinates are modal.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class Targets:
 
     def read_axes(self, said: Said, taken: frozenset[str]) -> dict[int, float] | None:
         """Targets in program coordinates by axis; None if the block has none, or G44, G92 or a pole takes them. taken:
-        words of a drilling cycle; with its depth alone it drills where the tool stands."""
+        words of a drilling cycle; with only its depth it drills at the present position."""
         coordinates = self._coordinates
         names, modal, plane = coordinates.names, coordinates.modal, coordinates.frame.plane
         named: dict[int, float] = {}
@@ -124,7 +124,7 @@ class Targets:
         return {axis: value + (now[axis] if axis in relative else 0.0) for axis, value in named.items()}
 
     def _counted_from(self, said: Said) -> Point:
-        """What G91 counts from: where the program is, with G66 the machine."""
+        """Origin of G91: the program's position, with G66 the machine's."""
         coordinates = self._coordinates
         bare = G.BARE in said.blockwise
         return coordinates.frame.bare.program(coordinates.position) if bare else coordinates.counted_from
@@ -170,7 +170,7 @@ class Targets:
         return coordinates.frame, coordinates.program_position, False
 
     def _about(self, frame: Frame, centre: tuple[float, float], end: Point, turn: int) -> Arc:
-        """The arc about a centre of the program. P8843: largest difference of its radii."""
+        """The arc about a centre in program coordinates. P8843: largest difference of its radii."""
         here, there = self._coordinates.position, frame.centre(centre)
         turn = -turn if frame.mirrored else turn
         return arc_by_centre(here, end, frame.plane, there, turn, self._parameters.given(P.CENTRE_ERROR, 0.003))

@@ -1,4 +1,4 @@
-"""Tools: the table, and the records that programs, PLC and path work with (manual 7.1; 8.3 q175 to q179).
+"""Tools: the table, and the records for programs, PLC and path (manual 7.1; 8.3 q175 to q179).
 
     table (q175 ...) --- T ---> P8050 requested, PLC --- change ---> P8100 in the spindle, P8150 for the path
                         |--- T .. M16 ----------------------------------------------------------^
@@ -33,7 +33,7 @@ TAKE_REAL_TIME, PUT_BACK = (P.TOOL_TAKE, 2), (P.TOOL_PUT_BACK, 1)
 
 
 def told(number: int) -> bool:
-    """True for a parameter of a record that reads 0 without a tool, as for T0."""
+    """True for a parameter of a record that reads 0 without a tool (T0)."""
     return P.TOOL_REQUESTED <= number < P.TOOL_REAL_TIME + SIZE and (number - P.TOOL_REQUESTED) % SIZE <= QUADRANT
 
 
@@ -71,7 +71,7 @@ class Tools:
 
     def find(self, group: int) -> int:
         """Place in the table, from 1, of a tool of this group that is not worn. Raises ProgramError: M1225 no table,
-        M1050 no such group, M1053 all its tools have lived their time."""
+        M1050 no such group, M1053 all its tools are worn."""
         p = self._parameters
         if not p.loaded(Q.TOOL_TABLE, "q") or not self._count:
             raise ProgramError(Code.NO_TOOL_TABLE)
@@ -99,7 +99,7 @@ class Tools:
             self._fetch(self.find(group), P.TOOL_REQUESTED)
 
     def requested(self) -> list[tuple[int, float | None]]:
-        """Parameters of the real time's record when the block of the last `request` is executed."""
+        """Parameters to write to the real-time record when the block of the last `request` is executed."""
         p = self._parameters
         values = (p.get(P.TOOL_REQUESTED + n) if p.loaded(P.TOOL_REQUESTED + n) else None for n in range(SIZE))
         return [(P.TOOL_REAL_TIME + n, value) for n, value in enumerate(values)]
@@ -146,7 +146,8 @@ class Tools:
             self.put_back()
 
     def _take_real_time(self, *, in_hand: bool) -> None:
-        """P8045 = 2: the real time's record is in the spindle, its place in the magazine empty, and T free again."""
+        """P8045 = 2: the real-time record goes to the spindle, its place in the magazine is empty, and T is free
+        again."""
         p = self._parameters
         self.copy(P.TOOL_REAL_TIME, P.TOOL_SPINDLE)
         p.write(P.TOOL_LOCK, 0.0)

@@ -1,8 +1,8 @@
-"""Values of expressions: parameters, symbols, comparisons; and what assignments do with them (manual 3.6, 8.1).
+"""Values of expressions (parameters, symbols, comparisons), and assignments (manual 3.6, 8.1).
 
 _depth := P100 / 2     an internal variable, until the program ends
-_depth ::= 100         bound: the name is that parameter, with an index one behind it
-P100 : 5               at once, while the block is analysed; real-time parameters when it is executed
+_depth ::= 100         bound: the name means that parameter, with an index one after it
+P100 : 5               written at once in analysis; real-time parameters when the block is executed
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Values:
         self._symbols, self._bound = {}, {}
 
     def parameter(self, area: str, number: int, channel: int) -> float:
-        """Records of tools read 0, as T0, where there has never been one."""
+        """Unset records of tools read 0, as T0."""
         if area == "P" and channel == 1 and told(number):
             return self._parameters.get(number)
         return self._parameters.read(area, number, channel)

@@ -1,4 +1,4 @@
-"""What the interpreter waits for, and what it does once a block has been executed."""
+"""What the interpreter waits for, and what it renews after a block has been executed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Waiting(Enum):
 
 
 class Renewal(Enum):
-    """What counts anew, beside the coordinates, when the block that analysis waits for has been executed."""
+    """What to renew, beside the coordinates, after the awaited block has been executed."""
 
     NOTHING = "nothing"
     MEASURED = "the tool's length, which M00 lets a person measure"

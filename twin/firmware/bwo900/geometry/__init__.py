@@ -1,1 +1,1 @@
-"""Lines, arcs and coordinates: what blocks are to the path, corners that are put in, radius correction."""
+"""Lines, arcs and coordinates: blocks of a path, inserted corners, radius correction."""

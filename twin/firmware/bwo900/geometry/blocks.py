@@ -54,7 +54,7 @@ class MFunction:
 
 @dataclass(frozen=True, slots=True)
 class PathBlock:
-    """One block of a program, or of a cycle, that has been analysed."""
+    """One analysed block of a program or a cycle."""
 
     program: str
     number: int  # of the block; of the block that called, within a cycle
@@ -68,10 +68,10 @@ class PathBlock:
     override: bool = True  # False: G63, 100 %
     end: BlockEnd = BlockEnd.CONTINUOUS
     correction: Correction = Correction()
-    tool_mm: float = 0.0  # radius of the tool that cuts, for drawings; 0: none is known, or nothing is cut
+    tool_mm: float = 0.0  # radius of the cutting tool, for drawings; 0: unknown, or no cut
     chamfer_mm: float | None = None  # G12 with P70: at the corner to the next path
     rounding_mm: float | None = None  # G12 with P71
-    three_points: bool = False  # G123: its only element is a line; the next one decides what becomes of both
+    three_points: bool = False  # G123: its only element is a line, which becomes an arc with the next one
     pre: tuple[MFunction, ...] = ()
     post: tuple[MFunction, ...] = ()
     dwell_s: float | None = None  # G04: after the path, before the post functions
@@ -84,7 +84,7 @@ class PathBlock:
     watched: bool = False  # M26: a signal deletes its path and its dwell
     main: bool = True  # a block of a program; False: an intermediate one, of a cycle
     target: Point = (0.0, 0.0, 0.0)  # where it ends, in the program's coordinates, mm
-    in_force: InForce = AT_REST  # what else holds meanwhile
+    in_force: InForce = AT_REST  # other modal state
 
     @property
     def finish(self) -> Point:
@@ -96,18 +96,18 @@ class PathBlock:
 
     @property
     def speaks(self) -> bool:
-        """True if something happens when it begins."""
+        """True if it has an effect when it begins."""
         said = self.text is not None or self.tool is not None
         return bool(self.pre or self.parameters or self.speeds or self.watched or said)
 
     @property
     def in_real_time(self) -> bool:
-        """True if it is not only assignments and jumps."""
+        """True unless it has only assignments and jumps."""
         return bool(self.elements or self.post or self.dwell_s is not None or self.stop is not Stop.NONE or self.speaks)
 
     @property
     def stands(self) -> bool:
-        """True if the axes stand at its end and something is waited for: their following error, a time, M00, M01."""
+        """True if the axes stop at its end to wait: for their following error, a time, M00, M01."""
         return self.end is BlockEnd.EXACT_STOP or self.dwell_s is not None or self.stop is not Stop.NONE
 
     @property

@@ -14,7 +14,7 @@ NEAR_MM: Final = 1e-9
 def arc_by_radius(start: Point, end: Point, plane: Plane, radius: float, turn: int) -> tuple[Arc, bool]:
     """The arc of G02 (turn -1) or G03 (+1) with R: the smaller one for R > 0, the larger for R < 0.
 
-    A radius below half the chord becomes half the chord, which the second value tells (M1234). Raises ProgramError
+    A radius below half the chord becomes half the chord; the second value is then True (M1234). Raises ProgramError
     M1231 if start and end are the same.
     """
     (u0, v0), (u1, v1) = plane.of(start), plane.of(end)

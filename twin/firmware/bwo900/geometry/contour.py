@@ -1,11 +1,11 @@
-"""Corners that a program only names: G12 chamfers and roundings, G123 circles through three points (manual 4.4, 4.11).
+"""Corners by function: G12 chamfers and roundings, G123 circles through three points (manual 4.4, 4.11).
 
     G12 P70       the corner to the next path is cut, each leg P70 long       two lines only
-    G12 P71       a tangential arc of radius P71 is put in                    lines and circles
+    G12 P71       a tangential arc of radius P71 is inserted                    lines and circles
     G123          this path and the next one run on the circle through their three points, or on two lines
 
-Blocks in between without a path in the plane are carried out at the beginning of what was put in. M1226: the next path
-is missing; M1158: not possible.
+Blocks in between without a path in the plane are carried out at the beginning of the inserted element. M1226: the next
+path is missing; M1158: not possible.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ NEAR: Final = 1e-9
 
 
 class Contour:
-    """Takes blocks and hands them on with their corners."""
+    """Takes blocks and returns them with their corners."""
 
     def __init__(self) -> None:
         self._first: PathBlock | None = None  # the block whose corner waits for the next path
@@ -59,12 +59,12 @@ class Contour:
         except ProgramError as error:
             raise error.at(first.program, first.number, first.column) from None
         plane, before = first.plane, replace(first, elements=(*first.elements[:-1], a))
-        put = replace(put, start=plane.into(put.end, *plane.of(a.end)))  # behind moves across the plane
+        put = replace(put, start=plane.into(put.end, *plane.of(a.end)))  # after moves across the plane
         after = replace(block, start=put.start, elements=(put, b, *block.elements[1:]))
         return [before, *(_moved(other, plane.of(a.end)) for other in between), *self._begin(after)]
 
     def flush(self) -> list[PathBlock]:
-        """No block follows. Raises ProgramError M1226 if a corner waits for the next path."""
+        """End: no block follows. Raises ProgramError M1226 if a corner waits for the next path."""
         if self._first is not None:
             first, self._first, self._between = self._first, None, []
             error = ProgramError(Code.NO_NEXT_PATH, "the next path is missing")
@@ -97,7 +97,7 @@ def _moved(block: PathBlock, place: UV) -> PathBlock:
 
 
 def _corner(first: PathBlock, second: PathBlock) -> tuple[Element, Element, Element]:
-    """The rest of the last element of one block, what is put in, and the rest of the first of the other."""
+    """The rest of the last element of one block, the inserted element, and the rest of the first of the other."""
     a, b, plane = first.elements[-1], second.elements[0], first.plane
     if first.rounding_mm is not None:
         return rounded(a, b, plane, abs(first.rounding_mm))

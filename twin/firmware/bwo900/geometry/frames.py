@@ -1,9 +1,9 @@
-"""From the numbers of a program to the places of the machine: a chain of small functions (manual 4.14 to 4.26).
+"""From program coordinates to machine positions: a chain of small functions (manual 4.14 to 4.26).
 
     target of the program (G90, G91)
       + axis correction            G44
       polar -> Cartesian           G10
-      rotation and G92             G45; which of them first says P8859
+      rotation and G92             G45; P8859 gives the order
       mirror                       G61, G62: after the rotation, about its origin
       + zero point                 G53 to G59 ...
       + tool length                along the third axis of the plane
@@ -38,11 +38,11 @@ class Rotation:
     dangle_deg: float = 0.0
 
     def added(self, du: float = 0.0, dv: float = 0.0, dangle_deg: float = 0.0) -> Rotation:
-        """Each mention of P165, P166, P168 adds to the sum before."""
+        """Each write of P165, P166, P168 adds to the sum."""
         return replace(self, du=self.du + du, dv=self.dv + dv, dangle_deg=self.dangle_deg + dangle_deg)
 
     def set(self, u0: float | None = None, v0: float | None = None, angle_deg: float | None = None) -> Rotation:
-        """P160, P161, P163 anew, each without what was added to it."""
+        """New P160, P161, P163, each without its sum."""
         changed = self
         if u0 is not None:
             changed = replace(changed, u0=u0, du=0.0)
@@ -80,12 +80,12 @@ class Frame:
     shift: Point = (0.0, 0.0, 0.0)  # G92
     zero: Point = (0.0, 0.0, 0.0)
     length: float = 0.0  # of the tool, along the third axis of the plane
-    senses: Point | None = None  # P8892: -1 for axes that are turned round; None: none is
+    senses: Point | None = None  # P8892: -1 for reversed axes; None: none
     order: tuple[int, ...] = (0, 1, 2)  # the machine's axis of each axis of the program (P8880)
 
     @property
     def mirrored(self) -> bool:
-        """True if circles turn, and corrections lie, the other way round."""
+        """True if the sense of circles and the side of corrections are reversed."""
         other = self.senses is not None and self.senses[self.plane.first] != self.senses[self.plane.second]
         return (self.mirror_first != self.mirror_second) != other
 
@@ -96,7 +96,7 @@ class Frame:
         return Frame(self.axes, self.plane, nothing, shift=nothing, zero=nothing, senses=self.senses, order=self.order)
 
     def machine(self, program: Point) -> Point:
-        """The place of the machine for a point of the program, correction included."""
+        """The machine position of a point of the program, including the correction."""
         point = self._inner(tuple(map(add, program, self.correction)))
         return self.sensed(tuple(map(add, map(add, point, self.zero), self.plane_length)))
 
@@ -105,7 +105,7 @@ class Frame:
         return self.plane.of(self.machine(self.plane.into((0.0,) * self.axes, *program)))
 
     def program(self, machine: Point) -> Point:
-        """The point of the program for a place of the machine: the inverse of `machine`."""
+        """The point of the program for a machine position: the inverse of `machine`."""
         point = tuple(map(sub, map(sub, self.sensed(machine), self.zero), self.plane_length))
         rotation = self.rotation or UNTURNED
         if not self.shift_first:
@@ -129,7 +129,7 @@ class Frame:
 
     @property
     def shift_mirrored(self) -> Point:
-        """G92 as it is added after rotation and mirror: mirrored with the axes of the plane (manual 4.21)."""
+        """G92 for adding after rotation and mirror: mirrored with the axes of the plane (manual 4.21)."""
         if not self.mirror_first and not self.mirror_second:
             return self.shift
         u, v = self.plane.of(self.shift)

@@ -1,6 +1,6 @@
 """Groups of G functions, and those in force at the start of a program (manual, chapter 4).
 
-Members of a group replace each other and stay in force. Numbers that are neither here nor cycles call the user cycle of
+Members of a group replace each other and are modal. Numbers that are neither here nor cycles call the user cycle of
 their number.
 """
 
@@ -44,10 +44,10 @@ GROUPS: Final[Mapping[int, int]] = {
     **dict.fromkeys((G.TURNS_PER_MINUTE,), SPEED),
 }
 
-# in force for the block they stand in; G123 for its pairs of blocks
+# effective in their own block; G123 for its pairs of blocks
 BLOCKWISE: Final = frozenset((G.DWELL, G.EXACT_STOP_HERE, G.NO_EXACT_STOP_HERE, G.CORNER, G.BARE, G.THREE_POINTS))
 
-# g functions of the manual that the twin refuses (M1232), and what they are for
+# G functions of the manual that the twin refuses (M1232), and their purpose
 BEYOND: Final[Mapping[int, str]] = {
     G.ROTARY_POSITIVE: "rotary axes", G.ROTARY_NEGATIVE: "rotary axes", G.ROTARY_SHORTEST: "rotary axes",
     G.TANGENT_ON: "a tangential axis", G.POLAR_TRANSFORMATION_ON: "the polar transformation", G.SPLINE: "splines",

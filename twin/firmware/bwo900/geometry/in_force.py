@@ -1,9 +1,9 @@
-"""What holds while a block is carried out, for parameters that show it (manual 8.5, P8900 to P9131).
+"""Modal state of a block, for status parameters (manual 8.5, P8900 to P9131).
 
     analysis ---- PathBlock with InForce ----> real time ---> status.py: P8912, P8934, P8945 ...
     is some 400 blocks ahead                   is here
 
-Successive blocks share one as long as nothing changes.
+Successive blocks share one while nothing changes.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ NO_FRAME: Final = Frame(3, XY, (0.0, 0.0, 0.0), shift=(0.0, 0.0, 0.0), zero=(0.0
 
 @dataclass(frozen=True, slots=True)
 class InForce:
-    """Of a block. Places: program and number of the block."""
+    """Modal state of a block. Places are program and number of a block."""
 
     modal: Modal = START  # G functions
     frame: Frame = NO_FRAME  # zero point, G92, tool length, plane

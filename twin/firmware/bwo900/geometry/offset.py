@@ -14,7 +14,7 @@
     another radius   an element begins at the old distance and ends at the new one
 
 Blocks without a path in the plane are carried out at the meeting point, or at the end of the arc; at most 12 in a row
-(M1157). A corner depends on its two elements alone. A contour that the tool cannot follow gives a message:
+(M1157). A corner depends only on its two elements. A contour that the tool cannot follow gives a message:
 
     M1152    an inner circle that is not larger than the tool
     M1153    switched on or off with a circle
@@ -56,14 +56,14 @@ class _Open:
     done: list[Element] = field(default_factory=list)
 
     def add(self, *elements: Element) -> None:
-        """One more of its elements has become these."""
+        """Append the result of one more of its elements."""
         self.done += elements
         self.left -= 1
 
 
 @dataclass
 class _Last:
-    """The corrected element that waits for the next one: as programmed, moved, and where it begins."""
+    """The corrected element that waits for the next one: programmed, moved, and its beginning."""
 
     element: Element
     moved: Element
@@ -71,7 +71,7 @@ class _Last:
     share: float  # of the moved element, where it begins
     open: _Open
     correction: Correction
-    approach: bool = False  # the line that switches the correction on: its end is not known yet
+    approach: bool = False  # the line that switches the correction on: its end is not yet known
 
     @property
     def plane(self) -> Plane:
@@ -82,7 +82,7 @@ _Place = tuple[Point, float]  # a point of a moved element, and its share of the
 
 
 class Offset:
-    """Takes blocks and hands them on, corrected."""
+    """Takes blocks and returns them corrected."""
 
     def __init__(self, threshold: float | None = None) -> None:
         """threshold: P8845."""
@@ -143,7 +143,7 @@ class Offset:
             self._across(entry, element)
 
     def _across(self, entry: _Open, element: Element) -> None:
-        """A move across the plane is made where the tool is, not the contour; it waits until that is known."""
+        """A move across the plane happens at the tool's position, not the contour's; it waits until that is known."""
         if self._last is not None:
             self._waiting.append((entry, element))
         else:
@@ -173,13 +173,13 @@ class Offset:
         self._last = _Last(element, moved, begin, share, entry, correction)
 
     def _meet(self, last: _Last, element: Element, side: int) -> _Place:
-        """End the last element with its corner; returns where the next one begins. A new radius counts only from the
-        end of the next element on."""
+        """End the last element with its corner; return the beginning of the next one. A new radius is effective only at
+        the end of the next element."""
         plane, old = last.plane, last.correction
         moved = _beside(element, plane, replace(old, side=side))
         angle = turn(heading(last.element, plane, 1.0), heading(element, plane, 0.0))
         same = side == old.side
-        there = plane.into(last.moved.end, *plane.of(moved.start))  # before moves across the plane that come between
+        there = plane.into(last.moved.end, *plane.of(moved.start))  # before moves across the plane in between
         if same and abs(angle) < STRAIGHT_RAD:
             self._over(last, _between(last, there, 1.0))
             return moved.start, 0.0
@@ -232,7 +232,7 @@ def _beside(element: Element, plane: Plane, correction: Correction) -> Element:
 
 
 def _over_the_path(side: int, angle: float) -> float:
-    """Sweep about a corner from one side of the path to the other: the shorter one; straight on: forwards."""
+    """Sweep about a corner from one side of the path to the other: the shorter one; forwards if straight."""
     return -side * math.pi if abs(angle) < STRAIGHT_RAD else angle - math.copysign(math.pi, angle)
 
 

@@ -18,7 +18,7 @@ NEAR: Final = 1e-9
 
 
 def heading(element: Element, plane: Plane, share: float) -> UV:
-    """Unit vector in the plane; zeros if the element has no way there."""
+    """Unit vector in the plane; zeros if the element has no length there."""
     u, v = plane.of(element.tangent(share))
     size = math.hypot(u, v)
     return (u / size, v / size) if size > NEAR else (0.0, 0.0)
@@ -36,7 +36,7 @@ def turn(before: UV, after: UV) -> float:
 
 
 def flat_length(element: Element, plane: Plane) -> float:
-    """Length of its way in the plane."""
+    """Length in the plane."""
     if isinstance(element, Arc):
         return abs(element.sweep_rad) * (element.radius_mm + element.end_radius_mm) / 2.0
     return math.dist(plane.of(element.start), plane.of(element.end))

@@ -1,1 +1,1 @@
-"""Programs: their text, read block by block; kept, or fed while they are carried out."""
+"""Programs as text, read block by block; stored, or fed while they are executed."""

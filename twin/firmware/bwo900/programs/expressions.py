@@ -1,4 +1,4 @@
-"""Expressions, wherever a number may stand (manual 3.4, 3.6).
+"""Expressions in place of numbers (manual 3.4, 3.6).
 
     P30:(P20+35)*3        P500:P500 or $100;        P1:sinP2        X:_wegx[1]
 
@@ -16,7 +16,7 @@ from typing import Final, Protocol, TypeAlias
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 
 DEEPEST: Final = 10  # nested brackets (M1209)
-# bound once: a member of an enumeration takes 0.2 us to look up, and every parameter of a program asks for it
+# bound once: looking up a member of an enumeration takes 0.2 us, for every parameter of a program
 TOO_LARGE: Final = int(Code.TOO_LARGE)
 
 
@@ -119,7 +119,7 @@ def _finite(function: Callable[..., float], name: str, *operands: float) -> floa
 
 
 def _degrees(function: Callable[[float], float]) -> Callable[[float], float]:
-    """Exact at the multiples of 90 degrees, where radians are not."""
+    """A function of degrees, exact at multiples of 90, unlike radians."""
 
     def of(angle: float) -> float:
         quarter, rest = divmod(angle, 90.0)
@@ -152,7 +152,7 @@ def _root(a: float) -> float:
 
 
 def _nearest(a: float) -> float:
-    """Halves away from zero."""
+    """Round to the nearest, halves away from zero."""
     return math.copysign(math.floor(abs(a) + 0.5), a)
 
 

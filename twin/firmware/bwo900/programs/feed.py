@@ -1,10 +1,10 @@
-"""Dripfeed: a program carried out while it comes over the line (manual 2.5.1, P8811).
+"""Dripfeed: a program executed while it arrives on the line (manual 2.5.1, P8811).
 
-    line ---> lines wait ........ ---> block under way ---> the last ones, for messages and texts ---> forgotten
+    line ---> lines wait ........ ---> block in execution ---> the last ones, for messages and texts ---> dropped
               HIGH: the host waits     (place)              KEPT
               LOW: it goes on
 
-It is linear: no jumps, but calls of stored programs. Lines sent without a handshake that find no room are M1268.
+It is linear: no jumps, but calls of stored programs. Lines without a handshake that exceed the room give M1268.
 """
 
 from __future__ import annotations
@@ -17,25 +17,25 @@ from isel_twin.firmware.bwo900.programs.lines import Lines, without_number
 from isel_twin.firmware.bwo900.programs.syntax import parse_block
 from isel_twin.firmware.bwo900.programs.words import ProgramBlock
 
-ROOM: Final = 65_536  # bytes of lines that can wait; the manual names no number
+ROOM: Final = 65_536  # bytes of lines that can wait; the manual gives no number
 HIGH: Final = ROOM // 2  # waiting bytes from which on the host must wait
 LOW: Final = ROOM // 4  # waiting bytes up to which it may go on
-KEPT: Final = 2048  # analysed lines that are kept: more than are ever analysed ahead of the block under way
+KEPT: Final = 2048  # analysed lines that are kept: more than are ever analysed ahead
 
 
 class Feed:
-    """A program as it comes. Implements `stored.Blocks`."""
+    """A program while it arrives. Implements `stored.Blocks`."""
 
     linear: Final = True
 
     def __init__(self, name: str) -> None:
-        """name: of the started program, whatever the file says."""
+        """name: of the started program, regardless of the file."""
         self.name = name
         self.complete = False  # its last line has come
-        self.level = 0  # bytes that have come and not been analysed (P8561)
-        self.waits = False  # the host has been asked to wait
-        self.begun = False  # its file has begun to come
-        self.given_up = False  # nobody will ask for more
+        self.level = 0  # bytes received but not analysed (P8561)
+        self.waits = False  # the host must wait
+        self.begun = False  # its file has begun to arrive
+        self.given_up = False  # no more of it is needed
         self._lines = Lines(numbered=True)
         self._known: deque[tuple[str, int]] = deque()  # text and number of the kept blocks
         self._texts: dict[int, str] = {}  # the same by number
@@ -56,12 +56,12 @@ class Feed:
         self.waits = self.waits or self.level >= HIGH
 
     def end(self) -> None:
-        """The last line has come. Raises ProgramError M1111 if it waits for a line to be joined with."""
+        """Take the end of the file. Raises ProgramError M1111 if the last line is chained to nothing."""
         self.complete, self.waits = True, False
         self._lines.end()
 
     def give_up(self) -> None:
-        """The program is broken off: throw away the lines that still come."""
+        """Discard the lines that still come: the program is aborted."""
         self.given_up, self.waits, self.level = True, False, 0
         self._known.clear()
         self._texts.clear()

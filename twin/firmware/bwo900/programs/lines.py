@@ -1,4 +1,4 @@
-"""Lines of a program's file, and the blocks that they make (manual 3.1, 3.10)."""
+"""Lines of a program's file to blocks (manual 3.1, 3.10)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Lines:
     def __init__(self, *, numbered: bool = False) -> None:
         """numbered: every block must begin with N or /N."""
         self._numbered = numbered
-        self.highest = -1  # number of a block so far, -1 if there is none
+        self.highest = -1  # highest number of a block so far, -1 without one
         self._chained = ""
 
     def block(self, number: int, line: str) -> tuple[str, int] | None:
@@ -53,7 +53,7 @@ class Lines:
         return text, self.highest
 
     def end(self) -> None:
-        """That was the last line. Raises ProgramError M1111 if it is chained to nothing."""
+        """Take the end of the file. Raises ProgramError M1111 if the last line is chained to nothing."""
         if self._chained:
             raise ProgramError(Code.WRONG_LINE, "the last line is chained to nothing")
 

@@ -2,7 +2,7 @@
 
     CR LF  P123456 CR LF  N10 ... CR LF  ...  # CR LF  EOT
 
-`P` programs and `Z` cycles. Blocks are kept as text and parsed (with a cache) when they are executed: a long program
+`P` programs and `Z` cycles. Blocks are stored as text and parsed (with a cache) when they are executed: a long program
 costs its bytes and a number for each line.
 """
 
@@ -31,7 +31,7 @@ def _parsed(text: str, line: int) -> ProgramBlock:
 
 
 class Blocks(Protocol):
-    """A program as the interpreter sees it: `StoredProgram` or `feed.Feed`."""
+    """A program for the interpreter: `StoredProgram` or `feed.Feed`."""
 
     @property
     def name(self) -> str:
@@ -39,14 +39,14 @@ class Blocks(Protocol):
 
     @property
     def linear(self) -> bool:
-        """True without jumps and loops, as one that is fed."""
+        """True for a fed program, without jumps and loops."""
 
     @property
     def complete(self) -> bool:
-        """Its last block is known."""
+        """True if its last block is known."""
 
     def __len__(self) -> int:
-        """Number of blocks that are known."""
+        """Number of known blocks."""
 
     def block(self, place: int) -> ProgramBlock:
         """The block at a place, from 0. Raises ProgramError if it cannot be parsed."""
@@ -69,7 +69,7 @@ class StoredProgram:
     complete: ClassVar = True
     name: str
     text: bytes  # of all blocks, each ended by LF, Latin-1
-    begins: array[int]  # where each begins in it, and where the last one ends
+    begins: array[int]  # beginning of each in it, and end of the last
     numbers: array[int]  # of each, -1 without one; they rise
     highest: array[int]  # the highest number up to each
 
@@ -117,7 +117,7 @@ class StoredProgram:
 
 
 class Builder:
-    """Takes a program line by line, so that a long one costs its bytes once."""
+    """Builds a program line by line, so that a long one is in memory only once."""
 
     def __init__(self, name: str, *, numbered: bool = False) -> None:
         """numbered: every block must begin with N or /N."""
@@ -149,7 +149,7 @@ def program_name(line: str) -> str:
 
 
 class Store(dict[str, StoredProgram]):
-    """Programs by name; one that is fed comes before a stored one of its name."""
+    """Programs by name; a fed one hides a stored one of the same name."""
 
     feed: Feed | None = None
 

@@ -4,8 +4,8 @@
 
     line --- parse_block ---> Block: words, G and M functions, assignments, jumps, in the order programmed
 
-The parser knows what a line may contain; what depends on the control (axes, groups, targets) is the interpreter's.
-Errors have their column.
+The parser checks syntax; all that depends on the control (axes, groups, targets) is left to the interpreter. Errors
+have their column.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from isel_twin.firmware.bwo900.programs.expressions import (
 from isel_twin.firmware.bwo900.programs.words import Assign, GWord, Jump, MWord, ProgramBlock, Text, Wait, Word
 
 LONGEST: Final = 200  # characters of a block
-# how often each may stand in a block; other words once
+# how often each word may be in a block; others once
 MOST: Final[Mapping[str, int]] = {"G": 8, "M": 8, "S": 8, "P": 32}
 MOST_WAITED: Final = 8  # parameters that `waituntil` may depend on (M1222)
 LARGEST: Final = 9_999_999_999  # of a block, program, tool and G number: ten digits
@@ -283,7 +283,7 @@ class _Parser:
             self.at += 1
 
     def _takes(self, *signs: str) -> str:
-        """Consume the first of these that stands here; empty for none."""
+        """Consume the first of these signs that is here; empty for none."""
         self._blank()
         for sign in signs:
             if self.text.startswith(sign, self.at):

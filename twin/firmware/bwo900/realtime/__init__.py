@@ -1,1 +1,1 @@
-"""What happens on the clock: blocks carried out, set points, moves in hand, power, what goes out."""
+"""Real time: execution of blocks, set points, moves in HAND, power, outputs."""

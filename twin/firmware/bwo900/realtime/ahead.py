@@ -1,12 +1,12 @@
-"""Analysis ahead of the real time: blocks that have been analysed and wait to be carried out.
+"""Analysis ahead of the real time: analysed blocks that wait for execution.
 
     interpreter --> contour (G12, G123) --> radius correction (G41, G42) --> waiting blocks
-                    each may keep blocks back until the next one comes, or until there is none: `flush`
+                    each may hold blocks back until the next one comes, or until `flush`
 
-Analysis goes on until `AHEAD` blocks wait, the program ends, an error comes, or the interpreter waits itself: until a
-block has been executed, or for a parameter (looked at again after a block cycle). Where it waits for the next block of
-a program that is fed, or for a condition, nothing is flushed: the next block belongs to the same contour. An error is
-kept until the blocks before it have been carried out.
+Analysis goes on until `AHEAD` blocks wait, the program ends, an error comes, or the interpreter itself waits: for a
+block to be executed, or for a parameter (polled every block cycle). While it waits for the next block of a fed program,
+or for a condition, nothing is flushed: the next block belongs to the same contour. An error is held until the blocks
+before it are executed.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.realtime.surroundings import Surroundings
 
 BLOCK_NS: Final = 1_500_000  # block cycle time (manual: below 1.5 to 6 ms), of blocks without a path
-AHEAD: Final = 400  # blocks that are analysed ahead of the one that is made
-REFILL: Final = 200  # analysis goes on when no more than these wait
+AHEAD: Final = 400  # blocks analysed ahead of the one in execution
+REFILL: Final = 200  # analysis goes on when at most this many wait
 
 
 class Filter(Protocol):
-    """Blocks pass through it on their way to the path; raises ProgramError."""
+    """A stage that blocks pass on their way to the path; raises ProgramError."""
 
     def push(self, block: PathBlock) -> list[PathBlock]: ...
     def flush(self) -> list[PathBlock]: ...
@@ -47,9 +47,9 @@ class Ahead:
         self._interpreter, self._around = interpreter, around
         self._filters: Sequence[Filter] = ()
         self.blocks: deque[PathBlock] = deque()  # those that wait, the next one first
-        self.ended = True  # nothing more comes from the interpreter
-        self.poll_ns: int | None = None  # when analysis goes on that waits for a condition, or supervises
-        self.error: Message | None = None  # what has ended analysis
+        self.ended = True  # the interpreter gives no more blocks
+        self.poll_ns: int | None = None  # when waiting or supervising analysis goes on
+        self.error: Message | None = None  # the error that ended analysis
 
     def start(self) -> None:
         self.renew_filters()
@@ -62,11 +62,11 @@ class Ahead:
         self.ended, self.error = True, None
 
     def renew_filters(self) -> None:
-        """Forget the blocks that filters have kept back: their path is not made."""
+        """Drop the blocks in filters: their path is not made."""
         self._filters = filters(self._around.parameters)
 
     def fill(self, under_way: int) -> bool:
-        """Analyse as far as there is room, beside the blocks under way; True: a message asks to stop."""
+        """Analyse while there is room, beside the blocks in execution; return True if a message asks to stop."""
         now_ns = self._around.axes.now_ns
         if self.poll_ns is not None and now_ns < self.poll_ns:
             return False
@@ -110,7 +110,7 @@ class Ahead:
         return stops
 
     def _pass_notes(self) -> bool:
-        """Say the messages of the interpreter that do not break off; True if one of them stops."""
+        """Report the interpreter's messages that do not break off; return True if one of them stops."""
         notes = self._interpreter.notes
         for note in notes:
             self._around.say(note)
@@ -123,7 +123,7 @@ class Ahead:
         self._flush()
 
     def _flush(self) -> None:
-        """The filters hand out the blocks that they have kept back."""
+        """Take the blocks that filters hold back."""
         try:
             for number, item in enumerate(self._filters):
                 self._through(item.flush(), number + 1)
@@ -131,7 +131,7 @@ class Ahead:
             self._fault(error, None)
 
     def _through(self, blocks: list[PathBlock], first: int) -> None:
-        """Blocks through the filters from one on."""
+        """Pass blocks through the filters from this one on."""
         try:
             for item in self._filters[first:]:
                 blocks = [out for block in blocks for out in item.push(block)]
@@ -141,7 +141,7 @@ class Ahead:
         self.blocks.extend(blocks)
 
     def _fault(self, error: ProgramError, block: PathBlock | None) -> None:
-        """Keep an error about a block, None: about the one that is analysed; the first error counts."""
+        """Store an error about a block (None: the one in analysis); the first error counts."""
         if self.error is not None:
             return
         here = (block.program, block.number) if block else self._interpreter.stack.place

@@ -1,9 +1,9 @@
-"""The axes: where they stand, how far they may go, how well they follow.
+"""The axes: positions, limits, following errors.
 
     counts = base + displacement of the run in execution        increments, from the reference point's P12040 on
     position = counts / increments per mm                        P12012 / P12013
 
-A run that does not continue the one before begins where the axes stand.
+A run that does not continue the one before begins at the present positions.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from isel_twin.motion import SetPointRun
 
 AXES: Final = 3
 NAMES: Final = "XYZ"
-INCREMENTS_PER_MM: Final = 1_000.0  # P12012 over P12013 where nobody has set them
-SETTLE_MS: Final = 3_000.0  # P12018 where nobody has set it
-COARSEST, FINEST = 1e-3, 1e6  # increments per mm that a measuring system may have
+INCREMENTS_PER_MM: Final = 1_000.0  # P12012 over P12013 if unset
+SETTLE_MS: Final = 3_000.0  # P12018 if unset
+COARSEST, FINEST = 1e-3, 1e6  # range of increments per mm of a measuring system
 PULSES: Final = 5_000  # increments from zero pulse to zero pulse
 
 
 class Axes:
     def __init__(self, parameters: Parameters, levels: Mapping[str, bool]) -> None:
-        """levels: of the inputs, limit switches among them, kept up to date by the caller."""
+        """levels: of the inputs, including limit switches, kept up to date by the caller."""
         self._parameters, self._levels = parameters, levels
         self.drives: Drives | None = None
         """Encoders; None: there are none, and the axes stand exactly at their set positions."""
@@ -79,12 +79,12 @@ class Axes:
         return self.speed_mm_s(axis) if drives is None else drives.speed[axis] / per_mm
 
     def at_limit(self, axis: int) -> tuple[bool, bool]:
-        """True if an axis stands at its software limit + (P12030), - (P12031), or beyond."""
+        """True if an axis is at its software limit + (P12030), - (P12031), or beyond."""
         place, (low, high) = self.position[axis], self.software_limits(axis)
         return place >= high, place <= low
 
     def driven(self, axis: int) -> bool:
-        """True if an axis moves, or is not yet within its exact-stop window."""
+        """True if an axis moves or is not yet within its exact-stop window."""
         moving = self.run is not None and self.now_ns < self.run.end_ns and self.speed_mm_s(axis) != 0.0
         return moving or axis in self.unsettled()
 
@@ -97,7 +97,7 @@ class Axes:
         self.run = run
 
     def place(self, axis: int) -> int:
-        """An axis stands at its reference point: its position is P12040. Returns it in increments."""
+        """Set the position of an axis at its reference point to P12040, and return it in increments."""
         self.follow(None)
         value = round(self._parameters.axis(axis, Axis.REFERENCE_MM, 0.0) * self.limits().increments_per_mm[axis])
         self._base = (*self._base[:axis], value, *self._base[axis + 1 :])
@@ -121,7 +121,7 @@ class Axes:
         return self._known[1]
 
     def _resolution(self, axis: int) -> float:
-        """Increments per mm: P12012 / P12013, or the default where that makes no sense."""
+        """Increments per mm: P12012 / P12013, or the default for senseless values."""
         p = self._parameters
         per_mm = positive(p.axis(axis, Axis.INCREMENTS, 0.0), INCREMENTS_PER_MM) / positive(
             p.axis(axis, Axis.INCREMENTS_PER, 0.0), 1.0
@@ -129,7 +129,7 @@ class Axes:
         return per_mm if COARSEST <= per_mm <= FINEST else INCREMENTS_PER_MM
 
     def unsettled(self) -> list[int]:
-        """Axes that are not within the exact-stop window."""
+        """Axes outside the exact-stop window."""
         if (drives := self.drives) is None:
             return []
         all_per_mm = self.limits().increments_per_mm
@@ -137,11 +137,11 @@ class Axes:
         return [a for a in range(AXES) if not drives.in_position[a] or abs(drives.lag[a]) / all_per_mm[a] > windows[a]]
 
     def settling_ns(self, axis: int) -> int:
-        """How long an axis may take to reach its window: P12018."""
+        """Time limit for an axis to reach its window: P12018."""
         return round(min(positive(self._parameters.axis(axis, Axis.SETTLING_MS, 0.0), SETTLE_MS), 1e9) * MILLISECOND_NS)
 
     def late(self) -> int | None:
-        """Watch the following error while something moves; returns an axis that does not follow."""
+        """Check the following errors while something moves; return an axis that does not follow."""
         if self.run is None or self.drives is None:
             self._watch.end()
             return None
@@ -159,7 +159,7 @@ class Axes:
         return not self._levels.get(f"limit_{'xyz'[axis]}{end}", True)
 
     def obstacle(self, block: PathBlock) -> ProgramError | None:
-        """Why the path of a block must not be made: a software limit (P12030, P12031), or a struck switch
+        """The error that forbids the path of a block: a software limit (P12030, P12031) or a struck switch
         (bwo900/18)."""
         for axis in range(AXES) if block.elements else ():
             extents = [element.extent(axis) for element in block.elements]

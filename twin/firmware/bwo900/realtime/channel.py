@@ -1,13 +1,13 @@
-"""The channel in real time: blocks that have been analysed are carried out, one after the other, on one clock.
+"""The channel in real time: it executes analysed blocks one after the other.
 
     interpreter --> ahead.py --> waiting blocks --> channel.py: states --> stretch.py --> set points
 
 Before a block's path come its parameters, S, T and pre functions, after it the exact stop, the dwell, the post
-functions and what stops. Blocks with nothing but a path pass unseen while the stretch runs; the others are looked at in
-the tick in which they begin.
+functions and stops. Blocks with only a path need no action while the stretch runs; others are handled in the tick in
+which they begin.
 
     IDLE -> READY -> (PRE_FUNCTIONS) -> PATH -> SETTLE -> DWELL -> POST_FUNCTIONS -> READY ...
-            EMPTY instead of READY behind a block without a path
+            EMPTY instead of READY after a block without a path
 
     Stop, M00, single block   HELD before a block, HELD_AT_PATH before its path, HELD_ON_PATH where the axes have braked
     override 0, safety stop   HELD_ON_PATH
@@ -33,7 +33,7 @@ from isel_twin.firmware.bwo900.realtime.stretch import PERIOD_NS
 from isel_twin.firmware.bwo900.realtime.surroundings import Surroundings, enter, mute, send, speak
 from isel_twin.motion import SetPointRun
 
-# how long an M function with a jump waits for its acknowledgement where there is no path
+# time that an M function with a jump and without a path waits for its acknowledgement
 JUMP_NS: Final = 20 * MILLISECOND_NS
 
 
@@ -64,21 +64,21 @@ class Channel:
         self._ahead = Ahead(interpreter, around)
         self.path = PathRun(interpreter, self._ahead, around)
         self.state = State.IDLE
-        self._current: PathBlock | None = None  # block whose path has ended, and whose end is being carried out
-        self._due_ns: int | None = None  # when the state ends, or is looked at again; None: it waits for something else
-        self._stands_ns = 0  # when the axes ought to have come to a stand
-        self._holds = False  # Stop has been asked for: hold as soon as the axes stand
+        self._current: PathBlock | None = None  # block whose path has ended, during the actions at its end
+        self._due_ns: int | None = None  # when the state ends or is checked again; None: it waits for something else
+        self._stands_ns = 0  # when the axes should be at rest
+        self._holds = False  # after Stop: hold as soon as the axes are at rest
 
-    # ---- what there is to see ---------------------------------------------------------------------------------------
+    # ---- state ------------------------------------------------------------------------------------------------------
 
     @property
     def active(self) -> bool:
-        """A program is in execution, held or not."""
+        """True if a program is in execution, held or not."""
         return self.state is not State.IDLE
 
     @property
     def held(self) -> bool:
-        """Start goes on."""
+        """True if Start continues the program."""
         return self.state in HELD
 
     @property
@@ -91,17 +91,17 @@ class Channel:
 
     @property
     def halted(self) -> bool:
-        """An M function with halt has not been acknowledged."""
+        """True if an M function with halt is not acknowledged."""
         return self.state in (State.PRE_FUNCTIONS, State.POST_FUNCTIONS) and self._due_ns is None
 
     @property
     def speed_mm_s(self) -> float:
-        """Along the path, now."""
+        """Present speed along the path."""
         return self.path.stretch.speed_mm_s(self._axes.now_ns)
 
     @property
     def dwell_left_s(self) -> float:
-        """What is left of the dwell of the block in execution; 0: none."""
+        """Remaining dwell of the block in execution; 0: none."""
         if self.state is not State.DWELL or self._due_ns is None:
             return 0.0
         return (self._due_ns - self._axes.now_ns) / SECOND_NS
@@ -118,7 +118,7 @@ class Channel:
         self.advance()
 
     def go_on(self) -> None:
-        """Start, after Stop or M00."""
+        """Continue after Stop or M00."""
         self._holds = False
         if self.state is State.PATH and self.path.stretch.brakes:
             self.path.hold(False)
@@ -143,13 +143,13 @@ class Channel:
             self._end(aborted=True)
 
     def cut(self) -> None:
-        """Everything ends at once: emergency stop."""
+        """End everything at once: emergency stop."""
         self.path.stretch.run = None
         if self.state is not State.IDLE:
             self._end(aborted=True)
 
     def set_override(self, factor: float) -> None:
-        """Another override, 0 to 1.2."""
+        """Set the override, 0 to 1.2."""
         self.path.override = factor
         self._rescale()
 
@@ -159,13 +159,13 @@ class Channel:
         self._rescale()
 
     def _rescale(self) -> None:
-        """Another speed for the path under way; one that was held by nothing but the override goes on."""
+        """Change the speed of the present path; one held only by the override goes on."""
         if self.state in MOVING:
             self.path.rescale()
         elif self.state is State.HELD_ON_PATH and not self._holds and self.path.scale > 0.0:
             self._resume()
 
-    # ---- going on ---------------------------------------------------------------------------------------------------
+    # ---- progress ---------------------------------------------------------------------------------------------------
 
     def advance(self) -> None:
         for _ in range(100_000):
@@ -175,7 +175,7 @@ class Channel:
                 return
 
     def _progress(self) -> tuple[object, ...]:
-        """Changes whenever a step has done something."""
+        """A value that changes whenever a step has an effect."""
         return self.state, len(self.path.stretch), len(self._ahead.blocks), self.run, self._due_ns
 
     def _step(self) -> None:
@@ -239,14 +239,14 @@ class Channel:
             self._begin_path()
 
     def _break_off(self, error: ProgramError) -> None:
-        """The path of a block cannot be made; the error has its place."""
+        """Break off: the path of a block cannot be made; the error has its place."""
         program, block = error.place or ("", 0)
         place = message(error.number, program=program, block=block, column=error.column)
         self._around.say(replace(place, detail=error.detail, infos=error.infos))
         self._end(aborted=True)
 
     def _nothing(self) -> None:
-        """No block waits: the program has ended, failed, or waits for something."""
+        """Handle an empty queue: the program has ended, failed, or waits for something."""
         if self._ahead.error is not None:
             self._around.say(self._ahead.error)
             self._end(aborted=True)
@@ -264,13 +264,13 @@ class Channel:
             self._post()
 
     def _begin_path(self) -> None:
-        """A stretch begins with the first of the waiting blocks, whose functions have been sent."""
+        """Begin a stretch with the first of the waiting blocks, whose functions have been sent."""
         if self._holds:
             self._enter(State.HELD_AT_PATH)
             return
         block = self._ahead.blocks[0]
         if block.watched and self._deletion.deletes(block):
-            self._current = replace(self._ahead.blocks.popleft(), elements=())  # it takes its time all the same
+            self._current = replace(self._ahead.blocks.popleft(), elements=())  # it still takes its time
             self.path.delete()
             self._settle()
             return
@@ -281,7 +281,7 @@ class Channel:
             self._break_off(error)
 
     def _follow(self) -> None:
-        """The stretch runs: pass on from block to block, append what has been analysed, end."""
+        """Follow the running stretch: pass from block to block, append analysed blocks, end."""
         path = self.path
         if not path.stretch.runs or path.give_up():
             return
@@ -322,7 +322,7 @@ class Channel:
         self._enter(State.SETTLE, self._stands_ns)
 
     def _look_settled(self) -> None:
-        """The axes are looked at once a cycle of position control only, so that it is the same however time is cut."""
+        """Check the axes once a cycle of position control, so that the result does not depend on the calls."""
         assert self._due_ns is not None
         waited_ns, unsettled = self._due_ns - self._stands_ns, self._axes.unsettled()
         if any(waited_ns < self._axes.settling_ns(axis) for axis in unsettled):

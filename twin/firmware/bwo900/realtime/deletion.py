@@ -1,11 +1,11 @@
-"""M26: a signal deletes what is left of a path or of a dwell, and where the axes were is kept (manual 6.1.7, 8.5, 8.7).
+"""M26: a signal deletes the rest of a path or a dwell, and positions of the axes are stored (manual 6.1.7, 8.5, 8.7).
 
 P8715 = 1, or the probe (e0.6) as P12045 of a moving axis releases it --> the path brakes, the next block comes
 
 P8695    -1: a block with M26 has begun    number of the block: it was deleted    0: P8715 = 0
-P12153   of each axis: where it was, mm, of the machine; P8855, byte 1 = 1: of the display
-P12181   byte 1: it has been kept since the last M26; byte 2: the probe
-P8716    1: keep it now, without deleting anything; P8696 is the block's number, 0 with P8716 = 0
+P12153   of each axis: stored position in mm, of the machine; P8855, byte 1 = 1: of the display
+P12181   byte 1: stored since the last M26; byte 2: the probe
+P8716    1: store now, without deleting anything; P8696 is the block's number, 0 with P8716 = 0
 P8895    bits of the axes that take part; 0: all of them
 
 P12045   byte 1, 2 = 1: released in +, in -; byte 4, bit 0: while the probe is off; deleted: both, while it is on
@@ -26,7 +26,7 @@ PROBE: Final = "e0.6"
 
 
 class DeletionWatch:
-    """Looks for the signal that deletes a path, and keeps where the axes were."""
+    """Detects the signal that deletes a path, and stores positions of the axes."""
 
     def __init__(self, parameters: Parameters, levels: Mapping[str, bool], axes: Axes, executed: Executed) -> None:
         """levels: of the inputs, kept up to date by the caller."""
@@ -38,7 +38,7 @@ class DeletionWatch:
             self._state(axis, taken=False)
 
     def deletes(self, block: PathBlock) -> bool:
-        """True if the path or the dwell of a block with M26 is to be deleted: P8715, or the probe."""
+        """True if a signal, P8715 or the probe, deletes the path or dwell of a block with M26."""
         return bool(self._parameters.get(P.DELETE)) or self._probed(block)
 
     def deleted(self) -> None:
@@ -55,7 +55,7 @@ class DeletionWatch:
                 self._state(axis, taken=True)
 
     def written(self, number: int, value: float | None) -> None:
-        """A parameter P was written: P8715 and P8716 are signals."""
+        """Take a written parameter P: P8715 and P8716 are signals."""
         if number == P.DELETE and not value:
             self._parameters.write(P.DELETED, 0.0)
         elif number == P.KEEP:
@@ -64,7 +64,7 @@ class DeletionWatch:
             self._parameters.write(P.KEPT, float(self._executed.place[1]) if value == 1.0 else 0.0)
 
     def touched(self) -> None:
-        """The probe has changed: P12181 tells its level."""
+        """Take a change of the probe: P12181 has its level."""
         for axis in range(AXES):
             self._state(axis, taken=bool(int(self._parameters.get(of_axis(axis, Axis.MEASURED))) & 1))
 
@@ -73,7 +73,7 @@ class DeletionWatch:
         self._parameters.write(of_axis(axis, Axis.MEASURED), float(taken | probe << 8))
 
     def _probed(self, block: PathBlock) -> bool:
-        """True if the probe acts for an axis in the direction the block moves it; without a path any axis counts."""
+        """True if the probe is enabled for an axis in its direction of motion; without a path for any axis."""
         probe = self._levels.get(PROBE, False)
         ways = [b - a for a, b in zip(block.elements[0].start, block.finish, strict=True)] if block.elements else []
         for axis in range(AXES):

@@ -1,4 +1,4 @@
-"""The block in execution: its place in its program, what holds for it, and the coordinates of the display."""
+"""The block in execution: its place in the program, its modal state, and display coordinates."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from isel_twin.firmware.bwo900.messages import Message, message
 
 
 class Executed:
-    """The block that the channel has entered last."""
+    """The block that the channel entered last."""
 
     def __init__(self, interpreter: Interpreter) -> None:
         self._interpreter = interpreter
@@ -27,7 +27,7 @@ class Executed:
         self.active, self.block = False, None
 
     def enter(self, block: PathBlock) -> bool:
-        """A block begins. True if it is another block of a program than the one before."""
+        """Take the beginning of a block; return True if it is another block of a program than before."""
         place = block.program, block.number
         other = place != self.place and block.number != 0
         self.block, self.place, self.column = block, place, block.column
@@ -35,7 +35,7 @@ class Executed:
 
     @property
     def in_force(self) -> InForce:
-        """What holds for the block; without a program, what one begins with."""
+        """Modal state of the block; without a program that at the start of one."""
         return AT_REST if self.block is None else self.block.in_force
 
     @property

@@ -1,6 +1,5 @@
-"""Moves without a program, in mode HAND: keys of an axis (jog.py) and reference runs (homing.py).
-
-Both wait for the power of the drives: `wants` and `direction` say what is to begin when it is there.
+"""Moves without a program, in mode HAND: keys of an axis (jog.py) and reference runs (homing.py). Both wait for the
+power of the drives; `wants` and `direction` hold the waiting move.
 """
 
 from __future__ import annotations
@@ -16,13 +15,13 @@ from isel_twin.firmware.bwo900.realtime.outgoing import Outgoing
 
 
 class Hand:
-    """The move under way, and those that wait for power."""
+    """The present move, and those that wait for power."""
 
     def __init__(self, parameters: Parameters, axes: Axes, outgoing: Outgoing) -> None:
         self._parameters, self._axes, self._outgoing = parameters, axes, outgoing
         self.homing: Homing | None = None
         self.jog: Jog | None = None
-        self.direction = 0  # of a key that waits for power: +1, -1; 0: there is none
+        self.direction = 0  # of a key that waits for power: +1, -1; 0: none
         self.wants: list[int] = []
 
     @property
@@ -49,7 +48,7 @@ class Hand:
         self.homing, self.jog, self.direction = None, None, 0
 
     def brake(self) -> None:
-        """Stop, or an abort: whatever moves brakes, and what waits is forgotten."""
+        """Stop or abort: brake all moves, and drop waiting ones."""
         self.direction, self.wants = 0, []
         self.release(everything=True)
         if self.homing is not None:
@@ -93,7 +92,7 @@ class Hand:
         axes.follow(jog.run)
 
     def refer(self, axis: int, *, free: bool) -> bool:
-        """A reference run is asked for; free: mode and program allow it. True if it is to begin."""
+        """Request a reference run; free: mode and program allow it. True if it is to begin."""
         if not free or self.move is not None:
             under_way = " is under way" if free and self.jog is None else ""
             self._say(message(Code.NOT_IN_HAND, detail=f"a reference run{under_way}"))
@@ -102,7 +101,7 @@ class Hand:
         return True
 
     def begin_homing(self, axes: list[int]) -> None:
-        """Reference runs of these axes, Z first; until they are over, the axes have no reference point."""
+        """Begin reference runs of these axes, Z first; until their end the axes have no reference point."""
         for axis in axes:
             self._axes.forget(axis)
         self._parameters.write(P.ALL_REFERENCED, 0.0)

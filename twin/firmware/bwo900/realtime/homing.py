@@ -5,7 +5,7 @@
                     \\      ___ +slow until it is free
                      \\____/   \\__ on to the next zero pulse: there the axis is at P12040
 
-One axis after the other, Z first. What the drives report decides; no switch within the way, or a lost drive, ends it.
+One axis after the other, Z first. A search without a switch, or a lost drive, ends it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from isel_twin.motion.indexer import Indexer, at_rest
 FAST_HZ, SLOW_HZ = 10_000.0, 2_000.0
 ACCELERATION_HZ_S = 100_000.0
 SEARCH = 1_200_000  # increments after which a search ends without a switch
-FREE = 40_000  # increments after which the switch must have been left
+FREE = 40_000  # increments within which the switch must open
 
 
 class Leg(Enum):
@@ -38,12 +38,12 @@ class Homing:
     """Reference runs of some axes, one after the other. `advance` after everything that happens."""
 
     def __init__(self, order: list[int], axes: Axes, outgoing: Outgoing) -> None:
-        """order: the axes that are to make one, the first one first."""
+        """order: the axes in the order of their runs."""
         self._order, self._axes, self._outgoing = order, axes, outgoing
         self._serial = 0
         self._leg = Leg.STOP
         self.run: SetPointRun | None = None
-        self.failed: int | None = None  # the axis that has found no switch
+        self.failed: int | None = None  # the axis that found no switch
         self._next()
 
     @property
@@ -75,7 +75,7 @@ class Homing:
             self._move(axis, -SEARCH, FAST_HZ, Leg.SEARCH)
 
     def _go_on(self) -> bool:
-        """Look at the present leg; True if another one has begun, which is to be looked at, too."""
+        """Check the present leg; True if another one has begun, which must be checked, too."""
         assert self.run is not None
         axis, stands, leg = self._order[0], self._axes.now_ns >= self.run.end_ns, self._leg
         struck = self._axes.struck(axis, 1)

@@ -2,7 +2,7 @@
 
 P8751 axis    P8750 1 continuous, 2 step    P8755 speed, mm/min, at most P8754, times the override (P8756, bwo900/54)
 P8760 step, mm
-P8752 1 +, 2 -: begins; 0: a continuous move brakes. The other kinds (hand wheel, divide, home) are not there.
+P8752 1 +, 2 -: begins; 0: a continuous move brakes. The other kinds (hand wheel, divide, home) are not emulated.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from isel_twin.motion.indexer import at_rest
 
 CONTINUOUS, STEP = 1, 2
 FURTHEST_MM: Final = 10_000.0  # a continuous move without software limits ends here
-SPEED_MM_MIN: Final = 1_000.0  # P8755 where nobody has set it
-STEPS_MM: Final = (10.0, 1.0, 0.1, 0.01, 0.001, 0.0, 0.0)  # P8763 to P8769 where nobody has set them
+SPEED_MM_MIN: Final = 1_000.0  # P8755 if unset
+STEPS_MM: Final = (10.0, 1.0, 0.1, 0.01, 0.001, 0.0, 0.0)  # P8763 to P8769 if unset
 
 
 def step_mm(parameters: Parameters) -> float:
-    """The step: P8760, or that of the table that P8762 points to, the first one if it does not."""
+    """The step: P8760, or the entry of the table at P8762, by default the first."""
     if step := parameters.get(P.STEP):
         return step
     place = min(max(int(parameters.given(P.STEP_POINTER, 1.0)), 1), len(STEPS_MM)) - 1
@@ -33,7 +33,7 @@ def step_mm(parameters: Parameters) -> float:
 
 
 def step_on(parameters: Parameters) -> None:
-    """P8761: the next step of the table that is not 0; the first one comes behind the last."""
+    """P8761: select the next step of the table that is not 0, cyclically."""
     place = min(max(int(parameters.given(P.STEP_POINTER, 1.0)), 1), len(STEPS_MM))
     for _ in STEPS_MM:
         place = place % len(STEPS_MM) + 1
@@ -68,9 +68,9 @@ class Jog:
         self._parameters, self._axes, self._per_mm = p, axes, per_mm
         self._speed_mm_s = min(p.given(P.HAND_FEED, SPEED_MM_MIN) / 60.0, fastest)
         self._acceleration = limits.rapid_acceleration[axis] * per_mm
-        self._left = float(round(way * per_mm))  # way that is left where the present run began
+        self._left = float(round(way * per_mm))  # distance left at the beginning of the present run
         self._override = 0.0
-        self._released = False  # the key is released: it brakes
+        self._released = False  # the key is released, the axis brakes
         self.over = False
         self.run: SetPointRun | None = None
         self.scale(override)
@@ -86,7 +86,7 @@ class Jog:
             self.run, self.over = None, self._released or self._override > 0.0
 
     def scale(self, override: float) -> None:
-        """Another override: the axis goes on at that speed; 0 holds it."""
+        """Change the override; 0 holds the axis."""
         if self._released:
             return
         self._override = override
@@ -101,7 +101,7 @@ class Jog:
             self.run = SetPointRun(plan.to(self.axis, 0, self._left, speed), PERIOD_NS, now_ns)
 
     def release(self, *, everything: bool = False) -> None:
-        """The key is released: brake, unless it is a step; everything: a step as well."""
+        """Take the release of the key: brake a continuous move; everything: brake a step, too."""
         if self._kind == STEP and not everything:
             return
         self._released = True

@@ -1,4 +1,4 @@
-"""Which of the waiting blocks run into each other without a stop, and so make one stretch of path."""
+"""Which waiting blocks join without a stop and so make one stretch of path."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def halts(block: PathBlock, around: Surroundings) -> bool:
 
 
 def breaks_after(block: PathBlock, around: Surroundings) -> bool:
-    """True if the axes stand at its end and something is waited for."""
+    """True if the axes stop at its end to wait for something."""
     return block.stands or any(function.halt for function in block.post) or halts(block, around)
 
 
@@ -36,7 +36,7 @@ def joins(block: PathBlock, following: PathBlock, around: Surroundings) -> bool:
 
 
 def joining(waiting: deque[PathBlock], last: PathBlock | None, around: Surroundings) -> list[PathBlock]:
-    """Take the waiting blocks that belong to the stretch behind `last`, its last block; None: a stretch begins."""
+    """Take the waiting blocks that continue the stretch after `last`, its last block; None: a new stretch."""
     chosen: list[PathBlock] = []
     while waiting:
         block = waiting[0]

@@ -1,11 +1,11 @@
-"""The watch over the following error (manual 8.7, P12024, P12025): an axis that does not follow ends all, M2001.
+"""Supervision of the following error (manual 8.7, P12024, P12025): an axis that does not follow ends all, M2001.
 
     expected lag                  x   set position, s   its lag behind a position loop with gain KV (P12020)
                                   s(t + T) = s(t) exp(-KV T) + (x(t + T) - x(t)) (1 - exp(-KV T)) / (KV T)
                                   at constant speed v: s = v / KV, "feed / (60 KV)"
-    allowed                       (1 + P12024 / 100) |s| + coarse window (P12017), passed for no longer than P12025
+    allowed                       (1 + P12024 / 100) |s| + coarse window (P12017), exceeded for at most P12025
 
-P12024 is 50 % and P12025 50 ms unless set; P12025 = -1: no watch.
+P12024 is 50 % and P12025 50 ms unless set; P12025 = -1: off.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from isel_twin.firmware.bwo900.realtime.path import KV_1_S, positive
 LOOK_NS: Final = 25 * MILLISECOND_NS
 MORE_PERCENT: Final = 50.0
 LONGEST_MS: Final = 50.0
-COARSE: Final = 8.0  # P12017 over P12016 where nobody has set it
+COARSE: Final = 8.0  # P12017 over P12016 if unset
 OFF: Final = -1.0
 
 
@@ -32,15 +32,15 @@ def window_mm(parameters: Parameters, axis: int, per_mm: float) -> float:
 
 
 class LagWatch:
-    """Watches all axes, every `LOOK_NS` while something moves. Positions and lags are increments."""
+    """Checks all axes every `LOOK_NS` while something moves. Positions and lags are increments."""
 
     def __init__(self, parameters: Parameters) -> None:
         self._parameters = parameters
-        self.due_ns: int | None = None  # when it looks next; None: nothing moves
+        self.due_ns: int | None = None  # next check; None: nothing moves
         self._last_ns = 0
         self._counts: tuple[int, ...] = (0,) * MACHINE_AXES
         self._ought = [0.0] * MACHINE_AXES
-        self._since_ns: list[int | None] = [None] * MACHINE_AXES  # since when the lag of an axis is more than allowed
+        self._since_ns: list[int | None] = [None] * MACHINE_AXES  # since when the lag of an axis exceeds the limit
         self._known: tuple[int, list[tuple[float, float, float, float]]] | None = None
         """Settings, and the revision of the parameters they were made from."""
 
@@ -61,7 +61,7 @@ class LagWatch:
         return self._known[1]
 
     def begin(self, now_ns: int, counts: Sequence[int]) -> None:
-        """Something begins to move, all axes at rest."""
+        """Begin the checks, with all axes at rest."""
         if self.due_ns is None:
             self.due_ns, self._last_ns, self._counts = now_ns + LOOK_NS, now_ns, tuple(counts)
             self._ought, self._since_ns = [0.0] * MACHINE_AXES, [None] * MACHINE_AXES
@@ -73,7 +73,7 @@ class LagWatch:
         return self.due_ns is not None and now_ns >= self.due_ns
 
     def look(self, now_ns: int, counts: Sequence[int], lag: Sequence[float], per_mm: Sequence[float]) -> int | None:
-        """Look; returns the axis that has lagged for too long."""
+        """Check; return an axis that has lagged for too long."""
         self.due_ns = now_ns + LOOK_NS
         passed_s, self._last_ns = (now_ns - self._last_ns) / SECOND_NS, now_ns
         before, self._counts = self._counts, tuple(counts)

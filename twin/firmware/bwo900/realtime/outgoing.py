@@ -1,8 +1,8 @@
-"""What the control tells the outside: events, changes of outputs, messages.
+"""Outputs of the control: events, changes of outputs, messages.
 
-A message is an event, stands until it is cleared, and is kept in the history. Its number is in P8500 to P8503, by its
-effect, until then; its axis in P8504 and P12197, its place in P8910 and P8911, and in P8505 to P8507 what else there is
-to know: a line of a file, a parameter and its channel. One that is more than shown is a fault.
+A message is an event, is active until it is cleared, and stays in the history. While active its number is in P8500 to
+P8503, by its effect, its axis in P8504 and P12197, its place in P8910 and P8911, and details in P8505 to P8507: a line
+of a file, a parameter and its channel. One with an effect beyond display is a fault.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ CELLS: Final[Mapping[Effect, int]] = {
     Effect.STOP: P.MESSAGE_LOW,
     Effect.SHOWN: P.MESSAGE_SHOWN,
 }
-INTERPOLATOR: Final = (20, 21)  # messages of these hundreds are about an axis
+INTERPOLATOR: Final = (20, 21)  # messages 20xx and 21xx are about an axis
 INFOS: Final = (P.MESSAGE_INFO_1, P.MESSAGE_INFO_2, P.MESSAGE_INFO_3)
 MOST_MESSAGES: Final = 1_000
 
@@ -31,7 +31,7 @@ class Outgoing:
         self._parameters = parameters
         self._events: list[Event] = []
         self._outputs: dict[str, int] = {}
-        self.standing: list[Message] = []  # messages that have not been cleared, the newest last
+        self.standing: list[Message] = []  # active messages, the newest last
         self.history: list[tuple[int, Message]] = []
         self.fault = False
 
@@ -52,7 +52,7 @@ class Outgoing:
         self.add(Output(name, 1), Output(name, 0))
 
     def say(self, t_ns: int, said: Message) -> None:
-        """A message comes up: it stands, goes into the history and the parameters, and may be a fault."""
+        """Raise a message: it becomes active, goes into history and parameters, and may be a fault."""
         self.standing.append(said)
         del self.standing[:-MOST_MESSAGES]
         self.history.append((t_ns, said))
@@ -80,7 +80,7 @@ class Outgoing:
             self._parameters.write(number, 0.0)
 
     def clear(self) -> None:
-        """The operator has read the messages that stand, and the fault is over."""
+        """Clear the active messages and the fault."""
         self.acknowledge()
         self.fault = False
         self.output("message", 0)

@@ -1,12 +1,12 @@
-"""The overrides 1 to 8 (manual 8.6, P11310 on): what a potentiometer makes of speeds.
+"""The overrides 1 to 8 (manual 8.6, P11310 on), factors of speeds by potentiometers.
 
-    P11311   0 .. 255, from the panel; its writing makes P11310 of it
+    P11311   0 .. 255, from the panel; a write sets P11310
     P11314   q of a table, its count first, then its values in %: 0 .. 255 is divided evenly among them
              0 or deleted: P11311 acts continuously, 255 is 120 %
     P11310   % in force, held between P11312 and P11313
 
 The same, 5 parameters further each, of overrides 2 to 8. P11370 is the table as delivered: 27 values from 0 to 120 %.
-P12125 of an axis names the override of its paths: of several the lowest counts, for a path has one speed.
+P12125 of an axis gives the override of its paths; of several the lowest counts, as a path has one speed.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from isel_twin.firmware.bwo900.parameters import Parameters
 COUNT: Final = 8
 SIZE: Final = 5  # parameters of an override: value, raw value, lowest, highest, table
 VALUE, RAW, LOWEST_OFFSET, HIGHEST_OFFSET, TABLE = range(SIZE)
-HIGHEST: Final = 120.0  # % that a potentiometer goes up to (3.7)
+HIGHEST: Final = 120.0  # highest % of a potentiometer (3.7)
 FULL: Final = 255  # its highest value
 
 # parameters P of a new control: overrides 5 to 8, which are fixed, and the table
@@ -37,7 +37,7 @@ def is_override(number: int) -> bool:
 
 
 def written(parameters: Parameters, number: int) -> None:
-    """A parameter of an override has been written: P11310 follows from P11311, and keeps within its limits."""
+    """Take a written parameter of an override: update P11310 by P11311 and its limits."""
     if not is_override(number):
         return
     first = number - (number - P.OVERRIDE) % SIZE
@@ -48,7 +48,7 @@ def written(parameters: Parameters, number: int) -> None:
 
 
 def factor(parameters: Parameters, axes: int) -> float:
-    """The factor of all path speeds now: 1 is 100 %, also for an override that nobody has set."""
+    """The present factor of all path speeds: 1 is 100 %, also the default of an unset override."""
     return min(_percent(parameters, int(parameters.axis(axis, Axis.OVERRIDE, 1.0))) for axis in range(axes)) / 100.0
 
 
@@ -58,7 +58,7 @@ def _percent(parameters: Parameters, override: int) -> float:
 
 
 def _limited(parameters: Parameters, first: int, percent: float) -> float:
-    """Between the lowest and the highest value of the override; the highest wins where they cross."""
+    """Limited to the range of the override; the highest value wins if the limits cross."""
     lowest = max(parameters.get(first + LOWEST_OFFSET), 0.0)
     highest = min(max(parameters.get(first + HIGHEST_OFFSET, HIGHEST), 0.0), HIGHEST)
     return min(max(percent, lowest), highest)

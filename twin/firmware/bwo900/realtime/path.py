@@ -34,19 +34,19 @@ from isel_twin.firmware.bwo900.parameters import Parameters, byte
 from isel_twin.motion.pieces import Pieces
 
 MINUTE_S: Final = 60.0
-FASTEST_MM_MIN: Final = 6_000.0  # P12004 where nobody has set it
-DYNAMICS_MS: Final = 250.0  # P12008 where nobody has set it: time from standstill to the highest speed
-KV_1_S: Final = 16.0  # P12020 where nobody has set it
+FASTEST_MM_MIN: Final = 6_000.0  # P12004 if unset
+DYNAMICS_MS: Final = 250.0  # P12008 if unset: time from standstill to the highest speed
+KV_1_S: Final = 16.0  # P12020 if unset
 FURTHEST: Final = 2.0**31  # increments from zero that a counter of 32 bits holds
 SHARE: Final = math.sqrt(0.5)  # of the acceleration, on circles: across the path and along it
-STRAIGHT: Final = 1e-9  # sine of an angle that is none
-NO_CONTOUR_MM: Final = 1e-6  # radius of a contour that is a corner
-SLOWEST: Final = 0.01  # of the feed is left, whatever P8848 and P8849 take away
+STRAIGHT: Final = 1e-9  # sine of an angle that counts as 0
+NO_CONTOUR_MM: Final = 1e-6  # radius of a contour that counts as a corner
+SLOWEST: Final = 0.01  # least part of the feed left by P8848 and P8849
 
 
 @dataclass(frozen=True, slots=True)
 class MotionLimits:
-    """What axes and path can do, from the parameters; tuples have one value an axis."""
+    """Limits of axes and path, from the parameters; tuples have one value an axis."""
 
     increments_per_mm: tuple[float, ...]
     speed: Point  # mm/s, of paths
@@ -62,7 +62,7 @@ class MotionLimits:
     contour_mm: float = 0.0  # P8857, 0: off
     convex: float = 0.0
     concave: float = 0.0  # P8848 and P8849, as a share of the feed: -1 to 1
-    # P8850: 0 off, 1 the feed of the point of contact, above that the largest radius with another feed
+    # P8850: 0 off, 1 feed at the point of contact, above that the largest radius with another feed
     reference_mm: float = 0.0
     # P12010 of an axis: ramps are sin^2. They take as long as linear ones, and are pi/2 steeper in their middle.
     sine: bool = False
@@ -106,7 +106,7 @@ def positive(value: float, default: float) -> float:
 
 
 def circumradius(a: Point, b: Point, c: Point) -> float:
-    """Radius in mm of the circle through three points; infinite for points on a line, there or back."""
+    """Radius in mm of the circle through three points; infinite for points on a line."""
     first, second, chord = math.dist(a, b), math.dist(b, c), math.dist(a, c)
     if first <= 0.0 or second <= 0.0:
         return math.inf
@@ -116,8 +116,8 @@ def circumradius(a: Point, b: Point, c: Point) -> float:
 
 
 def feed_factor(arc: Arc, correction: Correction, limits: MotionLimits) -> float:
-    """Factor of the feed on an arc of the tool's centre beside a contour (P8848 to P8850); 1 without a contour, and
-    on an arc around an outer corner, which has none of its own."""
+    """Factor of the feed on an arc of the tool's centre beside a contour (P8848 to P8850); 1 without a contour, as on
+    an arc around an outer corner."""
     reference, tool, centre = limits.reference_mm, correction.radius_mm, arc.radius_mm
     if not correction.side or tool <= 0.0 or reference < 1.0:
         return 1.0
@@ -156,7 +156,7 @@ def corner_factor(cosine: float, exponent: float) -> float:
 
 
 class PieceMaker:
-    """Makes pieces of blocks; remembers place, direction and speed at the end of the last one."""
+    """Makes pieces from blocks; remembers position, direction and speed at the end of the last one."""
 
     def __init__(self, limits: MotionLimits, position: Point) -> None:
         """position: where the axes stand, mm."""
@@ -168,7 +168,7 @@ class PieceMaker:
         """The last piece, if it is a line with a feed that the next one joins."""
 
     def pieces(self, blocks: Sequence[PathBlock]) -> tuple[Pieces, list[int]]:
-        """The pieces of these blocks, and how many each has. Raises ProgramError: M1230 no feed, M1237."""
+        """The pieces of these blocks, and the number of each block. Raises ProgramError: M1230 no feed, M1237."""
         rows: list[Point] = []
         columns: list[tuple[float, float, float, float, float]] = []
         curves: list[tuple[int, _Curve]] = []

@@ -1,4 +1,4 @@
-"""The path under way: passes on from block to block, takes in blocks that have been analysed, brakes, is given up.
+"""The path in execution: goes from block to block, appends analysed blocks, brakes, is given up.
 
 waiting blocks (ahead.py) --> joining.py --> stretch.py --> set points
                                 ^ override, safety stop: scale      ^ M26, M function with a jump: cut
@@ -18,15 +18,15 @@ from isel_twin.firmware.bwo900.realtime.surroundings import Surroundings, enter,
 
 
 class Cut(Flag):
-    """Why the rest of the path of the block in execution is given up."""
+    """Why the rest of the present block's path is given up."""
 
     NONE = 0
-    JUMP = 1  # its M function with a jump has been acknowledged in time
+    JUMP = 1  # its M function with a jump was acknowledged in time
     SIGNAL = 2  # M26: a signal deletes it
 
 
 class PathRun:
-    """One stretch after the other; the channel decides when one begins and ends."""
+    """Runs one stretch after the other; the channel begins and ends them."""
 
     def __init__(self, interpreter: Interpreter, ahead: Ahead, around: Surroundings) -> None:
         self._interpreter, self._ahead, self._around = interpreter, ahead, around
@@ -38,7 +38,7 @@ class PathRun:
 
     @property
     def next_ns(self) -> int:
-        """When something is due while set points are made."""
+        """Next due time while set points are made."""
         now_ns, poll_ns = self._axes.now_ns, self._ahead.poll_ns
         next_ns = self.stretch.next_ns(now_ns, None if self._ahead.ended else REFILL)
         if poll_ns is not None and not self.stretch.held:  # analysis waits while the axes do
@@ -51,7 +51,7 @@ class PathRun:
 
     @property
     def scale(self) -> float:
-        """The override, as it counts for the path under way, or for the next one."""
+        """The override for the present or the next path."""
         waiting = self._ahead.blocks
         return self._scale_of(self.stretch.first or (waiting[0] if waiting else None))
 
@@ -68,15 +68,15 @@ class PathRun:
             raise _about(chosen[0], error) from None
 
     def pass_on(self) -> None:
-        """Blocks whose path has been made are over, and those behind them begin."""
+        """Finish blocks whose path has been made, and begin the next ones."""
         for over, block, began_ns in self.stretch.passed(self._axes.now_ns):
             send(self._around, over.post)
             enter(self._around, block, began_ns)
             speak(self._around, block)
 
     def extend(self, *, holds: bool) -> bool:
-        """Analyse further and append what joins, unless the channel is to hold; True: a message asks it to. Raises
-        ProgramError, about the first block that was to be appended."""
+        """Analyse further and append joining blocks, unless the channel is to hold; return True if a message asks to
+        hold. Raises ProgramError about the first block to append."""
         stretch, ahead = self.stretch, self._ahead
         is_open = not holds and self._is_open()
         if not ahead.ended and not stretch.held and (ahead.poll_ns is not None or (is_open and len(stretch) <= REFILL)):
@@ -97,7 +97,7 @@ class PathRun:
         return last is not None and not breaks_after(last, self._around)
 
     def finish(self) -> PathBlock | None:
-        """The set points have ended: the last block, whose path has been made or is given up; None: it was held."""
+        """At the end of the set points: the last block, whose path has been made or given up; None: it was held."""
         return self.stretch.finish(gives_up=bool(self.cut))
 
     def hold(self, wanted: bool) -> None:
@@ -110,13 +110,13 @@ class PathRun:
         self.stretch.resume(self.scale, self._axes.now_ns)
 
     def set_feed(self, mm_min: float) -> None:
-        """P8817: another feed for what is left of the block in execution; 0 and less: none. Rapid has no feed."""
+        """P8817: another feed for the rest of the present block; 0 and less: none. Rapids have no feed."""
         block = self.stretch.first
         if mm_min > 0.0 and block is not None and not block.rapid:
             self.stretch.hasten(mm_min / 60.0, self._axes.now_ns)
 
     def give_up(self) -> bool:
-        """Look for what deletes the path of the block in execution; True: the channel has nothing else to do now."""
+        """Check for signals that delete the present block's path; True: the channel has nothing else to do now."""
         around, block = self._around, self.stretch.first
         if block is None:
             return False
@@ -133,19 +133,19 @@ class PathRun:
         return False
 
     def delete(self) -> None:
-        """A signal deletes the path of the block with M26."""
+        """Delete the path of a block with M26."""
         self.cut |= Cut.SIGNAL
         self._around.deletion.deleted()
 
     def _drop(self) -> None:
-        """Brake; what is left of the path is not made."""
+        """Brake and drop the rest of the path."""
         self.stretch.replan(self._axes.now_ns, hold=True, drop=True)
 
     def stand(self) -> None:
         self.stretch.stand(self._axes.limits(), self._axes.position)
 
     def begin_anew(self) -> None:
-        """A path has been deleted: the next one begins where the axes stand, without corrections of the one before."""
+        """After a deleted path: the next one begins at the present position, without the old radius correction."""
         self._interpreter.stand(self._axes.position)
         self.stand()
         self._ahead.renew_filters()

@@ -1,7 +1,7 @@
-"""Power of the drives: what it needs, and how the control asks for it.
+"""Power of the drives: its conditions, and its request.
 
     Start, a key of an axis, a reference run --> request --> relay of the cabinet, reset of the drives
-                                                 |  until all of `ready` is there, at most half a second
+                                                 |  until `ready`, at most half a second
                                                  +--> switch(on): stages, brake
 
 E-stop, the loss of the supply and a fault of a drive switch off.
@@ -26,11 +26,11 @@ class Power:
         self._levels, self._outgoing = levels, outgoing
         self.faulty = [False] * AXES
         self.on = False
-        self.until_ns: int | None = None  # the control waits for power until then; None: it does not wait
+        self.until_ns: int | None = None  # limit of the wait for power; None: no wait
 
     @property
     def ready(self) -> bool:
-        """E-stop, supply and drives let the axes move."""
+        """True if E-stop, supply and drives allow motion."""
         return self._levels.get("estop", True) and self._levels.get("power", True) and not any(self.faulty)
 
     @property

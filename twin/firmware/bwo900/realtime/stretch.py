@@ -1,12 +1,12 @@
-"""A stretch: blocks that run into each other, as one motion that is appended to while it runs.
+"""A stretch: joined blocks as one motion, which grows while it runs.
 
     waiting blocks --> begin, append --> entries:  | block 1 | block 2 | ... | block n |      pieces of `Joined`
                                          made -----------^                                    so far
 
-A stretch ends where the axes stand: at an exact stop, a dwell, an M00, functions that are waited for. The override, a
-stop and blocks that come late change what is still to be made, from the next tick on (`replan`). What was held goes on
-in a new run with the rest of the motion (`resume`). An endless stretch goes over to a new run now and then, without the
-pieces that have been made (`MOST_PIECES`): the same set points in bounded memory.
+A stretch ends where the axes stop: at an exact stop, a dwell, an M00, functions that must be acknowledged. The
+override, a stop and late blocks change the rest from the next tick on (`replan`). A held stretch goes on in a new run
+with the rest of the motion (`resume`). A very long stretch continues in new runs without the finished pieces
+(`MOST_PIECES`): the same set points in bounded memory.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ from isel_twin.motion import SetPointRun
 from isel_twin.motion.joined import Joined, joined
 from isel_twin.motion.pieces import Pieces
 
-# from set point to set point: the position control of the manual takes 0.25 to 3 ms
+# period of set points; the manual's position control takes 0.25 to 3 ms
 PERIOD_NS: Final = 2 * MILLISECOND_NS
-# pieces that a motion keeps before those that have been made are forgotten: some 150 bytes each
+# most pieces of a motion before finished ones are dropped: some 150 bytes each
 MOST_PIECES: Final = 8192
 
 
 @dataclass
 class _Entry:
-    """A block of the stretch, and how many pieces of the stretch have been made when it is over."""
+    """A block of the stretch, and the number of pieces of the stretch up to its end."""
 
     block: PathBlock
     until: int
 
 
 class Stretch:
-    """The stretch under way, if there is one: its blocks, its motion, its run of set points."""
+    """The present stretch, if any: its blocks, its motion, its run of set points."""
 
     def __init__(self) -> None:
         self.run: SetPointRun | None = None
@@ -71,7 +71,7 @@ class Stretch:
 
     @property
     def held(self) -> bool:
-        """Its set points end before its pieces do."""
+        """True if its set points end before its pieces do."""
         return self._plan is not None and self._plan.held
 
     def over(self, now_ns: int) -> bool:
@@ -84,8 +84,8 @@ class Stretch:
         return plan.speed(run.count(now_ns))
 
     def next_ns(self, now_ns: int, refill: int | None) -> int:
-        """When the set points end, the next block speaks, or there is room for more blocks: when no more than `refill`
-        blocks are left; None: no more will come."""
+        """When the set points end, the next block has an effect, or there is room for more blocks: at most `refill` are
+        left; None: no more will come."""
         run, plan = self.run, self._plan
         if run is None or plan is None:
             return now_ns
@@ -105,7 +105,7 @@ class Stretch:
         return min(marks)
 
     def _time_of(self, pieces: int) -> int:
-        """When this number of pieces of the stretch will have been made."""
+        """Time at which this number of pieces of the stretch is made."""
         assert self.run is not None
         assert self._plan is not None
         try:
@@ -115,7 +115,7 @@ class Stretch:
         return self.run.start_ns + (tick - self.run.first) * PERIOD_NS
 
     def stand(self, limits: MotionLimits, position: Point) -> None:
-        """The next path begins here, mm."""
+        """Set the beginning of the next path, mm."""
         self._pieces = PieceMaker(limits, position)
 
     def clear(self) -> None:
@@ -123,7 +123,7 @@ class Stretch:
         self._plan, self.run = None, None
 
     def begin(self, blocks: Sequence[PathBlock], limits: MotionLimits, scale: float, now_ns: int) -> None:
-        """A stretch begins with these blocks. scale: the override. Raises ProgramError, see PieceMaker.pieces."""
+        """Begin a stretch with these blocks. scale: the override. Raises ProgramError as `PieceMaker.pieces`."""
         assert self._pieces is not None
         self._pieces.limits = limits
         self._entries.clear()
@@ -135,7 +135,7 @@ class Stretch:
         self.run = SetPointRun(self._plan, PERIOD_NS, now_ns)
 
     def append(self, blocks: Sequence[PathBlock], now_ns: int) -> None:
-        """The stretch goes on with these blocks. Raises ProgramError, see PieceMaker.pieces."""
+        """Append these blocks. Raises ProgramError as `PieceMaker.pieces`."""
         pieces = self._enter(blocks)
         if len(pieces):
             self.replan(now_ns, append=pieces)
@@ -151,7 +151,7 @@ class Stretch:
         return pieces
 
     def passed(self, now_ns: int) -> Iterator[tuple[PathBlock, PathBlock, int]]:
-        """Take away blocks that are over, but never the last one; yields each, the next one, and when that began."""
+        """Remove finished blocks except the last one; yields each, the next one, and when that began."""
         run, plan = self.run, self._plan
         if run is None or plan is None:
             return
@@ -162,7 +162,7 @@ class Stretch:
             yield over.block, self._entries[0].block, began_ns
 
     def finish(self, *, gives_up: bool) -> PathBlock | None:
-        """Its set points have ended: returns the last block, or None if the path was held and is not given up."""
+        """At the end of the set points: return the last block, or None if the path was held and is not given up."""
         assert self._plan is not None
         plan, self.run = self._plan, None
         made = self._made + plan.finished(plan.ticks)
@@ -180,7 +180,7 @@ class Stretch:
         self.run = SetPointRun(self._plan, PERIOD_NS, now_ns)
 
     def hasten(self, speed_mm_s: float, now_ns: int) -> None:
-        """Another feed for what is left of the first block."""
+        """Change the feed for the rest of the first block."""
         if self._plan is None:
             return
         wanted = (self._entries[0].until - self._made, speed_mm_s)
@@ -190,7 +190,7 @@ class Stretch:
             self.replan(now_ns, wanted=wanted)
 
     def replan(self, now_ns: int, **changes: object) -> None:
-        """Another future from the next tick on: `hold`, `drop`, `scale`, `wanted`, `append`: see Joined.replanned."""
+        """Replan from the next tick on; changes as for `Joined.replanned`."""
         run, plan = self.run, self._plan
         if run is None or plan is None:
             return
@@ -198,7 +198,7 @@ class Stretch:
         self.run = run.with_plan(self._plan)
 
     def _hand_over(self, now_ns: int) -> None:
-        """Forget pieces that have been made, if there are many; the last tick stays, for the speed now."""
+        """Drop finished pieces if there are many; the last tick stays, for the present speed."""
         run, plan = self.run, self._plan
         if run is None or plan is None or plan.known_pieces <= MOST_PIECES or now_ns < run.start_ns:
             return

@@ -1,4 +1,4 @@
-"""What the channel needs around it: PLC, axes, parameters, messages, and somebody who begins and ends programs.
+"""Interfaces of the channel: PLC, axes, parameters, messages, and beginning and end of programs.
 
 Channel --- Surroundings ---> Execution (bwo900/execution.py)
 """
@@ -19,7 +19,7 @@ from isel_twin.firmware.bwo900.realtime.executed import Executed
 
 
 class Surroundings(Protocol):
-    """The control as its channel sees it."""
+    """The control, seen from its channel."""
 
     parameters: Parameters
     plc: MachinePlc
@@ -36,29 +36,30 @@ class Surroundings(Protocol):
     def show(self, text: Text) -> None: ...
     def begun(self, t_ns: int, block: PathBlock) -> None: ...
     def ended(self, broken: tuple[str, int] | None) -> None:
-        """The program has ended by itself (None), or was broken off in a block of a program."""
+        """The program has ended normally (None), or was interrupted in a block of a program."""
 
 
 def mute(around: Surroundings) -> bool:
-    """P8813: programs are carried out without M functions."""
+    """P8813: True if programs run without M functions."""
     return bool(int(around.parameters.get(P.WITHOUT_M)))
 
 
 def send(around: Surroundings, functions: tuple[MFunction, ...]) -> None:
-    """Send M functions to the PLC, unless programs are carried out without."""
+    """Send M functions to the PLC, unless `mute`."""
     if functions and not mute(around):
         for function in functions:
             around.plc.function(around.axes.now_ns, function.code)
 
 
 def enter(around: Surroundings, block: PathBlock, t_ns: int) -> None:
-    """A block begins, or has begun at t_ns."""
+    """Take the beginning of a block at t_ns."""
     if around.executed.enter(block):
         around.begun(t_ns, block)
 
 
 def speak(around: Surroundings, block: PathBlock) -> None:
-    """Do what a block does as it begins: parameters, S, T, text, M functions, in this order (manual 3.6)."""
+    """Carry out the effects of a block at its beginning: parameters, S, T, text, M functions, in this order (manual
+    3.6)."""
     if block.watched:
         around.deletion.begins()
     for number, value in block.parameters:

@@ -1,4 +1,4 @@
-"""A call of a cycle, and the moves that it consists of."""
+"""A call of a cycle, and its moves."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class CycleMove:
     dwell_s: float | None = None
     m: tuple[int, ...] = ()
     exact_stop: bool = False
-    cycle: int | None = None  # of a pattern: the machining cycle to be called at the target
+    cycle: int | None = None  # in a pattern: the machining cycle to call at the target
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,9 +46,9 @@ class Call:
 
     parameters: P numbers that have a value. position: in program coordinates, before the
     block. words: axis words of the block, absolute program coordinates by axis number; empty: none. feed: F in force,
-    mm/min, None: none. speed: S in force in 1/min, None: none. turning: +1 M03, -1 M04, 0 the spindle stands. motion:
-    0, 1, 2, 3, of the G00 group. inner: number of the machining cycle that stands in the block of a pattern cycle.
-    polar: the words are polar coordinates.
+    mm/min, None: none. speed: S in force in 1/min, None: none. turning: +1 M03, -1 M04, 0 spindle off. motion: 0, 1, 2,
+    3, of the G00 group. inner: number of the machining cycle that stands in the block of a pattern cycle. polar: the
+    words are polar coordinates.
     """
 
     parameters: Mapping[int, float]

@@ -25,7 +25,7 @@ from isel_twin.firmware.bwo900.messages import Code, ProgramError, invalid
 from isel_twin.firmware.bwo900.numbers import M, P
 
 SAFETY_MM: Final = 1.0  # P38 where it is not programmed
-MOST: Final = 10_000  # strokes of a hole; more is a mistake (M8036)
+MOST: Final = 10_000  # strokes of a hole; more is an error (M8036)
 
 
 def drilling(call: Call) -> Iterator[CycleMove]:
@@ -76,7 +76,7 @@ def strokes(call: Call, depth: float, approach: float) -> list[float]:
     sign = 1.0 if whole > 0 else -1.0
     left, at, ends = abs(whole), approach, list[float]()
     while left > 0.0:
-        if stroke + less > left:  # two more do not fit: what is left in two halves
+        if stroke + less > left:  # two more do not fit: halve the rest
             ends += [at + sign * left / 2.0, depth]
             break
         at += sign * stroke

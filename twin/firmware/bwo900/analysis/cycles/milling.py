@@ -4,9 +4,9 @@ r"""Milling cycles G71 to G75: rectangular and circular pockets (manual 5.2; fig
     P13 depth                              P16 infeed across, signed       P19 safety distance
     P14 corner radius, pocket radius       P17 infeed in depth             P20 infeed of finishing    P21 plunging feed
 
-The tool stands in the middle of the pocket, P19 above the workpiece, or the block's words bring it there. Everything is
-of the tool's centre, along (x) and across (y) the rows, turned by quarters to the plane's axes, so that conventional
-milling stays so:
+The tool is in the middle of the pocket, P19 above the workpiece, or the block's words move it there. Coordinates are of
+the tool's centre, along (x) and across (y) the rows, rotated by quarter turns to the plane's axes, which keeps
+conventional milling:
 
                           5
           b   .--<-------------------<--.      corners' radius c = P14 - P15 - r, at least 0
@@ -73,7 +73,7 @@ class _Pocket:
 
     @property
     def ways(self) -> tuple[Way, ...]:
-        """Around it from S, counter-clockwise: along, corner, across, corner, and again."""
+        """The contour from S, counter-clockwise: along, corner, across, corner, twice."""
         a, b, c = self.a, self.b, self.c
         x, y = a - c, b - c
         p = ((-x, -b), (x, -b), (a, -y), (a, y), (x, b), (-x, b), (-a, y), (-a, -y))
@@ -106,7 +106,7 @@ def rectangle(call: Call) -> Iterator[CycleMove]:
                 yield level(job, floor, Kind.LINE)
                 yield from mill(job, [Way(before, (-x, y))])
             yield from mill(job, [Way((-x, y), (x, y))])
-        yield from mill(job, [ways[k].back for k in (3, 2, 1, 0, 7, 6, 5)])  # burrs, the wall on the left, too
+        yield from mill(job, [ways[k].back for k in (3, 2, 1, 0, 7, 6, 5)])  # back along the wall, against burrs
         yield from up(job)
         yield rapid(job, pocket.start)
     yield rapid(job, (0.0, 0.0))
@@ -145,7 +145,7 @@ def rectangle_finished(call: Call) -> Iterator[CycleMove]:
         yield level(job, job.floors[layer], Kind.LINE, job.plunge)
         yield from mill(job, pocket.ways)
     yield from up(job)
-    # A band of the tool's width is free along the contour: the rows end where they still meet it.
+    # The contour has freed a band of the tool's width: rows end where they still reach it.
     inset = job.radius - job.infeed / 2.0
     core = _Pocket(pocket.a - inset, pocket.b - inset, max(pocket.c - inset, 0.0))
     lines = [y for y in rows(pocket.b, job.infeed)[1:-1] if core.a > 0.0 and abs(y) <= core.b]

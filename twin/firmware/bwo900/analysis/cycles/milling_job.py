@@ -11,7 +11,7 @@ from isel_twin.firmware.bwo900.analysis.cycles.call import Call, CycleMove, Kind
 from isel_twin.firmware.bwo900.messages import Code, ProgramError, invalid
 from isel_twin.firmware.bwo900.numbers import P
 
-MOST: Final = 10_000  # infeeds in one direction; more is a mistake
+MOST: Final = 10_000  # infeeds in one direction; more is an error
 NEAR_MM: Final = 1e-9
 
 UV: TypeAlias = tuple[float, float]
@@ -55,7 +55,7 @@ class Job:
 
 
 def layers(depth: float, infeed: float) -> list[float]:
-    """Depths of the layers: infeed by infeed, the last one what is left."""
+    """Depths of the layers: infeed by infeed, then the rest."""
     count = max(math.ceil(depth / infeed - 1e-9), 1)
     return [infeed * number for number in range(1, count)] + [depth]
 
@@ -124,7 +124,7 @@ def job_of(call: Call, radius: float, quarters: int) -> Job:
 
 
 def finishing_cuts(call: Call, job: Job) -> list[float]:
-    """Allowances of the finishing cuts, 0 the last; none where there is no allowance. Raises ProgramError: M8020."""
+    """Allowances of the finishing cuts, the last one 0; none without an allowance. Raises ProgramError: M8020."""
     if not job.allowance:
         return []
     step = positive(call, P.FINISHING_INFEED)
@@ -148,7 +148,7 @@ def level(job: Job, height: float, kind: Kind, feed: float | None = None) -> Cyc
 
 
 def down(job: Job, layer: int) -> Iterator[CycleMove]:
-    """To a layer's floor: rapid through what is free, with a safety distance, then with the plunging feed."""
+    """To a layer's floor: rapid through free space, with a safety distance, then with the plunging feed."""
     if layer:
         over = job.floors[layer - 1] + job.call.needed(P.POCKET_SAFETY)
         if over < job.height:

@@ -10,7 +10,7 @@ from isel_twin.firmware.bwo900.analysis.cycles.call import Call, CycleMove
 
 
 class Moves(Iterator[CycleMove]):
-    """Moves of a cycle. Cycles are pure functions: a copy begins anew and skips the moves made."""
+    """Moves of a cycle. Cycles are pure functions: a copy restarts the cycle and skips the moves made."""
 
     def __init__(self, cycles: Mapping[int, object], number: int, call: Call) -> None:
         """cycles: functions by G number, `Call -> Iterator[CycleMove]`; number: the one called."""

@@ -5,8 +5,8 @@
     G88 grid         ray 1 forth, a step on ray 2, ray 1 back ...; at the end back to A
     G89 circle       centre P120, P121, diameter P122, from P123 on, over P124, division P125, N P126
 
-A: the words of the block, or where the tool stands. N = 0: straight to B, no cycle; N = 1: to B, the cycle once there;
-on the circle by way of A. Places are approached with G00; on the circle, with G02 or G03 in force, along it with the
+A: the words of the block, or the tool's position. N = 0: straight to B, no cycle; N = 1: to B, the cycle once there; on
+the circle by way of A. Places are approached with G00; on the circle, with G02 or G03 in force, along it with the
 highest feed.
 """
 
@@ -209,7 +209,7 @@ def _move(
     feed: float | None = None,
     others: Mapping[int, float] | None = None,
 ) -> CycleMove:
-    """To a place, where the machining cycle is called; without one, an exact stop. others: words of other axes."""
+    """To a place where the machining cycle is called; without one, with an exact stop. others: words of other axes."""
     target = {**(others or {}), call.plane.first: place[0], call.plane.second: place[1]}
     cycle = call.inner if machines else None
     return CycleMove(kind, target, centre, feed, exact_stop=cycle is None, cycle=cycle)
