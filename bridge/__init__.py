@@ -1,7 +1,7 @@
-"""Where hosts connect: everything that knows a wall clock, a socket or a device.
+"""Where hosts connect: all code with a wall clock, a socket or a device.
 
 serve/    a twin behind ports, in real time: `isel-twin serve`
-operate/  what a person at the machine would do: functions, control port, panel
+operate/  operating the machine: functions, control port, panel
 tap/      between a real host and a real controller: `isel-twin tap`
 virtual/  in process and in virtual time: `isel-twin exec`, pySerial's twin://
 pytest/   twins as fixtures of pytest

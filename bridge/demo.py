@@ -1,7 +1,7 @@
-"""`make demo`: a host program drives the twin through a pseudo-terminal, and sees what it would see at the machine.
+"""`make demo`: a host program drives the twin through a pseudo-terminal, as it would drive the machine.
 
-The host part (`_Host`) knows a port name and the controller's language; the twin serves that port from a thread of its
-own. Beside each reply stands what the host cannot see: where the carriages are.
+The host part (`_Host`) has only a port name and the controller's language; the twin serves that port in its own thread.
+Beside each reply the true positions are shown, which the host cannot see.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ def _session(console: Console, host: _Host, twin: Twin, title: str, commands: tu
 def main() -> None:
     console = Console() if sys.stdout.isatty() else Console(width=100)
     with console.status("building the machine"):
-        warm_up("mujoco", console.print)  # the real-time factor is to be the twin's, not the compiler's
+        warm_up("mujoco", console.print)  # so that the real-time factor does not include compilation
         twin = Twin(machine="4030", controller=CONTROLLER, seed=int(os.environ.get("SEED", "0")), line_speed=True)
     pty = PtyEndpoint()
     server = Server(twin, Pacer(None), [pty])

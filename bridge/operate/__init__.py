@@ -1,7 +1,7 @@
 """Operating a served machine from outside.
 
-control.py         one set of functions for everybody who operates
+control.py         the functions for all operators
 control_port.py    for programs, over TCP
 panel/             for people, in a browser
-token.py           who may
+token.py           access
 """

@@ -1,24 +1,22 @@
-"""Operating a served machine from outside: what a person at its cabinet would do, and what a laboratory wishes for.
-
-One set of functions for whoever stands beside the host: control port and panel call the same. No sockets here.
+"""Operating a served machine from outside, as at its cabinet, and with faults, time and state. Control port and panel
+use the same functions. No sockets here.
 
     request, a table with one action  --- Operator.ask --->  answer at once, or a Pending that becomes one
 
     {"set": {"estop": "pressed"}}, {"force_n": {"x": 50}, "place": "tool"}, {"phase_lost": {"x": "a"}} ...
                                         as an event of a scenario (isel_twin.wiring.scenario), now
-    {"pause": true}, {"resume": true}   virtual time stands still, goes on; hosts stay connected
+    {"pause": true}, {"resume": true}   virtual time stops, goes on; hosts stay connected
     {"step": 0.001}                     seconds of virtual time, while paused
     {"speed": 2}, {"speed": "max"}      times real time, from now on
     {"state": true}                     the machine as it is
-    {"settable": true}                  everything that can be set, and to what
-    {"keys": true}                      the controller's own keys, {"key": {"mode": "auto"}}, and what they take
-    {"wait": {"output": "spindle", "is": 1}}      until it is so, see `_condition`
+    {"settable": true}                  everything that can be set, with its states
+    {"keys": true}                      the controller's own keys, {"key": {"mode": "auto"}}, and their values
+    {"wait": {"output": "spindle", "is": 1}}      until it is true (`_condition`)
     {"stop": true}                      the server ends, as by SIGTERM
 
-Each acts in the loop of the server, at the present, which the answer names in virtual time. A wait ends when its
+Each acts in the loop of the server, at the present virtual time, which the answer contains. A wait ends when its
 condition is met: levels, states, idleness and times to the nanosecond, positions and counters within LOOK_NS. With
-`"pause": true` virtual time stands still from that instant. A wrong request is a ControlError of one line, and changes
-nothing.
+`"pause": true` virtual time stops at that instant. A wrong request is a ControlError of one line, and changes nothing.
 """
 
 from __future__ import annotations
@@ -39,9 +37,9 @@ from isel_twin.wiring import ACTS, EVENT_KEYS, event_now
 
 Answer = dict[str, Any]
 
-LOOK_NS = 1 * MILLISECOND_NS  # virtual time between two looks at a position somebody waits for
-PATIENCE_S = 60.0  # wall time that a wait lasts unless it says otherwise
-REMARKS = 10  # last remarks of the controller that a state tells
+LOOK_NS = 1 * MILLISECOND_NS  # sampling interval of positions in waits, virtual time
+PATIENCE_S = 60.0  # default limit of a wait in wall time
+REMARKS = 10  # last remarks of the controller in a state
 
 _STEP_S = Limits("s", 1e-9, 3600.0)
 _SPEED = Limits("times real time, or 'max'", LOWEST_SPEED, HIGHEST_SPEED)
@@ -57,12 +55,12 @@ _SWITCH_STATES = ("free", "struck", "ok")
 
 
 class ControlError(FileError):
-    """A request cannot be carried out; one line that names the key and what is allowed. Nothing has been changed."""
+    """A request cannot be carried out and has changed nothing; one line that names the key and what is allowed."""
 
 
 @dataclass(frozen=True)
 class _Condition:
-    """What is waited for. `look_ns`: at the latest when to look; None: whenever something has happened."""
+    """A condition to wait for. `look_ns`: latest time of the next check; None: only when something has happened."""
 
     met: Callable[[], bool]
     look_ns: Callable[[], int] | None = None
@@ -70,7 +68,7 @@ class _Condition:
 
 @dataclass(eq=False)
 class Pending:
-    """A request whose answer is still to come: `answer` or `error` is set then."""
+    """A request without an answer yet; later `answer` or `error` is set."""
 
     condition: _Condition
     until_ns: int | None  # virtual time at which it is given up
@@ -122,7 +120,7 @@ class Operator:
         return self._done(request, {"pause": self.pause, "resume": self.resume, "stop": self.stop}[key])
 
     def _done(self, request: Any, act: Callable[[], Answer | Pending]) -> Answer | Pending:
-        """The action's result; what was done is written down."""
+        """The action's result; the action is logged."""
         result = act()
         self._server.act(json.dumps(request))
         return result
@@ -134,7 +132,7 @@ class Operator:
         return self._twin.settable
 
     def happen(self, content: dict[str, Any]) -> Answer:
-        """Let an event of a scenario (without `at`) happen now; the answer has what it set: inputs, or all keys."""
+        """Let an event of a scenario (without `at`) happen now; the answer has the inputs or keys that it set."""
         place = Place("request", ControlError)
         event = event_now(content, place, self.settable, self._twin.keys)
         if event.physical and not self._twin.physics:
@@ -146,7 +144,7 @@ class Operator:
         return self._now() | {"inputs": {name: inputs.get(name, "ok") for name in event.acts.get("set", {})}} | keys
 
     def pause(self) -> Answer:
-        """Let virtual time stand still, in the middle of a step too."""
+        """Stop virtual time, even in the middle of a step."""
         self._pacer.pause(self._twin.time_ns)
         return self._now()
 
@@ -156,7 +154,7 @@ class Operator:
         return self._now()
 
     def speed(self, speed: float | None) -> Answer:
-        """Let virtual time pass at this speed from now on (None: `max`); if it stands still, when it goes on.
+        """Set the speed of virtual time (None: `max`); while paused, the speed after the pause.
 
         At a finite speed bytes take their time on the line, as at the start of a server.
         """
@@ -179,18 +177,18 @@ class Operator:
     def wait(
         self, condition: _Condition, timeout_ns: int | None, wall_s: float = PATIENCE_S, pause: bool = False
     ) -> Pending:
-        """Wait for a condition, at most so long in virtual and in wall time; `pause`: stand still when it is so."""
+        """Wait for a condition, with limits in virtual and in wall time; `pause`: stop time when it is met."""
         until_ns = None if timeout_ns is None else self._twin.time_ns + timeout_ns
         return self._add(Pending(condition, until_ns, self._pacer.wall_s + wall_s, "wait", pause))
 
     def forget(self, pending: Pending) -> None:
-        """Whoever asked has gone."""
+        """Drop a request whose client has gone."""
         if pending in self._pending:
             self._pending.remove(pending)
         self._mind()
 
     def end(self) -> None:
-        """The server ends: every wait fails."""
+        """End of the server: every wait fails."""
         for pending in self._pending:
             pending.error = f"{pending.what}: the server stops"
         self._pending.clear()
@@ -246,7 +244,7 @@ class Operator:
 
     @property
     def wait_s(self) -> float | None:
-        """Wall seconds until the first of those who wait loses patience."""
+        """Wall seconds until the first wait times out."""
         if not self._pending:
             return None
         return max(0.0, min(pending.until_wall_s for pending in self._pending) - self._pacer.wall_s)
@@ -264,7 +262,7 @@ class Operator:
         return pending
 
     def _mind(self) -> None:
-        """Be an onlooker of the pacer only while somebody waits: looking costs time."""
+        """Be an onlooker of the pacer only during waits, as checks cost time."""
         if bool(self._pending) != (self in self._pacer.onlookers):
             (self._pacer.onlookers.append if self._pending else self._pacer.onlookers.remove)(self)
 
@@ -306,7 +304,7 @@ class Operator:
             {"output": NAME, "is": NUMBER}     {"input": NAME, "is": STATE}     {"level": TERMINAL, "is": 0 or 1}
             {"position": AXIS, "above": MM}    {"count": AXIS, "below": STEPS}  {"idle": true}    {"time": SECONDS}
 
-        Positions are true ones in the zero and direction of the counters; `above` and `below` may stand together.
+        Positions are true ones in the zero and direction of the counters; `above` and `below` may be combined.
         """
         twin = self._twin
         keys = [key for key in _CONDITIONS if key in content]
@@ -369,7 +367,7 @@ class Operator:
 
 
 def _number(value: Any, rule: Limits, place: Place) -> Any:
-    """The value; text and containers are refused here, so that the error stays one line."""
+    """The value; refuses text and containers, so that the error stays one line."""
     if isinstance(value, str | list | dict):
         raise place.wrong(f"{_shown(value)}; allowed: {rule}")
     return value

@@ -5,12 +5,12 @@
     {"set": {"estop": "half"}}         --->
                                        <---      {"error": "request: set: input 'estop' cannot be 'half'; ..."}
 
-Requests: control.py. Up to CLIENTS clients; each has one request at a time in work, and at most LINE_BYTES wait
-meanwhile. A client that does not read its answers is not listened to. None can hold up the server: reading, writing and
-the requests done in one round of its loop are bounded.
+Requests: control.py. Up to CLIENTS clients; each has one request at a time in progress, and at most LINE_BYTES waiting.
+A client that does not read its answers is not read either. No client can block the server: reading, writing and the
+requests in one round of its loop are bounded.
 
 Beyond the loopback interface a token is needed, as the first request: {"token": "..."}. A connection that begins with
-anything but a JSON object, as a browser's would, is closed (bridge/8).
+anything but a JSON object, such as a browser's, is closed (bridge/8).
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ from isel_twin.core.twin import Twin
 
 log = logging.getLogger("isel_twin")
 
-LINE_BYTES = 65_536  # longest request, and most of what waits to be dealt with
+LINE_BYTES = 65_536  # longest request, and most bytes waiting
 CLIENTS = 16  # connections at once
-UNREAD_BYTES = 16_384  # answers not yet read beyond which a client is not listened to
-ROUND = 8  # requests of a client dealt with in one round of the server's loop
-ERROR_CHARACTERS = 600  # longest error, whatever it quotes
+UNREAD_BYTES = 16_384  # unread answers beyond which a client is not read
+ROUND = 8  # most requests of a client in one round of the server's loop
+ERROR_CHARACTERS = 600  # longest error message
 
 
 def parse_request(line: bytes) -> dict[str, Any]:
@@ -73,8 +73,8 @@ class _Client:
         self.buffer = bytearray()
         self.trusted = trusted
         self.begun = False  # it has sent an object
-        self.skipping = False  # the rest of a line that was too long is still to come
-        self.leaving = False  # it sends no more, or is to be closed once it has its answers
+        self.skipping = False  # within a line that is too long
+        self.leaving = False  # it sends no more, or is to be closed after its answers
         self.pending: Pending | None = None
 
     @property
@@ -83,7 +83,7 @@ class _Client:
 
     @property
     def ready(self) -> bool:
-        """True if its next request can be dealt with."""
+        """True if its next request can be handled."""
         return self.pending is None and self.has_line and len(self.outbox) <= UNREAD_BYTES
 
     @property
@@ -92,7 +92,7 @@ class _Client:
         return self.pending is None and len(self.buffer) > LINE_BYTES and not self.has_line
 
     def lines(self) -> Iterator[bytes]:
-        """Requests to be dealt with in this round."""
+        """Requests to handle in this round."""
         for _ in range(ROUND):
             if not self.ready:
                 return
@@ -109,7 +109,7 @@ class ControlPort(Guest):
     kind = "control"
 
     def __init__(self, address: str, token: str | None = None) -> None:
-        """token: what clients have to know; None: nothing on the loopback interface, elsewhere one is made up."""
+        """token: needed by clients; None: none on the loopback interface, elsewhere a random one."""
         self._listener, self.address = listen(address)
         self.token = token_for(self.address, token)
         self._spare = Spare()
@@ -117,7 +117,7 @@ class ControlPort(Guest):
         self._operator: Operator | None = None
 
     def attach(self, server: Server) -> None:
-        """The server whose twin is operated. Raises TypeError for one that serves something else."""
+        """Take the server whose twin is operated. Raises TypeError if it serves something else."""
         if not isinstance(server.twin, Twin):
             raise TypeError("a control port operates a Twin")
         self._operator = Operator(server, server.twin)
@@ -144,12 +144,12 @@ class ControlPort(Guest):
         self.operator.look()
         for client in list(self._clients):
             self._serve(client)
-        if self.operator.look():  # what has just been done is what somebody waits for
+        if self.operator.look():  # the last request may have met the condition of a wait
             for client in list(self._clients):
                 self._answer_pending(client)
 
     def close(self) -> None:
-        """Tell those who wait, and let everybody go. May be called again, and before there is a server."""
+        """End all waits with an error and close all connections. May be called again, and before there is a server."""
         if self._operator is not None:
             self._operator.end()
         for client in list(self._clients):
@@ -164,7 +164,7 @@ class ControlPort(Guest):
         except OSError as error:
             if lacks_files(error):
                 self._spare.turn_away(self._listener, self.kind)
-            return  # else it has gone already
+            return  # the client has gone
         connection.setblocking(False)
         with suppress(OSError):
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -189,7 +189,7 @@ class ControlPort(Guest):
             return
         if not data:
             client.leaving = True
-            if client.pending is not None:  # nobody waits there any more
+            if client.pending is not None:  # the client has gone
                 self._drop(client)
                 return
         client.buffer += data

@@ -1,5 +1,4 @@
-"""Who may operate a machine: whoever reaches a port of the loopback interface; beyond it, whoever knows a token
-(bridge/8)."""
+"""Access to operating a machine: free on the loopback interface; elsewhere with a token (bridge/8)."""
 
 from __future__ import annotations
 
@@ -12,7 +11,7 @@ from isel_twin.bridge.serve.tcp import parse_address
 
 
 def is_loopback(address: str) -> bool:
-    """True if only this computer reaches the address HOST:PORT; the host is a number."""
+    """True if only this computer can reach the address HOST:PORT; the host is a number."""
     return ipaddress.ip_address(parse_address(address)[0].partition("%")[0]).is_loopback
 
 

@@ -1,5 +1,5 @@
 """Twins as fixtures of pytest.
 
-plugin.py          the fixtures: what every start of pytest imports
-kept.py            what is kept of the twins, and told of a failing test
+plugin.py          the fixtures, imported at every start of pytest
+kept.py            data kept of the twins, and reports of failing tests
 """

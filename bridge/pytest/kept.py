@@ -1,8 +1,6 @@
-"""The twins of tests, and what a failing test leaves of them.
-
-Passing tests pay for nothing: of each twin only the causes are kept, the bytes of the host and what people did, with
-their times. When a test fails, another twin is built from the same call, gets the same causes at the same times, does
-the same to the bit, and is recorded while it does:
+"""The twins of tests, and the files that a failing test leaves. Passing tests cost almost nothing: of each twin only
+the causes are kept, the bytes of the host and operations, with their times. When a test fails, another twin is built
+from the same call, gets the same causes at the same times, behaves the same to the bit, and is recorded:
 
     causes  --- again ---> twin.mcap    isel-twin replay twin.mcap
                            twin.png     path and errors, where matplotlib is installed
@@ -37,8 +35,8 @@ if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
 
 INTERVAL_NS = 10 * MILLISECOND_NS  # from sample to sample of a recording
-MOST_SAMPLES = 20_000  # beyond which there are fewer of them in a second
-STOP_S = 30.0  # wall time for a server to end, and to answer what needs no waiting
+MOST_SAMPLES = 20_000  # for longer tests the interval is longer
+STOP_S = 30.0  # wall time for a server to end, and to answer requests other than waits
 NAME_CHARACTERS = 80  # of the name of a test, in the name of a folder
 
 
@@ -48,7 +46,7 @@ class _Kept:
     node: pytest.Item | pytest.Collector
     call: TwinSpec
     causes: list[tuple[int, str, Any]] = field(default_factory=list)
-    restored: bool = False  # it has been given a state (`Twin.restore`): its causes alone do not tell what it did
+    restored: bool = False  # it was restored (`Twin.restore`): the causes do not determine its behaviour
 
     def note(self, time_ns: int, kind: str, what: Any) -> None:
         if kind in ("sent", "operated"):
@@ -62,14 +60,14 @@ class KeptTwins:
     """All twins of a session."""
 
     def __init__(self, folder: Path | None, temporary: Callable[[str], Path]) -> None:
-        """folder: for what failing tests leave; None: the temporary folder of each. temporary: makes one."""
+        """folder: for files of failing tests; None: the temporary folder of each. temporary: makes one."""
         self._folder = folder
         self._temporary = temporary
         self._kept: list[_Kept] = []
         self._left: dict[str, Path] = {}  # folder of each test that has failed before
 
     def build(self, node: Any, call: Mapping[str, Any], *, line_speed: bool = False) -> Twin:
-        """A twin for a node, switched on. What is wrong with the call fails the test with one line."""
+        """A twin for a node, switched on. A wrong call fails the test with one line."""
         import pytest
 
         names = {field.name for field in fields(TwinSpec)}
@@ -81,7 +79,7 @@ class KeptTwins:
             twin, wrong = wanted.build(), ""
         except (CallError, TypeError, AttributeError) as error:
             twin, wrong = None, one_line(str(error))
-        if twin is None:  # outside of the `except`, which would make more than a line of it
+        if twin is None:  # outside of the `except`, which would add a traceback
             pytest.fail(f"twin: {wrong}", pytrace=False)
         kept = _Kept(twin, node, wanted)
         twin.listen(kept.note)
@@ -92,7 +90,7 @@ class KeptTwins:
         self._kept = [kept for kept in self._kept if kept.twin is not twin]
 
     def tell(self, item: pytest.Item, tmp_path: Path | None) -> tuple[str, list[Path]]:
-        """Keep what the twins of a test that fails did; the lines of its report, and the recordings. Never raises."""
+        """Record the twins of a failing test again; return lines for its report, and the recordings. Never raises."""
         chain = item.listchain()
         mine = [kept for kept in self._kept if kept.node in chain]
         if not mine:
@@ -117,7 +115,7 @@ class KeptTwins:
         return "\n".join(lines), recordings
 
     def _folder_of(self, item: pytest.Item, tmp_path: Path | None) -> Path:
-        """One of its own for each test, whoever runs at the same time. Raises OSError."""
+        """A folder for each test, also with parallel runs. Raises OSError."""
         name = re.sub(r"[^A-Za-z0-9_.-]+", "_", item.nodeid).strip("_.")[-NAME_CHARACTERS:]
         name += "-" + hashlib.sha256(item.nodeid.encode("utf-8", "surrogatepass")).hexdigest()[:8]
         if self._folder is not None:
@@ -138,13 +136,13 @@ def _said(kept: _Kept) -> str:
 
 
 def _leave(kept: _Kept, folder: Path, name: str) -> tuple[Path | None, list[str]]:
-    """Do the same again, recorded. The recording and the lines of the report; whatever goes wrong is one of them."""
+    """Repeat a twin's run with a recording; return the recording and lines for the report, including errors."""
     recording, picture = folder / f"{name}.mcap", folder / f"{name}.png"
     try:
         told = _record(kept, recording, picture)
     except OSError as error:
         return None, [f"no recording: {_of(error, recording)}"]
-    except Exception as error:  # a test that fails must say why it did, not why its recording failed
+    except Exception as error:  # a failing test must show its own error, not that of the recording
         return None, [f"no recording: {type(error).__name__}: {one_line(str(error))}"]
     again = f"once more: isel-twin replay {shlex.quote(str(recording))}"
     return recording, [f"recording: {recording}", again, *told]
@@ -155,7 +153,7 @@ def _of(error: OSError, path: Path | None) -> str:
 
 
 def _record(kept: _Kept, recording: Path, picture: Path) -> list[str]:
-    """Play the causes again; lines about the picture, and about what came otherwise. Raises OSError."""
+    """Play the causes again; return lines about the picture and about differences. Raises OSError."""
     from isel_twin.base.parameters import Place
     from isel_twin.core.twin import Twin
     from isel_twin.recordings.recorder import Recorder
@@ -187,7 +185,7 @@ def _record(kept: _Kept, recording: Path, picture: Path) -> list[str]:
             whole = written.close()
         if not whole:
             raise OSError(errno.ENOSPC, "there was no room for it", str(recording))
-        same = kept.twin.time_ns != end_ns or _place(twin) == seen  # a served one may have gone on meanwhile
+        same = kept.twin.time_ns != end_ns or _place(twin) == seen  # a served twin may have gone on
         other = "the recording ends elsewhere than the test: something was done past the functions of the twin"
         return [_draw(twin, recorder, picture, zeros_ns[-1]), *([] if same else [other])]
 
@@ -256,7 +254,7 @@ class ServedTwin:
         return answer["ok"]
 
     def stop(self) -> Twin:
-        """End it; the twin as it is then. May be called again. Raises what has ended it before."""
+        """End the server and return the twin. May be called again. Raises an error that ended it before."""
         self._server.stop()
         self._thread.join(STOP_S)
         if self._thread.is_alive():

@@ -1,12 +1,12 @@
-"""A plugin of pytest: twins as fixtures, and of a failing test what its machine did.
+"""A pytest plugin: twins as fixtures, and recordings of failing tests.
 
     marker, ini keys --- call_of ---> twin, twin_serial, twin_server, virtual_host, watched
                                         |
-    a test fails ---> the twin is built again and does the same again, now recorded (bridge/pytest/kept.py)
-                      ---> recording, picture and how to repeat it, in the report of the test
+    a test fails ---> the twin is built again and repeats its run, now recorded (bridge/pytest/kept.py)
+                      ---> recording, picture and command to repeat it, in the report of the test
 
-pytest imports this at every start, in any project: so it imports nothing but pytest, and the rest where it is needed.
-A wrong key or value is a line: of the marker in each test that has it, of an ini key before any test (bridge/21).
+pytest imports this at every start, in any project, so other imports are local. A wrong key or value gives one line: in
+the marker at each test that has it, in an ini key before any test (bridge/21).
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ INI: Mapping[str, str] = {  # keys of the ini file, with isel_twin_ before them
     "seed": "whole number",
     "artifacts": "folder for what failing tests leave, seen from the ini file; without it the temporary folder of each",
 }
-LISTED = ("machine", "controller", "plant", "scenario", "seed")  # keys of which a list makes a test of each
+LISTED = ("machine", "controller", "plant", "scenario", "seed")  # keys for which a list makes a test of each entry
 KEYS = (*LISTED, "overrides", "start_mm")  # of the marker
 OF_SERVERS = ("endpoint", "speed")  # keys for `twin_server` alone
 
@@ -80,7 +80,7 @@ def _folder(config: pytest.Config) -> Path:
 
 
 def _marked(node: Any) -> dict[str, Any]:
-    """What all twin markers of a node say, the nearest first, overrides merged. A wrong key or value fails the test."""
+    """The merged twin markers of a node; the nearest wins. A wrong key or value fails the test."""
     call: dict[str, Any] = {}
     for mark in reversed(list(node.iter_markers("twin"))):
         if mark.args:
@@ -94,7 +94,7 @@ def _marked(node: Any) -> dict[str, Any]:
 
 
 def _seen_from(folder: Path, key: str, value: Any) -> Any:
-    """The value, as a path seen from a folder if it is the name of something there."""
+    """The value; a name that exists in the folder becomes its path."""
     if key == "scenario" and isinstance(value, str | os.PathLike) and (folder / value).is_file():
         return folder / value
     if key == "machine" and isinstance(value, str | os.PathLike) and (folder / value / "machine.toml").is_file():
@@ -121,7 +121,7 @@ def _wrong(line: str) -> None:
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """A list in the marker makes a test of each of its entries, of two lists a test of each pair."""
+    """A list in the marker makes a test of each entry, two lists a test of each pair."""
     if "twin_call" not in metafunc.fixturenames:
         return
     lists: dict[str, list[Any]] = {}
@@ -146,7 +146,7 @@ def _id(key: str, value: Any) -> str:
 
 @pytest.fixture
 def twin_call(request: pytest.FixtureRequest) -> dict[str, Any]:
-    """How the twin of this test is built: ini keys, the marker over them, and over these a parameter, a table.
+    """The call of this test's twin: ini keys, overridden by the marker, overridden by a parameter (a table).
 
     `@pytest.mark.parametrize("twin_call", [{"seed": 1}, {"machine": "traverse"}], indirect=True)`
     """
@@ -154,7 +154,7 @@ def twin_call(request: pytest.FixtureRequest) -> dict[str, Any]:
 
 
 def _parameter(request: pytest.FixtureRequest) -> Mapping[str, Any]:
-    """The table that a test gives to a fixture, if it does."""
+    """The parameter that a test gives to a fixture, or an empty table."""
     given: Any = getattr(request, "param", {})
     if not isinstance(given, Mapping):
         _wrong(f"{request.fixturename}: the parameter {given!r} is no table; give one such as {{'seed': 1}}")
@@ -162,7 +162,7 @@ def _parameter(request: pytest.FixtureRequest) -> Mapping[str, Any]:
 
 
 def _call(request: pytest.FixtureRequest, given: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """Ini keys, markers over them, what is given over these."""
+    """Ini keys, overridden by markers, overridden by `given`."""
     given = {key: _seen_from(request.path.parent, key, value) for key, value in _checked(given, where).items()}
     call = _defaults(request.config) | _marked(request.node) | given
     for key in LISTED:
@@ -186,8 +186,7 @@ def _twins(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
 def twin_factory(_twins: KeptTwins) -> Callable[..., Twin]:
     """twin_factory(request, **changes): another twin, for a test or for a fixture of any scope.
 
-    It is built as the marker and the ini keys say, with the changes, and lives as long as the fixture or test whose
-    `request` it is given.
+    It is built from marker, ini keys and changes, and lives as long as the fixture or test of this `request`.
     """
 
     def make(request: pytest.FixtureRequest, **changes: Any) -> Twin:

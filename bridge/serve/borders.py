@@ -1,4 +1,4 @@
-"""What a served line is made of, and what its parts need of each other: twin, line, endpoints, and who listens."""
+"""Protocols between the parts of a served line: twin, line, endpoints, and taps."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from isel_twin.controller import SerialFormat
 
 
 class SerialTwin(Clocked, Protocol):
-    """What the server needs of a twin."""
+    """The twin, as needed by the server."""
 
     @property
     def replies_due(self) -> int:
-        """Bytes of replies still on the line; from a host that asks faster than it can answer, no more is taken."""
+        """Bytes of replies still on the line; if there are too many, no more is read from the host."""
 
     @property
     def commands_due(self) -> int:
-        """Bytes that were written and have not arrived: if it lets its host wait, no more is taken."""
+        """Bytes written but not arrived; during a handshake wait no more is read from the host."""
 
     @property
     def serial_format(self) -> SerialFormat: ...
@@ -28,7 +28,7 @@ class SerialTwin(Clocked, Protocol):
 
 
 class WireTap:
-    """Somebody who follows the traffic (wire_log.py); does nothing unless overridden."""
+    """An observer of the traffic (wire_log.py); methods do nothing unless overridden."""
 
     def carry(self, time_ns: int, data: bytes, sent: bool) -> None:
         """Bytes have been sent by the host (`sent`) or have arrived there."""
@@ -37,32 +37,32 @@ class WireTap:
         """Time has passed."""
 
     def act(self, time_ns: int, text: str) -> None:
-        """Somebody beside the host has done something to the machine or to its time."""
+        """An operator has acted on the machine or its time."""
 
     def close(self) -> None:
-        """That was all."""
+        """End of the traffic."""
 
 
 class SerialLine(Protocol):
-    """What endpoints are attached to: the controller's line, a twin's (`Server`) or a real one's (tap.py)."""
+    """The controller's line for endpoints: of a twin (`Server`) or a real one (tap.py)."""
 
     @property
     def serial_format(self) -> SerialFormat:
-        """How the controller's bytes go over the line."""
+        """Form of the controller's bytes on the line."""
 
     def receive(self, endpoint: Endpoint, data: bytes) -> None:
-        """A host of this endpoint has sent `data` just now."""
+        """Take data that a host of this endpoint has just sent."""
 
     def claim(self, endpoint: Endpoint) -> bool:
         """A network client of this endpoint asks for the line; True if it may have it."""
 
 
 class Endpoint(Protocol):
-    """A place where hosts connect. It is given its `SerialLine` by `attach`, and from then on watched."""
+    """A place where hosts connect. It gets its `SerialLine` by `attach`, which then watches it."""
 
     kind: str  # `pty`, `tcp`, `rfc2217`: the key of its address in the line that `serve` prints
     address: str  # what a host connects to
-    gathers: bool  # bytes without a pause on a paced line go on in one piece, as from a terminal server
+    gathers: bool  # gather bytes without a pause on a paced line into one piece, as a terminal server does
 
     @property
     def busy(self) -> bool:
@@ -74,23 +74,23 @@ class Endpoint(Protocol):
 
     @property
     def settings(self) -> Mapping[str, Any]:
-        """How the host has set the port, as far as that can be seen: attributes of a pySerial port, baudrate first."""
+        """Known port settings of the host: attributes of a pySerial port, baudrate first."""
 
     def attach(self, line: SerialLine) -> None:
-        """The line that will watch this endpoint, to be told what hosts send."""
+        """Take the line that will watch this endpoint and get the hosts' bytes."""
         return
 
     def watches(self, listening: bool) -> Iterable[FileWatch]:
-        """Files to wait for now; no host is to be read while not `listening`: the line is full."""
+        """Files to wait for now; no host may be read while not `listening`, as the line is full."""
 
     def send(self, data: bytes) -> None:
         """Bytes for the host. Never blocks; without a host they are lost."""
         return
 
     def give_way(self) -> None:
-        """A new network client takes the line: let go of one that only waits for its last replies."""
+        """A new network client takes the line: disconnect one that only waits for its last replies."""
         return
 
     def close(self) -> None:
-        """Stop listening, let go of everything."""
+        """Stop listening and close everything."""
         return

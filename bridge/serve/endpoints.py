@@ -1,4 +1,4 @@
-"""Where hosts connect: pseudo terminals, TCP and RFC 2217, each as often as wanted; imported when it is wanted."""
+"""Opens endpoints: any number of pseudo terminals, TCP and RFC 2217 ports; imported on demand."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from isel_twin.bridge.serve.tcp import TcpEndpoint
 def open_endpoints(
     ptys: Sequence[str] | None, tcps: Sequence[str] | None, rfc2217s: Sequence[str] | None, stack: ExitStack
 ) -> list[Endpoint]:
-    """Listen, by default at a pseudo terminal, before anything else is done. Raises CallError for a taken port."""
+    """Listen, by default at a pseudo terminal, before the rest of the start. Raises CallError for a port in use."""
     endpoints: list[Endpoint] = []
     with call_errors():
         for link in ptys or ([] if tcps or rfc2217s else [""]):
@@ -51,9 +51,8 @@ def ports(endpoints: Sequence[Endpoint]) -> list[dict[str, str]]:
 
 
 def addresses(endpoints: Sequence[Endpoint]) -> dict[str, Any]:
-    """What a command prints: the first address of each kind under its name, and all `ports` if there are more.
-
-    pty: the link as it was given if there is one; `device`: what it leads to.
+    """Addresses for the output of a command: the first of each kind under its name, and all `ports` if there are more.
+    pty: the link if there is one; `device`: its target.
     """
     first: dict[str, Any] = {}
     for endpoint in endpoints:
@@ -64,12 +63,12 @@ def addresses(endpoints: Sequence[Endpoint]) -> dict[str, Any]:
 
 
 def name_of(endpoint: Endpoint) -> str:
-    """What a host knows it by: the link of a pseudo terminal if there is one, else the address."""
+    """Its name for hosts: the link of a pseudo terminal if there is one, else the address."""
     return getattr(endpoint, "link", None) or endpoint.address
 
 
 def claimed(endpoints: Sequence[Endpoint]) -> bool:
-    """True if a network client may have the line that these endpoints share; one that has left gives way to it."""
+    """True if a network client may take the line that these endpoints share; a departing one is disconnected."""
     if any(endpoint.busy for endpoint in endpoints):
         return False
     for endpoint in endpoints:

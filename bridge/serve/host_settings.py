@@ -1,4 +1,4 @@
-"""How hosts have set their ports, beside how the controller's line is: whether they would understand each other."""
+"""Port settings of hosts compared with the controller's line."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ log = logging.getLogger("isel_twin")
 
 
 def host_format(endpoint: Endpoint, line: SerialFormat) -> SerialFormat:
-    """How a host has set its port; what cannot be seen is taken to be as on the line (bridge/11)."""
+    """A host's port format; unknown settings are assumed to be those of the line (bridge/11)."""
     settings = endpoint.settings
     return SerialFormat(
         settings.get("baudrate", line.baud),
@@ -24,7 +24,7 @@ def host_format(endpoint: Endpoint, line: SerialFormat) -> SerialFormat:
 
 
 def fits(endpoint: Endpoint, line: SerialFormat) -> bool:
-    """True if the host's settings, as far as they are seen, are the line's. A second stop bit is a harmless pause."""
+    """True if the host's known settings are the line's. A second stop bit is a harmless pause."""
     host = host_format(endpoint, line)
     return (host.baud, host.data_bits, host.parity) == (line.baud, line.data_bits, line.parity)
 

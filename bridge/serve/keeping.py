@@ -1,9 +1,9 @@
-"""How serving ends: what was recorded is kept, whatever it was that ended it.
+"""The end of serving: recordings are kept, whatever the reason of the end.
 
 stopped (a signal) ------------------.
-the loop breaks (a full disk, an     +--> endpoints let go of --> recording written --> exit code
+the loop breaks (a full disk, an     +--> endpoints closed ---> recording written --> exit code
 error in a part of the twin) --------'                                |
-                                              its place is full: to the folder for temporary files, and say so
+                                              disk full: write to the temporary folder and report it
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ def serve_and_keep(server: Server, record: Path | None = None, write: Callable[[
         log.error("the server stops: %s", _reason(error))
     except Exception:
         log.error("the server stops, because the twin has broken; what happened until then is kept", exc_info=True)
-    finally:  # also when the interpreter is told to exit
+    finally:  # also at sys.exit
         if record is not None and write is not None and not keep(record, write):
             code = 1
     return code
 
 
 def keep(path: Path, write: Callable[[Path], object]) -> bool:
-    """Write a file by `write(path)`, or under the same name in the folder for temporary files; True: in its place."""
+    """Write a file by `write(path)`, else under the same name in the temporary folder; True: in its place."""
     try:
         write(path)
     except OSError as error:

@@ -1,11 +1,11 @@
-"""What a server says while it runs: never in its way, and never the same thing over and over.
+"""Logging of a server: it never blocks, and repeated messages are counted.
 
-The goal of this code is that nobody who forgets to read the log can stop the machine. Lines go into a bounded queue,
-and a thread of its own writes them; when nobody reads and the queue is full, lines are counted and lost.
+A log that nobody reads must not stop the machine. Lines go into a bounded queue, and a thread writes them; when the
+queue is full, lines are lost and counted.
 
     loop ---- line ----> queue (QUEUE_LINES) ---- thread ----> standard error, however slow
 
-A repeated message is printed SHOWN times and then counted; at the end of the minute one line tells how often it came:
+A repeated message is printed SHOWN times and then counted; at the end of the minute one line has the number:
 
     isel-twin: tcp: client 127.0.0.1:40116 connected
     isel-twin: tcp: client 127.0.0.1:40262 connected (17 times more in the last minute)
@@ -23,10 +23,10 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import TextIO
 
-QUEUE_LINES = 1000  # lines kept for a reader that is slow
+QUEUE_LINES = 1000  # lines kept for a slow reader
 SHOWN = 3  # times that a message is printed within PERIOD_S before it is counted
 PERIOD_S = 60.0  # over which repeated messages are counted
-FAREWELL_S = 0.5  # wall time in which the rest must be read at the end: a reader that has gone does not keep the server
+FAREWELL_S = 0.5  # wall time to write the rest at the end, so that a missing reader does not keep the server
 
 
 @dataclass
@@ -41,10 +41,9 @@ class _Repeated:
 class PatientHandler(logging.Handler):
     """Writes log records to `stream` from a thread of its own.
 
-    stream: a file descriptor, or a text stream; past its buffer if it has a descriptor, as a thread that waits for a
-    reader with the buffer's lock would keep the interpreter from ending.
-    count: whether messages with the same text before their arguments are put in are counted; a record with the
-    attribute `each` is always printed.
+    stream: a file descriptor, or a text stream. Its buffer is bypassed if it has a descriptor, as a thread that blocks
+    with the buffer's lock would keep the interpreter from ending.
+    count: whether to count messages with the same format string; a record with the attribute `each` is always printed.
     """
 
     def __init__(self, stream: int | TextIO, count: bool = True, period_s: float = PERIOD_S) -> None:
@@ -94,7 +93,7 @@ class PatientHandler(logging.Handler):
         self._changed.notify()
 
     def _tell_repeated(self, everything: bool = False) -> float | None:
-        """Tell how often messages came whose minute is over; seconds until the next one is."""
+        """Report the numbers of messages whose minute is over; return the seconds until the next one is."""
         now = time.monotonic()
         for key, repeated in list(self._repeated.items()):
             if everything or repeated.until_s <= now:
@@ -118,11 +117,11 @@ class PatientHandler(logging.Handler):
             try:
                 while data:
                     data = data[self._write_some(data) :]
-            except BlockingIOError:  # somebody has made the descriptor non-blocking: try again a little later
+            except BlockingIOError:  # the descriptor is non-blocking: try again a little later
                 time.sleep(0.01)
                 with self._changed:
                     self._queue.appendleft(data)
-            except OSError:  # there is no reader any more, and there will be none
+            except OSError:  # the reader has gone for good
                 with self._changed:
                     self._closing = True
                 return
@@ -135,7 +134,7 @@ class PatientHandler(logging.Handler):
         return len(data)
 
     def close(self) -> None:
-        """Write what is left, as far as somebody reads it soon."""
+        """Write the rest within FAREWELL_S."""
         with self._changed:
             self._tell_repeated(everything=True)
             self._closing = True

@@ -1,4 +1,4 @@
-"""How the loops of this folder sleep: until a file is ready, until somebody wakes them, or for a while.
+"""Sleep of the loops of this folder: until a file is ready, a wake-up, or a timeout.
 
 watches of endpoints and guests --.
 Wake.watch -----------------------+-->  FileWatches.wait(watches, timeout_s)  -->  handlers of those that are ready
@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 class FileWatch(NamedTuple):
     """A file to wait for: its `handler` is called when it is ready for `events` (of `selectors`).
 
-    Another handler may have been called in between, so it must bear with a file that is gone or not ready any more.
+    Another handler may have run before, so it must accept a file that is closed or no longer ready.
     """
 
     file: Any
@@ -35,14 +35,14 @@ class Wake:
         self._in, self._out = socket.socketpair()
         self._in.setblocking(False)
         self._out.setblocking(False)
-        self.watch = FileWatch(self._out, selectors.EVENT_READ, self._awake)  # to be waited for beside everything else
+        self.watch = FileWatch(self._out, selectors.EVENT_READ, self._awake)  # one of the files to wait for
 
     def __call__(self) -> None:
-        with suppress(OSError):  # awake already, or closed already
+        with suppress(OSError):  # already awake or closed
             self._in.send(b"\0")
 
     def fileno(self) -> int:
-        """What the operating system may write a byte to for each signal."""
+        """Descriptor to which the operating system writes a byte for each signal."""
         return self._in.fileno()
 
     def _awake(self) -> None:
@@ -61,7 +61,7 @@ def woken_by_signals(wake: Wake) -> Iterator[None]:
     Python only runs the handler in the main thread: a signal that another thread gets, or that comes just before the
     main thread falls asleep, would not end that sleep.
     """
-    if threading.current_thread() is not threading.main_thread():  # signals are none of its business
+    if threading.current_thread() is not threading.main_thread():  # signals go to the main thread
         yield
         return
     before = signal.set_wakeup_fd(wake.fileno(), warn_on_full_buffer=False)

@@ -8,7 +8,8 @@ from contextlib import suppress
 
 log = logging.getLogger("isel_twin")
 
-OUTBOX_BYTES = 65_536  # kept for a host that does not read; more is lost, as on a line without flow control (bridge/2)
+# most bytes for a host that does not read; more is lost, as on a line without flow control (bridge/2)
+OUTBOX_BYTES = 65_536
 
 
 class Outbox:

@@ -2,11 +2,11 @@
 
     virtual time = virtual_0 + speed * (wall time - wall_0)
 
-At speed `max` there is no such relation: virtual time runs as fast as it can be computed while something is to be
-done, and stands still while everybody waits for the host. However slow a host is, it gets the same answers at the same
-virtual times. A twin that cannot keep up with a finite speed slips: the relation is anchored anew.
+At speed `max` there is no such relation: virtual time runs as fast as it can be computed while something is in
+progress, and stops while all wait for the host. Even a slow host gets the same answers at the same virtual times. A
+twin that cannot keep up with a finite speed slips: the relation starts again from the present.
 
-The twin is advanced for about a tick of wall time at once, with looks at hosts and signals in between:
+The twin is advanced for about a tick of wall time, then hosts and signals are checked:
 
     wall time   |-- advance --|- look -|-- advance --|- look -|        5 ms each advance
     virtual     |==== slice ====|======= slice =======|====            slices so long that each takes about a tick
@@ -20,23 +20,23 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-TICK_NS = 5_000_000  # wall time between two looks at a moving machine, and aimed at for one advance: 5 ms
+TICK_NS = 5_000_000  # target wall time of one advance of a moving machine: 5 ms
 SHORTEST_S = 0.001  # shortest sleep of a busy twin: bytes within it arrive together, as from a serial port's FIFO
-LONGEST_S = 0.1  # longest sleep of an idle twin: a recording can make up for it before it counts as a slip
-SLIP_NS = 250_000_000  # wall time a twin may fall behind before the relation is anchored anew: 0.25 s
+LONGEST_S = 0.1  # longest sleep of an idle twin, short enough not to cause a slip with a recording
+SLIP_NS = 250_000_000  # wall time that a twin may fall behind before it slips: 0.25 s
 PATIENCE_NS = 20_000_000  # wall time that bytes of a host wait for the twin to catch up with the present: 20 ms
-REPLY_NS = 1_000_000  # wall time of computing after which a reply is handed on before going on: 1 ms
-STEADY_NS = 1_000_000_000  # wall time without a slip after which a twin at the present has caught up for good: 1 s
+REPLY_NS = 1_000_000  # wall time of computing after which a reply is delivered first: 1 ms
+STEADY_NS = 1_000_000_000  # wall time without a slip after which a twin counts as caught up: 1 s
 SHORTEST_SLICE_NS = 100_000  # least virtual time to be computed at once: 0.1 ms
 
 # A twin in motion announces an event every 10 ms: nothing moves before a later one, so that time costs next to nothing.
 NEAR_NS = 10_000_000  # events within this virtual time are met in slices, later ones one by one
 
-LOWEST_SPEED, HIGHEST_SPEED = 1e-6, 1e6  # wide beyond any use; what a computer cannot reach slips
+LOWEST_SPEED, HIGHEST_SPEED = 1e-6, 1e6  # wider than needed; a computer that is too slow slips
 
 
 class Clocked(Protocol):
-    """What pacing needs of a twin."""
+    """The twin, as needed by pacing."""
 
     @property
     def time_ns(self) -> int: ...
@@ -50,13 +50,13 @@ class Clocked(Protocol):
 
 
 class Onlooker(Protocol):
-    """Somebody who waits for something to happen to the twin, and must not miss it however fast time runs."""
+    """An observer that must not miss an event of the twin, however fast time runs."""
 
     def look_ns(self) -> int | None:
-        """Virtual time at which to look again at the latest; None: only when something has happened."""
+        """Latest virtual time of the next `look`; None: only when something has happened."""
 
     def look(self) -> bool:
-        """Look at the twin; True: stop computing, there is something to be told."""
+        """Check the twin; True: stop computing, there is something to report."""
 
 
 def parse_speed(text: str) -> float | None:
@@ -75,7 +75,7 @@ def parse_speed(text: str) -> float | None:
 
 
 class Pacer:
-    """Keeps a twin at its place in wall time. `speed`: times real time, or None for as fast as possible."""
+    """Keeps a twin in step with wall time. `speed`: times real time, or None for as fast as possible."""
 
     def __init__(
         self, speed: float | None, virtual_ns: int = 0, clock: Callable[[], int] = time.perf_counter_ns
@@ -85,7 +85,7 @@ class Pacer:
         self.reached = 0.0  # times real time: while `behind`, in the first moments of it; afterwards, in all of it
         self.onlookers: list[Onlooker] = []
         self._clock = clock
-        self.hold_ns: int | None = None  # while paused: where virtual time stands still, once the steps are made
+        self.hold_ns: int | None = None  # while paused: the virtual time of the stop, after all steps
         self._slices_ns = {False: TICK_NS, True: TICK_NS}
         self._late = False
         self._anchor(virtual_ns)
@@ -104,11 +104,11 @@ class Pacer:
 
     @property
     def paused(self) -> bool:
-        """Virtual time stands still, but for steps; the server does not (bridge/7)."""
+        """True if virtual time is stopped except for steps; the server goes on (bridge/7)."""
         return self.hold_ns is not None
 
     def pause(self, virtual_ns: int) -> None:
-        """Let virtual time stand still at virtual_ns, the present; if it does already, no step is finished."""
+        """Stop virtual time at virtual_ns, the present; during a pause this aborts steps."""
         self.hold_ns = virtual_ns
 
     def step(self, step_ns: int) -> int:
@@ -119,7 +119,7 @@ class Pacer:
         return self.hold_ns
 
     def go_on(self, speed: float | None, virtual_ns: int, paused: bool = False) -> None:
-        """From now, virtual_ns, keep this speed; or, if still paused, when time goes on."""
+        """Keep this speed from now, virtual_ns; if still paused, after the pause."""
         self.speed = speed
         if not paused:
             self.hold_ns = None
@@ -154,10 +154,8 @@ class Pacer:
         self._judge(twin, present)
 
     def catch_up(self, twin: Clocked, replies: Callable[[], None]) -> None:
-        """Bring the twin to the present because a host has spoken; `replies` is called whenever some may have arrived.
-
-        A twin that does not get there soon, or is known not to, slips: what the host has sent must not wait for it
-        (bridge/6).
+        """Bring the twin to the present because a host has sent something; `replies` is called whenever some may have
+        arrived. A twin that is too slow slips, so that the host's bytes need not wait (bridge/6).
         """
         present = self.present_ns()
         if present is None or self.paused:
@@ -198,7 +196,7 @@ class Pacer:
                 self._slices_ns[near] *= 2
 
     def _slip(self, twin: Clocked) -> None:
-        """Anchor the present where the twin is."""
+        """Make the twin's time the present."""
         self._anchor(twin.time_ns)
         self._slipped = self._wall_0, twin.time_ns
         if not self.behind:
@@ -223,7 +221,7 @@ class Pacer:
         return virtual_ns / max(wall_ns, 1)
 
     def wait_s(self, twin: Clocked) -> float | None:
-        """Wall seconds until the twin must be advanced again, if the host keeps still; None: not before it speaks."""
+        """Wall seconds until the twin must be advanced again without the host; None: not before it sends something."""
         if self.hold_ns is not None:
             return 0.0 if twin.time_ns < self.hold_ns else None
         if self.speed is None:

@@ -6,8 +6,8 @@ The slave side is kept open here too: a host may close and reopen the device wit
 is in force before it comes. A pseudo terminal has no bit times, but keeps the speed and the stop bits that a host sets;
 data bits and parity stay 8N (Linux, `pty_set_termios`). At first it has the speed of the controller's line.
 
-A link left behind by a server that was killed is replaced, also if its /dev/pts/N exists, which may be somebody else's
-by now. A server claims its link (isel_twin.base.files), so it is known who lives and who was killed.
+A link of a killed server is replaced, even if its /dev/pts/N exists, which may now belong to another program. A server
+claims its link (isel_twin.base.files), which shows whether it still runs.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ class PtyEndpoint(Endpoint):
     """
 
     kind = "pty"
-    gathers = False  # a device hands on each byte as it comes
-    busy = False  # whether a program has the device open cannot be told, and does not matter
+    gathers = False  # a device passes each byte on as it comes
+    busy = False  # unknown for a device, and not needed
 
     def __init__(self, link: str | None = None) -> None:
         self._master, self._slave = os.openpty()
@@ -60,7 +60,7 @@ class PtyEndpoint(Endpoint):
                 raise
 
     def _make_link(self, link: Path, abandoned: bool) -> None:
-        """Link to the device. A link that a killed server has left, or that leads nowhere, is replaced."""
+        """Link to the device. A link of a killed server, or a dangling one, is replaced."""
         if link.is_symlink() and (abandoned or not link.exists()):
             link.unlink()
         elif os.path.lexists(link):
@@ -120,7 +120,7 @@ _SPEEDS = {int(getattr(termios, name)): int(name[1:]) for name in _NAMED}  # in 
 
 
 def _settings(file: int) -> dict[str, Any]:
-    """Speed and stop bits of a terminal as a host has set them; only what can be told."""
+    """Speed and stop bits of a terminal set by a host, if known."""
     flags, speed = _flags_and_speed(file)
     known = {"baudrate": speed} if speed else {}
     return {**known, "stopbits": 2 if flags & termios.CSTOPB else 1}
@@ -137,7 +137,7 @@ def _flags_and_speed(file: int) -> tuple[int, int]:
 
 
 def _set_speed(file: int, baud: int) -> None:
-    """Give a terminal its first speed; where any number can be one, any, else one of those with a name."""
+    """Set the first speed of a terminal: any number on Linux, elsewhere one of the named speeds."""
     if sys.platform == "linux":
         with suppress(OSError):
             values = list(_TERMIOS2.unpack(fcntl.ioctl(file, _TCGETS2, bytes(_TERMIOS2.size))))

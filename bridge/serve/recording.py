@@ -1,8 +1,8 @@
-"""A served twin's recording, kept fresh on the disk: what is lost when the process is killed is the last moment only.
+"""A served twin's recording, flushed often: a killed process loses only the last moment.
 
     the twin records itself (recordings/recording.py) --> gathered in memory --> flush, FLUSH_S after the first of it
 
-What is done to the twin it records itself; what is done to its time (pause, speed, steps) is written down here.
+The twin records all operations itself; changes of its time (pause, speed, steps) are recorded here.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ FLUSH_S = 0.5  # wall time for which what has been recorded stays in memory
 
 
 class Freshness(Guest):
-    """A guest of the server that hands a recording to the operating system every FLUSH_S, if there is anything."""
+    """A guest of the server that flushes a recording every FLUSH_S, if there is anything new."""
 
     def __init__(self, recording: FileRecording) -> None:
         self._recording = recording
@@ -49,7 +49,7 @@ class Freshness(Guest):
 
 
 class TimeTap(WireTap):
-    """Writes down what is done to virtual time; bytes and the rest the twin records itself."""
+    """Records changes of virtual time; the twin records the rest itself."""
 
     def __init__(self, recording: FileRecording) -> None:
         self._recording = recording

@@ -4,9 +4,9 @@
         {"pid": 4711, "command": "serve", "machine": "4030", "controller": "imc-s8",
          "ports": [{"kind": "pty", "address": "/tmp/imc", "device": "/dev/pts/7"}]}
 
-A server keeps its file open and locked as long as it lives. A reader removes the file of one that was killed, told by
-the lock, or on Windows by the fact that an open file cannot be removed; the number of a process may be somebody else's
-by then. A folder that cannot be written to is no reason not to serve.
+A server keeps its file open and locked while it runs. A reader removes the file of a killed one, detected by the lock
+(on Windows an open file cannot be removed), as process numbers are reused. Without a writable folder the server runs
+unlisted.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _numbers = itertools.count()
 
 
 def folder() -> Path:
-    """Where this user's servers are written down; it may be missing."""
+    """The folder of this user's servers; it may be missing."""
     for variable in ("XDG_RUNTIME_DIR", "LOCALAPPDATA"):
         if (place := os.environ.get(variable)) and os.path.isdir(place):
             return Path(place, "isel-twin", "ports")
@@ -45,7 +45,7 @@ def _user() -> str:
 
 @contextmanager
 def registered(content: Mapping[str, Any]) -> Iterator[None]:
-    """While the block lasts, this server is found by `served`. Never raises by itself."""
+    """List this server for `served` during the block. Never raises by itself."""
     file: IO[str] | None = None
     path = folder() / f"{os.getpid()}-{next(_numbers)}.json"
     try:
@@ -58,21 +58,21 @@ def registered(content: Mapping[str, Any]) -> Iterator[None]:
     finally:
         if file is not None:
             if sys.platform == "win32":
-                file.close()  # or it cannot be removed
+                file.close()  # needed to remove it
             with suppress(OSError):
                 path.unlink()
             file.close()
 
 
 def _held(path: Path, text: str) -> IO[str]:
-    """A file of this process that others can read but not take for abandoned, from the moment it has its name."""
+    """A file of this process that is locked from the moment it has its name."""
     temporary = path.with_suffix(".new")
     file = open(temporary if sys.platform != "win32" else path, "w", encoding="utf-8")  # noqa: SIM115
     try:
         _lock(file)
         file.write(text)
         file.flush()
-        if sys.platform != "win32":  # which renames no open file
+        if sys.platform != "win32":  # which cannot rename an open file
             temporary.rename(path)
     except BaseException:
         file.close()
@@ -82,7 +82,7 @@ def _held(path: Path, text: str) -> IO[str]:
 
 
 def _lock(file: IO[str]) -> bool:
-    """Lock a file for oneself; False: somebody has it, or there are no locks."""
+    """Lock a file; False: another process has it, or there are no locks."""
     try:
         import fcntl
     except ImportError:  # Windows
@@ -95,7 +95,7 @@ def _lock(file: IO[str]) -> bool:
 
 
 def served() -> list[dict[str, Any]]:
-    """What the living servers have written down, the oldest first. Files of those that were killed are removed."""
+    """The entries of running servers, the oldest first. Files of killed ones are removed."""
     try:
         paths = sorted(folder().glob("*.json"), key=lambda path: (path.stat().st_mtime_ns, path.name))
     except OSError:
@@ -114,6 +114,6 @@ def _living(path: Path) -> dict[str, Any] | None:
                 path.unlink()
                 return None
             content = json.load(file)
-    except (OSError, ValueError):  # it has gone meanwhile, or is being written
+    except (OSError, ValueError):  # it was removed meanwhile, or is being written
         return None
     return content if isinstance(content, dict) and isinstance(content.get("ports"), list) else None

@@ -2,8 +2,8 @@
 
     serial.serial_for_url("rfc2217://127.0.0.1:PORT")
 
-The negotiation is pySerial's `serial.rfc2217.PortManager`. Line settings are accepted and reported back as set; what
-they mean for the bytes is the line's business (server.py, tap.py).
+The negotiation is pySerial's `serial.rfc2217.PortManager`. Line settings are accepted and reported back; their effect
+on bytes is in server.py and tap.py.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ DATA_BITS = (serial.FIVEBITS, serial.SIXBITS, serial.SEVENBITS, serial.EIGHTBITS
 
 @dataclass
 class LineSettings:
-    """The serial port as `PortManager` sees it: settings that a client may read and set."""
+    """The serial port for `PortManager`: settings that a client may read and set."""
 
     baudrate: int = 19_200
     bytesize: int = serial.EIGHTBITS
@@ -44,16 +44,16 @@ class LineSettings:
     cd: bool = True
 
     def __setattr__(self, name: str, value: Any) -> None:
-        """What no port can be set to raises ValueError, which `PortManager` answers with what there was."""
+        """Raises ValueError for an impossible setting; `PortManager` then answers with the old value."""
         if (name == "bytesize" and value not in DATA_BITS) or (name == "baudrate" and value <= 0):
             raise ValueError(f"{name} {value}")
         super().__setattr__(name, value)
 
     def reset_input_buffer(self) -> None:
-        """A client purges what it has not read: nothing is kept back here."""
+        """No effect: no unread bytes are kept here."""
 
     def reset_output_buffer(self) -> None:
-        """A client purges what it has written: that is on the line already."""
+        """No effect: written bytes are already on the line."""
 
 
 class _Connection:
@@ -70,7 +70,7 @@ class Rfc2217Codec:
 
     @property
     def settings(self) -> Mapping[str, Any]:
-        """What the client has set: attributes of a pySerial port."""
+        """The client's settings: attributes of a pySerial port."""
         return {name: value for name, value in asdict(self._port).items() if name in SETTINGS}
 
     def decode(self, data: bytes) -> bytes:
@@ -84,5 +84,5 @@ class Rfc2217Codec:
         return line
 
     def encode(self, data: bytes) -> bytes:
-        """Bytes for the connection: those that Telnet could misread are doubled."""
+        """Bytes for the connection, with Telnet's escape byte doubled."""
         return b"".join(self._manager.escape(data))

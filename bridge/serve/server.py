@@ -1,16 +1,16 @@
 """One twin behind any number of endpoints: the loop of `isel-twin serve`.
 
-The goal is a serial port that behaves like the controller's own, whatever it is reached by. The controller has one
-line; so a reply goes to the endpoint that spoke last (bridge/1), and one network client at a time holds the line. A
-host that goes away never stops the machine.
+Every endpoint behaves like the controller's own serial port. The controller has one line, so a reply goes to the
+endpoint that sent last, and one network client at a time holds the line. A host that disconnects never stops the
+machine (bridge/1).
 
     while not stopped:
         let virtual time catch up, about 5 ms of computing at most      (pacing.py)
-        hand replies to the host
-        sleep until the next event or until somebody speaks
+        send replies to the host
+        sleep until the next event or byte
 
-So hosts and signals are heard within some 30 ms, whatever the twin is busy with. A host is listened to as long as there
-is room on the line in both directions; replies it does not read are lost beyond OUTBOX_BYTES.
+So hosts and signals are handled within some 30 ms, even if the twin is busy. A host is read while there is room on the
+line in both directions; replies it does not read are lost beyond OUTBOX_BYTES.
 """
 
 from __future__ import annotations
@@ -32,32 +32,32 @@ from isel_twin.controller import SerialFormat
 
 log = logging.getLogger("isel_twin")
 
-# Bytes taken from a host ahead of what a paced line can have carried, as much as an operating system buffers; bytes of
-# replies still on a paced line beyond which no more commands are taken.
+# Most bytes taken from a host ahead of a paced line, as much as an operating system buffers; most bytes of replies on a
+# paced line before no more commands are taken.
 LINE_BYTES = 4096
 
-SILENCE_BYTES = 2  # byte times of silence on a paced line after which what has come before it is handed on in one piece
+SILENCE_BYTES = 2  # byte times of silence on a paced line that end a piece
 PIECE_BYTES = 1024  # largest such piece
 
 
 class Guest(Protocol):
-    """Somebody at the server who is no host, such as the control port: called in every round of the loop."""
+    """A participant that is no host, such as the control port; called in every round of the loop."""
 
     def attach(self, server: Server) -> None:
-        """The server whose guest this is."""
+        """Take the server."""
         return
 
     def watches(self) -> Iterable[FileWatch]:
         """Files to wait for now."""
 
     def wait_s(self) -> float | None:
-        """Wall seconds until `look` must be called, whatever happens; None: not by itself."""
+        """Wall seconds until `look` must be called; None: no limit."""
 
     def look(self) -> None:
-        """Something may have happened. Never blocks."""
+        """Called when something may have happened. Never blocks."""
 
     def close(self) -> None:
-        """The server ends: say so, let go of everything."""
+        """Called at the end of the server: inform clients and close everything."""
 
 
 class _Piece:
@@ -75,7 +75,7 @@ class _Piece:
         self._last_ns = time_ns
 
     def complete_ns(self, byte_ns: int) -> int | None:
-        """When the piece is complete unless something is added; None if there is none."""
+        """When the piece is complete without further bytes; None if there is none."""
         if not self._data:
             return None
         return self._last_ns + (SILENCE_BYTES * byte_ns if len(self._data) < PIECE_BYTES else 0)
@@ -98,11 +98,9 @@ class Server:
         guests: Sequence[Guest] = (),
         strict_baud: bool = False,
     ) -> None:
-        """wire: follows the traffic in both directions, in virtual time.
-
-        strict_baud: a host whose port is set otherwise than the controller's line hears and is heard as over a real
-        one (uart.py). What it sends at once goes without a pause; what it hears is handed on once the line is silent
-        (bridge/12).
+        """wire: gets the traffic of both directions, in virtual time. strict_baud: with wrong port settings of a host,
+        bytes are garbled as on a real line (uart.py). Bytes that it sends at once have no pause between them; replies
+        are delivered after a silence of the line (bridge/12).
         """
         self.twin, self.pacer, self.endpoints = twin, pacer, tuple(endpoints)
         self._wire = wire
@@ -128,12 +126,12 @@ class Server:
         self.wake()
 
     def wake(self) -> None:
-        """End the present sleep of `run`, as `stop` from anywhere."""
+        """End the present sleep of `run`; may be called from anywhere."""
         self._wake()
 
     def run(self) -> None:
-        """Serve until `stop`; then let go of the endpoints, also if something in it raises."""
-        gc.freeze()  # or every now and then the collector looks at all there is, which takes tens of milliseconds
+        """Serve until `stop`; then close the endpoints, even after an exception."""
+        gc.freeze()  # otherwise full collections take tens of milliseconds now and then
         try:
             with woken_by_signals(self._wake):
                 while not self._stopped:
@@ -145,7 +143,7 @@ class Server:
                 self._wire.close()
             parts: list[Guest | Endpoint] = [*self._guests, *self.endpoints]
             for part in parts:
-                with suppress(OSError):  # the others must be let go of, too
+                with suppress(OSError):  # the others must be closed, too
                     part.close()
             self._watched.close()
             self._wake.close()
@@ -196,7 +194,7 @@ class Server:
 
     @property
     def listening(self) -> bool:
-        """True if the line has room for what a host says now."""
+        """True if the line has room for bytes of a host."""
         return self._backlog_s() <= 0 and not self._piles_up() and not self._filled_up()
 
     def _piles_up(self) -> bool:
@@ -204,13 +202,13 @@ class Server:
         return self.twin.replies_due > LINE_BYTES or self.twin.commands_due > 2 * LINE_BYTES
 
     def _filled_up(self) -> bool:
-        """True if virtual time stands still, and hosts have said as much meanwhile as a line can hold."""
+        """True if virtual time is stopped and hosts have sent as much as the line can hold."""
         if not self.pacer.paused:
             self._unheard = 0
         return self._unheard > LINE_BYTES
 
     def _reply(self) -> None:
-        """Hand what has arrived to the host, in pieces or as it comes."""
+        """Send what has arrived to the host, in pieces or byte by byte."""
         twin = self.twin
         if data := twin.read():
             if self._wire is not None:
@@ -243,7 +241,7 @@ class Server:
             listener.send(data)
 
     def _garbles(self, endpoint: Endpoint) -> bool:
-        """True if this host hears, and is heard, at the wrong speed or format."""
+        """True if this host has the wrong speed or format."""
         return self._strict_baud and not fits(endpoint, self.serial_format)
 
     # called by endpoints
@@ -267,7 +265,7 @@ class Server:
         self.twin.write(data)
         self._unheard += len(data)
         if self.pacer.speed is None:
-            self._reply()  # it may have been answered already
+            self._reply()  # there may be an answer already
             return
         start_ns = max(self._line_free_ns, self.twin.time_ns)
         self._line_free_ns = start_ns + len(data) * self.twin.serial_format.byte_ns
@@ -275,7 +273,7 @@ class Server:
     # called by guests
 
     def ports(self) -> list[dict[str, Any]]:
-        """Each endpoint, and what its host has set: `host` is its format, `fits` whether that is the line's."""
+        """Each endpoint with its host's format `host`, and whether it `fits` the line."""
         return [
             {
                 "kind": endpoint.kind,
@@ -287,16 +285,16 @@ class Server:
         ]
 
     def present(self) -> None:
-        """Bring the twin to the present, because somebody wants to do something to it or to its time."""
+        """Bring the twin to the present before an operation on it or its time."""
         self.pacer.catch_up(self.twin, self._reply)
 
     def act(self, text: str) -> None:
-        """Tell whoever follows the traffic what is done to the machine."""
+        """Report an operation on the machine to the taps."""
         if self._wire is not None:
             self._wire.act(self.twin.time_ns, text)
 
     def go_on(self, speed: float | None, paused: bool = False) -> None:
-        """Keep another speed from now on, or, if still paused, when time goes on."""
+        """Change the speed from now on, or, if still paused, after the pause."""
         self.pacer.go_on(speed, self.twin.time_ns, paused)
         self._behind = False
         if speed is None:

@@ -2,9 +2,9 @@
 
 Addresses: HOST:PORT, [IPV6]:PORT, :PORT or PORT; without a host the loopback interface, and port 0 for a free one.
 
-The controller has one line, so one client is served at a time. A second one is told so in a line of text and closed.
-A client that closes its sending side (`printf '@07\\r' | nc -N host port`) still gets the replies to what it has sent,
-unless somebody else connects. One that has vanished (a pulled cable) gives up the line within a minute:
+The controller has one line, so one client is served at a time. A second one gets a line of text and is closed. A client
+that closes its sending side (`printf '@07\\r' | nc -N host port`) still gets its replies, unless another one connects.
+One that has vanished (a pulled cable) loses the line within a minute:
 
     last sign of life --- PROBE_AFTER_S ---> probe --- PROBE_EVERY_S ---> probe ... PROBES in vain: gone, 50 s in all
 """
@@ -30,9 +30,9 @@ from isel_twin.controller import SerialFormat
 
 log = logging.getLogger("isel_twin")
 
-REFUSALS = 16  # refused clients whose last words are still on the way; more than that are cut off
-PROBE_AFTER_S, PROBE_EVERY_S, PROBES = 20, 10, 3  # the operating system asks a silent client whether it is there
-VANISHED_S = PROBE_AFTER_S + PROBE_EVERY_S * PROBES  # also for a client that was being sent something
+REFUSALS = 16  # refused clients whose message is still being sent; more are cut off
+PROBE_AFTER_S, PROBE_EVERY_S, PROBES = 20, 10, 3  # keep-alive probes of the operating system
+VANISHED_S = PROBE_AFTER_S + PROBE_EVERY_S * PROBES  # also while data are being sent to the client
 
 
 class CodecError(Exception):
@@ -40,7 +40,7 @@ class CodecError(Exception):
 
 
 class Codec(Protocol):
-    """What lies between the bytes of a connection and those of the serial line; one a connection."""
+    """Converts between the bytes of one connection and those of the serial line."""
 
     def decode(self, data: bytes) -> bytes:
         """Bytes for the line out of bytes of the connection. Raises CodecError."""
@@ -50,11 +50,11 @@ class Codec(Protocol):
 
     @property
     def settings(self) -> Mapping[str, Any]:
-        """How the client has set the port; empty if it cannot."""
+        """The client's port settings; empty if it has none."""
 
 
 class RawCodec:
-    """Nothing in between. send: to the client directly; form: of the controller's line."""
+    """No conversion. send: to the client directly; form: of the controller's line."""
 
     settings: Mapping[str, Any] = {}
 
@@ -91,7 +91,7 @@ def listen(address: str) -> tuple[socket.socket, str]:
 
 
 class Spare:
-    """A file kept free for when no other is left: else the listening socket would stay ready, the server busy."""
+    """A reserve file descriptor: without a free one the listening socket would stay ready and keep the server busy."""
 
     def __init__(self) -> None:
         self.file: int | None = None
@@ -102,7 +102,7 @@ class Spare:
             self.file = os.open(os.devnull, os.O_RDONLY)
 
     def turn_away(self, listener: socket.socket, kind: str) -> None:
-        """Let go of whoever waits at the listening socket."""
+        """Accept and close a waiting client."""
         log.warning("%s: too many open files; a client was turned away", kind)
         self.close()
         with suppress(OSError):
@@ -134,7 +134,7 @@ def _hung_up(connection: socket.socket) -> bool:
 
 
 def _keep_alive(connection: socket.socket) -> None:
-    """Have the operating system find out about a client that has vanished."""
+    """Let the operating system detect a vanished client."""
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
     for names, value in (
         (("TCP_KEEPIDLE", "TCP_KEEPALIVE"), PROBE_AFTER_S),  # the second is what macOS calls it
@@ -205,7 +205,7 @@ class TcpEndpoint:
         except OSError as error:
             if lacks_files(error):
                 self._spare.turn_away(self._listener, self.kind)
-            return  # else it has gone already
+            return  # the client has gone
         connection.setblocking(False)
         if not self._line.claim(self):
             self._refuse(connection)
@@ -215,13 +215,14 @@ class TcpEndpoint:
             _keep_alive(connection)
             self._client = _Client(connection, self._codec, self._line.serial_format)
         except OSError:
-            connection.close()  # it has gone already
+            connection.close()  # the client has gone
         else:
             log.info("%s: client %s:%s connected", self.kind, *peer[:2])
 
     def _refuse(self, connection: socket.socket) -> None:
-        """Say why, and close once the client has: closing at once could make its kernel throw our words away."""
-        with suppress(OSError):  # it has gone already
+        """Send the reason, and close after the client has: closing at once could make its kernel discard the
+        message."""
+        with suppress(OSError):  # the client has gone
             connection.send(f"isel-twin: port {self.address} is in use by another client\r\n".encode())
             connection.shutdown(socket.SHUT_WR)
         self._refused.append(connection)
@@ -272,7 +273,7 @@ class TcpEndpoint:
         client = self._client
         self._listening = True
         while client is not None and self._client is client and not client.departing:
-            self._ready()  # what it has sent before it left must not be lost
+            self._ready()  # bytes sent before it left must not be lost
         self._disconnect("closed by the client")
 
     def _disconnect(self, reason: str) -> None:

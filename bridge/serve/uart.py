@@ -1,4 +1,4 @@
-"""What a serial port hears if it is set otherwise than the one that sends: bit by bit, as a UART samples its line.
+"""Reception by a serial port with other settings than the sender, bit by bit as in a UART.
 
     line     ‾‾‾\\___/‾‾‾\\_______/‾‾‾ ...   start bit 0, data bits from the lowest, parity, stop bits 1; idle 1
     sample         ^   ^   ^   ^            the middle of each bit, in the receiver's own bit times from the edge on
@@ -8,13 +8,13 @@ e/S takes its sample j (0: start bit) at e/S + (j + 1/2)/R, that is, in the send
 
     e + floor(S (2j + 1) / (2R))                  (whole numbers: no rounding; on an edge the new level counts)
 
-It looks at the start bit (high: it was a spike, no byte), data bits, parity if it has one, and the first stop bit, then
-waits for the next falling edge. Two ports whose speeds differ understand each other as long as the last sample stays in
-its bit: with 8N1 (sample 9 of 10 bits) for 9 <= 9.5 S/R < 10, so from 5.2 % too slow to 5.2 % too fast.
+It samples the start bit (high: a spike, no byte), data bits, parity if it has one, and the first stop bit, then waits
+for the next falling edge. Ports with different speeds work as long as the last sample stays in its bit: with 8N1
+(sample 9 of 10 bits) for 9 <= 9.5 S/R < 10, so from 5.2 % too slow to 5.2 % too fast.
 
-A stop bit that is low is a framing error, a line that was low throughout a break. The byte is handed on all the same,
-as microcontrollers do and operating systems in raw mode (without INPCK); only the counts tell. Sources: Maxim AN2141
-for the sampling and its tolerance; termios(3) for what becomes of errors.
+A low stop bit is a framing error, a line that was low throughout a break. The byte is still passed on, as by
+microcontrollers and by operating systems in raw mode (without INPCK); errors are only counted. Sources: Maxim AN2141
+for the sampling and its tolerance; termios(3) for errors.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from isel_twin.controller import SerialFormat
 
 @dataclass(frozen=True)
 class Heard:
-    """What a receiver makes of a line."""
+    """The result of reception."""
 
     data: bytes
-    framing_errors: int  # bytes whose stop bit was low; they are in `data`
-    parity_errors: int  # bytes whose parity bit was wrong; they are in `data`
+    framing_errors: int  # bytes with a low stop bit, included in `data`
+    parity_errors: int  # bytes with a wrong parity bit, included in `data`
 
 
 def levels(data: bytes, form: SerialFormat) -> list[int]:
@@ -43,7 +43,7 @@ def levels(data: bytes, form: SerialFormat) -> list[int]:
 
 
 def heard(data: bytes, sender: SerialFormat, receiver: SerialFormat) -> Heard:
-    """What `receiver` makes of `data` that `sender` sends without a pause, the line being idle before and after."""
+    """Reception of `data` that `sender` sends without a pause on a line that is idle before and after."""
     line = levels(data, sender)
     found = bytearray()
     framing = parity = 0

@@ -4,8 +4,8 @@
     isel-twin:    12.346720 s  twin  0                         reply: done
     isel-twin:    12.400000 s  ctl   {"set": {"estop": "pressed"}}
 
-Times are virtual, those at which a message was complete. The controller's language says what it means. Without one,
-bytes are shown in hexadecimal, up to a silence of SILENCE_NS or a byte from the other side.
+Times are the virtual ones at which messages were complete. The controller's language explains them. Without one, bytes
+are shown in hexadecimal, up to a silence of SILENCE_NS or a byte from the other side.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from isel_twin.language import Language
 
 log = logging.getLogger("isel_twin.wire")
 
-SILENCE_NS = 20 * MILLISECOND_NS  # virtual time after which bytes without a language are taken for complete
+SILENCE_NS = 20 * MILLISECOND_NS  # virtual time that ends a message without a language
 LINE_BYTES = 32  # bytes of a line in hexadecimal, at most
 
 
 class WireLine(NamedTuple):
-    """A message, or what somebody beside the host has done."""
+    """A message, or an operation."""
 
     time_s: float  # virtual time
-    who: str  # `host`, or what the controller and others are called
+    who: str  # `host`, or the name of the controller or of others
     text: str
     meaning: str
 
@@ -39,7 +39,7 @@ def print_line(line: WireLine) -> None:
 
 
 class Taps(WireTap):
-    """Several who follow the traffic, as one."""
+    """Several taps as one."""
 
     def __init__(self, taps: Sequence[WireTap]) -> None:
         self._taps = tuple(taps)
@@ -62,9 +62,9 @@ class Taps(WireTap):
 
 
 class WireLog(WireTap):
-    """Follows the traffic, and tells `say` each line. language: an instance of its own; None for hexadecimal.
+    """Explains the traffic, and calls `say` with each line. language: a fresh instance; None for hexadecimal.
 
-    controller, others: names of the controller and of whoever is no host, in up to four letters.
+    controller, others: names of the controller and of operators, in up to four letters.
     """
 
     def __init__(
@@ -103,7 +103,7 @@ class WireLog(WireTap):
         self._say(WireLine(time_ns / SECOND_NS, self._others, text, ""))
 
     def close(self) -> None:
-        """Print what has been begun and not ended."""
+        """Print incomplete messages."""
         self._print_begun()
         if self._language is not None:
             for sent in (True, False):

@@ -1,5 +1,5 @@
-"""Between a real host and a real controller.
+"""A tap between a real host and a real controller.
 
-tap.py             passes bytes on, and notes both directions
-real_port.py       the controller's side of it
+tap.py             passes bytes on and records both directions
+real_port.py       the controller's side
 """

@@ -1,16 +1,16 @@
-"""The port of a real controller, whatever it is reached by, read and written by two threads of its own.
+"""The port of a real controller, read and written by two threads.
 
     /dev/ttyUSB0, COM3, /dev/pts/7       a serial device of this computer
     rfc2217://host:port                  one behind RFC 2217 (pySerial speaks it)
     tcp://host:port                      a terminal server's raw connection
 
-    controller --> reader thread --(stamped)--> take()             one queue each way, bounded:
-    controller <-- writer thread <------------- put(), set()       whoever is too fast has to wait
+    controller --> reader thread --(stamped)--> take()             one bounded queue each way:
+    controller <-- writer thread <------------- put(), set()       the faster side waits
 
-A byte is stamped when the reader thread has it; a busy loop, or a host that does not read, changes no time. Settings
-take their place among the bytes: what was put before them has left the computer when they change. A port that vanishes
-(an unplugged adapter) is tried again every RETRY_S, with the settings it had (bridge/9); what is put meanwhile is
-lost, counted.
+A byte gets its time stamp in the reader thread, so a busy loop, or a host that does not read, has no effect on times.
+Settings keep their order among the bytes: earlier bytes have left the computer when they change. A port that vanishes
+(an unplugged adapter) is tried again every RETRY_S, with its last settings; bytes put meanwhile are lost and counted
+(bridge/9).
 """
 
 from __future__ import annotations
@@ -31,17 +31,17 @@ from isel_twin.bridge.serve.tcp import parse_address
 
 log = logging.getLogger("isel_twin")
 
-HELD_BYTES = 65_536  # most in one direction; then the port is not read, and `full` says so for what is put
+HELD_BYTES = 65_536  # most bytes in one direction; then the port is not read, or `full` is True
 PIECE_BYTES = 4096  # read at once
 
 RETRY_S = 1.0
-LOOK_S = 0.5  # longest a thread waits before it looks whether it has to end
+LOOK_S = 0.5  # longest wait of a thread before it checks whether to end
 
 CONNECT_S = 5.0
 
 
 class Arrived(NamedTuple):
-    """What has come from the controller's side."""
+    """Data from the controller's side."""
 
     time_ns: int  # of time.perf_counter_ns
     data: bytes
@@ -77,16 +77,17 @@ class _TcpPort:
 
 
 class _SerialPort:
-    """A device, or whatever pySerial makes of a URL. read: b"" if nothing came for LOOK_S."""
+    """A device, or a pySerial URL. read: b"" if nothing came for LOOK_S."""
 
     def __init__(self, address: str, settings: Mapping[str, Any]) -> None:
         with _os_errors():
             self._port = serial.serial_for_url(address, do_not_open=True, timeout=LOOK_S)
             if isinstance(self._port, serial.Serial):
-                self._port.exclusive = True  # what another program has open is not to be read by two
+                self._port.exclusive = True  # refuse a port that another program has open
             self.set(settings, flush=False)
             self._port.open()
-        with suppress(Exception):  # Linux: or an FTDI adapter keeps bytes for 16 ms; not every device knows it
+        # Linux: otherwise an FTDI adapter holds bytes for 16 ms; not every device supports this
+        with suppress(Exception):
             self._port.set_low_latency_mode(True)
 
     def read(self) -> bytes:
@@ -99,7 +100,7 @@ class _SerialPort:
             self._port.write(data)
 
     def set(self, settings: Mapping[str, Any], flush: bool = True) -> None:
-        """Change the line once what was written has left; the log says what the port does not know."""
+        """Change the settings after the written bytes have left; unsupported ones are logged."""
         with _os_errors():
             if flush:
                 self._port.flush()
@@ -122,7 +123,7 @@ class _SerialPort:
 
 @contextmanager
 def _os_errors() -> Iterator[None]:
-    """Whatever pySerial raises for a port that has gone (termios.error, TypeError ...) becomes an OSError."""
+    """Turn anything that pySerial raises for a vanished port (termios.error, TypeError ...) into OSError."""
     try:
         yield
     except OSError as error:
@@ -131,14 +132,14 @@ def _os_errors() -> Iterator[None]:
         raise OSError(str(error)) from error
 
 
-_PLAIN = {  # what parts of pySerial's messages mean
+_PLAIN = {  # plain words for parts of pySerial's messages
     "exclusively lock": "is in use by another program",
     "returned no data": "it was unplugged, or its other end has closed",
 }
 
 
 def _plain(error: OSError) -> str:
-    """What pySerial says without what it says twice: 'could not open port X: [Errno 2] Y: X' is Y."""
+    """pySerial's message without repetitions: 'could not open port X: [Errno 2] Y: X' becomes Y."""
     text = str(error)
     if isinstance(error, serial.SerialException):
         cause = re.search(r"\[Errno \d+\] ([^:\]]+)", text.removeprefix(f"[Errno {error.errno}] "))
@@ -155,7 +156,7 @@ Port = _TcpPort | _SerialPort
 
 
 def open_port(address: str, settings: Mapping[str, Any]) -> Port:
-    """Raises OSError if the port cannot be had, ValueError for a bad address."""
+    """Raises OSError if the port cannot be opened, ValueError for a bad address."""
     if address.startswith("tcp://"):
         return _TcpPort(address.removeprefix("tcp://"))
     return _SerialPort(address, settings)
@@ -182,7 +183,7 @@ class RealPort:
     # the loop's side
 
     def take(self, most: int) -> list[Arrived]:
-        """What has come meanwhile: as many pieces as have up to `most` bytes together."""
+        """The data that have come: pieces of up to `most` bytes in total."""
         taken = []
         with self._changed:
             while self._arrived and len(self._arrived[0].data) <= most:
@@ -196,14 +197,14 @@ class RealPort:
 
     @property
     def full(self) -> bool:
-        """True while nothing should be put: the line is slower than the host."""
+        """True while nothing should be put, as the line is slower than the host."""
         return self._waiting >= HELD_BYTES
 
     def put(self, data: bytes) -> None:
         self._queue(data, len(data))
 
     def set(self, settings: Mapping[str, Any]) -> None:
-        """Settings for the line, after what was put before them."""
+        """Change the line's settings, after the bytes put before."""
         self._queue(dict(settings), 0)
 
     def _queue(self, item: bytes | Mapping[str, Any], size: int) -> None:
@@ -213,7 +214,7 @@ class RealPort:
             self._changed.notify_all()
 
     def close(self) -> None:
-        """Send what was put, as far as the port takes it soon, and let go of it."""
+        """Send remaining bytes within a short time, and close the port."""
         with self._changed:
             self._changed.wait_for(lambda: not self._waiting or self._port is None, LOOK_S)
             self._ending = True
@@ -253,12 +254,12 @@ class RealPort:
                 self._changed.wait_for(lambda: self.held < HELD_BYTES or self._ending)
 
     def _gone(self, port: Port, error: OSError) -> None:
-        """Only the reader says so: it finds out by itself."""
+        """Handle a vanished port; called only by the reader, which detects it."""
         with self._changed:
             self._port = None
             self._changed.notify_all()
         port.cancel()
-        out = self._writing.acquire(timeout=2 * LOOK_S)  # closed under the writer, its number could be another file's
+        out = self._writing.acquire(timeout=2 * LOOK_S)  # closed during a write, its descriptor could be reused
         port.close()
         if out:
             self._writing.release()

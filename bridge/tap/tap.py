@@ -1,4 +1,4 @@
-"""The tap: stands between a real host and a real controller, passes every byte on at once, and notes both directions.
+"""The tap between a real host and a real controller passes every byte on at once and records both directions.
 
     host --- endpoint ---.                         .--- RealPort --- controller
                           >--- pass on, unchanged -<
@@ -6,11 +6,10 @@
                                      v
                              BookWriter: a recording, in a thread of its own
 
-Times are those of this computer's finest monotonic clock since the tap began: of a byte from the host when the tap has
-read it, of a byte from the controller when the reader thread has. A slow or full disk ends the recording, not the
-session. Whoever is faster than the other side is not read for a while (HELD_BYTES each way). What a host sets its port
-to (speed, and over RFC 2217 data bits, parity, stop bits, DTR, RTS, break) is set at the controller's port too, in its
-place among the bytes.
+Times are of this computer's finest monotonic clock since the tap began, when the tap (for the host) or the reader
+thread (for the controller) has read a byte. A slow or full disk ends the recording, not the session. A side that is too
+fast is not read for a while (HELD_BYTES each way). Port settings of a host (speed, and over RFC 2217 data bits, parity,
+stop bits, DTR, RTS, break) are set at the controller's port too, in order with the bytes.
 """
 
 from __future__ import annotations
@@ -34,9 +33,9 @@ from isel_twin.recordings.mcap import RecordingWriter
 log = logging.getLogger("isel_twin")
 
 ROOM_BYTES = 2 * PIECE_BYTES  # room an endpoint needs for a piece: Telnet doubles a byte 255
-LOOK_S = 0.2  # how often a silent host's settings are looked at, and the recording is handed to the disk
-UNWRITTEN_BYTES = 1 << 24  # most that waits for a slow disk; beyond that the recording ends
-PATIENCE_S = 5.0  # a host that has not read for so long is mentioned
+LOOK_S = 0.2  # interval for checking a silent host's settings and flushing the recording
+UNWRITTEN_BYTES = 1 << 24  # most bytes waiting for a slow disk; beyond that the recording ends
+PATIENCE_S = 5.0  # a host that does not read for longer is logged
 
 
 class BookWriter:
@@ -108,7 +107,7 @@ class Tap:
     ) -> None:
         self._line = {**port_settings(serial_format), "dtr": True, "rts": True, "break_condition": False}
         self.endpoints = tuple(endpoints)
-        self.writer: BookWriter | None = None  # writes down what passes
+        self.writer: BookWriter | None = None  # records the traffic
         self._wire = wire
         self._wake = Wake()
         self._watched = FileWatches()
@@ -133,12 +132,12 @@ class Tap:
         return self._port.held + self._speaker.waiting
 
     def stop(self) -> None:
-        """End `run` soon, also from a signal handler or another thread."""
+        """End `run` soon. May be called from a signal handler or another thread."""
         self._stopped = True
         self._wake()
 
     def run(self) -> None:
-        """Pass on until `stop`; then let go of both sides."""
+        """Pass bytes on until `stop`; then close both sides."""
         try:
             with woken_by_signals(self._wake):
                 while not self._stopped:
@@ -148,7 +147,7 @@ class Tap:
             self.close()
 
     def close(self) -> None:
-        """Let go of both sides. May be called again."""
+        """Close both sides. May be called again."""
         if self._closed:
             return
         self._closed = True
@@ -174,7 +173,7 @@ class Tap:
     # from the controller
 
     def _deliver(self) -> None:
-        """Hand on what has come from the controller, as far as the host takes it."""
+        """Pass on bytes of the controller, as far as the host takes them."""
         while (room := OUTBOX_BYTES - ROOM_BYTES - self._speaker.waiting) > 0:
             pieces = self._port.take(PIECE_BYTES)
             if not pieces:
@@ -213,7 +212,7 @@ class Tap:
         return SerialFormat(line["baudrate"], line["bytesize"], line["parity"], line["stopbits"])
 
     def _follow(self) -> None:
-        """Set the controller's port to what a host has set its own to."""
+        """Copy a host's port settings to the controller's port."""
         for number, endpoint in enumerate(self.endpoints):
             now = dict(endpoint.settings)
             if now == self._settings[number]:

@@ -41,7 +41,7 @@ def _sleep(active: Turns, seconds: float, /) -> None:
 
 
 def _now_or(position: int, real: Callable[..., Any]) -> StandIn:
-    """Functions of `time` that take the present time if an argument is left out."""
+    """Functions of `time` with an argument whose default is the present time."""
 
     def virtual(active: Turns, *args: Any) -> Any:
         if len(args) <= position or args[position] is None:
@@ -60,7 +60,7 @@ def _gettime_ns(active: Turns, clock: int) -> int:
 
 
 class _DateMeta(type):
-    """Real dates are instances of what stands in for their class, too; a host's own subclasses are as ever."""
+    """Makes real dates instances of the stand-in of their class; a host's own subclasses are unchanged."""
 
     def __instancecheck__(cls, value: object) -> bool:
         return isinstance(value, _REAL_DATES[cls]) if cls in _REAL_DATES else type.__instancecheck__(cls, value)

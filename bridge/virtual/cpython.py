@@ -1,4 +1,4 @@
-"""Everything private of CPython that virtual threads rest on, checked when this module is imported.
+"""All private parts of CPython that virtual threads use, checked at import.
 
 Tried with Python 3.11, 3.12 and 3.13; 3.14 was not to be had. Imports nothing of the twin, so any interpreter can be
 asked alone: `python cpython.py`. A missing name is an ImportError of one line.
@@ -79,7 +79,7 @@ thread_starters: tuple[Callable[..., Any], ...] = tuple(
 
 
 def hear_uncaught(thread: threading.Thread, tell: Callable[[Callable[[], None]], None]) -> None:
-    """Have `tell(report)` called when an exception ends a thread, in `sys.exc_info`; `report` prints it as usual."""
+    """Call `tell(report)` when an exception ends a thread, in `sys.exc_info`; `report` prints it as usual."""
     usual = thread._invoke_excepthook  # type: ignore[attr-defined]
     thread._invoke_excepthook = lambda thread: tell(lambda: usual(thread))  # type: ignore[attr-defined]
 
@@ -87,22 +87,21 @@ def hear_uncaught(thread: threading.Thread, tell: Callable[[Callable[[], None]],
 def started(start: Callable[..., Any], run: Callable[[], None], options: dict[str, Any]) -> Any:
     """Start a thread by one of `thread_starters` or `_thread.start_new_thread`. options: its caller's keywords.
 
-    Since Python 3.13 the interpreter waits at its end for threads that were not started as daemons; here the host's
-    turns do that, and a thread that they have left must hold nobody up.
+    Since Python 3.13 the interpreter waits at its end for threads that are not daemons; here the host's turns do that,
+    and a thread that they have abandoned must not block.
     """
     return start(run, **(options | {"daemon": True})) if "daemon" in options else start(run, (), **options)
 
 
 def let_exit_without(thread: threading.Thread) -> None:
-    """Have the interpreter not wait for this thread at its end (since Python 3.13 it does not, see `started`)."""
+    """Let the interpreter not wait for this thread at its end (from Python 3.13 on done by `started`)."""
     getattr(threading, "_shutdown_locks", set()).discard(getattr(thread, "_tstate_lock", None))
 
 
 @contextmanager
 def pools_told_to_end(ours: Callable[[threading.Thread], object]) -> Iterator[list[threading.Thread]]:
-    """Tell our workers of thread pools (yielded) that nothing more will come, as `concurrent.futures` does at exit.
-
-    Pools of others take work again when the block ends.
+    """Tell our workers of thread pools (yielded) to end, as `concurrent.futures` does at exit. Other pools accept work
+    again after the block.
     """
     pools: Any = sys.modules.get("concurrent.futures.thread")
     workers = [(thread, work) for thread, work in list(pools._threads_queues.items()) if ours(thread)]

@@ -1,4 +1,4 @@
-"""Whose code a line is: the host's, or that of Python, a package or the twin."""
+"""Tells code of the host from that of Python, packages and the twin."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from types import FrameType
 
 import isel_twin
 
-# Folders of Python, of packages and of the twin: what is elsewhere is the host's.
+# Folders of Python, of packages and of the twin; other files belong to the host.
 LIBRARIES = tuple(
     folder.rstrip(os.sep) + os.sep
     for folder in (

@@ -27,9 +27,9 @@ class HostThread:
         self.name = name
         self.daemon = daemon
         self.ident = ident
-        self.turn = _thread.allocate_lock()  # released by whoever hands over to this thread, which waits for it
+        self.turn = _thread.allocate_lock()  # this thread waits for it; released to give it its turn
         self.turn.acquire()
-        self.ready: Callable[[], bool] | None = None  # what it waits for; None: for its time only
+        self.ready: Callable[[], bool] | None = None  # its condition; None: it waits only for its time
         self.deadline_ns: int | None = None
         self.why = "start"
         self.hears = False  # it waits for bytes

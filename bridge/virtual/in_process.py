@@ -1,4 +1,4 @@
-"""What pySerial ports in this process have in common: modem lines that nobody looks at, and how long they wait."""
+"""Common parts of pySerial ports in this process: unused modem lines, and times of waiting."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ from serial.serialutil import PortNotOpenError, SerialBase
 
 from isel_twin.base.units import SECOND_NS
 
-STRETCH_NS = SECOND_NS  # virtual time between two looks whether bytes can still come, if nobody waits for a time
+STRETCH_NS = SECOND_NS  # virtual time between checks whether bytes can still come, in waits without a timeout
 PATIENCE_NS = 3600 * SECOND_NS  # virtual time of idleness after which no byte is expected of a controller
 
 
 class NoModemLines(SerialBase):
-    """A port whose other end is always there and ready; it never rings, and does not look at a break, RTS and DTR."""
+    """A port whose other end is always ready; it never rings, and ignores break, RTS and DTR."""
 
     def _check_open(self) -> None:
         if not self.is_open:
             raise PortNotOpenError()
 
     def _unseen(self) -> None:
-        """The controller does not look at it."""
+        """No effect on the controller."""
 
     _update_break_state = _update_rts_state = _update_dtr_state = _unseen
 

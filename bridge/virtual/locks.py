@@ -14,7 +14,7 @@ from isel_twin.bridge.virtual.turns import Turns, here
 
 REAL_START = _thread.start_new_thread
 
-FOR_EVER_S = 1e9  # timeouts from here on mean no limit: hosts that want to hear Ctrl-C give `threading.TIMEOUT_MAX`
+FOR_EVER_S = 1e9  # longer timeouts mean no limit: some hosts use `threading.TIMEOUT_MAX` to stay open to Ctrl-C
 
 _real_join, _real_is_alive = threading.Thread.join, threading.Thread.is_alive
 _real_is_set = threading.Event.is_set
@@ -82,7 +82,7 @@ class VirtualRLock:
     def __exit__(self, *_: object) -> None:
         self.release()
 
-    def _recursion_count(self) -> int:  # this and the next are what threading.Condition wants
+    def _recursion_count(self) -> int:  # this and the next are needed by threading.Condition
         return self._count if self._owner == _thread.get_ident() else 0
 
     def _is_owned(self) -> bool:
@@ -111,7 +111,7 @@ def _wait_for(ready: Callable[[], bool], timeout: float, why: str) -> bool:
     active = here()
     if active is not None:
         return active.wait(ready, None if timeout == -1 or timeout >= FOR_EVER_S else active.deadline(timeout), why)
-    return True  # the host is over, and so is whoever held it
+    return True  # the host has ended, and so has the owner
 
 
 def _start(real: Callable[..., Any]) -> StandIn:
@@ -130,7 +130,7 @@ def join(self: threading.Thread, timeout: float | None = None) -> None:
     if active is not None and task is not None and not task.ended and self is not threading.current_thread():
         if not active.wait(lambda: task.ended, active.deadline(timeout), f"join of {self.name}"):
             return
-        timeout = None  # the interpreter has a moment's work left
+        timeout = None  # the interpreter needs a moment
     _real_join(self, timeout)
 
 

@@ -17,14 +17,13 @@
     port.twin                                                  # the Twin itself: position_mm, lost_steps, set_input ...
 
 Time at speed max: `read` lets virtual time pass until it has its bytes or its timeout (virtual seconds) is over, as
-does `flush`. A look that does not wait (`in_waiting`, or a read with timeout 0) and finds nothing costs 10 ms, so that
-a polling host sees time pass. Nothing else takes time. A read without timeout for which no byte can ever come raises
-SerialException, where a real port would block for ever: nothing will happen without the host, or the controller has
-been idle for PATIENCE_NS.
+does `flush`. A poll (`in_waiting`, or a read with timeout 0) that finds nothing costs 10 ms, so that time passes for a
+polling host. Nothing else takes time. A read without timeout raises SerialException, where a real port would block for
+ever, if nothing can happen without the host, or the controller has been idle for PATIENCE_NS.
 
-One thread at a time, as time passes inside the calls: a call while another thread is inside one raises SerialException;
-programs with a reading thread want `isel-twin serve`. The twin belongs to the port object: closing and reopening keep
-it, position and reference included; bytes that arrive while the port is closed are lost.
+One thread at a time, as time passes inside the calls: a call during that of another thread raises SerialException;
+programs with a reading thread need `isel-twin serve`. The twin belongs to the port object: it stays the same after
+closing and reopening; bytes that arrive while the port is closed are lost.
 """
 
 from __future__ import annotations
@@ -47,7 +46,7 @@ from isel_twin.core.spec import TwinSpec
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
 
-POLL_NS = 10_000_000  # virtual time that a look which does not wait costs: 10 ms, as a polling host would sleep
+POLL_NS = 10_000_000  # virtual time of a poll: 10 ms, as a polling host would sleep
 
 OPTIONS = ("machine", "plant", "seed", "speed", "scenario", "flash")
 
@@ -108,7 +107,7 @@ class Serial(NoModemLines):
         return self._twin
 
     def open(self) -> None:
-        """Power on a twin, or find the one of the last time again. Raises SerialException."""
+        """Power on a twin, or use the earlier one again. Raises SerialException."""
         with self._alone():
             if self.is_open:
                 raise SerialException("Port is already open.")
@@ -137,13 +136,13 @@ class Serial(NoModemLines):
         self._pacer = Pacer(speed, twin.time_ns)
 
     def close(self) -> None:
-        """Close the port; the twin waits for it to be opened again, and lets go of its flash file meanwhile."""
+        """Close the port; the twin stays for the next opening, but releases its flash file."""
         if self._twin is not None and (keeper := flash_file(self._twin)) is not None:
             keeper.release()
         self.is_open = False
 
     def _reconfigure_port(self) -> None:
-        """Line settings are accepted and change nothing."""
+        """Line settings are accepted without effect."""
 
     @contextmanager
     def _alone(self) -> Iterator[None]:
@@ -181,7 +180,7 @@ class Serial(NoModemLines):
             self._pass(present)
 
     def _look(self) -> None:
-        """Fetch what has arrived; finding nothing takes a moment."""
+        """Fetch what has arrived; finding nothing takes POLL_NS."""
         self._catch_up()
         if not self._buffer and self._pacer.speed is None:
             self._pass(self.twin.time_ns + POLL_NS)
@@ -236,7 +235,7 @@ class Serial(NoModemLines):
                 came_ns = twin.time_ns
 
     def write(self, data: Any, /) -> int:
-        """Hand bytes to the line; returns at once, as a port with room in its buffer does."""
+        """Put bytes on the line; returns at once, like a port with room in its buffer."""
         with self._in_use():
             self._catch_up()
             sent = to_bytes(data)
@@ -260,13 +259,13 @@ class Serial(NoModemLines):
             return max(0, -((self.twin.time_ns - self._line_free_ns) // self._byte_ns))
 
     def reset_input_buffer(self) -> None:
-        """Forget what has arrived by now."""
+        """Drop what has arrived."""
         with self._in_use():
             self._catch_up()
             self._buffer.clear()
 
     def reset_output_buffer(self) -> None:
-        """What has been written is on the line already."""
+        """No effect: written bytes are already on the line."""
         self._check_open()
 
     @property

@@ -1,6 +1,5 @@
-"""What virtual time cannot do: what would wait in real time, or leave the process.
-
-The host ends with one line that says where it wanted what, and what to do instead.
+"""Functions that virtual time cannot support: they would wait in real time, or leave the process. The host ends with
+one line that names place, function and alternative.
 """
 
 from __future__ import annotations
@@ -50,7 +49,7 @@ def _refused(what: str) -> Callable[..., Any]:
             "subprocess": "subprocess",
         }
         if (by := _called_by(*told)) == "asyncio":
-            warnings.filterwarnings("ignore", message="coroutine .* was never awaited")  # nor will it be
+            warnings.filterwarnings("ignore", message="coroutine .* was never awaited")  # the host has ended
         refuse(told.get(by or "", what), SERVE)
 
     return virtual
@@ -100,7 +99,7 @@ def stand_ins() -> list[tuple[Any, Any]]:
 
 
 def methods() -> Iterator[tuple[type, str, Callable[..., Any]]]:
-    """Each method that is refused: class, name, and what refuses it."""
+    """Each refused method: class, name, and its replacement."""
     for (module, class_name), names in _REFUSED_METHODS.items():
         owner = getattr(importlib.import_module(module), class_name)
         for name in names:

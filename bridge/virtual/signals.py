@@ -1,7 +1,5 @@
-"""Signals of a host in virtual time: no handler interrupts the twin in the middle of something.
-
-A signal that comes while the clock is at work, or another thread of the host has its turn, waits until the main thread
-next leaves the clock.
+"""Signals of a host in virtual time: no handler interrupts the twin. A signal that comes while time passes, or during
+the turn of another thread of the host, waits until the main thread continues.
 """
 
 from __future__ import annotations
@@ -16,7 +14,7 @@ Handler = Callable[[int, FrameType | None], Any]
 
 
 class Signals:
-    """Signals that have come and wait. at_work: true while none may be delivered."""
+    """Waiting signals. at_work: True while none may be delivered."""
 
     def __init__(self, at_work: Callable[[], bool]) -> None:
         self._at_work = at_work
@@ -27,7 +25,7 @@ class Signals:
         return bool(self._come)
 
     def deferred(self, handler: Handler) -> Callable[[int, FrameType | None], None]:
-        """A signal handler that runs `handler` at once, or at the next `deliver` if the clock is at work."""
+        """A signal handler that runs `handler` at once, or at the next `deliver` while `at_work`."""
 
         def heard(number: int, frame: FrameType | None) -> None:
             if self._at_work():
@@ -39,7 +37,7 @@ class Signals:
         return heard
 
     def defer(self) -> None:
-        """Defer the handlers that are there, until `restore`."""
+        """Defer the present handlers until `restore`."""
         if threading.current_thread() is threading.main_thread():
             for number in (signal.SIGINT, signal.SIGTERM):
                 handler = signal.getsignal(number)
@@ -47,9 +45,9 @@ class Signals:
                     self.handlers[number] = signal.signal(number, self.deferred(handler))
 
     def restore(self) -> None:
-        """Put back every handler that was replaced, by the host, too."""
+        """Restore every handler, including those that the host replaced."""
         for number, handler in self.handlers.items():
-            if handler is not None:  # one of C's making, which could not be put back
+            if handler is not None:  # None: installed by C code, cannot be restored
                 signal.signal(number, handler)
 
     def deliver(self) -> None:

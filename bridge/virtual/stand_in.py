@@ -12,11 +12,12 @@ from isel_twin.bridge.virtual.turns import here
 class StandIn:
     """Calls `virtual(time, ...)` in a thread of the host, `real(...)` elsewhere.
 
-    An object and no function, since a class may hold it: `clock = time.monotonic`, called as `self.clock()`.
+    It is an object instead of a function, as it may be a class attribute: `clock = time.monotonic`, called as
+    `self.clock()`.
     """
 
     def __init__(self, real: Any, virtual: Callable[..., Any], kind: type | None = None) -> None:
-        """kind: class whose instances pass for those of what is real."""
+        """kind: a class whose instances count as instances of the real one."""
         self._real = real
         self._kinds = tuple(each for each in (real, kind) if isinstance(each, type))
         self._virtual = virtual

@@ -1,12 +1,12 @@
-"""What stands in for clocks, sleeps, locks and threads while a host runs in virtual time.
+"""Replaces clocks, sleeps, locks and threads while a host runs in virtual time.
 
     time.sleep, time.time, ...        -->  Turns.wait, .look        for a thread of the host       clocks.py, locks.py
                                       -->  the real function              for any other thread, and for the twin
-    os.fork, a socket, asyncio, ...   -->  the host ends, and is told why                          refusals.py
+    os.fork, a socket, asyncio, ...   -->  the host ends with a reason                          refusals.py
 
-A stand-in asks whose thread it is called in (`here`) at each call: it may be left in a module that has imported it by
-name (`from time import sleep`), and disturbs nobody else. Names are replaced in all modules that are there when the
-host begins, except those of the twin, and put back when it ends.
+A stand-in checks at each call whether its thread is one of the host (`here`), so it is harmless in modules that have
+imported it by name (`from time import sleep`). Names are replaced in all modules loaded when the host begins, except
+those of the twin, and restored when it ends.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _real_monotonic = time.monotonic
 _real_select = select.select
 _real_signal, _real_getsignal = signal.signal, signal.getsignal
 _real_register, _real_unregister = atexit.register, atexit.unregister
-_ABSENT = object()  # what a class does not have itself, but inherits
+_ABSENT = object()  # marks an inherited attribute
 
 
 def _select(active: Turns, r: Any, w: Any, x: Any, timeout: float | None = None, /) -> Any:
@@ -97,12 +97,12 @@ _OWN: dict[Any, Callable[..., Any]] = {
     _real_unregister: _unregister,
 }
 
-# Modules that keep the real functions, with all below them: the twin, and what imports modules.
+# Packages that keep the real functions: the twin, and the import system.
 _KEPT_MODULES = ("isel_twin", "_thread", "importlib", "_frozen_importlib", "_bootstrap")
 
 
 def replace_all(active: Turns, more: Sequence[tuple[Any, Any]] = ()) -> Callable[[], None]:
-    """Put the stand-ins in place, and `more` pairs of what is real and what stands in; return what undoes it."""
+    """Install the stand-ins and `more` pairs (real, stand-in); return a function that undoes it."""
     refused = list(refusals.methods())  # imports the modules in which they are
     own = [(real, StandIn(real, virtual)) for real, virtual in _OWN.items()]
     pairs = [*clocks.stand_ins(), *locks.stand_ins(), *refusals.stand_ins(), *own, *more]

@@ -1,25 +1,24 @@
-"""Virtual time for a host program in this process: its threads served in turn, its waits those of the twin's clock.
+"""Virtual time for a host program in this process: its threads take turns, and its waits use the twin's clock.
 
     thread of the host        blocks: sleep, Lock.acquire, Serial.read ...   --.
                                                                                v
-    is another thread able to go on?   yes: it is its turn     no: the twin runs on to the earliest deadline of
+    can another thread go on?   yes: it gets its turn          no: the twin runs on to the earliest deadline of
                                                                    any thread, or to the byte that one waits for
 
-One thread of the host runs at a time (bridge/16). It hands over where it blocks or looks, nowhere else; whose turn it
-is then is decided by deadlines and by the order of waiting. So the same program makes the same calls at the same
-virtual times.
+One thread of the host runs at a time, until it blocks or looks; deadlines and the order of waiting determine the next
+one. So the same program makes the same calls at the same virtual times (bridge/16).
 
-What costs time: waiting does, computing does not. A look (at a clock, at the port, at something that another thread
-may change) that does not wait costs (bridge/17)
+Waiting takes virtual time, computing does not. A look without waiting (at a clock, at the port, at something that
+another thread may change) costs (bridge/17)
 
     min(max(LOOK_NS, spun / SPIN), LONGEST_LOOK_NS)
 
-where `spun` is what the looks of this thread have cost since it last waited: a loop that spins for a time T ends after
-about SPIN (1 + ln(T / 10 ms)) looks, up to 100 s of T, and one more for each 10 ms beyond; it has its time to one part
-in SPIN = 10000. A host that computes and looks at the clock now and then does not notice.
+where `spun` is the cost of this thread's looks since it last waited: a loop that spins for a time T ends after about
+SPIN (1 + ln(T / 10 ms)) looks, up to 100 s of T, and one more for each 10 ms beyond, with an error of at most T / SPIN,
+SPIN = 10000. For occasional looks the cost is negligible.
 
-This concerns the threads of the host only: those that stand in a `Turns` and those that they start. Other threads of
-the process (a test runner's) and the twin itself see the real functions.
+This applies only to threads of the host: those inside a `Turns` and those that they start. Other threads of the process
+(a test runner's) and the twin itself use the real functions.
 """
 
 from __future__ import annotations
@@ -46,14 +45,14 @@ if TYPE_CHECKING:
 
 LOOK_NS = 1_000  # virtual time of a look that does not wait: 1 us
 LONGEST_LOOK_NS = 10 * MILLISECOND_NS  # and of one in a long row of them: 10 ms
-# Looks in a row that cost LOOK_NS each, and the part of the row that each costs from there on; also the looks at locks
-# and threads that cost nothing.
+# Number of looks in a row that cost LOOK_NS each; later each costs this fraction of the row. Also the number of free
+# looks at locks and threads.
 SPIN = 10_000
 
 EPOCH_NS = 1_767_225_600 * SECOND_NS  # `time.time_ns()` at power-on: 2026-01-01 00:00 UTC (bridge/20)
 UPTIME_NS = 1000 * SECOND_NS  # `time.monotonic_ns()` then: hosts may take 0 for "never"
-STRIKES = 3  # times a thread may go on after it was told that the host has ended
-GRACE_S = 2.0  # real time for a thread to come to its end
+STRIKES = 3  # times a thread may ignore the end of the host
+GRACE_S = 2.0  # real time for a thread to end
 
 _get_ident = _thread.get_ident
 
@@ -61,23 +60,23 @@ _get_ident = _thread.get_ident
 class Turns:
     """While this context is open, the thread in it and those it starts take turns in the virtual time of a twin.
 
-    `VirtualTime` (virtual_time.py) makes them see it, and says what the arguments are. One at a time in a process:
-    RuntimeError otherwise. At its end threads that are still there are ended: `HostEnded` is raised where they wait.
+    `VirtualTime` (virtual_time.py) installs it and explains the arguments. One at a time in a process: RuntimeError
+    otherwise. At its end the remaining threads are ended: `HostEnded` is raised where they wait.
     """
 
     ports: Any  # `isel_twin.bridge.virtual.virtual_serial.Ports`
 
     def __init__(self, twin: Twin, wire: WireTap | None, limit_s: float | None) -> None:
         self.twin, self._wire, self._limit_s = twin, wire, limit_s
-        self._lead_ns = 0  # time that looks have taken and the twin has not been given yet
+        self._lead_ns = 0  # time taken by looks that the twin has not yet run
         self.at_exit: list[tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]] = []  # `atexit.register`
         self.signals = Signals(self._at_work)
         self.inbox = bytearray()  # bytes that have arrived and not been read
         self.ending: Ending | None = None  # set when the host cannot go on
-        self.broken: BaseException | None = None  # an error in the twin itself: no fault of the host
-        self.left: list[str] = []  # threads that would not end
+        self.broken: BaseException | None = None  # an error in the twin itself
+        self.left: list[str] = []  # threads that did not end
         self._limit_ns = self.deadline(limit_s)
-        self.give_up: Callable[[], object] | None = None  # if the main thread goes on after its end; does not return
+        self.give_up: Callable[[], object] | None = None  # called if the main thread does not end; does not return
         self._main = self._running = HostThread("MainThread", daemon=False)
         self._waiting: deque[HostThread] = deque()
         self._tasks: weakref.WeakKeyDictionary[threading.Thread, HostThread] = weakref.WeakKeyDictionary()
@@ -109,10 +108,10 @@ class Turns:
             self.signals.restore()
 
     def _replace(self) -> Callable[[], None]:
-        """Put stand-ins in the place of what is real; returns what puts it back."""
+        """Install stand-ins; return a function that removes them."""
         raise NotImplementedError
 
-    # What the host sees of time
+    # Time for the host
 
     @property
     def now_ns(self) -> int:
@@ -120,11 +119,11 @@ class Turns:
         return self.twin.time_ns + self._lead_ns
 
     def deadline(self, seconds: float | None) -> int | None:
-        """Virtual time of an event so many seconds from now; None stays None."""
+        """Virtual time `seconds` from now; None stays None."""
         return None if seconds is None else self.now_ns + max(0, round(min(seconds, 1e9) * SECOND_NS))
 
     def look(self) -> None:
-        """A look that does not wait: takes a moment, in which others may have their turn."""
+        """A look without waiting: takes a moment, in which others may have their turn."""
         task = self._running
         cost = min(max(LOOK_NS, task.spun_ns // SPIN), LONGEST_LOOK_NS)
         spun_ns = task.spun_ns + cost
@@ -146,7 +145,8 @@ class Turns:
     def wait(self, ready: Callable[[], bool] | None, deadline_ns: int | None, why: str, *, hears: bool = False) -> bool:
         """Block the host's calling thread until `ready` or the deadline; return whether it is ready.
 
-        hears: a byte of the twin may make it so. Raises HostEnded, and whatever the host's signal handlers raise.
+        hears: a byte of the twin may meet the condition. Raises HostEnded, and whatever the host's signal handlers
+        raise.
         """
         task = self._running
         while True:
@@ -169,17 +169,17 @@ class Turns:
                 return True
             if deadline_ns is not None and self.now_ns >= deadline_ns:
                 return False
-            # else a signal was handled, and the wait goes on
+            # otherwise a signal was handled, and the wait goes on
 
     def end(self, kind: str, reason: str) -> None:
-        """The host cannot go on: HostEnded is raised in all its threads, the calling one at its next wait."""
+        """End the host: HostEnded is raised in all its threads, in the calling one at its next wait."""
         if self.ending is None:
             self.ending = Ending(kind, reason)
 
     # Threads
 
     def spawn(self, function: Callable[..., object]) -> HostThread:
-        """A task for a new thread of the host, last in the row. `body(task, ...)` is what the thread has to run."""
+        """A task for a new thread of the host, last in the row. The thread must run `body(task, ...)`."""
         thread = getattr(function, "__self__", None)
         if isinstance(thread, threading.Thread):
             task = self._tasks[thread] = HostThread(thread.name, daemon=thread.daemon)
@@ -191,7 +191,7 @@ class Turns:
         return task
 
     def _listen(self, thread: threading.Thread) -> None:
-        """Let nothing be printed of HostEnded in a thread; an exception that nobody has caught is noted, too."""
+        """Print nothing for HostEnded in a thread, and note uncaught exceptions."""
 
         def tell(report: Callable[[], None]) -> None:
             error = sys.exc_info()[1]
@@ -223,12 +223,12 @@ class Turns:
         return self._tasks.get(thread)
 
     def wait_for_threads(self) -> None:
-        """Wait until the threads that are no daemons have ended, as an interpreter does at its end."""
+        """Wait for the end of all non-daemon threads, as an interpreter does at its end."""
         main = self._main
         self.wait(lambda: all(task.daemon or task is main for task in self._waiting), None, "the end of its threads")
 
     def end_threads(self) -> None:
-        """End all threads but the calling one, the main one; those that will not go are left where they are."""
+        """End all threads but the calling one, the main one; those that do not end are abandoned."""
         self.end("over", "the host is over")
         self._exempt = True
         while self._waiting:
@@ -242,14 +242,14 @@ class Turns:
                 self._leave(task)
 
     def _leave(self, task: HostThread) -> None:
-        """Let the process end without a thread that will not."""
+        """Let the process end without this thread."""
         self.left.append(task.name)
         for thread, its in self._tasks.items():
             if its is task:
                 let_exit_without(thread)
 
     def places(self) -> str:
-        """What each thread waits for and where in the host's code, for the line about a deadlock."""
+        """What each thread waits for, and where in the host's code, for the message about a deadlock."""
         frames = frames_of_threads()
         told = []
         for task in sorted(self._waiting, key=lambda task: (task is not self._main, task.name)):
@@ -285,7 +285,7 @@ class Turns:
         self.end("timeout", f"the host has not ended within {self._limit_s:g} s of virtual time")
 
     def _catch_up(self) -> None:
-        """Let the twin have the time that looks have taken; it is not asked to for each of them."""
+        """Run the twin for the time taken by looks, not at each of them."""
         end_ns = self.now_ns
         while self.twin.time_ns < end_ns and not self.signals and self.ending is None:
             self._run_until(end_ns, self._wire is not None)
@@ -293,11 +293,11 @@ class Turns:
         self._lead_ns = max(0, end_ns - self.twin.time_ns)
 
     def _run_until(self, until_ns: int, hears: bool) -> None:
-        """Let time pass, with `hears` to the next byte for the host at most, and to the next signal."""
+        """Let time pass, at most to the next signal and, with `hears`, to the next byte for the host."""
         twin = self.twin
         try:
             twin.run_until(until_ns, lambda: bool(self.signals) or (hears and twin.reply_waiting))
-        except Exception as error:  # the twin has broken: everybody ends, and whoever runs the host is told
+        except Exception as error:  # an error in the twin ends all threads and is reported
             self.broken = error
             self.end("broken", "the twin has broken")
 
@@ -306,7 +306,7 @@ class Turns:
         task.turn.release()
 
     def _choose(self) -> HostThread:
-        """Take the task whose turn it is out of the row; let time pass until there is one."""
+        """Remove the next task from the row; let time pass until there is one."""
         while True:
             self._fetch()
             if (task := self._runnable()) is not None:
@@ -364,7 +364,7 @@ class Turns:
     # The line
 
     def fetch(self) -> bytearray:
-        """Bytes that have arrived by now and not been read; who reads takes them out."""
+        """Unread bytes that have arrived; a reader removes them."""
         self._inside = True
         try:
             self._catch_up()
@@ -389,7 +389,7 @@ _active: Turns | None = None
 
 
 def here() -> Turns | None:
-    """The virtual time that the calling thread lives in; None for the real one."""
+    """The virtual time of the calling thread; None: real time."""
     active = _active
     if active is None or active._inside or active._running.ident != _get_ident():
         return None

@@ -4,19 +4,19 @@
     run = run_host(twin, ["host.py", "--port", "COM4"], port="COM4")
     assert run.code == 0 and run.verdict.ok
 
-The host is run as `python host.py ...` would run it: its folder first in `sys.path`, its words in `sys.argv`, its
-module `__main__`. What it changes of the process is put back afterwards: signal handlers, folder, environment,
-`sys.path`, modules that are neither Python's nor a package's, handlers of the root logger, state of `random`.
+The host is run as by `python host.py ...`: its folder first in `sys.path`, its words in `sys.argv`, its module
+`__main__`. Its changes of the process are undone afterwards: signal handlers, folder, environment, `sys.path`, its own
+modules, handlers of the root logger, state of `random`.
 
 How it ends                                          code
     its last line, `sys.exit()`                      0, as in Python the number given; 1 for a text, which is printed
-    an exception that nobody has caught              1, traceback printed
-    Ctrl-C that nobody has caught                    130
-    all threads wait for what cannot come            1, and `reason` says who waits where
-    more virtual time than it was given              1, and `reason` says so
+    an uncaught exception                            1, traceback printed
+    an uncaught Ctrl-C                               130
+    deadlock: all threads wait for ever              1, and `reason` says who waits where
+    the limit of virtual time                        1, and `reason` says so
     something virtual time cannot do                 2, and `reason` says what, where, and what to do
 
-What virtual time is, and what a look costs: `isel_twin.bridge.virtual.turns`.
+Virtual time and the cost of looks: `isel_twin.bridge.virtual.turns`.
 """
 
 from __future__ import annotations
@@ -54,17 +54,17 @@ _HARMLESS = ("-u", "-B", "-s", "-E", "-I", "-P")  # options of the interpreter t
 
 @dataclass(frozen=True)
 class HostProgram:
-    """What `python ...` is asked to run."""
+    """The program and arguments of `python ...`."""
 
     arguments: tuple[str, ...] = ()  # what comes after it
-    path: str | None = None  # a script, or a folder or archive with a `__main__.py`, as it was typed
+    path: str | None = None  # a script, or a folder or archive with a `__main__.py`, as typed
     module: str | None = None
     code: str | None = None
 
 
 @dataclass(frozen=True)
 class HostRun:
-    """What became of a host and its machine."""
+    """The outcome of a host and its machine."""
 
     code: int  # exit code of the host
     ending: str  # `exit`, `exception`, `interrupt`, `deadlock`, `timeout` or `refused`
@@ -74,12 +74,12 @@ class HostRun:
     verdict: Verdict  # on the machine, at rest after that; it counts no commands
     struck: tuple[str, ...]  # end switches that are struck then
     was_struck: tuple[str, ...]  # end switches that were struck at any time, in reference runs too
-    notes: tuple[str, ...] = ()  # what a real machine would not have taken, and threads ended by an exception
-    left: tuple[str, ...] = ()  # threads that went on after the host had ended; they stand still for good
+    notes: tuple[str, ...] = ()  # problems that a real machine would have had, and threads ended by an exception
+    left: tuple[str, ...] = ()  # threads that did not end with the host; they are blocked for good
 
     @property
     def ok(self) -> bool:
-        """The host has ended well, and so has the machine: no step lost, no fault left."""
+        """True if the host ended with code 0, without lost steps or a remaining fault."""
         return self.code == 0 and self.verdict.ok
 
 
@@ -136,11 +136,10 @@ def run_host(
 ) -> HostRun:
     """Run a host program until it and its threads have ended, and judge the machine.
 
-    argv: as `parse_program` takes it, the word `python` in front is not needed. port: name of the serial port at which
-    the twin is; None: every port that the host opens is the twin, and it may open one at a time. wire: hears the line.
-    limit_s: virtual seconds after which a host that has not ended is. give_up: for processes that run nothing else,
-    which may end themselves when the host goes on after it was told that it has ended. raise_interrupt: Ctrl-C that the
-    host has not caught is raised again, as a test runner wants it; False: it is the end of the host, with code 130.
+    argv: as for `parse_program`; `python` in front is optional. port: name of the twin's serial port; None: every port
+    that the host opens, one at a time. wire: gets the traffic. limit_s: virtual seconds after which the host is ended.
+    give_up: called if the host does not end when it must, for processes that can end themselves. raise_interrupt: raise
+    an uncaught Ctrl-C again, for test runners; False: it ends the host with code 130.
 
     A twin with `line_speed` gives bytes their time on the line, as a real one does. Raises CallError if there is
     nothing to run, RuntimeError if a host is running in this process already, and what goes wrong in the twin itself.
@@ -179,7 +178,7 @@ class _Struck:
 
 
 def _run(program: HostProgram, time: VirtualTime) -> tuple[int, str]:
-    """Run the program, its threads and what it has registered for the end; return its exit code and how it ended."""
+    """Run the program, its threads and its exit functions; return its exit code and how it ended."""
     code, ending = _guarded(lambda: _execute(program), time)
     if time.ending is None:
         rest_code, rest_ending = _guarded(lambda: _wait_for_threads(time), time)
@@ -195,7 +194,7 @@ def _run(program: HostProgram, time: VirtualTime) -> tuple[int, str]:
 
 
 def _wait_for_threads(time: VirtualTime) -> None:
-    """Executors are told before that nothing more will come."""
+    """Wait for the host's threads, after telling executors to end."""
     with pools_told_to_end(time.task_of) as workers:
         for worker in workers:
             worker.join()
@@ -203,7 +202,7 @@ def _wait_for_threads(time: VirtualTime) -> None:
 
 
 def _guarded(call: Any, time: VirtualTime) -> tuple[int, str]:
-    """Exit code and ending of a call; what nobody has caught is printed as an interpreter does."""
+    """Exit code and ending of a call; uncaught exceptions are printed as by an interpreter."""
     try:
         call()
     except HostEnded:
@@ -213,7 +212,7 @@ def _guarded(call: Any, time: VirtualTime) -> tuple[int, str]:
     except KeyboardInterrupt as error:
         _print(error)
         return INTERRUPTED, "interrupt"
-    except Exception as error:  # others, such as a test runner's for its time limit, are not the host's
+    except Exception as error:  # BaseException, such as a test runner's time limit, is not the host's
         if time.ending is None:
             _print(error)
         return 1, "exception"
@@ -289,7 +288,7 @@ def _as_main(code: types.CodeType, file: str | None) -> None:
 
 @contextmanager
 def _put_back() -> Iterator[None]:
-    """Put back what a host changes of the process; its own modules go."""
+    """Undo a host's changes of the process, and remove its modules."""
     argv, path, folder, environment = list(sys.argv), list(sys.path), os.getcwd(), dict(os.environ)
     streams = sys.stdin, sys.stdout, sys.stderr, sys.excepthook, threading.excepthook
     root = logging.getLogger()
@@ -300,10 +299,10 @@ def _put_back() -> Iterator[None]:
     own = {name: module for name, module in sys.modules.items() if name == "__main__"}
     before = set(sys.modules)
     random.seed(0)
-    root.handlers.clear()  # so that the host finds none, as in a process of its own
+    root.handlers.clear()  # the host starts without handlers, as in its own process
     root.setLevel(logging.WARNING)
     if propagates:
-        log.handlers += handlers  # and the twin's words go where they went
+        log.handlers += handlers  # the twin's messages keep their handlers
         log.propagate = False
     sys.excepthook, threading.excepthook = sys.__excepthook__, threading.__excepthook__
     try:

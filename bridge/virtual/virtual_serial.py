@@ -1,12 +1,12 @@
-"""The serial port that a host in virtual time finds under the name of the twin's port.
+"""The serial port of a host in virtual time, under the name of the twin's port.
 
     serial.Serial("COM4", 19200, timeout=1)  -.
     serial.serial_for_url("COM4")            -+--> VirtualSerial --> Turns --> the twin's line
     serial.tools.list_ports.comports()  lists it
 
-It does what pySerial's ports do, in virtual time: reads wait for their bytes or for their timeouts, writes return at
-once unless BUFFER bytes are waiting to go over the line, one program has it open at a time. Line settings are accepted
-and change nothing; a host that writes with other ones than the controller's is told so at the end (`Ports.notes`).
+It behaves like pySerial's ports, in virtual time: reads wait for their bytes or timeouts, writes return at once unless
+BUFFER bytes are waiting for the line, one program can open it at a time. Line settings are accepted without effect;
+settings other than the controller's give a note at the end (`Ports.notes`).
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ if TYPE_CHECKING:
     from serial.tools.list_ports_common import ListPortInfo
 
 DEFAULT_PORT = "COM1" if os.name == "nt" else "/dev/ttyUSB0"  # listed if the port has no name
-BUFFER = 4096  # bytes that wait to go over the line before a write has to wait, as in the drivers of Linux
+BUFFER = 4096  # bytes that wait for the line before a write blocks, as in the drivers of Linux
 
 
 class Ports:
-    """The one port of a virtual host. name: what it is called; None: whatever the host calls it."""
+    """The one port of a virtual host. name: its name; None: any name."""
 
     def __init__(self, time: Turns, name: str | None = None) -> None:
         self.time = time
         self.name = name
         self.open: VirtualSerial | None = None
         self.line_free_ns = 0  # when everything written so far has gone over the line
-        self.notes: list[str] = []  # what is worth a word at the end, one line each
+        self.notes: list[str] = []  # notes for the end, one line each
 
     @property
     def shown(self) -> str:
@@ -58,7 +58,7 @@ class Ports:
         self.open = port
 
     def check_settings(self, port: VirtualSerial) -> None:
-        """Make a note if the host has set the port otherwise than the line is. Stop bits do not matter."""
+        """Make a note if the host's port settings differ from the line's. Stop bits do not matter."""
         line = self.time.twin.serial_format
         if (port.baudrate, port.bytesize, port.parity) != (line.baud, line.data_bits, line.parity):
             host = f"{port.baudrate} {port.bytesize}{port.parity}{port.stopbits:g}"
@@ -78,13 +78,13 @@ class Ports:
 
 
 def _plain(name: str) -> str:
-    """A name of a port without what does not matter: COM names have no case, and may begin with \\\\.\\."""
+    """A normalised port name: COM names have no case, and may begin with \\\\.\\."""
     plain = name.removeprefix("\\\\.\\")
     return plain.upper() if plain.upper().startswith("COM") else plain
 
 
 class VirtualSerial(NoModemLines):
-    """pySerial's `Serial` on virtual time. Made by a thread that is not a host's, it is the real one."""
+    """pySerial's `Serial` on virtual time. In a thread that is not the host's a real one is made."""
 
     ports: Ports  # set on the subclass of each host (`stand_ins`)
     real: Any
@@ -117,7 +117,7 @@ class VirtualSerial(NoModemLines):
         self._time.fetch().clear()
 
     def close(self) -> None:
-        """Close the port; whoever is in a read of it gets a SerialException."""
+        """Close the port; a read in progress raises SerialException."""
         if self.is_open:
             self.is_open = False
             if self.ports.open is self:
@@ -127,11 +127,11 @@ class VirtualSerial(NoModemLines):
                 self._fd = None
 
     def _reconfigure_port(self) -> None:
-        """Settings are looked at when something is written: many hosts make them after opening."""
+        """No effect: settings are checked at the first write, as many hosts set them after opening."""
 
     @contextmanager
     def _waiting(self) -> Iterator[Turns]:
-        """A call that may wait, in a thread of the host, on an open port, which it still is afterwards."""
+        """Guards a call that may wait: in a thread of the host, on a port that is open before and after."""
         self._check_open()
         time = here()
         if time is None:
@@ -162,7 +162,7 @@ class VirtualSerial(NoModemLines):
         return data
 
     def _wait(self, time: Turns, size: int) -> None:
-        """Until `size` bytes are there, the timeouts are over, or somebody cancels or closes."""
+        """Wait until `size` bytes are there, the timeouts are over, or another thread cancels or closes."""
         inbox = time.inbox
         why = f"read of {self._port}"
         self._cancelled = False
@@ -187,11 +187,11 @@ class VirtualSerial(NoModemLines):
         return self._cancelled or not self.is_open
 
     def cancel_read(self) -> None:
-        """Let a read of another thread return with what it has."""
+        """Let a read of another thread return with its bytes."""
         self._cancelled = True
 
     def reset_input_buffer(self) -> None:
-        """Forget what has arrived by now."""
+        """Drop what has arrived."""
         self._check_open()
         self._time.fetch().clear()
 
@@ -230,10 +230,10 @@ class VirtualSerial(NoModemLines):
         return max(0, -(-left_ns // self._byte_ns)) if self._byte_ns else 0
 
     def cancel_write(self) -> None:
-        """Nothing to do: what has been written is on the line already."""
+        """No effect: written bytes are already on the line."""
 
     def reset_output_buffer(self) -> None:
-        """What has been written is on the line already."""
+        """No effect: written bytes are already on the line."""
         self._check_open()
 
     @property
@@ -252,7 +252,7 @@ class VirtualSerial(NoModemLines):
 
 
 def stand_ins(ports: Ports) -> list[tuple[Any, Any]]:
-    """What is real in pySerial, and what stands in for it with these ports."""
+    """Pairs of pySerial's real functions and their stand-ins for these ports."""
     import serial
     from serial.tools import list_ports
 

@@ -1,4 +1,4 @@
-"""Virtual time for a host program in this process: turns for its threads, stand-ins for what is real, and a port."""
+"""Virtual time for a host program in this process: turns for its threads, stand-ins for real functions, and a port."""
 
 from __future__ import annotations
 
@@ -15,14 +15,13 @@ if TYPE_CHECKING:
 
 
 class VirtualTime(Turns):
-    """While this context is open, the thread in it and those it starts live in the virtual time of a twin.
+    """While this context is open, its thread and those it starts run in the virtual time of a twin.
 
-    twin: the machine; bytes go to and come from it at its times. port: name of the serial port that it is at; None: of
-    every one that the host opens. wire: hears the line. limit_s: virtual seconds after which the host is ended; None:
-    it may go on for ever.
+    port: name of the twin's serial port; None: every port that the host opens. wire: gets the traffic. limit_s: virtual
+    seconds after which the host is ended; None: no limit.
 
-    Names are replaced by stand_ins.py for as long. One at a time in a process: RuntimeError otherwise.
-    When it is left, threads that are still there are ended: `HostEnded` is raised in them where they wait.
+    stand_ins.py replaces names meanwhile. One at a time in a process: RuntimeError otherwise. At its end the remaining
+    threads are ended: `HostEnded` is raised where they wait.
     """
 
     def __init__(

@@ -1,16 +1,16 @@
-"""The operator panel: a page that shows the machine moving and lets people press, break, type and hold time.
+"""The operator panel: a page that shows the machine in motion, with keys, faults, commands and control of time.
 
-    guest.py    at the server: does what browsers ask (control.py's Operator), samples the twin      its loop
+    guest.py    at the server: carries out requests (control.py's Operator), samples the twin        its loop
     menu.py     everything an event can do, for the forms of the page
     monitor.py  the serial line in words
     site.py     page, scene and browsers: one port, one origin                                       a thread of its own
-    gate.py     who is let in
+    gate.py     access
     guarded.py  viser's web server, kept behind that gate
     pages.py    what a browser gets by GET
     view.py     the machine in viser's scene
     scene.py    the machine's model as meshes, the trail of the tool
     page/       what a browser gets: HTML, style, script
 
-Two threads meet in two places only: requests go through a queue, and the server is woken; frames of plain numbers and
-words go the other way. Needs the extra `panel`.
+The two threads exchange only two things: requests through a queue, which wakes the server, and frames of plain numbers
+and text the other way. Needs the optional packages `panel`.
 """

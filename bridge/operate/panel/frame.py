@@ -1,4 +1,4 @@
-"""What the panel and its page say to each other."""
+"""Data between the panel and its page."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 Frame = dict[str, Any]
-COME: Mapping[str, Any] = {"come": True}  # instead of a request: a browser has come and wants the present state
+COME: Mapping[str, Any] = {"come": True}  # instead of a request: a new browser needs the present state
 
 
 class Asked(NamedTuple):
-    """What a browser wants; None: it has gone."""
+    """A request of a browser; None: it has gone."""
 
     client: int
     request: Mapping[str, Any] | None

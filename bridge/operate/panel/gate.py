@@ -1,8 +1,6 @@
-"""Who is let in to the panel.
-
-A wrong host, a page of another origin or a missing token get 403 and a line that says why. On the loopback interface
-the host must be this computer by name or number, or a page somewhere could have its own name point here (DNS
-rebinding). The link that `serve` prints has the token, and the browser keeps it in a cookie.
+"""Access to the panel. A wrong host, a page of another origin or a missing token get 403 and one line with the reason.
+On the loopback interface the host must be this computer by name or number, against DNS rebinding. The link that `serve`
+prints has the token, and the browser keeps it in a cookie.
 """
 
 from __future__ import annotations
@@ -23,7 +21,7 @@ class Gate:
         self._cookie = f"panel_{parse_address(address)[1]}"
 
     def refusal(self, path: str, headers: Mapping[str, str]) -> str | None:
-        """Why somebody is not let in; None: he is. No header makes it raise."""
+        """Why a request is refused; None: it is allowed. Never raises, whatever the headers."""
         host = headers.get("Host", "")
         if self._local and not _is_this_computer(host):
             return "the host is not this computer"
@@ -40,7 +38,7 @@ class Gate:
         return parse_qs(urlsplit(path).query).get("token", [None])[0]
 
     def keep(self, path: str) -> str | None:
-        """The cookie for a browser that has come with the token."""
+        """The cookie for a browser with the token."""
         if self._token is None or not is_token(self.given(path), self._token):
             return None
         return f"{self._cookie}={self._token}; HttpOnly; SameSite=Strict; Path=/"

@@ -1,13 +1,12 @@
-"""viser's server behind the panel's own socket, pages and gate: nothing else of it can be reached.
+"""viser's server behind the panel's own socket, pages and gate, so that nothing else of it is reachable.
 
     listener, bound before anything else starts  --> gate --> GET: the panel's pages
                                                         '---> WebSocket: /operate, or viser's scene
 
-viser has no door for this (bridge/13): it opens a port of its own and lets everybody in. So, while it starts, the name
-`websockets` in its module is exchanged for a `_Front`, which hands on what viser asks for and changes one call. That
-name is private, and a later viser may do without it. So the start ends with a proof, without which there is no panel:
-viser serves at the panel's port, and refuses a foreign host or page there. Sharing a scene through a public server of
-viser's makers is taken out.
+viser has no option for this: it opens its own port without access control. So, while it starts, the name `websockets`
+in its module is replaced by a `_Front`, which changes one call. That name is private, and a later viser may not have
+it. So the start ends with a test, without which there is no panel: viser must serve at the panel's port, and refuse a
+foreign host or page there. Sharing a scene through viser's public server is disabled (bridge/13).
 """
 
 from __future__ import annotations
@@ -32,12 +31,12 @@ from websockets.http11 import Request, Response
 from isel_twin.base.errors import CallError
 
 MESSAGE_BYTES = 1 << 20  # longest message of a browser
-FAREWELL_S = 1.0  # longest wait for a browser that is let go to say so
-PROOF_S = 60.0  # longest wait for the panel's own server at its start: far more than the busiest computer needs
-FOREIGN = "elsewhere.invalid"  # a host that nobody has (RFC 2606)
+FAREWELL_S = 1.0  # longest wait for a browser's answer at closing
+PROOF_S = 60.0  # longest wait for the panel's own server at its start
+FOREIGN = "elsewhere.invalid"  # a host that cannot exist (RFC 2606)
 
 _quiet = logging.getLogger("isel_twin.panel.web")
-_quiet.setLevel(logging.CRITICAL)  # whoever knocks in a strange way is answered, not written down
+_quiet.setLevel(logging.CRITICAL)  # malformed requests are answered, not logged
 
 Handler = Callable[[ServerConnection], Awaitable[None]]
 Respond = Callable[[ServerConnection, Request], Response | None]
@@ -58,10 +57,10 @@ def start(
     """viser's server at `listener`, in a thread of its own, and the loop in that thread.
 
     respond: answers each request before a WebSocket begins; None lets it begin. operate: serves those at /operate.
-    Raises UnguardedError if it is not proved that `respond` decides who is let in.
+    Raises UnguardedError if the test fails that `respond` controls all access.
     """
     front = _Front(listener, respond, operate)
-    with contextlib.redirect_stdout(io.StringIO()):  # viser greets on the standard output
+    with contextlib.redirect_stdout(io.StringIO()):  # viser prints to the standard output
         with front:
             server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         try:
@@ -100,12 +99,12 @@ def _prove(listener: socket.socket) -> None:
 
 
 class _Front:
-    """What viser takes for the package `websockets` while it starts. Nobody else's websockets are touched."""
+    """Replaces the package `websockets` inside viser while it starts; other users of it are not affected."""
 
     def __init__(self, listener: socket.socket, respond: Respond, operate: Handler) -> None:
         self._listener, self._respond, self._operate = listener, respond, operate
         self._real: Any = None
-        self.loop: asyncio.AbstractEventLoop | None = None  # the loop in which viser serves, once it does
+        self.loop: asyncio.AbstractEventLoop | None = None  # viser's loop, once it serves
 
     def __enter__(self) -> None:
         try:

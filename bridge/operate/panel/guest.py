@@ -1,16 +1,17 @@
-"""The panel's side of the server: does what browsers ask, in the server's loop, and samples the twin for them.
+"""The panel in the server's loop: carries out requests of browsers, and samples the twin for them.
 
     browser --- request ---> site (its thread) --- queue, wake ---> Panel.look --- Operator.ask ---> the twin
             <-- frame ------                   <-- at most FRAMES_PER_S -------'
 
-Requests are those of the control port (bridge/operate/control.py) with a number, so that answers find their way back:
+Requests are those of the control port (bridge/operate/control.py) with a number, which answers repeat:
 
     {"id": 7, "ask": {"set": {"estop": "pressed"}}}    -->  {"id": 7, "ok": {...}} or {"id": 7, "error": "one line"}
-    {"id": 8, "ask": {...}, "gone": {"set": {...}}}    `gone` is asked if the browser goes before it asks again
-    {"id": 9, "say": "@0P"}                            as a host: commands as in a job file; see `_Typist`
+    {"id": 8, "ask": {...}, "gone": {"set": {...}}}    `gone` is carried out if the browser leaves before its next
+    request
+    {"id": 9, "say": "@0P"}                            as a host: commands as in a job file (`_Typist`)
 
-A frame is the state the control port tells, with what the panel draws besides; there are none while nobody looks.
-Sampling changes nothing: a twin looked at has the same bits as one that is not.
+A frame is the state of the control port with further data for the panel; there are none without browsers. Sampling does
+not change the twin by a bit.
 """
 
 from __future__ import annotations
@@ -49,28 +50,28 @@ log = logging.getLogger("isel_twin")
 
 FRAMES_PER_S = 20.0  # samples of the twin in a wall second, at most
 ROUND = 32  # requests dealt with in one round of the server's loop
-MARGIN_NS = 5 * MILLISECOND_NS  # virtual time over which a least margin is told: several windows of the plant
+MARGIN_NS = 5 * MILLISECOND_NS  # virtual time of a least margin: several windows of the plant
 SAID_BYTES = 4096  # longest text typed at once, as bytes on the line
 
 
 class Site(Protocol):
-    """What the panel needs of its page (site.py), from the server's thread."""
+    """The page (site.py) for the panel, called from the server's thread."""
 
     @property
     def watched(self) -> bool:
         """True while a browser has the page open."""
 
     def start(self, about: Mapping[str, Any], machine: Machine, recording: Path | None) -> None:
-        """Let browsers in. about: what does not change while the server runs; recording: a file that they may have."""
+        """Accept browsers. about: constant data; recording: a file for download."""
 
     def show(self, frame: Frame) -> None:
-        """Show this from now on."""
+        """Show this frame."""
 
     def answer(self, client: int, answer: Mapping[str, Any]) -> None:
-        """What has become of a request."""
+        """Send the answer to a request."""
 
     def close(self) -> None:
-        """Let everybody go."""
+        """Close all connections."""
 
 
 class _Typist(Endpoint):
@@ -81,7 +82,7 @@ class _Typist(Endpoint):
     gathers = False
     busy = False
     waiting = 0
-    settings: Mapping[str, Any] = MappingProxyType({})  # as those of the line, whatever it is
+    settings: Mapping[str, Any] = MappingProxyType({})  # as those of the line
 
     def watches(self, listening: bool) -> Iterable[FileWatch]:
         return ()
@@ -93,12 +94,12 @@ class Panel(Guest):
     kind = "panel"
 
     def __init__(self, address: str, token: str | None = None, site: Site | None = None) -> None:
-        """token: what browsers have to know; None: nothing on the loopback interface, elsewhere one is made up.
+        """token: needed by browsers; None: none on the loopback interface, elsewhere a random one.
 
         site: None for the page itself. Raises ImportError without the extra `panel`.
         """
         self.monitor = Monitor()
-        self.recording: Path | None = None  # what the server records, for browsers to save; to be set before it starts
+        self.recording: Path | None = None  # the server's recording, for download; set it before the start
         self._asked: SimpleQueue[Asked] = SimpleQueue()
         self._server: Server | None = None
         self._line = _Typist()
@@ -120,7 +121,7 @@ class Panel(Guest):
     @property
     def url(self) -> str:
         host, port = parse_address(self.address)
-        if host in ("0.0.0.0", "::"):  # everywhere: by the name that others know this computer by
+        if host in ("0.0.0.0", "::"):  # all interfaces: use this computer's name
             host = socket.gethostname()
         where = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
         return f"http://{where}/" + (f"?token={self.token}" if self.token else "")
@@ -134,7 +135,8 @@ class Panel(Guest):
     # As a guest
 
     def attach(self, server: Server) -> None:
-        """The server whose twin is shown. Raises TypeError if that is no Twin, CallError if the page is not safe."""
+        """Take the server whose twin is shown. Raises TypeError if it serves something else, CallError if the page is
+        not safe."""
         if not isinstance(server.twin, Twin):
             raise TypeError("a panel shows a Twin")
         self._server, self._twin, self._margins = server, server.twin, server.twin.margin_reader()
@@ -161,20 +163,20 @@ class Panel(Guest):
             except Empty:
                 break
             self._deal_with(asked)
-        self._operator.look()  # what has just been done is what somebody waits for
+        self._operator.look()  # the last request may have met the condition of a wait
         self._answer_pending()
         if self._site.watched and (now := time.monotonic()) >= self._next_s:
             self._next_s = now + 1.0 / FRAMES_PER_S
             self._sample()
 
     def close(self) -> None:
-        """End all waits and let browsers go. May be called again, and before there is a server."""
+        """End all waits and close all connections. May be called again, and before there is a server."""
         if self._server is not None:
             self._operator.end()
             self._answer_pending()
         self._site.close()
 
-    # What browsers ask
+    # Requests
 
     def _deal_with(self, asked: Asked) -> None:
         if asked.request is None:
@@ -208,10 +210,8 @@ class Panel(Guest):
         return result
 
     def _say(self, text: Any) -> dict[str, Any]:
-        """Send text to the controller, as a host that takes the line would. Raises ControlError.
-
-        A host that holds the line through the network would lose its replies to the panel, so it is not interrupted
-        (bridge/14).
+        """Send text to the controller like a host that takes the line. Raises ControlError while a network host holds
+        the line, as it would lose its replies to the panel (bridge/14).
         """
         if not isinstance(text, str):
             raise ControlError("request: say: no text; allowed: commands as in a job file")
@@ -232,7 +232,7 @@ class Panel(Guest):
         return {"sent": len(data)}
 
     def _leave(self, client: int) -> None:
-        """A browser has gone: nobody waits there, and what it held down is let go."""
+        """A browser has gone: drop its waits, and release what it held down."""
         for entry in [entry for entry in self._pending if entry[0] == client]:
             self._pending.remove(entry)
             self._operator.forget(entry[2])
@@ -249,7 +249,7 @@ class Panel(Guest):
             said = {"error": pending.error} if pending.error else {"ok": pending.answer}
             self._site.answer(client, {"id": number, **said})
 
-    # What browsers see
+    # Frames
 
     def _about(self) -> dict[str, Any]:
         twin = self._twin

@@ -1,10 +1,10 @@
-"""Everything an event can do, as a page needs it to build a form for each: `ACTS` as plain words and numbers.
+"""Everything an event can do, as data for the forms of the page: `ACTS` as plain text and numbers.
 
     {"key": "phase_lost", "meaning": "motor phases are interrupted", "by": "axis", "members": ["x", "y", "z"],
      "form": {"words": ["a", "b", "ab", ""]}, "off": "", "fault": true}
 
-A form is one of {"number": {...}}, {"words": [...]}, {"yes": true}, {"name": "contact"} and {"table": [fields]}. What
-people give an element or a contact (`set`) the page has buttons for, from `Twin.settable`.
+A form is one of {"number": {...}}, {"words": [...]}, {"yes": true}, {"name": "contact"} and {"table": [fields]}. For
+`set` the page has buttons, from `Twin.settable`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def menu() -> list[dict[str, Any]]:
 
 
 def key_menu(keys: Mapping[str, Key]) -> list[dict[str, Any]]:
-    """One entry a key of the controller's own panel; without a form it is a push-button."""
+    """One entry for each key of the controller's own panel; without a form it is a push-button."""
     return [
         {"key": name, "meaning": key.meaning, "form": None if key.value is None else _rule(key.value), "held": key.held}
         for name, key in keys.items()
@@ -61,7 +61,7 @@ def _rule(rule: Setting) -> dict[str, Any]:
 
 
 def _field(item: dataclasses.Field[Any]) -> dict[str, Any]:
-    """A field of a cut. What the material does has a source in files, and so it is `sourced` here: from the panel."""
+    """A field of a cut. Material constants need a source, so they are `sourced` here: from the panel."""
     rule, key = item.metadata["rule"], item.metadata.get("key") or item.name
     default = None if item.default is dataclasses.MISSING else item.default
     if not isinstance(rule, Limits):

@@ -1,9 +1,9 @@
-"""What goes over the line, for people who watch: each message with its time, direction and meaning.
+"""The traffic of the line for people: each message with time, direction and meaning.
 
     bytes as they go by --- kept, the last PIECES ---> lines() --- the controller's language ---> messages
 
-Explaining takes far longer than carrying, so bytes are explained when somebody looks (bridge/15); until then the last
-ones are kept, and the number of lost ones is told.
+Explaining bytes is slow, so it is done only when a browser looks; until then the last ones are kept, and lost ones are
+counted (bridge/15).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from isel_twin.bridge.serve.borders import WireTap
 from isel_twin.bridge.serve.wire_log import WireLine, WireLog
 from isel_twin.language import create_language
 
-PIECES = 2000  # pieces of bytes kept for somebody who looks later
+PIECES = 2000  # most pieces of bytes kept
 LINES = 300  # messages shown at once, the last ones
 
 
@@ -51,13 +51,13 @@ class Monitor(WireTap):
             self._lost += 1
         self._pieces.append(piece)
 
-    # For those who look
+    # For browsers
 
     def lines(self) -> list[dict[str, Any]]:
         """Messages since the last call, LINES at most: `s` (virtual time), `who` (host, twin, ctl), `text`, `means`."""
         lost, self._lost = self._lost, 0
         if lost:
-            self.begin(self._controller)  # it has not seen where the first message begins
+            self.begin(self._controller)  # the beginning of the first message is lost
         for time_ns, data, sent in self._pieces:
             if isinstance(data, str):
                 self._log.act(time_ns, data)

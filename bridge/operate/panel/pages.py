@@ -1,6 +1,5 @@
-"""What a browser gets by GET: the page, viser's client for the scene, the recording; and what these may load.
-
-A policy in each answer keeps browsers from asking anybody else for anything.
+"""Responses to GET: the page, viser's client for the scene, the recording. A policy in each response forbids loading
+from other servers.
 """
 
 from __future__ import annotations
@@ -12,9 +11,9 @@ from pathlib import Path
 from websockets.datastructures import Headers
 from websockets.http11 import Response
 
-FILE_BYTES = 1 << 28  # longest recording that goes through the page; all of it is in memory for a moment
+FILE_BYTES = 1 << 28  # longest recording for download; it is in memory as a whole
 
-# What the page may load, and from whom: from here alone.
+# Content-Security-Policy of the page: load from here only.
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
     "frame-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
@@ -27,12 +26,12 @@ SCENE_POLICY = (
     "connect-src 'self' data: blob:; worker-src 'self' blob: data:; frame-ancestors 'self'; "
     "base-uri 'none'; form-action 'none'"
 )
-# What the page has itself is hidden in viser's client.
+# Hides controls of viser's client that the page has itself.
 HIDDEN = "<style>[data-floating-window],.mantine-Notifications-root{display:none!important}</style>"  # in /scene
 
 
 def pages() -> dict[str, tuple[str, bytes]]:
-    """Kind and content of what can be had by GET."""
+    """Type and content of each path for GET."""
     page = importlib.resources.files("isel_twin.bridge.operate.panel") / "page"
     client = importlib.resources.files("viser") / "client" / "build" / "index.html"
     scene = client.read_text(encoding="utf-8").replace("</head>", f"{HIDDEN}</head>", 1)
@@ -61,7 +60,7 @@ def response(
 
 
 def file_response(path: Path) -> Response:
-    """What there is of a file that is being written."""
+    """The present content of a file that is being written."""
     try:
         if path.stat().st_size > FILE_BYTES:
             return response(http.HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"{path} is too large: copy it there\n".encode())

@@ -4,8 +4,8 @@
     positions mm [3] --- Poses ---> places of the bodies that move          sent with each frame
     tool over table --- Trail ---> coloured pieces of line                  in the frame of the table
 
-Positions are those of the joints, so every plant looks the same, the structure stiff. The trail is relative to the
-table, whichever of the two moves, and so it stays on the workpiece.
+Positions are those of the joints, so every plant looks the same, with a stiff structure. The trail is relative to the
+table, so it stays on the workpiece.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SHOWN_GROUPS = (0, 1, 2)  # groups of geoms that are drawn; the others are for c
 
 PIECE_POINTS = 128
 PIECES = 40  # the trail: points in one piece of line, and pieces kept
-LEAST_MM = 0.05  # way of the tool that is worth another point of the trail
+LEAST_MM = 0.05  # distance between points of the trail
 
 _GREEN, _YELLOW, _RED = (np.array(c, dtype=np.float64) for c in ((0, 120, 30), (235, 140, 0), (200, 0, 0)))
 
@@ -49,7 +49,7 @@ class Pose:
 
 
 def body_meshes(model: mujoco.MjModel) -> list[BodyMesh]:
-    """What is to be seen of a machine; planes, which have no end, are left out."""
+    """Visible meshes of a machine, without (infinite) planes."""
     parts: dict[tuple[int, tuple[float, ...]], list[tuple[Float, NDArray[np.int64]]]] = {}
     for number in range(model.ngeom):
         if model.geom_group[number] not in SHOWN_GROUPS:
@@ -85,7 +85,7 @@ def _shape(model: mujoco.MjModel, number: int) -> tuple[Float, NDArray[np.int64]
         return _turned(np.array([0.0, size[0], size[0], 0.0]), np.array([-1.0, -1.0, 1.0, 1.0]) * size[1])
     if kind in (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_ELLIPSOID):
         quarter = np.linspace(0.0, np.pi / 2.0, SEGMENTS // 4 + 1)
-        angles = np.concatenate([-quarter[::-1], quarter])  # the equator twice: a capsule has its cylinder in between
+        angles = np.concatenate([-quarter[::-1], quarter])  # the equator twice: with the cylinder of a capsule between
         radii, scale = (1.0, size) if kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID else (size[0], np.ones(3))
         half = size[1] if kind == mujoco.mjtGeom.mjGEOM_CAPSULE else 0.0
         sides = np.repeat([-half, half], len(quarter))
@@ -124,7 +124,7 @@ def _turned(radii: Float, heights: Float) -> tuple[Float, NDArray[np.int64]]:
 
 
 class Poses:
-    """Where the bodies of a machine are for positions of its axes."""
+    """Poses of the bodies of a machine for positions of its axes."""
 
     def __init__(self, model: mujoco.MjModel, joints: Sequence[str] = CARRIAGES) -> None:
         """joints: of the axes, in their order."""
@@ -147,7 +147,7 @@ class Poses:
 
 
 def deviation_colour(deviation_mm: float, bad_mm: float) -> tuple[int, int, int]:
-    """Green where the tool is where the counter says, over yellow at half of bad_mm to red from bad_mm on."""
+    """Green without deviation, yellow at half of bad_mm, red from bad_mm on."""
     part = min(abs(deviation_mm) / bad_mm, 1.0)
     low, high, share = (_GREEN, _YELLOW, 2.0 * part) if part < 0.5 else (_YELLOW, _RED, 2.0 * part - 1.0)
     red, green, blue = np.rint(low + (high - low) * share).astype(int).tolist()
@@ -155,7 +155,7 @@ def deviation_colour(deviation_mm: float, bad_mm: float) -> tuple[int, int, int]
 
 
 class Trail:
-    """Where the tool has been over the table, as pieces of line; the oldest piece makes room for a new one."""
+    """The path of the tool over the table, as pieces of line; a new piece replaces the oldest."""
 
     def __init__(self, bad_mm: float) -> None:
         """bad_mm: deviation that is red."""
@@ -166,11 +166,11 @@ class Trail:
 
     @property
     def full(self) -> bool:
-        """The next place begins another piece."""
+        """True if the next point begins another piece."""
         return len(self._points) >= PIECE_POINTS
 
     def add(self, tool: Float, deviation_mm: float) -> bool:
-        """Add a place of the tool [3] in m, if it is a new one. Returns whether the piece that grows has changed."""
+        """Add a point of the tool [3] in m, if it is a new one; return whether the growing piece has changed."""
         if self._points and np.linalg.norm(tool - self._points[-1]) < LEAST_MM * 1e-3:
             return False
         if self.full:
@@ -182,6 +182,6 @@ class Trail:
 
     @property
     def segments(self) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-        """Of the piece that grows: ends float32 [n, 2, 3] in m, colours uint8 [n, 2, 3]."""
+        """Of the growing piece: ends float32 [n, 2, 3] in m, colours uint8 [n, 2, 3]."""
         points, colours = np.array(self._points, dtype=np.float32), np.array(self._colours, dtype=np.uint8)
         return np.stack([points[:-1], points[1:]], axis=1), np.stack([colours[:-1], colours[1:]], axis=1)

@@ -1,12 +1,12 @@
 """Page, scene and browsers: one port, in a thread of its own. Needs viser.
 
     GET /  /panel.css  /panel.js     the page                                    page/
-    GET /recording                   what there is of the recording, if the server makes one
+    GET /recording                   the recording so far, if the server makes one
     GET /scene                       viser's client, which the page frames       of the package viser
     WebSocket /operate               requests of browsers, frames for them       JSON, one object a message
     WebSocket, any other path        the scene, in viser's own protocol
 
-viser brings web server and thread; how it is kept behind the gate is in guarded.py.
+viser has web server and thread; guarded.py puts it behind the gate.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ from isel_twin.bridge.operate.panel.view import MachineView
 from isel_twin.machine import Machine
 
 BROWSERS = 16  # pages open at once
-UNANSWERED = 64  # requests of a browser without an answer, and answers that it has not read; more is no page of ours
-HISTORY = 600  # frames whose plots a browser that comes later gets: half a minute of them
-LINES = 400  # messages of the line that it gets
+UNANSWERED = 64  # most unanswered requests and unread answers of a browser; the page itself never has more
+HISTORY = 600  # frames for the plots of a new browser: half a minute
+LINES = 400  # messages of the line for a new browser
 
 _PLOTTED = ("time_s", "step_hz", "position_error_mm", "margin_now")
 
 
 class _Browser:
-    """A page that is open: what it is still to be told. A frame that it was too slow for gives way to the next one."""
+    """An open page and what it must still get. A new frame replaces an unsent one."""
 
     def __init__(self) -> None:
         self.answers: deque[Mapping[str, Any]] = deque()
@@ -61,7 +61,7 @@ class WebSite:
     """The panel's page (`guest.Site`)."""
 
     def __init__(self, listener: socket.socket, address: str, token: str | None, take: Callable[[Asked], None]) -> None:
-        """listener: bound and listening at `address`. take: is told, in another thread, what browsers want."""
+        """listener: bound and listening at `address`. take: called with requests, in another thread."""
         self._listener, self._take = listener, take
         self._gate = Gate(address, token)
         self._viser: viser.ViserServer | None = None
@@ -178,7 +178,7 @@ class WebSite:
                     await connection.send(_json(message))
 
     def respond(self, connection: ServerConnection, request: Request) -> Response | None:
-        """What is asked for by GET; None: a WebSocket begins."""
+        """The response to GET; None: a WebSocket begins."""
         if (why := self._gate.refusal(request.path, request.headers)) is not None:
             return response(http.HTTPStatus.FORBIDDEN, f"{why}\n".encode())
         if request.headers.get("Upgrade", "").lower() == "websocket":

@@ -1,4 +1,4 @@
-"""The scene of viser: the machine where it is now, and the trail of its tool."""
+"""The scene of viser: the machine at its present position, and the trail of its tool."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class MachineView:
             self._draw_trail(deviation_mm)
 
     def _draw_trail(self, deviation_mm: float) -> None:
-        """Show the piece that grows: not in every frame, as all of it is sent, but before the next one begins."""
+        """Show the growing piece: not in every frame, as it is sent as a whole, but before the next one begins."""
         if self._trail.full and self._grown:
             self._send_trail()
         self._grown = self._trail.add(self._poses.tool, deviation_mm) or self._grown
