@@ -1,6 +1,6 @@
 """Environments: tuning of ramps, start-stop frequency and speed, by learning, by search or by hand.
 
-    moves.py        one move on a real twin, and what is measured of it; watching.py: position errors meanwhile
+    moves.py        one move on a twin, and its measurements; watching.py: position errors meanwhile
     tuning.py       `isel_twin/JobTuning-v0`: one step is one move
     vector.py       many environments side by side, in threads and processes
     track.py        `isel_twin/TrackPath-v0`: one step is some milliseconds of step frequencies (paths.py, tracking.py)
@@ -11,7 +11,7 @@
     import gymnasium
     env = gymnasium.make("isel_twin.envs:isel_twin/JobTuning-v0")
 
-docs/tuning.md and docs/learning.md show how they are used.
+See docs/tuning.md and docs/learning.md.
 """
 
 from __future__ import annotations

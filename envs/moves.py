@@ -1,7 +1,5 @@
-"""One move of a job: what the environment and the sweeps have in common.
-
-A controller makes a move on a twin, as a host program would ask for it (`Language.move`), and what is measured is what
-a dial gauge and a stop watch would show:
+"""One move of a job, for the environment and the sweeps. A controller makes a move on a twin with a host's commands
+(`Language.move`); the measurements are those of a dial gauge and a stop watch:
 
     |<--------- time_s --------->|<-- settling_s -->|
     command                    reply    last time outside the tolerance        end of the dwell (settle_s)
@@ -33,10 +31,10 @@ from isel_twin.language import Language, create_language, needed, readable
 from isel_twin.language import MoveSettings as Settings
 from isel_twin.machine import Machine, with_overrides
 
-# targets X, Y, Z in mm from the reference point, in their order; a job begins at the reference point (0, 0, 0)
+# targets X, Y, Z in mm from the reference point, where a job begins
 Job = Sequence[tuple[float, float, float]]
 
-# A short job with long ways, where speed counts, and short ones, where ramp and start-stop frequency do
+# a short job with long moves, where speed counts, and short ones, where ramp and start-stop frequency count
 JOB: Job = (
     (100.0, 50.0, 10.0),
     (100.0, 150.0, 10.0),
@@ -48,19 +46,19 @@ JOB: Job = (
 
 _START_MM = (1.0, 3.0)  # from the motor-end switch at power-on: near, so that the reference run is short (envs/1)
 _ANSWER_LIMIT_S = 60.0  # for a command of the reference run, and for settings
-_BREAK_LIMIT_S = 60.0  # for a move that is broken off; the longest stop ramp takes 40 s: 40000 Hz at 1 Hz/ms
-# Five quarters of a period of the portal's 63 Hz: four samples in a row see four phases of it (envs/5).
+_BREAK_LIMIT_S = 60.0  # for breaking off a move; the longest stop ramp takes 40 s: 40000 Hz at 1 Hz/ms
+# Five quarters of a period of the portal's 63 Hz: four successive samples have four phases of it (envs/5).
 _MOVING_SAMPLE_S, _MOVING_SAMPLE_NS = 0.02, 20 * MILLISECOND_NS
 _RESTING_SAMPLE_S, _RESTING_SAMPLE_NS = 0.002, 2 * MILLISECOND_NS
 
 
 @dataclass(frozen=True)
 class Setup:
-    """What stays the same while settings are tried: the job, the machine, and when a move counts as good."""
+    """The constants while settings are tried: the job, the machine, and the criteria of a good move."""
 
     job: Job = JOB
     machine: str | Path | Machine = "4030"
-    controller: str = "imc-s8"  # any controller with a language, see `isel_twin.language`
+    controller: str = "imc-s8"  # any controller with a language (`isel_twin.language`)
     plant: str = "mujoco"
     seed: int = 0
     overrides: Mapping[str, Any] = field(default_factory=dict)  # of machine parameters, {"payload.mass": 8.0}
@@ -68,7 +66,7 @@ class Setup:
     load_nm: float = 0.0  # extra load on every shaft, against motion (Coulomb friction): a margin of safety (envs/4)
     tolerance_mm: float = 0.05  # largest position error of any axis that is allowed at rest
     settle_s: float = 0.2  # standstill after each move, in which the machine settles and is measured
-    time_limit_s: float = 120.0  # virtual time for the whole job, standstill not counted; then a move is given up
+    time_limit_s: float = 120.0  # virtual time for the whole job without standstill; then a move is given up
 
     def __post_init__(self) -> None:
         if not self.job:
@@ -83,7 +81,7 @@ class Setup:
 
     @property
     def spec(self) -> TwinSpec:
-        """The twin, but for where its carriages stand. Raises ValueError with one line."""
+        """The spec of the twin, without start positions. Raises ValueError with one line."""
         scenario = None if self.scenario is None else Path(self.scenario)
         spec = TwinSpec(self.machine, self.controller, self.plant, self.seed, scenario, overrides=self.overrides)
         if self.load_nm <= 0.0:
@@ -95,12 +93,12 @@ class Setup:
 
 @dataclass(frozen=True)
 class Move:
-    """What one move did. Arrays are float64 [3], X Y Z."""
+    """The result of one move. Arrays are float64 [3], X Y Z."""
 
-    reply: str  # the controller's, in its own words; "" if the move was given up at the time limit
-    done: bool  # the controller says that it has made the move: the reply is no refusal, and it shows no fault
+    reply: str  # the controller's reply as text; "" if the move was given up at the time limit
+    done: bool  # the controller has made the move: the reply is no refusal, and there is no fault
     time_s: float  # from the command to the reply
-    settling_s: float  # from the reply to the last time that an axis was outside the tolerance; 0 if none was
+    settling_s: float  # from the reply to the last time that an axis was outside the tolerance, or 0
     slipped: bool  # a motor lost steps in this move, or a servo drive switched itself off
     lost_steps: NDArray[np.float64]  # counter minus rotor at rest, in steps, since the reference run
     error_mm: NDArray[np.float64]  # position error at the end of the dwell
@@ -109,7 +107,7 @@ class Move:
     margin: float | None  # least pull-out margin of any motor meanwhile (`Twin.margin`); None without physics
 
     def good(self, tolerance_mm: float) -> bool:
-        """Done, no step lost, and the machine stands where it should."""
+        """True if it is done, without a lost step, and within the tolerance at rest."""
         return self.done and not self.slipped and float(np.abs(self.error_mm).max()) <= tolerance_mm
 
 
@@ -119,9 +117,8 @@ def spoken(setup: Setup) -> Language:
 
 
 def referenced_twin(setup: Setup, like: Twin | None = None) -> Twin:
-    """A twin that has just been switched on and has made a physical reference run.
-
-    like: one of the same setup but for seed and job; the new one is then built from it, in a tenth of the time.
+    """A new twin after a physical reference run. like: one of the same setup with another seed or job, from which the
+    new one is built in a tenth of the time.
     Raises ValueError with one line for a job outside the machine, a controller without language, or one that refuses.
     """
     twin = new_twin(setup, like)
@@ -138,7 +135,7 @@ def referenced_twin(setup: Setup, like: Twin | None = None) -> Twin:
 
 
 def new_twin(setup: Setup, like: Twin | None = None) -> Twin:
-    """The twin of a setup, switched on and no more."""
+    """The twin of a setup, just switched on."""
     x, y, z = np.random.default_rng(setup.seed).uniform(*_START_MM, size=3)
     start_mm = (float(x), float(y), float(z))
     if like is not None:
@@ -155,7 +152,7 @@ def check_job(job: Job, machine: Machine) -> None:
 
 
 def _converse(twin: Twin, data: bytes, limit_s: float) -> tuple[bool, bytes]:
-    """Whether the controller is done after at most limit_s of virtual time, and what has come."""
+    """Whether the controller is done after at most limit_s of virtual time, and its reply."""
     twin.read()
     twin.write(data)
     over = twin.run_until_idle(limit_s)
@@ -165,7 +162,7 @@ def _converse(twin: Twin, data: bytes, limit_s: float) -> tuple[bool, bytes]:
 def make_move(twin: Twin, target_mm: Sequence[float], settings: Settings, setup: Setup, limit_s: float) -> Move:
     """Move to target_mm [3] and measure; the move is given up after limit_s seconds of virtual time.
 
-    Raises ValueError with one line for settings that the controller cannot be told.
+    Raises ValueError with one line for settings that cannot be sent to the controller.
     """
     language = needed(twin.language, setup.controller)
     target = [round(mm * axis.steps_per_mm) for mm, axis in zip(target_mm, twin.machine.axes, strict=True)]
@@ -203,7 +200,7 @@ def make_move(twin: Twin, target_mm: Sequence[float], settings: Settings, setup:
 
 
 def _begin(twin: Twin, command: bytes, limit_s: float) -> float:
-    """Let a move be made, in at most limit_s rounded up to whole intervals; the largest position error in mm."""
+    """Make a move, in at most limit_s rounded up to whole intervals; return the largest position error in mm."""
     began_ns, every = twin.time_ns, _MOVING_SAMPLE_NS
     watch = Watch(twin, every)
     try:
@@ -213,7 +210,7 @@ def _begin(twin: Twin, command: bytes, limit_s: float) -> float:
             twin.run_until(began_ns + intervals * every, lambda: twin.idle)
             errors_mm = watch.errors_mm()
             if (twin.time_ns - began_ns) % every == 0:
-                errors_mm = errors_mm[:-1]  # what is at the end belongs to the dwell
+                errors_mm = errors_mm[:-1]  # the last one belongs to the dwell
         else:
             looks = []
             while not twin.run_until_idle(_MOVING_SAMPLE_S) and twin.time_ns - began_ns < limit_s * 1e9:
@@ -225,7 +222,7 @@ def _begin(twin: Twin, command: bytes, limit_s: float) -> float:
 
 
 def _dwell(twin: Twin, looks: int) -> NDArray[np.float64]:
-    """float64 [looks, 3], position errors in mm while the machine stands and settles."""
+    """float64 [looks, 3], position errors in mm during the dwell."""
     watch = Watch(twin, _RESTING_SAMPLE_NS)
     try:
         if watch.in_loop:

@@ -1,8 +1,8 @@
-"""Paths for a tool to follow: polylines in mm, named, drawn by lot or given, and sampled finely.
+"""Paths for a tool to follow: polylines in mm, by name, random or given, and finely sampled.
 
-    points [n, 3]  --- sampled --->  [m, 4]: X, Y, Z and the way along it, every corner kept
+    points [n, 3]  --- sampled --->  [m, 4]: X, Y, Z and the distance along it, every corner kept
 
-A path begins at its first point, wherever the machine stands: coordinates are taken from there.
+Coordinates are relative to the first point of a path, which is the present position of the machine.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _CORNER = ((0.0, 0.0, 0.0), (20.0, 0.0, 0.0), (20.0, 15.0, 0.0))
 _SQUARE = (*_CORNER, (0.0, 15.0, 0.0), (0.0, 0.0, 0.0))
 _RADIUS_MM = 10.0
 _LEGS, _LEG_MM, _BEND_RAD = 4, (5.0, 20.0), 2.0
-NAMES = ("corner", "square", "circle", "random")  # paths that have a name; a random one is drawn anew for every episode
+NAMES = ("corner", "square", "circle", "random")  # named paths; a random one is new in every episode
 
 
 def lay_path(path: str | ArrayLike, draw: np.random.Generator) -> NDArray[np.float64]:
@@ -43,9 +43,9 @@ def lay_path(path: str | ArrayLike, draw: np.random.Generator) -> NDArray[np.flo
 
 
 def sampled(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """float64 [m, 4], the path in pieces of at most SPACING_MM: X, Y, Z, and the way from the start, all in mm.
+    """float64 [m, 4], the path in pieces of at most SPACING_MM: X, Y, Z, and the distance from the start, all in mm.
 
-    points [n, 3]; corners stay as they are. Raises ValueError for a path without a way, or with too long a one.
+    points [n, 3]; corners are kept. Raises ValueError for a path without length, or with too much.
     """
     legs = np.diff(points, axis=0)
     lengths = np.linalg.norm(legs, axis=1)

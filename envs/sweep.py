@@ -1,4 +1,4 @@
-"""Many settings, one job: a table of what each of them does, on as many processes, threads or machines as there are.
+"""One job with many settings: a table of the results, on any number of processes, threads or machines.
 
     from concurrent.futures import ProcessPoolExecutor
     from isel_twin.envs import Setup, fastest, grid, sweep
@@ -30,14 +30,14 @@ from isel_twin.envs.moves import Settings, Setup, make_move, referenced_twin, sp
 
 @dataclass(frozen=True)
 class Row:
-    """One trial: the settings, and what the job did with them. `dataclasses.asdict` makes a table row of it."""
+    """One trial: the settings, and the result of the job. `dataclasses.asdict` makes a table row of it."""
 
     speed_hz: int
     acceleration_hz_per_ms: int
     start_stop_hz: int
     load_nm: float
     time_s: float  # all moves, from command to reply
-    settling_s: float  # all moves, from reply to inside the tolerance for good
+    settling_s: float  # all moves, from the reply until the error stays within the tolerance
     lost_steps: float  # largest, of any axis, at rest after any move; fractions of a step are load angle
     deviation_mm: float  # largest position error of any axis at any time, sampled
     error_mm: float  # largest position error of any axis at rest after any move
@@ -95,7 +95,7 @@ def run_job(setup: Setup, settings: Settings) -> Row:
 
 
 def sweep(setup: Setup, trials: Iterable[Settings], executor: Executor | None = None) -> list[Row]:
-    """A row for each trial, in their order. executor None: here, one by one. Raises RuntimeError for lost trials."""
+    """A row for each trial, in their order. executor None: in this process. Raises RuntimeError for lost trials."""
     made = dict(finished(functools.partial(run_job, setup), list(trials), here(executor)))
     rows = [made[index] for index in range(len(made))]
     if lost := [row.why for row in rows if isinstance(row, Lost)]:
@@ -113,15 +113,15 @@ def fastest(
     high: int | None = None,
     resolution: float = 0.02,
 ) -> Fastest:
-    """The largest value of one setting with which the job is good, both as it is and with an extra load; by bisection.
+    """The largest value of one setting for which the job is good, with and without an extra load; by bisection.
 
     vary: "speed_hz", "acceleration_hz_per_ms" or "start_stop_hz"; the others stay as `settings` has them.
     margin_nm: the margin of safety, a load torque added to `setup.load_nm` against every motion.
-    low, high: where to look; by default from the value in `settings` to the most that the controller takes.
+    low, high: range of the search; by default from the value in `settings` to the controller's maximum.
     resolution: the answer is within this fraction below the first value found that is not good.
 
-    A resonance may break the rule of bisection that what is too fast stays too fast: a sweep around the answer shows
-    it. Raises ValueError if even `low` is not good.
+    Bisection assumes that all values beyond a bad one are bad, too, which a resonance may violate: check with a sweep
+    around the answer. Raises ValueError if even `low` is not good.
     """
     ranges = spoken(setup).ranges
     if vary not in ranges:

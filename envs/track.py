@@ -1,10 +1,10 @@
 """The Gymnasium environment of set points: a few milliseconds of step frequency for each axis, along a path.
 
 reset   the machine stands at the start of the path, stages on, with the payload, friction, ... of this episode
-step    action -> pulses -> drives and machine -> where the tool is -> observation, reward        (tracking.py)
+step    action -> pulses -> drives and machine -> position of the tool -> observation, reward     (tracking.py)
 
-The agent is the controller (envs/7). `reset` builds nothing anew unless the machine changes, and then not its model
-(`isel_twin.plant.model.dressed`).
+The agent replaces the controller. `reset` rebuilds only a changed machine, and even then not its model
+(`isel_twin.plant.model.dressed`) (envs/7).
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ from isel_twin.plant.mujoco import MujocoPlant
 if TYPE_CHECKING:
     from isel_twin.plant.picture import Picture, Window
 
-_SETTLING_NS = 100_000_000  # from power-on to the start: the rotors have come to rest where their stages hold them
+_SETTLING_NS = 100_000_000  # from power-on to the start: time for the rotors to come to rest
 _CLEAR_MM = 1.0  # a path keeps this far from the ends of the travel
-_NEAR = 6.0  # the camera's distance from the tool, over the size of the first path that is drawn
+_NEAR = 6.0  # the camera's distance from the tool, over the size of the first path
 
 
 class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
@@ -42,13 +42,13 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
     ## Description
     A gantry with stepper motors has to lead its tool along a path, as fast as it can without leaving it and without
     losing a step. Every `step_s` the agent gives each axis a step frequency; the pulses go to power stages, motors,
-    screws and structure. What a controller does with ramps, corner speeds and input shaping is the agent's to find:
-    between its counter and the tool lie the load angle of the motor, backlash, friction and a frame that gives.
+    screws and structure. The agent must learn what a controller does with ramps, corner speeds and input shaping:
+    between its counter and the tool are the load angle of the motor, backlash, friction and an elastic frame.
 
     ## Action Space
-    A `Box(-1, 1, (3,), float32)`: the step frequencies until the next step, over `highest_hz`; values outside count as
-    the nearest of these. Frequencies change at once: a jump that the motor cannot follow loses steps. Pulses are evenly
-    spaced, also from one step to the next.
+    A `Box(-1, 1, (3,), float32)`: the step frequencies until the next step, over `highest_hz`; values outside are
+    clipped. Frequencies change at once: a jump that the motor cannot follow loses steps. Pulses are evenly spaced, also
+    from one step to the next.
 
     | Num | Action                  | Min | Max | Unit       | at 1, defaults         |
     |-----|-------------------------|-----|-----|------------|------------------------|
@@ -57,7 +57,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
     | 2   | step frequency of Z     | -1  | 1   | highest_hz | 16 kHz, 50 mm/s        |
 
     ## Observation Space
-    A `Box(-1, 1, (35,), float64)`. What would lie beyond is cut off. P: the nearest point of the path to the tool.
+    A `Box(-1, 1, (35,), float64)`. Values outside are clipped. P: the nearest point of the path to the tool.
     The tool is where a gauge between tool and table would see it, backlash, load angle and the frame's deflection
     included. A real controller knows 6-8 and, with the nearest point to its counters for P, 12-14 and 18-34; a machine
     with scales on its axes almost all of it.
@@ -80,14 +80,14 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
 
     ## Rewards
     The unit is the millimetre of path. The reward of a step is the sum of these terms, each also in `info`:
-    - *reward_progress*: the way that the nearest point has gone along the path, mm; back counts negative.
+    - *reward_progress*: the distance that the nearest point has moved along the path, mm; backwards is negative.
     - *reward_time*: minus `time_weight` times the time of the step.
     - *reward_deviation*: minus `deviation_weight` times the time of the step, times the square of the deviation over
       the tolerance.
     - *reward_abort*: minus `abort_penalty` if steps were lost or the tool has left the tolerance.
 
-    A whole path gives its length, less what it took. `abort_penalty` should be more than standing still may cost
-    (`time_weight` times `time_limit_s`), or breaking off would pay.
+    A whole path gives its length less its costs. `abort_penalty` should exceed the cost of standing still
+    (`time_weight` times `time_limit_s`), or aborting would pay.
 
     `info` also has `way_mm` (how far along the path), `deviation_mm` (of the tool from the path), `time_s` (since the
     start), and at the end of an episode `ended`: "done", "outside", "lost steps" or "time".
@@ -95,8 +95,8 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
     ## Starting State
     The machine stands at the start of the path, stages on, at rest: in the middle of its travel, or as near to it as
     the path has room. Its counters are off the path by $\\mathcal{U}[-1, 1]$ times `reference_mm` in each coordinate,
-    as after a reference run. The seed decides that, and the path if it is a random one; everything else is the same
-    in every episode. Same seed, same options and same actions: same bits, whatever came before.
+    as after a reference run. The seed determines that, and a random path; everything else is the same in every episode.
+    The same seed, options and actions give the same bits, whatever came before.
 
     Options of `reset` hold for one episode (envs/9); a wrong one is refused with one line:
 
@@ -109,8 +109,8 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
     | `backlash`   | 0 .. 10       | 1    | factor of the backlash                                           |
     | `path`       | see Arguments |      | another path                                                     |
 
-    Where a factor takes a number out of what the machine's file may say, that is the line. The wrapper `Randomised`
-    draws them anew for every episode.
+    A factor that takes a number out of its range in machine files is also refused. The wrapper `Randomised` draws them
+    for every episode.
 
     ## Episode End
     ### Termination
@@ -173,7 +173,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"unknown render_mode {render_mode!r}; there are: human, rgb_array")
         loaded = machine if isinstance(machine, Machine) else load_machine(machine)
-        self.machine = with_overrides(loaded, overrides or {})  # the machine before options of `reset` change it
+        self.machine = with_overrides(loaded, overrides or {})  # the machine without options of `reset`
         servo = [axis.name for axis in self.machine.axes if axis.closed_loop]
         if servo:
             raise ValueError(
@@ -207,8 +207,8 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
 
         self._model = compile_model(self.machine, visual=False)
         self._plant: MujocoPlant | None = None
-        self._stands: tuple[Any, ...] = ()  # variation and place that `_plant` was built for
-        self._settled: Mapping[str, Any] = {}  # the state of `_plant` when it has settled there
+        self._stands: tuple[Any, ...] = ()  # variation and position for which `_plant` was built
+        self._settled: Mapping[str, Any] = {}  # the settled state of `_plant` there
         self._options: dict[str, Any] = {}
         self._points = np.zeros((0, 3))
         self._track = np.zeros(1, TRACK)
@@ -226,10 +226,10 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         self._track["reach_mm"] = math.sqrt(3.0) * self.step_s * float((highest_hz / self._lanes["steps_per_mm"]).max())
         most = 3 * (math.ceil(highest_hz * self.step_s) + 2)
         self._pulses = np.zeros(most, np.int64), np.zeros((most, 3), np.int32), np.zeros(0, np.int64)
-        self.path_mm = np.zeros((0, 4))  # of this episode in pieces: X, Y, Z from its start, and the way along it
+        self.path_mm = np.zeros((0, 4))  # of this episode in pieces: X, Y, Z from its start, and the distance along it
         self._shape_mm = np.zeros((3, 0))
         self.at_work: tuple[Any, ...] = ()  # until the next reset: arguments of `take_step` but action and observation
-        self.steps_left = 0  # until the time is over, 0: no episode; a caller that steps by `at_work` counts itself
+        self.steps_left = 0  # steps until the time limit, 0: no episode; callers that use `at_work` count themselves
         self._steps = max(1, round(time_limit_s / self.step_s))
         self._picture: Picture | None = None
         self._window: Window | None = None
@@ -237,7 +237,8 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float64], dict[str, Any]]:
-        """Stand at the start of the path. Raises ValueError (MachineError) with one line for a wrong option."""
+        """Begin an episode at the start of the path. Raises ValueError (MachineError) with one line for a wrong
+        option."""
         super().reset(seed=seed)
         return self._begin(checked(options or {})), self._info()
 
@@ -290,12 +291,13 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
 
     @property
     def counter_mm(self) -> NDArray[np.float64]:
-        """float64 [3], where the tool would be by the counters, from the start of the path."""
+        """float64 [3], position of the tool by the counters, from the start of the path."""
         return np.asarray(self._lanes["counter"] / self._lanes["steps_per_mm"])
 
     @property
     def tool_mm(self) -> NDArray[np.float64]:
-        """float64 [3], where the tool is, from the start of the path. Raises ResetNeeded before the first reset."""
+        """float64 [3], true position of the tool, from the start of the path. Raises ResetNeeded before the first
+        reset."""
         if self._plant is None:
             raise gymnasium.error.ResetNeeded("there is no machine yet; call reset()")
         return np.asarray(self._plant.position_mm - self._lanes["origin_mm"])
@@ -306,7 +308,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         return np.asarray(self._lanes["highest_hz"] / self._lanes["steps_per_mm"])
 
     def __getstate__(self) -> dict[str, Any]:
-        """For pickle: of the plant only its state."""
+        """For pickle: only the state of the plant."""
         state = self.__dict__.copy()
         for name in ("_plant", "_stands", "_settled", "at_work", "_now", "_picture", "_window", "_model"):
             state.pop(name, None)
@@ -348,7 +350,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         return observation
 
     def _stand(self) -> None:
-        """A machine with the options of this episode, at rest at the start of its path."""
+        """Set up a machine with the options of this episode, at rest at the start of its path."""
         start_mm = self._start_mm(self._points)
         stands = (*(self._options.get(name) for name in VARIATIONS), *start_mm)
         if stands != self._stands:
@@ -369,7 +371,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         )  # fmt: skip
 
     def _start_mm(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """float64 [3], where the path begins in machine coordinates: in the middle of the travel, if it fits there."""
+        """float64 [3], start of the path in machine coordinates: in the middle of the travel, if it fits there."""
         travel_mm = np.array([axis.travel_mm for axis in self.machine.axes])
         low_mm, high_mm = _CLEAR_MM - points.min(axis=0), travel_mm - _CLEAR_MM - points.max(axis=0)
         return np.clip(0.5 * travel_mm, low_mm, high_mm)
@@ -387,7 +389,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
     # For vectors of environments (track_vector.py)
 
     def keep_in(self, track: NDArray[np.void], lanes: NDArray[np.void]) -> None:
-        """Have the state in these arrays from here on: track [1] TRACK, lanes [3] LANE."""
+        """Keep the state in these arrays from now on: track [1] TRACK, lanes [3] LANE."""
         track[:], lanes[:] = self._track, self._lanes
         self._track, self._lanes, self._now = track, lanes, track[0]
 

@@ -6,8 +6,8 @@
                              thread 1: environments k+1 ..    ...
                        --->  observations [n, 35], rewards [n], ...
 
-Each environment gives the same bits as alone: the same `take_step` on the same arrays (tracking.py), whose addresses
-the vector knows. Resets are made by the environments themselves, one after the other.
+Each environment gives the same bits as alone: the same `take_step` on the same arrays (tracking.py), by their
+addresses. The environments make their resets themselves, one after the other.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _IDLE = -2  # instead of a result of `take_step`: this environment makes no step
 
 @njit(nogil=True, error_model="numpy")
 def take_steps(places, no_leads, actions, observations, overs, first, last):
-    """`take_step` for the environments first .. last - 1, but for those whose `overs` is _IDLE.
+    """`take_step` for the environments first .. last - 1, except those whose `overs` is _IDLE.
 
     places [n] PLACE, actions float64 [n, 3], observations float64 [n, SIZE], overs int64 [n]: what each returns.
     """
@@ -67,10 +67,9 @@ def take_steps(places, no_leads, actions, observations, overs, first, last):
 
 
 class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
-    """TrackPath-v0 so many times. Spaces, calls and infos are those of Gymnasium's own vector environments.
-
-    An environment whose episode is over begins anew with the next step, in which its action is not looked at
-    (`AutoresetMode.NEXT_STEP`), with the options given to the last `reset`.
+    """A vector of TrackPath-v0. Spaces, calls and infos are those of Gymnasium's own vector environments. An
+    environment whose episode is over is reset by the next step, which ignores its action (`AutoresetMode.NEXT_STEP`),
+    with the options of the last `reset`.
     """
 
     def __init__(
@@ -80,7 +79,7 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
         randomised: Mapping[str, Sequence[float]] | None = None,
         **options: Any,
     ) -> None:
-        """options: those of TrackPath. workers: threads, None for as many as there are processors.
+        """options: those of TrackPath. workers: threads, None: the number of processors.
 
         randomised: ranges for the wrapper Randomised. Raises ValueError with one line for a wrong argument.
         """
@@ -91,7 +90,7 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
             raise ValueError(f"workers is {workers}; give at least 1")
         tracks = [TrackPath(**options) for _ in range(num_envs)]
         envs = (Randomised(track, **randomised) if randomised else track for track in tracks)
-        self.envs: tuple[gymnasium.Env[Any, Any], ...] = tuple(envs)  # to look at; do not step them
+        self.envs: tuple[gymnasium.Env[Any, Any], ...] = tuple(envs)  # for inspection; do not step them
         self._tracks = tracks
         self.num_envs = num_envs
         self.single_observation_space = tracks[0].observation_space
@@ -116,7 +115,7 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float64], dict[str, Any]]:
-        """Begin all episodes. seed: that of the first, the others have the next ones; or one for each."""
+        """Begin all episodes. seed: of the first, with successive ones for the others; or one for each."""
         n = self.num_envs
         seeds = [seed + i for i in range(n)] if isinstance(seed, int) else [None] * n if seed is None else seed
         if len(seeds) != self.num_envs:
@@ -131,7 +130,7 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
     def step(
         self, actions: ArrayLike
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """Make a step in each. Raises ResetNeeded before the first reset, ValueError for actions that are none."""
+        """Make a step in each. Raises ResetNeeded before the first reset, ValueError for invalid actions."""
         if not self._begun:
             raise gymnasium.error.ResetNeeded("call reset() before step()")
         values = np.ascontiguousarray(actions, np.float64)
@@ -176,7 +175,7 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
         return observation
 
     def _infos(self, overs: NDArray[np.int64]) -> dict[str, Any]:
-        """As Gymnasium's vector environments put infos together. overs: what `take_step` has returned, or _TIME."""
+        """Infos in the form of Gymnasium's vector environments. overs: results of `take_step`, or _TIME."""
         everyone = np.ones(self.num_envs, dtype=np.bool_)
         said: dict[str, Any] = {}
         for name, value in infos(self._track).items():

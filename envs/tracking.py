@@ -1,16 +1,14 @@
-"""One step of path following, compiled: pulses for each axis, drives and machine, and what is then to be seen.
-
-One call a step, so that an environment costs little more than its physics. A step of h:
+"""One step of path following in one compiled call: pulses for each axis, drives and machine, observation. So an
+environment costs little more than its physics. A step of h:
 
     frequencies f_i  --- pulses at u_i = k + 1/2 --->  the kernel's advance  --->  tool p, rotors, margins
                          u_i' = u_i + f_i h                                          |
                                                                                      v
     path P(s)  . . . . . nearest point P(s) within a window about the last one,  deviation |p - P(s)|
 
-u_i is the phase of an axis in steps, its counter the whole number nearest to it: so pulses are evenly spaced within a
-step and from one to the next, however the frequency changes, and the counter is never off by more than half a step.
-
-The nearest point is looked for near the last one only: a path may cross itself (envs/8).
+u_i is the phase of an axis in steps, its counter the nearest whole number: so pulses are evenly spaced within a step
+and across steps at any change of frequency, and the counter is never off by more than half a step. The nearest point is
+searched only near the last one, as a path may cross itself (envs/8).
 """
 
 from __future__ import annotations
@@ -25,25 +23,25 @@ from isel_twin.plant import kernel
 from isel_twin.plant.kernel import advance
 from isel_twin.plant.memory import AXES, parts_of
 
-PREVIEW_MM = (0.5, 1.0, 2.0, 4.0, 8.0)  # how far ahead on the path the observed points lie
+PREVIEW_MM = (0.5, 1.0, 2.0, 4.0, 8.0)  # distances of the observed points ahead on the path
 SIZE = 6 * AXES + AXES * len(PREVIEW_MM) + 2  # numbers in an observation
 DONE, OUTSIDE, LOST = 1, 2, 4  # what `take_step` returns: bits, 0 if the episode goes on
-STOPS_HZ = 300.0  # step frequency from which every axis can stop at once: at the end of the path it must be no higher
-BACK_MM = 1.0  # how far back on the path, and beyond what a step can go ahead, the nearest point is looked for
+STOPS_HZ = 300.0  # step frequency from which every axis can stop at once: the limit at the end of the path
+BACK_MM = 1.0  # the search for the nearest point goes this far back, and this far beyond the reach of a step
 
 REWARDS = ("reward_progress", "reward_time", "reward_deviation", "reward_abort")
 TRACK = np.dtype(  # settings and state of an episode
     [
         ("step_ns", "i8"),
         ("tolerance_mm", "f8"),
-        ("reach_mm", "f8"),  # the way that the tool can go in a step
+        ("reach_mm", "f8"),  # reach of the tool in a step
         ("time_limit_s", "f8"),
         ("time_weight", "f8"),  # of the reward, a second
         ("deviation_weight", "f8"),  # a second
         ("abort_penalty", "f8"),
         ("until_ns", "i8"),  # time of the plant
         ("began_ns", "i8"),
-        ("piece", "i8"),  # of the path, the one that the tool is nearest to
+        ("piece", "i8"),  # piece of the path nearest to the tool
         ("way_mm", "f8"),  # s
         ("deviation_mm", "f8"),
         *((name, "f8") for name in REWARDS),
@@ -55,7 +53,7 @@ LANE = np.dtype(  # settings and state of an axis
     [
         ("highest_hz", "f8"),
         ("steps_per_mm", "f8"),
-        ("half_slip", "f8"),  # steps between counter and rotor from which steps are lost (envs/3)
+        ("half_slip", "f8"),  # steps between counter and rotor that mean lost steps (envs/3)
         ("origin_mm", "f8"),  # tool at the start of the path, in machine coordinates
         ("counter", "i8"),  # steps from there
         ("fraction", "f8"),  # u - counter
@@ -73,7 +71,7 @@ def _within(value):
 
 @njit(nogil=True, error_model="numpy")
 def _next_s(lane, k):
-    """When the pulse k (0, 1, ...) of a step comes, counted from its start."""
+    """Time of pulse k (0, 1, ...) of a step, from its start."""
     if lane.rate_hz == 0.0:
         return math.inf
     sign = math.copysign(1.0, lane.rate_hz)
@@ -82,7 +80,7 @@ def _next_s(lane, k):
 
 @njit(nogil=True, error_model="numpy")
 def lay_pulses(lanes, start_ns, step_ns, t_ns, delta):
-    """Lay the pulses of a step, in time order, into t_ns [n] and delta int32 [n, 3]; return how many there are."""
+    """Write the pulses of a step, in time order, into t_ns [n] and delta int32 [n, 3]; return their number."""
     step_s = 1e-9 * step_ns
     made_0, made_1, made_2, n = 0, 0, 0, 0
     next_0, next_1, next_2 = _next_s(lanes[0], 0), _next_s(lanes[1], 0), _next_s(lanes[2], 0)
@@ -140,7 +138,7 @@ def find(path, track, x, y, z):
 
 @njit(nogil=True, error_model="numpy")
 def look(memory, track, lanes, shape_mm, path, observation):
-    """See where everything is: `observation` [SIZE] as the environment has it. The margins begin anew."""
+    """Fill in `observation` [SIZE] of the environment, and reset the margins."""
     parts = parts_of(memory)
     x = y = z = 0.0
     for j in range(shape_mm.shape[1]):
@@ -184,17 +182,17 @@ def look(memory, track, lanes, shape_mm, path, observation):
 
 @njit(nogil=True, error_model="numpy")
 def begin(memory, tracks, lanes, shape_mm, path, observation):
-    """See where everything is at the start; arguments as those of `take_step`."""
+    """The first observation; arguments as for `take_step`."""
     look(memory, tracks[0], lanes, shape_mm, path, observation)
 
 
 @njit(nogil=True, error_model="numpy")
 def take_step(memory, tracks, lanes, shape_mm, path, t_ns, delta, no_leads, action, observation):
-    """Make a step of the environment; return 0 or bits of DONE, OUTSIDE and LOST, or -1 for an action that is none.
+    """Make a step of the environment; return 0 or bits of DONE, OUTSIDE and LOST, or -1 for an invalid action.
 
-    memory [1] MEMORY of a plant without thresholds; tracks [1] TRACK; lanes [3] LANE; shape_mm [3, nv], what the joints
-    move the tool; path [m, 4]; t_ns [n], delta int32 [n, 3] scratch for pulses; no_leads int64 [0]; action float64 [3],
-    frequencies over the highest; observation [SIZE], to be filled.
+    memory [1] MEMORY of a plant without thresholds; tracks [1] TRACK; lanes [3] LANE; shape_mm [3, nv], motion of the
+    tool by the joints; path [m, 4]; t_ns [n], delta int32 [n, 3] scratch for pulses; no_leads int64 [0]; action float64
+    [3], frequencies over the highest; observation [SIZE], to be filled.
     """
     track, parts = tracks[0], parts_of(memory)
     for i in range(AXES):

@@ -1,7 +1,7 @@
-"""The Gymnasium environment: a job of moves, and before each move the choice of speed, ramp and start-stop frequency.
+"""The Gymnasium environment of a job of moves with a choice of speed, ramp and start-stop frequency before each.
 
 reset   a new twin is switched on and makes its reference run
-step    action -> Settings -> what a host would send -> what came of it -> observation, reward
+step    action -> Settings -> commands of a host -> result of the move -> observation, reward
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def to_settings(action: NDArray[np.floating[Any]], ranges: Ranges = SETTINGS_RAN
 
 
 def to_action(settings: Settings, ranges: Ranges = SETTINGS_RANGES) -> NDArray[np.float32]:
-    """float32 [3], the action that stands for these settings with a controller that takes these ranges."""
+    """float32 [3], the action for these settings with a controller of these ranges."""
     parts = (
         _linear(settings.speed_hz, *ranges["speed_hz"]),
         _logarithmic(settings.acceleration_hz_per_ms, *ranges["acceleration_hz_per_ms"]),
@@ -88,10 +88,10 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
     ## Description
     A gantry with stepper motors has to make a job, a list of moves, as fast as it can without losing a step. Before
     each move the agent chooses speed, acceleration and start-stop frequency; they go to an emulated controller as the
-    commands a host program would send, and motors, screws and structure do what physics makes of the step stream. All
-    axes move together, the speed is that of the axis with the most steps. After the move the machine stands for
-    `settle_s` and is measured. The controller has no feedback: it is content also when the motors have lost steps, and
-    later moves then end in the wrong place, or in a limit switch.
+    commands of a host program, and its step stream drives motors, screws and structure. All axes move together, the
+    speed is that of the axis with the most steps. After the move the machine stands for `settle_s` and is measured. The
+    controller has no feedback: it does not notice lost steps, and later moves then end in the wrong place, or in a
+    limit switch.
 
     ## Action Space
     A `Box(-1, 1, (3,), float32)`. Speed is linear in the action because time goes with its inverse; the two others are
@@ -128,7 +128,7 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
     - *reward_abort*: minus `abort_penalty` if the controller refused the move or broke it off (limit switch, stop,
       fault, speed refused) or the time limit did.
 
-    `abort_penalty` should be more than a whole job may take, or breaking it off would pay.
+    `abort_penalty` should exceed the time of a whole job, or aborting would pay.
 
     `info` also has `settings` (a `Settings`), `reply`, `slipped`, `deviation_mm` (largest position error from command
     to end of the dwell) and `time_s` (virtual time of all moves so far, standstill not counted).
@@ -200,13 +200,13 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         self.action_space = Box(-1.0, 1.0, (3,), np.float32)
         self.observation_space = Box(-np.inf, np.inf, (_SIZE,), np.float64)
         self.render_mode = render_mode
-        # Of this episode; the next one may go on with it, unless it is observed or recorded.
+        # The twin of this episode; the next one may reuse it, unless it is observed or recorded.
         self.twin: Twin | None = None
         changes = dict(overrides or {})
         self.setup = Setup(
             job, machine, controller, plant, 0, changes, scenario, load_nm, tolerance_mm, settle_s, time_limit_s
         )
-        self.ranges: Ranges = moves.spoken(self.setup).ranges  # what the action space spans (envs/6)
+        self.ranges: Ranges = moves.spoken(self.setup).ranges  # range of the action space (envs/6)
         self._penalties = lost_steps_penalty, tolerance_penalty, abort_penalty
         self._made, self._time_s, self._over = 0, 0.0, True
         self._picture: Picture | None = None
@@ -231,7 +231,7 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         return self._observation(error_mm, self.twin.lost_steps[:3], np.zeros(3), 0.0, 0.0), {}
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float64], float, bool, bool, dict[str, Any]]:
-        """Make the next move. Raises ResetNeeded if the episode is over, ValueError for an action that is none."""
+        """Make the next move. Raises ResetNeeded if the episode is over, ValueError for an invalid action."""
         if self.twin is None or self._over:
             raise gymnasium.error.ResetNeeded("the job is over; call reset() before step()")
         settings = to_settings(action, self.ranges)
@@ -284,7 +284,7 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         return Episode(self.twin.save(), self.setup, self._made, self._time_s, self._over)
 
     def restore(self, episode: Episode) -> None:
-        """Go on where the episode was saved, here or in an environment with the same arguments (else ValueError)."""
+        """Continue a saved episode, here or in an environment with the same arguments (else ValueError)."""
         if dataclasses.replace(self.setup, seed=episode.setup.seed, job=episode.setup.job) != episode.setup:
             raise ValueError("the episode is of another setup; restore it into an environment with the same arguments")
         if self.twin is None:
@@ -308,7 +308,7 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
             self.twin.restore(saved)
 
     def _referenced(self, kept: bool) -> Twin:
-        """The twin of a new episode, after its reference run; of a seed that was kept, as it stood after that then."""
+        """The twin of a new episode after its reference run; for a seed that was kept, its state at that time."""
         setup, twin = self.setup, self.twin
         state = self._begun.get(setup.seed)
         if twin is None or state is None:

@@ -1,4 +1,4 @@
-"""What options of `TrackPath.reset` change of the machine for an episode."""
+"""Changes of the machine by options of `TrackPath.reset`."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def checked(options: dict[str, Any]) -> dict[str, Any]:
 
 
 def varied(machine: Machine, options: Mapping[str, Any]) -> Machine:
-    """The machine with what these options change; its `tree` stays. Raises ValueError for a number out of range."""
+    """The machine with these options; its `tree` stays. Raises ValueError for a number out of range."""
     friction, stiffness, supply, backlash = (options.get(name, 1.0) for name in _FACTORS)
     try:
         x, y, z = (

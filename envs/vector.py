@@ -7,12 +7,12 @@
                            (an environment and how it begins anew)
 
     mode          a step runs in                 when
-    serial        the caller                     one core; to look for mistakes
+    serial        the caller                     one core, or debugging
     threads       `workers` threads              most of a step is compiled code that lets other threads run: no
                                                  copies, and the environments can be looked into (`envs`)
-    processes     `workers` processes            whatever a step is; each has its own interpreter
+    processes     `workers` processes            any kind of step; each has its own interpreter
 
-Environments begin anew as Gymnasium's own vector environments do (`gymnasium.vector.AutoresetMode`):
+Environments are reset as in Gymnasium's own vector environments (`gymnasium.vector.AutoresetMode`):
 
     next step     the step after the last one of an episode is a reset: its action is not looked at, its reward is 0
     same step     the last step returns the first observation of the next episode; that of the last step and its info
@@ -54,7 +54,7 @@ class _Cell:
         return self.env.reset(seed=seed, options=options)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any], dict[str, Any] | None]:
-        """As the environment's, and the final observation and info if the first one is of the next episode."""
+        """The environment's step, and the final observation and info if the first one is of the next episode."""
         if self._over and self._autoreset is AutoresetMode.NEXT_STEP:
             observation, info = self.reset(None, None)
             return observation, 0.0, False, False, info, None
@@ -67,7 +67,7 @@ class _Cell:
         return observation, float(reward), terminated, truncated, info, None
 
     def call(self, name: str, args: tuple[Any, ...], kwargs: Mapping[str, Any]) -> Any:
-        """`env.name`, or what it returns if it can be called; also below wrappers."""
+        """`env.name`, called if it can be; also of environments inside wrappers."""
         found = self.env.get_wrapper_attr(name)
         return found(*args, **kwargs) if callable(found) else found
 
@@ -102,7 +102,7 @@ class _Threads:
 
 
 class _Processes:
-    """Cells in processes, as even as can be, each process a stretch of them."""
+    """Cells evenly distributed to processes, each with a contiguous part."""
 
     def __init__(
         self, makers: Sequence[Callable[[], Environment]], autoreset: AutoresetMode, workers: int, context: str | None
@@ -193,7 +193,7 @@ class TwinVector(VectorEnv[Any, Any, Any]):
     ) -> None:
         """env_fns: each makes one environment; all have the same spaces. context: `multiprocessing.get_context`.
 
-        workers: threads or processes, None for as many as there are processors, at most one an environment.
+        workers: threads or processes, None: the number of processors; at most one an environment.
         Raises ValueError with one line for a wrong argument, and whatever making an environment raises.
         """
         super().__init__()
@@ -248,7 +248,7 @@ class TwinVector(VectorEnv[Any, Any, Any]):
     def step(
         self, actions: Any
     ) -> tuple[Any, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """One step of each, or a reset where an episode was over; see the module."""
+        """One step of each, or a reset after the end of an episode (module docstring)."""
         tasks = {i: (action,) for i, action in enumerate(iterate(self.action_space, actions))}
         results = self._crew.do("step", tasks)
         rewards = np.zeros(self.num_envs)
@@ -296,6 +296,6 @@ def tuning_vector(
     context: str | None = None,
     **options: Any,
 ) -> TwinVector:
-    """`isel_twin/JobTuning-v0` so many times, each with these options: what `gymnasium.make_vec` calls."""
+    """`num_envs` times `isel_twin/JobTuning-v0` with these options, for `gymnasium.make_vec`."""
     make = partial(gymnasium.make, "isel_twin/JobTuning-v0", **options)
     return TwinVector([make] * num_envs, mode, workers, autoreset_mode, context)

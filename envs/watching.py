@@ -1,11 +1,11 @@
-"""Position errors on a grid of time, without stopping the clock where the plant takes samples by itself.
+"""Position errors on a grid of time, sampled by the plant if possible.
 
     watch = Watch(twin, interval_ns)        from now on
     twin.run_until(...)
-    watch.errors_mm()                       one row for each whole interval that has passed
+    watch.errors_mm()                       one row for each complete interval
 
-Looking takes as long as computing twenty milliseconds of a machine in motion, so the samples are those of the compiled
-loop. They have the bits that looking would have given: places are those of the very nanosecond, and a counter is
+A look takes as long as computing twenty milliseconds of motion, so the compiled loop takes the samples. They are equal
+to looks to the bit: positions are of the exact nanosecond, and a counter is
 
     counter(t) = counter at the last whole sub-step + ticks from there to t
 
@@ -27,7 +27,7 @@ def error_mm(twin: Twin, steps_per_mm: NDArray[np.float64] | None = None) -> NDA
 
 
 class Watch:
-    """Errors of a twin on a grid of time that begins now; to be ended by `errors_mm`."""
+    """Errors of a twin on a grid of time that begins now; `errors_mm` ends it."""
 
     def __init__(self, twin: Twin, interval_ns: int) -> None:
         """interval_ns: a multiple of the sub-step. `in_loop` says whether the plant takes the samples."""
@@ -40,7 +40,7 @@ class Watch:
         self._samples.append(samples)
 
     def error_mm(self) -> NDArray[np.float64]:
-        """The errors now, where the plant takes no samples."""
+        """The errors now, for plants without sampling."""
         return error_mm(self._twin, self._steps_per_mm)
 
     def leave(self) -> None:
@@ -49,14 +49,14 @@ class Watch:
             self.in_loop = False
 
     def errors_mm(self) -> NDArray[np.float64]:
-        """float64 [n, 3], errors at the ends of all whole intervals until now, in mm; the watch is over."""
+        """float64 [n, 3], errors at the ends of all complete intervals until now, in mm; ends the watch."""
         self.leave()
         twin, every = self._twin, self._interval_ns
         times_ns = np.arange(self._begin_ns + every, twin.time_ns + 1, every, dtype=np.int64)
         if not len(times_ns):
             return np.empty((0, 3))
         taken_ns = np.concatenate([part.time_ns for part in self._samples])
-        row = np.searchsorted(taken_ns, times_ns, side="right") - 1  # while nothing moves there is one sample only
+        row = np.searchsorted(taken_ns, times_ns, side="right") - 1  # while nothing moves there is only one sample
         position_mm = np.concatenate([part.position_mm for part in self._samples])[row]
         counts = np.concatenate([part.counts for part in self._samples])[row]
         counts = counts[:, :3] + self._ticks_since_substep(times_ns)

@@ -1,4 +1,5 @@
-"""Wrappers that make the environments easier to learn. Each raises ValueError with one line for what it cannot wrap.
+"""Wrappers that make the environments easier to learn. Each raises ValueError with one line for an unsuitable
+environment.
 
 Scaled        JobTuning-v0 with observations within -1 .. 1
 Randomised    TrackPath-v0 on another machine in every episode
@@ -21,7 +22,7 @@ from isel_twin.envs.tuning import JobTuning
 from isel_twin.envs.variations import VARIATIONS
 from isel_twin.machine import Machine, load_machine, with_overrides
 
-_DRAWS = 0x5242  # separates the random numbers of `Randomised` from those that the environment draws from the same seed
+_DRAWS = 0x5242  # separates the random numbers of `Randomised` from the environment's of the same seed
 
 Observations = gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]
 
@@ -30,8 +31,8 @@ class Scaled(gymnasium.ObservationWrapper[NDArray[np.float64], NDArray[np.float3
              RecordConstructorArgs):  # fmt: skip
     """JobTuning-v0 with observations within a `Box(-1, 1, (15,), float64)`.
 
-    What has bounds is taken over them. What has none is bent: x / (|x| + u) is 1/2 at u, almost x / u far below it, and
-    goes to 1, so that errors of five millimetres do not drown the micrometres.
+    Bounded values are divided by their bounds. Others are compressed: x / (|x| + u) is 1/2 at u, almost x / u far below
+    it, and tends to 1, so that micrometres stay visible beside errors of millimetres.
 
     | Num   | Observation                    | Scaled                | Unit u                                       |
     |-------|--------------------------------|-----------------------|----------------------------------------------|
@@ -82,8 +83,8 @@ class Randomised(gymnasium.Wrapper[NDArray[np.float64], NDArray[np.float32], NDA
         track = gymnasium.make("isel_twin.envs:isel_twin/TrackPath-v0")
         env = Randomised(track, payload_kg=(0, 8), friction=(0.7, 1.5))
 
-    Options given to `reset` go before what is drawn. `info["randomised"]` of `reset` has what was drawn. The seed
-    decides; two policies that begin with the same seed meet the same machines, whatever they do.
+    Options of `reset` override the random ones, which are in `info["randomised"]` of `reset`. The seed determines them;
+    two policies with the same seed get the same machines.
     """
 
     def __init__(self, env: Observations, **ranges: Sequence[float]) -> None:
@@ -118,8 +119,8 @@ class AlongPath(gymnasium.Wrapper[NDArray[np.float64], NDArray[np.float32], NDAr
                 RecordConstructorArgs):  # fmt: skip
     """TrackPath-v0 by feed and offset: even an untrained agent follows the path.
 
-    A `Box(-1, 1, (4,), float32)`. Where the counters are to be at the end of a step is a point that goes along the
-    path at the feed, plus the offset; step frequencies are what brings them there.
+    A `Box(-1, 1, (4,), float32)`. The target of the counters at the end of a step is a point that moves along the path
+    at the feed, plus the offset; the step frequencies follow from it.
 
     | Num | Action                                         | at -1      | at 0          | at 1        | Unit |
     |-----|------------------------------------------------|------------|---------------|-------------|------|
