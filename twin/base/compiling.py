@@ -40,11 +40,11 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
 
 
 class _Cache(FunctionCache):
-    """numba's own cache, except that a full disk is no error, and that loading is cheap."""
+    """numba's own cache, except that a full disk is no error, and loading is fast."""
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Code that is compiled already needs memory management alone. numba would make ready to compile first, which
-        imports hundreds of modules, scipy's among them: 0.4 s of CPU time. It does so itself before it compiles."""
+        """Cached code needs only memory management. numba would prepare for compiling first, which imports hundreds of
+        modules, including scipy: 0.4 s of CPU time. It still does so before it compiles."""
         rtsys.initialize(target_context)
         with self._guard_against_spurious_io_errors():
             return self._load_overload(sig, target_context)

@@ -47,7 +47,7 @@ class Operated:
         raise NotImplementedError
 
     def margin_reader(self) -> MarginReader:
-        """Least margins since its own last look, for whoever looks again and again: nobody else notices."""
+        """A reader of the least margins since its own last look, independent of other readers."""
         return self._margin_readers.reader(self._plant)
 
     def watch_margin(self) -> None:

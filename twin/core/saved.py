@@ -105,7 +105,7 @@ class Saved:
         if self.flash is not None and self.flash != flash and self.on_flash is not None:
             try:
                 self.on_flash(self.flash)
-            except OSError:  # whoever keeps it has said so
+            except OSError:  # already reported by the caller that stores it
                 self.stores_lost += 1
         self._settling = True
         try:

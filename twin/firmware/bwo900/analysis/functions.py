@@ -17,7 +17,7 @@ from isel_twin.firmware.bwo900.parameters import Parameters, byte
 
 PRE, POST, HALT, SYNCHRONISES, JUMP, CYCLE = 0x01, 0x02, 0x04, 0x08, 0x10, 0x20
 
-# M functions that control the program (manual 6.1); M06 also goes to the PLC
+# M functions that control the program (manual 6.1), without M06, which also goes to the PLC
 CONTROLLING: Final = frozenset((
     M.HALT, M.SYNCHRONISE, M.RETURN, M.TOOL_DATA, M.JUMP, M.LOOP, M.LOOP_END, M.DELETE_DISTANCE, M.CALL, M.REPEAT,
     M.END,
