@@ -31,8 +31,7 @@ from isel_twin.language import Language, create_language, needed, readable
 from isel_twin.language import MoveSettings as Settings
 from isel_twin.machine import Machine, with_overrides
 
-# targets X, Y, Z in mm from the reference point, where a job begins
-Job = Sequence[tuple[float, float, float]]
+Job = Sequence[tuple[float, float, float]]  # targets X, Y, Z in mm from the reference point, where a job begins
 
 # a short job with long moves, where speed counts, and short ones, where ramp and start-stop frequency count
 JOB: Job = (

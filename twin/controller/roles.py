@@ -146,8 +146,7 @@ class HoldsHost(Protocol):
         """True if it took more bytes at the time of the last call. While False the host keeps them, in their order."""
 
 
-# most bytes of one instant that a controller that `HoldsHost` gets in one piece
-BYTES_AT_ONCE = 4096
+BYTES_AT_ONCE = 4096  # most bytes of one instant that a controller that `HoldsHost` gets in one piece
 
 
 class EndsPrograms(Protocol):

@@ -14,8 +14,7 @@ class JobMove:
     """A line of a job that makes a motion with ramps."""
 
     line: int  # from 0
-    # speeds in it that can be changed, even without effect on this move; may be empty
-    speeds_hz: tuple[int, ...]
+    speeds_hz: tuple[int, ...]  # speeds in it that can be changed, even without effect on this move; may be empty
     # of its ramps, by the lines alone, which do not show changed defaults of the controller
     acceleration_hz_per_ms: int
     start_stop_hz: int

@@ -22,8 +22,7 @@ import numpy as np
 from isel_twin.language import Language, readable
 from isel_twin.recordings.reading import Recorded, RecordingError
 
-# most commands that are matched like a text; longer stretches are compared in order
-MOST_UNLIKE = 4000
+MOST_UNLIKE = 4000  # most commands that are matched like a text; longer stretches are compared in order
 
 
 @dataclass(frozen=True)

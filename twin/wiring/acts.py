@@ -225,8 +225,7 @@ class Act:
     by: Literal["", "axis", "place", "input", "contact", "key"] = ""
     off: Any = None  # the value that ends it; None: depends on what is set, or it is over at once
     physical: bool = False  # needs a plant with physics
-    # while it lasts it is in `Twin.faults`, under its key, or `key.member` for a table
-    fault: bool = True
+    fault: bool = True  # while it lasts it is in `Twin.faults`, under its key, or `key.member` for a table
 
     def faults(self, value: Any) -> Iterator[tuple[str, Any]]:
         """Names in `Twin.faults` and their values, except contacts, which report their own."""

@@ -87,8 +87,7 @@ class P:
     # tools (8.5)
     TOOL_LOCK = 8_040  # 1: a block with T waits
     TOOL_TAKE, TOOL_COPY, TOOL_PUT_BACK = 8_045, 8_046, 8_047
-    # T of an executed block; of a block with T: 6 with M06, 16 with M16
-    TOOL_ASKED, TOOL_INFO = 8_048, 8_049
+    TOOL_ASKED, TOOL_INFO = 8_048, 8_049  # T of an executed block; of a block with T: 6 with M06, 16 with M16
     # first parameters of records: requested by T, in the spindle, of the path, executed T
     TOOL_REQUESTED, TOOL_SPINDLE, TOOL_PATH, TOOL_REAL_TIME = 8_050, 8_100, 8_150, 8_200
     TOOL_RADIUS, TOOL_LENGTH, TOOL_RADIUS_CORRECTION, TOOL_LENGTH_CORRECTION = 8_160, 8_161, 8_162, 8_163

@@ -25,8 +25,7 @@ from isel_twin.firmware.bwo900.programs.stored import Builder, Store, program_na
 EOT: Final = 0x04  # end of a file, unless P11177 says otherwise
 PROTECTED: Final = 0x01  # bit of P11178: programs are not overwritten (M1107)
 LINE_MODE: Final = 0x01  # of q41, byte 1: blocks need no number (nc_line_mode, 3.9.2.2)
-# program of the positioning block, which is typed at the panel and needs no number (2.6.2)
-POSITIONED: Final = "P0"
+POSITIONED: Final = "P0"  # program of the positioning block, which is typed at the panel and needs no number (2.6.2)
 # characters that are ignored at the ends of a line: blanks, and ends of files of another setting
 BLANK: Final = "".join(chr(code) for code in range(33))
 HANDSHAKE: Final = b"\x11\x13"  # Xon and Xoff of a host, which are ignored

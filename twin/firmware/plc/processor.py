@@ -27,8 +27,7 @@ from isel_twin.firmware.plc.memory import PlcMemory
 
 DEEPEST_CALLS: Final = 16  # blocks that may be open at once (manual of the card: a stack of 16 levels)
 DEEPEST_BRACKETS: Final = 8
-# most instructions of a pass, 0.9 s of virtual time: beyond that the PLC stops
-MOST_INSTRUCTIONS: Final = 20_000
+MOST_INSTRUCTIONS: Final = 20_000  # most instructions of a pass, 0.9 s of virtual time: beyond that the PLC stops
 ELEMENTS: Final = 32
 
 # A built-in function block: accumulators 1 and 2 and the memory it is called with; the accumulators afterwards

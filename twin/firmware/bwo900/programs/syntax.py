@@ -29,8 +29,7 @@ from isel_twin.firmware.bwo900.programs.expressions import (
 from isel_twin.firmware.bwo900.programs.words import Assign, GWord, Jump, MWord, ProgramBlock, Text, Wait, Word
 
 LONGEST: Final = 200  # characters of a block
-# how often each word may be in a block; others once
-MOST: Final[Mapping[str, int]] = {"G": 8, "M": 8, "S": 8, "P": 32}
+MOST: Final[Mapping[str, int]] = {"G": 8, "M": 8, "S": 8, "P": 32}  # how often each word may be in a block; others once
 MOST_WAITED: Final = 8  # parameters that `waituntil` may depend on (M1222)
 LARGEST: Final = 9_999_999_999  # of a block, program, tool and G number: ten digits
 

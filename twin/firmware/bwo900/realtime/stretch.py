@@ -24,10 +24,8 @@ from isel_twin.motion import SetPointRun
 from isel_twin.motion.joined import Joined, joined
 from isel_twin.motion.pieces import Pieces
 
-# period of set points; the manual's position control takes 0.25 to 3 ms
-PERIOD_NS: Final = 2 * MILLISECOND_NS
-# most pieces of a motion before finished ones are dropped: some 150 bytes each
-MOST_PIECES: Final = 8192
+PERIOD_NS: Final = 2 * MILLISECOND_NS  # period of set points; the manual's position control takes 0.25 to 3 ms
+MOST_PIECES: Final = 8192  # most pieces of a motion before finished ones are dropped: some 150 bytes each
 
 
 @dataclass
