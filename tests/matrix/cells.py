@@ -7,13 +7,23 @@ Every call is one of the command line, in this process; each cell has a folder o
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import socket
+import threading
+import time
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 
 from isel_twin import Twin
+from isel_twin.bridge.serve.pacing import Pacer
+from isel_twin.bridge.serve.server import Server
+from isel_twin.bridge.serve.tcp import TcpEndpoint, parse_address
+from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs.job import parse_job
 from isel_twin.jobs.playing import played
+from isel_twin.language import create_language
+from tests.in_process import isel_twin
 
 PLANTS = ("kinematic", "mujoco")
 CONTROLLERS: Mapping[str, tuple[str, str]] = {
@@ -32,16 +42,18 @@ FAULTS: Mapping[str, str] = {
     "line cut": "line_cut = true",
     "drive": 'phase_lost.x = "ab"',
 }
-"""Acts of a scenario. `wall`: 1 mm before the carriage in machine coordinates."""
-TOOLS = ("run", "check", "golden", "replay", "compare", "exec", "sweep", "tune", "identify", "experiment")
+"""Acts of a scenario. `wall`: a place in machine coordinates that X has still to pass."""
+TOOLS = ("run", "check", "golden", "replay", "compare", "exec", "sweep", "tune", "identify", "experiment", "serve")
+PATIENCE = ("--timeout", "60")
 HOST = """
-import sys, serial
-port = serial.Serial("COM1", timeout=float(sys.argv[1]))
+import time, serial
+port = serial.Serial("COM1", timeout=40)
 for frame in {frames!r}:
     port.write(frame)
     reply = port.read(1)
     while port.in_waiting:
         reply += port.read(port.in_waiting)
+time.sleep(30)
 """
 
 
@@ -74,13 +86,127 @@ class Outcome:
 
 @cache
 def clean(controller: str, plant: str) -> tuple[float, float]:
-    """Time in s amid the last line of the job without a fault, and where X stands then in machine coordinates, mm."""
+    """Time in s amid the last line of the job without a fault, and a place in machine coordinates, mm, that X passes
+    between that and its end."""
     machine, job = CONTROLLERS[controller]
-    twin = Twin(machine, controller, plant, start_mm=(50.0, 50.0, 50.0))
+    twin = Twin(machine, controller, plant)
     made = played(twin, parse_job(job, twin.language, controller))
     assert made.ok, made
-    again = Twin(machine, controller, plant, start_mm=(50.0, 50.0, 50.0))
-    middle_ns = (made.results[-1].time_ns + made.results[-1].end_ns) // 2
-    list_of = played(again, parse_job(job, again.language, controller), stop=lambda: again.time_ns >= middle_ns)
-    del list_of
-    return middle_ns / 1e9, float(again.machine_position_mm[0])
+    before, last = (result for result in made.results[-2:]) if len(made.results) > 1 else (None, made.results[-1])
+    way_mm = last.position_mm[0] - (before.position_mm[0] if before else 0.0)
+    return (last.time_ns + last.end_ns) / 2e9, float(twin.machine_position_mm[0]) - 0.25 * way_mm
+
+
+def call(*words: object) -> Outcome:
+    done = isel_twin(*words)
+    return Outcome(done.returncode, done.stdout, done.stderr)
+
+
+class Cell:
+    """A folder with a job, a scenario and a host, and calls about them."""
+
+    def __init__(self, folder: Path, controller: str, fault: str, plant: str) -> None:
+        self.folder, self.controller, self.plant = folder, controller, plant
+        machine, job = CONTROLLERS[controller]
+        at_s, wall_mm = clean(controller, plant)
+        acts = FAULTS[fault].format(wall=round(wall_mm, 3))
+        self.job, self.scenario = folder / "job.txt", folder / "events.toml"
+        self.job.write_text(job)
+        self.scenario.write_text(f"[[event]]\nat = {at_s:.6f}\n{acts}\n")
+        self.same = ("--machine", machine, "--controller", controller)
+        self.called = (*self.same, "--plant", plant, "--scenario", self.scenario)
+
+    def run(self) -> Outcome:
+        return call("run", self.job, *self.called, *PATIENCE, "--record", self.folder / "run.mcap")
+
+    def check(self) -> Outcome:
+        return call("check", self.job, *self.called, *PATIENCE)
+
+    def golden(self) -> Outcome:
+        """What a golden run compares is the same once more, well or not."""
+        made = call("golden", "record", self.job, *self.called, *PATIENCE)
+        return made if made.code == 2 else call("golden", "compare", self.job)
+
+    def replay(self) -> Outcome:
+        return call("replay", self._recording())
+
+    def compare(self) -> Outcome:
+        return call("compare", self._recording(), self._recording())
+
+    def identify(self) -> Outcome:
+        return call("identify", self._recording(), *self.same, "--fit", "friction.x")
+
+    def exec(self) -> Outcome:
+        host, language = self.folder / "host.py", create_language(self.controller)
+        lines = parse_job(self.job.read_text(), language, self.controller)
+        host.write_text(HOST.format(frames=[line.sent for line in lines]))
+        return call("exec", "--check", *self.called, "--timeout", "200", "--", "python", host)
+
+    def sweep(self) -> Outcome:
+        plan = self.folder / "plan.toml"
+        machine, _ = CONTROLLERS[self.controller]
+        plan.write_text(
+            f'[sweep]\njob = "job.txt"\ncontroller = "{self.controller}"\nmachine = "{machine}"\n'
+            f'plant = "{self.plant}"\nscenario = "events.toml"\ntimeout_s = 60\nseeds = 1\n'
+        )
+        done = call("sweep", plan, "--workers", "1")
+        if done.code == 0:
+            import pyarrow.parquet as pq
+
+            well = pq.read_table(self.folder / "plan.parquet")["ok"].to_pylist()
+            return Outcome(0 if all(well) else 1, done.out, done.err)
+        return done
+
+    def tune(self) -> Outcome:
+        """On the plant with physics only."""
+        few = ("--trials", "1", "--robust", "0", "--confirm", "1", "--margin", "0", "--timeout", "60")
+        return call("tune", self.job, *self.same, "--scenario", self.scenario, *few)
+
+    def serve(self) -> Outcome:
+        """A server in this process: it lives on, whatever the fault; its twin has seen it."""
+        machine, job = CONTROLLERS[self.controller]
+        spec = TwinSpec(machine, controller=self.controller, plant=self.plant, scenario=self.scenario)
+        twin, language = spec.build(), create_language(self.controller)
+        endpoint = TcpEndpoint("127.0.0.1:0")
+        server = Server(twin, Pacer(None), (endpoint,))
+        thread = threading.Thread(target=server.run, daemon=True)
+        thread.start()
+        host, port = parse_address(endpoint.address)
+        with socket.create_connection((host, port), timeout=60) as line:
+            for frame in parse_job(job, language, self.controller):
+                line.sendall(frame.sent)
+            deadline = time.monotonic() + 60
+            while twin.events_left and thread.is_alive() and time.monotonic() < deadline:
+                time.sleep(0.005)
+        alive = thread.is_alive()
+        server.stop()
+        thread.join(60)
+        well = alive and not thread.is_alive() and not twin.events_left
+        return Outcome(0 if well else 1, "", "")
+
+    def experiment(self) -> Outcome:
+        """It plans without a twin, so without a fault."""
+        return call("experiment", self.folder / "measure", *self.same, "--fit", "friction.x", "--blocks", "2")
+
+    def _recording(self) -> Path:
+        file = self.folder / "run.mcap"
+        if not file.exists():
+            self.run()
+        return file
+
+
+def cells() -> Iterator[tuple[str, str, str, str]]:
+    """Tool, controller, fault and plant of every cell. `tune` knows the plant with physics only; `identify` and
+    `experiment` take no faults, so one stands for all."""
+    for tool in TOOLS:
+        for controller in CONTROLLERS:
+            for plant in PLANTS[1:] if tool in ("tune", "identify", "experiment") else PLANTS:
+                for fault in list(FAULTS)[: 1 if tool in ("identify", "experiment") else None]:
+                    yield tool, controller, fault, plant
+
+
+def outcome(tool: str, controller: str, fault: str, plant: str, folder: Path) -> Outcome:
+    """What becomes of one cell, in a folder of its own, which exists and is empty."""
+    made = getattr(Cell(folder, controller, fault, plant), tool)()
+    assert isinstance(made, Outcome)
+    return made

@@ -213,7 +213,7 @@ class TableOutput:
         self._progress.stop()
         axes = [axis.upper() for axis in AXIS_NAMES]
         told = [self.counted(verdict), *verdict.problems(self.refused)]
-        if verdict.physics and not any(verdict.lost):
+        if verdict.physics and not any(verdict.lost) and None in verdict.following_error[: len(CARRIAGES)]:
             told.append("no steps lost")
         error = zip(axes, verdict.following_error, strict=False)
         lag = ", ".join(f"{axis} {round(e):g}" for axis, e in error if e is not None and round(e))

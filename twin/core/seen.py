@@ -92,6 +92,11 @@ class Seen:
         return np.where(self._plant.closed_loop, self._position.lag, 0.0)
 
     @property
+    def in_position(self) -> NDArray[np.bool_]:
+        """bool [axes], False where a servo drive that has power has not brought its axis to its command yet."""
+        return self._plant.in_position | ~(self._plant.closed_loop & self._plant.powered)
+
+    @property
     def drive_faults(self) -> tuple[tuple[int, str], ...]:
         """[axes], how often each servo drive has switched itself off since power-on, and why last ("": never)."""
         return self._plant.drive_faults
@@ -204,6 +209,11 @@ class Seen:
     def serial_format(self) -> SerialFormat:
         """Speed of the serial line and form of a byte."""
         return self._controller.serial_format
+
+    @property
+    def bytes_lost(self) -> int:
+        """Bytes of both directions that a cut line has swallowed since power-on."""
+        return self._line.lost
 
     @property
     def idle(self) -> bool:

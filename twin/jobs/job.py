@@ -209,7 +209,7 @@ def play(twin: Twin, lines: Sequence[Line], timeout_s: float, stop: Stop | None 
         if line.condition is not None:
             yield _look(twin, line, line.condition, last)
             continue
-        time_ns = twin.time_ns
+        time_ns, lost = twin.time_ns, twin.bytes_lost
         twin.watch_margin()
         twin.steps_made.clear()
         said = twin.remarks[-1] if twin.remarks else None
@@ -231,6 +231,8 @@ def play(twin: Twin, lines: Sequence[Line], timeout_s: float, stop: Stop | None 
             why = meaning(twin, line.sent, reply)
         if new and line.expected is None:
             accepted, why = False, RESTARTED
+        elif line.expected is None and twin.bytes_lost > lost:
+            accepted, why = False, f"{twin.bytes_lost - lost} bytes were lost on the line"
         wrong = line.expected is None and not (accepted and complete)
         last = Result(
             number=line.number,

@@ -105,6 +105,7 @@ class Verdict:
     drive_faults: tuple[tuple[int, str], ...] = ()  # how often each servo drive switched itself off, and the last cause
     drive_faults_known: tuple[int, ...] = ()  # number of faults of each that the job expects
     following_error: tuple[float | None, ...] = ()  # of each servo drive at rest, in increments; None: no such drive
+    off_position: tuple[bool, ...] = ()  # servo drives that have power and do not reach their command
     events_after_end: int = 0  # events of the scenario that were still to come when the last command was over
     events_without_effect: int = 0  # forces, cuts and lost phases of the scenario on a plant without physics
 
@@ -153,7 +154,8 @@ class Verdict:
     @property
     def ok(self) -> bool:
         """True if every command was sent and accepted or answered as expected, every condition is met, no step is lost,
-        half lost or made without power, no drive has switched itself off, there was no restart, and the controller has
+        half lost or made without power, no drive has switched itself off
+        or rests short of its command, there was no restart, and the controller has
         no error left."""
         return not self.problems()
 
@@ -193,6 +195,7 @@ class Verdict:
         }
         if any(error is not None for error in self.following_error):
             told |= {"following_error": list(self.following_error), "switched_off": list(self.switched_off)}
+            told["off_position"] = list(self.off_position)
         return told
 
 
@@ -239,6 +242,7 @@ def judge(twin: Twin, results: Sequence[Result], unsent: int = 0, interrupted: b
         unsent=unsent,
         interrupted=interrupted,
         flash_fault=bool(twin.outputs.get("flash_fault")),
+        off_position=tuple((~twin.in_position).tolist()),
         events_after_end=events_after_end,
         events_without_effect=twin.events_without_effect,
     )
@@ -270,6 +274,9 @@ def _problems(verdict: Verdict, refused: str) -> Iterator[str]:
     if verdict.unpowered_steps:
         yield f"{verdict.unpowered_steps} steps made while the stages had no power"
     yield from (f"{axis}: {why}" for axis, why in zip(axes, verdict.switched_off, strict=False) if why)
+    for axis, is_off, error in zip(axes, verdict.off_position, verdict.following_error, strict=False):
+        if is_off and error is not None:
+            yield f"{axis} rests {abs(error):.0f} increments from its command"
     if verdict.controller_fault and not verdict.fault_known:
         yield "the controller shows an error"
     if verdict.stores_lost:

@@ -101,6 +101,7 @@ class SerialLine:
         self.doubled = 0.0  # chance that a byte comes twice
         self._chances = random.spawn(1)[0]  # only for these two, so that they do not change which bits a seed flips
         self.is_cut = False
+        self.lost = 0  # bytes of both directions that a cut has swallowed
         self.on_reply: Callable[[int, bytes, int], None] | None = None
         """Called with what is on its way to the host: when its last byte arrives, the bytes, ns from byte to byte."""
         self.on_lost: Callable[[int, bytes], None] | None = None
@@ -177,8 +178,9 @@ class SerialLine:
 
     def _lose(self, t_ns: int) -> None:
         if not self._to_controller.held:
-            self._to_controller.lose(t_ns)
+            self.lost += sum(len(data) for _, data in self._to_controller.lose(t_ns))
         for arrival_ns, data in self._to_host.lose(t_ns):
+            self.lost += len(data)
             if self.on_lost is not None:
                 self.on_lost(arrival_ns, data)
 

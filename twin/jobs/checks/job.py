@@ -13,7 +13,8 @@ the same.
     unpowered     steps are made while the stages have no power                           always
     lost          an axis has lost steps; with the first line after which it had          always
     halfway       a rotor rests between two stable places                                 always
-    drive         a servo drive has switched itself off; with the line                    always
+    drive         a servo drive has switched itself off; with the line, or rests short     always
+                  of its command
     switch        an end switch is struck in a line that sets no counter, and no          `may_strike`
                   condition of the job (`! limit_x1 == struck`) expects it
     fault         the controller shows an error at the end, or its flash is damaged       always
@@ -325,6 +326,11 @@ def _of_verdict(verdict: Verdict, gone: NDArray[np.bool_], results: Sequence[Res
         Finding("halfway", f"{name} rests between two places that would hold", last, verdict.time_ns)
         for name, is_halfway in zip(AXIS_NAMES, verdict.halfway, strict=False)
         if is_halfway
+    ]
+    found += [
+        Finding("drive", f"{name} rests {abs(error):.0f} increments from its command", last, verdict.time_ns)
+        for name, is_off, error in zip(AXIS_NAMES, verdict.off_position, verdict.following_error, strict=False)
+        if is_off and error is not None
     ]
     told = any(result.why and not result.ok and result.parts for result in results)
     if verdict.controller_fault and not verdict.fault_known and not told:
