@@ -11,7 +11,7 @@ import socket
 import threading
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -168,7 +168,7 @@ class Cell:
         spec = TwinSpec(machine, controller=self.controller, plant=self.plant, scenario=self.scenario)
         twin, language = spec.build(), create_language(self.controller)
         endpoint = TcpEndpoint("127.0.0.1:0")
-        server = Server(twin, Pacer(None), (endpoint,))
+        server = Server(twin, Pacer(100.0), (endpoint,))
         thread = threading.Thread(target=server.run, daemon=True)
         thread.start()
         host, port = parse_address(endpoint.address)
@@ -209,4 +209,4 @@ def outcome(tool: str, controller: str, fault: str, plant: str, folder: Path) ->
     """What becomes of one cell, in a folder of its own, which exists and is empty."""
     made = getattr(Cell(folder, controller, fault, plant), tool)()
     assert isinstance(made, Outcome)
-    return made
+    return replace(made, err=made.err.replace(f"{folder}/", ""))

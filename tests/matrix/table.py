@@ -12,11 +12,12 @@ HEAD = """# What becomes of faults
 What each tool says of a job in whose midst something happens, by controller and plant (`k` kinematic, `m` MuJoCo).
 Written by `python -m tests.matrix`, and held by tests/matrix/test_matrix.py.
 
-- **well**, **not well**: the exit code is 0 or 1. `golden`, `replay` and `compare` ask whether it is the same once more,
-  and `serve` whether it goes on, so for them a fault is well.
+- **well**, **not well**: the exit code is 0 or 1. `golden`, `replay` and `compare` ask whether it is the same once
+  more, and `serve` whether it goes on, so for them a fault is well.
 - A number: the call is refused in one line, which stands below.
-- `obstacle` and `drive` need physics: the kinematic plant says that they had no effect. The iSMIF has no end switches,
-  and the GMI99 and the BWO 900 have answered before they move, so a line cut then hurts nobody.
+- `obstacle` and `drive` need physics: the kinematic plant says that they had no effect. The iSMIF looks
+  at its switches in reference runs only. The GMI99 and the BWO 900 have answered before they move, so a line cut then
+  hurts nobody.
 - `exec` runs a host that sends the job and takes no notice of replies: its verdict is the machine's alone.
 """
 WORDS = {"well": "well", "not well": "**not**"}

@@ -21,7 +21,7 @@ SEES = {
     "E-stop": ("imc-s8", "ismif", "gmi99", "bwo900"),
     "hood": ("imc-s8", "ismif", "gmi99", "bwo900"),
     "brown-out": ("imc-s8", "ismif", "gmi99", "bwo900"),
-    "limit": ("imc-s8", "gmi99", "bwo900"),  # the iSMIF has reference switches only
+    "limit": ("imc-s8", "gmi99", "bwo900"),  # the iSMIF looks at switches in reference runs only
     "obstacle": ("imc-s8", "ismif", "gmi99", "bwo900"),
     "line cut": ("imc-s8", "ismif"),  # the others have answered before they move
     "drive": ("imc-s8", "ismif", "gmi99", "bwo900"),

@@ -232,7 +232,7 @@ def play(twin: Twin, lines: Sequence[Line], timeout_s: float, stop: Stop | None 
         if new and line.expected is None:
             accepted, why = False, RESTARTED
         elif line.expected is None and twin.bytes_lost > lost:
-            accepted, why = False, f"{twin.bytes_lost - lost} bytes were lost on the line"
+            accepted, why = False, f"bytes lost on the line: {twin.bytes_lost - lost}"
         wrong = line.expected is None and not (accepted and complete)
         last = Result(
             number=line.number,

@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from isel_twin.base.axes import CARRIAGES
+from isel_twin.controller import create_controller
 from isel_twin.language import Language, MoveSettings, create_language, needed
 from isel_twin.machine import Machine
 from isel_twin.many.identification.measured import Act, Measured, Reading, Stall
@@ -87,11 +88,14 @@ def blocks(
 ) -> list[Block]:
     """All blocks for these axes. Raises ValueError for a controller that does not reply to moves."""
     language = needed(create_language(controller), controller)
-    if language.accepted(language.move([0] * len(CARRIAGES), MoveSettings())[-1], b""):
+    slow = MoveSettings(language.ranges["speed_hz"][0], start_stop_hz=language.ranges["start_stop_hz"][0])
+    if language.accepted(language.move([0] * len(CARRIAGES), slow)[-1], b""):
         raise ValueError(
             f"controller {controller!r} answers nothing to a move, so no recording tells when one is over; "
             "take one that answers, at the same drives"
         )
+    wired = {contact for chain in create_controller(controller).terminals().values() for contact in chain}
+    notices_stop = bool(wired & {"estop_1", "estop_2", "power_ok"})  # else it counts on while the carriage coasts
     draw = np.random.default_rng([seed, 13])
     names = {item.name for item in unknowns}
     found: list[Block] = []
@@ -103,7 +107,7 @@ def blocks(
         found.append(_reversal(tell, place_mm))
         found.append(_push(tell, place_mm + 5.0, PUSH_N * float(draw.choice([0.8, 1.0, 1.2]))))
         fastest = min(language.ranges["speed_hz"][1], (axis.travel_mm - 20.0) * axis.steps_per_mm / COAST_S)
-        for speed in (6000.0, 10_000.0, 16_000.0):
+        for speed in (6000.0, 10_000.0, 16_000.0) if notices_stop else ():
             found.append(_coast(tell, machine, language, round(min(speed * draw.uniform(0.85, 1.15), fastest))))
         for acceleration in STALL_HZ_PER_MS:
             found.append(_stall(name, machine, controller, 15.0, min(55.0, axis.travel_mm - 5.0), acceleration))
