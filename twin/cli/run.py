@@ -136,7 +136,9 @@ def _why_it_ended(made: Played, timeout_s: float) -> str:
     last = made.results[-1] if made.results else None
     unsent, interrupted = made.verdict.unsent, made.verdict.interrupted
     said = last.why if last is not None and last.expected is None and not last.ok else ""
-    where = "" if last is None else f"{'after ' if last.complete and not said else ''}line {last.number}: "
+    place = next((part.at for part in reversed(last.parts) if part.at and not part.position_mm), None) if last else None
+    number = last.number if last is not None and place is None else (place or (0, 0))[0]
+    where = f"{'after ' if last.complete and not said else ''}line {number}: " if last is not None else ""
     why = "interrupted" if interrupted else said or f"no complete reply within {timeout_s:g} s of virtual time"
     rest = f" and {'1 line is' if unsent == 1 else f'{unsent} lines are'} not sent" if unsent else ""
     remedy = "" if interrupted or said else "; --timeout waits longer"

@@ -263,7 +263,7 @@ def _parts(twin: Twin, line: Line, before: tuple[int, str] | None) -> tuple[Part
     scale = twin.step_mm.tolist()
     language = twin.language
     new = list(reversed(list(takewhile(lambda one: one is not before, reversed(twin.remarks)))))
-    about = [language.place(text) if offers(language, RunsPrograms) else ("", 0) for _, text in new]
+    about = [language.place(text, line.command) if offers(language, RunsPrograms) else ("", 0) for _, text in new]
     names = {step.name for step in steps} | {name for name, _ in about if name}
     places: Mapping[str, int] = language.lines(line.source, names) if offers(language, RunsPrograms) and names else {}
 
@@ -281,7 +281,12 @@ def _parts(twin: Twin, line: Line, before: tuple[int, str] | None) -> tuple[Part
         )
         for step, end in zip(steps, ends, strict=False)
     ]
-    said = [Part(time_ns, text, at=at(*where)) for (time_ns, text), where in zip(new, about, strict=True)]
+    said = []
+    for (time_ns, text), (name, column) in zip(new, about, strict=True):
+        place, (_, _, sent) = at(name, column), name.partition(" line ")
+        if sent and place is not None:  # the controller counts the lines that it was sent
+            text = text.replace(f"line {sent}", f"line {place[0]}", 1)
+        said.append(Part(time_ns, text, at=place))
     return tuple(sorted(parts + said, key=lambda part: part.time_ns))
 
 

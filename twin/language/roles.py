@@ -61,7 +61,7 @@ class RunsPrograms(Protocol):
     def lines(self, text: str, names: Collection[str]) -> Mapping[str, int]:
         """Lines of the text, from 1, by the names of these steps (`Step.name`)."""
 
-    def place(self, said: str) -> tuple[str, int]:
+    def place(self, said: str, step: str) -> tuple[str, int]:
         """Name of the step that a remark of the controller names, and column, from 1; "" and 0: none."""
 
 

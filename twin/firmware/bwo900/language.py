@@ -192,11 +192,18 @@ class Bwo900Language:
                 name = program
             elif word == END:
                 name = ""
+        for name in names:
+            program, _, sent = name.partition(" line ")
+            if sent and (line := _line_of(text, program, int(sent))):
+                found[name] = line
         return {name: line for name, line in found.items() if name in names}
 
-    def place(self, said: str) -> tuple[str, int]:
-        found = re.match(r"M\d+ ([PZ]\d+ N\d+)(?: column (\d+))?", said)
-        return ("", 0) if found is None else (found[1], int(found[2] or 1))
+    def place(self, said: str, step: str) -> tuple[str, int]:
+        """A block as "P1 N30"; of a file that cannot be stored a line as it is sent, "P1 line 4"."""
+        if found := re.match(r"M\d+ ([PZ]\d+ N\d+)(?: column (\d+))?", said):
+            return found[1], int(found[2] or 1)
+        program, line = re.search(r"\b([PZ]\d+|[DT])\b", step), re.search(r"\bline (\d+)", said)
+        return (f"{program[1]} line {line[1]}", 1) if program and line else ("", 0)
 
 
 def _significant(text: str) -> Iterator[re.Match[str]]:
@@ -206,6 +213,19 @@ def _significant(text: str) -> Iterator[re.Match[str]]:
         began = began or row[0].lstrip()[0] not in ";%"
         if began:
             yield row
+
+
+def _line_of(text: str, name: str, sent: int) -> int | None:
+    """Line of the text that is line `sent` of that program as it is sent, without blank ones; line 1 is its name."""
+    program = next((each for each in _programs(text) if each.name == name), None)
+    if program is None:
+        return None
+    left = sent - 1
+    for number, row in enumerate(_LINE.finditer(text), 1):
+        left -= bool(row[0].strip()) and any(begin <= row.start() < end for begin, end in program.spans)
+        if left == 0:
+            return number
+    return None
 
 
 def _is_known(row: str) -> bool:

@@ -25,6 +25,9 @@ class Effect(Enum):
     SYSTEM_ABORT = "SA"
 
 
+MISSING: Final = "not in this twin"  # details of what the control has and the twin has not begin so
+
+
 @dataclass(frozen=True, slots=True)
 class Message:
     """A message with its place; 0: unknown. infos: numbers for P8505 on."""
@@ -41,8 +44,10 @@ class Message:
     def __str__(self) -> str:
         column = f"column {self.column}" if self.column else ""
         place = " ".join(filter(None, (self.program, f"N{self.block}" if self.block else "", column)))
-        detail = f" ({self.detail})" if self.detail else ""
-        return f"M{self.number}{f' {place}' if place else ''}: {self.text}{detail}"
+        text = f"{self.text} ({self.detail})" if self.detail else self.text
+        if self.detail.startswith(MISSING):  # the number is the control's nearest; its text would mislead
+            text = self.detail
+        return f"M{self.number}{f' {place}' if place else ''}: {text}"
 
 
 class ProgramError(Exception):

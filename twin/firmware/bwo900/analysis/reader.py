@@ -22,7 +22,7 @@ from isel_twin.firmware.bwo900.analysis.tools import Tools
 from isel_twin.firmware.bwo900.analysis.values import Values
 from isel_twin.firmware.bwo900.geometry.blocks import MFunction, Stop
 from isel_twin.firmware.bwo900.geometry.groups import BEYOND, BLOCKWISE, GROUPS, MIRROR, SHIFT, ZERO, ZERO_POINTS
-from isel_twin.firmware.bwo900.messages import Code, ProgramError
+from isel_twin.firmware.bwo900.messages import MISSING, Code, ProgramError
 from isel_twin.firmware.bwo900.numbers import G, M, P, Q
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
 from isel_twin.firmware.bwo900.programs.expressions import whole
@@ -103,7 +103,7 @@ class Reader:
         elif group is not None:
             self._of_group(number, group, said, column)
         elif number in BEYOND:
-            raise ProgramError(Code.EXCLUDED, f"G{number}: {BEYOND[number]} are not in this twin", column)
+            raise ProgramError(Code.EXCLUDED, f"{MISSING}: G{number}, {BEYOND[number]}", column)
         elif number in self._cycles or number == G.DRILLING_WITH_DWELL:
             said.cycles.append(number)
             if number in DRILLING and self._drill_flags & STAYING:

@@ -20,7 +20,7 @@ from isel_twin.firmware.bwo900.geometry.circles import arc_by_centre, arc_by_rad
 from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Point, Straight
 from isel_twin.firmware.bwo900.geometry.frames import Frame, polar
 from isel_twin.firmware.bwo900.geometry.groups import CIRCLES, CORRECTION
-from isel_twin.firmware.bwo900.messages import Code, Message, ProgramError, message
+from isel_twin.firmware.bwo900.messages import MISSING, Code, Message, ProgramError, message
 from isel_twin.firmware.bwo900.numbers import G, P, Q
 from isel_twin.firmware.bwo900.parameters import Parameters
 
@@ -193,7 +193,7 @@ class Targets:
         if not self._centre:
             raise ProgramError(Code.CIRCLE_WITHOUT_CENTRE)
         if all(said.block.word(name) for name in (*CENTRES, *list(coordinates.names)[:3])):
-            raise ProgramError(Code.EXCLUDED, "circles in space are not in this twin")
+            raise ProgramError(Code.EXCLUDED, f"{MISSING}: circles in space")
         letters = tuple(CENTRES[coordinates.logical(axis)] for axis in (plane.first, plane.second))
         here = plane.of(start if coordinates.modal.dimension == G.ABSOLUTE else self._counted_from(said))
         base = here if coordinates.modal.dimension == G.INCREMENTAL else (0.0, 0.0)

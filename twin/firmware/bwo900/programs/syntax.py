@@ -247,7 +247,8 @@ class _Parser:
             return
         relation = _RELATION.match(self.text, self.at)
         if relation is None:
-            self.refuse(Code.NO_OPERATION, "a parameter stands there without ':' or a comparison")
+            said = f"{self.text[column - 1 : self.at].strip()} without ':' or a comparison"
+            self.refuse(Code.NO_OPERATION, f"{said}: here P is a parameter; a time or a program only in other dialects")
         self.at = relation.end()
         compared = _COMPARED.match(self.text, self.at)
         if compared is None:
