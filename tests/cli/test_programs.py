@@ -86,7 +86,7 @@ def test_what_cannot_be_loaded_is_not_started(program, capsys) -> None:
     first, summary = (json.loads(line) for line in told.out.splitlines())
     assert len(first["parts"]) == 1
     assert (summary["refused"], summary["unsent"]) == (1, 2)
-    assert "line 1: M1290: block numbers do not rise" in told.err
+    assert "line 3: M1290: block numbers do not rise" in told.err
     assert "; the job ends there and 2 lines are not sent\n" in told.err
 
 
