@@ -18,36 +18,15 @@ with the reason in one line on stderr; those of `exec` are its host's. Heavy imp
 
 from __future__ import annotations
 
+import gc
 import logging
+import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 
 from cyclopts import App, CycloptsError, Group, Parameter, UnusedCliTokensError
 
 from isel_twin.base.errors import CallError, one_line
-from isel_twin.cli import (
-    check,
-    compare,
-    ctl,
-    decode,
-    describe,
-    drive,
-    experiment,
-    export,
-    golden,
-    identify,
-    motor,
-    names,
-    plc,
-    ports,
-    replay,
-    run,
-    serve,
-    sweep,
-    tap,
-    tune,
-)
-from isel_twin.cli.exec import exec_
 from isel_twin.cli.options import STANDARD_INPUT
 from isel_twin.version import VERSION
 
@@ -58,31 +37,39 @@ app = App(
     help="Digital twin of a 3-axis isel gantry: controller, motors, mechanics and switches on one virtual clock.",
     version=VERSION,
     version_flags=["--version"],
+    version_format="plaintext",
     default_parameter=Parameter(negative=()),
 )
-# the commands by purpose, in the order of the help
+# the commands by purpose, as file:function; only the one that is called is imported
 GROUPS = {
-    "Operate": (serve.serve, ctl.ctl, tap.tap, ports.ports, exec_),
-    "Test": (run.run, check.check, golden.golden, drive.drive, replay.replay, compare.compare),
-    "Tune": (tune.tune, sweep.sweep, identify.identify, experiment.experiment),
-    "Look": (names.machines, names.controllers, describe.describe, motor.motor, decode.decode, export.export, plc.plc),
-}
+    "Operate": ("serve:serve", "ctl:ctl", "tap:tap", "ports:ports", "exec:exec_"),
+    "Test": ("run:run", "check:check", "golden:golden", "drive:drive", "replay:replay", "compare:compare"),
+    "Tune": ("tune:tune", "sweep:sweep", "identify:identify", "experiment:experiment"),
+    "Look": (
+        "names:machines", "names:controllers", "describe:describe", "motor:motor", "decode:decode", "export:export",
+        "plc:plc",
+    ),
+}  # fmt: skip
 for place, (title, commands) in enumerate(GROUPS.items()):
     group = Group(title, sort_key=place)
     for command in commands:
-        if isinstance(command, App):
-            command.group = (group,)
-            app.command(command)
-        else:
-            app.command(command, group=group)
+        app.command(f"isel_twin.cli.{command}", group=group)
 app.register_install_completion_command()
+
+YOUNG = 10_000  # threshold of the garbage collector; Python's 700 costs a tenth of a second during imports
 
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Run the command line, then exit."""
     tokens = list(_plain_tokens(sys.argv[1:] if argv is None else argv))
+    ours = argv is None and tokens[:1] != ["exec"]  # not a host program's process
+    if ours:
+        gc.set_threshold(YOUNG)
+        os.environ.setdefault("MUJOCO_GL", "disable")  # no command draws, and looking for OpenGL starts a process
     if logging.lastResort is not None:  # warnings, unless the command configures logging
         logging.lastResort.setFormatter(logging.Formatter("isel-twin: %(message)s"))
+    if set(tokens[:1]) <= {"--help", "-h"}:
+        app.resolved_commands()  # imports all: the list tells what each is for
     try:
         code = app(tokens, print_error=False, exit_on_error=False, result_action="return_value")
         sys.stdout.flush()
@@ -103,6 +90,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     except OSError as error:  # standard output cannot be written, for example a full disk
         code = _say(2, f"{error.filename or 'standard output'}: {error.strerror or error}")
         sys.stdout = None  # else the interpreter tries to flush it again
+    if ours:
+        gc.freeze()  # else the interpreter searches all objects for garbage as it ends
     sys.exit(code)
 
 
