@@ -16,10 +16,7 @@ from tests.panel.chromium import ARGUMENTS, find_browser
 from tests.panel.conftest import WAIT_S, Bench
 
 WHERE = find_browser()
-pytestmark = [
-    pytest.mark.xdist_group("browser"),
-    pytest.mark.skipif(WHERE is None, reason="there is no Chromium or Chrome; `make browser` installs one"),
-]
+pytestmark = pytest.mark.skipif(WHERE is None, reason="there is no Chromium or Chrome; `make browser` installs one")
 
 EMPTY = "<!doctype html><title>no scene</title>"
 PARTS = ("header", "#operate", "#stage", "#axes", "#plots", "#upper", "#lower")

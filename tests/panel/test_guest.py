@@ -21,8 +21,6 @@ from isel_twin.bridge.serve.server import Server
 from isel_twin.bridge.serve.tcp import TcpEndpoint, parse_address
 from tests.panel.conftest import LOOPBACK, WAIT_S
 
-pytestmark = pytest.mark.xdist_group("panel")
-
 
 def test_two_browsers_operate_one_machine_and_see_the_same(bench, browser):
     here = bench()

@@ -21,8 +21,6 @@ from isel_twin.cli import main
 from tests import forked
 from tests.panel.conftest import LOOPBACK, WAIT_S
 
-pytestmark = pytest.mark.xdist_group("panel")
-
 START_S = 120.0
 """Longest wait for a process to listen: the first one may have to compile."""
 

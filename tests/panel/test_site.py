@@ -18,8 +18,6 @@ from isel_twin.bridge.operate.panel.guest import Panel
 from isel_twin.cli import main
 from tests.panel.conftest import LOOPBACK, WAIT_S
 
-pytestmark = pytest.mark.xdist_group("panel")
-
 LOCAL, WIDE, TOKEN = "127.0.0.1:8217", "0.0.0.0:8217", "sesame"
 
 

@@ -30,6 +30,8 @@ SETTLE_MS: Final = 3_000.0  # P12018 if unset
 COARSEST, FINEST = 1e-3, 1e6  # range of increments per mm of a measuring system
 PULSES: Final = 5_000  # increments from zero pulse to zero pulse
 
+Counted = tuple[SetPointRun | None, tuple[int, ...], int, tuple[int, ...]]
+
 
 class Axes:
     def __init__(self, parameters: Parameters, levels: Mapping[str, bool]) -> None:
@@ -42,8 +44,8 @@ class Axes:
         self._base: tuple[int, ...] = (0,) * AXES
         self.now_ns = 0
         self._watch = LagWatch(parameters)
-        self._counted: tuple[SetPointRun | None, tuple[int, ...], int, tuple[int, ...]] = (None, self._base, 0, self._base)
-        """Cache: the counts of a run from a base at a time, for every block and every look asks for those of now."""
+        # cache of `counts`: a run, its base, the time, the counts then
+        self._counted: Counted = (None, self._base, 0, self._base)
         self._known: tuple[int, MotionLimits] | None = None
         """The limits, and the revision of the parameters they were made from."""
 
