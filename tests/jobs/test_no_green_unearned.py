@@ -259,3 +259,18 @@ def test_a_panel_that_looks_leaves_the_recorded_margins_as_they_are(tmp_path: Pa
         seen.append(read(file).samples.tobytes())
     assert seen[0] == seen[1]
     assert len(seen[0]) > 0
+
+
+def test_a_controller_that_waits_is_told_from_one_that_moves() -> None:
+    """A move ends 2 s after power-on; a minute and more later nothing has come."""
+    from isel_twin.jobs.why import waits
+
+    twin = Twin(plant="kinematic")
+    assert [twin.query(line) for line in ("@07", "@0N7", "@0A1600,800,0,30,0,30,0,30")] == ["0", "0", "0"]
+    twin.run(59.0)
+    assert waits(twin, 3600.0) == ""
+    twin.run(2.0)
+    said = "no complete reply within 3600 s, and nothing has moved since 2.0"
+    assert waits(twin, 3600.0).startswith(said)
+    assert "the controller waits, for an input that nobody sets" in waits(twin, 3600.0)
+    assert waits(twin, 10.0) == ""

@@ -35,7 +35,7 @@ from isel_twin.core.snapshot import snapshot
 from isel_twin.jobs import expect
 from isel_twin.jobs.expect import Condition, Expected, ExpectError
 from isel_twin.jobs.result import Part, Result
-from isel_twin.jobs.why import RESTARTED, happened, meaning
+from isel_twin.jobs.why import RESTARTED, happened, meaning, waits
 from isel_twin.language import Language, LanguageError, RunsPrograms, encoded, needed, programs_for, readable
 
 if TYPE_CHECKING:
@@ -227,6 +227,8 @@ def play(twin: Twin, lines: Sequence[Line], timeout_s: float, stop: Stop | None 
             why = next((part.text for part in reversed(parts) if not part.position_mm), "the controller shows an error")
         elif line.program and not complete and twin.steps_made:
             why = twin.unfinished
+        elif line.expected is None and not complete:
+            why = waits(twin, timeout_s)
         elif line.expected is None and not accepted:
             why = meaning(twin, line.sent, reply)
         if new and line.expected is None:

@@ -13,6 +13,7 @@ from isel_twin.language import create_language
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
 
+LONG_S = 60.0  # a controller at which nothing moves for longer waits for something
 RESTARTED = "the controller started anew before this was over"
 
 
@@ -32,3 +33,12 @@ def happened(twin: Twin, begin_ns: int) -> str:
         return ""
     time_ns, words = twin.acts[-1]
     return f"{'meanwhile' if time_ns >= begin_ns else 'before'}, at {time_ns / SECOND_NS:.3f} s: {words}"
+
+
+def waits(twin: Twin, timeout_s: float) -> str:
+    """Of a line that is not over in time: since when nothing has moved; "" if something has, or the time was short."""
+    moved_ns = int(twin.steps.t_ns[-1]) if len(twin.steps.t_ns) else 0
+    if timeout_s < LONG_S or twin.time_ns - moved_ns < LONG_S * SECOND_NS:
+        return ""
+    since = f"no complete reply within {timeout_s:g} s, and nothing has moved since {moved_ns / SECOND_NS:.3f} s"
+    return f"{since}: the controller waits, for an input that nobody sets or for more bytes"
