@@ -34,6 +34,9 @@ from isel_twin.machine.fixture import CUTTER, Fixture
 from isel_twin.plant import MOST_CLEARANCE_MM, PLACES
 from isel_twin.plant.reach import can_meet, carried, collide, joint_bounds
 
+EXACT_M = (
+    1e-9  # of MuJoCo's distances; its own 1e-6 leaves some nanometres, in which a machine that creeps takes a step
+)
 PREFIX = "fixture/"  # of the names of what is clamped on the table, in the model
 _NAMELESS = "#"  # in the names of shapes that had none
 _SHAPE = "_contact"  # ends the names of a machine's shapes that are made for contacts

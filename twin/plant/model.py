@@ -29,7 +29,7 @@ from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.errors import one_line
 from isel_twin.machine import Machine, MachineError
 from isel_twin.plant import PLACES
-from isel_twin.plant.clamped import PREFIX, lay, let_meet, may_meet, name_all
+from isel_twin.plant.clamped import EXACT_M, PREFIX, lay, let_meet, may_meet, name_all
 
 
 def load_model(machine: Machine, *, visual: bool = True, watched: bool = False) -> mujoco.MjModel:
@@ -97,6 +97,7 @@ def compile_model(machine: Machine, *, visual: bool = True, watched: bool = Fals
         if machine.is_clamped and (watched or not visual):
             name_all(spec, PREFIX)
             let_meet(machine, spec, watched=watched)
+            spec.option.ccd_tolerance = EXACT_M
         if not visual:
             for geom in list(spec.geoms):
                 if geom.contype == 0 and geom.conaffinity == 0:
