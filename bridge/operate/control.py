@@ -39,7 +39,7 @@ Answer = dict[str, Any]
 
 LOOK_NS = 1 * MILLISECOND_NS  # sampling interval of positions in waits, virtual time
 PATIENCE_S = 60.0  # default limit of a wait in wall time
-REMARKS = 10  # last remarks of the controller in a state
+REMARKS = 10  # last remarks of the controller, and last collisions, in a state
 
 _STEP_S = Limits("s", 1e-9, 3600.0)
 _SPEED = Limits("times real time, or 'max'", LOWEST_SPEED, HIGHEST_SPEED)
@@ -222,6 +222,7 @@ class Operator:
             "events_left": twin.events_left,
             "serial_format": str(twin.serial_format),
             "ports": self._server.ports(),
+            "collisions": [collision.content for collision in twin.collisions[-REMARKS:]],
             "remarks": [[time_ns / SECOND_NS, text] for time_ns, text in list(twin.remarks)[-REMARKS:]],
         }
 

@@ -10,16 +10,23 @@ import pytest
 from isel_twin import Twin
 from isel_twin.cli import main
 from isel_twin.machine import MachineError, load_machine
+from isel_twin.plant.model import load_model
+
+from ..crashes.stl import write_stl
 
 PAGE = (Path(__file__).parents[2] / "docs" / "machines.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture
 def shop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The page's machines in folders `shop` and `mill` of the working directory; the first of them."""
-    for name, file in zip(("shop", "mill"), re.findall(r"```toml\n(.*?)```", PAGE, flags=re.DOTALL), strict=True):
+    """Folders with the page's machines: `shop`, `mill`, and one with its fixtures, `clamped`; the working directory is
+    above them. The first of them."""
+    files = re.findall(r"```toml\n(.*?)```", PAGE, flags=re.DOTALL)
+    for name, file in zip(("shop", "mill", "clamped"), files, strict=True):
         (tmp_path / name).mkdir()
-        (tmp_path / name / "machine.toml").write_text(file, encoding="utf-8")
+        head = 'based_on = "4030"\nname = "clamped"\n' if name == "clamped" else ""
+        (tmp_path / name / "machine.toml").write_text(head + file, encoding="utf-8")
+    write_stl(tmp_path / "clamped" / "clamp.stl", (30.0, 10.0, 8.0))
     folder = tmp_path / "shop"
     (tmp_path / "job.txt").write_text("@07\n@0R7\n@0A 1600,2000,0,900,0,900,0,900\n")
     monkeypatch.chdir(tmp_path)
@@ -43,6 +50,15 @@ def test_its_servo_machine_is_one(shop: Path) -> None:
     assert x.closed_loop
     assert (x.motor.resistance_ohm, x.motor.torque_constant_nm_per_a) == (1.1, 0.12)
     assert (x.stage.position_gain_per_s, x.stage.lag_limit, x.stage.increments_per_rev) == (25.0, 8000.0, 5000)
+
+
+def test_its_fixtures_stand_on_a_table(shop: Path) -> None:
+    machine = load_machine(shop.parent / "clamped")
+    names = [fixture.name for fixture in machine.fixtures]
+    assert names == ["vise_jaw_left", "clamp", "plate", "blank"]
+    model = load_model(machine)
+    assert [model.geom(f"fixture/{name}").name.partition("/")[2] for name in names] == names
+    assert Twin(machine=machine, plant="kinematic").collisions == []
 
 
 @pytest.mark.parametrize("line", re.findall(r"^    isel-twin (.*?)(?: +#.*)?$", PAGE, flags=re.MULTILINE))

@@ -44,9 +44,11 @@ class Bench:
         self.feed(round(ms * MS), *NONE)
 
     def feed(self, duration_ns: int, after_ns: NDArray[np.int64], delta: NDArray[Any], lead_ns: int = 0) -> None:
-        """Let time pass with ticks at after_ns from now; nothing may stop it early."""
-        until_ns = self.now_ns + duration_ns
-        assert self.plant.advance(until_ns, self.now_ns + after_ns, delta, lead_ns) == until_ns
+        """Let time pass with ticks at after_ns from now; nothing but a collision may stop it early."""
+        until_ns, t_ns = self.now_ns + duration_ns, self.now_ns + after_ns
+        while (reached := self.plant.advance(until_ns, t_ns, delta, lead_ns)) < until_ns:
+            assert self.plant.take_collisions()
+            t_ns, delta = t_ns[t_ns > reached], delta[t_ns > reached]
         self.now_ns = until_ns
 
     def move(self, steps: Sequence[int], top_hz: float, start_hz: float = 300.0, hz_per_ms: float = 100.0) -> None:

@@ -14,9 +14,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from isel_twin.machine import load_machine, machine_names, models_folder, with_overrides
-from isel_twin.plant.glide import DEFLECTION_M, glide, gliding
+from isel_twin.plant.glide import glide, gliding
 from isel_twin.plant.model import load_model
 from isel_twin.plant.mujoco import MujocoPlant
+from isel_twin.plant.reach import DEFLECTION_M
 
 from .conftest import MS, ramp_ns, ticks
 

@@ -39,6 +39,7 @@ def check(
     margin: Annotated[float | None, Parameter(help="Least pull-out margin of each motor, 0 .. 1.")] = None,
     deviation_mm: Annotated[float | None, Parameter(help="Most difference of counter and true position.")] = None,
     cycle_s: Annotated[float | None, Parameter(help="Most time from first command to end of the last.")] = None,
+    clearance: Annotated[float | None, Parameter(help="Least distance of what must not meet, mm.")] = None,
     may_strike: Annotated[str | None, Parameter(help="End switches that may be struck, with commas; all.")] = None,
     robust: Annotated[Whole | None, Parameter(help="Repetitions on slightly different machines.")] = None,
     timeout: Annotated[float | None, Parameter(help="Virtual seconds a command may take.")] = None,
@@ -59,7 +60,7 @@ def check(
     """
     asked: dict[str, Any] = {
         "machine": machine, "controller": controller, "plant": plant, "seed": seed, "scenario": scenario,
-        "margin": margin, "deviation_mm": deviation_mm, "cycle_s": cycle_s, "robust": robust,
+        "margin": margin, "deviation_mm": deviation_mm, "cycle_s": cycle_s, "clearance": clearance, "robust": robust,
         "timeout_s": timeout, "golden": golden, "set": options.parse_overrides(set) or None,
     }  # fmt: skip
     if may_strike is not None:
@@ -95,6 +96,8 @@ def check(
 
 
 def _check_options(asked: dict[str, Any], workers: int) -> None:
+    from isel_twin.plant import MOST_CLEARANCE_MM
+
     for key, option in (("cycle_s", "cycle-s"), ("timeout_s", "timeout")):
         if asked[key] is not None:
             options.check_seconds(option, asked[key], 0.0)
@@ -102,6 +105,9 @@ def _check_options(asked: dict[str, Any], workers: int) -> None:
         raise CallError(f"margin {asked['margin']:g}: must be from 0 to 1", option=True)
     if asked["deviation_mm"] is not None and not asked["deviation_mm"] >= 0.0:
         raise CallError(f"deviation-mm {asked['deviation_mm']:g}: must be a distance from 0", option=True)
+    if asked["clearance"] is not None and not 0.0 <= asked["clearance"] <= MOST_CLEARANCE_MM:
+        allowed = f"from 0 to {MOST_CLEARANCE_MM:g} mm"
+        raise CallError(f"clearance {asked['clearance']:g}: must be a distance {allowed}", option=True)
     if asked["robust"] is not None and asked["robust"] < 0:
         raise CallError(f"robust {asked['robust']}: must be a number of repetitions, such as 20", option=True)
     options.check_workers(workers)

@@ -10,7 +10,7 @@ from cyclopts import App, Parameter
 
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import options
-from isel_twin.cli.jobs import check_names, read_job
+from isel_twin.cli.jobs import check_names, clamped, read_job
 from isel_twin.cli.options import Whole
 from isel_twin.cli.outputs import many, say_json
 from isel_twin.core.spec import TwinSpec
@@ -118,7 +118,7 @@ def _play(job: Path, call: TwinSpec, timeout_s: float) -> Golden:
     from isel_twin.jobs.golden import Scribe
     from isel_twin.jobs.playing import played
 
-    twin = call.build()
+    twin = clamped(call, job).build()
     lines = read_job(job, call.controller)
     check_names(job, lines, twin)
     scribe = Scribe(twin)

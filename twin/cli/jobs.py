@@ -12,6 +12,7 @@ from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli.options import is_standard_input
 
 if TYPE_CHECKING:
+    from isel_twin.core.spec import TwinSpec
     from isel_twin.core.twin import Twin
     from isel_twin.jobs.job import Line
 
@@ -42,6 +43,16 @@ def read_job(job: Path, controller: str) -> list[Line]:
     if not lines:
         raise CallError(f"{job_name(job)}: there is no command in it")
     return lines
+
+
+def clamped(call: TwinSpec, job: Path) -> TwinSpec:
+    """The call with what the settings file of the job has on the table. Raises CallError."""
+    from isel_twin.jobs.checks import settings
+
+    if is_standard_input(job) or (file := settings.find(job)) is None:
+        return call
+    with call_errors(file):
+        return call.with_(fixtures=settings.fixtures(file))
 
 
 def _read(job: Path, most: int) -> bytes:

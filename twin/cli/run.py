@@ -16,7 +16,7 @@ from isel_twin.base.units import SECOND_NS
 from isel_twin.cli import options, outputs
 from isel_twin.cli.files import MOST_SAMPLES, Files, RecordPath, StepsPath, TracePath, VcdPath
 from isel_twin.cli.interruption import interruption
-from isel_twin.cli.jobs import check_names, job_name, read_job
+from isel_twin.cli.jobs import check_names, clamped, job_name, read_job
 
 if TYPE_CHECKING:
     from isel_twin.core.spec import TwinSpec
@@ -71,7 +71,7 @@ def run(
     if files.sampled:
         _check_samples(lines, interval)
     files.check(job, *twin.files)
-    call = twin.spec()
+    call = clamped(twin.spec(), job)
     golden = None if report is None else _golden(job)
     repeat = _repetitions(call, lines, robust, workers, timeout)
     with ExitStack() as stack:

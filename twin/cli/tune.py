@@ -14,7 +14,7 @@ from cyclopts import Parameter
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import options
 from isel_twin.cli.interruption import interruption
-from isel_twin.cli.jobs import job_name, read_job
+from isel_twin.cli.jobs import clamped, job_name, read_job
 from isel_twin.cli.options import Whole
 from isel_twin.core.spec import MACHINE, TwinSpec
 
@@ -85,7 +85,7 @@ def tune(
     permanent = permanent or job.with_name(f"{job.stem}.permanent{job.suffix}")
     options.check_writable(out, permanent, picture, file, kept=(job, scenario, flash))
     overrides = options.parse_overrides(set)
-    call = TwinSpec(machine, controller, "mujoco", seed, scenario, None, overrides=overrides)
+    call = clamped(TwinSpec(machine, controller, "mujoco", seed, scenario, None, overrides=overrides), job)
 
     from isel_twin.base.files import Claim
     from isel_twin.base.pictures import check_picture

@@ -12,6 +12,7 @@
     counter      CounterSet                  it has set a counter without a motion
     flash        bytes                       it has written its flash memory
     remark       text
+    collision    Collision                   two bodies have met that must not
     restored     time in ns                  the twin is about to be restored to a state of that time (`Twin.restore`);
                                              a listener that cannot follow raises ValueError (one line) to prevent it
 

@@ -5,18 +5,24 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any, Self
+
+import numpy as np
 
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.parameters import Place
+from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.controller import Key, KeyValue
 from isel_twin.core.journal import SETTINGS, Note, Received, cut_content, in_words, push_content
 from isel_twin.core.margins import MarginReader, MarginReaders
 from isel_twin.core.observers import Observers
 from isel_twin.core.position import Position
 from isel_twin.core.sampling import Sampler, TwinSamples
-from isel_twin.plant import PLACES, Cut, Plant, Sampled
+from isel_twin.plant import PLACES, Clearance, Cut, Plant, Sampled
 from isel_twin.wiring import ScenarioError, ScenarioEvent, SerialLine, Wiring, check_input, event_now
+
+CLEARANCE_NS = 5 * MILLISECOND_NS  # between two looks at how near bodies come
 
 
 class Operated:
@@ -35,6 +41,7 @@ class Operated:
     _sampled: Sampled | None
     acts: deque[tuple[int, str]]
     _margin_readers: MarginReaders
+    _least: Any  # keeps the least distance; None: not asked for
     _due_ns: int
 
     def _settle(self) -> None:
@@ -145,6 +152,30 @@ class Operated:
         """Hand on the last samples to `take`, then stop."""
         if self._sampler is not None and self._sampler.leave(take):
             self._sampler = None
+
+    def watch_clearance(self) -> None:
+        """Keep the least distance of bodies that must not meet, from now on (`clearance`). Without physics the whole
+        path is looked at, with it a place every CLEARANCE_NS and the straight way between."""
+        self._least = self._plant.watch_clearance()
+        if self._least is None or not self._plant.physics:
+            return
+        least = self._least
+
+        def look(twin: Self) -> None:
+            least.look(np.array([twin.time_ns]), self._plant.position_mm[None])
+
+        if self.sample(lambda samples: least.look(samples.time_ns, samples.machine_position_mm), CLEARANCE_NS) is None:
+            self.observe(look, CLEARANCE_NS)
+
+    @property
+    def clearance(self) -> Clearance | None:
+        """The least distance of bodies that must not meet, since `watch_clearance`; None if there are none that can."""
+        if self._sampler is not None:
+            self._sampler.hand_on()
+        if self._least is None or self._least.found is None:
+            return None
+        x, y, z = self._position.of_carriages_mm(np.array(self._least.found.position_mm)).tolist()
+        return replace(self._least.found, position_mm=(x, y, z))
 
     def listen(self, note: Note) -> None:
         """Call `note(time_ns, kind, what)` for all that happens from now on (isel_twin.core.journal)."""

@@ -28,6 +28,7 @@ class TwinSamples:
     time_ns: NDArray[np.int64]
     counts: NDArray[np.int64]
     position_mm: NDArray[np.float64]
+    machine_position_mm: NDArray[np.float64]
     velocity_mm_s: NDArray[np.float64]
     lost_steps: NDArray[np.float64]
     margin: NDArray[np.float64]
@@ -100,6 +101,7 @@ class Sampler:
             time_ns=raw.time_ns,
             counts=position.turned * raw.commanded + self._offset,
             position_mm=position.of_carriages_mm(raw.position_mm),
+            machine_position_mm=raw.position_mm,
             velocity_mm_s=position.of_velocities_mm_s(raw.velocity_mm_s),
             lost_steps=position.lost_of(raw.commanded, raw.rotor),
             margin=raw.margin,

@@ -21,7 +21,10 @@ from isel_twin.plant import Plant
 from isel_twin.wiring import SerialLine, Wiring
 
 # further attributes of a twin in a state
-_OWN = ("remarks", "acts", "_restarts", "restarts", "unpowered_steps", "stores_lost", "_sense", "_untold", "_levels")
+_OWN = (
+    *("remarks", "acts", "collisions", "_restarts", "restarts", "unpowered_steps", "stores_lost"),
+    *("_sense", "_untold", "_levels"),
+)
 
 
 class Saved:
@@ -43,6 +46,7 @@ class Saved:
     _wiring: Wiring
     _stream: Stream
     _sampler: Sampler | None
+    _least: Any
     _observers: Observers[Any]
     _settling: bool
     _due_ns: int
@@ -101,6 +105,8 @@ class Saved:
         self.origin = replace(self.origin, **state.origin)
         if self._sampler is not None:
             self._sampler.begin_anew()
+        if self._least is not None:
+            self._least.begin_anew()
         flash, self.flash = self.flash, state.flash
         if self.flash is not None and self.flash != flash and self.on_flash is not None:
             try:

@@ -21,7 +21,7 @@ from isel_twin.base.errors import CallError, call_errors
 if TYPE_CHECKING:
     from isel_twin import Twin
     from isel_twin.controller import Controller
-    from isel_twin.machine import Machine
+    from isel_twin.machine import Fixture, Machine
     from isel_twin.wiring import ScenarioEvent
 
 MACHINE: Final = "4030"  # the default machine
@@ -46,6 +46,7 @@ class TwinSpec:
     # carriage positions at power-on in machine coordinates; None: drawn from the seed
     start_mm: tuple[float, ...] | None = None
     events: tuple[ScenarioEvent, ...] = ()  # events in place of a scenario file
+    fixtures: tuple[Fixture, ...] = ()  # clamped on the table for this job, beside those of the machine
 
     def __post_init__(self) -> None:
         if self.events and self.scenario is not None:
@@ -70,12 +71,12 @@ class TwinSpec:
         return self.machine if isinstance(self.machine, Machine) else load_machine(self.machine)
 
     def fitted(self, controller: Controller | None = None) -> Machine:
-        """The twin's machine, with the overrides of the controller and then those of the spec. controller: one already
-        built. Raises ValueError with one line."""
-        from isel_twin.machine import with_overrides
+        """The twin's machine, with the overrides of the controller and then those of the spec, and its fixtures.
+        controller: one already built. Raises ValueError with one line."""
+        from isel_twin.machine import with_fixtures, with_overrides
 
         asked = (controller or self._new_controller()).machine_overrides()
-        return with_overrides(with_overrides(self.as_built, asked), self.overrides)
+        return with_fixtures(with_overrides(with_overrides(self.as_built, asked), self.overrides), self.fixtures)
 
     def _new_controller(self) -> Controller:
         from isel_twin.controller import create_controller

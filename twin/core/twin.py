@@ -19,6 +19,7 @@ import logging
 import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -55,9 +56,9 @@ from isel_twin.core.state import StateError
 from isel_twin.core.told import Told
 from isel_twin.core.unpowered import Unpowered
 from isel_twin.language import Language, needed
-from isel_twin.machine import Machine
+from isel_twin.machine import Fixture, Machine
 from isel_twin.motion import Stream
-from isel_twin.plant import Sampled
+from isel_twin.plant import Collision, Sampled
 from isel_twin.wiring import Schedule, SerialLine, Wiring, thresholds
 
 _NEVER_NS = 1 << 62
@@ -94,6 +95,7 @@ class Twin(Operated, Saved, Seen):
         line_speed: bool = False,
         overrides: Mapping[str, Any] | None = None,
         start_mm: Sequence[float] | None = None,
+        fixtures: Sequence[Fixture] = (),
         keep_motions: int | None = None,
     ) -> None:
         """Build a twin and switch it on.
@@ -108,6 +110,7 @@ class Twin(Operated, Saved, Seen):
         line_speed: bytes take their time on the serial line (True) or arrive at once (False).
         overrides: machine parameters to change (`isel_twin.machine.with_overrides`).
         start_mm: carriage positions at power-on in machine coordinates instead of random ones.
+        fixtures: what is clamped on the table, beside the fixtures of the machine.
         keep_motions: how many of the last motions `steps` keeps; None: all since power-on.
 
         Raises ValueError (UnknownNameError, MachineError, ScenarioError) with one clear line for anything wrong, and
@@ -123,6 +126,7 @@ class Twin(Operated, Saved, Seen):
             line_speed=line_speed,
             overrides=dict(overrides or {}),
             start_mm=None if start_mm is None else tuple(start_mm),
+            fixtures=tuple(fixtures),
         )
         self._begin(spec, keep_motions, None if isinstance(controller, str) else controller)
 
@@ -173,6 +177,7 @@ class Twin(Operated, Saved, Seen):
         """Called with each new flash image; raises OSError if it cannot keep it."""
         self.remarks: deque[tuple[int, str]] = deque(maxlen=_REMARKS)
         """Time in ns and text of the controller's last remarks, which are logged, too."""
+        self.collisions: list[Collision] = []  # first contacts of bodies that must not meet, since power-on
         self.acts: deque[tuple[int, str]] = deque(maxlen=_REMARKS)
         """Time in ns and words of the last events of the scenario, and of what somebody has done."""
         self.steps_made: deque[Step] = deque(maxlen=_STEPS)
@@ -204,6 +209,7 @@ class Twin(Operated, Saved, Seen):
         self._sampled = self._plant if isinstance(self._plant, Sampled) else None
         self._notes: list[Note] = []
         self._margin_readers = MarginReaders()
+        self._least: Any = None
         self._sense: NDArray[np.int8] | None = None
         """Directions of the motors in a motion, if one is turned round."""
         self._due_ns = 0
@@ -308,8 +314,23 @@ class Twin(Operated, Saved, Seen):
             if not self._wiring.stages_powered:
                 self.unpowered_steps = self.unpowered_steps + np.abs(delta[:made].astype(np.int64)).sum(axis=0)
         self.time_ns = reached
+        if self._plant.edge:
+            self._collide()
         if self._sampler is not None:
             self._sampler.keep_up()
+
+    def _collide(self) -> None:
+        """Take over who has met."""
+        for seen in self._plant.take_collisions():
+            x, y, z = self._position.of_carriages_mm(np.array(seen.position_mm)).tolist()
+            speed_mm_s = seen.speed_mm_s
+            if math.isnan(speed_mm_s):
+                speed_mm_s = float(np.linalg.norm(self._stream.rate_hz()[: len(self.step_mm)] * self.step_mm))
+            collision = replace(seen, position_mm=(x, y, z), speed_mm_s=speed_mm_s)
+            self.collisions.append(collision)
+            self._note("collision", collision)
+            log.warning("%s", collision)
+            self._wiring.collided(collision.first, collision.second)
 
     def _tell(self) -> None:
         """Advance the controller to the present."""

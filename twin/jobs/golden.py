@@ -19,6 +19,7 @@ from __future__ import annotations
 import hashlib
 import math
 import os
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import zip_longest
@@ -50,7 +51,7 @@ TOLERANCE_MM = 0.002
 TOLERANCE_STEPS = 2  # of lost steps; smaller differences are load angle
 
 _HEAD = ("format", "job", "machine", "controller", "plant", "seed", "scenario", "set")
-_END = ("ok", "cycle_s", "counts", "position_mm", "lost_steps")
+_END = ("ok", "cycle_s", "counts", "position_mm", "lost_steps", "collisions")  # the last only if there are some
 
 
 class GoldenError(FileError):
@@ -128,6 +129,8 @@ class Scribe:
             "position_mm": [round(round(mm, 6), 3) + 0.0 for mm in verdict.position_mm],
             "lost_steps": [round(round(steps, 3)) for steps in verdict.lost_steps],
         }
+        if verdict.collisions:
+            end["collisions"] = [collision.who for collision in verdict.collisions]
         return Golden({}, tuple(self._moves), end)
 
 
@@ -188,7 +191,7 @@ def dumps(run: Golden) -> str:
         "]",
         "",
         "[end]",
-        *(toml_line(key, run.end[key]) for key in _END),
+        *(toml_line(key, run.end[key]) for key in _END if key in run.end),
     ]
     return "\n".join(lines) + "\n"
 
@@ -224,14 +227,16 @@ def load(path: str | Path) -> Golden:
 # types of values that are not text
 _KINDS: dict[str, tuple[type, ...]] = {"seed": (int,), "line": (int,), "set": (dict,), "ok": (bool,)}
 _KINDS |= {"cycle_s": (int, float), **dict.fromkeys(("counts", "ticks", "position_mm", "lost_steps"), (list,))}
+_KINDS["collisions"] = (list,)
 
 
 def _checked(content: Mapping[str, Any], key: str, place: Place) -> Any:
-    """A value, checked for its type; lists must hold numbers."""
+    """A value, checked for its type; lists must hold numbers, that of collisions texts."""
     value, kinds = content[key], _KINDS.get(key, (str,))
     right = isinstance(value, kinds) and (kinds == (bool,) or not isinstance(value, bool))
     if isinstance(value, list):
-        right = right and all(isinstance(entry, int | float) for entry in value)
+        kind = str if key == "collisions" else int | float
+        right = right and all(isinstance(entry, kind) for entry in value)
     if not right:
         raise place.at(key).wrong(f"{value!r}; must be {' or '.join(kind.__name__ for kind in kinds)}")
     return value
@@ -332,12 +337,21 @@ def _of_ends(was: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[Differe
         yield Difference(None, f"cycle time {a:.6f} -> {b:.6f} s ({b - a:+.6f} s{percent})")
     if was.get("counts") != now["counts"]:
         yield Difference(None, f"counters at the end {_listed(was.get('counts', ()))} -> {_listed(now['counts'])}")
+    for who in _only(was.get("collisions", ()), now.get("collisions", ())):
+        yield Difference(None, f"{who} no more")
+    for who in _only(now.get("collisions", ()), was.get("collisions", ())):
+        yield Difference(None, f"{who} now")
     for name, a, b in zip(CARRIAGES, was.get("position_mm", ()), now["position_mm"], strict=False):
         if not abs(a - b) <= TOLERANCE_MM:
             yield Difference(None, f"position of {name} at the end {a:.3f} -> {b:.3f} mm")
     for name, a, b in zip(AXIS_NAMES, was.get("lost_steps", ()), now["lost_steps"], strict=False):
         if abs(a - b) > TOLERANCE_STEPS:
             yield Difference(None, f"lost steps of {name} {a} -> {b}")
+
+
+def _only(these: Sequence[str], others: Sequence[str]) -> list[str]:
+    """What is among these more often than among the others."""
+    return list((Counter(these) - Counter(others)).elements())
 
 
 def _listed(values: Sequence[Any]) -> str:

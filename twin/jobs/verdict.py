@@ -33,6 +33,7 @@ from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.base.units import SECOND_NS
 from isel_twin.core.snapshot import snapshot
 from isel_twin.jobs.odd import oddities
+from isel_twin.plant import Collision
 from isel_twin.wiring.contacts import FAULTS
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
 
 HALFWAY = 0.375  # distance from the nearest stable place, in slips, beyond which a rotor counts as halfway
 
+SHOWN_COLLISIONS = 3  # most collisions in words
 SHOWN_UNMET = 10  # lines of a job that are named if they did not get what they expected
 
 SETTLE_S = 0.5  # virtual time for the machine to come to rest after the last command, before judging
@@ -107,6 +109,7 @@ class Verdict:
     following_error: tuple[float | None, ...] = ()  # of each servo drive at rest, in increments; None: no such drive
     off_position: tuple[bool, ...] = ()  # servo drives that have power and do not reach their command
     events_after_end: int = 0  # events of the scenario that were still to come when the last command was over
+    collisions: tuple[Collision, ...] = ()  # of bodies that must not meet, since the first command was sent
     events_without_effect: int = 0  # forces, cuts and lost phases of the scenario on a plant without physics
 
     @property
@@ -154,9 +157,8 @@ class Verdict:
     @property
     def ok(self) -> bool:
         """True if every command was sent and accepted or answered as expected, every condition is met, no step is lost,
-        half lost or made without power, no drive has switched itself off
-        or rests short of its command, there was no restart, and the controller has
-        no error left."""
+        half lost or made without power, nothing has collided, no drive has switched itself off or rests short of its
+        command, there was no restart, and the controller has no error left."""
         return not self.problems()
 
     def problems(self, refused: str = "refused") -> tuple[str, ...]:
@@ -196,6 +198,8 @@ class Verdict:
         if any(error is not None for error in self.following_error):
             told |= {"following_error": list(self.following_error), "switched_off": list(self.switched_off)}
             told["off_position"] = list(self.off_position)
+        if self.collisions:
+            told |= {"collisions": [collision.content for collision in self.collisions]}
         return told
 
 
@@ -204,6 +208,7 @@ def judge(twin: Twin, results: Sequence[Result], unsent: int = 0, interrupted: b
     result. interrupted: the caller stopped the job.
     """
     start_ns, events_after_end = twin.time_ns, twin.events_left
+    began_ns = results[0].time_ns if results else start_ns
     twin.run(SETTLE_S)
     seen = snapshot(twin)
     return Verdict(
@@ -224,7 +229,7 @@ def judge(twin: Twin, results: Sequence[Result], unsent: int = 0, interrupted: b
         counts=tuple(seen.counts.tolist()),
         position_mm=tuple(seen.position_mm.tolist()),
         position_error_mm=tuple(seen.position_error_mm.tolist()),
-        began_ns=results[0].time_ns if results else start_ns,
+        began_ns=began_ns,
         ended_ns=results[-1].end_ns if results else start_ns,
         time_ns=seen.time_ns,
         machine=twin.machine.name,
@@ -244,6 +249,7 @@ def judge(twin: Twin, results: Sequence[Result], unsent: int = 0, interrupted: b
         flash_fault=bool(twin.outputs.get("flash_fault")),
         off_position=tuple((~twin.in_position).tolist()),
         events_after_end=events_after_end,
+        collisions=tuple(collision for collision in twin.collisions if collision.time_ns >= began_ns),
         events_without_effect=twin.events_without_effect,
     )
 
@@ -277,6 +283,9 @@ def _problems(verdict: Verdict, refused: str) -> Iterator[str]:
     for axis, is_off, error in zip(axes, verdict.off_position, verdict.following_error, strict=False):
         if is_off and error is not None:
             yield f"{axis} rests {abs(error):.0f} increments from its command"
+    yield from map(str, verdict.collisions[:SHOWN_COLLISIONS])
+    if more := len(verdict.collisions[SHOWN_COLLISIONS:]):
+        yield f"{more} more collision{'' if more == 1 else 's'}"
     if verdict.controller_fault and not verdict.fault_known:
         yield "the controller shows an error"
     if verdict.stores_lost:

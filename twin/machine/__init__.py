@@ -4,11 +4,13 @@ Every constant of the physics has a name, a unit, a source and a grade; a wrong 
 
 schema.py      what a machine is: names, units, limits
 build.py       from its tables to a `Machine`
+fixture.py     what is clamped on the table
 reader.py      from its file to its tables
 overrides.py   another one with some numbers changed
 """
 
-from isel_twin.machine.overrides import describe, with_overrides
+from isel_twin.machine.fixture import Fixture, fixture_table, read_fixtures
+from isel_twin.machine.overrides import describe, with_fixtures, with_overrides
 from isel_twin.machine.reader import load_machine, machine_from_tree
 from isel_twin.machine.schema import (
     CABINETS,
@@ -31,6 +33,7 @@ __all__ = [
     "LEVELS",
     "Axis",
     "Contact",
+    "Fixture",
     "Imperfections",
     "Machine",
     "MachineError",
@@ -38,9 +41,12 @@ __all__ = [
     "Squareness",
     "Timing",
     "describe",
+    "fixture_table",
     "load_machine",
     "machine_from_tree",
     "machine_names",
     "models_folder",
+    "read_fixtures",
+    "with_fixtures",
     "with_overrides",
 ]

@@ -16,11 +16,13 @@ from typing import Any, Final, TypeVar
 
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.parameters import Limits, Place, free, keys, known, quantity, read, section, table, text
+from isel_twin.base.toml_lines import LinePlace
 from isel_twin.drives.motor import MOTORS, Motor
 from isel_twin.drives.screw import Rod, Screw
 from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
 from isel_twin.drives.stage import Stage
 from isel_twin.drives.supply import Supply, check_fit
+from isel_twin.machine.fixture import read_fixtures
 from isel_twin.machine.schema import (
     CABINETS,
     Axis,
@@ -53,8 +55,8 @@ _TEXTS: Mapping[str, tuple[str, ...]] = {
     "kinematics": ("table", "portal", "traverse"),
     "cabinet": tuple(CABINETS),
     "model": (),
-    "fixture": (),
 }
+_FIXTURE: Final = "fixture"  # text: the MJCF file of what is clamped on the table; tables: its shapes
 _SECTIONS = ("axes", "masses", "payload", "structure", "switches", "contacts", "motors", "controller")
 _FIXED_SECTIONS = ("timing", "squareness", "imperfections")
 
@@ -63,13 +65,16 @@ def build(tree: dict[str, Any], file: Path, like: Machine | None = None) -> Mach
     """The machine of a tree, which it keeps. like: a machine whose parts are reused where the tables are the same
     objects. Raises MachineError."""
     place = Place(file, MachineError)
-    allowed = (*_TEXTS, *_SECTIONS, *_FIXED_SECTIONS, "supply")
+    allowed = (*_TEXTS, _FIXTURE, *_SECTIONS, *_FIXED_SECTIONS, "supply")
     known(tree, allowed, place)
     for key in allowed:
         if key not in (*tree, "motors", "controller", "supply"):
             raise place.at(key).wrong("missing")
     texts = {key: text(tree[key], place.at(key), choices) for key, choices in _TEXTS.items()}
     sections = {key: table(tree.get(key, {}), place.at(key)) for key in _SECTIONS}
+    clamped = tree[_FIXTURE]
+    shaped = isinstance(clamped, list)
+    clamped_file = "" if shaped else text(clamped, place.at(_FIXTURE))
 
     def part(old: Callable[[Machine], T], new: Callable[[], T], *names: str) -> T:
         """The old part if the tables of these names are the same, else a new one."""
@@ -100,7 +105,12 @@ def build(tree: dict[str, Any], file: Path, like: Machine | None = None) -> Mach
         cabinet=texts["cabinet"],
         folder=file.parent,
         model_file=file.parent / texts["model"],
-        fixture_file=file.parent / texts["fixture"] if texts["fixture"] else None,
+        fixture_file=file.parent / clamped_file if clamped_file else None,
+        fixtures=part(
+            lambda m: m.fixtures,
+            lambda: read_fixtures(clamped, _lines(file, _FIXTURE), file.parent) if shaped else (),
+            _FIXTURE,
+        ),
         timing=fixed("timing", Timing),
         axes=axes,
         supply=fixed("supply", Supply) if "supply" in tree else None,
@@ -264,6 +274,11 @@ def _check(machine: Machine, place: Place) -> None:
             )
     signals = [contact.name for contact in machine.contacts if contact.kind == "signal"]
     known(signals, CABINETS[machine.cabinet], place.at("contacts"))
+
+
+def _lines(file: Path, key: str) -> LinePlace:
+    """The place of a key that knows its line, if the file has it."""
+    return LinePlace(file, MachineError, key, (file_content(file) or b"").decode("utf-8", "replace"))
 
 
 def file_content(path: Path) -> bytes | None:

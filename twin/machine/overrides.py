@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.parameters import Place, Row, gather, keys, override, rows
 from isel_twin.machine.build import DEFAULT_DRIVE, DRIVES, build
+from isel_twin.machine.fixture import Fixture
 from isel_twin.machine.schema import LEVELS, Imperfections, Machine, MachineError
 
 
@@ -44,6 +46,17 @@ def with_overrides(machine: Machine, overrides: Mapping[str, Any]) -> Machine:
     return result
 
 
+def with_fixtures(machine: Machine, fixtures: Sequence[Fixture]) -> Machine:
+    """The machine with these on its table, too. Raises MachineError for a name that is there already."""
+    taken = [fixture.name for fixture in machine.fixtures]
+    for fixture in fixtures:
+        if fixture.name in taken:
+            where = f"{fixture.shown}.name: {fixture.name!r} stands on the table of {machine.name} already"
+            raise MachineError(f"{where}; allowed: a name of its own")
+        taken.append(fixture.name)
+    return dataclasses.replace(machine, fixtures=(*machine.fixtures, *fixtures)) if fixtures else machine
+
+
 def _changed(tree: Mapping[str, Any], key: str, value: Any, place: Place) -> Mapping[str, Any]:
     """The tree with one override; unchanged parts are shared."""
     _check_drive(tree, key, value, place)
@@ -61,8 +74,11 @@ def _changed(tree: Mapping[str, Any], key: str, value: Any, place: Place) -> Map
 
 
 def describe(machine: Machine) -> list[Row]:
-    """All parameters of a machine; those that are equal on X, Y and Z in one row `axes.all...`."""
-    return gather(rows(machine.tree), "axes", CARRIAGES)
+    """All parameters of a machine; those that are equal on X, Y and Z in one row `axes.all...`, fixtures by name."""
+    tree = dict(machine.tree)
+    if machine.fixtures:
+        tree["fixture"] = ", ".join(fixture.name for fixture in machine.fixtures)
+    return gather(rows(tree), "axes", CARRIAGES)
 
 
 def _check_drive(tree: Mapping[str, Any], key: str, value: Any, place: Place) -> None:

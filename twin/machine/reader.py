@@ -48,6 +48,7 @@ def load_machine(name_or_path: str | Path) -> Machine:
     tree.setdefault("cabinet", DEFAULT_CABINET)
     machine = build(tree, file)
     files += [*model_files(machine.model_file), *([machine.fixture_file] if machine.fixture_file else [])]
+    files += [fixture.file for fixture in machine.fixtures if fixture.file is not None]
     if len(_loaded) >= _MOST_LOADED:
         _loaded.clear()
     _loaded[file] = _Loaded(machine, {path: file_content(path) for path in files})
@@ -90,10 +91,19 @@ def _read_file(file: Path, seen: list[Path]) -> dict[str, Any]:
         if "model" in tree:
             parent = {**parent, "masses": {}, "structure": {}}
         for key in ("model", "fixture"):
-            if key not in tree and parent.get(key):
+            if key not in tree and isinstance(parent.get(key), list):
+                tree[key] = [_from_here(entry, parent_file.parent) for entry in parent[key]]
+            elif key not in tree and parent.get(key):
                 tree[key] = str(parent_file.parent / str(parent[key]))
         tree = merge(_without_other_drives(parent, tree, place), tree)
     return tree
+
+
+def _from_here(entry: Any, folder: Path) -> Any:
+    """A [[fixture]] table of a file in another folder, its mesh found from anywhere."""
+    if not isinstance(entry, dict) or not isinstance(entry.get("file"), str):
+        return entry
+    return {**entry, "file": str(folder / entry["file"])}
 
 
 def _without_other_drives(parent: Mapping[str, Any], tree: Mapping[str, Any], place: Place) -> dict[str, Any]:

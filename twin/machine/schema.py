@@ -25,6 +25,7 @@ from isel_twin.drives.screw import Screw
 from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
 from isel_twin.drives.stage import AnyStage
 from isel_twin.drives.supply import Supply
+from isel_twin.machine.fixture import Fixture
 
 # imperfection levels and the sources of imperfection that each switches on
 LEVELS: Mapping[str, frozenset[str]] = {
@@ -198,6 +199,7 @@ class Machine:
     model_file: Path  # MuJoCo model (MJCF) that the plant loads
     # MuJoCo model (MJCF) of what is clamped on the table, its origin in the middle of the table's surface
     fixture_file: Path | None
+    fixtures: tuple[Fixture, ...]  # shapes that are clamped on the table
     timing: Timing
     axes: tuple[Axis, Axis, Axis]
     supply: Supply | None  # common to all stages; None: the file has none
@@ -222,7 +224,15 @@ class Machine:
         """Hash of its numbers and its model, independent of paths."""
         fixture = self.fixture_file.read_bytes().hex() if self.fixture_file is not None else ""
         tree = {**self.tree, "model": self.model_file.read_bytes().hex(), "fixture": fixture}
+        if self.fixtures:
+            meshes = [one.file.read_bytes().hex() for one in self.fixtures if one.file is not None]
+            tree["fixture"] = [self.tree["fixture"], meshes]
         return hashlib.sha256(json.dumps(tree, sort_keys=True, default=str).encode()).hexdigest()[:16]
+
+    @property
+    def is_clamped(self) -> bool:
+        """Something stands on the table."""
+        return bool(self.fixtures) or self.fixture_file is not None
 
     @property
     def switches(self) -> tuple[Contact, ...]:

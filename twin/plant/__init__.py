@@ -3,6 +3,8 @@
 kinematic.py   the carriage follows its command exactly; thresholds still work
 mujoco.py      the MuJoCo plant (default)
 built.py       a machine put together for it: model.py (the MuJoCo model) and memory.py (arrays)
+reach.py       which shapes can meet; clamped.py: what is clamped on the table, and who must not meet whom
+contact.py     collisions and least distances, on both plants; collision.py: one as a value
 altered.py     what events change in the model while it works
 kernel.py      the compiled loop: drives and MuJoCo together, up to the first threshold passed; in it
                lead.py (commands between set points), glide.py (MuJoCo's step between the stops), thread.py (uneven
@@ -23,11 +25,25 @@ from numpy.typing import NDArray
 
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.drives.stage import AnyStage
+from isel_twin.plant.collision import Clearance, Collision
 from isel_twin.plant.cutting import Cut
 
-__all__ = ["MOST_SAMPLES", "PLACES", "Cut", "Plant", "Quantity", "Sampled", "Samples", "Threshold"]
+__all__ = [
+    "MOST_CLEARANCE_MM",
+    "MOST_SAMPLES",
+    "PLACES",
+    "Clearance",
+    "Collision",
+    "Cut",
+    "Plant",
+    "Quantity",
+    "Sampled",
+    "Samples",
+    "Threshold",
+]
 
 PLACES: Mapping[str, str] = {"tool": "tool", "table": "table_top"}  # where a force can act: name, site of the model
+MOST_CLEARANCE_MM = 20.0  # two bodies that never come nearer are not looked at
 Quantity = Literal["position", "lag", "fault"]  # what a threshold watches
 
 
@@ -86,11 +102,12 @@ class Plant(Protocol):
 
     physics: bool  # forces from outside and lost motor phases have an effect
     time_ns: int  # time reached: a multiple of the sub-step, if there are sub-steps
-    edge: bool  # the last `advance` ended because a threshold was passed or left
+    edge: bool  # the last `advance` ended because a threshold was passed or left, or two bodies met
 
     def advance(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any], lead_ns: int = 0) -> int:
-        """Advance to until_ns or to the end of the first sub-step in which a threshold was passed or left (without
-        sub-steps: to the first nanosecond at which one is); return the time reached.
+        """Advance to until_ns or to the end of the first sub-step in which a threshold was passed or left, or two
+        bodies that must not meet were found to touch (without sub-steps: to the first nanosecond at which that is so);
+        return the time reached.
 
         t_ns [n], never decreasing, delta [n, axes]: all ticks in (last until_ns or time reached, until_ns]; lead_ns:
         the time over which each is led, 0 for steps. When it returns early, the ticks after that time have not been
@@ -99,6 +116,14 @@ class Plant(Protocol):
 
     def trips(self) -> NDArray[np.bool_]:
         """bool [m], which of the thresholds given to the plant are passed now, in the order given."""
+
+    def take_collisions(self) -> tuple[Collision, ...]:
+        """Who has met since the last call, in machine coordinates. Empty unless something is clamped on the table, or,
+        with physics, the tool reaches the table."""
+
+    def watch_clearance(self) -> Any:
+        """Something that keeps the least distance of bodies that must not meet (contact.Least) from now on, told of the
+        path by the plant, or by whoever samples it. None if there are no such bodies."""
 
     def set_power(self, stages: bool, brake_released: bool, lowering: bool) -> None:
         """Stages on or off (open phases: motors go limp), holding brake, current lowered at rest or not."""

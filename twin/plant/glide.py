@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 
 from isel_twin.base.compiling import njit
 from isel_twin.plant.model import blank
+from isel_twin.plant.reach import can_meet, collide, joint_bounds
 
-DEFLECTION_M = 2e-3  # bounds of a joint without stops: no frame deflects as much in service
 AGREE_M_S = 1e-9  # largest difference to MuJoCo's speed after a step; its solver stops at a tenth of that
 
 JOINT = np.dtype(
@@ -42,8 +42,6 @@ JOINT = np.dtype(
     ],
     align=True,
 )
-
-_SHAPELESS = (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD)
 
 
 @njit(nogil=True, error_model="numpy")
@@ -88,7 +86,7 @@ def gliding(
     special = model.neq or model.ntendon or model.nflex or model.nplugin or model.npair
     if special or (model.jnt_type != mujoco.mjtJoint.mjJNT_SLIDE).any():
         return joints, mobility
-    bounds = _bounds(model)
+    bounds = joint_bounds(model)
     data = blank(model, scratch)
     data.qpos[:] = bounds.mean(axis=0)
     mujoco.mj_forward(model, data)
@@ -108,15 +106,6 @@ def gliding(
     if not _agrees(model, blank(model, data), joints, mobility, bounds):
         joints["low_m"] = joints["high_m"] = np.nan
     return joints, mobility
-
-
-def _bounds(model: mujoco.MjModel) -> NDArray[np.float64]:
-    """float64 [2, nv], the stops of the joints, else DEFLECTION_M."""
-    limited = model.jnt_limited != 0
-    bounds = np.array([model.qpos0 - DEFLECTION_M, model.qpos0 + DEFLECTION_M])
-    bounds[0, limited] = (model.jnt_range[:, 0] + model.jnt_margin)[limited]
-    bounds[1, limited] = (model.jnt_range[:, 1] - model.jnt_margin)[limited]
-    return bounds
 
 
 def _agrees(
@@ -143,41 +132,7 @@ def _agrees(
 
 
 def _can_meet(model: mujoco.MjModel, data: mujoco.MjData, bounds: NDArray[np.float64]) -> bool:
-    """True if the boxes around two geoms that may collide can meet with all joints within bounds [2, nv]."""
-    way = bounds - data.qpos
-    for a in range(model.ngeom):
-        for b in range(a):
-            if not (
-                model.geom_contype[a] & model.geom_conaffinity[b] or model.geom_contype[b] & model.geom_conaffinity[a]
-            ):
-                continue
-            bodies = model.geom_bodyid[[a, b]]
-            if model.body_weldid[bodies[0]] == model.body_weldid[bodies[1]]:
-                continue
-            if model.geom_type[a] in _SHAPELESS or model.geom_type[b] in _SHAPELESS:
-                return True
-            (centre_a, half_a), (centre_b, half_b) = _box(model, data, a), _box(model, data, b)
-            low = high = centre_a - centre_b
-            for joint in range(model.njnt):
-                carries = [_carries(model, model.jnt_bodyid[joint], body) for body in bodies]
-                if carries[0] != carries[1]:
-                    ends = np.outer(way[:, joint], data.xaxis[joint]) * (1.0 if carries[0] else -1.0)
-                    low, high = low + ends.min(axis=0), high + ends.max(axis=0)
-            reach = half_a + half_b + model.geom_margin[a] + model.geom_margin[b]
-            if ((low <= reach) & (high >= -reach)).all():
-                return True
-    return False
-
-
-def _box(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Centre and half sizes, [3] each, of the box along the axes of the world around a geom."""
-    turn = data.geom_xmat[geom].reshape(3, 3)
-    centre, half = model.geom_aabb[geom].reshape(2, 3)
-    return data.geom_xpos[geom] + turn @ centre, np.abs(turn) @ half
-
-
-def _carries(model: mujoco.MjModel, carrier: int, body: int) -> bool:
-    """True if `body` is `carrier` or a descendant of it."""
-    while body > carrier:  # a parent's number is less than its children's
-        body = int(model.body_parentid[body])
-    return bool(body == carrier)
+    """True if two geoms that may collide can meet with all joints within bounds [2, nv]."""
+    return any(
+        collide(model, a, b) and can_meet(model, data, bounds, a, b) for a in range(model.ngeom) for b in range(a)
+    )

@@ -45,7 +45,7 @@ from isel_twin.drives.servo import cool, servo_torque
 from isel_twin.drives.shaft import SERVO, at_rest, turn
 from isel_twin.plant import feed, glide, lead, margin, memory, teeth, thread
 from isel_twin.plant.lead import begin, behind, mean_behind
-from isel_twin.plant.memory import AXES, LAG, POSITION, parts_of
+from isel_twin.plant.memory import APART, AXES, FRESH, LAG, PARTED_MM, POSITION, parts_of
 
 REST_M_S = 5e-6  # speed below which a joint counts as at rest
 HELD_M_S2 = 1e-3  # constraint acceleration beyond friction that counts as a carriage held; rounding is far below
@@ -120,6 +120,22 @@ def begin_window(memory):
 
 
 @njit(nogil=True, error_model="numpy")
+def _feel(plant, axes, touching, touched_m, found):
+    """Which pairs touch, after a step of MuJoCo; one that begins to is news."""
+    for k in range(touching.shape[0]):
+        if found[k] > 0.0:
+            if touching[k] == APART:
+                touching[k] = FRESH
+                plant.struck = 1
+            for i in range(AXES):
+                touched_m[k, i] = axes[i].x_m
+        elif touching[k] != APART:
+            for i in range(AXES):
+                if abs(axes[i].x_m - touched_m[k, i]) > 1e-3 * PARTED_MM:
+                    touching[k] = APART
+
+
+@njit(nogil=True, error_model="numpy")
 def _leave_window(memory):
     """One MuJoCo step with the mean forces of the window; freezes the plant after a long enough standstill."""
     parts = parts_of(memory)
@@ -150,6 +166,7 @@ def _leave_window(memory):
     window_s = 1e-9 * plant.substep_ns * plant.window
     if not glide.glide(parts.joints_law, parts.mobility, window_s, qpos, qvel, parts.qacc, parts.qacc_smooth, qfrc):
         _call_mj_step(plant.mj_step, plant.model, plant.data)  # type: ignore[call-arg]
+        _feel(plant, axes, parts.touching, parts.touched_m, parts.found)
     for i in range(AXES):
         axis = axes[i]
         if axis.v_m_s == 0.0 and abs(qvel[axis.dof]) < REST_M_S:
@@ -279,8 +296,8 @@ def _pass(memory):
 
 @njit(nogil=True, error_model="numpy")
 def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
-    """Advance by whole sub-steps to until_ns, or to the end of the first one in which a threshold was passed or left;
-    return the ticks made.
+    """Advance by whole sub-steps to until_ns, or to the end of the first one in which a threshold was passed or left,
+    or two shapes that must not meet were found to touch; return the ticks made.
 
     memory [1] MEMORY; t_ns [n], delta int32 [n, m' <= m] ticks in time order; early_lead_ns int64 [e <= n] leads of the
     first ticks, lead_ns that of the others.
@@ -292,6 +309,7 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
     cut, supply = parts.cut[0], parts.supply[0]
     qpos, before, place = parts.qpos, parts.before, parts.place
     plant.edge = 0
+    plant.struck = 0
     dt_ns = plant.substep_ns
     dt_s = 1e-9 * dt_ns
     until = until_ns // dt_ns
@@ -388,7 +406,7 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
         near = plant.watched != 0
         for i in range(AXES):
             near = near or not axes[i].free_low_m < axes[i].x_m < axes[i].free_high_m
-        if near and _pass(memory):
+        if (near and _pass(memory)) or plant.struck:
             plant.edge = 1
             break
 

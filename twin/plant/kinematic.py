@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +24,11 @@ from isel_twin.base.units import SECOND_NS
 from isel_twin.drives.dynamics import drop_stale_code
 from isel_twin.drives.stage import AnyStage
 from isel_twin.machine import Machine
-from isel_twin.plant import Threshold, lead
+from isel_twin.plant import Collision, Threshold, lead
 from isel_twin.plant.lead import all_behind, begin, behind, no_leads
+
+if TYPE_CHECKING:
+    from isel_twin.plant.contact import Along, Least
 
 FAR = 1 << 62  # a count that no axis reaches
 
@@ -155,7 +158,59 @@ def _lead(start_ns, until_ns, lead_ns, t_ns, delta, commanded, leads, axis, sens
             return made, now_ns
 
 
+@njit()
+def _places(start_ns, until_ns, lead_ns, t_ns, delta, commanded, leads):
+    """Where the path has its corners up to until_ns, what is led included: times and counts, before and after each
+    change. commanded, leads: copies, which change."""
+    axes = leads.shape[0]
+    most = (t_ns.shape[0] + 1) * (axes + 3) + 1
+    times = np.empty(most, dtype=np.int64)
+    counts = np.empty((most, axes))
+    n, made, now_ns = 0, 0, start_ns
+    while True:
+        goal_ns = until_ns if made == t_ns.shape[0] else t_ns[made]
+        while True:  # the leads that end before
+            next_ns = goal_ns
+            for i in range(axes):
+                if now_ns < leads[i].end_ns < next_ns:
+                    next_ns = leads[i].end_ns
+            now_ns = next_ns
+            times[n] = now_ns
+            for i in range(axes):
+                counts[n, i] = commanded[i] - behind(leads[i], now_ns)
+            n += 1
+            if now_ns == goal_ns:
+                break
+        if made == t_ns.shape[0]:
+            return times[:n], counts[:n]
+        for i in range(delta.shape[1]):
+            change = delta[made, i]
+            commanded[i] += change
+            if lead_ns > 0 and change != 0:
+                begin(leads[i], now_ns, change, lead_ns)
+        made += 1
+        times[n] = now_ns
+        for i in range(axes):
+            counts[n, i] = commanded[i] - behind(leads[i], now_ns)
+        n += 1
+
+
 drop_stale_code(_lead, lead.__file__)
+drop_stale_code(_places, lead.__file__)
+
+
+def _look_out(machine: Machine) -> Along:
+    """Only who has something on the table waits for MuJoCo."""
+    from isel_twin.plant.contact import Along, Geometry
+    from isel_twin.plant.model import load_model
+
+    return Along(Geometry(load_model(machine, visual=False, watched=True)))
+
+
+def _of_carriages(delta: NDArray[Any]) -> NDArray[Any]:
+    """The first three columns of changes [n, axes], filled up with zeros."""
+    missing = len(CARRIAGES) - delta.shape[1]
+    return np.pad(delta, ((0, 0), (0, missing))) if missing > 0 else delta[:, : len(CARRIAGES)]
 
 
 class KinematicPlant:
@@ -178,6 +233,11 @@ class KinematicPlant:
         self._leads = no_leads(len(self._commanded))
         self._led_until_ns = 0
         self._stages_on = False
+        self._along: Along | None = None
+        self._least: Least | None = None
+        self._collisions: tuple[Collision, ...] = ()
+        if machine.is_clamped:
+            self._along = _look_out(machine)
 
         self._thresholds = tuple(thresholds)
         self._passed = np.array([t.quantity == "lag" and t.limit < 0.0 for t in thresholds], dtype=np.bool_)
@@ -200,6 +260,73 @@ class KinematicPlant:
         )
 
     def advance(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any], lead_ns: int = 0) -> int:
+        if self._along is None:
+            return self._move(until_ns, t_ns, delta, lead_ns)
+        if not self._along.begun and self._meet(self.position_mm[None]):
+            return self.time_ns
+        jumps = lead_ns == 0 and self._led_until_ns <= self.time_ns
+        times_ns, path_mm = (self._ticks if jumps else self._path)(until_ns, t_ns, delta, lead_ns)
+        found = self._along.first(path_mm)
+        meets = found < len(path_mm)
+        if meets and not jumps and found > 0:
+            share = self._along.share(path_mm[found - 1 : found + 1])
+            path_mm[found] += (share - 1.0) * (path_mm[found] - path_mm[found - 1])
+            times_ns[found] += math.ceil((share - 1.0) * (times_ns[found] - times_ns[found - 1]))
+        if meets:
+            until_ns = int(times_ns[found])
+            count = int(np.searchsorted(t_ns, until_ns, side="right"))
+            t_ns, delta = t_ns[:count], delta[:count]
+        reached = self._move(until_ns, t_ns, delta, lead_ns)
+        end = found + 1 if meets and reached == until_ns else int(np.searchsorted(times_ns, reached, side="right"))
+        self._meet(path_mm[:end])
+        if self._least is not None:
+            self._least.look(times_ns[:end], path_mm[:end])
+        return reached
+
+    def _meet(self, path_mm: NDArray[np.float64]) -> bool:
+        """Go along a path, on which nothing is met before its end; whether something is there."""
+        assert self._along is not None
+        who = self._along.follow(path_mm)
+        for names in who:
+            x, y, z = path_mm[-1].tolist()
+            self._collisions += (Collision(*names, (x, y, z), self.time_ns, math.nan, None),)
+            self.edge = True
+        return bool(who)
+
+    def _ticks(
+        self, _: int, t_ns: NDArray[np.int64], delta: NDArray[Any], __: int
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Times [n] and places [n, 3] of the carriages after each tick; nothing is led."""
+        counts = self._commanded[: len(CARRIAGES)] + np.cumsum(_of_carriages(delta), axis=0, dtype=np.int64)
+        return t_ns, self._start_mm + counts * self._step_mm
+
+    def _path(
+        self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any], lead_ns: int
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """The same so near to each other that they stand for all that is between them."""
+        from isel_twin.plant.contact import fine
+
+        times_ns, places = _places(
+            *(self.time_ns, until_ns, lead_ns, t_ns.astype(np.int64), delta.astype(np.int32)),
+            *(self._commanded.copy(), self._leads.copy()),
+        )
+        times, path_mm = fine(times_ns, self._start_mm + places[:, :3] * self._step_mm)
+        return np.ceil(times).astype(np.int64), path_mm
+
+    def take_collisions(self) -> tuple[Collision, ...]:
+        taken, self._collisions = self._collisions, ()
+        return taken
+
+    def watch_clearance(self) -> Least | None:
+        """It is told of the path here."""
+        if self._along is None:
+            return None
+        from isel_twin.plant.contact import Least
+
+        self._least = Least(self._along.geometry)
+        return self._least
+
+    def _move(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any], lead_ns: int) -> int:
         if lead_ns == 0 and self._led_until_ns <= self.time_ns:
             if len(t_ns) == 0:  # nothing moves: no compiled code is loaded for that
                 self.edge, self.time_ns = False, until_ns
@@ -331,12 +458,16 @@ class KinematicPlant:
         return {
             "arrays": [array.copy() for array in self._kept],
             "values": (self.time_ns, self.edge, self._led_until_ns, self._stages_on),
+            "contact": None if self._along is None else (self._along.begun, self._along.touching.copy()),
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
         for array, saved in zip(self._kept, state["arrays"], strict=True):
             array[...] = saved
         self.time_ns, self.edge, self._led_until_ns, self._stages_on = state["values"]
+        if self._along is not None:
+            self._along.begun, touching = state["contact"]
+            self._along.touching = touching.copy()
 
     @property
     def _kept(self) -> tuple[NDArray[Any], ...]:

@@ -51,6 +51,7 @@ PLANT = np.dtype(
         ("sample_at", "i8"),  # sub-step of the next one
         ("sample_ahead_ns", "i8"),  # and how long after its end it is taken: less than a sub-step
         ("sampled", "i8"),  # samples that wait to be read
+        ("struck", "i8"),  # 1: two shapes that must not meet began to touch in MuJoCo's last step
         ("held", "i8"),  # 1: frozen and sampled once: further samples would be the same
     ],
     align=True,
@@ -93,6 +94,9 @@ AXIS = np.dtype(
     align=True,
 )
 
+APART, TOUCHING, FRESH = 0, 1, 2  # of two shapes that must not meet; fresh: nobody has been told
+PARTED_MM = 0.5  # by which they have to part to be apart again (plant/20)
+
 POSITION, LAG, FAULT = 0, 1, 2  # quantities of thresholds
 
 # passed when sense * (position - limit) > 0 or |lag| - limit > 0 or there is a fault, left hysteresis below that
@@ -131,6 +135,9 @@ class Parts(NamedTuple):
     supply: Any  # SUPPLY [1]
     before: Any  # [nv], joint positions one window ago
     rates: Any  # [nv], joint velocities one window ago
+    touching: Any  # int64 [p], of each pair of clamped.py: APART, TOUCHING, FRESH
+    touched_m: Any  # [p, 3], where X, Y and Z were when MuJoCo last found each pair in contact
+    found: Any  # [p], MuJoCo's contacts of each pair at the beginning of its last step
     samples: Any  # [SAMPLES, w], rows of the loop's `_take`
     place: Any  # [nv], joint positions at the end of the last call, within a sub-step along their velocities
     qpos: Any  # [nv], this and the rest as MuJoCo names its arrays
@@ -140,10 +147,13 @@ class Parts(NamedTuple):
     qfrc: Any
 
 
-# Addresses and sizes of the parts: passing twenty-five arrays would take longer than computing a millisecond of motion.
-# Keep the arrays alive as long as this.
+# Addresses and sizes of the parts: passing twenty-eight arrays would take longer than computing a millisecond of
+# motion. Keep the arrays alive as long as this.
 MEMORY = np.dtype(
-    [(name, "i8") for name in (*Parts._fields, "joints", "number_of_thresholds", "commands", "speeds", "fields")],
+    [
+        (name, "i8")
+        for name in (*Parts._fields, "joints", "number_of_thresholds", "commands", "speeds", "fields", "pairs")
+    ],
     align=True,
 )
 
@@ -183,6 +193,9 @@ def parts_of(memory):
         carray(at_address(at.supply), (1,), SUPPLY),
         carray(at_address(at.before), (n,), np.float64),
         carray(at_address(at.rates), (n,), np.float64),
+        carray(at_address(at.touching), (at.pairs,), np.int64),
+        carray(at_address(at.touched_m), (at.pairs, AXES), np.float64),
+        carray(at_address(at.found), (at.pairs,), np.float64),
         carray(at_address(at.samples), (SAMPLES, at.fields), np.float64),
         carray(at_address(at.place), (n,), np.float64),
         carray(at_address(at.qpos), (n,), np.float64),
@@ -204,6 +217,7 @@ def memory_of(parts: Parts) -> NDArray[np.void]:
     memory["number_of_thresholds"] = len(parts.thresholds)
     memory["commands"] = len(parts.commanded)
     memory["speeds"] = parts.available.shape[1]
+    memory["pairs"] = len(parts.touching)
     memory["fields"] = parts.samples.shape[1]
     return memory
 

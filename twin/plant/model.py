@@ -29,16 +29,17 @@ from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.errors import one_line
 from isel_twin.machine import Machine, MachineError
 from isel_twin.plant import PLACES
+from isel_twin.plant.clamped import EXACT_M, PREFIX, lay, let_meet, may_meet, name_all
 
 
-def load_model(machine: Machine, *, visual: bool = True) -> mujoco.MjModel:
+def load_model(machine: Machine, *, visual: bool = True, watched: bool = False) -> mujoco.MjModel:
     """The model with what machine.toml says about it. visual: keep geoms that are only for display; a step takes a
-    third longer.
+    third longer. watched: with a sensor for each two shapes that must not meet (clamped.py).
 
     Raises MachineError if model or fixture cannot be read, a joint or body that the machine names is missing, or a
     joint does not have exactly one coordinate.
     """
-    model = compile_model(machine, visual=visual)
+    model = compile_model(machine, visual=visual, watched=watched)
     _dress(machine, model)
     return model
 
@@ -53,7 +54,7 @@ def dressed(model: mujoco.MjModel, machine: Machine) -> mujoco.MjModel:
     return model
 
 
-def compile_model(machine: Machine, *, visual: bool = True) -> mujoco.MjModel:
+def compile_model(machine: Machine, *, visual: bool = True, watched: bool = False) -> mujoco.MjModel:
     """The model without springs of the structure and payload. Arguments, errors: `load_model`."""
     try:
         spec = mujoco.MjSpec.from_file(str(machine.model_file))
@@ -68,16 +69,18 @@ def compile_model(machine: Machine, *, visual: bool = True) -> mujoco.MjModel:
     if not machine.imperfections.structure:
         for mode in machine.structure:
             spec.delete(spec.joint(mode.joint))
+    if machine.is_clamped:
+        name_all(spec)
     if machine.fixture_file is not None:
         try:
             fixture = mujoco.MjSpec.from_file(str(machine.fixture_file))
-            spec.attach(fixture, prefix="fixture/", site=spec.site("table_top"))
+            spec.attach(fixture, prefix=PREFIX, site=spec.site("table_top"))
+            for sensor in list(spec.sensors):
+                spec.delete(sensor)
         except ValueError as error:
             raise MachineError(f"{machine.fixture_file}: {one_line(str(error))}") from None
-    if not visual:
-        for geom in list(spec.geoms):
-            if geom.contype == 0 and geom.conaffinity == 0:
-                spec.delete(geom)
+    if machine.fixtures:
+        lay(spec, machine.fixtures)
     for name, mass_kg in machine.masses_kg.items():
         body = spec.body(name)
         body.inertia = body.inertia * (mass_kg / body.mass)
@@ -91,7 +94,21 @@ def compile_model(machine: Machine, *, visual: bool = True) -> mujoco.MjModel:
         joint.armature = 0.0
         joint.damping = np.zeros_like(joint.damping)
     try:
+        if machine.is_clamped and (watched or not visual):
+            name_all(spec, PREFIX)
+            let_meet(machine, spec, watched=watched)
+            spec.option.ccd_tolerance = EXACT_M
+        if not visual:
+            for geom in list(spec.geoms):
+                if geom.contype == 0 and geom.conaffinity == 0:
+                    spec.delete(geom)
         model = spec.compile()
+        if watched and not machine.is_clamped and may_meet(model):
+            name_all(spec)
+            let_meet(machine, spec, watched=True)
+            model = spec.compile()
+    except MachineError:
+        raise
     except ValueError as error:
         raise MachineError(f"{machine.model_file}: {one_line(str(error))}") from None
     if model.nq != model.nv:

@@ -22,13 +22,15 @@ from isel_twin.machine import Machine
 from isel_twin.plant import PLACES, Threshold, kernel, memory
 from isel_twin.plant.altered import Alterations
 from isel_twin.plant.built import build, find_available, find_free
+from isel_twin.plant.collision import Collision
+from isel_twin.plant.contact import Geometry, Least, Sensed
 from isel_twin.plant.cutting import Cut, set_cut
 from isel_twin.plant.lead import all_behind
 from isel_twin.plant.model import load_model
 from isel_twin.plant.samples import GRID, LoopSamples
 
 _PHASES = {"": BOTH, "a": BOTH & ~1, "b": BOTH & ~2, "ab": OPEN}  # remaining phases, by the interrupted ones
-_NOW, _EDGE, _LOST_DOF = map((memory.PLANT.names or ()).index, ("now", "edge", "lost_dof"))
+_NOW, _EDGE, _STRUCK, _LOST_DOF = map((memory.PLANT.names or ()).index, ("now", "edge", "struck", "lost_dof"))
 _ADDRESSES = ("mj_step", "model", "data")  # fields of memory.PLANT that belong to this process
 _SAVED = tuple(name for name in memory.Parts._fields if name != "samples")  # which have been read
 _OWN = ("inertia", "mobility", "weight")  # arrays of `Built` beside the parts that change
@@ -60,7 +62,7 @@ class MujocoPlant(LoopSamples):
 
         Raises MachineError if the model does not fit the machine or its time steps are too long for its stiffness.
         """
-        model = load_model(machine, visual=False) if model is None else model
+        model = load_model(machine, visual=False, watched=True) if model is None else model
         self.built = build(machine, thresholds, start_mm, axes, model)
         super().__init__(self.built, axes)
         self.machine = machine
@@ -71,6 +73,8 @@ class MujocoPlant(LoopSamples):
         self.time_ns = 0
         self.edge = False
         self._altered = Alterations(self.built)
+        self._sensed = Sensed(model, self.data, self.parts, self.built.shape_mm)
+        self._collisions: tuple[Collision, ...] = ()
         self.set_friction = self._altered.set_friction
         self.set_obstacle = self._altered.set_obstacle
         self._pushes = np.zeros((memory.AXES, model.nv))  # [3, nv], forces on the joints by the push along each axis
@@ -139,6 +143,8 @@ class MujocoPlant(LoopSamples):
                 f"look for an enormous force, or shorten the steps in [timing] of {self.machine.file}"
             )
         if self.edge:
+            if words.item(_STRUCK):
+                self._collisions += self._sensed.news(self.time_ns)
             find_free(self.parts)
             self._late = self._none
             return self.time_ns
@@ -157,7 +163,16 @@ class MujocoPlant(LoopSamples):
         full = (axes["lowering"] != 0) & (axes["phases"] != OPEN) & (axes["fraction"] != axes["idle_fraction"])
         return bool(self.parts.plant["frozen"][0]) and not full.any() and not len(self._late[0])
 
-    # Thresholds
+    # Thresholds and contacts
+
+    def take_collisions(self) -> tuple[Collision, ...]:
+        taken, self._collisions = self._collisions, ()
+        return taken
+
+    def watch_clearance(self) -> Least | None:
+        """It has to be told of the path. None if no two bodies can meet."""
+        geometry = Geometry(self.model_as_built())
+        return Least(geometry) if geometry.pairs else None
 
     def trips(self) -> NDArray[np.bool_]:
         return self.parts.thresholds["passed"] != 0

@@ -56,6 +56,17 @@ CHANNELS: Final[Mapping[str, tuple[str, Mapping[str, Any]]]] = {
     "/counters": ("a counter set without a motion: axis 0 X, 1 Y ...", {"axis": _NUMBER, "value": _NUMBER}),
     "/flash": ("the flash memory has been written", {"bytes": _NUMBER, "sha256": _TEXT}),
     "/remarks": ("why something has failed", {"text": _TEXT}),
+    "/collisions": (
+        "two bodies have met that must not: where (zero and direction of the counters) and, if that is known, how hard",
+        {
+            "first": _TEXT,
+            "second": _TEXT,
+            "position_mm": {"type": "array", "items": {"type": "number"}},
+            "time_ns": _NUMBER,
+            "speed_mm_s": {"type": "number"},
+            "force_n": {"type": ["number", "null"]},
+        },
+    ),
     "/levels": ("electrical levels of the terminals that have changed, 1: high", {}),
     "/inputs": ("switches, elements and faults that have changed, in words", {}),
     "/outputs": ("outputs of the controller and relays that have changed", {}),

@@ -104,6 +104,8 @@ class Recorder:
                 self.counters_set_ns.append(time_ns)
         elif kind == "restored" and not self._file.closed:
             raise StateError("a twin that is being recorded cannot go to another time; close its recording before")
+        elif kind == "collision":
+            self.events.append((time_ns, kind, str(what)))
         # each line of a job does this
         elif kind in ("scenario", "operated", "remark") and what != {"watch_margin": True}:
             self.events.append((time_ns, kind, in_words(what)))

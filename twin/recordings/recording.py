@@ -25,6 +25,7 @@ from isel_twin.base.axes import CARRIAGES
 from isel_twin.core.position import position_error_mm
 from isel_twin.core.told import StateError
 from isel_twin.language import create_language
+from isel_twin.machine import fixture_table
 from isel_twin.recordings.mcap import RecordingWriter
 from isel_twin.recordings.recorder import changes
 from isel_twin.recordings.runs import described
@@ -37,8 +38,8 @@ if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
     from isel_twin.motion import Motion
 
-# names of attachments: flash memory before power-on, scenario, machine files
-FLASH, SCENARIO, MACHINE = "flash", "scenario.toml", "machine.json"
+# names of attachments: flash memory before power-on, scenario, machine files, fixtures clamped for the job
+FLASH, SCENARIO, MACHINE, FIXTURES = "flash", "scenario.toml", "machine.json", "fixtures.json"
 # folders in the names of attached files: of the MuJoCo model, and of the fixture on the table
 MODEL, FIXTURE = "model", "fixture"
 ASSETS: Final = (".xml", ".stl", ".obj", ".msh")  # types of files that a model may need
@@ -132,6 +133,8 @@ class Recording:
             sink.message("/flash", time_ns, {"bytes": len(what), "sha256": hashlib.sha256(what).hexdigest()})
         elif kind == "remark":
             sink.message("/remarks", time_ns, {"text": what})
+        elif kind == "collision":
+            sink.message("/collisions", time_ns, what.content)
         elif kind == "restored":
             if not self._ended:
                 raise StateError("a twin that is being recorded cannot go to another time; close its recording before")
@@ -245,6 +248,16 @@ def attachments(origin: TwinSpec) -> dict[str, bytes]:
             for path in sorted(model.resolve().parent.iterdir()):
                 if path.suffix.lower() in ASSETS and path.is_file() and path.stat().st_size <= MOST_ASSET_BYTES:
                     files[f"{folder}/{path.name}"] = path.read_bytes()
+    for number, fixture in enumerate((*machine.fixtures, *origin.fixtures)):
+        if fixture.file is not None:
+            files[mesh_name(number, fixture.file)] = fixture.file.read_bytes()
+    if origin.fixtures:
+        first = len(machine.fixtures)
+        tables = [
+            fixture_table(one, "" if one.file is None else mesh_name(first + number, one.file))
+            for number, one in enumerate(origin.fixtures)
+        ]
+        files[FIXTURES] = json.dumps(tables).encode()
     if origin.scenario is not None:
         files[SCENARIO] = origin.scenario.read_bytes()
     if origin.events:
@@ -252,6 +265,11 @@ def attachments(origin: TwinSpec) -> dict[str, bytes]:
     if origin.image is not None:
         files[FLASH] = origin.image
     return files
+
+
+def mesh_name(number: int, file: Path) -> str:
+    """Name of the attachment with the mesh of a fixture: of the machine's, and then the job's, from 0."""
+    return f"{FIXTURE}/{number}-{file.name}"
 
 
 def _plain(value: Any) -> Any:

@@ -30,10 +30,20 @@ from isel_twin.capture.player import Player
 from isel_twin.core.journal import SETTINGS
 from isel_twin.core.twin import Twin
 from isel_twin.language import readable
-from isel_twin.machine import machine_from_tree
+from isel_twin.machine import machine_from_tree, read_fixtures
 from isel_twin.recordings.mcap import SAMPLES
 from isel_twin.recordings.reading import Entry, Recorded, RecordingError
-from isel_twin.recordings.recording import FIXTURE, FLASH, MACHINE, MODEL, SCENARIO, Recording, packages
+from isel_twin.recordings.recording import (
+    FIXTURE,
+    FIXTURES,
+    FLASH,
+    MACHINE,
+    MODEL,
+    SCENARIO,
+    Recording,
+    mesh_name,
+    packages,
+)
 from isel_twin.version import VERSION
 from isel_twin.wiring import ScenarioError, event_now
 
@@ -86,13 +96,19 @@ def rebuilt(recorded: Recorded, folder: Path) -> Twin:
     try:
         tree = json.loads(files[MACHINE])
         tree["model"] = f"{MODEL}/{Path(tree['model']).name}"
-        if tree.get("fixture"):
+        if isinstance(tree.get("fixture"), list):
+            for number, entry in enumerate(tree["fixture"]):
+                if "file" in entry:
+                    entry["file"] = mesh_name(number, Path(entry["file"]))
+        elif tree.get("fixture"):
             tree["fixture"] = f"{FIXTURE}/{Path(tree['fixture']).name}"
         overrides, start_mm = json.loads(said["overrides"]), json.loads(said["start_mm"])
         seed, line_speed = int(said["seed"]), bool(json.loads(said["line_speed"]))
         controller, plant = said["controller"], said["plant"]
+        tables = json.loads(files.get(FIXTURES, b"[]"))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise RecordingError(f"{recorded.path}: does not say what was recorded: {error!r}") from None
+    place = Place(f"{recorded.path}: {FIXTURES}", key="fixture")
     return Twin(
         machine_from_tree(tree, folder / "machine.toml"),
         Player.restored(files.get(FLASH, b"")) if controller == PLAYER else controller,
@@ -103,6 +119,7 @@ def rebuilt(recorded: Recorded, folder: Path) -> Twin:
         line_speed=line_speed,
         overrides=overrides,
         start_mm=start_mm,
+        fixtures=read_fixtures(tables, place, folder),
         keep_motions=1,
     )
 

@@ -143,6 +143,8 @@ def _limits(checked: Report, bounds: Bounds | None) -> str:
             limits["deviation"] = f"at most {bounds.deviation_mm:g} mm"
         if bounds.cycle_s is not None:
             limits["cycle"] = f"at most {bounds.cycle_s:g} s"
+        if bounds.clearance is not None:
+            limits["clearance"] = f"at least {bounds.clearance:g} mm"
         if bounds.may_strike:
             limits["switch"] = f"may be struck: {', '.join(bounds.may_strike)}"
         limits["unfinished"] = f"{bounds.timeout_s:g} s a command"
@@ -151,7 +153,7 @@ def _limits(checked: Report, bounds: Bounds | None) -> str:
     rows = []
     for rule, demand in RULES.items():
         number = sum(finding.rule == rule for finding in checked.findings)
-        unbound = rule in ("margin", "deviation", "cycle", "luck") and rule not in limits
+        unbound = rule in ("margin", "deviation", "cycle", "clearance", "luck") and rule not in limits
         told = _many(number, "finding") if number else ("no limit" if unbound else "ok")
         if rule == "golden" and not checked.golden.call:
             told = "not compared"

@@ -144,6 +144,13 @@ class Schedule:
         for text in texts:
             self._met += [place for place in self._of(kind) if text.startswith(self._condition(place).name)]
 
+    def collided(self, first: str, second: str) -> None:
+        """Two bodies have met; a condition names one of them, both, or none."""
+        for place in self._of("collision"):
+            names = self._condition(place).name.split()
+            if not names or {first, second}.issuperset(names):
+                self._met.append(place)
+
     def passed(self, number: int, beyond: bool) -> None:
         self._becomes(self._of("position")[number], beyond)
 

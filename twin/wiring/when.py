@@ -5,6 +5,7 @@
     x > 120 mm, z < 5 mm         true position of a carriage in machine coordinates: 0 at the switch at the motor end
     output spindle == 1          an output of the controller, or a relay of the cabinet
     input hood == open           an element, a position switch (free, struck), or a contact (its fault, or ok)
+    collision                    two bodies meet that must not; collision cutter vise: these two, or this one with any
     0.5 s after trip             this long after the event of this name; ms, too
 
 Messages are as the controller's language writes them, without the end of line. Without a language the text means bytes
@@ -21,7 +22,10 @@ from typing import Literal
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.parameters import Limits, Place, hint, plain
 
-EXAMPLES = ("sent TEXT", "replied TEXT", "x > 120 mm", "output spindle == 1", "input hood == open", "0.5 s after NAME")
+EXAMPLES = (
+    *("sent TEXT", "replied TEXT", "x > 120 mm", "output spindle == 1", "input hood == open"),
+    *("collision", "0.5 s after NAME"),
+)
 SWITCH_STATES = ("free", "struck")  # states of a position switch, beside its faults
 _MM = Limits("mm", -1e5, 1e5)
 _LATER_S = Limits("s", 0.0, 1e9)
@@ -36,10 +40,11 @@ class Trigger:
     sent, replied     a message of the host, of the controller: begins with `name`
     position          carriage `name` is beyond `value` mm of machine coordinates, above (sense 1) or below it (-1)
     output, input     `name` is `value`
+    collision         bodies meet: those that `name` has, with a blank between
     after             the event called `name` has happened, `value` seconds ago
     """
 
-    kind: Literal["sent", "replied", "position", "output", "input", "after"]
+    kind: Literal["sent", "replied", "position", "output", "input", "collision", "after"]
     name: str
     value: float | str = 0.0
     sense: int = 0
@@ -74,6 +79,10 @@ def condition(
         if kind == "output":
             return _output(name, value, place, outputs)
         return _input(name, value, place, settable, switches)
+    if kind == "collision":
+        if len(rest.split()) > 2:
+            raise place.wrong(f"{words!r}: more than two names; allowed: collision, or with one or two names of bodies")
+        return Trigger("collision", " ".join(rest.split()))
     found = re.fullmatch(r"(\S+)\s+(\S+)\s+after\s+(\S+)", words.strip())
     if found is not None:
         return _after(found[1], found[2], found[3], place, names)

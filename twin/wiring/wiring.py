@@ -211,6 +211,10 @@ class Wiring:
         """Take bytes that the controller gets from the host now (sent), or sends. Call `settle` afterwards."""
         self._schedule.heard(data, sent)
 
+    def collided(self, first: str, second: str) -> None:
+        """Two bodies have met that must not. `settle` follows."""
+        self._schedule.collided(first, second)
+
     def output(self, name: str, value: int) -> None:
         """Take the new level of a controller output. Call `outputs_changed` after all those of an instant."""
         if name == "drive_reset" and value and not self._outputs.get(name):

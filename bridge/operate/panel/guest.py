@@ -28,7 +28,7 @@ from typing import Any, Protocol
 
 from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.base.parameters import Place, known
-from isel_twin.base.units import MILLISECOND_NS
+from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.bridge.operate.control import ControlError, Operator, Pending
 from isel_twin.bridge.operate.panel.frame import COME, Asked, Frame
 from isel_twin.bridge.operate.panel.menu import key_menu, menu
@@ -107,6 +107,7 @@ class Panel(Guest):
         self._gone: dict[int, Mapping[str, Any]] = {}
         self._next_s = 0.0
         self._last: Frame = {}
+        self._met = 0  # collisions that have been shown
         self._margin_ns = -MARGIN_NS
         self._margin: list[float | None] = []  # least margins from the frame before to that time
         if site is not None:
@@ -285,6 +286,9 @@ class Panel(Guest):
         frame["behind"] = pacer.behind
         frame["hosts"] = [endpoint.kind for endpoint in self._server.endpoints if endpoint.busy]
         lines = self.monitor.lines()
+        for collision in twin.collisions[self._met :]:
+            lines.append({"s": collision.time_ns / SECOND_NS, "who": "", "text": "", "means": str(collision)})
+        self._met = len(twin.collisions)
         if lines or frame != self._last:
             self._last = frame
             self._site.show({**frame, "wall_s": pacer.wall_s, "lines": lines})

@@ -40,6 +40,7 @@ __all__ = [
     "assert_cycle_time",
     "assert_ends_at",
     "assert_golden",
+    "assert_no_collision",
     "assert_no_step_lost",
     "assert_on_path",
     "assert_outputs",
@@ -104,6 +105,21 @@ def assert_no_step_lost(seen: Watched) -> None:
             axis=AXIS_NAMES[i],
             command=seen.command_at(twin.time_ns),
         )
+
+
+def assert_no_collision(seen: Watched) -> None:
+    """Nothing has met what it must not, since `begin`."""
+    __tracebackhide__ = True
+    seen.rest()
+    for collision in seen.twin.collisions:
+        if collision.time_ns >= seen.begin_ns:
+            raise MotionError(
+                collision.who,
+                expected="no collision",
+                was=str(collision),
+                time_ns=collision.time_ns,
+                command=seen.command_at(collision.time_ns),
+            )
 
 
 def assert_accepted(seen: Watched) -> None:

@@ -10,6 +10,8 @@ the same.
     restart       the controller starts anew before the last reply                        always
     unmet         a condition of the job (`! lost == 0`) is false                         always
     unfinished    a command is not over in time; the job ends there                       `timeout`
+    collision     two bodies meet that must not: cutter and vise (docs/machines.md)       always
+    clearance     two bodies that must not meet come nearer to each other                 `clearance`
     unpowered     steps are made while the stages have no power                           always
     lost          an axis has lost steps; with the first line after which it had          always
     halfway       a rotor rests between two stable places                                 always
@@ -65,6 +67,8 @@ RULES: Mapping[str, str] = {
     "lost": "No motor loses steps.",
     "halfway": "No rotor rests between two places that would hold.",
     "drive": "No servo drive switches itself off.",
+    "collision": "Nothing meets what it must not.",
+    "clearance": "What must not meet keeps a distance.",
     "switch": "No end switch is struck but in a reference run.",
     "fault": "The controller shows no error.",
     "margin": "Every motor keeps a margin of torque.",
@@ -86,6 +90,7 @@ class Bounds:
     margin: float | None = None  # least pull-out margin of each motor, 0 .. 1
     deviation_mm: float | None = None
     cycle_s: float | None = None
+    clearance: float | None = None  # least distance of bodies that must not meet, mm
     may_strike: tuple[str, ...] = ()  # end switches that may be struck; "all"
     robust: int = 0  # repetitions
     timeout_s: float = TIMEOUT_S
@@ -196,6 +201,9 @@ class Inspection:
         self.bounds = bounds or Bounds()
         self.results: list[Result] = []
         self._watch = _Watch(twin, self.bounds)
+        self._met = len(twin.collisions)  # collisions that have been told
+        if self.bounds.clearance is not None:
+            twin.watch_clearance()
         self._scribe = Scribe(twin)
         self._findings: list[Finding] = []
         self._gone = np.zeros(len(twin.counts), dtype=np.bool_)
@@ -234,10 +242,25 @@ class Inspection:
             if number > self._faults[i]
         ]
         self._faults = faults
+        self._findings += self._collisions(result.number)
+
+    def _collisions(self, line: int | None) -> list[Finding]:
+        """Those that nobody has been told of."""
+        new, self._met = self.twin.collisions[self._met :], len(self.twin.collisions)
+        return [Finding("collision", str(collision), line, collision.time_ns) for collision in new]
+
+    def _clearance(self) -> list[Finding]:
+        """Bodies that came too near to each other; if they met, that has been told."""
+        bound, found = self.bounds.clearance, self.twin.clearance
+        if bound is None or found is None or not 0.0 < found.apart_mm < bound:
+            return []
+        lines = [one.number for one in self.results if not one.condition and one.time_ns < found.time_ns]
+        return [Finding("clearance", f"{found}; at least {bound:g} mm", lines[-1] if lines else None, found.time_ns)]
 
     def report(self, job: str, verdict: Verdict, others: Sequence[Finding] = ()) -> Report:
         """The report at the end of the job; others: further findings."""
         findings = [finding for finding in self._findings if not _expected(finding, verdict, self.results)]
+        findings += [*self._collisions(self.results[-1].number if self.results else None), *self._clearance()]
         findings += [*_of_verdict(verdict, self._gone, self.results, self.bounds), *others]
         placed = [_placed(finding, self.results) for finding in findings]
         return Report(job, _few(placed), verdict, self._scribe.golden(verdict))

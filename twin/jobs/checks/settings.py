@@ -10,10 +10,17 @@
     margin = 0.2                     # least pull-out margin of each motor
     deviation_mm = 0.05              # most difference between counter and true position
     cycle_s = 60.0                   # most time from the first command to the end of the last one
+    clearance = 2.0                  # least distance of what must not meet, mm
     may_strike = ["limit_x1"]        # end switches that may be struck outside a reference run; ["all"]
     golden = true                    # compare a job with its golden run, if it has one (the default)
     robust = 20                      # repetitions on slightly different machines
     timeout_s = 600.0                # of each command
+
+    [[fixture]]                      # clamped on the table, for every job below this folder
+    name = "vise"                    # (isel_twin.machine.fixture); `run`, `golden` and `tune` see it, too
+    shape = "box"
+    size_mm = [100, 20, 40]
+    at_mm = [197.5, 120, 0]
 
     [[check.job]]                    # for some jobs, in the order of the file; the last match wins
     match = "pocket*.txt"            # path relative to this file, with * and ?
@@ -33,8 +40,11 @@ from pathlib import Path
 from typing import Any
 
 from isel_twin.base.parameters import FileError, Limits, Place, boolean, known, plain, read_toml, table, text
+from isel_twin.base.toml_lines import read_lines
 from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs.checks.job import Bounds
+from isel_twin.machine import Fixture, read_fixtures
+from isel_twin.plant import MOST_CLEARANCE_MM
 
 FILE = "isel-twin.toml"
 
@@ -43,10 +53,11 @@ _NUMBERS: Mapping[str, Limits] = {
     "margin": Limits("", 0.0, 1.0),
     "deviation_mm": Limits("mm", 0.0, 1e5),
     "cycle_s": Limits("s", 0.0, 1e9),
+    "clearance": Limits("mm", 0.0, MOST_CLEARANCE_MM),
     "robust": Limits("repetitions", 0, 10_000, whole=True),
     "timeout_s": Limits("s", 0.0, 1e9),
 }
-_OFF = ("margin", "deviation_mm", "cycle_s")  # bounds that may be "off"
+_OFF = ("margin", "deviation_mm", "cycle_s", "clearance")  # bounds that may be "off"
 _WORDS = ("machine", "controller", "plant", "scenario")
 KEYS = (*_WORDS, *_NUMBERS, "may_strike", "golden", "set")
 
@@ -76,7 +87,7 @@ def load(path: Path) -> list[tuple[str, dict[str, Any]]]:
     for anything wrong in it, OSError if it cannot be read."""
     place = Place(path, SettingsError)
     content = read_toml(place)
-    known(content, ("check",), place)
+    known(content, ("check", "fixture"), place)
     section = dict(table(content.get("check", {}), place.at("check")))
     jobs = section.pop("job", [])
     if not isinstance(jobs, list):
@@ -90,6 +101,12 @@ def load(path: Path) -> list[tuple[str, dict[str, Any]]]:
         pattern = text(values.pop("match"), where.at("match"))
         demands.append((pattern, _values(values, where)))
     return demands
+
+
+def fixtures(path: Path) -> tuple[Fixture, ...]:
+    """What is clamped on the table for jobs below a settings file: its [[fixture]] tables. Raises as `load`."""
+    content, place = read_lines(path, SettingsError)
+    return read_fixtures(content.get("fixture", []), place.at("fixture"), path.resolve().parent)
 
 
 def _values(content: Mapping[str, Any], place: Place) -> dict[str, Any]:
@@ -135,8 +152,9 @@ def _flat(tree: Mapping[str, Any], above: str) -> Iterator[tuple[str, Any]]:
 def task(job: Path, settings: Path | None, options: Mapping[str, Any]) -> Task:
     """The task of a job from its settings file and options (same keys, None: not given). Raises as `load`."""
     values: dict[str, Any] = {}
+    clamped: tuple[Fixture, ...] = ()
     if settings is not None:
-        folder = settings.resolve().parent
+        folder, clamped = settings.resolve().parent, fixtures(settings)
         seen = job.resolve()
         name = seen.relative_to(folder).as_posix() if seen.is_relative_to(folder) else seen.as_posix()
         for pattern, demanded in load(settings):
@@ -151,6 +169,8 @@ def task(job: Path, settings: Path | None, options: Mapping[str, Any]) -> Task:
         values["scenario"] = Path(values["scenario"])
     golden = values.pop("golden", True)
     of_call = {item.name for item in dataclasses.fields(TwinSpec)}
-    call = TwinSpec(overrides=overrides, **{key: value for key, value in values.items() if key in of_call})
+    call = TwinSpec(
+        overrides=overrides, fixtures=clamped, **{key: value for key, value in values.items() if key in of_call}
+    )
     bounds = Bounds(**{key: value for key, value in values.items() if key not in of_call})
     return Task(job, call, bounds, golden)

@@ -60,6 +60,8 @@ def all_points(plan: Plan) -> Iterator[Point]:
     """All points in order, with duplicates."""
     spec = plan.work.spec
     same = dataclasses.asdict(dataclasses.replace(plan.work, parameters=(), job_name="", spec=TwinSpec()))
+    if same["bounds"]["clearance"] is None:
+        del same["bounds"]["clearance"]  # keeps the ids of rows of older tables
     del same["spec"]  # the content of job and machine counts, not their names
     same |= {"machine": "", "controller": spec.controller, "plant": spec.plant, "start_mm": spec.start_mm}
     digest = hashlib.sha256(_canonical(same))

@@ -80,7 +80,9 @@ def make(candidate: Candidate, weather: Weather, number: int) -> Judgement:
     if not why and not job.ok:
         verdict = job.verdict
         slipped = any(verdict.lost) or any(verdict.halfway) or any(verdict.switched_off)
-        why = _wrong(results) or losses(twin) or ("a rotor rests halfway" if slipped else "the controller is in error")
+        met = next(map(str, verdict.collisions), "")
+        rest = met or ("a rotor rests halfway" if slipped else "the controller is in error")
+        why = _wrong(results) or losses(twin) or rest
     if why:
         why = f"line {results[-1].number}: {why}{f', repetition {number}' if number else ''}"
     counted = [result for result in results if result.number >= candidate.first]

@@ -220,6 +220,7 @@ class Problem:
 
         call = self.call
         tree = with_overrides(call.as_built, call.overrides).tree
+        clamped = {"fixtures": digest(repr(call.fixtures).encode())} if call.fixtures else {}
         return {
             "job": digest(self.text.encode()),
             "machine": digest(json.dumps(tree, sort_keys=True, default=str).encode()),
@@ -231,6 +232,7 @@ class Problem:
             "number of repetitions": self.repetitions,
             "speed of rapid ways": self.rapid_from_hz,
             "choice of parameters": digest(repr(self.parameters).encode()),
+            **clamped,
         }
 
 

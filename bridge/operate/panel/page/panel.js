@@ -315,6 +315,7 @@ function build_faults() {
   let shown = "";
   updates.push((now) => {
     const entries = Object.entries(now.faults);
+    for (const { first, second, time_ns } of now.collisions) entries.push([`${first} hits ${second}`, `at ${(time_ns / 1e9).toFixed(3)} s`]);
     put($("faulty"), entries.length ? String(entries.length) : "");
     if (shown === (shown = JSON.stringify(entries))) return;
     wrong.replaceChildren(...entries.map(([name, fault]) => {
