@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import select
 import signal
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -19,6 +17,7 @@ from isel_twin.bridge.serve.borders import Endpoint
 from isel_twin.bridge.serve.pacing import Pacer
 from isel_twin.bridge.serve.server import Server
 from isel_twin.core.twin import Twin
+from tests.forked import start
 
 START_S = 120.0
 """Longest wait for a process to listen: the first one may have to compile."""
@@ -38,10 +37,8 @@ def until(true: Callable[[], object]) -> None:
 class Served:
     """A running `isel-twin serve`, or another command that listens, and what it said when it did."""
 
-    def __init__(self, arguments: tuple[str, ...], name: str = "serve") -> None:
-        command = [sys.executable, "-m", "isel_twin.cli", name, *arguments]
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        assert self.process.stdout is not None
+    def __init__(self, arguments: tuple[str, ...], name: str = "serve", start: Callable[..., Any] = start) -> None:
+        self.process = start(name, *arguments)
         ready, _, _ = select.select([self.process.stdout], [], [], START_S)
         line = self.process.stdout.readline() if ready else ""
         if not line:

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.bridge.conftest import Served, ask
+from tests.forked import start_anew
 
 SESSION = (
     "@07",
@@ -27,7 +28,7 @@ def test_everything_is_compiled_before_it_listens(plant: str, tmp_path: Path, mo
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     compiled = []
     for told in (True, False):
-        served = Served(("--plant", plant, "--speed", "max"))
+        served = Served(("--plant", plant, "--speed", "max"), start=start_anew)
         compiled.append({path.name for path in tmp_path.rglob("*.nbc")})
         with served.open() as port:
             assert [ask(port, command) for command in SESSION] == ["0"] * len(SESSION)

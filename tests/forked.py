@@ -1,0 +1,222 @@
+"""Processes of the command line, forked from one that has imported everything: a tenth of the work of a start.
+
+Each is as real as one that was started: it has its own number, signals, files, and end of the interpreter. What shows
+the start itself (imports, compiling, what is read from the environment by then) needs `subprocess`.
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import functools
+import gc
+import json
+import os
+import select
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+PIPE = subprocess.PIPE
+REQUEST_BYTES = 1 << 18
+NUMBER = struct.Struct("i")
+PATIENCE_S = 120.0
+
+
+def start(*words: object, **options: Any) -> Any:
+    """`isel-twin words...`, as `subprocess.Popen` with text in pipes. Options: cwd, stdin, stdout, stderr."""
+    return (
+        Forked([str(word) for word in words], **options) if sys.platform == "linux" else start_anew(*words, **options)
+    )
+
+
+def start_anew(*words: object, **options: Any) -> subprocess.Popen[str]:
+    """The same with an interpreter that has imported nothing."""
+    command = [sys.executable, "-m", "isel_twin.cli", *map(str, words)]
+    return subprocess.Popen(command, text=True, **{"stdout": PIPE, "stderr": PIPE, **options})
+
+
+def run(*words: object, input: str = "", start: Any = start, **options: Any) -> subprocess.CompletedProcess[str]:
+    """`isel-twin words...` to its end, as `subprocess.run` with text in pipes."""
+    with start(*words, **{"stdin": PIPE, **options}) as process:
+        try:
+            out, err = process.communicate(input if process.stdin else None, timeout=PATIENCE_S)
+        finally:
+            process.kill()
+    return subprocess.CompletedProcess([*words], process.returncode, out, err)
+
+
+class Forked:
+    """A forked process. What it has in common with `subprocess.Popen` means the same."""
+
+    def __init__(
+        self, words: Sequence[str], cwd: Path | str = ".", stdin: Any = None, stdout: Any = PIPE, stderr: Any = PIPE
+    ) -> None:
+        self.returncode: int | None = None
+        self._news, news = socket.socketpair()
+        with contextlib.ExitStack() as handed_over:
+            files = []
+            pipes = []
+            for number, file in enumerate((stdin, stdout, stderr)):
+                pipe = None
+                if file == PIPE:
+                    ends = os.pipe()
+                    file, mine = (ends[0], ends[1]) if number == 0 else (ends[1], ends[0])
+                    handed_over.callback(os.close, file)
+                    pipe = open(mine, "w" if number == 0 else "r", encoding="utf-8")
+                files.append(number if file is None else file if isinstance(file, int) else file.fileno())
+                pipes.append(pipe)
+            self.stdin, self.stdout, self.stderr = pipes
+            handed_over.callback(news.close)
+            request = {"words": words, "folder": os.path.abspath(cwd), "environment": dict(os.environ)}
+            socket.send_fds(_template(), [json.dumps(request).encode()], [*files, news.fileno()])
+        self.pid = NUMBER.unpack(self._news.recv(NUMBER.size))[0]
+
+    def __enter__(self) -> Forked:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for pipe in (self.stdin, self.stdout, self.stderr):
+            if pipe is not None:
+                pipe.close()
+        self.wait()
+
+    def poll(self) -> int | None:
+        return self._ended(0.0)
+
+    def wait(self, timeout: float | None = None) -> int:
+        code = self._ended(timeout)
+        if code is None:
+            raise subprocess.TimeoutExpired(f"process {self.pid}", timeout or 0.0)
+        return code
+
+    def _ended(self, timeout: float | None) -> int | None:
+        if self.returncode is None and select.select([self._news], [], [], timeout)[0]:
+            self.returncode = NUMBER.unpack(self._news.recv(NUMBER.size))[0]
+            self._news.close()
+        return self.returncode
+
+    def send_signal(self, number: int) -> None:
+        if self.poll() is None:
+            os.kill(self.pid, number)
+
+    def terminate(self) -> None:
+        self.send_signal(signal.SIGTERM)
+
+    def kill(self) -> None:
+        self.send_signal(signal.SIGKILL)
+
+    def communicate(self, input: str | None = None, timeout: float | None = None) -> tuple[str, str]:
+        texts = {1: "", 2: ""}
+
+        def read(number: int, pipe: Any) -> None:
+            with pipe:
+                texts[number] = pipe.read()
+
+        pipes = {1: self.stdout, 2: self.stderr}
+        readers = [threading.Thread(target=read, args=one, daemon=True) for one in pipes.items() if _open(one[1])]
+        for reader in readers:
+            reader.start()
+        if _open(self.stdin):
+            with contextlib.suppress(BrokenPipeError), self.stdin as pipe:
+                pipe.write(input or "")
+        self.wait(timeout)
+        for reader in readers:
+            reader.join(PATIENCE_S)
+        return texts[1], texts[2]
+
+
+def _open(pipe: Any) -> bool:
+    return pipe is not None and not pipe.closed
+
+
+@functools.cache
+def _template() -> socket.socket:
+    """The line to the template, which ends when this process does."""
+    mine, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with its:
+        root = Path(__file__).parents[1]
+        words = [sys.executable, "-m", "tests.forked", str(its.fileno())]
+        subprocess.Popen(words, cwd=root, pass_fds=[its.fileno()], stdin=subprocess.DEVNULL)
+    return mine
+
+
+# ---- in the template ------------------------------------------------------------------------------------------------
+
+
+def _be_template(line: socket.socket) -> None:
+    """Fork for each request until nobody is left who could ask."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _import_everything()
+    while True:
+        request, files, *_ = socket.recv_fds(line, REQUEST_BYTES, 4)
+        if not request:
+            return
+        if os.fork() == 0:
+            line.close()
+            _be_keeper(json.loads(request), files)
+        for file in files:
+            os.close(file)
+        with contextlib.suppress(ChildProcessError):
+            while os.waitpid(-1, os.WNOHANG)[0]:
+                pass
+
+
+def _import_everything() -> None:
+    from isel_twin.core.warm import warm_up
+    from tests.in_process import isel_twin
+
+    for plant in ("kinematic", "mujoco"):
+        warm_up(plant)
+        isel_twin("run", "-", "--plant", plant, stdin="@07\n")
+        isel_twin("exec", "--plant", plant, "--", "python", "-c", "import serial")
+        isel_twin("serve", "--plant", plant, "--tcp", "nowhere")
+    gc.collect()
+    gc.freeze()
+
+
+def _be_keeper(request: dict[str, Any], files: list[int]) -> NoReturn:
+    """The parent of the process; tells who it is and how it ended."""
+    *files, news = files
+    pid = os.fork()
+    if pid == 0:
+        os.close(news)
+        _be_command(request, files)
+    for file in files:
+        os.close(file)
+    os.write(news, NUMBER.pack(pid))
+    _, status = os.waitpid(pid, 0)
+    with contextlib.suppress(BrokenPipeError):
+        os.write(news, NUMBER.pack(os.waitstatus_to_exitcode(status)))
+    os._exit(0)
+
+
+def _be_command(request: dict[str, Any], files: list[int]) -> NoReturn:
+    from isel_twin.cli import main
+
+    for number, file in enumerate(files):
+        os.dup2(file, number)
+        os.close(file)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    os.chdir(request["folder"])
+    os.environ.clear()
+    os.environ.update(request["environment"])
+    sys.stdin = sys.__stdin__ = open(0, closefd=False)
+    sys.stdout = sys.__stdout__ = open(1, "w", closefd=False)
+    sys.stderr = sys.__stderr__ = open(2, "w", errors="backslashreplace", buffering=1, closefd=False)
+    sys.argv = ["isel-twin", *request["words"]]
+    sys.path[0] = ""
+    atexit.register(gc.freeze)  # or the last act of the interpreter is to look at all there is
+    main()
+    raise SystemExit
+
+
+if __name__ == "__main__":
+    _be_template(socket.socket(fileno=int(sys.argv[1])))
