@@ -31,9 +31,9 @@ PATIENCE_S = 120.0
 
 def start(*words: object, **options: Any) -> Any:
     """`isel-twin words...`, as `subprocess.Popen` with text in pipes. Options: cwd, stdin, stdout, stderr."""
-    return (
-        Forked([str(word) for word in words], **options) if sys.platform == "linux" else start_anew(*words, **options)
-    )
+    if sys.platform != "linux":
+        return start_anew(*words, **options)
+    return Forked([str(word) for word in words], **options)
 
 
 def start_anew(*words: object, **options: Any) -> subprocess.Popen[str]:
@@ -69,7 +69,7 @@ class Forked:
                     ends = os.pipe()
                     file, mine = (ends[0], ends[1]) if number == 0 else (ends[1], ends[0])
                     handed_over.callback(os.close, file)
-                    pipe = open(mine, "w" if number == 0 else "r", encoding="utf-8")
+                    pipe = os.fdopen(mine, "w" if number == 0 else "r", encoding="utf-8")
                 files.append(number if file is None else file if isinstance(file, int) else file.fileno())
                 pipes.append(pipe)
             self.stdin, self.stdout, self.stderr = pipes
@@ -208,9 +208,9 @@ def _be_command(request: dict[str, Any], files: list[int]) -> NoReturn:
     os.chdir(request["folder"])
     os.environ.clear()
     os.environ.update(request["environment"])
-    sys.stdin = sys.__stdin__ = open(0, closefd=False)
-    sys.stdout = sys.__stdout__ = open(1, "w", closefd=False)
-    sys.stderr = sys.__stderr__ = open(2, "w", errors="backslashreplace", buffering=1, closefd=False)
+    sys.stdin = sys.__stdin__ = os.fdopen(0, closefd=False)
+    sys.stdout = sys.__stdout__ = os.fdopen(1, "w", closefd=False)
+    sys.stderr = sys.__stderr__ = os.fdopen(2, "w", errors="backslashreplace", buffering=1, closefd=False)
     sys.argv = ["isel-twin", *request["words"]]
     sys.path[0] = ""
     atexit.register(gc.freeze)  # or the last act of the interpreter is to look at all there is

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import signal
-import subprocess
-import sys
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
 from tests.bridge.conftest import ask
+from tests.forked import run
+from tests.in_process import isel_twin
 
 OLD, NEW = "first", "second"
 
@@ -77,8 +77,7 @@ def test_a_damaged_flash_image_is_the_controllers_business(serve, tmp_path):
 def test_a_second_server_on_one_flash_file_is_refused_in_one_line(serve, tmp_path):
     flash = tmp_path / "imc.flash"
     served = serve("--flash", str(flash))
-    command = [sys.executable, "-m", "isel_twin.cli", "serve", "--plant", "kinematic", "--flash", str(flash)]
-    second = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    second = run("serve", "--plant", "kinematic", "--flash", flash)
     assert second.returncode == 2
     assert second.stdout == ""
     (line,) = second.stderr.splitlines()
@@ -89,8 +88,7 @@ def test_a_second_server_on_one_flash_file_is_refused_in_one_line(serve, tmp_pat
 
 @pytest.mark.parametrize("file", ["/dev/zero", "."])
 def test_a_flash_memory_is_a_regular_file(file):
-    command = [sys.executable, "-m", "isel_twin.cli", "serve", "--plant", "kinematic", "--flash", file]
-    refused = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    refused = isel_twin("serve", "--plant", "kinematic", "--flash", file)
     assert refused.returncode == 2
     (line,) = refused.stderr.splitlines()
     assert "no regular file" in line or "directory" in line

@@ -6,8 +6,6 @@ import json
 import resource
 import signal
 import socket
-import subprocess
-import sys
 import time
 
 import pytest
@@ -15,6 +13,8 @@ import pytest
 from isel_twin.bridge.serve.recording import FLUSH_S
 from isel_twin.recordings.reading import read
 from tests.bridge.conftest import STOP_S, ask, until
+from tests.forked import run
+from tests.in_process import isel_twin
 
 
 def heard(recorded, channel: str) -> bytes:
@@ -80,8 +80,7 @@ def test_a_machine_in_motion_is_recorded_while_it_moves(serve, tmp_path):
 def test_two_servers_cannot_have_one_recording(serve, tmp_path, capfd):
     path = tmp_path / "session.mcap"
     served = serve("--record", str(path))
-    command = [sys.executable, "-m", "isel_twin.cli", "serve", "--plant", "kinematic", "--record", str(path)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    done = run("serve", "--plant", "kinematic", "--record", path)
     assert done.returncode == 2
     assert done.stderr.startswith(f"isel-twin: {path}: is in use by another twin, in process {served.process.pid};")
     assert len(done.stderr.splitlines()) == 1
@@ -92,8 +91,7 @@ def test_two_servers_cannot_have_one_recording(serve, tmp_path, capfd):
 def test_an_older_recording_is_replaced_and_only_when_the_new_one_begins(serve, tmp_path):
     path = tmp_path / "session.mcap"
     path.write_bytes(b"an older one")
-    command = [sys.executable, "-m", "isel_twin.cli", "serve", "--record", str(path), "--scenario", "missing.toml"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    done = isel_twin("serve", "--record", path, "--scenario", "missing.toml")
     assert done.returncode == 2
     assert path.read_bytes() == b"an older one"
     served = serve("--record", str(path))
@@ -147,14 +145,13 @@ def test_a_recording_is_explained_with_its_times(serve, tmp_path):
     with served.open() as port:
         assert ask(port, "@07") == "0"
     assert served.stop(signal.SIGTERM) == 0
-    command = [sys.executable, "-m", "isel_twin.cli", "decode", str(path)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    done = isel_twin("decode", path)
     assert (done.returncode, done.stderr) == (0, "")
     head, asked, answered = done.stdout.splitlines()
     assert head.split()[:4] == ["no", "time", "/", "s"]
     assert asked.split()[2:4] == ["host", "@07"]
     assert answered.split()[2:4] == ["twin", "0"]
-    refused = subprocess.run([*command, "--sent"], capture_output=True, text=True, check=False, timeout=60)
+    refused = isel_twin("decode", path, "--sent")
     assert refused.returncode == 2
     assert "a recording says itself who has sent what" in refused.stderr
 

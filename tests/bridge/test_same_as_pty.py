@@ -19,6 +19,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests.forked import run, start
+
 HOSTS = Path(__file__).parents[1] / "hosts"
 PROGRAMS = [["polling.py"], ["reader.py"], ["timer.py"]]
 REST_NS = 10_000_000
@@ -58,10 +60,9 @@ def by_pty(programs: list[list[str]], machine: Path, folder: Path) -> list[tuple
     served, hosts = [], []
     for number, program in enumerate(programs):
         steps = folder / f"{number}.npz"
-        command = [sys.executable, "-m", "isel_twin.cli", "serve", "--pty", "--speed", "1", "--plant", "kinematic"]
-        command += ["--machine", str(machine), "--log", "wire", "--record", str(steps)]
+        options = ["--pty", "--speed", "1", "--plant", "kinematic", "--machine", machine, "--log", "wire"]
         log = (folder / f"{number}.log").open("w")
-        server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log, text=True)
+        server = start("serve", *options, "--record", steps, stderr=log)
         served.append((server, steps, folder / f"{number}.log"))
         assert server.stdout is not None
         assert select.select([server.stdout], [], [], PATIENCE_S)[0]
@@ -77,9 +78,8 @@ def by_pty(programs: list[list[str]], machine: Path, folder: Path) -> list[tuple
 
 
 def by_exec(program: list[str], machine: Path, steps: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "isel_twin.cli", "exec", "--plant", "kinematic", "--machine", str(machine)]
-    command += ["--log", "wire", "--steps", str(steps), "--check", "--", "python", str(HOSTS / program[0]), "COM4"]
-    return subprocess.run([*command, *program[1:]], capture_output=True, text=True, check=False, timeout=PATIENCE_S)
+    options = ["--plant", "kinematic", "--machine", machine, "--log", "wire", "--steps", steps, "--check"]
+    return run("exec", *options, "--", "python", HOSTS / program[0], "COM4", *program[1:])
 
 
 @pytest.fixture(scope="module")

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,6 +15,7 @@ from isel_twin.base.errors import CallError
 from isel_twin.cli import main
 from isel_twin.cli.ctl import _request
 from isel_twin.envs import Settings, Setup, run_job
+from tests.in_process import isel_twin
 
 LOOPBACK = "127.0.0.1:0"
 MOVE = "@0A8000,5000,0,30,0,30,0,30"
@@ -89,8 +88,7 @@ def test_a_wrong_file_is_the_same_line_for_everybody(file: Path, tmp_path: Path)
     job = tmp_path / "job.txt"
     job.write_text("@07\n", encoding="utf-8")
     for command in (["run", str(job)], ["serve", "--tcp", LOOPBACK]):
-        call = [sys.executable, "-m", "isel_twin.cli", *command, "--plant", "kinematic", "--scenario", str(file)]
-        done = subprocess.run(call, capture_output=True, text=True, check=False, timeout=60)
+        done = isel_twin(*command, "--plant", "kinematic", "--scenario", file)
         assert done.returncode == 2
         assert said in done.stderr
         assert done.stderr.count("\n") == 1

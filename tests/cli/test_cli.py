@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from isel_twin.cli import main
+from tests import forked
 from tests.in_process import isel_twin
 
 GOOD = """\
@@ -212,21 +213,23 @@ def test_help_names_every_command():
         assert command in done.stdout
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [["--help"], ["--version"], ["machines"], ["controllers"]]
-    + [[command, "--help"] for command in ("serve", "run", "exec", "describe", "motor")],
-    ids=" ".join,
-)
-def test_help_and_lists_import_nothing_heavy(arguments):
-    code = (
-        "import sys\nfrom isel_twin.cli import main\n"
-        f"try: main({arguments})\nexcept SystemExit as end: assert not end.code\n"
-        "heavy = {'numpy', 'numba', 'mujoco', 'pyarrow', 'matplotlib', 'scipy'} & set(sys.modules)\n"
-        "print(sorted(heavy), file=sys.stderr)\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "[]\n")
+LIGHT = """
+import sys
+from isel_twin.cli import main
+heavy = {"numpy", "numba", "mujoco", "pyarrow", "matplotlib", "scipy"}
+commands = [[command, "--help"] for command in ("serve", "run", "exec", "describe", "motor")]
+for words in [["--help"], ["--version"], ["machines"], ["controllers"], *commands]:
+    try:
+        main(words)
+    except SystemExit as end:
+        assert not end.code, words
+    assert not heavy & set(sys.modules), words
+"""
+
+
+def test_help_and_lists_import_nothing_heavy():
+    done = subprocess.run([sys.executable, "-c", LIGHT], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_the_version_is_that_of_the_package():
@@ -266,10 +269,7 @@ def test_a_motor_is_shown_and_drawn(tmp_path):
 def test_output_that_nobody_reads_is_no_error_message(tmp_path):
     job = tmp_path / "job.txt"
     job.write_text("@07\n" * 20_000)
-    command = [sys.executable, "-m", "isel_twin.cli", "run", str(job), "--plant", "kinematic", "--json"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        assert process.stderr is not None
+    with forked.start("run", job, "--plant", "kinematic", "--json") as process:
         process.stdout.readline()
         process.stdout.close()
         assert process.stderr.read() == ""
@@ -303,18 +303,14 @@ def test_left_overs_of_killed_processes_are_removed(tmp_path):
     killed.wait()
     left_over = tmp_path / f".flash.bin.{killed.pid}.tmp"
     left_over.write_bytes(b"half")
-    command = [sys.executable, "-m", "isel_twin.cli", "run", "-", "--plant", "kinematic"]
-    done = subprocess.run([*command, "--flash", tmp_path / "flash.bin"], input=JOB, text=True, check=False, timeout=120)
+    done = forked.run("run", "-", "--plant", "kinematic", "--flash", tmp_path / "flash.bin", input=JOB)
     assert done.returncode == 0
     assert sorted(file.name for file in tmp_path.iterdir()) == ["flash.bin"]
 
 
 def test_a_full_disk_behind_standard_output_is_one_line(tmp_path):
     with open("/dev/full", "w") as full:
-        done = subprocess.run(
-            [sys.executable, "-m", "isel_twin.cli", "run", "-", "--plant", "kinematic"],
-            input=JOB, stdout=full, stderr=subprocess.PIPE, text=True, check=False, timeout=120,
-        )  # fmt: skip
+        done = forked.run("run", "-", "--plant", "kinematic", input=JOB, stdout=full)
     assert (done.returncode, done.stderr) == (2, "isel-twin: standard output: No space left on device\n")
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,6 +15,7 @@ from hypothesis import given, settings
 from isel_twin.cli import main
 from isel_twin.jobs.decode import DecodeError, Piece, explain, marked, typed
 from isel_twin.language import create_language, language_names, readable
+from tests.forked import start_anew
 
 
 def call(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
@@ -179,15 +179,11 @@ def test_a_controller_without_language(monkeypatch, capsys):
 def test_nobody_reads_any_more(tmp_path):
     dump = tmp_path / "long"
     dump.write_bytes(b"@07\r" * 50_000)
-    command = [sys.executable, "-m", "isel_twin.cli", "decode", str(dump)]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    assert process.stdout is not None
-    assert process.stderr is not None
-    process.stdout.readline()
-    process.stdout.close()
-    assert process.stderr.read() == b""
-    process.stderr.close()
-    assert process.wait(60) == 1
+    with start_anew("decode", dump) as process:
+        process.stdout.readline()
+        process.stdout.close()
+        assert process.stderr.read() == ""
+        assert process.wait(60) == 1
 
 
 def test_marked_lines_say_which_line_is_wrong():

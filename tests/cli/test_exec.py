@@ -8,10 +8,13 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from isel_twin.cli import main
+from tests import forked
+from tests.in_process import isel_twin
 
 HOSTS = Path(__file__).parents[1] / "hosts"
 MOVE = """\
@@ -23,7 +26,7 @@ with serial.Serial("COM4", 19200, timeout=90) as port:
 """
 
 
-STARTED: list[subprocess.Popen[str]] = []
+STARTED: list[Any] = []
 """Of the present test."""
 
 
@@ -36,9 +39,8 @@ def none_left():
     STARTED.clear()
 
 
-def start(*arguments: str | Path, **kwargs) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "isel_twin.cli", "exec", *map(str, arguments)]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **kwargs)
+def start(*arguments: str | Path, **kwargs) -> Any:
+    process = forked.start("exec", *arguments, **kwargs)
     STARTED.append(process)
     return process
 
@@ -149,8 +151,7 @@ def test_a_recording_replays(host, tmp_path):
     record = tmp_path / "host.mcap"
     done = execute("--record", record, "--", "python", host(MOVE.format(way=3200, speed=8000)))
     assert done.returncode == 0, done.stderr
-    command = [sys.executable, "-m", "isel_twin.cli", "replay", str(record)]
-    again = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    again = isel_twin("replay", record)
     assert again.returncode == 0, again.stderr
 
 
@@ -216,7 +217,8 @@ def test_ten_virtual_minutes_take_less_than_five_seconds(host):
     """Of the processor, whoever else wants it; the start of the interpreter and of the package among them."""
     began = os.times()
     file = host("import time, serial\np = serial.Serial('COM4')\nfor _ in range(6000): p.in_waiting; time.sleep(0.1)")
-    done = execute("--json", "--", "python", file)
+    options = ("--plant", "kinematic", "--json", "--", "python", file)
+    done = forked.run("exec", *options, start=forked.start_anew)
     assert json.loads(done.stdout)["virtual_s"] == pytest.approx(600.0, abs=0.1)
     ended = os.times()
     assert ended.children_user + ended.children_system - began.children_user - began.children_system < 5.0

@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +12,8 @@ import pytest
 import serial
 
 from isel_twin.bridge.serve import registry
+from tests.forked import run, start, start_anew
+from tests.in_process import isel_twin
 
 STOP_S = 60.0
 
@@ -25,16 +25,11 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "isel-twin" / "ports"
 
 
-def command(*arguments: str) -> list[str]:
-    return [sys.executable, "-m", "isel_twin.cli", *arguments]
-
-
 class Serving:
     """A server that listens while the block lasts."""
 
     def __init__(self, *arguments: str) -> None:
-        self.process = subprocess.Popen(command(*arguments), stdout=subprocess.PIPE, text=True)
-        assert self.process.stdout is not None
+        self.process = start(*arguments)
         self.info: dict[str, Any] = json.loads(self.process.stdout.readline())
 
     def __enter__(self) -> Serving:
@@ -46,25 +41,13 @@ class Serving:
 
 
 def listed() -> list[dict[str, Any]]:
-    told = subprocess.run(command("ports", "--json"), capture_output=True, text=True, check=True, timeout=STOP_S)
-    found: list[dict[str, Any]] = json.loads(told.stdout)["served"]
+    found: list[dict[str, Any]] = json.loads(isel_twin("ports", "--json").stdout)["served"]
     return found
 
 
 def test_several_endpoints_of_a_kind_are_served_and_listed(tmp_path, home):
     first, second = str(tmp_path / "a"), str(tmp_path / "b")
-    arguments = (
-        "--pty",
-        first,
-        "--pty",
-        second,
-        "--tcp",
-        "127.0.0.1:0",
-        "--tcp",
-        "127.0.0.1:0",
-        "--plant",
-        "kinematic",
-    )
+    arguments = (*("--pty", first, "--pty", second), *("--tcp", "127.0.0.1:0") * 2, "--plant", "kinematic")
     with Serving("serve", *arguments, "--speed", "max") as server:
         assert server.info["pty"] == first
         assert [port["kind"] for port in server.info["ports"]] == ["pty", "pty", "tcp", "tcp"]
@@ -82,7 +65,7 @@ def test_several_endpoints_of_a_kind_are_served_and_listed(tmp_path, home):
             with serial.serial_for_url(name, baudrate=19_200, timeout=60) as port:
                 port.write(b"@0P\r")
                 assert port.read(19) == b"0" * 19
-        text = subprocess.run(command("ports"), capture_output=True, text=True, check=True).stdout
+        text = run("ports", start=start_anew).stdout
         assert f"{first} -> {server.info['device']}" in text
         assert f"socket://{server.info['tcp']}" in text
     assert listed() == []

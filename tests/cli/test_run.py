@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
+import resource
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -15,9 +14,10 @@ import pytest
 import unknown
 
 from isel_twin.cli import main
+from tests.forked import PIPE, run, start, start_anew
+from tests.in_process import isel_twin
 
 Call = tuple[int, str, str]
-COMMAND = [sys.executable, "-m", "isel_twin.cli", "run"]
 
 
 @pytest.fixture
@@ -62,10 +62,7 @@ def test_nothing_is_written_to_the_file_behind_standard_input(tmp_path: Path, op
     precious = tmp_path / "precious.txt"
     precious.write_text("years of work")
     with precious.open() as stdin:
-        done = subprocess.run(
-            [*COMMAND, "job.txt", "--plant", "kinematic", option, name],
-            stdin=stdin, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=120,
-        )  # fmt: skip
+        done = run("run", "job.txt", "--plant", "kinematic", option, name, stdin=stdin, cwd=tmp_path)
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1), done.stderr
     assert "standard input" in done.stderr
     assert precious.read_text() == "years of work"
@@ -74,30 +71,21 @@ def test_nothing_is_written_to_the_file_behind_standard_input(tmp_path: Path, op
 def test_nor_to_the_file_behind_standard_output(tmp_path: Path) -> None:
     (tmp_path / "job.txt").write_text("@07\n")
     with (tmp_path / "out.txt").open("w") as stdout:
-        done = subprocess.run(
-            [*COMMAND, "job.txt", "--plant", "kinematic", "--vcd", "/dev/stdout"],
-            stdout=stdout, stderr=subprocess.PIPE, cwd=tmp_path, text=True, check=False, timeout=120,
-        )  # fmt: skip
+        done = run("run", "job.txt", "--plant", "kinematic", "--vcd", "/dev/stdout", stdout=stdout, cwd=tmp_path)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "standard output" in done.stderr
 
 
 def test_a_pipe_is_written_to(tmp_path: Path) -> None:
     (tmp_path / "job.txt").write_text("@07\n")
-    done = subprocess.run(
-        [*COMMAND, "job.txt", "--plant", "kinematic", "--vcd", "/dev/stderr"],
-        cwd=tmp_path, capture_output=True, text=True, check=False, timeout=120,
-    )  # fmt: skip
+    done = run("run", "job.txt", "--plant", "kinematic", "--vcd", "/dev/stderr", cwd=tmp_path)
     assert done.returncode == 0
     assert "$timescale" in done.stderr
 
 
 def test_a_minus_for_the_job_is_standard_input_wherever_it_stands(tmp_path: Path) -> None:
     for words in (["-", "--json"], ["--json", "-"]):
-        done = subprocess.run(
-            [*COMMAND, "--plant", "kinematic", *words],
-            input="@07\n", capture_output=True, text=True, check=False, timeout=120,
-        )  # fmt: skip
+        done = run("run", "--plant", "kinematic", *words, input="@07\n", start=start_anew)
         assert (done.returncode, done.stderr) == (0, "")
 
 
@@ -124,7 +112,7 @@ def test_a_picture_is_no_job(call: Any) -> None:
 
 
 def test_what_is_wrong_with_standard_input_is_said_of_standard_input(tmp_path: Path) -> None:
-    done = subprocess.run([*COMMAND, "-"], input="@07\n<256>\n", capture_output=True, text=True, check=False)
+    done = isel_twin("run", "-", stdin="@07\n<256>\n")
     assert done.stderr == (
         "isel-twin: standard input: line 2: <256> is neither a byte (<0> to <255>) nor a pause (<0.5s>)\n"
     )
@@ -252,12 +240,9 @@ class started:
 
     def __init__(self, folder: Path, job: str, *options: str) -> None:
         (folder / "job.txt").write_text(job)
-        self.process = subprocess.Popen(
-            [*COMMAND, "job.txt", "--plant", "kinematic", *options],
-            cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        )  # fmt: skip
+        self.process = start("run", "job.txt", "--plant", "kinematic", *options, cwd=folder)
 
-    def __enter__(self) -> subprocess.Popen[str]:
+    def __enter__(self) -> Any:
         return self.process
 
     def __exit__(self, *_: object) -> None:
@@ -327,25 +312,15 @@ def test_a_trace_that_grows_long_is_said_as_it_grows(call: Any, monkeypatch: pyt
     assert "--interval" in said[0]
 
 
-SMALL_FILES = """
-import resource
-resource.setrlimit(resource.RLIMIT_FSIZE, (2048, 2048))
-from isel_twin.cli import main
-main()
-"""
-"""What a full disk does, for whoever runs the tests: no file grows beyond 2 kB."""
-
-
 @pytest.mark.parametrize("option", ["--steps", "--vcd", "--trace", "--report"])
 def test_a_file_that_cannot_be_written_is_named_as_the_user_did(tmp_path: Path, option: str) -> None:
-    (tmp_path / "job.txt").write_text("@07\n@0N7\n@0A16000,5000,0,30,0,30,0,30\n")
-    done = subprocess.run(
-        [sys.executable, "-c", SMALL_FILES, "run", "job.txt", "--plant", "kinematic", option, "out"],
-        cwd=tmp_path, capture_output=True, text=True, check=False, timeout=120,
-    )  # fmt: skip
-    assert (done.returncode, done.stderr) == (2, "isel-twin: out: File too large\n")
-    assert "all well" in done.stdout  # what the job did is not lost with the file
-    assert {path.name for path in tmp_path.iterdir()} == {"job.txt"}
+    """No file grows beyond 2 kB, which is what a full disk does, for whoever runs the tests."""
+    with start("run", "-", "--plant", "kinematic", option, "out", stdin=PIPE, cwd=tmp_path) as process:
+        resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (2048, 2048))
+        out, err = process.communicate("@07\n@0N7\n@0A16000,5000,0,30,0,30,0,30\n", timeout=120)
+    assert (process.returncode, err) == (2, "isel-twin: out: File too large\n")
+    assert "all well" in out  # what the job did is not lost with the file
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_picture_of_a_kind_that_does_not_exist_is_named(

@@ -6,8 +6,6 @@ import http.client
 import json
 import select
 import socket
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from io import BytesIO
 from pathlib import Path
@@ -20,6 +18,7 @@ from mcap.stream_reader import StreamReader
 from websockets.sync.client import connect
 
 from isel_twin.cli import main
+from tests import forked
 from tests.panel.conftest import LOOPBACK, WAIT_S
 
 pytestmark = pytest.mark.xdist_group("panel")
@@ -31,13 +30,11 @@ START_S = 120.0
 @pytest.fixture
 def serve() -> Iterator[Callable[..., dict[str, Any]]]:
     """serve(*arguments) -> the line that it has printed."""
-    started: list[subprocess.Popen[str]] = []
+    started: list[Any] = []
 
     def start(*arguments: str) -> dict[str, Any]:
-        command = [sys.executable, "-m", "isel_twin.cli", "serve", "--plant", "kinematic", *arguments]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        process = forked.start("serve", "--plant", "kinematic", *arguments)
         started.append(process)
-        assert process.stdout is not None
         ready, _, _ = select.select([process.stdout], [], [], START_S)
         line = process.stdout.readline() if ready else ""
         assert line, process.communicate()[1]
