@@ -143,7 +143,7 @@ def _template() -> socket.socket:
     with its:
         root = Path(__file__).parents[1]
         words = [sys.executable, "-m", "tests.forked", str(its.fileno())]
-        subprocess.Popen(words, cwd=root, pass_fds=[its.fileno()], stdin=subprocess.DEVNULL)
+        subprocess.Popen(words, cwd=root, pass_fds=[its.fileno()])
     return mine
 
 
@@ -188,6 +188,7 @@ def _be_keeper(request: dict[str, Any], files: list[int]) -> NoReturn:
     if pid == 0:
         os.close(news)
         _be_command(request, files)
+    os.closerange(0, 3)  # who reads what the tests print does not wait for it
     for file in files:
         os.close(file)
     os.write(news, NUMBER.pack(pid))

@@ -15,13 +15,13 @@ from isel_twin.controller import controller_names
 from isel_twin.language import MoveSettings, create_language, needed
 from isel_twin.recordings.mcap import RecordingWriter
 from isel_twin.recordings.reading import read
-from tests.bridge.conftest import STOP_S
+from tests.bridge.conftest import REPLY_S, STOP_S, near_switches, until
 from tests.in_process import isel_twin as cli
 
 SCENARIO = """
 [[event]]
 at = 1.5
-set = { limit_z2 = "broken" }
+friction_n = { y = 5 }
 """
 
 
@@ -30,62 +30,67 @@ class Control:
 
     def __init__(self, address: str) -> None:
         host, number = address.rsplit(":", 1)
-        self._lines = socket.create_connection((host, int(number))).makefile("rw")
+        self._lines = socket.create_connection((host, int(number)), REPLY_S).makefile("rw")
 
-    def ask(self, **request: Any) -> None:
+    def ask(self, **request: Any) -> Any:
         self._lines.write(json.dumps(request) + "\n")
         self._lines.flush()
-        assert json.loads(self._lines.readline())["ok"]
+        answer = json.loads(self._lines.readline())
+        assert "ok" in answer, answer
+        return answer["ok"]
 
 
-def session(served, controller: str, begin_s: float) -> None:
-    """What a host and a person do at the same time, in their own time."""
+def say(port, *data: bytes) -> None:
+    """And hear what is answered, if it is soon."""
+    for one in data:
+        port.write(one)
+        port.read(1)
+        port.read(port.in_waiting)
+
+
+def session(served, controller: str) -> None:
+    """What a host and a person do at the same time."""
     language = needed(create_language(controller), controller)
     control = Control(served.info["control"])
     with served.open() as port:
-        port.timeout = begin_s
-        for data in language.reference():
-            port.write(data)
-            port.read(64)
+        port.timeout = 0.3
+        say(port, *language.reference())
+        control.ask(wait={"idle": True})
         control.ask(force_n={"x": 15.0})
-        settings = MoveSettings(speed_hz=2000)
-        *before, move = language.move((4000, 2000, 100), settings)
-        for data in before:
-            port.write(data)
-            port.read(64)
+        begin_mm = control.ask(state=True)["position_mm"][0]
+        *before, move = language.move((4000, 2000, 100), MoveSettings(speed_hz=2000))
+        say(port, *before)
         port.write(move)
-        time.sleep(0.1)
-        control.ask(pause=True)
+        control.ask(wait={"position": "x", "above": begin_mm + 0.5, "pause": True})
         control.ask(step=0.03)
         control.ask(set={"limit_x2": "stuck_closed"}, noise=0.01)
         control.ask(resume=True)
         port.write(language.break_off())
-        time.sleep(0.1)
+        control.ask(wait={"idle": True})
+        control.ask(pause=True)
         control.ask(set={"estop": "pressed"})
-        time.sleep(0.1)
+        control.ask(step=0.1)
+        control.ask(resume=True)
         control.ask(speed=5)
         control.ask(set={"estop": "released"}, noise=0)
-        port.write(b"\xfe")
-        port.read(64)
+        say(port, b"\xfe")
     with served.open() as port:  # another client
         port.timeout = 0.3
-        for data in language.reference()[:1]:
-            port.write(data)
-            port.read(64)
+        say(port, *language.reference()[:1])
 
 
 def serve_session(serve: Callable[..., Any], tmp_path, controller: str, speed: str) -> Any:
     scenario = tmp_path / "scenario.toml"
     scenario.write_text(SCENARIO)
     path = tmp_path / "session.mcap"
+    machine = near_switches(tmp_path, 1.0, "4030-servo" if controller in ("gmi99", "bwo900") else "4030")
     served = serve(
-        *("--controller", controller, "--scenario", str(scenario), "--seed", "4"),
-        *(("--machine", "4030-servo") if controller in ("gmi99", "bwo900") else ()),
+        *("--controller", controller, "--machine", str(machine), "--scenario", str(scenario), "--seed", "4"),
         *("--record", str(path), "--control", "127.0.0.1:0"),
         speed=speed,
         plant="mujoco",
     )
-    session(served, controller, begin_s=0.3)
+    session(served, controller)
     return served, path
 
 
@@ -112,6 +117,7 @@ def test_a_session_of_each_controller(serve, tmp_path, controller):
 
 def test_what_a_killed_server_leaves_replays_as_far_as_it_goes(serve, tmp_path):
     served, path = serve_session(serve, tmp_path, "imc-s8", "20")
+    until(lambda: list(read(path).of("/host/sent")))
     served.process.send_signal(signal.SIGKILL)
     served.process.wait(STOP_S)
     done = cli("replay", path)
@@ -123,13 +129,13 @@ def test_what_a_killed_server_leaves_replays_as_far_as_it_goes(serve, tmp_path):
 
 def test_replay_at_a_speed_takes_its_time_and_can_be_recorded_again(tmp_path):
     job = tmp_path / "job.txt"
-    job.write_text("@07\n<1s>\n@0P\n")
+    job.write_text("@07\n<0.5s>\n@0P\n")
     first, second = tmp_path / "first.mcap", tmp_path / "second.mcap"
     assert cli("run", job, "--plant", "kinematic", "--record", first).returncode == 0
     began = time.monotonic()
-    done = cli("replay", first, "--speed", "0.5", "--record", second)
+    done = cli("replay", first, "--speed", "1", "--record", second)
     assert done.returncode == 0, done.stdout
-    assert time.monotonic() - began > 2.0
+    assert time.monotonic() - began > 0.5
     assert [e for e in read(second).entries if e.channel != "/time"] == [
         e for e in read(first).entries if e.channel != "/time"
     ]

@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests.bridge.conftest import near_switches
 from tests.forked import run, start
 
 HOSTS = Path(__file__).parents[1] / "hosts"
@@ -30,15 +31,7 @@ PATIENCE_S = 120.0
 
 @pytest.fixture(scope="module")
 def machine(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A 4030 that is found near its switches, so that the reference run takes seconds."""
-    folder = tmp_path_factory.mktemp("near")
-    near = "".join(
-        f'power_on_{end} = {{ value = {value}, unit = "mm", grade = "setting", source = "a short test" }}\n'
-        for end, value in (("low", 4.0), ("high", 5.0))
-    )
-    axes = "\n".join(f"[axes.{axis}]\n{near}" for axis in "xyz")
-    (folder / "machine.toml").write_text(f'name = "near"\nbased_on = "4030"\n{axes}\n')
-    return folder
+    return near_switches(tmp_path_factory.mktemp("near"), 2.0)
 
 
 def traffic(log: str) -> list[tuple[str, str]]:
