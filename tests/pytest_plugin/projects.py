@@ -39,10 +39,22 @@ def warm(tmp_path_factory: pytest.TempPathFactory) -> None:
 
 
 @pytest.fixture
-def project(warm: None, pytester: pytest.Pytester) -> pytest.Pytester:
+def drawing_project(warm: None, pytester: pytest.Pytester) -> pytest.Pytester:
     """A project whose twins follow their counters."""
     pytester.makeini(INI)
     return pytester
+
+
+@pytest.fixture
+def project(drawing_project: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> pytest.Pytester:
+    """The same with empty pictures, which cost half a second each."""
+
+    def touch(twin: object, recorder: object, picture: Path, zero_ns: int) -> str:
+        picture.touch()
+        return f"picture:   {picture}"
+
+    monkeypatch.setattr(pytest_kept, "_draw", touch)
+    return drawing_project
 
 
 def run(project: pytest.Pytester, *arguments: str) -> pytest.RunResult:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pytest_plugin.projects import INI, project, warm
+from pytest_plugin.projects import INI, drawing_project, project, warm
 
 from isel_twin.core.twin import Twin
 from isel_twin.jobs.checks import asserts
@@ -15,7 +15,7 @@ from isel_twin.jobs.checks.asserts import MotionError, arc
 from isel_twin.jobs.checks.watched import Watched
 from isel_twin.jobs.golden import GoldenError
 
-__all__ = ["project", "warm"]
+__all__ = ["drawing_project", "project", "warm"]
 pytest_plugins = ["pytester"]
 
 SQUARE = """\
@@ -191,9 +191,13 @@ SAID = {
 TOO_FAST = Path(__file__).parents[1] / "jobs" / "failing" / "too_fast.txt"
 
 
-@pytest.mark.parametrize("workers", [(), ("-n", "2")], ids=["alone", "workers"])
+@pytest.mark.parametrize(
+    ("tests", "words"),
+    [(list(SAID), ()), (["test_replies", "test_path"], ("-n", "2"))],
+    ids=["alone", "workers"],
+)
 def test_assertions_pass_and_fail_with_what_was_when_and_where(
-    project: pytest.Pytester, workers: tuple[str, ...]
+    project: pytest.Pytester, tests: list[str], words: tuple[str, ...]
 ) -> None:
     project.makeini(INI)
     for name, content in {
@@ -207,16 +211,16 @@ def test_assertions_pass_and_fail_with_what_was_when_and_where(
     golden.play(project.path / "square.txt")
     asserts.assert_golden(golden, project.path / "square.golden", update=True)
     project.makeconftest(CONFTEST)
-    project.makepyfile(TESTS)
+    file = project.makepyfile(TESTS).name
 
-    go = project.runpytest_subprocess if workers else project.runpytest_inprocess
-    result = go("-q", "-p", "no:timeout", *workers)
-    result.assert_outcomes(passed=3, failed=len(SAID))
+    go = project.runpytest_subprocess if words else project.runpytest_inprocess
+    result = go("-q", "-p", "no:timeout", *words, *(f"{file}::{name}" for name in ("TestPass", *tests)))
+    result.assert_outcomes(passed=3, failed=len(tests))
     text = result.outlines
-    for name, lines in SAID.items():
+    for name in tests:
         begin = next(k for k, line in enumerate(text) if line.strip("_ ") == name)
         end = next(k for k in range(begin, len(text)) if text[k].startswith("the test again: "))
-        pytest.LineMatcher(text[begin:end]).fnmatch_lines([*lines, "*twin: machine=4030*", "*recording: *"])
+        pytest.LineMatcher(text[begin:end]).fnmatch_lines([*SAID[name], "*twin: machine=4030*", "*recording: *"])
         assert not any("checks/asserts.py" in line for line in text[begin:end]), "users see their own line only"
 
 

@@ -10,11 +10,11 @@ from importlib.metadata import distributions
 from pathlib import Path
 
 import pytest
-from pytest_plugin.projects import INI, project, run, warm
+from pytest_plugin.projects import INI, drawing_project, project, run, warm
 
 from isel_twin.cli import main
 
-__all__ = ["project", "warm"]
+__all__ = ["drawing_project", "project", "warm"]
 pytest_plugins = ["pytester"]
 
 
@@ -316,9 +316,9 @@ def recordings(text: str) -> list[Path]:
 
 
 def test_a_recording_plays_again_and_there_is_a_picture(
-    project: pytest.Pytester, capsys: pytest.CaptureFixture[str]
+    drawing_project: pytest.Pytester, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    project.makepyfile(
+    drawing_project.makepyfile(
         """
         def test_it(twin, tmp_path):
             twin.query("@07")
@@ -333,7 +333,7 @@ def test_a_recording_plays_again_and_there_is_a_picture(
             assert (tmp_path, False)[1]
         """
     )
-    result = run(project)
+    result = run(drawing_project)
     result.assert_outcomes(failed=1)
     (path,) = recordings(result.stdout.str())
     assert path.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
@@ -557,13 +557,15 @@ def test_a_full_disk_is_a_line(project: pytest.Pytester) -> None:
     result.stdout.fnmatch_lines(["E*assert '0' == '1'*", "  no recording: *twin.mcap: *"])
 
 
-def test_without_matplotlib_there_is_a_recording(project: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_matplotlib_there_is_a_recording(
+    drawing_project: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     monkeypatch.delitem(sys.modules, "isel_twin.report.sketch")
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     monkeypatch.setitem(sys.modules, "matplotlib.backends.backend_agg", None)
-    project.makepyfile("def test_it(twin):\n    assert twin.query('@07') == '1'\n")
-    result = run(project)
+    drawing_project.makepyfile("def test_it(twin):\n    assert twin.query('@07') == '1'\n")
+    result = run(drawing_project)
     result.stdout.fnmatch_lines(
         ["  recording: */twin.mcap", "  no picture: it needs matplotlib: pip install 'isel-twin?report?'"]
     )
