@@ -1,4 +1,4 @@
-"""What all tests share: compiled code from the start, and the option that writes golden files anew."""
+"""What all tests share: compiled code from the start, failures told at once, the option to write golden files anew."""
 
 from __future__ import annotations
 
@@ -21,7 +21,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Compile before any worker starts, so that only one does."""
+    """Compile before any worker starts, so that only one does; tell of failures from now on."""
+    if terminal := session.config.pluginmanager.getplugin("terminalreporter"):  # workers have none
+        session.config.pluginmanager.register(_AtOnce(terminal))
     if getattr(session.config.option, "numprocesses", None):
         _warm_up()
 
@@ -30,6 +32,20 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     """Without workers: compile if there is much to be done, so that no test is blamed for it."""
     if len(session.items) >= MANY and not hasattr(session.config, "workerinput"):
         _warm_up()
+
+
+class _AtOnce:
+    """Names each test that fails when it does, not a quarter of an hour later."""
+
+    def __init__(self, terminal: pytest.TerminalReporter) -> None:
+        self._terminal = terminal
+
+    @pytest.hookimpl(trylast=True)  # behind the letter of the test
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.failed:
+            crash = getattr(report.longrepr, "reprcrash", None)
+            reason, *_ = (crash.message if crash else report.longreprtext).splitlines() or [""]
+            self._terminal.write_line(f"\nFAILED {report.nodeid} ({report.when}): {reason}", red=True)
 
 
 def _warm_up() -> None:
