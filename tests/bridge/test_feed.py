@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 import socket
-import time
 
-import serial
+import pytest
 
 from isel_twin.bridge.serve.server import LINE_BYTES
+from tests.bridge.conftest import REPLY_S, until
 
 CONTROL = ("--controller", "bwo900", "--machine", "4030-servo", "--control", "127.0.0.1:0")
 REFERENCE = b"D\r\nP8683: 1\r\nP12530: 1\r\nP12330: 1\r\nP12130: 1\r\n#\r\n"
@@ -22,56 +23,46 @@ def program(blocks: int) -> bytes:
     return "\r\n".join(rows).encode()
 
 
-def state(served) -> dict:
-    """As the control port tells it."""
+def ask(served, **request) -> dict:
+    """What the control port answers; the server has looked at its line before."""
     host, _, number = served.info["control"].rpartition(":")
-    with socket.create_connection((host, int(number)), timeout=30.0) as line, line.makefile("rw") as file:
-        file.write('{"state": true}\n')
-        file.flush()
+    with socket.create_connection((host, int(number)), timeout=REPLY_S) as line, line.makefile("rw") as file:
+        print(json.dumps(request), file=file, flush=True)
         return json.loads(file.readline())["ok"]
 
 
-def referenced(served):
-    """A port of a machine whose reference runs are over."""
-    port = served.open()
-    port.write(REFERENCE)
-    port.write_timeout = 60.0
-    wait(lambda: (now := state(served))["time_ns"] > 5e9 and not now["outputs"].get("moving"))
-    return port
-
-
-def held_at(port, data: bytes) -> int:
-    """How much of it the port takes before the host has to wait for long."""
-    for at in range(0, len(data), 1024):
-        try:
-            port.write(data[at : at + 1024])
-        except serial.SerialTimeoutException:
-            return at
-    return len(data)
-
-
-def wait(ready) -> None:
-    until = time.monotonic() + 60.0
-    while not ready() and time.monotonic() < until:
-        time.sleep(0.1)
-    assert ready()
-
-
-def test_a_host_that_writes_without_looking_is_held_back_and_nothing_is_lost(serve) -> None:
-    """Three times what the control and all buffers hold, in one write."""
+@pytest.fixture
+def fed(serve):
+    """A served machine whose reference runs are over, and its port."""
     served = serve(*CONTROL)
-    port = referenced(served)
-    port.write(FEED + program(12_000))
-    wait(lambda: state(served)["counts"] == [7000, 9000, 0])
-    port.close()
+    with served.open() as port:
+        port.write(REFERENCE)
+        until(lambda: (now := ask(served, state=True))["time_ns"] > 5e9 and not now["outputs"].get("moving"))
+        yield served, port
 
 
-def test_a_paced_machine_takes_no_more_than_it_needs(serve) -> None:
-    served = serve(*CONTROL, speed="50")
-    port = referenced(served)
-    port.write(FEED)
-    port.write_timeout = 2.0
-    data = program(20_000)
-    sent = held_at(port, data)
-    assert LINE_BYTES < sent < len(data) // 2
-    port.close()
+def held_at(served, port, data: bytes) -> int:
+    """How much of it the port takes before the host would have to wait: also after three looks there is no room."""
+    at = looks = 0
+    while at < len(data) and looks < 3:
+        try:
+            at += os.write(port.fd, data[at : at + 1024])
+            looks = 0
+        except BlockingIOError:
+            ask(served, state=True)
+            looks += 1
+    return at
+
+
+def test_a_host_that_writes_without_looking_is_held_back_and_nothing_is_lost(fed) -> None:
+    """Three times what the control and all buffers hold, in one write."""
+    served, port = fed
+    port.write(FEED + program(5000))
+    until(lambda: ask(served, state=True)["counts"] == [7000, 9000, 0])
+
+
+def test_a_paced_machine_takes_no_more_than_it_needs(fed) -> None:
+    served, port = fed
+    ask(served, speed=0.01)
+    data = FEED + program(20_000)
+    assert LINE_BYTES < held_at(served, port, data) < len(data) // 2
