@@ -123,7 +123,7 @@ def test_standard_input(monkeypatch, capsys):
 
 def test_rubbish_is_shown_as_it_is_and_a_large_file_too(tmp_path, capsys):
     dump = tmp_path / "rubbish"
-    dump.write_bytes(bytes(range(256)) * 1000)
+    dump.write_bytes(bytes(range(256)) * 150)
     for controller in ("imc-s8", "ismif"):
         for direction in ("--sent", "--received"):
             found = rows(capsys, dump, direction, "--controller", controller)
