@@ -8,7 +8,6 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -25,17 +24,6 @@ START_S = 120.0
 STOP_S = 30.0
 REPLY_S = 60.0
 """Longest wait for a reply; a healthy twin needs a small part of it."""
-
-
-def near_switches(folder: Path, mm: float, machine: str = "4030") -> Path:
-    """A machine that is found so near its switches, or up to 1 mm farther, that the reference run is short."""
-    found = "".join(
-        f'power_on_{end} = {{ value = {value}, unit = "mm", grade = "setting", source = "a short test" }}\n'
-        for end, value in (("low", mm), ("high", mm + 1.0))
-    )
-    axes = "\n".join(f"[axes.{axis}]\n{found}" for axis in "xyz")
-    (folder / "machine.toml").write_text(f'name = "near"\nbased_on = "{machine}"\n{axes}\n')
-    return folder
 
 
 def until(true: Callable[[], object]) -> None:

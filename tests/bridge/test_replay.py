@@ -15,8 +15,9 @@ from isel_twin.controller import controller_names
 from isel_twin.language import MoveSettings, create_language, needed
 from isel_twin.recordings.mcap import RecordingWriter
 from isel_twin.recordings.reading import read
-from tests.bridge.conftest import REPLY_S, STOP_S, near_switches, until
+from tests.bridge.conftest import REPLY_S, STOP_S, until
 from tests.in_process import isel_twin as cli
+from tests.near import near_switches
 
 SCENARIO = """
 [[event]]

@@ -19,8 +19,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.bridge.conftest import near_switches
 from tests.forked import run, start
+from tests.near import near_switches
 
 HOSTS = Path(__file__).parents[1] / "hosts"
 PROGRAMS = [["polling.py"], ["reader.py"], ["timer.py"]]

@@ -13,11 +13,13 @@ from isel_twin.cli import main
 from isel_twin.jobs.job import parse_job
 from isel_twin.language import create_language, needed
 from isel_twin.machine import load_machine, with_overrides
+from isel_twin.many.identification import experiment as experiment_module
 from isel_twin.many.identification.experiment import Block, assemble, job_text
 from isel_twin.many.identification.experiment import _reversal as reversal
 from isel_twin.many.identification.experiment import _Teller as Teller
 from isel_twin.many.identification.measured import read_measured, written
 from isel_twin.many.identification.stand_in import carry_out, write_recording
+from tests.near import near_switches
 
 
 def call(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
@@ -28,14 +30,21 @@ def call(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, s
 
 
 @pytest.fixture(scope="module")
-def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def near(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return near_switches(tmp_path_factory.mktemp("near"), 2.0)
+
+
+@pytest.fixture(scope="module")
+def archive(near: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two recordings of a machine with twice the backlash, and what its gauge has said; a reversal each."""
     folder = tmp_path_factory.mktemp("days")
     language = needed(create_language("imc-s8"), "imc-s8")
-    machine = load_machine("4030")
+    machine = load_machine(near)
     hidden = with_overrides(machine, {"axes.x.backlash": 0.04})
     for seed, mm in ((1, 12.0), (2, 17.0)):
-        block: Block = reversal(Teller(language, "x", machine.axes[0].steps_per_mm), mm)
+        with pytest.MonkeyPatch.context() as fewer:
+            fewer.setattr(experiment_module, "REVERSALS", 2)
+            block: Block = reversal(Teller(language, "x", machine.axes[0].steps_per_mm), mm)
         experiment = assemble(f"day{seed}", [block], language)
         recorded, measured = carry_out(experiment, hidden, "imc-s8", seed=seed, noise_mm=0.002, time_noise_s=0.0)
         path = folder / f"day{seed}.mcap"
@@ -56,10 +65,12 @@ def measured(days: list[Path]) -> list[object]:
     return [part for day in days for part in ("--measured", day.with_suffix(".toml"))]
 
 
-def test_from_recordings_to_a_machine(days: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_from_recordings_to_a_machine(
+    near: Path, days: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     shop, page = tmp_path / "shop", tmp_path / "page.html"
     options = ("--fit", "backlash.x", "--patch", shop, "--report", page)
-    code, out, err = call(capsys, "identify", *days, *measured(days), *options)
+    code, out, err = call(capsys, "identify", *days, *measured(days), "--machine", near, *options)
     assert (code, err) == (0, "")
     assert "before the fit:\n  rank 1 of 1" in out
     assert "held out: rms" in out
@@ -72,7 +83,7 @@ def test_from_recordings_to_a_machine(days: list[Path], tmp_path: Path, capsys: 
 
 
 def test_what_predicts_worse_writes_nothing(
-    days: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    near: Path, days: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Day 1 was read on another scale: every second reading is 0.06 mm too low."""
     form = days[0].with_suffix(".toml")
@@ -84,7 +95,9 @@ def test_what_predicts_worse_writes_nothing(
             lines[index] = f"mm = {float(line[5:]) - 0.06 * (number % 2 == 0)!r}"
     form.write_text("\n".join(lines))
     shop = tmp_path / "shop"
-    code, out, err = call(capsys, "identify", *days, *measured(days), "--fit", "backlash.x", "--patch", shop)
+    code, out, err = call(
+        capsys, "identify", *days, *measured(days), "--machine", near, "--fit", "backlash.x", "--patch", shop
+    )
     assert code == 1
     assert err.startswith("isel-twin: refused: the fit predicts day2 worse than before")
     assert err.count("\n") == 1
@@ -92,8 +105,20 @@ def test_what_predicts_worse_writes_nothing(
     assert not shop.exists()
 
 
-def test_json_has_it_all(days: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
-    code, out, _ = call(capsys, "identify", *days, *measured(days), "--fit", "backlash.x", "--hold-out", "0", "--json")
+def test_json_has_it_all(near: Path, days: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = call(
+        capsys,
+        "identify",
+        *days,
+        *measured(days),
+        "--machine",
+        near,
+        "--fit",
+        "backlash.x",
+        "--hold-out",
+        "0",
+        "--json",
+    )
     content = json.loads(out)
     assert code == 0
     assert content["fitted"]["recordings"] == ["day1", "day2"]
@@ -137,9 +162,11 @@ def test_without_scipy_the_extra_is_named(
 
 
 @pytest.mark.slow
-def test_a_plan_is_a_job_and_a_form(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_plan_is_a_job_and_a_form(near: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """What tells backlash is a reversal; the job runs, the form waits to be filled in."""
-    code, out, err = call(capsys, "experiment", tmp_path / "day1", "--fit", "backlash.x", "--blocks", "1")
+    code, out, err = call(
+        capsys, "experiment", tmp_path / "day1", "--machine", near, "--fit", "backlash.x", "--blocks", "1"
+    )
     assert (code, err) == (0, "")
     assert "backlash.x" in out
     job, form = (tmp_path / "day1").with_suffix(".txt"), (tmp_path / "day1").with_suffix(".toml")
@@ -148,7 +175,7 @@ def test_a_plan_is_a_job_and_a_form(tmp_path: Path, capsys: pytest.CaptureFixtur
     content = tomllib.loads(form.read_text())
     assert len(content["reading"]) >= 2
     assert read_measured(form).unread == len(content["reading"])
-    code, _, _ = call(capsys, "run", job)
+    code, _, _ = call(capsys, "run", job, "--machine", near)
     assert code == 0
 
 

@@ -1,0 +1,16 @@
+"""Machines whose reference run is short."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+def near_switches(folder: Path, mm: float, machine: str = "4030") -> Path:
+    """A machine that is found so near its switches, or up to 1 mm farther, that the reference run is short."""
+    found = "".join(
+        f'power_on_{end} = {{ value = {value}, unit = "mm", grade = "setting", source = "a short test" }}\n'
+        for end, value in (("low", mm), ("high", mm + 1.0))
+    )
+    axes = "\n".join(f"[axes.{axis}]\n{found}" for axis in "xyz")
+    (folder / "machine.toml").write_text(f'name = "near"\nbased_on = "{machine}"\n{axes}\n')
+    return folder
