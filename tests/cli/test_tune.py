@@ -13,6 +13,7 @@ import pytest
 from isel_twin.cli import main
 from isel_twin.cli.tune_output import Table
 from isel_twin.core.warm import warm_up
+from tests.near import near_switches
 
 JOB = """@07
 @0d5000,5000,5000
@@ -24,16 +25,22 @@ JOB = """@07
 SMALL = ("--trials", "6", "--robust", "1", "--confirm", "3", "--acceleration", "100:400", "--start-stop", "300")
 
 
+@pytest.fixture(scope="module")
+def near(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return near_switches(tmp_path_factory.mktemp("near"), 2.0)
+
+
 @pytest.fixture
-def tune(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Any:
+def tune(near: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Any:
     """tune(words...) -> exit code, standard output, standard error; in a folder with `job.txt`."""
     warm_up("mujoco")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "job.txt").write_text(JOB)
 
     def call(*words: str) -> tuple[int, str, str]:
+        machine = () if "--machine" in words else ("--machine", str(near))
         with pytest.raises(SystemExit) as caught:
-            main([*words])
+            main([*words, *machine])
         assert isinstance(caught.value.code, int)
         said = capsys.readouterr()
         return caught.value.code, said.out, said.err

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import socket
 import struct
 import subprocess
 import sys
@@ -30,13 +31,30 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": str(target)}
 
 
-def python(environment: dict[str, str], code: str) -> list[str]:
-    """Lines printed by a program."""
-    call = subprocess.run(
-        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False, timeout=240
-    )
+TOLD = """
+import contextlib, io, json, sys, traceback
+for name, code in json.load(sys.stdin).items():
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        try:
+            exec(code, {})
+        except Exception:
+            traceback.print_exc(file=out)
+    print(json.dumps([name, out.getvalue().splitlines()]))
+"""
+
+
+@pytest.fixture(scope="module")
+def told(environment: dict[str, str], tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
+    """What programs print, one after the other in one process."""
+    folder = tmp_path_factory.mktemp("recorded")
+    programs = dict(kinematic=KINEMATIC, physics=PHYSICS, everything=EVERYTHING, margin=MARGIN, serial=SERIAL)
+    for plant in ("kinematic", "mujoco"):
+        programs[f"recorded {plant}"] = RECORDED.format(path=str(folder / f"{plant}.mcap"), plant=plant)
+    command = [sys.executable, "-c", TOLD]
+    given = json.dumps(programs)
+    call = subprocess.run(command, env=environment, input=given, capture_output=True, text=True, timeout=240)
     assert call.returncode == 0, call.stderr
-    return call.stdout.splitlines()
+    return dict(map(json.loads, call.stdout.splitlines()))
 
 
 def frame(address: int, content: bytes) -> bytes:
@@ -63,10 +81,10 @@ print(twin.query("lamps"))
 """
 
 
-def test_it_moves_six_axes_by_set_points_that_are_led(environment: dict[str, str]) -> None:
+def test_it_moves_six_axes_by_set_points_that_are_led(told: dict[str, list[str]]) -> None:
     """3200 increments at 16000/s, ramps of 200000/s^2: T = 3200 / 16000 + 16000 / 200000 = 0.28 s, 70 set points; the
     carriage comes one period after the last of them. At 320 increments/mm it has made 10 mm then."""
-    lines = python(environment, KINEMATIC)
+    lines = told["kinematic"]
     assert lines[0] == "38400 8E1 [0, 0, 0, 0, 0, 0]"
     done = frame(0x81, b"K").hex(" ")
     assert lines[1] == f"{done} {done}"
@@ -97,10 +115,10 @@ print(twin.query("lamps"))
 """
 
 
-def test_its_drives_report(environment: dict[str, str]) -> None:
+def test_its_drives_report(told: dict[str, list[str]]) -> None:
     """With motors: encoders at the command within the load angle, which a push of 900 N shows; one of 4000 N is more
     than the motor holds, and the following error lights the second lamp."""
-    encoders, lag, lamps = python(environment, PHYSICS)
+    encoders, lag, lamps = told["physics"]
     expected = (3200, 1600, -320, 5, 6, 7)
     assert all(abs(int(a) - b) <= 3 for a, b in zip(encoders.split(), expected, strict=True))
     assert 10 < abs(int(lag)) < 80, "1 to 8 of the 8 steps that are a load angle of 90 degrees"
@@ -135,12 +153,12 @@ for phases in ("a", "ab"):
 """
 
 
-def test_a_lost_phase_in_a_cut_with_a_payload_under_set_points(environment: dict[str, str]) -> None:
+def test_a_lost_phase_in_a_cut_with_a_payload_under_set_points(told: dict[str, list[str]]) -> None:
     """X on one phase hardly holds: its margin shows it, and what it has lost is whole slips of 32 in the end.
     Without both it stands still, held by friction against the cut, and has lost all of the move to a slip; a motor
     without current has no margin to lose. Y follows all the same, and so do axes without mechanics; how time is cut
     changes no bit."""
-    one, counts, none, counts_too = python(environment, EVERYTHING)
+    one, counts, none, counts_too = told["everything"]
     assert counts == counts_too == "[6400, 3200, 0, 5, 0, 0] True"
     (x, y, z, *others, of_x, of_y), (gone, *_, of_none, _) = (list(map(float, line.split())) for line in (one, none))
     assert abs(x - 32 * round(x / 32)) < 4
@@ -173,11 +191,11 @@ for part in (0.0, 0.3):
 """
 
 
-def test_its_margin_is_that_of_the_command_that_is_led(environment: dict[str, str]) -> None:
+def test_its_margin_is_that_of_the_command_that_is_led(told: dict[str, list[str]]) -> None:
     """A set point is 16 increments, two full steps, from the next: a motor that had to leap so far would have no margin
     left. Led, it goes at an even 4000/s and keeps all but what a push takes of its torque, and some 6 % of iron loss
     and swing."""
-    detent, without, pushed = map(float, python(environment, MARGIN))
+    detent, without, pushed = map(float, told["margin"])
     assert without == pytest.approx(1.0, abs=detent + 0.1)
     assert pushed == pytest.approx(without - 0.3, abs=detent + 0.03)
 
@@ -209,38 +227,33 @@ port.write(bytes.fromhex("0201015055")); print(port.read(5).hex())
 """
 
 
-def test_it_is_a_serial_port(environment: dict[str, str]) -> None:
-    whole, damaged = python(environment, SERIAL)
+def test_it_is_a_serial_port(told: dict[str, list[str]]) -> None:
+    whole, damaged = told["serial"]
     assert whole == frame(0x81, b"K" + bytes(24)).hex()
     assert damaged == frame(0x81, b"N").hex()
 
 
-SERVED = """
-import json, socket, subprocess, sys
-call = "-m isel_twin.cli serve --controller card6 --plant kinematic --tcp 127.0.0.1:0 --speed max"
-server = subprocess.Popen([sys.executable, *call.split()], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
-try:
-    host, port = json.loads(server.stdout.readline())["tcp"].split(":")
-    with socket.create_connection((host, int(port)), timeout=60) as line, line.makefile("rb") as replies:
-        line.sendall(bytes.fromhex("0202013f44")); print(replies.read(6).hex())
-finally:
-    server.terminate(); server.wait()
-"""
-
-
 def test_it_is_served(environment: dict[str, str]) -> None:
-    assert python(environment, SERVED) == [frame(0x82, b"K\x00").hex()]
+    command = [sys.executable, "-m", "isel_twin.cli", "serve", *OPTIONS, "--tcp", "127.0.0.1:0", "--speed", "max"]
+    with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as server:
+        assert server.stdout is not None
+        try:
+            host, port = json.loads(server.stdout.readline())["tcp"].split(":")
+            with socket.create_connection((host, int(port)), timeout=60) as line, line.makefile("rb") as replies:
+                line.sendall(frame(2, b"?"))
+                assert replies.read(6) == frame(0x82, b"K\x00")
+        finally:
+            server.terminate()
 
 
 RECORDED = """
-import sys
 from pathlib import Path
 from isel_twin import Twin
 from isel_twin.recordings.reading import read
 from isel_twin.recordings.recording import FileRecording
 from isel_twin.recordings.replay import rebuilt, replay
-path = Path(sys.argv[1])
-twin = Twin(controller="card6", plant=sys.argv[2], start_mm=(100.0, 50.0, 30.0), line_speed=True)
+path = Path({path!r})
+twin = Twin(controller="card6", plant={plant!r}, start_mm=(100.0, 50.0, 30.0), line_speed=True)
 recording = FileRecording(path, twin, 10_000_000)
 twin.query("zero"); twin.query("move 3200 -1600 320 7 0 -9 16000")
 twin.write(twin.language.frame("move 0 0 0 0 0 0 16000")); twin.run(0.05)
@@ -255,8 +268,5 @@ print(replay(again, rebuilt(again, path.parent)))
 
 
 @pytest.mark.parametrize("plant", ["kinematic", "mujoco"])
-def test_its_sessions_are_recorded_and_replayed_to_the_bit(
-    environment: dict[str, str], tmp_path: Path, plant: str
-) -> None:
-    code = RECORDED.replace("sys.argv[1]", repr(str(tmp_path / "card.mcap"))).replace("sys.argv[2]", repr(plant))
-    assert python(environment, code) == ["True True True", "None"]
+def test_its_sessions_are_recorded_and_replayed_to_the_bit(told: dict[str, list[str]], plant: str) -> None:
+    assert told[f"recorded {plant}"] == ["True True True", "None"]
