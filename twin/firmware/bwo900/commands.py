@@ -97,8 +97,8 @@ class Commands:
         p = self._parameters
         assert p.live is not None
         self._execution.rest()
-        for number in NUMBERS:
-            p.write(number, p.live(number))
+        for number, value in [(number, p.live(number)) for number in NUMBERS]:
+            p.write(number, value)
         self._reply(parameter_file(p, status=kind == 5))
 
     def put_out_programs(self, number: int) -> None:

@@ -77,15 +77,23 @@ class Parameters:
         """values: by q, in place of FACTORY."""
         self._values: dict[int, float] = dict(FACTORY if values is None else values)
         self._status: dict[int, int] = {}
+        self._places: dict[int, int] = {}
+        """The q of each P of channel 1 that was asked for; forgotten when a definition changes."""
         self.live: Callable[[int], float | None] | None = None
         """The present value of a P of channel 1, None: as written."""
-        self.revision = 0  # counts every write
+        self.revision = 0  # counts every write that changes a value
 
     def address(self, area: str, number: int, channel: int = 1) -> int:
         """The q of a parameter. Raises ProgramError M1302: no such number, M1305: no such channel."""
-        q = number if area == "q" else self._of_channel(number, channel)
+        q = number if area == "q" else self._place(number) if channel == 1 else self._of_channel(number, channel)
         if q is None or not 0 <= q <= LARGEST_Q:
             raise ProgramError(Code.NO_PARAMETER, f"{area}{number}")
+        return q
+
+    def _place(self, number: int) -> int | None:
+        q = self._places.get(number)
+        if q is None and (q := self._of_channel(number, 1)) is not None:
+            self._places[number] = q
         return q
 
     def _of_channel(self, number: int, channel: int) -> int | None:
@@ -113,13 +121,13 @@ class Parameters:
 
     def of_channel(self, q: int) -> int | None:
         """The P of channel 1 for this q, if the control uses it."""
-        first = self._of_channel(P.FIXED_FIRST, 1) or 0
+        first = self._place(P.FIXED_FIRST) or 0
         if first <= q < first + FIXED:
             return q - first + P.FIXED_FIRST
         if Q.COMMON_FIRST <= q < Q.COMMON_END:
             return q - Q.COMMON_FIRST + P.COMMON_FIRST
         for axis in range(MACHINE_AXES):
-            begin = self._of_channel(of_axis(axis), 1) or 0
+            begin = self._place(of_axis(axis)) or 0
             if begin <= q < begin + AXIS_SIZE:
                 return q - begin + of_axis(axis)
         return None
@@ -150,11 +158,14 @@ class Parameters:
         q = self.address(area, number, channel)
         if value is not None and not math.isfinite(value):
             raise ProgramError(Code.TOO_LARGE, f"{area}{number}")
+        if value != self._values.get(q):
+            self.revision += 1
+            if q < Q.COMMON_FIRST:
+                self._places.clear()
         if value is None:
             self._values.pop(q, None)
         else:
             self._values[q] = value
-        self.revision += 1
 
     def status(self, number: int, area: str = "P", channel: int = 1) -> int:
         """The four bytes; `LOADED` as it is."""
