@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -31,14 +33,20 @@ speeds = st.one_of(st.just(0.0), st.floats(-1e-5, 1e-5), st.floats(-0.5, 0.5))
 forces = st.one_of(st.floats(-40.0, 40.0), st.floats(-3000.0, 3000.0))
 
 
+@cache
+def model_of(machine: str) -> tuple[Any, NDArray[Any], NDArray[np.float64]]:
+    """MuJoCo's model, and what `gliding` makes of it; nobody changes them."""
+    model = load_model(load_machine(machine), visual=False)
+    return model, *gliding(model)
+
+
 @pytest.mark.parametrize("machine", MODELS)
 @settings(max_examples=200, deadline=None)
 @given(place=st.floats(0.01, 0.99), speed=st.tuples(*[speeds] * 6), force=st.tuples(*[forces] * 6))
 def test_a_step_is_mujocos(machine: str, place: float, speed: tuple[float, ...], force: tuple[float, ...]) -> None:
     """Any place, speeds and forces: sliding, creeping and held joints in all combinations. MuJoCo's solver stops at a
     tolerance, which the last digit of its speeds shows."""
-    model = load_model(load_machine(machine), visual=False)
-    joints, mobility = gliding(model)
+    model, joints, mobility = model_of(machine)
     data = mujoco.MjData(model)
     data.qpos[:] = joints["low_m"] + place * (joints["high_m"] - joints["low_m"])
     data.qvel[:], data.qfrc_applied[:] = speed[: model.nv], force[: model.nv]

@@ -185,12 +185,15 @@ class Imc:
     def _show(self) -> None:
         """Set the outputs that show the state. A lamp the host has switched stays until its state changes."""
         supervisor = self._supervisor
+        moving = supervisor.moving
         shown = {
-            "moving": supervisor.moving,
-            "lamp_start": supervisor.moving or (supervisor.task is not None and supervisor.task.program),
+            "moving": moving,
+            "lamp_start": moving or (supervisor.task is not None and supervisor.task.program),
             "lamp_stop": supervisor.parked is not None,
             "lamp_fault": self._device.safety is not State.OPERATING,
         }
+        if shown == self._shown:
+            return
         for name, on in shown.items():
             if self._shown.get(name) != on:
                 self._device.outputs[name] = int(on)

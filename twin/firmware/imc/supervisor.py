@@ -96,12 +96,15 @@ class Supervisor:
 
     @property
     def next_ns(self) -> int | None:
-        times = (self._executor.next_ns, self._cycle_ns)
-        return min((max(t, self._device.now_ns) for t in times if t is not None), default=None)
+        next_ns, cycle_ns = self._executor.next_ns, self._cycle_ns
+        if cycle_ns is not None and (next_ns is None or cycle_ns < next_ns):
+            next_ns = cycle_ns
+        return None if next_ns is None else max(next_ns, self._device.now_ns)
 
     @property
     def due(self) -> bool:
-        return self.next_ns is not None and self.next_ns <= self._device.now_ns
+        next_ns = self.next_ns
+        return next_ns is not None and next_ns <= self._device.now_ns
 
     @property
     def moving(self) -> bool:

@@ -42,6 +42,8 @@ class Axes:
         self._base: tuple[int, ...] = (0,) * AXES
         self.now_ns = 0
         self._watch = LagWatch(parameters)
+        self._counted: tuple[SetPointRun | None, tuple[int, ...], int, tuple[int, ...]] = (None, self._base, 0, self._base)
+        """Cache: the counts of a run from a base at a time, for every block and every look asks for those of now."""
         self._known: tuple[int, MotionLimits] | None = None
         """The limits, and the revision of the parameters they were made from."""
 
@@ -53,7 +55,11 @@ class Axes:
 
     @property
     def counts(self) -> tuple[int, ...]:
-        return self.counts_at(self.now_ns)
+        run, base, now_ns, counts = self._counted
+        if run is not self.run or base is not self._base or now_ns != self.now_ns:
+            counts = self.counts_at(self.now_ns)
+            self._counted = self.run, self._base, self.now_ns, counts
+        return counts
 
     @property
     def position(self) -> tuple[float, ...]:
