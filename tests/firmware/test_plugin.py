@@ -109,6 +109,11 @@ def run(plugins: Path, *arguments: str, stdin: str = "", code: int = 0) -> tuple
     return call.stdout.splitlines(), call.stderr
 
 
+def other_tests(_folder: str, names: list[str]) -> list[str]:
+    """What need not be copied: tests but for those of the tables."""
+    return [name for name in names if name == "__pycache__" or (name[:5] == "test_" and name != "test_table.py")]
+
+
 def run_job(plugins: Path, job: str, code: int = 0) -> tuple[list[dict[str, Any]], str]:
     """What `isel-twin run --json` prints about each command, and standard error."""
     arguments = (
@@ -193,7 +198,7 @@ def test_rows_of_the_toys_manual_are_shown_as_the_page_has_it(plugins: Path, tmp
     """A copy of the tables with the page's: both tests pass, every row has its test; without one, it is missed."""
     root = PAGE.parents[1]
     for folder in ("tests/conformance", "tests/golden", "docs"):
-        shutil.copytree(root / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(root / folder, tmp_path / folder, ignore=other_tests)
     for file in ("pyproject.toml", "tests/conftest.py"):
         shutil.copy(root / file, tmp_path / file)
     folder, text = tmp_path / "tests" / "conformance", PAGE.read_text(encoding="utf-8")

@@ -27,15 +27,16 @@ def moves(twin: Twin, number: int) -> None:
 
 
 def measure(number: int) -> list[Figure]:
-    twin = Twin(plant="kinematic", start_mm=(30.0, 30.0, 30.0), keep_motions=KEEP)
+    keep = min(KEEP, number)
+    twin = Twin(plant="kinematic", start_mm=(30.0, 30.0, 30.0), keep_motions=keep)
     for command in ("@07", "@0R7"):
         twin.query(command)
-    moves(twin, 2 * KEEP)
+    moves(twin, 2 * keep)
     before_ns = twin.time_ns
     gc.collect()
     tracemalloc.start()
     before, _ = tracemalloc.get_traced_memory()
-    moves(twin, KEEP)  # from here on all motions kept are traced ones
+    moves(twin, keep)  # from here on all motions kept are traced ones
     gc.collect()
     kept, _ = tracemalloc.get_traced_memory()
     moves(twin, number)
@@ -43,11 +44,11 @@ def measure(number: int) -> list[Figure]:
     after, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     lived_ns = twin.time_ns - before_ns
-    a_move_ns = lived_ns / (number + KEEP)
+    a_move_ns = lived_ns / (number + keep)
     grown_mb = max(0.0, (after - kept) / number * THIRTY_DAYS_NS / a_move_ns / 1e6)
     now_mb = resident_mb(os.getpid())
     return [
-        Figure(f"the last {KEEP} motions", max(0.0, (kept - before) / 1e6), "MB"),
+        Figure(f"the last {keep} motions", max(0.0, (kept - before) / 1e6), "MB"),
         Figure(f"growth over {number} moves of {STEPS} steps", (after - kept) / 1e3, "kB"),
         Figure("growth carried forward to thirty days of such moves", grown_mb, "MB"),
         Figure("memory of the process then (kinematic plant)", now_mb + grown_mb, "MB", LIMIT_MB),

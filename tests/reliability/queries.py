@@ -42,11 +42,12 @@ def over(kind: str, number: int) -> Iterator[Figure]:
     """Figures of one endpoint of a server."""
     options = {"pty": "--pty"}.get(kind, f"--{kind}=127.0.0.1:0")
     with serving(options) as served, served.open(kind) as port:
-        wrong = wrong_replies(port, 0, WARM)
+        warm = min(WARM, number)
+        wrong = wrong_replies(port, 0, warm)
 
         def work() -> None:
             nonlocal wrong
-            wrong += wrong_replies(port, WARM, WARM + number // 2)
+            wrong += wrong_replies(port, warm, warm + number // 2)
 
         grown = growth_mb(served.pid, work)
     yield Figure(f"{kind}: wrong or missing replies to {number} queries", wrong, "", 0)
@@ -60,8 +61,9 @@ from tests.reliability.figures import growth_mb
 from tests.reliability.queries import WARM, wrong_replies
 number = int(sys.argv[1])
 with serial.serial_for_url("twin://imc-s8?plant=kinematic", timeout=60) as port:
-    wrong = [wrong_replies(port, 0, WARM)]
-    grown = growth_mb(os.getpid(), lambda: wrong.append(wrong_replies(port, WARM, WARM + number // 2)))
+    warm = min(WARM, number)
+    wrong = [wrong_replies(port, 0, warm)]
+    grown = growth_mb(os.getpid(), lambda: wrong.append(wrong_replies(port, warm, warm + number // 2)))
 print(sum(wrong), grown)
 """
 

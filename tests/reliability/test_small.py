@@ -16,10 +16,10 @@ GENEROUS = 50.0
 
 @pytest.mark.parametrize(
     ("program", "number"),
-    [(queries, 200), (connects, 30), (kills, 3), (punctual, 1), (memory, 500), (feed, 1), (strings, 300), (tap, 20)],
+    [(queries, 200), (connects, 30), (kills, 2), (punctual, 1), (memory, 300), (feed, 0.3), (strings, 300), (tap, 20)],
     ids=lambda value: value.__name__.rpartition(".")[2] if isinstance(value, ModuleType) else str(value),
 )
-def test_in_small(program: ModuleType, number: int) -> None:
+def test_in_small(program: ModuleType, number: float) -> None:
     figures: list[Figure] = program.measure(number)
     assert figures
     wrong = [figure.row for figure in figures if figure.limit is not None and figure.value > GENEROUS * figure.limit]

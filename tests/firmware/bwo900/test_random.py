@@ -94,7 +94,7 @@ def distance(places: NDArray[np.float64], path: list[Element]) -> NDArray[np.flo
     for element in path:
         count = 1
         if isinstance(element, Arc):
-            count = max(1, math.ceil(abs(element.sweep_rad) / math.sqrt(8e-4 / element.radius_mm) * 3.0))
+            count = max(1, math.ceil(abs(element.sweep_rad) / math.sqrt(8e-4 / element.radius_mm)))
         corners = sampled([element], count)
         for a, b in pairwise(corners):
             way = b - a
