@@ -21,11 +21,11 @@ $(READY): pyproject.toml
 demo: $(READY)       ## a host program drives the twin through a pseudo-terminal
 	@$(BIN)/python -m isel_twin.bridge.demo
 
-test: $(READY)       ## all tests, on two workers
-	$(BIN)/python -m pytest --numprocesses 2 --dist loadgroup
+test: $(READY)       ## all tests, on two workers, each file on one: what its tests share is made once
+	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile
 
 quick: $(READY)      ## tests of single parts, in about a minute
-	$(BIN)/python -m pytest --numprocesses 2 --dist loadgroup -m "not slow" \
+	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile -m "not slow" \
 	  tests/motion tests/wiring tests/drives tests/models tests/firmware/ismif tests/recordings tests/test_borders.py \
 	  tests/test_position.py tests/test_testing.py tests/test_verdict.py
 

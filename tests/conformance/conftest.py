@@ -22,12 +22,6 @@ def pytest_configure(config: pytest.Config) -> None:
     config.stash[GOLDEN] = Golden(bool(config.getoption("--update-golden")))
 
 
-def pytest_itemcollected(item: pytest.Item) -> None:
-    """One worker runs this folder: the verdict on the tables needs all its outcomes."""
-    if item.config.pluginmanager.hasplugin("xdist"):
-        item.add_marker(pytest.mark.xdist_group("conformance"))
-
-
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
     with item.config.stash[GOLDEN].watching(item):

@@ -55,7 +55,8 @@ def test_every_row_has_a_test(table: Table, collected: Record) -> None:
 @each_table
 @pytest.mark.verdict_on_table
 def test_every_row_that_was_tried_holds(table: Table, record: Record) -> None:
-    """Last in the session: a row whose tests were skipped, expected to fail or failing does not hold."""
+    """Last in the session: a row whose tests were skipped, expected to fail or failing does not hold. Several workers
+    have each tried some; `make conformance` tries all in one."""
     tried = [row.id for row in table.rows if row.id in record.outcomes]
     assert [row for row in tried if not record.holds(row)] == []
 

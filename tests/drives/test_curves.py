@@ -106,7 +106,6 @@ def curves() -> dict[int, list[float]]:
     return {v: [pull_out_torque(NEMA23, dm542t(v), rpm) for rpm in range(300, 1201, 40)] for v in (36, 48)}
 
 
-@pytest.mark.xdist_group("curves")
 def test_torque_falls_with_speed_above_the_knee(curves: dict[int, list[float]]) -> None:
     """The supply takes over at 300 rev/min (36 V) and 420 (48 V) from the current, and at 420 for curve D's motor."""
     small = [pull_out_torque(NEMA17, DRIVE_D, rpm) for rpm in range(420, 1501, 40)]
@@ -114,7 +113,6 @@ def test_torque_falls_with_speed_above_the_knee(curves: dict[int, list[float]]) 
         assert all(faster < slower for slower, faster in itertools.pairwise(curve))
 
 
-@pytest.mark.xdist_group("curves")
 def test_more_voltage_never_means_less_torque(curves: dict[int, list[float]]) -> None:
     assert all(high >= low for low, high in zip(curves[36], curves[48], strict=True))
 

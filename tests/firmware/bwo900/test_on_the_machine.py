@@ -36,7 +36,6 @@ LOST_MM: Final = 0.1
 WINDOW_MM: Final = math.sqrt(1.0 / 1000.0) + 0.01
 """At an exact stop: the control's window (P12016 not set: root of an increment in mm), half of the backlash."""
 Places = NDArray[np.float64]
-pytestmark = pytest.mark.xdist_group("rides")  # one worker makes each of them, once
 
 
 @dataclass(frozen=True)

@@ -57,12 +57,6 @@ def wanted(found: list[Block], *names: str) -> list[Block]:
     return [next(block for block in found if block.name.startswith(name)) for name in names]
 
 
-def pytest_itemcollected(item: pytest.Item) -> None:
-    """One worker runs all that need `found`, and what is fitted to it: each takes as long as many tests."""
-    if item.config.pluginmanager.hasplugin("xdist") and "found" in getattr(item, "fixturenames", ()):
-        item.add_marker(pytest.mark.xdist_group("hidden machine"))
-
-
 @pytest.fixture(scope="session")
 def found() -> Found:
     """Two sessions at the hidden machine, with other moves and other luck: one to fit, one to hold back."""
