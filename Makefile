@@ -24,10 +24,19 @@ demo: $(READY)       ## a host program drives the twin through a pseudo-terminal
 test: $(READY)       ## all tests, on two workers, each file on one: what its tests share is made once
 	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile
 
-quick: $(READY)      ## tests of single parts, in about a minute
-	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile -m "not slow" \
-	  tests/motion tests/wiring tests/drives tests/models tests/firmware/ismif tests/recordings tests/test_borders.py \
-	  tests/test_position.py tests/test_testing.py tests/test_verdict.py
+QUICK := \
+	tests/bridge/test_uart.py tests/bridge/test_pacing.py tests/bridge/test_protocol_twin.py tests/test_language.py \
+	tests/conformance/test_imc_replies.py tests/conformance/test_imc_reference.py tests/conformance/test_ismif_commands.py \
+	tests/conformance/test_gmi99_moves.py tests/conformance/test_bwo900_cycles.py tests/conformance/test_bwo900_modes.py \
+	tests/firmware/plc tests/firmware/test_executor.py tests/firmware/imc/test_safety.py tests/firmware/ismif/test_commands.py \
+	tests/firmware/gmi99/test_planner.py tests/firmware/bwo900/test_corners.py tests/motion tests/wiring \
+	tests/drives/test_data.py tests/drives/test_servo.py tests/drives/test_step_loss.py tests/plant/test_thresholds.py \
+	tests/plant/test_supply.py tests/plant/test_cutting.py tests/models/test_models.py tests/models/test_machine.py \
+	tests/capture/test_ticks.py tests/recordings/test_write.py tests/recordings/test_mcap.py tests/cli/test_job.py \
+	tests/test_twin.py tests/test_position.py tests/test_snapshot.py tests/test_spec.py tests/test_testing.py \
+	tests/test_jobs.py tests/test_verdict.py tests/test_decisions.py tests/test_borders.py
+quick: $(READY)      ## a little of every room, in less than a minute
+	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile -m "not slow" $(QUICK)
 
 bench: $(READY)      ## speed and memory, as ratios measured side by side
 	$(BIN)/python -m pytest tests/bench/bench_*.py --benchmark-only --benchmark-columns=median,ops --benchmark-sort=name

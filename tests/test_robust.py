@@ -284,7 +284,7 @@ def test_other_processes_give_up_what_they_are_at() -> None:
     lines = parse_job("@07\n@0R7\n" + (there + back) * 500, create_language("imc-s8"), "imc-s8")
     begin_s = time.monotonic()
     made = robust.repetitions(
-        TwinSpec(), lines, 2, timeout_s=60.0, crew=crew.local(2), stop=lambda: time.monotonic() > begin_s + 3.0
+        TwinSpec(), lines, 2, timeout_s=60.0, crew=crew.local(2), stop=lambda: time.monotonic() > begin_s + 2.0
     )
     assert list(made) == []
     assert time.monotonic() < begin_s + 20.0

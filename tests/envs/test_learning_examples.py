@@ -26,8 +26,9 @@ def load(name: str, monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 def test_cma_beats_plain_ramps_in_no_more_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    """On machines that it has not learned on, after two generations."""
+    """On machines that it has not learned on, after two generations on three."""
     example = load("track_cma", monkeypatch)
+    monkeypatch.setattr(example, "LEARNED_ON", range(3))
     found = example.main(["--generations", "2"])
     plain, learned = found["plain"], found["learned"]
     assert learned["done"] == plain["done"] == 10

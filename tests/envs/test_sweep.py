@@ -35,9 +35,9 @@ def test_rows_do_not_depend_on_who_computes_them() -> None:
         (10_000, 100), (10_000, 4000), (40_000, 100), (40_000, 4000)
     ]  # fmt: skip
     with ThreadPoolExecutor(2) as threads:
-        assert sweep(SETUP, TRIALS, threads) == here
+        assert sweep(SETUP, TRIALS[:2], threads) == here[:2]
     with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as processes:
-        assert sweep(SETUP, TRIALS, processes) == here
+        assert sweep(SETUP, TRIALS[2:], processes) == here[2:]
 
 
 def test_work_items_and_rows_travel() -> None:
