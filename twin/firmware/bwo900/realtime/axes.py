@@ -42,8 +42,8 @@ class Axes:
         self._base: tuple[int, ...] = (0,) * AXES
         self.now_ns = 0
         self._watch = LagWatch(parameters)
-        self._counted: tuple[SetPointRun | None, tuple[int, ...], int, tuple[int, ...]] = (None, self._base, 0, self._base)
-        """Cache: the counts of a run from a base at a time, for every block and every look asks for those of now."""
+        self._counted: tuple[object, object, int, tuple[int, ...]] = None, None, 0, ()
+        """The counts last worked out: run, base and time, and the counts. Those of now are asked for many times."""
         self._known: tuple[int, MotionLimits] | None = None
         """The limits, and the revision of the parameters they were made from."""
 
