@@ -30,8 +30,6 @@ SETTLE_MS: Final = 3_000.0  # P12018 if unset
 COARSEST, FINEST = 1e-3, 1e6  # range of increments per mm of a measuring system
 PULSES: Final = 5_000  # increments from zero pulse to zero pulse
 
-Counted = tuple[SetPointRun | None, tuple[int, ...], int, tuple[int, ...]]
-
 
 class Axes:
     def __init__(self, parameters: Parameters, levels: Mapping[str, bool]) -> None:
@@ -44,8 +42,8 @@ class Axes:
         self._base: tuple[int, ...] = (0,) * AXES
         self.now_ns = 0
         self._watch = LagWatch(parameters)
-        # cache of `counts`: a run, its base, the time, the counts then
-        self._counted: Counted = (None, self._base, 0, self._base)
+        # the counts last worked out: run, base and time, and the counts; those of now are asked for many times
+        self._counted: tuple[object, object, int, tuple[int, ...]] = None, None, 0, ()
         self._known: tuple[int, MotionLimits] | None = None
         """The limits, and the revision of the parameters they were made from."""
 
