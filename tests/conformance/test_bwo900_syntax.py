@@ -8,8 +8,6 @@ from conformance.rows import case, shows
 from firmware.bwo900.run import Analysed
 
 from isel_twin.firmware.bwo900.messages import ProgramError
-from isel_twin.firmware.bwo900.programs.syntax import parse_block
-from isel_twin.firmware.bwo900.programs.words import Text
 
 
 def refused(text: str, **values: float) -> int:
@@ -144,21 +142,33 @@ def test_internal_variables_live_as_long_as_their_program() -> None:
         assert (value(desk, 1), value(desk, 2)) == (0.0, 5.0)
 
 
-@shows("bwo900-3.6-36", "bwo900-3.6-24", "bwo900-3.6-25")
-def test_printed_texts() -> None:
-    words = "Das ist ein Meldungstext"
-    assert parse_block(f"N10 ! {words}").message == Text(words, 1)
-    assert parse_block(f"N20 !0,    {words}").message == Text(words, 0)
-    assert parse_block(f"N30 !1,    {words}").message == Text(words, 1)
-    assert parse_block(f"N40 !$8E, {words}").message == Text(words, 0x8E)
-    assert parse_block("N10 !").message == Text(None)
-    block = parse_block("N10 M33 P1:23 !")
-    assert (block.message, len(block.m), len(block.assignments)) == (Text(None), 1, 1)
+@shows("bwo900-3.6-24")
+def test_a_printed_text_is_shown_as_its_block_is_executed() -> None:
+    """Halfway of 2 mm at 10 mm/s with ramps of 25 ms (400 mm/s^2): 1 mm takes 0.1 s and half a ramp."""
+    desk = run("P1|N10 G01 F600 X1|N20 ! Das ist ein Meldungstext|N30 X2|N40 M30")
+    time_ns, text = desk.remarks[-1]
+    assert text == "P1 N20: Das ist ein Meldungstext"
+    assert (desk.steps.t_ns[-1] - time_ns) / 1e9 == pytest.approx(0.1125, abs=0.002)
+
+
+@pytest.mark.parametrize("code", [case("bwo900-3.6-36", "0"), case("bwo900-3.6-36", "1"), case("bwo900-3.6-36", "$8E")])
+def test_a_code_before_a_comma_is_no_text(code: str) -> None:
+    """It is taken off, but a text is shown without colours (bwo900/48)."""
+    desk = run(f"P1|N10 !{code}, Das ist ein Meldungstext|N20 M30")
+    assert [text for _, text in desk.remarks] == ["P1 N10: Das ist ein Meldungstext"]
+
+
+@shows("bwo900-3.6-25")
+def test_a_text_stands_last_beside_other_words() -> None:
+    """The printed `M33 P1:23 !` does the rest of its block and shows nothing; what follows `!` is no word."""
+    desk = run("P1|N10 M33 P1:23 !|N20 P2:1 ! P2:5 M30|N30 M30", p1=1)
+    assert (value(desk, 1), value(desk, 2)) == (23.0, 1.0)
+    assert [text for _, text in desk.remarks] == ["P1 N20: P2:5 M30"]
 
 
 @shows("bwo900-3.6-35")
-def test_hand_says_nothing_of_texts() -> None:
-    desk = run("P1|N10 !steht da|N20 M30")
+def test_hand_and_an_empty_text_say_nothing_of_texts() -> None:
+    desk = run("P1|N10 !steht da|N20 !|N30 M30")
     desk.send(parameters(p8683=1))
     assert [text for _, text in desk.remarks] == ["P1 N10: steht da"]
 
