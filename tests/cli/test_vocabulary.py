@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -43,6 +45,14 @@ def options(command: str) -> dict[str, Any]:
 def test_every_command_is_in_a_group() -> None:
     grouped = [command for group in GROUPS.values() for command in group]
     assert len(grouped) == len({name.partition("-")[0] for name in COMMANDS})
+
+
+def test_the_help_tells_what_every_command_is_for() -> None:
+    """In a process of its own, where no command has been imported yet."""
+    call = [sys.executable, "-c", "from isel_twin.cli import main; main()", "--help"]
+    lines = subprocess.run(call, capture_output=True, text=True, check=True).stdout.splitlines()
+    told = {row[0]: row[1:] for line in lines if (row := line.strip("│ ").split())}
+    assert all(told[name.partition("-")[0]] for name in COMMANDS)
 
 
 @pytest.mark.parametrize("command", BUILD_TWINS)

@@ -25,29 +25,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from cyclopts import App, CycloptsError, Group, Parameter, UnusedCliTokensError
 
 from isel_twin.base.errors import CallError, one_line
-from isel_twin.cli import (
-    check,
-    compare,
-    ctl,
-    decode,
-    describe,
-    drive,
-    experiment,
-    export,
-    golden,
-    identify,
-    motor,
-    names,
-    plc,
-    ports,
-    replay,
-    run,
-    serve,
-    sweep,
-    tap,
-    tune,
-)
-from isel_twin.cli.exec import exec_
 from isel_twin.cli.options import STANDARD_INPUT
 from isel_twin.version import VERSION
 
@@ -58,23 +35,23 @@ app = App(
     help="Digital twin of a 3-axis isel gantry: controller, motors, mechanics and switches on one virtual clock.",
     version=VERSION,
     version_flags=["--version"],
+    version_format="plaintext",
     default_parameter=Parameter(negative=()),
 )
-# the commands by purpose, in the order of the help
+# the commands by purpose, as file:function; only the one that is called is imported
 GROUPS = {
-    "Operate": (serve.serve, ctl.ctl, tap.tap, ports.ports, exec_),
-    "Test": (run.run, check.check, golden.golden, drive.drive, replay.replay, compare.compare),
-    "Tune": (tune.tune, sweep.sweep, identify.identify, experiment.experiment),
-    "Look": (names.machines, names.controllers, describe.describe, motor.motor, decode.decode, export.export, plc.plc),
-}
+    "Operate": ("serve:serve", "ctl:ctl", "tap:tap", "ports:ports", "exec:exec_"),
+    "Test": ("run:run", "check:check", "golden:golden", "drive:drive", "replay:replay", "compare:compare"),
+    "Tune": ("tune:tune", "sweep:sweep", "identify:identify", "experiment:experiment"),
+    "Look": (
+        "names:machines", "names:controllers", "describe:describe", "motor:motor", "decode:decode", "export:export",
+        "plc:plc",
+    ),
+}  # fmt: skip
 for place, (title, commands) in enumerate(GROUPS.items()):
     group = Group(title, sort_key=place)
     for command in commands:
-        if isinstance(command, App):
-            command.group = (group,)
-            app.command(command)
-        else:
-            app.command(command, group=group)
+        app.command(f"isel_twin.cli.{command}", group=group)
 app.register_install_completion_command()
 
 
@@ -83,6 +60,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     tokens = list(_plain_tokens(sys.argv[1:] if argv is None else argv))
     if logging.lastResort is not None:  # warnings, unless the command configures logging
         logging.lastResort.setFormatter(logging.Formatter("isel-twin: %(message)s"))
+    if set(tokens[:1]) <= {"--help", "-h"}:
+        app.resolved_commands()  # imports all: the list tells what each is for
     try:
         code = app(tokens, print_error=False, exit_on_error=False, result_action="return_value")
         sys.stdout.flush()
