@@ -113,22 +113,11 @@ told: list[dict[str, Any]] = []
 @pytest.fixture
 def other(monkeypatch: pytest.MonkeyPatch) -> None:
     """A controller of somebody else's, with settings of all kinds; it is this module's `create`."""
-
-    class Entry:
-        name = "other"
-        value = "other:create"
-
-        @staticmethod
-        def load() -> Any:
-            return create
-
-    installed = registry.importlib.metadata.entry_points
+    metadata = registry.importlib.metadata
+    entry = metadata.EntryPoint("other", f"{__name__}:create", "isel_twin.controllers")
+    installed = metadata.entry_points(group="isel_twin.controllers")
     monkeypatch.setattr(registry, "_settings", {})
-    monkeypatch.setattr(
-        registry.importlib.metadata,
-        "entry_points",
-        lambda group: [*installed(group=group), *([Entry] if group == "isel_twin.controllers" else [])],
-    )
+    monkeypatch.setattr(metadata, "entry_points", lambda: metadata.EntryPoints([*installed, entry]))
 
 
 @pytest.mark.usefixtures("other")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from os import environ
 from typing import TYPE_CHECKING, Any, Protocol
 
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
@@ -41,6 +42,12 @@ def console() -> Console:
 
     here = Console()
     return here if here.is_terminal else Console(width=WIDE)
+
+
+def _may_be_terminal() -> bool:
+    """False if all goes to files or pipes: then rich, whose import takes longer than many a job, need not be asked."""
+    asked = not {"FORCE_COLOR", "TTY_COMPATIBLE"}.isdisjoint(environ)
+    return asked or any(stream is not None and stream.isatty() for stream in (sys.stdout, sys.stderr))
 
 
 def progress(console: Console, time: type[ProgressColumn], shown: bool = True, **more: Any) -> Progress:
@@ -160,9 +167,6 @@ class TableOutput:
     refused = "refused"
 
     def __init__(self, twin: Twin, lines: Sequence[Line]) -> None:
-        from rich.console import Console
-        from rich.progress import TimeElapsedColumn
-
         longest = max((len(line.command) for line in lines), default=0)
         self._command = max(min(longest, LONG_COMMAND), len(self.heads[2]))
         head = next((line.source[:HEAD] for line in lines if line.program), "")
@@ -170,28 +174,41 @@ class TableOutput:
         self._wide = max(self._command + 2 + LONG_REPLY, min(max(blocks, default=0), LONG_BLOCK) + NAME)
         number = len(str(lines[-1].number)) if lines else 0
         self._before = max(number, len(self.heads[0])) + 15  # columns of number and time
-        out, messages = Console(), Console(stderr=True)
-        self._terminal = out if out.is_terminal else None
-        shown = self._terminal or messages
-        self._progress = progress(shown, TimeElapsedColumn, redirect_stdout=False, redirect_stderr=messages.is_terminal)
-        self._task = self._progress.add_task("", total=len(lines))
-        if shown.is_terminal:
-            twin.observe(self._look, SECOND_NS)
+        self._terminal: Console | None = None
+        self._progress: Progress | None = None
+        if _may_be_terminal():
+            self._show_progress(twin, len(lines))
         *beside, command, reply = self.heads
         self._row(*beside, self._words(command, reply), *(f"{axis.upper()} / mm" for axis in CARRIAGES), "margin")
 
-    def _look(self, twin: Twin) -> None:
-        self._progress.update(self._task, description=f"{twin.time_ns / SECOND_NS:.0f} s of machine time")
+    def _show_progress(self, twin: Twin, total: int) -> None:
+        from rich.console import Console
+        from rich.progress import TimeElapsedColumn
+
+        out, messages = Console(), Console(stderr=True)
+        self._terminal = out if out.is_terminal else None
+        shown = self._terminal or messages
+        bar = progress(shown, TimeElapsedColumn, redirect_stdout=False, redirect_stderr=messages.is_terminal)
+        self._progress, task = bar, bar.add_task("", total=total)
+
+        def look(twin: Twin) -> None:
+            bar.update(task, description=f"{twin.time_ns / SECOND_NS:.0f} s of machine time")
+
+        if shown.is_terminal:
+            twin.observe(look, SECOND_NS)
 
     def __enter__(self) -> TableOutput:
-        self._progress.start()
+        if self._progress is not None:
+            self._progress.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._progress.stop()
+        if self._progress is not None:
+            self._progress.stop()
 
     def result(self, result: Result) -> None:
-        self._progress.advance(self._task)
+        if self._progress is not None:
+            self._progress.advance(self._progress.task_ids[0])
         blame = result.blame if result.reply and result.expected is None and not result.ok else ""
         self._row(
             str(result.number),
@@ -210,7 +227,7 @@ class TableOutput:
             self._row("", f"{part.time_ns / SECOND_NS:.3f}", text if places else f"  {text}", *places, style=said)
 
     def verdict(self, verdict: Verdict, call: Mapping[str, Any]) -> None:
-        self._progress.stop()
+        self.__exit__()
         axes = [axis.upper() for axis in AXIS_NAMES]
         told = [self.counted(verdict), *verdict.problems(self.refused)]
         if verdict.physics and not any(verdict.lost) and None in verdict.following_error[: len(CARRIAGES)]:

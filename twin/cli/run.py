@@ -78,7 +78,6 @@ def run(
         made_on = call.build(keep_motions=None if files.needs_stream else 1)
 
         from isel_twin.core.warm import told_of_compiling
-        from isel_twin.jobs.checks.job import Bounds, Inspection
         from isel_twin.jobs.playing import played
 
         check_names(job, lines, made_on)
@@ -86,7 +85,11 @@ def run(
         writing = files.begin(made_on, {"job": job_name(job)}, stack)
         show: outputs.JobOutput
         show = outputs.JsonOutput() if json else stack.enter_context(outputs.TableOutput(made_on, lines))
-        inspection = None if report is None else Inspection(made_on, Bounds(timeout_s=timeout))
+        inspection = None
+        if report is not None:
+            from isel_twin.jobs.checks.job import Bounds, Inspection
+
+            inspection = Inspection(made_on, Bounds(timeout_s=timeout))
         watchers = [show.result] if inspection is None else [show.result, inspection.take]
         with interruption() as stopped:
             made = played(made_on, lines, watchers, timeout, lambda: bool(stopped))

@@ -13,16 +13,13 @@ import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from isel_twin.firmware.bwo900.geometry.groups import BEYOND
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.numbers import Axis, G, M, P
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, MOST_AXES, of_axis
-from isel_twin.firmware.bwo900.programs.lines import END
-from isel_twin.firmware.bwo900.programs.stored import program_name
-from isel_twin.firmware.bwo900.programs.syntax import parse_block
-from isel_twin.firmware.bwo900.programs.words import ProgramBlock
+from isel_twin.firmware.bwo900.programs.lines import END, program_name
 from isel_twin.language import (
     SETTINGS_RANGES,
     LanguageError,
@@ -33,6 +30,9 @@ from isel_twin.language import (
     integers,
     readable,
 )
+
+if TYPE_CHECKING:
+    from isel_twin.firmware.bwo900.programs.words import ProgramBlock
 
 END_OF_LINE: Final = b"\r\n"
 END_OF_FILE: Final = b"\x04"
@@ -236,7 +236,7 @@ def _check_beginning(row: str) -> None:
     """Raise LanguageError for a line that begins no program."""
     if not (program_name(row) or _BLOCK.match(row) or row.strip() in _PARAMETERS):
         try:
-            parse_block(row)
+            _parsed(row)
         except ProgramError:
             begins = f"{row.strip()[:SHOWN]!r} begins neither a program (P1), a block (N10 ...)"
             raise LanguageError(f"{begins}, nor a file of parameters (D)") from None
@@ -335,9 +335,16 @@ def explain(text: str) -> str:
             known = f"reference run of axis {axis + 1}"
         return f"{known or 'parameter'}: {match[3]}"
     try:
-        return _explained(parse_block(word))
+        return _explained(_parsed(word))
     except ProgramError as error:
         return f"no block: M{error.number} {error.detail}".rstrip()
+
+
+def _parsed(text: str) -> ProgramBlock:
+    """Imports the parser: every job of any controller asks this language whether it is a program, and needs none."""
+    from isel_twin.firmware.bwo900.programs.syntax import parse_block
+
+    return parse_block(text)
 
 
 def _explained(block: ProgramBlock) -> str:

@@ -19,8 +19,8 @@ from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.numbers import P, Q
 from isel_twin.firmware.bwo900.parameters import LOADED, Parameters
 from isel_twin.firmware.bwo900.programs.feed import Feed
-from isel_twin.firmware.bwo900.programs.lines import END, MOST_LINE
-from isel_twin.firmware.bwo900.programs.stored import Builder, Store, program_name
+from isel_twin.firmware.bwo900.programs.lines import END, MOST_LINE, program_name
+from isel_twin.firmware.bwo900.programs.stored import Builder, Store
 
 EOT: Final = 0x04  # end of a file, unless P11177 says otherwise
 PROTECTED: Final = 0x01  # bit of P11178: programs are not overwritten (M1107)

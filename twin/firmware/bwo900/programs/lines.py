@@ -10,6 +10,7 @@ from isel_twin.firmware.bwo900.messages import Code, ProgramError
 END: Final = "#"  # after the last block of a file
 MOST_LINE: Final = 400  # characters of a line of a file (M1113)
 MOST_DIGITS: Final = 10  # of a block's number
+_NAME = re.compile(r"\s*([PZ])\s*(\d{1,10})\s*$")
 _NUMBER = re.compile(r"\s*/?\s*N\s*(\d+)")
 
 
@@ -62,3 +63,9 @@ def without_number(block: str) -> str:
     """The text after the number of a block."""
     found = _NUMBER.match(block)
     return block[found.end() :].strip() if found else block
+
+
+def program_name(line: str) -> str:
+    """The name in a line that begins a program, else empty."""
+    match = _NAME.match(line)
+    return "" if match is None else f"{match[1]}{int(match[2])}"

@@ -8,7 +8,6 @@ costs its bytes and a number for each line.
 
 from __future__ import annotations
 
-import re
 from array import array
 from bisect import bisect_left
 from collections.abc import Iterable, Iterator
@@ -21,8 +20,6 @@ from isel_twin.firmware.bwo900.programs.feed import Feed
 from isel_twin.firmware.bwo900.programs.lines import END, Lines, without_number
 from isel_twin.firmware.bwo900.programs.syntax import parse_block
 from isel_twin.firmware.bwo900.programs.words import ProgramBlock
-
-_NAME = re.compile(r"\s*([PZ])\s*(\d{1,10})\s*$")
 
 
 @lru_cache(maxsize=4096)
@@ -140,12 +137,6 @@ class Builder:
         """Raises ProgramError M1111 if the last line is chained to nothing."""
         self._lines.end()
         return StoredProgram(self._name, bytes(self._text), self._begins, self._numbers, self._highest)
-
-
-def program_name(line: str) -> str:
-    """The name in a line that begins a program, else empty."""
-    match = _NAME.match(line)
-    return "" if match is None else f"{match[1]}{int(match[2])}"
 
 
 class Store(dict[str, StoredProgram]):
