@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import gc
 import logging
+import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 
@@ -64,6 +65,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     ours = argv is None and tokens[:1] != ["exec"]  # not a host program's process
     if ours:
         gc.set_threshold(YOUNG)
+        os.environ.setdefault("MUJOCO_GL", "disable")  # no command draws, and looking for OpenGL starts a process
     if logging.lastResort is not None:  # warnings, unless the command configures logging
         logging.lastResort.setFormatter(logging.Formatter("isel-twin: %(message)s"))
     if set(tokens[:1]) <= {"--help", "-h"}:
