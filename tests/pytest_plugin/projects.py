@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numba
 import pytest
 
 import isel_twin.bridge.operate.control_port
@@ -28,8 +29,9 @@ INI = """
 def warm(tmp_path_factory: pytest.TempPathFactory) -> None:
     """A session in this process forgets what it has imported, and numba does not bear to be imported twice.
 
-    So all that they import when first used is imported before.
+    So all that they import when first used is imported before, also what numba imports when it compiles.
     """
+    numba.njit(lambda: 0)()
     kept = pytest_kept._Kept(Twin(plant="kinematic"), None, pytest_kept.TwinSpec(plant="kinematic"))
     kept.twin.listen(kept.note)
     kept.twin.query("@07")
