@@ -71,7 +71,7 @@ def test_code_that_cannot_be_kept_is_used_all_the_same(
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("numba.core.caching.IndexDataCacheFile.save", full)
+    monkeypatch.setattr("numba.core.caching.IndexDataCacheFile._save_data", full)
 
     @compiling.njit()
     def twice(n):  # type: ignore[no-untyped-def]
@@ -96,6 +96,34 @@ def test_what_is_no_matter_of_folders_is_raised(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr("numba.core.caching.FunctionCache.__init__", fail)
     with pytest.raises(RuntimeError, match="something else"):
         compiling.njit()(lambda n: n)
+
+
+def test_codes_for_other_types_never_share_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two processes compile a function at the same time for other types, and neither sees the other's index. What one
+    of them has stored may be compiled again, but is never taken for the other's."""
+    first, second = (compiling._Files(str(tmp_path), "advance", "source") for _ in range(2))
+    write = first._save_data
+
+    def write_late(name: str, data: object) -> None:
+        second.save("int32", "code for int32")
+        write(name, data)
+
+    with monkeypatch.context() as at_once:
+        at_once.setattr(compiling._Files, "_load_index", lambda _: {})
+        at_once.setattr(first, "_save_data", write_late)
+        first.save("int8", "code for int8")
+    assert (second.load("int8"), second.load("int32")) == ("code for int8", None)
+
+
+def test_the_index_names_no_code_that_is_not_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """While a new source is compiled, the code of the old one is not loaded for it."""
+    old, new = (compiling._Files(str(tmp_path), "advance", source) for source in ("old source", "new source"))
+    old.save("int8", "old code")
+    seen: list[object] = []
+    write = new._save_data
+    monkeypatch.setattr(new, "_save_data", lambda name, data: (seen.append(new.load("int8")), write(name, data)))
+    new.save("int8", "new code")
+    assert [*seen, new.load("int8")] == [None, "new code"]
 
 
 def test_a_fresh_installation_says_that_it_compiles_and_only_then(tmp_path: Path) -> None:
