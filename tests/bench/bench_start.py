@@ -1,0 +1,54 @@
+"""What a process costs before it works: CPU time beside that of importing numba and MuJoCo, taken in the same run.
+
+Targets (docs/performance.md): three lines of a job take at most 1.5 times that import without physics, 2.3 times with
+it; what needs no twin takes at most 0.4 times.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from isel_twin.core.warm import warm_up
+
+JOB = "@07\n@0R7\n@0A8000,5000,0,30,0,30,0,30\n"
+IMPORTS = "import numba, mujoco"
+COMMAND = "from isel_twin.cli import main; main()"
+ROUNDS = 5
+
+
+def cpu_s(code: str, *words: str) -> float:
+    """CPU time of a process, its children included."""
+    before = os.times()
+    subprocess.run([sys.executable, "-c", code, *words], check=True, stdout=subprocess.DEVNULL)
+    after = os.times()
+    return sum(after[2:4]) - sum(before[2:4])
+
+
+@pytest.mark.benchmark(group="start")
+@pytest.mark.parametrize(
+    ("words", "most"),
+    [
+        (["--version"], 0.4),
+        (["run", "job.txt", "--plant", "kinematic"], 1.5),
+        (["run", "job.txt", "--plant", "mujoco"], 2.3),
+    ],
+    ids=["version", "kinematic", "mujoco"],
+)
+def test_a_process(
+    benchmark: Any, words: list[str], most: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "job.txt").write_text(JOB)
+    for plant in ("kinematic", "mujoco"):
+        warm_up(plant)
+    monkeypatch.chdir(tmp_path)
+    benchmark.pedantic(cpu_s, (COMMAND, *words), rounds=1)
+    imports_s, whole_s = map(min, zip(*((cpu_s(IMPORTS), cpu_s(COMMAND, *words)) for _ in range(ROUNDS)), strict=True))
+    benchmark.extra_info["CPU s"] = whole_s
+    benchmark.extra_info["times the import of numba and mujoco"] = whole_s / imports_s
+    assert whole_s <= most * imports_s
