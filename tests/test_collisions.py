@@ -19,7 +19,7 @@ from isel_twin import Twin
 from isel_twin.base.parameters import FileError
 from isel_twin.cli import main
 from isel_twin.core.spec import TwinSpec
-from isel_twin.jobs.checks import settings
+from isel_twin.jobs import project
 from isel_twin.machine import Fixture, MachineError, load_machine, machine_from_tree
 from isel_twin.plant import Clearance, Collision
 
@@ -283,7 +283,7 @@ TABLE = '[[fixture]]\nname = "jaw"\nshape = "box"\nsize_mm = [100, 20, 40]\nat_m
 def test_the_fixtures_of_a_machine_and_of_a_job_stand_on_one_table(tmp_path: Path) -> None:
     (tmp_path / "machine.toml").write_text(f'based_on = "4030"\nname = "shop"\n{TABLE}')
     (tmp_path / "isel-twin.toml").write_text(TABLE.replace('"jaw"', '"stop"'))
-    job = settings.fixtures(tmp_path / "isel-twin.toml")
+    job = project.fixtures(tmp_path / "isel-twin.toml")
     assert [fixture.name for fixture in TwinSpec(tmp_path, fixtures=job).fitted().fixtures] == ["jaw", "stop"]
     machine = load_machine(tmp_path)
     assert machine_from_tree(json.loads(json.dumps(dict(machine.tree), default=str)), machine.file).fixtures
@@ -312,7 +312,7 @@ def test_a_wrong_table_is_refused_with_its_line(tmp_path: Path, old: str, new: s
     file = tmp_path / "isel-twin.toml"
     file.write_text(TABLE.replace(old, new, 1))
     with pytest.raises(FileError, match=told) as refused:
-        settings.fixtures(file)
+        project.fixtures(file)
     assert "\n" not in str(refused.value)
 
 

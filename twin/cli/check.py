@@ -115,6 +115,7 @@ def _check_options(asked: dict[str, Any], workers: int) -> None:
 
 def _tasks(jobs: Sequence[Path], settings: Path | None, asked: dict[str, Any]) -> list[Task]:
     """The tasks, all checked before the first begins. Raises CallError."""
+    from isel_twin.jobs import project
     from isel_twin.jobs.checks import settings as demanded
     from isel_twin.jobs.golden import golden_file, load
 
@@ -129,7 +130,7 @@ def _tasks(jobs: Sequence[Path], settings: Path | None, asked: dict[str, Any]) -
         if job.is_dir():
             raise CallError(f"{job}: is a folder, not a file; name its jobs")
         with call_errors(job):
-            found = settings if settings is not None else demanded.find(job)
+            found = settings if settings is not None else project.find(job)
             task = demanded.task(job, found, asked)
             read_job(job, task.call.controller)
             if task.golden and (file := golden_file(job)).is_file():

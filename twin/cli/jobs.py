@@ -47,12 +47,12 @@ def read_job(job: Path, controller: str) -> list[Line]:
 
 def clamped(call: TwinSpec, job: Path) -> TwinSpec:
     """The call with what the settings file of the job has on the table. Raises CallError."""
-    from isel_twin.jobs.checks import settings
+    from isel_twin.jobs import project
 
-    if is_standard_input(job) or (file := settings.find(job)) is None:
+    if is_standard_input(job) or (file := project.find(job)) is None:
         return call
     with call_errors(file):
-        return call.with_(fixtures=settings.fixtures(file))
+        return call.with_(fixtures=project.fixtures(file))
 
 
 def _read(job: Path, most: int) -> bytes:

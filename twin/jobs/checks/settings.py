@@ -39,14 +39,12 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
-from isel_twin.base.parameters import FileError, Limits, Place, boolean, known, plain, read_toml, table, text
-from isel_twin.base.toml_lines import read_lines
+from isel_twin.base.parameters import Limits, Place, boolean, known, plain, read_toml, table, text
 from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs.checks.job import Bounds
-from isel_twin.machine import Fixture, read_fixtures
+from isel_twin.jobs.project import SettingsError, fixtures
+from isel_twin.machine import Fixture
 from isel_twin.plant import MOST_CLEARANCE_MM
-
-FILE = "isel-twin.toml"
 
 _NUMBERS: Mapping[str, Limits] = {
     "seed": Limits("", 0, 2**63, whole=True),
@@ -62,10 +60,6 @@ _WORDS = ("machine", "controller", "plant", "scenario")
 KEYS = (*_WORDS, *_NUMBERS, "may_strike", "golden", "set")
 
 
-class SettingsError(FileError):
-    """A settings file is wrong; the message is one line that names file, key and what is allowed."""
-
-
 @dataclass(frozen=True)
 class Task:
     """A job with all that its check needs; small enough to be sent to another process."""
@@ -74,12 +68,6 @@ class Task:
     call: TwinSpec = field(default_factory=TwinSpec)
     bounds: Bounds = field(default_factory=Bounds)
     golden: bool = True
-
-
-def find(job: Path) -> Path | None:
-    """The settings file for a job: in its folder, or the nearest one above it."""
-    folder = job.resolve().parent
-    return next((path for above in (folder, *folder.parents) if (path := above / FILE).is_file()), None)
 
 
 def load(path: Path) -> list[tuple[str, dict[str, Any]]]:
@@ -101,12 +89,6 @@ def load(path: Path) -> list[tuple[str, dict[str, Any]]]:
         pattern = text(values.pop("match"), where.at("match"))
         demands.append((pattern, _values(values, where)))
     return demands
-
-
-def fixtures(path: Path) -> tuple[Fixture, ...]:
-    """What is clamped on the table for jobs below a settings file: its [[fixture]] tables. Raises as `load`."""
-    content, place = read_lines(path, SettingsError)
-    return read_fixtures(content.get("fixture", []), place.at("fixture"), path.resolve().parent)
 
 
 def _values(content: Mapping[str, Any], place: Place) -> dict[str, Any]:

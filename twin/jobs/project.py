@@ -1,0 +1,28 @@
+"""The settings file of a project, isel-twin.toml: where it is, and what it has clamped on the table. What it asks of a
+job stands in checks/settings.py."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from isel_twin.base.parameters import FileError
+from isel_twin.base.toml_lines import read_lines
+from isel_twin.machine import Fixture, read_fixtures
+
+FILE = "isel-twin.toml"
+
+
+class SettingsError(FileError):
+    """A settings file is wrong; the message is one line that names file, key and what is allowed."""
+
+
+def find(job: Path) -> Path | None:
+    """The settings file for a job: in its folder, or the nearest one above it."""
+    folder = job.resolve().parent
+    return next((path for above in (folder, *folder.parents) if (path := above / FILE).is_file()), None)
+
+
+def fixtures(path: Path) -> tuple[Fixture, ...]:
+    """What is clamped on the table for jobs below a settings file: its [[fixture]] tables. Raises as `load`."""
+    content, place = read_lines(path, SettingsError)
+    return read_fixtures(content.get("fixture", []), place.at("fixture"), path.resolve().parent)
