@@ -17,7 +17,7 @@ def is_loopback(address: str) -> bool:
 
 def token_for(address: str, given: str | None) -> str | None:
     """The token needed at an address: the given one, else none on loopback, else a random one."""
-    return given or (None if is_loopback(address) else secrets.token_urlsafe(16))
+    return given or (None if is_loopback(address) else secrets.token_hex(16))
 
 
 def is_token(given: Any, token: str | None) -> bool:

@@ -262,7 +262,7 @@ def test_ctrl_c_keeps_table_trace_and_report(tmp_path: Path, number: int, code: 
         out, err = process.communicate(timeout=120)
     assert process.returncode == code
     assert rows[3].split()[2].startswith("@0A3200")
-    assert out.split()[2:4] == ["<1000000000s>", "none"]
+    assert out.split()[2:5] == ["<1000000000s>", "no", "complete"]
     assert "not as it should be: 4 commands, interrupted, 2 not sent" in out
     assert err == "isel-twin: job.txt: line 4: interrupted; the job ends there and 2 lines are not sent\n"
     assert {path.name for path in tmp_path.iterdir()} == {"job.txt", *files.values()}

@@ -14,11 +14,13 @@ The first switch of the axis to open on the way is its reference switch (imc/8).
 
 from __future__ import annotations
 
-from typing import NoReturn
+from collections.abc import Generator
+from fractions import Fraction
+from typing import Any, NoReturn
 
 from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
-from isel_twin.firmware.activity import Activity, Pause, Travel
+from isel_twin.firmware.activity import Activity, Ended, Pause, Request, Travel
 from isel_twin.firmware.imc.device import Device
 from isel_twin.firmware.imc.limits import name_of, switches_of
 from isel_twin.firmware.imc.moves import as_steps, set_off
@@ -104,18 +106,42 @@ def _fail(device: Device, axis: int, what: str, why: str) -> NoReturn:
 
 
 def _leave(device: Device, axis: int, direction: int, what: str) -> Activity:
-    """Step out of the switch until it closes, then run free. The level is read half a period after each step."""
-    step = line(as_steps({axis: direction}))
-    half_hz = 2 * device.profile.step_out_hz
+    """Step out of the switch until it is read closed, then run free."""
     made, farthest = 0, device.profile.leave_steps
     while struck := device.limits.struck(axis):
         if made == farthest:
             names = " and ".join(map(name_of, struck))
             _fail(device, axis, what, f"{names} is still struck {farthest} steps away from it")
-        yield from set_off(device, Travel(step, constant(1, half_hz), purpose=REFERENCE))
-        yield Pause(SECOND_NS // half_hz, REFERENCE)
-        made += 1
+        made += yield from _step_out(device, axis, direction, farthest - made)
     free = line(as_steps({axis: direction * device.settings.run_free_steps[axis]}))
     if free.ticks:
         law = device.law(device.reference_hz(axis))(free.ticks)
         yield from set_off(device, Travel(free, law, purpose=REFERENCE))
+
+
+def _step_out(device: Device, axis: int, direction: int, most: int) -> Generator[Request, Any, int]:
+    """Steps, `most` at most, until the switch closes; their number. The level is read half a period after each step:
+
+    step       |       |       |
+    read           r       r       r
+    closes               c              after it has been read struck: one more step, then read again
+    """
+    half_hz = 2 * device.profile.step_out_hz
+    rest_ns = SECOND_NS // half_hz
+    period_ns = round(Fraction(SECOND_NS, half_hz)) + rest_ns
+
+    def steps(count: int, each_ns: int, purpose: Reference) -> Generator[Request, Ended, Ended]:
+        law = constant(count, Fraction(SECOND_NS, each_ns))
+        return set_off(device, Travel(line(as_steps({axis: direction * count})), law, purpose=purpose))
+
+    yield from steps(1, period_ns - rest_ns, REFERENCE)
+    made, since_ns = 1, 0
+    if made < most and device.limits.struck(axis):
+        began_ns = device.now_ns
+        made += (yield from steps(most - made, period_ns, Reference(leave=axis))).ticks
+        since_ns = (device.now_ns - began_ns) % period_ns
+        if since_ns > rest_ns:
+            yield from steps(1, period_ns - since_ns, REFERENCE)
+            made, since_ns = made + 1, 0
+    yield Pause(rest_ns - since_ns, REFERENCE)
+    return made

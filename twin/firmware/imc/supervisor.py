@@ -6,7 +6,7 @@ One task at a time:
     stop (253, stop key)         stop ramp, `F`, parked; a start resumes it. A reference run is broken off (imc/11)
     break (255, port abort)      stop ramp, its code, gone (imc/13)
     condition come true          stop ramp, goes on
-    reference switch             ends the search at once, goes on
+    reference switch             struck ends the search at once, closed the way out of it; goes on
     limit switch                 ends at once, `2`
     power lost                   ends at once, `9`
 
@@ -184,7 +184,10 @@ class Supervisor:
 
     def _limit_changed(self, bit: int) -> None:
         device, run, axis = self._device, self._executor.motion, axis_of(bit)
-        if not device.limits.edge(bit, device.now_ns) or run is None:
+        struck = device.limits.edge(bit, device.now_ns)
+        if self._executor.purpose == Reference(leave=axis) and not device.limits.struck(axis):
+            self._executor.cut()
+        if not struck or run is None:
             return
         device.limits.found(bit, heading(run, device.now_ns, axis) * device.direction[axis])
         if self._executor.purpose == Reference(seek=axis):
