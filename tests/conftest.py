@@ -25,6 +25,8 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     if terminal := session.config.pluginmanager.getplugin("terminalreporter"):  # workers have none
         session.config.pluginmanager.register(_AtOnce(terminal))
     if getattr(session.config.option, "numprocesses", None):
+        if session.config.getoption("--update-golden"):
+            raise pytest.UsageError("--update-golden writes whole files: not with --numprocesses")
         _warm_up()
 
 
