@@ -77,7 +77,7 @@ def test_pieces_as_they_arrive(benchmark: BenchmarkFixture, size: int) -> None:
 @pytest.mark.benchmark(group="joined motion")
 def test_moves_of_the_gmi99(benchmark: BenchmarkFixture) -> None:
     """From the numbers of a command to a joined piece, a corner at each."""
-    rules = planner.Rules().with_speed(50_000)
+    rules = planner.Rules(speed_hz=(50_000,) * 7)
     ways = [(300 + k % 7, 100 - k % 11, k % 3, 0, 0, 0) for k in range(200)]
 
     def arrive() -> Joined:

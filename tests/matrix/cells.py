@@ -7,6 +7,7 @@ Every call is one of the command line, in this process; each cell has a folder o
 
 from __future__ import annotations
 
+import math
 import socket
 import threading
 import time
@@ -41,8 +42,20 @@ FAULTS: Mapping[str, str] = {
     "obstacle": "obstacle_mm.x = {wall}",
     "line cut": "line_cut = true",
     "drive": 'phase_lost.x = "ab"',
+    "collision": "",
 }
-"""Acts of a scenario. `wall`: a place in machine coordinates that X has still to pass."""
+"""Acts of a scenario. `wall`: a place in machine coordinates that X has still to pass. At a collision the cutter meets
+a fixture there."""
+VISE = """
+based_on = "{machine}"
+
+[[fixture]]
+name = "vise"
+shape = "box"
+size_mm = [4, 40, {high}]
+at_mm = [{x}, {y}, 0]
+"""
+CUTTER_MM, TABLE_MM = 3.0, 147.0  # radius of the cutter; height of its tip above the table where Z is 0
 TOOLS = ("run", "check", "golden", "replay", "compare", "exec", "sweep", "tune", "identify", "experiment", "serve")
 PATIENCE = ("--timeout", "60")
 HOST = """
@@ -84,17 +97,36 @@ class Outcome:
         return ""
 
 
+@dataclass(frozen=True)
+class Clean:
+    """The job without a fault: a time amid its last line, and the place of the carriages at its end."""
+
+    amid_s: float
+    end_mm: tuple[float, float, float]  # machine coordinates
+    way_mm: float  # of X in the last line
+
+    @property
+    def wall_mm(self) -> float:
+        """A place that X passes after that time."""
+        return self.end_mm[0] - 0.25 * self.way_mm
+
+    def vise(self, machine: str) -> str:
+        """A machine with a fixture that the cutter touches when X is there."""
+        beside_mm = math.copysign(CUTTER_MM + 2.0, self.way_mm)
+        x, high = round(self.wall_mm + beside_mm, 3), round(TABLE_MM - self.end_mm[2] + 2.0, 3)
+        return VISE.format(machine=machine, x=x, y=round(self.end_mm[1], 3), high=high)
+
+
 @cache
-def clean(controller: str, plant: str) -> tuple[float, float]:
-    """Time in s amid the last line of the job without a fault, and a place in machine coordinates, mm, that X passes
-    between that and its end."""
+def clean(controller: str, plant: str) -> Clean:
     machine, job = CONTROLLERS[controller]
     twin = Twin(machine, controller, plant)
     made = played(twin, parse_job(job, twin.language, controller))
     assert made.ok, made
     before, last = (result for result in made.results[-2:]) if len(made.results) > 1 else (None, made.results[-1])
     way_mm = last.position_mm[0] - (before.position_mm[0] if before else 0.0)
-    return (last.time_ns + last.end_ns) / 2e9, float(twin.machine_position_mm[0]) - 0.25 * way_mm
+    x, y, z = twin.machine_position_mm[:3]
+    return Clean((last.time_ns + last.end_ns) / 2e9, (float(x), float(y), float(z)), way_mm)
 
 
 def call(*words: object) -> Outcome:
@@ -107,13 +139,17 @@ class Cell:
 
     def __init__(self, folder: Path, controller: str, fault: str, plant: str) -> None:
         self.folder, self.controller, self.plant = folder, controller, plant
-        machine, job = CONTROLLERS[controller]
-        at_s, wall_mm = clean(controller, plant)
-        acts = FAULTS[fault].format(wall=round(wall_mm, 3))
+        self.machine, job = CONTROLLERS[controller]
+        well = clean(controller, plant)
+        acts = FAULTS[fault].format(wall=round(well.wall_mm, 3))
         self.job, self.scenario = folder / "job.txt", folder / "events.toml"
         self.job.write_text(job)
-        self.scenario.write_text(f"[[event]]\nat = {at_s:.6f}\n{acts}\n")
-        self.same = ("--machine", machine, "--controller", controller)
+        self.scenario.write_text(f"[[event]]\nat = {well.amid_s:.6f}\n{acts}\n" if acts else "")
+        if not acts:
+            (folder / "vised").mkdir()
+            (folder / "vised" / "machine.toml").write_text(well.vise(self.machine))
+            self.machine = str(folder / "vised")
+        self.same = ("--machine", self.machine, "--controller", controller)
         self.called = (*self.same, "--plant", plant, "--scenario", self.scenario)
 
     def run(self) -> Outcome:
@@ -144,9 +180,8 @@ class Cell:
 
     def sweep(self) -> Outcome:
         plan = self.folder / "plan.toml"
-        machine, _ = CONTROLLERS[self.controller]
         plan.write_text(
-            f'[sweep]\njob = "job.txt"\ncontroller = "{self.controller}"\nmachine = "{machine}"\n'
+            f'[sweep]\njob = "job.txt"\ncontroller = "{self.controller}"\nmachine = "{self.machine}"\n'
             f'plant = "{self.plant}"\nscenario = "events.toml"\ntimeout_s = 60\nseeds = 1\n'
         )
         done = call("sweep", plan, "--workers", "1")
@@ -164,8 +199,8 @@ class Cell:
 
     def serve(self) -> Outcome:
         """A server in this process: it lives on, whatever the fault; its twin has seen it."""
-        machine, job = CONTROLLERS[self.controller]
-        spec = TwinSpec(machine, controller=self.controller, plant=self.plant, scenario=self.scenario)
+        _, job = CONTROLLERS[self.controller]
+        spec = TwinSpec(self.machine, controller=self.controller, plant=self.plant, scenario=self.scenario)
         twin, language = spec.build(), create_language(self.controller)
         endpoint = TcpEndpoint("127.0.0.1:0")
         server = Server(twin, Pacer(100.0), (endpoint,))

@@ -25,6 +25,7 @@ SEES = {
     "obstacle": ("imc-s8", "ismif", "gmi99", "bwo900"),
     "line cut": ("imc-s8", "ismif"),  # the others have answered before they move
     "drive": ("imc-s8", "ismif", "gmi99", "bwo900"),
+    "collision": ("imc-s8", "ismif", "gmi99", "bwo900"),
 }
 """Controllers of which a job that meets the fault in motion is not well."""
 PHYSICAL = ("obstacle", "drive")

@@ -96,9 +96,9 @@ def fixture_table(fixture: Fixture, file: str = "") -> dict[str, Any]:
 def _fixture(entry: Any, place: Place, folder: Path) -> Fixture:
     content = table(entry, place)
     known(content, KEYS, place)
-    for key in ("name", "shape", "at_mm"):
+    for key, allowed in (("name", "a word"), ("shape", ", ".join(SHAPES)), ("at_mm", "three numbers in mm")):
         if key not in content:
-            raise place.at(key).wrong("missing")
+            raise place.at(key).wrong(f"missing; allowed: {allowed}")
     name = text(content["name"], place.at("name"))
     if not _NAME.fullmatch(name):
         raise place.at("name").wrong(f"{name!r}; allowed: a word of letters, digits, _ . -")

@@ -45,6 +45,7 @@ from numpy.typing import NDArray
 
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.base.units import MILLISECOND_NS
+from isel_twin.drives.servo_drive import ServoDrive
 from isel_twin.jobs.golden import Golden, Scribe, differences
 from isel_twin.jobs.job import Line
 from isel_twin.jobs.playing import TIMEOUT_S, played
@@ -186,11 +187,20 @@ class _Watch:
         if self._most_mm is not None:
             off = f"mm off; at most {self._most_mm:g} mm"
             found += [
-                Finding("deviation", f"{name} is {worst:.3f} {off}", result.number, time_ns)
+                Finding("deviation", f"{name} is {worst:.3f} {off}{_lag(self._twin, name)}", result.number, time_ns)
                 for name, worst, time_ns in zip(CARRIAGES, self._worst_mm, self._worst_ns, strict=True)
                 if worst > self._most_mm
             ]
         return found
+
+
+def _lag(twin: Twin, name: str) -> str:
+    """What a servo axis is behind by its nature; "" for a stepper."""
+    axis = twin.machine.axes[CARRIAGES.index(name)]
+    if not isinstance(axis.stage, ServoDrive):
+        return ""
+    lag_s = (1.0 - axis.stage.feed_forward) / axis.stage.position_gain_per_s
+    return f" (a servo of its gain follows by {1e3 * lag_s:.4g} ms: {lag_s:.4g} mm for each mm/s)"
 
 
 class Inspection:
