@@ -38,8 +38,36 @@ QUICK := \
 quick: $(READY)      ## a little of every room, in less than a minute
 	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile -m "not slow" $(QUICK)
 
+.PHONY: lowest others
+lowest: $(READY)     ## every command once with the lowest versions of libraries that are allowed
+	$(BIN)/python -m tests.versions lowest
+
+others: $(READY)     ## the quick tests and every command once on the other interpreters of 3.11 to 3.14 that are found
+	$(BIN)/python -m tests.versions others
+
 bench: $(READY)      ## speed and memory, as ratios measured side by side
 	$(BIN)/python -m pytest tests/bench/bench_*.py --benchmark-only --benchmark-columns=median,ops --benchmark-sort=name
+
+RELEASE := build/release
+USER := build/user
+.PHONY: sbom audit
+$(RELEASE)/.ready:
+	$(PYTHON) -m venv $(RELEASE)
+	$(RELEASE)/bin/python -m pip install --quiet --disable-pip-version-check build cyclonedx-bom pip-audit
+	@touch $@
+
+$(USER)/.ready: pyproject.toml
+	$(PYTHON) -m venv --clear $(USER)
+	$(USER)/bin/python -m pip install --quiet --disable-pip-version-check .
+	@touch $@
+
+sbom: $(RELEASE)/.ready $(USER)/.ready ## what an installation contains, as build/isel-twin.cdx.json (CycloneDX)
+	$(RELEASE)/bin/cyclonedx-py environment $(USER)/bin/python --pyproject pyproject.toml --output-reproducible \
+	  --output-file build/isel-twin.cdx.json
+
+audit: $(RELEASE)/.ready $(USER)/.ready ## its packages against the public database of advisories; needs a network
+	$(RELEASE)/bin/pip-audit --progress-spinner off --strict --path \
+	  $$($(USER)/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')
 
 .PHONY: browser
 browser: $(READY)    ## a browser for the tests of the panel, if it can be had; without one they are skipped

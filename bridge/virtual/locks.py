@@ -154,7 +154,7 @@ def is_set(self: threading.Event) -> bool:
 def stand_ins() -> list[tuple[Any, Any]]:
     return [
         (cpython.allocate_lock, StandIn(cpython.allocate_lock, lambda _: VirtualLock(), VirtualLock)),
-        *((real, _start(real)) for real in cpython.thread_starters),
+        *((real, _start(real)) for real in dict.fromkeys((*cpython.thread_starters, REAL_START))),
         (threading.Lock, StandIn(threading.Lock, lambda _: VirtualLock(), VirtualLock)),
         (threading.RLock, StandIn(threading.RLock, lambda _: VirtualRLock(), VirtualLock)),
         (queue.SimpleQueue, StandIn(queue.SimpleQueue, lambda _: cpython.SimpleQueue())),

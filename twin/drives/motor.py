@@ -66,8 +66,8 @@ class Motor:
     iron_loss_ohm: float = number("ohm", 1e-3, math.inf, key="iron_loss_ohm", optional=True, default=math.nan)
     # rotor teeth: 50 for 1.8 degrees, 100 for 0.9 degrees a full step
     pole_pairs: int = number("1", 1, 1000, key="pole_pairs", whole=True, optional=True, default=50)
-    # peak of the phase current that the maker allows; nan: unknown
-    rated_current_a: float = number("A", 1e-3, 1e3, key="rated_current_a", optional=True, default=math.nan)
+    # peak of the phase current that the maker allows; inf: unknown
+    rated_current_a: float = number("A", 1e-3, 1e3, key="rated_current_a", optional=True, default=math.inf)
     # speed at which the iron drag is largest, math.inf for drag that grows without end; nan: by rule
     iron_knee_rad_s: float = number("rad/s", 1e-3, math.inf, key="iron_knee_rad_s", optional=True, default=math.nan)
 

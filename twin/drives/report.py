@@ -48,7 +48,7 @@ def torque_table(motor: Motor, stage: Stage, speeds_rpm: Sequence[float] = SPEED
 
 def default_stage(motor: Motor) -> Stage:
     """48 V, the rated current as the peak of the microstep wave (4 A if unknown), 1600 microsteps a revolution."""
-    current = 4.0 if math.isnan(motor.rated_current_a) else motor.rated_current_a
+    current = 4.0 if math.isinf(motor.rated_current_a) else motor.rated_current_a
     return Stage(supply_v=48.0, current_a=current, microsteps=max(1, 1600 // motor.full_steps_per_rev))
 
 
