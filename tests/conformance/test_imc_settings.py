@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from conformance.closed_forms import pulse_times_ns
-from conformance.imc_desk import MIDDLE, TRAVEL, XYZA, fresh, initialised, made, program, ready, stored
+from conformance.imc_desk import CONTROLLERS, MIDDLE, TRAVEL, XYZA, fresh, initialised, made, program, ready, stored
 from conformance.rows import case, shows
 
 from isel_twin.testing import Desk
@@ -300,9 +300,9 @@ LONG = ("09000,900,0,30,0,30,0,30", "07,900,0,30,0,30,0,30")
 """Ten seconds of motion, and a little more."""
 
 
-def running(*settings: str, levels: dict[int, bool]) -> Desk:
+def running(*settings: str, levels: dict[int, bool], **options: Any) -> Desk:
     """A desk whose program LONG has been running for two seconds; user inputs as given before."""
-    desk = stored(*LONG)
+    desk = stored(*LONG, **options)
     for text in settings:
         assert desk.query(text) == "0"
     for bit, level in levels.items():
@@ -419,10 +419,35 @@ def test_external_hood() -> None:
     desk.set("user_1", True)
     assert desk.query("@0S") == "H"
     assert desk.ticks == 0
-    desk = running("@0IH0,2,1", levels={1: False})
+    desk.set("user_1", False)
+    assert desk.query("@0S") == "0"
+    assert desk.ticks == 9007
+
+
+@shows("imc-1-75", "imc-4.2.13-1")
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_the_external_hood_opens_in_a_running_program(controller: str) -> None:
+    """The port is read cyclically: the axes come to rest, `H` is answered, what follows is not carried out.
+
+    Only the bits of the mask count, and only in CNC mode.
+    """
+    desk = running("@0IH0,2,1", levels={1: False}, controller=controller)
+    desk.set("user_0", True)
+    desk.run(1.0)
+    assert desk.ticks > 2500
+    edge = desk.time_ns
     desk.set("user_1", True)
-    assert desk.finish() not in ("", "0")
-    assert desk.ticks < 1810
+    assert desk.finish() == "H"
+    assert edge < desk.steps.t_ns[-1] <= edge + 20_000_000  # the cycle, and the ramp from 900 to 300 Hz
+    assert desk.counts == desk.steps.total
+    at_rest = desk.ticks
+    assert desk.query("@0S") == "H"
+    desk.run(5.0)
+    assert desk.ticks == at_rest
+    assert made(desk, "@0A5,900,0,30,0,30,0,30").total == (5, 0, 0, 0)
+    desk.set("user_1", False)
+    assert desk.query("@0S") == "0"
+    assert desk.ticks > at_rest + 5
 
 
 @shows("imc-4.2.14-1")
