@@ -303,6 +303,9 @@ def test_a_drive_that_gives_up_breaks_the_system_off() -> None:
     desk.run(0.2)
     assert said(desk) == [2001]
     assert [value(desk, n) for n in (8_500, 8_504, 8_685, 8_910, 8_911)] == [2001, 2, 0, 7, 10]
+    place = mm(desk)
+    desk.run(1.0)
+    assert (mm(desk), desk.outputs["stages"]) == (place, 0)
 
 
 @shows("bwo900-9.7-23")

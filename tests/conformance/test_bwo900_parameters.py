@@ -657,6 +657,25 @@ def test_safety_stop_and_release_of_the_channel(stop: dict[str, float], free: di
 
 
 @shows("bwo900-8.5-71")
+def test_a_safety_stop_brakes_all_axes_along_the_path() -> None:
+    """v^2 / 2 a = 2.5 mm at 50 mm/s: X, with 4/5 of a, can do P12004 / P12008, so a = 5/4 of 100 mm/s in 250 ms."""
+    desk = fresh("P1|N10 G1 F3000 X40 Y30|N30 M30", p12004=6000, p12008=250, p12204=6000, p12208=250)
+    start(desk)
+    desk.run(0.5)
+    before = np.array(mm(desk))
+    desk.send(parameters(p8702=1))
+    desk.run(1.0)
+    place = np.array(mm(desk))
+    assert place[0] / 4 == pytest.approx(place[1] / 3, abs=0.002)
+    assert np.hypot(*(place - before)[:2]) == pytest.approx(2.5, abs=0.15)
+    desk.run(1.0)
+    assert mm(desk) == tuple(place)
+    desk.send(parameters(p8702=0))
+    desk.finish()
+    assert mm(desk)[:2] == (40.0, 30.0)
+
+
+@shows("bwo900-8.5-71")
 def test_a_stop_beside_a_safety_stop_waits_for_start() -> None:
     desk = fresh("P1|N10 G1 F1200 X20|N30 M30")
     desk.send(parameters(p8702=1))

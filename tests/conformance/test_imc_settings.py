@@ -172,14 +172,21 @@ def test_each_switch_can_be_disabled(axis: int, end: int) -> None:
     ],
 )
 def test_each_switch_can_be_high_active(axis: int, end: int) -> None:
-    """High-active: struck while the terminal is high, free while it is low."""
+    """Struck while the terminal is high if its bit is 0, while it is low if it is 1; a struck switch ends a motion."""
     level = 1 << (4 * axis + end + 1)
     code = "Rn" if end == 1 else "Rp"
-    desk = set_up(f"@0IE{ALL_LOW_ACTIVE & ~level}", axes=XYZA)
     terminal = f"p3.{2 * axis + end - 1}"
-    for high in (True, False, True):
-        desk.set(terminal, high)
-        assert desk.query(f"@0D{code}") == f"0{1 << axis if high else 0:02X}"
+    for setting, struck_by in ((ALL_LOW_ACTIVE & ~level, True), (ALL_LOW_ACTIVE, False)):
+        desk = set_up(f"@0IE{setting}", axes=XYZA)
+        for high in (True, False, True, not struck_by):
+            desk.set(terminal, high)
+            assert desk.query(f"@0D{code}") == f"0{1 << axis if high is struck_by else 0:02X}"
+        assert desk.query(move(axis, -20 if end == 1 else 20)) == "0"
+        desk.start(move(axis, -2000 if end == 1 else 2000))
+        desk.run(0.1)
+        desk.set(terminal, struck_by)
+        assert desk.finish() == "2"
+        assert 20 < desk.ticks < 220
 
 
 @shows("imc-4.2.6-6")
