@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conformance.bwo900_desk import T1, file, fresh, mm, parameters, put_out, said, start, value
+from conformance.bwo900_desk import T1, Lagging, file, fresh, mm, parameters, put_out, said, start, value
 from conformance.rows import shows
 
 from isel_twin.firmware.bwo900.realtime.path import circumradius
@@ -243,24 +243,6 @@ def test_an_asynchronous_feed_that_makes_no_sense(wrong: float) -> None:
 
 
 # Exact stops and the following error
-
-
-class Lagging:
-    """Drives that lag as they are told: `lag_of`, increments by axis; see isel_twin.controller.Drives."""
-
-    def __init__(self, desk: Desk) -> None:
-        self._desk = desk
-        self.lag: tuple[float, ...] = (0.0, 0.0, 0.0)
-        self.in_position = (True, True, True)
-        self.speed = (0.0, 0.0, 0.0)
-        self.on = (True, True, True)
-        self.past_zero_pulse = (0, 0, 0)
-        self.fault = self.overloaded = (False, False, False)
-        desk.controller.use_drives(self)
-
-    @property
-    def encoder(self) -> tuple[int, ...]:
-        return tuple(round(c - lag) for c, lag in zip(self._desk.counts, self.lag, strict=True))
 
 
 @shows("bwo900-8.7-9", "bwo900-8.7-10")
