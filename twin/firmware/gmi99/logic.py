@@ -74,7 +74,7 @@ class CardPlc:
 
     @property
     def inputs(self) -> bytes | bytearray:
-        """The image of the inputs: of the present pass; at rest as they are."""
+        """The image of the inputs: of the present pass; while no program runs, as they are (gmi99/31)."""
         return self._plc.inputs or self.board.images.inputs
 
     def power_on(self, t_ns: int, image: bytes) -> None:
