@@ -94,3 +94,21 @@ def put_out(desk: Desk) -> dict[int, float]:
 def analysed(text: str, **values: float) -> Analysed:
     """A program analysed to its end."""
     return Analysed(text.replace("|", "\n"), **values)
+
+
+class Lagging:
+    """Drives that lag as they are told: `lag`, increments by axis; see isel_twin.controller.Drives."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        self.lag: tuple[float, ...] = (0.0, 0.0, 0.0)
+        self.in_position = (True, True, True)
+        self.speed = (0.0, 0.0, 0.0)
+        self.on = (True, True, True)
+        self.past_zero_pulse = (0, 0, 0)
+        self.fault = self.overloaded = (False, False, False)
+        desk.controller.use_drives(self)
+
+    @property
+    def encoder(self) -> tuple[int, ...]:
+        return tuple(round(c - lag) for c, lag in zip(self._desk.counts, self.lag, strict=True))

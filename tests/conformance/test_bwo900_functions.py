@@ -486,20 +486,32 @@ def test_numbers_that_no_parameter_holds(number: str) -> None:
     assert not desk.controller.idle or value(desk, 501) == 7.0
 
 
+DELETED = 0.0, 0.5
+"""X where a path to 5 has been deleted as it began."""
+
+
 @shows("bwo900-6.2-17")
 @pytest.mark.parametrize(
-    ("plc", "words", "messages"),
-    [(BY_KEY, "M41.90", [1255]), (BY_KEY, "M41.7.90", [1252]), (DEAF, "M41.90", []), (BY_KEY, "M41.20 M30", [])],
-    ids=["block", "program", "not taken", "end"],
+    ("plc", "words", "messages", "places"),
+    [
+        (BY_KEY, "M41.90", [1255], DELETED),
+        (BY_KEY, "M41.7.90", [1252], DELETED),
+        (DEAF, "M41.90", [], (9.0, 9.0)),
+        (BY_KEY, "M41.20 M30", [], DELETED),
+        (BY_KEY, "M41.90 M30", [], DELETED),
+        (DEAF, "M41.90 M30", [], (5.0, 5.0)),
+    ],
+    ids=["block", "program", "not taken", "end", "end and no goal", "end, not taken"],
 )
-def test_goals_that_there_are_not(plc: str, words: str, messages: list[int]) -> None:
-    """M1255, M1252 when the jump is taken; beside M30 the program ends (bwo900/61)."""
+def test_goals_that_there_are_not(plc: str, words: str, messages: list[int], places: tuple[float, float]) -> None:
+    """M1255, M1252 when the jump is taken, which deletes the path; beside M30 the program ends (bwo900/61)."""
     desk = with_plc(plc, f"P1|N10 G1 F1200 X5 {words}|N20 X9|N30 M30", p11060=M41_JUMPS)
     desk.set("key", "setup")
     start(desk)
     desk.finish()
     assert said(desk) == messages
     assert value(desk, 8685) == 0.0
+    assert places[0] <= mm(desk)[0] <= places[1]
 
 
 @shows("bwo900-6.1-32")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import pytest
-from conformance.bwo900_desk import T1, file, fresh, mm, parameters, put_out, said, start, value
+from conformance.bwo900_desk import T1, Lagging, file, fresh, mm, parameters, put_out, said, start, value
 from conformance.rows import shows
 
 from isel_twin.firmware.bwo900.messages import MESSAGES, Effect
@@ -295,14 +295,20 @@ def test_what_switches_the_drives_off(contact: str, number: int) -> None:
 
 
 @shows("bwo900-9.7-22")
-def test_a_drive_that_gives_up_breaks_the_system_off() -> None:
+@pytest.mark.parametrize(("lag", "number"), [(0.0, 2010), (300.0, 2010), (9000.0, 2001), (-9000.0, 2001)])
+def test_a_drive_that_gives_up_breaks_the_system_off(lag: float, number: int) -> None:
+    """Y at 7.1 mm/s, gain 16 / s: 442 increments behind; half as much more and 253 are allowed (8.7, P12024)."""
     desk = fresh("P7|N10 G1 F600 X50 Y50|N30 M30")
     start(desk, 7)
     desk.run(1.5)
+    Lagging(desk).lag = (0.0, lag, 0.0)
     desk.set("fault1", True)
     desk.run(0.2)
-    assert said(desk) == [2001]
-    assert [value(desk, n) for n in (8_500, 8_504, 8_685, 8_910, 8_911)] == [2001, 2, 0, 7, 10]
+    assert said(desk) == [number]
+    assert [value(desk, n) for n in (8_500, 8_504, 8_685, 8_910, 8_911)] == [number, 2, 0, 7, 10]
+    place = mm(desk)
+    desk.run(1.0)
+    assert (mm(desk), desk.outputs["stages"]) == (place, 0)
 
 
 @shows("bwo900-9.7-23")
@@ -347,7 +353,7 @@ NOT_HERE = {
         1098, 1099, 1114, 1115, 1201, 1207, 1235, 1248, 1304, 1310, 1320, *range(1950, 1953), 2023, 2052, 2112, 2114,
         2116, 3501, 3502,
     ),
-    "the position loop is in the drives: 2001": (*range(2002, 2021), 2024, 2050),
+    "the position loop is in the drives: 2001, 2010": (*range(2002, 2010), 2020, 2024, 2050),
     "said by 1152 and 1223": (1151, 1154, 1155, 1159),
     "said by 1211, 1300, 1111, 8001": (1215, 1221, 1271, 8003, 8005),
     "P35 may be deleted": (8035,),
@@ -366,7 +372,7 @@ def test_every_message_of_chapter_9_is_given_or_has_a_reason() -> None:
     absent = [number for numbers in NOT_HERE.values() for number in numbers if number in chapter]
     assert len(absent) == len(set(absent))
     given = {case.number for cases in TABLE.values() for case in cases} | {number for number, *_ in FILES}
-    given |= {1008, 1009, 1321, 1322, 2001, 2101, 2102, 2110, 3001, 3002} | set(ELSEWHERE)
+    given |= {1008, 1009, 1321, 1322, 2001, 2010, 2101, 2102, 2110, 3001, 3002} | set(ELSEWHERE)
     assert given | set(absent) == chapter | set(OWN)
     assert not given & set(absent)
     assert set(MESSAGES) - set(absent) == given
@@ -380,7 +386,7 @@ def test_effects_are_those_of_chapter_9() -> None:
     for number, message in MESSAGES.items():
         if number in (2022, 2110):
             assert message.effect is Effect.SHOWN  # chapter 9 names none
-        elif number in (2001, 3001, 3002):
+        elif number in (2001, 2010, 3001, 3002):
             assert message.effect is Effect.SYSTEM_ABORT
         elif number == 1234:
             assert message.effect is Effect.STOP  # "is stopped, and can be started again"

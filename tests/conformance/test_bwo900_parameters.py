@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conformance.bwo900_desk import T1, file, fresh, mm, parameters, put_out, said, start, value
+from conformance.bwo900_desk import T1, Lagging, file, fresh, mm, parameters, put_out, said, start, value
 from conformance.rows import shows
 
 from isel_twin.firmware.bwo900.realtime.path import circumradius
@@ -243,24 +243,6 @@ def test_an_asynchronous_feed_that_makes_no_sense(wrong: float) -> None:
 
 
 # Exact stops and the following error
-
-
-class Lagging:
-    """Drives that lag as they are told: `lag_of`, increments by axis; see isel_twin.controller.Drives."""
-
-    def __init__(self, desk: Desk) -> None:
-        self._desk = desk
-        self.lag: tuple[float, ...] = (0.0, 0.0, 0.0)
-        self.in_position = (True, True, True)
-        self.speed = (0.0, 0.0, 0.0)
-        self.on = (True, True, True)
-        self.past_zero_pulse = (0, 0, 0)
-        self.fault = self.overloaded = (False, False, False)
-        desk.controller.use_drives(self)
-
-    @property
-    def encoder(self) -> tuple[int, ...]:
-        return tuple(round(c - lag) for c, lag in zip(self._desk.counts, self.lag, strict=True))
 
 
 @shows("bwo900-8.7-9", "bwo900-8.7-10")
@@ -654,6 +636,25 @@ def test_safety_stop_and_release_of_the_channel(stop: dict[str, float], free: di
     desk.send(parameters(p8750=2, p8751=1, p8760=1, p8752=1))
     desk.run(1.0)
     assert (mm(desk)[0], said(desk)) == (20.0, [1321])
+
+
+@shows("bwo900-8.5-71")
+def test_a_safety_stop_brakes_all_axes_along_the_path() -> None:
+    """v^2 / 2 a = 2.5 mm at 50 mm/s: X, with 4/5 of a, can do P12004 / P12008, so a = 5/4 of 100 mm/s in 250 ms."""
+    desk = fresh("P1|N10 G1 F3000 X40 Y30|N30 M30", p12004=6000, p12008=250, p12204=6000, p12208=250)
+    start(desk)
+    desk.run(0.5)
+    before = np.array(mm(desk))
+    desk.send(parameters(p8702=1))
+    desk.run(1.0)
+    place = np.array(mm(desk))
+    assert place[0] / 4 == pytest.approx(place[1] / 3, abs=0.002)
+    assert np.hypot(*(place - before)[:2]) == pytest.approx(2.5, abs=0.15)
+    desk.run(1.0)
+    assert mm(desk) == tuple(place)
+    desk.send(parameters(p8702=0))
+    desk.finish()
+    assert mm(desk)[:2] == (40.0, 30.0)
 
 
 @shows("bwo900-8.5-71")

@@ -75,8 +75,11 @@ def test_what_words_may_hold() -> None:
 def test_radius_and_centre_are_modal() -> None:
     done = analysed("N10 G2 F100 X10 R5|N20 X20|N30 G0 X30|N40 G2 X40 R10|N50 M30")
     assert [round(block.elements[0].length_mm, 3) for block in done.path] == [15.708, 15.708, 10.0, 10.472]
-    done = analysed("N10 G91 G3 F100 X5 Y5 I0 J5|N20 X5 Y5|N30 M30")
-    assert [round(block.elements[0].length_mm, 3) for block in done.path] == [7.854, 7.854]
+    for plane, first, second in (("G17", "X5 Y5", "I0 J5"), ("G18", "Z5 X5", "K0 I5"), ("G19", "Y5 Z5", "J0 K5")):
+        done = analysed(f"N10 {plane} G91 G3 F100 {first} {second}|N20 {first}|N30 M30")
+        assert [round(block.elements[0].length_mm, 3) for block in done.path] == [7.854, 7.854], plane
+    done = analysed("N10 G91 G3 F100 X5 Y5 I0 J5|N20 X-5 Y5 I-5 J0|N30 X-5 Y5 I0 J5 G2|N40 X5 Y5 I5 J0|N50 M30")
+    assert [round(block.elements[0].length_mm, 3) for block in done.path] == [7.854] * 4, "until others are written"
 
 
 @pytest.mark.parametrize(

@@ -539,10 +539,10 @@ def test_the_reference_inputs_are_bits_6_and_7_of_the_second_byte(slot: int) -> 
     """Motor end 6, far end 7: E1.6 and E1.7 at slot 0; openers, struck is 0."""
     desk = fresh()
     for end in (0, 1):
-        desk.set(f"e{2 * slot + 1}.{6 + end}", False)
+        desk.set(f"limit_{'xyz'[slot]}{1 + end}", "open")
         byte = bytes.fromhex(desk.ask(command("T", 1, 1, 2 * slot + 1)))[6]
         assert byte & 0xC0 == 0x80 >> end
-        desk.set(f"e{2 * slot + 1}.{6 + end}", True)
+        desk.set(f"limit_{'xyz'[slot]}{1 + end}", "closed")
 
 
 @shows("gmi99-6-11")

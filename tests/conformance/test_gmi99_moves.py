@@ -29,6 +29,7 @@ from conformance.gmi99_desk import (
     long,
     moved_s,
     prepared,
+    short,
 )
 from conformance.rows import shows
 
@@ -255,6 +256,35 @@ def test_v_moves_the_first_three_axes() -> None:
 def test_override_from_outside(frame: str, seconds: float) -> None:
     desk = prepared(frame)
     assert moved_s(desk, TO_20000) == ends_after(seconds)
+
+
+@shows("gmi99-3.2-10")
+@pytest.mark.parametrize(
+    ("percents", "f_hz", "m_hz"),
+    [
+        ([125], 12_500, 50_000),
+        ([125], 11_000, 11_000),  # never above M
+        ([124], 12_400, 50_000),
+        ([1], 100, 50_000),
+        ([50, 126], 5_000, 50_000),  # out of range: what was there stays
+        ([50, 255], 5_000, 50_000),
+    ],
+)
+def test_the_override_from_outside_is_0_to_125_percent_of_f(percents: list[int], f_hz: int, m_hz: int) -> None:
+    desk = prepared(command("M", m_hz), *[short(9, percent) for percent in percents])
+    assert moved_s(desk, command(0x81, 5_000)) == ends_after(5_000 / f_hz + f_hz / 50_000)
+    assert desk.controller.fault is (percents[-1] > 125)
+
+
+@shows("gmi99-3.2-10")
+def test_the_first_override_from_outside_ends_that_of_the_potentiometer() -> None:
+    """From then on o1 and o0 switch the value from outside; one out of range is none."""
+    desk = fresh(override_pot_percent=50)
+    desk.tell(*PRE, command("o", 1), short(9, 126))
+    assert moved_s(desk, TO_20000) == 4.1
+    assert moved_s(desk, short(9, 100), command(0x81, 0)) == 2.2
+    assert moved_s(desk, short(9, 25), command("o", 0), TO_20000) == 2.2
+    assert moved_s(desk, command("o", 1), command(0x81, 0)) == ends_after(8.05)
 
 
 @shows("gmi99-3.2-10")

@@ -96,7 +96,7 @@ def test_a_zero_point_and_off_again() -> None:
     assert desk.counts[0] == 1000, "the last one again"
 
 
-@shows("gmi99-3.1.1-11", "gmi99-3.1.2-30")
+@shows("gmi99-3.1.1-10", "gmi99-3.1.1-11", "gmi99-3.1.2-30")
 def test_sixteen_zero_points_and_fine_corrections() -> None:
     """G54 with P1M = 15 and fine correction 5: 700 + 3; G55 is entry 1."""
     number, fine = 54 | 15 << 8, 0x85 << 16
@@ -104,6 +104,9 @@ def test_sixteen_zero_points_and_fine_corrections() -> None:
     desk.finish()
     assert desk.counts[0] == 703
     assert desk.ask(command("T", 8, 53 | fine, 0)) == long(b"Z\x03\0\0")
+    desk.tell(command("G", 53), TO_0)
+    desk.finish()
+    assert desk.counts[0] == 0, "both have ended"
     desk.tell(command("G", 55, -50, 1), command("G", 55), TO_0)
     desk.finish()
     assert desk.counts[0] == -50

@@ -70,6 +70,33 @@ def test_an_m_function_with_a_plc() -> None:
     assert desk.outputs["a0.0"] == 0
 
 
+@shows("gmi99-6-2")
+def test_inputs_come_in_and_outputs_go_out_at_the_end_of_a_pass() -> None:
+    """A pass of 1004 instructions takes 48 ms (45.18 ms on the grid of 4 ms).
+
+    E1.2  ____|~~~~~~~~~~~~~~~~~~~|________|~|_________     10 ms into pass 1; off in pass 3; both in pass 4
+    pass    1    |    2    |    3    |    4    |
+    A0.4  _________________|~~~~~~~~~|_________|_______     seen at the end of 1, put out at the end of 2
+    A0.5  the same, although it asks at the other end of the program; A0.6 is set and reset in each pass
+    """
+    first = "UN M 30.0\n= M 30.0\n= A 0.3\nU E 1.2\n= A 0.4\nUN M 31.0\nS A 0.6\n"
+    last = "U E 1.2\n= A 0.5\nUN M 31.0\nR A 0.6\nBE\n"
+    desk = running("OB 1\n" + first + "NOP0\n" * 992 + last)
+    desk.run(1.0)
+    beats = [t_ns for t_ns, name, _ in desk.output_log if name == "a0.3"]
+    assert {b - a for a, b in itertools.pairwise(beats)} == {48_000_000}
+    begin_ns = beats[-1] + 48_000_000  # of pass 1
+    for ms, level in ((10, True), (2 * 48 + 20, False), (3 * 48 + 10, True), (3 * 48 + 12, False)):
+        desk.at_ms(begin_ns, ms)
+        before = desk.ask(command("T", 1, 1, 1))
+        desk.set("e1.2", level)
+        assert desk.ask(command("T", 1, 1, 1)) == before, "the image is that of the pass"
+    desk.at_ms(begin_ns, 6 * 48)
+    changes = [(t_ns, name, on) for t_ns, name, on in desk.output_log if t_ns >= begin_ns and name != "a0.3"]
+    on_ns, off_ns = begin_ns + 2 * 48_000_000, begin_ns + 4 * 48_000_000
+    assert sorted(changes) == [(on_ns, "a0.4", 1), (on_ns, "a0.5", 1), (off_ns, "a0.4", 0), (off_ns, "a0.5", 0)]
+
+
 @shows("gmi99-6-4")
 def test_bit_logic() -> None:
     desk = fresh()

@@ -60,7 +60,6 @@ def test_an_n_parameter_is_set_and_read() -> None:
         case("gmi99-3.1.2-4", 0x509, 70, 0),
         case("gmi99-3.1.2-5", 10, 5, 0),
         case("gmi99-3.1.2-6", 11, 77, 0),
-        case("gmi99-3.1.2-7", 13, 6, 0),
         case("gmi99-3.1.2-8", 40, 3600, 4),
         case("gmi99-3.1.2-9", 1000, 123_456, 0),
     ],
@@ -70,11 +69,30 @@ def test_a_parameter_is_kept_as_it_was_given(number: int, value: int, slot: int)
     assert told == [OK, long(b"N" + (value & 0xFFFFFF).to_bytes(3, "little"))]
 
 
-@shows("gmi99-3.1.2-10")
-def test_fs90_is_limited_by_fs0() -> None:
+@shows("gmi99-3.1.2-7")
+def test_the_number_of_input_cards_is_0_to_6_and_moves_the_drives_inputs() -> None:
+    """With cards the first 24 bytes are theirs, and those of the drives are EB24 on (section 6)."""
     desk = fresh()
-    desk.tell(command("N", 100, 11), command("N", 300, 16))
-    assert desk.ask(command("T", 5, 16)) == long(b"N\x64\x00\x00")
+    e0 = desk.ask(command("T", 1, 1, 0))
+    nothing = long(b"I\0\0")
+    assert e0 != nothing
+    for cards in (1, 6, 0, 3):
+        assert desk.tell(command("N", cards, 13), command("T", 5, 13)) == [OK, long(bytes([ord("N"), cards, 0, 0]))]
+        here, behind = desk.tell(command("T", 1, 1, 0), command("T", 1, 1, 24))
+        assert (here, behind) == ((nothing, e0) if cards else (e0, nothing)), cards
+    assert desk.ask(command("T", 5, 12)) == long(b"N\0\0\0"), "those for outputs are counted by N12"
+    assert not desk.controller.fault
+    for wrong in (7, -1):
+        assert desk.tell(command("N", wrong, 13), command("T", 5, 13)) == [OK, long(b"N\x03\0\0")]
+        assert desk.controller.fault
+
+
+@shows("gmi99-3.1.2-10")
+@pytest.mark.parametrize(("given", "kept"), [(300, 100), (101, 100), (100, 100), (40, 40)])
+def test_fs90_is_limited_by_fs0(given: int, kept: int) -> None:
+    desk = fresh()
+    desk.tell(command("N", 100, 11), command("N", given, 16))
+    assert desk.ask(command("T", 5, 16)) == long(bytes([ord("N"), kept, 0, 0]))
 
 
 @shows("gmi99-3.1.1-25", "gmi99-3.1.2-16")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from conformance.closed_forms import (
     pulse_times_ns,
     turned_deg,
 )
-from conformance.imc_desk import fresh, initialised, made, ready
+from conformance.imc_desk import CONTROLLERS, fresh, initialised, made, ready
 from conformance.rows import case, shows
 from numpy.typing import NDArray
 
@@ -25,9 +26,9 @@ from isel_twin.testing import Desk, Ticks
 EXAMPLE = "@0y400,1500,119,-141,141,-1,-1"
 
 
-def free(axes: int = 7) -> Desk:
+def free(axes: int = 7, **options: Any) -> Desk:
     """Ready, with no switch in the way of large circles."""
-    return ready(axes, position_switches=())
+    return ready(axes, position_switches=(), **options)
 
 
 def points(stream: Ticks, xs: int, ys: int, axes: tuple[int, int] = (0, 1)) -> NDArray[np.int64]:
@@ -303,6 +304,30 @@ def test_printed_helix() -> None:
     assert turned_deg(path) == pytest.approx(720, abs=1)
     assert stream.total[2] == 6000
     assert desk.replies[-1] == (begin + pulse_times_ns(32_000, 600)[-1], b"0")
+
+
+@shows("imc-1-36", "imc-2.2.27-1")
+@pytest.mark.parametrize("controller", CONTROLLERS)
+@pytest.mark.parametrize(("clockwise", "climb"), [(False, 700), (False, -700), (True, 250)])
+def test_a_turn_of_a_helix_is_its_closed_form(controller: str, clockwise: bool, climb: int) -> None:
+    """x = R cos a, y = R sin a, each within a step; z = climb k / n at step k of n = 8 R, within half a step."""
+    radius, n = 100, 800
+    rx, ry = directions(radius, 0, clockwise)
+    d = interpolation_parameter(radius, radius, 0, rx, ry, clockwise)
+    desk = free(controller=controller)
+    assert desk.query("@0f0" if clockwise else "@0f-1") == "0"
+    begin = desk.time_ns
+    stream = made(desk, f"@0w{n},1500,{d},{radius},0,{rx},{ry},{climb}")
+    path = points(stream, radius, 0)
+    assert (np.abs(stream.delta[:, :2]).sum(axis=1) == 1).all()
+    assert off_circle(path, radius) <= 1
+    sign = -1 if clockwise else 1
+    assert path[[n // 4, n // 2, 3 * n // 4, n]].tolist() == [[0, sign * 100], [-100, 0], [0, -sign * 100], [100, 0]]
+    assert turned_deg(path) == pytest.approx(sign * 360)
+    assert np.abs(stream.path()[:, 2] - climb * np.arange(1, n + 1) / n).max() <= 0.5
+    assert desk.counts == (0, 0, climb, 0)
+    assert stream.t_ns.tolist() == [begin + t for t in pulse_times_ns(n, 1500)]
+    assert desk.replies[-1] == (int(stream.t_ns[-1]), b"0")
 
 
 @shows("imc-2.2.27-3")

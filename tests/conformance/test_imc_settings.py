@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from conformance.closed_forms import pulse_times_ns
-from conformance.imc_desk import MIDDLE, TRAVEL, XYZA, fresh, initialised, made, program, ready, stored
+from conformance.imc_desk import CONTROLLERS, MIDDLE, TRAVEL, XYZA, fresh, initialised, made, program, ready, stored
 from conformance.rows import case, shows
 
 from isel_twin.testing import Desk
@@ -172,14 +172,21 @@ def test_each_switch_can_be_disabled(axis: int, end: int) -> None:
     ],
 )
 def test_each_switch_can_be_high_active(axis: int, end: int) -> None:
-    """High-active: struck while the terminal is high, free while it is low."""
+    """Struck while the terminal is high if its bit is 0, while it is low if it is 1; a struck switch ends a motion."""
     level = 1 << (4 * axis + end + 1)
     code = "Rn" if end == 1 else "Rp"
-    desk = set_up(f"@0IE{ALL_LOW_ACTIVE & ~level}", axes=XYZA)
     terminal = f"p3.{2 * axis + end - 1}"
-    for high in (True, False, True):
-        desk.set(terminal, high)
-        assert desk.query(f"@0D{code}") == f"0{1 << axis if high else 0:02X}"
+    for setting, struck_by in ((ALL_LOW_ACTIVE & ~level, True), (ALL_LOW_ACTIVE, False)):
+        desk = set_up(f"@0IE{setting}", axes=XYZA)
+        for high in (True, False, True, not struck_by):
+            desk.set(terminal, high)
+            assert desk.query(f"@0D{code}") == f"0{1 << axis if high is struck_by else 0:02X}"
+        assert desk.query(move(axis, -20 if end == 1 else 20)) == "0"
+        desk.start(move(axis, -2000 if end == 1 else 2000))
+        desk.run(0.1)
+        desk.set(terminal, struck_by)
+        assert desk.finish() == "2"
+        assert 20 < desk.ticks < 220
 
 
 @shows("imc-4.2.6-6")
@@ -300,9 +307,9 @@ LONG = ("09000,900,0,30,0,30,0,30", "07,900,0,30,0,30,0,30")
 """Ten seconds of motion, and a little more."""
 
 
-def running(*settings: str, levels: dict[int, bool]) -> Desk:
+def running(*settings: str, levels: dict[int, bool], **options: Any) -> Desk:
     """A desk whose program LONG has been running for two seconds; user inputs as given before."""
-    desk = stored(*LONG)
+    desk = stored(*LONG, **options)
     for text in settings:
         assert desk.query(text) == "0"
     for bit, level in levels.items():
@@ -419,10 +426,35 @@ def test_external_hood() -> None:
     desk.set("user_1", True)
     assert desk.query("@0S") == "H"
     assert desk.ticks == 0
-    desk = running("@0IH0,2,1", levels={1: False})
+    desk.set("user_1", False)
+    assert desk.query("@0S") == "0"
+    assert desk.ticks == 9007
+
+
+@shows("imc-1-75", "imc-4.2.13-1")
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_the_external_hood_opens_in_a_running_program(controller: str) -> None:
+    """The port is read cyclically: the axes come to rest, `H` is answered, what follows is not carried out.
+
+    Only the bits of the mask count, and only in CNC mode.
+    """
+    desk = running("@0IH0,2,1", levels={1: False}, controller=controller)
+    desk.set("user_0", True)
+    desk.run(1.0)
+    assert desk.ticks > 2500
+    edge = desk.time_ns
     desk.set("user_1", True)
-    assert desk.finish() not in ("", "0")
-    assert desk.ticks < 1810
+    assert desk.finish() == "H"
+    assert edge < desk.steps.t_ns[-1] <= edge + 20_000_000  # the cycle, and the ramp from 900 to 300 Hz
+    assert desk.counts == desk.steps.total
+    at_rest = desk.ticks
+    assert desk.query("@0S") == "H"
+    desk.run(5.0)
+    assert desk.ticks == at_rest
+    assert made(desk, "@0A5,900,0,30,0,30,0,30").total == (5, 0, 0, 0)
+    desk.set("user_1", False)
+    assert desk.query("@0S") == "0"
+    assert desk.ticks > at_rest + 5
 
 
 @shows("imc-4.2.14-1")

@@ -74,7 +74,7 @@ def test_reset_keeps_the_settings() -> None:
     assert stream.total == (600, 0, 0, 0)
 
 
-@shows("ismif-6.16-1", "ismif-6.16-2", "ismif-6.16-3")
+@shows("ismif-4-16", "ismif-6.16-1", "ismif-6.16-2", "ismif-6.16-3")
 def test_stop_at_once() -> None:
     desk = referenced()
     send_job(desk, "L1,X5000", "L1,Y100")
@@ -86,7 +86,11 @@ def test_stop_at_once() -> None:
     desk.run(20.0)
     assert desk.ticks == mark
     assert desk.read() == ""
-    assert now(desk, "@LX") == "@LX0\r"
+    assert [now(desk, f"@L{axis}") for axis in "XYZ"] == ["@LX0\r", "@LY0\r", "@LZ0\r"]
+    assert job(desk, "$HXY") == ACK + DONE
+    assert status(desk) == "000100"
+    assert job(desk, "$HZ") == ACK + DONE
+    assert status(desk) == "000000"
 
 
 # --- 6.2 to 6.4: version, status, position ------------------------------------------------------------------------
@@ -191,11 +195,16 @@ def test_full_steps_go_twice_as_far() -> None:
     desk = referenced()
     half = moved(desk, "F0", "L1,x700,y300")
     full = moved(desk, "F1", "L1,x700,y300")
+    again = moved(desk, "F0", "L1,x-700,y-300")
     assert half.total == (700, 300, 0, 0)
     assert full.total == (1400, 600, 0, 0)
     assert full.t_ns.tolist() == half.t_ns.tolist()
     assert np.array_equal(full.delta, 2 * half.delta)
-    assert now(desk, "@LX") == f"@LX{(700 + 1400) // 2}\r"
+    assert np.array_equal(again.delta, -half.delta)
+    assert again.t_ns.tolist() == half.t_ns.tolist()
+    assert now(desk, "@LX") == "@LX1400\r"
+    job(desk, "F1")
+    assert now(desk, "@LX") == "@LX700\r"
 
 
 @shows("ismif-6.7-1")
@@ -306,7 +315,7 @@ def test_offset() -> None:
     assert now(desk, "@LX") == "@LX0\r"
 
 
-@shows("ismif-6.13-1")
+@shows("ismif-4-13", "ismif-6.13-1")
 @pytest.mark.parametrize(("command", "order"), [("$HZXY", [2, 0, 1]), ("$HYZ", [1, 2]), ("$HX", [0])])
 def test_reference_in_the_order_given(command: str, order: list[int]) -> None:
     axes = np.argmax(moved(fresh(), command).delta != 0, axis=1)

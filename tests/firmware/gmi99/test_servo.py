@@ -139,6 +139,7 @@ def test_events_wait_for_its_outputs_and_telegrams(tmp_path: Path) -> None:
     assert (twin.inputs["user_0"], twin.inputs["user_1"]) == ("high", "low")
     twin.query("T5;12")
     assert twin.inputs["user_1"] == "high"
+    twin.run(0.004)  # the safety program's pass: the image of the inputs is from its end
     assert twin.query("T1;1;1").startswith("I C3"), "E1.0 and E1.1, and both limit switches of X free"
 
 

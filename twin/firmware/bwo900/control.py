@@ -172,7 +172,7 @@ class Control:
             self._power.faulty[axis] = level
             if level:
                 self._axes.referenced[axis] = False
-                self._operating.lose(Code.LAG, NAMES[axis])
+                self._operating.lose(Code.LAG if self._axes.lags(axis) else Code.DRIVE_FAULT, NAMES[axis])
         elif terminal.startswith("limit") and before and not level:
             self._operating.limit("xyz".index(terminal[6]), int(terminal[7]))
         elif terminal == PROBE:

@@ -140,6 +140,7 @@ class Code(IntEnum):
     NOT_IN_HAND = 1321, _KA, "the control is not in HAND"
     NOT_IN_AUTO = 1322, _KA, "the control is not in AUTO"
     LAG = 2001, _SA, "following error too large"
+    DRIVE_FAULT = 2010, _SA, "a drive has switched itself off"
     NOT_IN_POSITION = 2022, _A, "an axis does not get into position"
     HARDWARE_LIMIT_HIGH = 2101, _KA, "hardware limit +"
     HARDWARE_LIMIT_LOW = 2102, _KA, "hardware limit -"

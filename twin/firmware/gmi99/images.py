@@ -72,7 +72,7 @@ class Images:
         self.drives_at = 0  # where the drives' bytes begin in E and A
         self._changed = changed
 
-    def word(self, area: bytearray, byte: int) -> bytes:
+    def word(self, area: bytes | bytearray, byte: int) -> bytes:
         """Two bytes from there on, low byte first; 0 beyond the end."""
         return bytes(area[byte : byte + 2]).ljust(2, b"\0")
 

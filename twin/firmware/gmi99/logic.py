@@ -72,6 +72,11 @@ class CardPlc:
         """End of the next pass that may differ from the one before; None if it does not run or nothing changes."""
         return self._plc.next_ns
 
+    @property
+    def inputs(self) -> bytes | bytearray:
+        """The image of the inputs: of the present pass; while no program runs, as they are (gmi99/31)."""
+        return self._plc.inputs or self.board.images.inputs
+
     def power_on(self, t_ns: int, image: bytes) -> None:
         """Mains on; a stored program starts by itself. `image`: from `end_load`, empty for none."""
         if not image:

@@ -44,7 +44,7 @@ def _image(card: Card, area: int, byte: int) -> bytes | None:
         return b"V" + VERSION.to_bytes(2, "little")
     if area == 12:
         return b"I" + card.offsets.preselected.to_bytes(2, "little")
-    areas = {1: images.inputs, 2: images.outputs, 3: images.flags, 6: images.data}
+    areas = {1: card.plc.inputs, 2: images.outputs, 3: images.flags, 6: images.data}
     if area not in areas or byte >= len(areas[area]):
         return None
     card.refresh_flags()

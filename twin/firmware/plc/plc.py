@@ -64,6 +64,11 @@ class Plc:
         return self._made is not None
 
     @property
+    def inputs(self) -> bytes | bytearray:
+        """Image of the inputs that the present pass works with, empty at rest."""
+        return self._made.before.e if self._made else b""
+
+    @property
     def next_ns(self) -> int | None:
         """End of the present pass; None at rest, and while passes would only repeat the last one."""
         made = self._made

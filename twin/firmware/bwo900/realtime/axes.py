@@ -156,6 +156,12 @@ class Axes:
             return None
         return self._watch.look(self.now_ns, self.counts, self.drives.lag, self.limits().increments_per_mm)
 
+    def lags(self, axis: int) -> bool:
+        """True if the following error of an axis is too large at this moment."""
+        if self.drives is None:
+            return False
+        return self._watch.exceeds(axis, self.drives.lag[axis], self.limits().increments_per_mm)
+
     @property
     def next_look_ns(self) -> int | None:
         return self._watch.due_ns

@@ -82,8 +82,7 @@ class LagWatch:
             gain = kv * passed_s
             left = math.exp(-gain)
             self._ought[axis] = self._ought[axis] * left + (counts[axis] - before[axis]) * (1.0 - left) / gain
-            allowed = (1.0 + more / 100.0) * abs(self._ought[axis]) + coarse_mm * per_mm[axis]
-            if longest_ms == OFF or abs(lag[axis]) <= allowed:
+            if longest_ms == OFF or abs(lag[axis]) <= self._allowed(axis, more, coarse_mm * per_mm[axis]):
                 self._since_ns[axis] = None
                 continue
             since_ns = self._since_ns[axis]
@@ -92,3 +91,11 @@ class LagWatch:
             elif now_ns - since_ns >= positive(longest_ms, LONGEST_MS) * MILLISECOND_NS and late is None:
                 late = axis
         return late
+
+    def exceeds(self, axis: int, lag: float, per_mm: Sequence[float]) -> bool:
+        """True if a following error is beyond what the axis was allowed at the last check."""
+        _, more, _, coarse_mm = self._settings(per_mm)[axis]
+        return abs(lag) > self._allowed(axis, more, coarse_mm * per_mm[axis])
+
+    def _allowed(self, axis: int, more_percent: float, coarse: float) -> float:
+        return (1.0 + more_percent / 100.0) * abs(self._ought[axis]) + coarse
