@@ -129,7 +129,7 @@ def test_whole_numbers_and_words_are_checked_in_python_too() -> None:
 
 def test_what_stands_for_none_or_unknown_is_allowed() -> None:
     assert Screw().stiffness_n_per_m == 0.0
-    assert math.isnan(Motor(0.65, 3e-3, 0.4, 5e-5, rated_current_a=float("nan")).rated_current_a)
+    assert math.isinf(Motor(0.65, 3e-3, 0.4, 5e-5).rated_current_a)
 
 
 def test_one_error_for_files_that_are_wrong() -> None:
