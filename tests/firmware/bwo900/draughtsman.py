@@ -340,7 +340,8 @@ def programs(draw: st.DrawFn, most: int = 10, *, least: int = 2, frames: bool = 
         u, v, _ = drawn.axes
         match kind:
             case "line":
-                g, end_feed = draw(st.sampled_from([*[("G1", None)] * 4, ("G1 G8", None), ("G1", 240.0), (f"G1 {DWELL}", None)]))
+                kinds = [*[("G1", None)] * 4, ("G1 G8", None), ("G1", 240.0), (f"G1 {DWELL}", None)]
+                g, end_feed = draw(st.sampled_from(kinds))
                 drawn.line(draw(places), draw(some_axes), g, end_feed)
             case "rapid":
                 drawn.line(draw(places), draw(some_axes), "G0")

@@ -384,13 +384,13 @@ plain = programs(most=6, frames=False)
 
 def with_head(drawn: Draughtsman, words: str) -> Draughtsman:
     """The same program behind a block of these words; what it draws stays."""
-    return Draughtsman(drawn.shift_first, drawn.rapid_stops, [f"N1 {words}", *drawn.lines], drawn.curves, drawn.place)
+    return replace(drawn, lines=[f"N1 {words}", *drawn.lines])
 
 
 def carried(drawn: Draughtsman, matrix: NDArray[np.float64]) -> Draughtsman:
     """The drawn path, carried by a matrix [3, 3]."""
     curves = [replace(c, points=c.points @ matrix.T, begin=matrix @ c.begin, end=matrix @ c.end) for c in drawn.curves]
-    return Draughtsman(drawn.shift_first, drawn.rapid_stops, drawn.lines, curves, matrix @ drawn.place)
+    return replace(drawn, curves=curves, place=matrix @ drawn.place)
 
 
 @given(plain, st.sampled_from(["G61", "G62", "G61 G62"]), st.booleans())
