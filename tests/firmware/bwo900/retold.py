@@ -1,9 +1,9 @@
 """The same program in other words, by chapters 3 and 6 of the manual: what it draws stays.
 
-    G1 X1.5             P401:-2.25 G1 X:P401+3.75          a number as a sum of a parameter and the rest   3.6
-    G1 X1.5             G1 X1.5 (X7)                       a comment                                       3.6
-    A B C               M28.301       P301: A B C M02      some blocks as a subprogram                     6.1
-    A B                 A  M23.n  decoy  Nn B              a jump over a block                             6.1
+G1 X1.5             P401:-2.25 G1 X:P401+3.75          a number as a sum of a parameter and the rest   3.6
+G1 X1.5             G1 X1.5 (X7)                       a comment                                       3.6
+A B C               M28.301       P301: A B C M02      some blocks as a subprogram                     6.1
+A B                 A  M23.n  decoy  Nn B              a jump over a block                             6.1
 """
 
 from __future__ import annotations
