@@ -252,7 +252,7 @@ def test_corrected_contours_are_the_edge_of_the_grown_or_shrunk_area(
     corners: list[tuple[float, float, float]], side: str, radius: float
 ) -> None:
     """Shapely is the judge: the path is closed, does not cross itself, is the radius away from the contour everywhere
-    within 5 um, and comes as near to each element. So it is the edge; `shapely.buffer` itself is not: for radii that
+    within 1 um, and comes as near to each element. So it is the edge; `shapely.buffer` itself is not: for radii that
     are large against the chords of arcs it simplifies, by millimetres. Where the tool cannot touch an element at all
     the manual's message comes (7.7); where it would cut one that is no neighbour the path crosses itself: only
     neighbours are looked at."""
@@ -275,5 +275,5 @@ def test_corrected_contours_are_the_edge_of_the_grown_or_shrunk_area(
         area, way = ring(contour), ring(path)
         assert area.contains(way) if side == "G41" else way.contains(area)
         places = np.array(shapely.segmentize(way.exterior, 0.2).coords)
-        assert off(places, area.exterior) == pytest.approx(radius, abs=5e-3)
-        assert shapely.distance(lines, way.exterior) == pytest.approx(radius, abs=5e-3)
+        assert off(places, area.exterior) == pytest.approx(radius, abs=1e-3)
+        assert shapely.distance(lines, way.exterior) == pytest.approx(radius, abs=1e-3)
