@@ -7,15 +7,21 @@
 A server keeps its file open and locked while it runs. A reader removes the file of a killed one, detected by the lock
 (on Windows an open file cannot be removed), as process numbers are reused. Without a writable folder the server runs
 unlisted.
+
+The temporary folder belongs to all users: somebody else could have prepared a folder of that name there, with links to
+files of this user. So the folders must be this user's own and closed to others, and files are made, never opened: else
+the server runs unlisted and says so.
 """
 
 from __future__ import annotations
 
+import errno
 import getpass
 import itertools
 import json
 import logging
 import os
+import stat
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
@@ -49,10 +55,16 @@ def registered(content: Mapping[str, Any]) -> Iterator[None]:
     file: IO[str] | None = None
     path = folder() / f"{os.getpid()}-{next(_numbers)}.json"
     try:
-        path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        path.parent.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        path.parent.mkdir(exist_ok=True, mode=0o700)
+        _require_own(path.parent)
         file = _held(path, json.dumps({"pid": os.getpid(), **content}))
     except OSError as error:
-        log.info("%s: not written down for `isel-twin ports`: %s", path, error.strerror or error)
+        foreign = isinstance(error, ForeignError)
+        told = log.warning if foreign else log.info
+        told(
+            "%s: not written down for `isel-twin ports`: %s", path.parent if foreign else path, error.strerror or error
+        )
     try:
         yield
     finally:
@@ -64,10 +76,25 @@ def registered(content: Mapping[str, Any]) -> Iterator[None]:
             file.close()
 
 
+class ForeignError(PermissionError):
+    """A folder of the registry is not this user's own."""
+
+
+def _require_own(ports: Path) -> None:
+    """Raise ForeignError unless the folder and the one above it are real folders of this user that nobody else may
+    write to."""
+    if sys.platform == "win32":  # each user has a temporary folder of his own
+        return
+    for place in (ports.parent, ports):
+        found = place.lstat()
+        if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o022:
+            raise ForeignError(errno.EPERM, f"{place} is not a folder of this user alone; remove it")
+
+
 def _held(path: Path, text: str) -> IO[str]:
     """A file of this process that is locked from the moment it has its name."""
     temporary = path.with_suffix(".new")
-    file = open(temporary if sys.platform != "win32" else path, "w", encoding="utf-8")  # noqa: SIM115
+    file = _made(temporary if sys.platform != "win32" else path)
     try:
         _lock(file)
         file.write(text)
@@ -79,6 +106,13 @@ def _held(path: Path, text: str) -> IO[str]:
         temporary.unlink(missing_ok=True)
         raise
     return file
+
+
+def _made(path: Path) -> IO[str]:
+    """A new file; what is left of a killed process of that number goes."""
+    path.unlink(missing_ok=True)
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0)
+    return open(os.open(path, flags, 0o600), "w", encoding="utf-8")
 
 
 def _lock(file: IO[str]) -> bool:
@@ -97,6 +131,7 @@ def _lock(file: IO[str]) -> bool:
 def served() -> list[dict[str, Any]]:
     """The entries of running servers, the oldest first. Files of killed ones are removed."""
     try:
+        _require_own(folder())
         paths = sorted(folder().glob("*.json"), key=lambda path: (path.stat().st_mtime_ns, path.name))
     except OSError:
         return []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import stat
 from pathlib import Path
 from typing import Any
 
@@ -106,3 +107,70 @@ def test_no_folder_is_no_reason_not_to_serve(monkeypatch, tmp_path):
     monkeypatch.setattr(registry, "folder", lambda: blocked / "ports")
     with registry.registered({"ports": []}):
         assert registry.served() == []
+
+
+# ---- a temporary folder that others can write to ---------------------------------------------------------------------
+
+
+@pytest.fixture
+def shared(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """The registry's folder in a temporary folder of all users, not made yet."""
+    for variable in ("XDG_RUNTIME_DIR", "LOCALAPPDATA"):
+        monkeypatch.delenv(variable, raising=False)
+    monkeypatch.setattr(registry.tempfile, "gettempdir", lambda: str(tmp_path))
+    return registry.folder()
+
+
+def test_the_folder_is_made_for_this_user_alone(shared: Path) -> None:
+    with registry.registered({"ports": []}):
+        (entry,) = registry.served()
+        (file,) = shared.glob("*.json")
+        assert stat.S_IMODE(file.stat().st_mode) == 0o600
+    assert entry["pid"] == os.getpid()
+    assert [stat.S_IMODE(place.stat().st_mode) for place in (shared, shared.parent)] == [0o700, 0o700]
+    assert registry.served() == []
+
+
+def prepared_by_link(shared: Path, target: Path) -> None:
+    target.mkdir()
+    shared.parent.symlink_to(target)
+
+
+def prepared_open(shared: Path, target: Path) -> None:
+    shared.mkdir(parents=True)
+    shared.chmod(0o777)
+
+
+def prepared_by_another(shared: Path, target: Path) -> None:
+    shared.mkdir(parents=True, mode=0o700)
+
+
+@pytest.mark.parametrize("prepare", [prepared_by_link, prepared_open, prepared_by_another])
+def test_what_somebody_else_has_prepared_is_refused_in_one_line(prepare, shared, tmp_path, caplog, monkeypatch) -> None:
+    if prepare is prepared_by_another:
+        me = os.getuid() + 1
+        monkeypatch.setattr(registry.os, "getuid", lambda: me)
+    mine = tmp_path / "mine.txt"
+    mine.write_text("precious")
+    prepare(shared, tmp_path / "elsewhere")
+    shared.mkdir(exist_ok=True)
+    for number in range(50):
+        (shared / f"{os.getpid()}-{number}.new").symlink_to(mine)
+        (shared / f"{os.getpid()}-{number}.json").symlink_to(mine)
+    with registry.registered({"ports": []}):
+        assert registry.served() == []
+    assert mine.read_text() == "precious"
+    assert len(caplog.records) == 1
+    assert "is not a folder of this user alone; remove it" in caplog.text
+
+
+def test_a_link_within_ones_own_folder_is_not_followed(shared: Path, tmp_path: Path) -> None:
+    mine = tmp_path / "mine.txt"
+    mine.write_text("precious")
+    shared.mkdir(parents=True, mode=0o700)
+    shared.parent.chmod(0o700)
+    for number in range(1000):
+        (shared / f"{os.getpid()}-{number}.new").symlink_to(mine)
+    with registry.registered({"ports": []}):
+        assert len(registry.served()) == 1
+    assert mine.read_text() == "precious"
