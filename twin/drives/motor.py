@@ -38,9 +38,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 from isel_twin.base.parameters import check, number
 
@@ -142,23 +140,3 @@ def from_datasheet(
             motor.torque_constant_nm_per_a * motor.rated_current_a, remedy,
         )  # fmt: skip
     return motor
-
-
-# motors by type name; stand-ins for isel's unpublished ones: NEMA 23 with isel's stated 0.6 .. 1.2 ohm
-MOTORS: Mapping[str, Motor] = MappingProxyType(
-    {
-        # StepperOnline data sheet; detent torque estimated.
-        "23HS32-4004S": from_datasheet(2.40, 4.0, 0.65, 3.2e-3, 530e-7, detent_torque_nm=0.06),
-        # Data sheet: detent 400 g cm, at most 2500 half steps/s from rest.
-        "57HS56-2804": from_datasheet(1.236, 2.8, 1.1, 3.0e-3, 300e-7, detent_torque_nm=0.039),
-        # StepperOnline data sheet; rotor inertia not stated there, taken from the 57HS56 of the same length (estimate).
-        "23HS22-2804S": from_datasheet(1.24, 2.8, 0.92, 2.68e-3, 300e-7),
-        # Public data of a NEMA 23 sold by cnc3d, 600 g cm^2, detent 0.09 Nm.
-        "cnc3d-NEMA23": from_datasheet(2.45, 3.0, 1.2, 4.0e-3, 600e-7, detent_torque_nm=0.09),
-        # LDO, 0.9 degrees; figures of the public stepper-calculator collection.
-        "57STH56-2804MAC": from_datasheet(1.2, 2.8, 1.1, 3.4e-3, 305e-7, pole_pairs=100),
-        # StepperOnline data sheets; makers' curves were compared for these and the first of this table.
-        "17HS19-2004S": from_datasheet(0.52, 2.0, 1.4, 3.0e-3, 82e-7),
-        "14HS17-0504S": from_datasheet(0.23, 0.5, 15.0, 26e-3, 18e-7),
-    }
-)

@@ -17,7 +17,8 @@ from typing import Any, Final, TypeVar
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.parameters import Limits, Place, free, keys, known, quantity, read, section, table, text
 from isel_twin.base.toml_lines import LinePlace
-from isel_twin.drives.motor import MOTORS, Motor
+from isel_twin.drives.library import MOTORS
+from isel_twin.drives.motor import Motor
 from isel_twin.drives.screw import Rod, Screw
 from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
 from isel_twin.drives.stage import Stage
