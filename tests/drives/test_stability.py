@@ -80,6 +80,13 @@ def test_inertia_moves_the_swing_and_not_the_limit(inertia: float, swing_hz: flo
     assert abs(there.growth_per_s) < 1.0
 
 
+def test_a_small_motor_whose_resistance_takes_much_of_the_supply() -> None:
+    """Where the rule of thumb fails."""
+    assert limit_rpm(MOTORS["14HS17-0504S"], Stage(supply_v=20.0, current_a=0.5), 0.009, 3.6e-6) == pytest.approx(
+        530, abs=21
+    )
+
+
 def test_growth_with_speed() -> None:
     on = Bench(NEMA23, AT_48_V, 0.12, INERTIA_KGM2 - NEMA23.rotor_inertia_kgm2)
     found = [

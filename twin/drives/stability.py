@@ -115,12 +115,11 @@ class Bench:
             if found is None and not below:
                 return Limit(0.0, swings=False)
             if found is None or not found.stable:
-                return self._between(below, float(speed_rpm), state)
+                return self._between(below, float(speed_rpm), state, swings=found is not None)
             state, below = there, float(speed_rpm)
         return Limit(last_rpm, swings=False)
 
-    def _between(self, low_rpm: float, high_rpm: float, state: NDArray[np.float64] | None) -> Limit:
-        swings = False
+    def _between(self, low_rpm: float, high_rpm: float, state: NDArray[np.float64] | None, swings: bool) -> Limit:
         while high_rpm - low_rpm > 1.0:
             middle = 0.5 * (low_rpm + high_rpm)
             there, found = self._rotation(middle, state)
@@ -133,16 +132,18 @@ class Bench:
     def _rotation(self, speed_rpm: float, near: NDArray[np.float64] | None) -> _Found:
         """The state x* at a speed and what it does, from a state nearby; None where there is none.
 
-        A current that passes 0 just as a sub-step begins makes F jump there, which looks like growth. So what is not
-        stable is the middle one of three numbers of sub-steps."""
-        omega = speed_rpm * math.pi / 30.0
-        quarter_s = 0.5 * math.pi / (self.motor.pole_pairs * omega)
+        F jumps where a current passes 0 just as a sub-step begins, and one number of sub-steps in six leads to x* just
+        there, which looks like growth. So only what grows with each of five numbers grows."""
+        quarter_s = 0.5 * math.pi / (self.motor.pole_pairs * speed_rpm * math.pi / 30.0)
         count = max(SUB_STEPS, math.ceil(quarter_s / LONGEST_S))
-        first = self._one(speed_rpm, near, quarter_s, count)
-        if first[1] is not None and first[1].stable:
-            return first
-        found = [first, *(self._one(speed_rpm, near, quarter_s, count + more) for more in (7, 13))]
-        return sorted(found, key=lambda one: math.inf if one[1] is None else one[1].growth_per_s)[1]
+        best: _Found = (None, None)
+        for more in (0, 7, 13, 22, 31):
+            state, found = self._one(speed_rpm, near, quarter_s, count + more)
+            if found is not None and (best[1] is None or found.growth_per_s < best[1].growth_per_s):
+                best = state, found
+            if best[1] is not None and best[1].stable:
+                break
+        return best
 
     def _one(self, speed_rpm: float, near: NDArray[np.float64] | None, quarter_s: float, count: int) -> _Found:
         omega = speed_rpm * math.pi / 30.0
