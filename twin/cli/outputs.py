@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -32,6 +33,7 @@ MANY_SAMPLES = 10_000_000  # samples of a recorder that are reported, and every 
 LONG_COMMAND, LONG_REPLY, LONG_BLOCK = 56, 25, 100
 HEAD = 1 << 16  # characters of a program that are searched for its longest block
 NAME = 4  # characters before a block: the program's name
+SHOWN_FACTORS = 3  # of a repetition
 SHOWN_TRIALS = 5  # most repetitions shown that ended differently
 NO_PHYSICS = "without physics nothing is known of lost steps, margins and loads: --plant mujoco knows"
 
@@ -142,15 +144,17 @@ class JsonOutput:
         say_json({"summary": True, **verdict.summary(), **call})
 
     def robust(self, verdict: Verdict, trials: Sequence[Repetition], wanted: int) -> bool:
-        from isel_twin.jobs.robust import agree
+        from isel_twin.jobs.robust import agree, at_most, separates
 
         other = [trial for trial in trials if not agree(verdict, trial.verdict)]
         for trial in trials:
             factors = {name: round(factor, 4) for name, factor in trial.factors.items()}
             told = {"trial": trial.number, "agrees": trial not in other, "seed": trial.seed, "factors": factors}
             say_json({**told, **trial.verdict.summary()})
-        robust = verdict.ok and not other and len(trials) == wanted
-        say_json({"robust": robust, "trials": len(trials), "other": len(other)})
+        lost = sum(any(trial.verdict.lost) for trial in trials)
+        frequency = {"lost": lost, "of": len(trials), "at_most": round(at_most(lost, len(trials)), 3)}
+        sound = verdict.ok and not other and len(trials) == wanted
+        say_json({"robust": frequency, "sound": sound, "other": len(other), "separates": separates(trials)})
         return not other
 
 
@@ -252,25 +256,32 @@ class TableOutput:
         return f"{many(verdict.commands, 'command')}{expected}"
 
     def robust(self, verdict: Verdict, trials: Sequence[Repetition], wanted: int) -> bool:
-        from isel_twin.jobs.robust import agree
+        from isel_twin.jobs.robust import agree, at_most, separates
 
         other = [trial for trial in trials if not agree(verdict, trial.verdict)]
-        runs = f"{many(len(trials), 'repetition')} with small perturbations"
+        lost = sum(any(trial.verdict.lost) for trial in trials)
+        frequency = f"{lost} of {many(len(trials), 'machine')} lost steps: at most {at_most(lost, len(trials)):.0%} do"
         if not other and verdict.ok:
             stopped = "" if len(trials) == wanted else f", {wanted - len(trials)} more were not made"
-            self._print(f"{'unclear' if stopped else 'robust'}: {runs} ended alike{stopped}", style="bold green")
+            self._print(f"{'unclear' if stopped else 'robust'}: {frequency}{stopped}", style="bold green")
         elif not other:
-            self._print(f"no matter of luck: {runs} went wrong alike", style="bold red")
+            self._print(f"no matter of luck: {many(len(trials), 'machine')} went wrong alike", style="bold red")
         else:
-            self._print(f"fragile: {len(other)} of {runs} ended otherwise", style="bold red")
+            otherwise = f"{len(other)} of {many(len(trials), 'machine')} ended otherwise"
+            self._print(f"fragile: {otherwise}; {frequency}", style="bold red")
+        if (found := separates(trials)) is not None:
+            key, mine, theirs = found
+            values = f"{mine:.2f} of its value where steps were lost, else {theirs:.2f}"
+            self._print(f"  what separates them best: {key}, {values}")
         for trial in other[:SHOWN_TRIALS]:
-            changed = ", ".join(f"{name} {100.0 * (factor - 1.0):+.1f} %" for name, factor in trial.factors.items())
+            far = sorted(trial.factors.items(), key=lambda one: -abs(math.log(one[1])))[:SHOWN_FACTORS]
+            changed = ", ".join(f"{name} {100.0 * (factor - 1.0):+.0f} %" for name, factor in far)
             ended = trial.verdict
             steps = zip(AXIS_NAMES, ended.lost_steps, ended.forgotten_steps, ended.lost, strict=False)
-            lost = ", ".join(f"{axis.upper()} {now + before:.0f}" for axis, now, before, is_lost in steps if is_lost)
+            losses = ", ".join(f"{axis.upper()} {now + before:.0f}" for axis, now, before, is_lost in steps if is_lost)
             refused = f"{ended.refused} refused" if ended.refused else "nothing lost or refused"
-            what = f"lost {lost}" if lost else refused
-            self._print(f"  repetition {trial.number}: {what} (seed {trial.seed}, {changed})")
+            what = f"lost {losses}" if losses else refused
+            self._print(f"  repetition {trial.number}: {what} (seed {trial.seed}; farthest off: {changed})")
         return not other
 
     def _row(self, number: str, time_s: str, words: str, *positions: str, style: str = "") -> None:

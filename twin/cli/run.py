@@ -61,8 +61,8 @@ def run(
 
     Exit code 0 if every command was accepted ("0", or a longer answer to a query) or answered as expected, every
     condition met, a program at its end and no step lost, else 1. With
-    --robust 20, only if 20 repetitions with another power-on position, supply (5 %), friction (20 %) and masses (10 %),
-    all drawn from --seed, end as the job itself does: what happens near stall is luck.
+    --robust 20, only if the job ends on 20 other machines of the kind as on this one (motors, stages, supply, friction,
+    masses, power-on position: drawn from --seed as makers and shops spread them): what happens near stall is luck.
     """
     options.check_seconds("interval", interval, 1e-9)
     options.check_seconds("timeout", timeout, 0.0)

@@ -38,7 +38,7 @@ from __future__ import annotations
 
 import logging
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from isel_twin.base.parameters import check, number
 
@@ -92,6 +92,42 @@ class Motor:
     def iron_torque_nm(self, omega_rad_s: float) -> float:
         """Drag torque of the iron loss at a speed, with and without current."""
         return self.iron_drag_nm_s_per_rad * omega_rad_s / (1.0 + (omega_rad_s / self.iron_knee_rad_s) ** 2)
+
+
+@dataclass(frozen=True)
+class Specimen:
+    """How one motor on its stage differs from its sheet: factors of its numbers. Raises ValueError."""
+
+    resistance: float = number("1", 0.5, 2.0, key="resistance", default=1.0)
+    inductance: float = number("1", 0.2, 5.0, key="inductance", default=1.0)
+    torque_constant: float = number("1", 0.5, 2.0, key="torque_constant", default=1.0)
+    rotor_inertia: float = number("1", 0.5, 2.0, key="rotor_inertia", default=1.0)
+    detent_torque: float = number("1", 0.0, 5.0, key="detent_torque", default=1.0)
+    iron_loss: float = number("1", 0.0, 10.0, key="iron_loss", default=1.0)
+    iron_knee: float = number("1", 0.1, 10.0, key="iron_knee", default=1.0)
+    supply_factor: float = number("1", 0.5, 1.2, key="supply_factor", default=1.0)  # of the stage
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    def of(self, motor: Motor) -> Motor:
+        """This one of the motors of that type."""
+        if self == Specimen():
+            return motor
+        return replace(
+            motor,
+            resistance_ohm=motor.resistance_ohm * self.resistance,
+            inductance_h=motor.inductance_h * self.inductance,
+            torque_constant_nm_per_a=motor.torque_constant_nm_per_a * self.torque_constant,
+            rotor_inertia_kgm2=motor.rotor_inertia_kgm2 * self.rotor_inertia,
+            detent_torque_nm=motor.detent_torque_nm * self.detent_torque,
+            iron_loss_ohm=self._iron_loss_ohm(motor),
+            iron_knee_rad_s=motor.iron_knee_rad_s * self.iron_knee,
+        )
+
+    def _iron_loss_ohm(self, motor: Motor) -> float:
+        """The drag is Km^2 / Rm, and the factor is that of the drag."""
+        return motor.iron_loss_ohm * self.torque_constant**2 / self.iron_loss if self.iron_loss else math.inf
 
 
 def from_datasheet(
