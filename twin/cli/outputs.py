@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress, ProgressColumn
 
     from isel_twin.core.twin import Twin
+    from isel_twin.jobs.edge import Edge
     from isel_twin.jobs.job import Line
     from isel_twin.jobs.result import Result
     from isel_twin.jobs.robust import Repetition
@@ -123,12 +124,18 @@ class JobOutput(Protocol):
     def verdict(self, verdict: Verdict, call: Mapping[str, Any]) -> None:
         """Show the verdict; `call`: further entries of the summary."""
 
+    def edge(self, edges: Sequence[Edge]) -> None:
+        """Show how far the job is from losing steps."""
+
     def robust(self, verdict: Verdict, trials: Sequence[Repetition], wanted: int) -> bool:
         """Show the repetitions, fewer than wanted if stopped; return whether all ended alike."""
 
 
 class JsonOutput:
     """One line a command and one for the summary; one line for each repetition and one for all."""
+
+    def __init__(self) -> None:
+        self._told: dict[str, Any] = {}  # the edge, which the last line has, too
 
     def result(self, result: Result) -> None:
         import dataclasses
@@ -143,6 +150,12 @@ class JsonOutput:
     def verdict(self, verdict: Verdict, call: Mapping[str, Any]) -> None:
         say_json({"summary": True, **verdict.summary(), **call})
 
+    def edge(self, edges: Sequence[Edge]) -> None:
+        from isel_twin.jobs.edge import told
+
+        self._told = {"edge": told(edges)}
+        say_json(self._told)
+
     def robust(self, verdict: Verdict, trials: Sequence[Repetition], wanted: int) -> bool:
         from isel_twin.jobs.robust import agree, at_most, separates
 
@@ -154,7 +167,9 @@ class JsonOutput:
         lost = sum(any(trial.verdict.lost) for trial in trials)
         frequency = {"lost": lost, "of": len(trials), "at_most": round(at_most(lost, len(trials)), 3)}
         sound = verdict.ok and not other and len(trials) == wanted
-        say_json({"robust": frequency, "sound": sound, "other": len(other), "separates": separates(trials)})
+        say_json(
+            {**self._told, "robust": frequency, "sound": sound, "other": len(other), "separates": separates(trials)}
+        )
         return not other
 
 
@@ -241,6 +256,9 @@ class TableOutput:
         told += [f"following error: {lag}"] if lag else []
         margin = _percent(verdict.margin)
         told += [f"least torque margin: {margin}"] if margin else []
+        if verdict.least_edge is not None:
+            edge, axis, line = verdict.least_edge
+            told.append(f"{axis.upper()} swings from {edge:.2f} times the speed of line {line} on")
         told.append(f"{verdict.time_ns / SECOND_NS:.3f} s of machine time")
         self._print("")
         style = "bold green" if verdict.ok else "bold red"
@@ -249,6 +267,17 @@ class TableOutput:
         self._print(f"{_in_words(verdict)}: {', '.join(told)}", style=style)
         if not verdict.physics:
             self._print(NO_PHYSICS)
+
+    def edge(self, edges: Sequence[Edge]) -> None:
+        from isel_twin.jobs.edge import FARTHEST
+
+        for axis in dict.fromkeys(edge.axis for edge in edges):
+            own = [edge for edge in edges if edge.axis == axis]
+            at = [f"{edge.factor:.2f} times the {edge.quantity}" for edge in own if edge.factor is not None]
+            never = [f"{FARTHEST[edge.quantity]:g} times the {edge.quantity}" for edge in own if edge.factor is None]
+            lost = [f"steps are lost at {', '.join(at)}"] if at else []
+            held = [f"none up to {', '.join(never)}"] if never else []
+            self._print(f"edge of {axis.upper()}: {'; '.join([*lost, *held])}")
 
     def counted(self, verdict: Verdict) -> str:
         """Number of commands and expectations."""

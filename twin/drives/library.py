@@ -67,6 +67,9 @@ _DETENT = ("detent_torque_nm",)
 
 SHEETS: Mapping[str, Sheet] = MappingProxyType(
     {
+        "23HS32-4004S": _sheet(
+            23, PEAK, _COMPARED, 2.40, 4.0, 0.65, 3.2, 530.0, detent_torque_nm=0.06, estimated=_DETENT
+        ),
         "14HS17-0504S": _sheet(14, UNMARKED, _COMPARED, 0.23, 0.5, 15.0, 26.0, 18.0),
         "35STH48-1684AH": _sheet(14, UNMARKED, f"LDO; {_COLLECTION}", 0.40, 1.68, 1.65, 2.8, 49.0),
         "17HS19-2004S": _sheet(17, PEAK, _COMPARED, 0.52, 2.0, 1.4, 3.0, 82.0),
@@ -102,9 +105,6 @@ SHEETS: Mapping[str, Sheet] = MappingProxyType(
         ),
         "57STH56-2804MAC": _sheet(
             23, UNMARKED, f"LDO, 0.9 degrees; {_COLLECTION}", 1.2, 2.8, 1.1, 3.4, 305.0, pole_pairs=100
-        ),
-        "23HS32-4004S": _sheet(
-            23, PEAK, _COMPARED, 2.40, 4.0, 0.65, 3.2, 530.0, detent_torque_nm=0.06, estimated=_DETENT
         ),
         "23HS45-4204S": _sheet(
             23,
@@ -142,6 +142,6 @@ SHEETS: Mapping[str, Sheet] = MappingProxyType(
         "34HS59-6004D": _sheet(34, UNMARKED, f"StepperOnline; {_COLLECTION}", 12.0, 6.0, 0.53, 4.8, 3600.0),
     }
 )
-"""By type name, smallest first."""
+"""By type name: that of the machines here, then the others, smallest first."""
 
 MOTORS: Mapping[str, Motor] = MappingProxyType({name: sheet.motor for name, sheet in SHEETS.items()})

@@ -31,7 +31,6 @@ COMPARED = {
     "14HS17-0504S": ((20.0, 20.0), (90.0, 450.0), "20 V, 0.5 A, half step"),
 }
 
-LOAD_SHARE = 0.1  # load over the torque at standstill, for the growth of a swing; it changes little with the load
 BAR = 40  # characters of the longest bar
 
 
@@ -42,7 +41,7 @@ class TorquePoint:
     predicted_nm: float
     envelope_nm: float
     growth_per_s: float | None
-    """Of a small swing under LOAD_SHARE of the torque; below 0: it dies away. None: no steady rotation."""
+    """Of a small swing under stability.LOAD_SHARE of the torque; below 0: it dies away. None: no steady rotation."""
 
     @property
     def stable(self) -> bool:
@@ -60,8 +59,8 @@ def torque_table(motor: Motor, stage: Stage, speeds_rpm: Sequence[float] = SPEED
 
 
 def bench(motor: Motor, stage: Stage) -> stability.Bench:
-    """With its own inertia once more and LOAD_SHARE of its torque on the shaft."""
-    return stability.Bench(motor, stage, LOAD_SHARE * motor.torque_constant_nm_per_a * stage.current_a)
+    """With its own inertia once more and stability.LOAD_SHARE of its torque on the shaft."""
+    return stability.Bench(motor, stage, stability.LOAD_SHARE * motor.torque_constant_nm_per_a * stage.current_a)
 
 
 def default_stage(motor: Motor) -> Stage:

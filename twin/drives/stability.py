@@ -33,6 +33,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -251,6 +252,16 @@ def quarter(parameters, states, command, load_nm, x, out):
 
 
 drop_stale_code(quarter)
+
+
+LOAD_SHARE = 0.1  # load over the torque at standstill; the limit changes little with it
+
+
+@lru_cache(64)
+def limit_rad_s(motor: Motor, stage: Stage) -> float:
+    """The limit under LOAD_SHARE of the torque; inf if no swing grows below LAST_RPM."""
+    limit = Bench(motor, stage, LOAD_SHARE * motor.torque_constant_nm_per_a * stage.current_a).limit()
+    return limit.speed_rpm * math.pi / 30.0 if limit.swings else math.inf
 
 
 def rule_rpm(motor: Motor, stage: Stage) -> float:
