@@ -101,8 +101,8 @@ def make(candidate: Candidate, weather: Weather, number: int) -> Judgement:
 
 
 def _kept(result: Result) -> float:
-    """The least margin of a line: of torque, and of speed, 1 - 1/edge, for a motor with torque to spare may swing itself
-    out of step. Never 0, which is for lost steps; 1 where nothing moves."""
+    """The least margin of a line: of torque, and of speed, 1 - 1/edge: a motor with torque to spare may swing itself
+    out of step. Never 0, which is of lost steps; 1 where nothing moves."""
     torque = [margin for margin in result.margin if margin is not None]
     speed = [max(LEAST, 1.0 - 1.0 / edge) for edge in result.edge if edge is not None]
     return min((*torque, *speed), default=1.0)
