@@ -12,7 +12,7 @@ from isel_twin.bridge.virtual import cpython
 from isel_twin.bridge.virtual.stand_in import StandIn
 from isel_twin.bridge.virtual.turns import Turns, here
 
-REAL_START = _thread.start_new_thread
+REAL_START: Callable[..., Any] = _thread.start_new_thread
 
 FOR_EVER_S = 1e9  # longer timeouts mean no limit: some hosts use `threading.TIMEOUT_MAX` to stay open to Ctrl-C
 

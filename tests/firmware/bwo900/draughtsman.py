@@ -14,7 +14,7 @@ Words that are not programmed keep their axis of the program where it is; when a
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from hypothesis import strategies as st
@@ -25,6 +25,7 @@ __all__ = ["CORNER_EXPONENTS", "SAGITTA", "ZERO_POINTS", "Curve", "Draughtsman",
 SAGITTA = 1e-4
 """mm"""
 ZERO_POINTS = {54: (12.5, -7.0, 3.0), 55: (-20.0, 4.25, -1.5), 56: (0.0, 0.0, 0.0)}
+DWELL, DWELL_S = "G04.0.15", 0.15
 PLANES = {17: (0, 1, 2), 18: (2, 0, 1), 19: (1, 2, 0)}
 CORNER_EXPONENTS = (1.0, 2.0, 5.0)
 NAMES, CENTRES = "XYZ", "IJK"
@@ -46,6 +47,10 @@ class Curve:
     """It ends at speed 0."""
     end_feed: float | None = None
     """mm/min: `f`, the feed that its block ends with."""
+    circle: tuple[int, int, float] | None = None
+    """Both axes of its plane and the radius in mm, if it is an arc."""
+    dwell_s: float = 0.0
+    """G04, behind it."""
 
     @property
     def length_mm(self) -> float:
@@ -59,6 +64,8 @@ class Draughtsman:
     shift_first: bool
     rapid_stops: bool
     lines: list[str] = field(default_factory=list)
+    called: dict[str, list[str]] = field(default_factory=dict)
+    """Lines of other programs, which these call."""
     curves: list[Curve] = field(default_factory=list)
     place: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
     plane: int = 17
@@ -119,18 +126,19 @@ class Draughtsman:
         exact: bool = False,
         within: bool = False,
         end_feed: float | None = None,
+        radius: float | None = None,
         **way: NDArray[np.float64],
     ) -> None:
         """A path through these places of the program. way: direction of its ends in the program, where it is bent.
 
-        exact: it ends with an exact stop; within: the block goes on behind it; end_feed: `f`.
+        exact: it ends with an exact stop; within: the block goes on behind it; end_feed: `f`; radius: of an arc.
         """
         if text:
             self.says(text)
         places = self.machine(points)
         places[0] = self.place
         stops = not within and (exact or self.exact or (rapid and self.rapid_stops))
-        self._drawn(places, way, rapid, stops, end_feed)
+        self._drawn(places, way, rapid, stops, end_feed, radius)
 
     def _drawn(
         self,
@@ -139,6 +147,7 @@ class Draughtsman:
         rapid: bool,
         stops: bool,
         end_feed: float | None = None,
+        radius: float | None = None,
     ) -> None:
         turn = self._matrix()[:3, :3]
         chords = np.diff(places, axis=0)
@@ -154,6 +163,7 @@ class Draughtsman:
                 None if rapid else self.feed,
                 stops,
                 end_feed,
+                None if radius is None else (*self.axes[:2], radius),
             )
         )
         self.place = places[-1]
@@ -171,6 +181,25 @@ class Draughtsman:
         words = self.words(start, goal, axes) + ("" if end_feed is None else f" f{end_feed:.0f}")
         said = g.split()
         self.goes(f"{g} {words}", np.array([start, goal]), rapid="G0" in said, exact="G8" in said, end_feed=end_feed)
+        if DWELL in said:
+            self.stands(DWELL_S)
+
+    def stands(self, dwell_s: float = 0.0) -> None:
+        """What comes last stops exactly, and stands for so long."""
+        self.curves[-1] = replace(self.curves[-1], stops=True, dwell_s=self.curves[-1].dwell_s + dwell_s)
+
+    def loop(self, ways: list[NDArray[np.float64]], passes: int) -> None:
+        """M24 to M25: blocks with a way of all axes each."""
+        self.absolute = False
+        self.says("G91")
+        self.says(f"M24.{passes}")
+        for number in range(passes):
+            inside = len(self.lines)
+            for way in ways:
+                self.line(self.program_place() + way, (0, 1, 2))
+            if number:
+                del self.lines[inside:]
+        self.says("M25")
 
     def arc(
         self, centre: tuple[float, float], sweep: float, rise: float | None, radius: bool, polar: bool = False
@@ -201,7 +230,7 @@ class Draughtsman:
             letters = (CENTRES[u], CENTRES[v])
             base = (start[u], start[v]) if self.absolute else (0.0, 0.0)
             words += f" {letters[0]}{base[0] + centre[0]:.6f} {letters[1]}{base[1] + centre[1]:.6f}"
-        self.goes(f"G{3 if sweep > 0.0 else 2} {words}", points, begin=ways[0], end=ways[1])
+        self.goes(f"G{3 if sweep > 0.0 else 2} {words}", points, radius=size, begin=ways[0], end=ways[1])
 
     def corner(self, first: tuple[float, float], second: tuple[float, float], share: float, chamfer: bool) -> None:
         """G12 between two lines in the plane, by two ways from the start; share: what it takes of the shorter one."""
@@ -231,7 +260,7 @@ class Draughtsman:
             points[:, u], points[:, v] = centre[0] + radius * np.cos(angles), centre[1] + radius * np.sin(angles)
             ways = [np.zeros(3), np.zeros(3)]
             ways[0][[u, v]], ways[1][[u, v]] = d, e
-            self.goes("", points, within=True, begin=ways[0], end=ways[1])
+            self.goes("", points, within=True, radius=radius, begin=ways[0], end=ways[1])
         self.goes("", np.array([after, goal]))
 
     def three(self, first: tuple[float, float], second: tuple[float, float]) -> None:
@@ -263,7 +292,7 @@ class Draughtsman:
             ways = [np.zeros(3), np.zeros(3)]
             for way, angle in zip(ways, (turned[0], turned[-1]), strict=True):
                 way[u], way[v] = -sense * math.sin(angle), sense * math.cos(angle)
-            self.goes("", points, begin=ways[0], end=ways[1])
+            self.goes("", points, radius=size, begin=ways[0], end=ways[1])
 
     def uncorrected(self, goal: NDArray[np.float64], axes: tuple[int, ...]) -> None:
         """A block with G66: places of the machine, in the sense of its axes."""
@@ -296,22 +325,23 @@ millimetres = st.integers(-300, 300).map(lambda n: n / 10.0)
 KINDS = (
     *("line",) * 4, *("arc",) * 4, *("rapid",) * 2, *("corner",) * 3, "three", *("dimension",) * 2,
     *("uncorrected",) * 2, "zero", "shift", "correction", "rotation", "added", "mirror", "polar", "plane", "feed",
-    "exact", "length", "sense",
+    "exact", "length", "sense", "loop",
 )  # fmt: skip
 
 
 @st.composite
-def programs(draw: st.DrawFn, most: int = 10, *, frames: bool = True) -> Draughtsman:
+def programs(draw: st.DrawFn, most: int = 10, *, least: int = 2, frames: bool = True) -> Draughtsman:
     """A program of up to `most` things, from rapid to a first place on, and what it draws."""
     drawn = Draughtsman(draw(st.booleans()), draw(st.booleans()))
     drawn.says("G0 G90 F3000")
     drawn.line(np.array([1.0, 2.0, 3.0]), (0, 1, 2), "G0")
-    for _ in range(draw(st.integers(2, most))):
+    for _ in range(draw(st.integers(least, most))):
         kind = draw(st.sampled_from(KINDS if frames else KINDS[:16]))
         u, v, _ = drawn.axes
         match kind:
             case "line":
-                g, end_feed = draw(st.sampled_from([*[("G1", None)] * 4, ("G1 G8", None), ("G1", 240.0)]))
+                kinds = [*[("G1", None)] * 4, ("G1 G8", None), ("G1", 240.0), (f"G1 {DWELL}", None)]
+                g, end_feed = draw(st.sampled_from(kinds))
                 drawn.line(draw(places), draw(some_axes), g, end_feed)
             case "rapid":
                 drawn.line(draw(places), draw(some_axes), "G0")
@@ -411,10 +441,14 @@ def programs(draw: st.DrawFn, most: int = 10, *, frames: bool = True) -> Draught
             case "exact":
                 drawn.exact = not drawn.exact
                 drawn.says("G28" if drawn.exact else "G29")
+                if drawn.exact:  # its own block, without a path, ends with an exact stop, too
+                    drawn.stands()
             case "sense":
                 bits = draw(st.integers(0, 7))
                 drawn.senses = np.array([-1.0 if bits >> axis & 1 else 1.0 for axis in range(3)])
                 drawn.says(f"P8892:{bits}")
+            case "loop":
+                drawn.loop(draw(st.lists(places, min_size=1, max_size=2)), draw(st.integers(1, 3)))
             case "length":
                 drawn.length = draw(st.integers(0, 300)) / 10.0
                 drawn.says(f"tl:{drawn.length}")

@@ -24,6 +24,7 @@ from itertools import pairwise
 import numpy as np
 from conformance.bwo900_desk import REFERENCE, file, parameters, said, start, value
 from firmware.bwo900.draughtsman import CORNER_EXPONENTS, SAGITTA, ZERO_POINTS, Curve, Draughtsman, programs
+from firmware.bwo900.retold import retold
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -31,6 +32,8 @@ from numpy.typing import NDArray
 from isel_twin.testing import Desk, switches
 
 T_S = 0.002
+EMPTY_S = 0.0015
+"""A block without a path (bwo900/35)."""
 E_MM = 1e-3
 SPEED = np.array([100.0, 80.0, 60.0])
 RAMP_MS, PATH_RAMP_MS = np.array([200.0, 250.0, 200.0]), np.array([0.0, 400.0, 100.0])
@@ -66,7 +69,8 @@ def desk_with(drawn: Draughtsman, corner: float, sine: bool, even: bool = False)
         values[f"p{12_010 + 200 * axis}"] = float(sine)
         for g, point in ZERO_POINTS.items():
             values[f"p{20_003 + 3 * (g - 54) + axis}"] = point[axis]
-    desk.send(file("P1", *drawn.lines))
+    for name, lines in {"P1": drawn.lines, **drawn.called}.items():
+        desk.send(file(name, *lines))
     desk.send(file("P2", "N10 G0 X0 Y0 Z0", "N20 M30"))
     desk.send(parameters(**{f"p{12_040 + 200 * axis}": -1_500.0 for axis in range(3)}))
     desk.send(REFERENCE)
@@ -103,6 +107,7 @@ class Way:
 
     def __init__(self, drawn: Draughtsman, corner: float, sine: bool, even: bool = False) -> None:
         curves = drawn.curves
+        self.curves, self.corner = curves, corner
         self.corners = np.concatenate([curves[0].points[:1], *(curve.points[1:] for curve in curves)])
         lengths = np.linalg.norm(np.diff(self.corners, axis=0), axis=1)
         self.at = np.concatenate([[0.0], np.cumsum(lengths)])
@@ -111,7 +116,7 @@ class Way:
         speed = np.full(3, 60.0) if even else SPEED
         rapid = speed / ((200.0 if even else RAMP_MS) * 1e-3)
         path = speed / ((200.0 if even else np.maximum(RAMP_MS, PATH_RAMP_MS)) * 1e-3)
-        steeper = math.pi / 2.0 if sine else 1.0
+        self.steeper = steeper = math.pi / 2.0 if sine else 1.0
         self.speed = speed
         self.feed = np.array([self._feed(curve, speed.max()) for curve in curves])
         self.able = np.array([steeper * (rapid if curve.feed is None else path) for curve in curves])
@@ -134,6 +139,38 @@ class Way:
         cosine = min(max(float(a.end @ b.begin), 0.0), 1.0)
         feed = feed if a.end_feed is None else min(feed, a.end_feed / 60.0)
         return 0.0 if a.stops else feed * cosine**corner
+
+    def seconds(self) -> float:
+        """How long it moves at the highest speeds that feeds, axes, ramps and corners allow (bwo900/14, bwo900/15).
+        sin^2 ramps take as long as linear ones."""
+        able = self.able / self.steeper
+        laws = [self._law(*one) for one in zip(self.curves, self.feed, able, strict=True)]
+        ways = [curve.length_mm for curve in self.curves]
+        speeds = [0.0]
+        for (a, (first, _)), (b, (second, _)) in pairwise(zip(self.curves, laws, strict=True)):
+            speeds.append(self._passed(a, b, min(first, second), self.corner))
+        speeds.append(0.0)
+        for n in reversed(range(len(ways))):
+            speeds[n] = min(speeds[n], math.sqrt(speeds[n + 1] ** 2 + 2.0 * laws[n][1] * ways[n]))
+        took = 0.0
+        for n, (way, (most, able)) in enumerate(zip(ways, laws, strict=True)):
+            speeds[n + 1] = min(speeds[n + 1], math.sqrt(speeds[n] ** 2 + 2.0 * able * way))
+            squares = speeds[n] ** 2 + speeds[n + 1] ** 2
+            peak = min(most, math.sqrt(able * way + squares / 2.0))
+            took += (2.0 * peak - speeds[n] - speeds[n + 1]) / able
+            took += max(way - (peak**2 - squares / 2.0) / able, 0.0) / peak
+        return took
+
+    def _law(self, curve: Curve, feed: float, able: NDArray[np.float64]) -> tuple[float, float]:
+        """Highest speed, mm/s, and acceleration, mm/s^2, along a curve."""
+        shares = np.maximum(np.abs(curve.begin), 1e-12)
+        if curve.circle is None:
+            return min(feed, float(np.min(self.speed / shares))), float(np.min(able / shares))
+        u, v, radius = curve.circle
+        w = 3 - u - v
+        flat, across = math.hypot(shares[u], shares[v]), math.sqrt(0.5) * min(able[u], able[v])
+        speed = min(feed, min(self.speed[u], self.speed[v]) / flat, math.sqrt(across * radius) / flat)
+        return min(speed, self.speed[w] / shares[w]), min(across / flat, able[w] / shares[w])
 
     def follow(self, places: NDArray[np.float64], reach: float) -> NDArray[np.float64]:
         """How far along the path each place is, at least: the first point from the last one on that is near enough.
@@ -252,6 +289,32 @@ def test_set_points_keep_to_path_speeds_ramps_and_corners(drawn: Draughtsman, co
     check(ran(drawn, corner, sine), drawn, corner, sine)
 
 
+some_blocks = programs(14, least=7).filter(lambda drawn: 8 <= len(drawn.lines) <= 22)
+
+
+@given(some_blocks.flatmap(retold), exponents, st.booleans())
+@settings(max_examples=20, deadline=None, derandomize=True)
+def test_programs_of_8_to_22_blocks_in_other_words_take_the_drawn_path_and_time(
+    drawn: Draughtsman, corner: float, sine: bool
+) -> None:
+    """It moves as long as that takes within 0.01 %, and at each standstill what is left of a tick; there it dwells, and
+    blocks without a path take their time."""
+    desk = desk_with(drawn, corner, sine)
+    first = desk.ticks
+    start(desk)
+    desk.finish(MOST_S)
+    done = made(desk, first)
+    check(done, drawn, corner, sine)
+    way, t_ns = Way(drawn, corner, sine), desk.steps_since(first).t_ns
+    moved = T_S * sum(len(stretch) - 1 for stretch in done.stretches)
+    stood = T_S + (t_ns[-1] - t_ns[0]) / 1e9 - moved
+    rest = T_S * (1 + np.count_nonzero(way.passed == 0.0))
+    assert 0.9999 * way.seconds() <= moved <= 1.0001 * way.seconds() + rest
+    dwells = sum(curve.dwell_s for curve in drawn.curves[:-1])
+    blocks = sum(map(len, (drawn.lines, *drawn.called.values())))
+    assert dwells - 1e-9 <= stood <= dwells + EMPTY_S * blocks + rest
+
+
 @given(programs(most=5), exponents, st.booleans())
 @settings(max_examples=10, deadline=None, derandomize=True)
 def test_in_single_block_too(drawn: Draughtsman, corner: float, sine: bool) -> None:
@@ -324,13 +387,13 @@ plain = programs(most=6, frames=False)
 
 def with_head(drawn: Draughtsman, words: str) -> Draughtsman:
     """The same program behind a block of these words; what it draws stays."""
-    return Draughtsman(drawn.shift_first, drawn.rapid_stops, [f"N1 {words}", *drawn.lines], drawn.curves, drawn.place)
+    return replace(drawn, lines=[f"N1 {words}", *drawn.lines])
 
 
 def carried(drawn: Draughtsman, matrix: NDArray[np.float64]) -> Draughtsman:
     """The drawn path, carried by a matrix [3, 3]."""
     curves = [replace(c, points=c.points @ matrix.T, begin=matrix @ c.begin, end=matrix @ c.end) for c in drawn.curves]
-    return Draughtsman(drawn.shift_first, drawn.rapid_stops, drawn.lines, curves, matrix @ drawn.place)
+    return replace(drawn, curves=curves, place=matrix @ drawn.place)
 
 
 @given(plain, st.sampled_from(["G61", "G62", "G61 G62"]), st.booleans())
