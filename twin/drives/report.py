@@ -50,10 +50,15 @@ class TorquePoint:
 
 def torque_table(motor: Motor, stage: Stage, speeds_rpm: Sequence[float] = SPEEDS_RPM) -> list[TorquePoint]:
     """Pull-out torque from the bench and from both closed forms, and the growth of a swing, for each speed, rising."""
-    columns = curves.pull_out_torque, curves.pull_out_prediction, curves.pull_out_envelope
     rotations = bench(motor, stage).rotations(speeds_rpm)
     return [
-        TorquePoint(rpm, *(column(motor, stage, rpm) for column in columns), rotation and rotation.growth_per_s)
+        TorquePoint(
+            speed_rpm=rpm,
+            pull_out_nm=curves.pull_out_torque(motor, stage, rpm),
+            predicted_nm=curves.pull_out_prediction(motor, stage, rpm),
+            envelope_nm=curves.pull_out_envelope(motor, stage, rpm),
+            growth_per_s=None if rotation is None else rotation.growth_per_s,
+        )
         for rpm, rotation in zip(speeds_rpm, rotations, strict=True)
     ]
 
