@@ -4,7 +4,7 @@ A motor that turns synchronously can have torque to spare and still swing itself
 where the supply no longer drives the wanted current, the phase of the current follows the swing of the rotor in a way
 that feeds it. No closed form holds for a stage that limits a part of each half wave, so the growth is found from the
 sub-step of the machine itself, by Floquet's theorem. At constant speed everything repeats after a quarter of an
-electrical period, apart from a rotation of the currents by 90 degrees:
+electrical period, apart from a rotation of the currents by 90 degrees (drives/13):
 
     x = (i_A, i_B, w, lambda)      currents, speed, load angle: state when the command is at 0
     F(x)                           the same a quarter period T4 later, currents turned back: (i_A, i_B) <- (i_B, -i_A)
