@@ -460,7 +460,7 @@ def test_repetitions_expect_the_same(call: Any) -> None:
     assert "robust: 0 of 2 machines" in out
     code, out, _ = call("@07\n@0R7\n! clock == 33.757 +- 0.01 s\n", "--robust", "2", "--workers", "2", plant="mujoco")
     assert code == 1  # it stands elsewhere at power-on, so a reference run takes another time
-    assert "fragile: 2 of 2 repetitions" in out
+    assert "fragile: 2 of 2 machines" in out
 
 
 def test_a_golden_run_has_commands_and_the_verdict(

@@ -7,6 +7,7 @@ loop.py            sleeping and waking of the loop
 keeping.py         the end: recordings are kept in any case
 pty.py             endpoint: pseudo terminal
 tcp.py             endpoint: raw TCP
+gate.py            who may speak on it: no browser
 rfc2217.py         RFC 2217 on top of it
 endpoints.py       all of them, from options
 outbox.py          replies to a host that may be slow

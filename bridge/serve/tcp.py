@@ -4,7 +4,8 @@ Addresses: HOST:PORT, [IPV6]:PORT, :PORT or PORT; without a host the loopback in
 
 The controller has one line, so one client is served at a time. A second one gets a line of text and is closed. A client
 that closes its sending side (`printf '@07\\r' | nc -N host port`) still gets its replies, unless another one connects.
-One that has vanished (a pulled cable) loses the line within a minute:
+Who does not begin as a host does is turned away (gate.py). A client that has vanished (a pulled cable) loses the line
+within a minute:
 
     last sign of life --- PROBE_AFTER_S ---> probe --- PROBE_EVERY_S ---> probe ... PROBES in vain: gone, 50 s in all
 """
@@ -24,6 +25,7 @@ from functools import partial
 from typing import Any, Protocol
 
 from isel_twin.bridge.serve.borders import SerialLine
+from isel_twin.bridge.serve.gate import HOLD_S, Alarm, Gate, GreetingError
 from isel_twin.bridge.serve.loop import FileWatch
 from isel_twin.bridge.serve.outbox import Outbox
 from isel_twin.controller import SerialFormat
@@ -158,6 +160,8 @@ class _Client:
         self.outbox = Outbox(connection.send)
         self.departing = False  # has closed its sending side
         self.codec = codec(self.outbox.put, form)
+        self.gate = Gate()
+        self.alarm: Alarm | None = None  # while the gate holds bytes
 
 
 class TcpEndpoint:
@@ -198,6 +202,8 @@ class TcpEndpoint:
             events = (selectors.EVENT_READ if reading else 0) | (selectors.EVENT_WRITE if client.outbox else 0)
             if events:
                 yield FileWatch(client.connection, events, self._ready)
+            if client.alarm is not None and listening:
+                yield FileWatch(client.alarm.file, selectors.EVENT_READ, self._release)
 
     def _accept(self) -> None:
         try:
@@ -251,14 +257,41 @@ class TcpEndpoint:
             if client.departing or not self._listening:
                 return
             data = client.connection.recv(4096)
-            line = client.codec.decode(data)
+            line = client.codec.decode(client.gate.take(data) if data else client.gate.release())
         except BlockingIOError:
+            return
+        except GreetingError as error:
+            log.warning("%s: %s: no host begins so, and not a byte of it reaches the line", self.kind, error)
+            self._disconnect("turned away")
             return
         except (OSError, CodecError) as error:
             self._disconnect(str(error))
             return
+        self._watch_gate(client)
         if not data:
             client.departing = True
+        if line:
+            self._line.receive(self, line)
+
+    def _watch_gate(self, client: _Client) -> None:
+        """Have held bytes go on after a while of silence."""
+        if client.gate.held:
+            client.alarm = client.alarm or Alarm()
+            client.alarm.set(HOLD_S)
+        elif client.alarm is not None:
+            client.alarm.close()
+            client.alarm = None
+
+    def _release(self) -> None:
+        """The bytes held became no greeting: they are of a host."""
+        if (client := self._client) is None or client.alarm is None:
+            return
+        try:
+            line = client.codec.decode(client.gate.release())
+        except CodecError as error:
+            self._disconnect(str(error))
+            return
+        self._watch_gate(client)
         if line:
             self._line.receive(self, line)
 
@@ -279,6 +312,8 @@ class TcpEndpoint:
     def _disconnect(self, reason: str) -> None:
         if self._client is not None:
             log.info("%s: client disconnected: %s", self.kind, reason)
+            if self._client.alarm is not None:
+                self._client.alarm.close()
             self._client.connection.close()
             self._client = None
 
