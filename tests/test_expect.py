@@ -457,10 +457,10 @@ def test_a_report_and_traces_of_a_job_that_expects(call: Any, tmp_path: Path) ->
 def test_repetitions_expect_the_same(call: Any) -> None:
     code, out, _ = call(f"{FAR} => 2\n! lost == 0\n! x > 390 mm\n", "--robust", "2", plant="mujoco")
     assert code == 0, out
-    assert "robust: 2 repetitions" in out
+    assert "robust: 0 of 2 machines" in out
     code, out, _ = call("@07\n@0R7\n! clock == 33.757 +- 0.01 s\n", "--robust", "2", "--workers", "2", plant="mujoco")
     assert code == 1  # it stands elsewhere at power-on, so a reference run takes another time
-    assert "fragile: 2 of 2 repetitions" in out
+    assert "fragile: 2 of 2 machines" in out
 
 
 def test_a_golden_run_has_commands_and_the_verdict(

@@ -116,6 +116,7 @@ def test_the_summary_has_the_keys_of_the_json_line_in_their_order() -> None:
         ("events_after_end", 0),
         ("events_without_effect", 0),
         ("margin", [0.71, 0.9, 0.93, None]),
+        ("edge", {}),
         ("halfway", [False, False, False, False]),
         ("expectations", 0),
         ("unmet", []),

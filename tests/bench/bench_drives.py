@@ -11,7 +11,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 from isel_twin.drives.curves import follow, mean_command, pull_out_torque
 from isel_twin.drives.dynamics import axis_parameters
-from isel_twin.drives.motor import MOTORS
+from isel_twin.drives.library import MOTORS
 from isel_twin.drives.screw import Screw
 from isel_twin.drives.shaft import axis_states
 from isel_twin.drives.stage import Stage

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from isel_twin.drives.curves import follow, mean_command
 from isel_twin.drives.dynamics import axis_parameters, step_axis
-from isel_twin.drives.motor import MOTORS, Motor
+from isel_twin.drives.library import MOTORS
+from isel_twin.drives.motor import Motor
 from isel_twin.drives.screw import Screw
 from isel_twin.drives.shaft import axis_states
 from isel_twin.drives.stage import Stage

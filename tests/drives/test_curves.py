@@ -21,7 +21,8 @@ from isel_twin.drives.curves import (
     resonance_hz,
     starts_in_step,
 )
-from isel_twin.drives.motor import MOTORS, Motor, from_datasheet
+from isel_twin.drives.library import MOTORS
+from isel_twin.drives.motor import Motor, from_datasheet
 from isel_twin.drives.screw import Screw
 from isel_twin.drives.stage import Stage
 

@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from isel_twin.drives.motor import MOTORS, Motor, from_datasheet
+from isel_twin.drives.library import MOTORS
+from isel_twin.drives.motor import Motor, from_datasheet
 from isel_twin.drives.screw import Screw
 from isel_twin.drives.stage import Stage
 

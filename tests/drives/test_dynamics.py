@@ -21,7 +21,7 @@ from isel_twin.drives.dynamics import (
     axis_parameters,
     step_axis,
 )
-from isel_twin.drives.motor import MOTORS
+from isel_twin.drives.library import MOTORS
 from isel_twin.drives.screw import Screw
 from isel_twin.drives.shaft import AXIS_STATE, at_rest, axis_states
 from isel_twin.drives.stage import Stage

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from isel_twin.drives.curves import pull_out_envelope, pull_out_prediction, pull_out_torque
-from isel_twin.drives.motor import MOTORS
+from isel_twin.drives.library import MOTORS
 from isel_twin.drives.report import default_stage, draw_torque, show_motor, torque_table
 from isel_twin.drives.stage import Stage
 

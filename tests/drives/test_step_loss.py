@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from isel_twin.drives.curves import mean_command
-from isel_twin.drives.motor import MOTORS
+from isel_twin.drives.library import MOTORS
 from isel_twin.drives.screw import Screw
 from isel_twin.drives.stage import Stage
 

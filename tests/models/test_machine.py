@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from isel_twin.drives.motor import MOTORS, Motor
+from isel_twin.drives.library import MOTORS
+from isel_twin.drives.motor import Motor
 from isel_twin.drives.stage import Stage
 from isel_twin.machine import (
     LEVELS,

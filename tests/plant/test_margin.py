@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from isel_twin import Twin
-from isel_twin.drives.motor import MOTORS
+from isel_twin.drives.library import MOTORS
 from isel_twin.drives.stage import Stage
 from isel_twin.plant.margin import SPEED_STEP_RAD_S, SPEEDS, available_torque, margin
 

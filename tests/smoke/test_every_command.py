@@ -31,6 +31,7 @@ IN_ORDER: dict[str, tuple[object, ...]] = {
     "controllers": (),
     "machines": (),
     "describe": ("4030",),
+    "motors": (),
     "motor": ("23HS32-4004S", "--picture", "motor.png"),
     "ports": (),
     "decode": ("@07", "--text"),

@@ -3,7 +3,7 @@
     operate   serve, ctl, tap, ports, exec             a machine behind a port, and hosts that drive it
     test      run, check, golden, drive, replay, compare
     tune      tune, sweep, identify, experiment
-    look      machines, controllers, describe, motor, decode, export, plc
+    look      machines, motors, controllers, describe, motor, decode, export, plc
 
 What they share:
 
@@ -46,8 +46,8 @@ GROUPS = {
     "Test": ("run:run", "check:check", "golden:golden", "drive:drive", "replay:replay", "compare:compare"),
     "Tune": ("tune:tune", "sweep:sweep", "identify:identify", "experiment:experiment"),
     "Look": (
-        "names:machines", "names:controllers", "describe:describe", "motor:motor", "decode:decode", "export:export",
-        "plc:plc",
+        "names:machines", "names:motors", "names:controllers", "describe:describe", "motor:motor", "decode:decode",
+        "export:export", "plc:plc",
     ),
 }  # fmt: skip
 for place, (title, commands) in enumerate(GROUPS.items()):

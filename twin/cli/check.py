@@ -37,6 +37,7 @@ def check(
     scenario: Annotated[Path | None, Parameter(help="Events around the machine (TOML).")] = None,
     set: options.Overrides = (),
     margin: Annotated[float | None, Parameter(help="Least pull-out margin of each motor, 0 .. 1.")] = None,
+    edge: Annotated[float | None, Parameter(help="Least factor on each speed until the motor swings, as 1.2.")] = None,
     deviation_mm: Annotated[float | None, Parameter(help="Most difference of counter and true position.")] = None,
     cycle_s: Annotated[float | None, Parameter(help="Most time from first command to end of the last.")] = None,
     clearance: Annotated[float | None, Parameter(help="Least distance of what must not meet, mm.")] = None,
@@ -60,7 +61,8 @@ def check(
     """
     asked: dict[str, Any] = {
         "machine": machine, "controller": controller, "plant": plant, "seed": seed, "scenario": scenario,
-        "margin": margin, "deviation_mm": deviation_mm, "cycle_s": cycle_s, "clearance": clearance, "robust": robust,
+        "margin": margin, "edge": edge, "deviation_mm": deviation_mm, "cycle_s": cycle_s, "clearance": clearance,
+        "robust": robust,
         "timeout_s": timeout, "golden": golden, "set": options.parse_overrides(set) or None,
     }  # fmt: skip
     if may_strike is not None:
@@ -96,6 +98,7 @@ def check(
 
 
 def _check_options(asked: dict[str, Any], workers: int) -> None:
+    from isel_twin.jobs.job import MOST_EDGE
     from isel_twin.plant import MOST_CLEARANCE_MM
 
     for key, option in (("cycle_s", "cycle-s"), ("timeout_s", "timeout")):
@@ -103,6 +106,8 @@ def _check_options(asked: dict[str, Any], workers: int) -> None:
             options.check_seconds(option, asked[key], 0.0)
     if asked["margin"] is not None and not 0.0 <= asked["margin"] <= 1.0:
         raise CallError(f"margin {asked['margin']:g}: must be from 0 to 1", option=True)
+    if asked["edge"] is not None and not 0.0 < asked["edge"] <= MOST_EDGE:
+        raise CallError(f"edge {asked['edge']:g}: must be a factor up to {MOST_EDGE:g}, such as 1.2", option=True)
     if asked["deviation_mm"] is not None and not asked["deviation_mm"] >= 0.0:
         raise CallError(f"deviation-mm {asked['deviation_mm']:g}: must be a distance from 0", option=True)
     if asked["clearance"] is not None and not 0.0 <= asked["clearance"] <= MOST_CLEARANCE_MM:

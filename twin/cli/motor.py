@@ -44,7 +44,7 @@ def motor(
         check_picture(picture)
     with call_errors(), TemporaryDirectory() as folder:
         from isel_twin.base.axes import CARRIAGES
-        from isel_twin.drives.motor import MOTORS
+        from isel_twin.drives.library import MOTORS
         from isel_twin.drives.report import show_motor
         from isel_twin.machine import load_machine, with_overrides
 

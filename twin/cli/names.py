@@ -1,4 +1,4 @@
-"""`isel-twin machines` and `isel-twin controllers`: lists of what is installed."""
+"""`isel-twin machines`, `motors` and `controllers`: lists of what is installed."""
 
 from __future__ import annotations
 
@@ -12,6 +12,26 @@ def machines(*, json: Json = False) -> int:
     from isel_twin.models import machine_names
 
     return _tell(machine_names(), json)
+
+
+def motors(*, json: Json = False) -> int:
+    """List the motors of the library: figures of their sheets, what the sheet's current means, and source."""
+    from dataclasses import asdict
+
+    from isel_twin.cli.outputs import say_json
+    from isel_twin.drives.library import SHEETS
+
+    if json:
+        say_json({name: asdict(sheet) for name, sheet in SHEETS.items()})
+        return 0
+    print(f"{'motor':18} {'NEMA':>4} {'A peak':>6} {'ohm':>6} {'mH':>6} {'Nm/A':>6} {'g cm2':>6}  source; its current")
+    for name, sheet in SHEETS.items():
+        m = sheet.motor
+        numbers = f"{m.rated_current_a:6.2f} {m.resistance_ohm:6.3g} {m.inductance_h * 1e3:6.3g}"
+        numbers += f" {m.torque_constant_nm_per_a:6.3f} {m.rotor_inertia_kgm2 * 1e7:6.0f}"
+        guessed = "".join(f"; {key} estimated" for key in sheet.estimated)
+        print(f"{name:18} {sheet.frame:4} {numbers}  {sheet.source}; {sheet.current}{guessed}")
+    return 0
 
 
 def controllers(*, json: Json = False) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress, ProgressColumn
 
     from isel_twin.core.twin import Twin
+    from isel_twin.jobs.edge import Edge
     from isel_twin.jobs.job import Line
     from isel_twin.jobs.result import Result
     from isel_twin.jobs.robust import Repetition
@@ -32,6 +34,7 @@ MANY_SAMPLES = 10_000_000  # samples of a recorder that are reported, and every 
 LONG_COMMAND, LONG_REPLY, LONG_BLOCK = 56, 25, 100
 HEAD = 1 << 16  # characters of a program that are searched for its longest block
 NAME = 4  # characters before a block: the program's name
+SHOWN_FACTORS = 3  # of a repetition
 SHOWN_TRIALS = 5  # most repetitions shown that ended differently
 NO_PHYSICS = "without physics nothing is known of lost steps, margins and loads: --plant mujoco knows"
 
@@ -121,12 +124,18 @@ class JobOutput(Protocol):
     def verdict(self, verdict: Verdict, call: Mapping[str, Any]) -> None:
         """Show the verdict; `call`: further entries of the summary."""
 
+    def edge(self, edges: Sequence[Edge]) -> None:
+        """Show how far the job is from losing steps."""
+
     def robust(self, verdict: Verdict, trials: Sequence[Repetition], wanted: int) -> bool:
         """Show the repetitions, fewer than wanted if stopped; return whether all ended alike."""
 
 
 class JsonOutput:
     """One line a command and one for the summary; one line for each repetition and one for all."""
+
+    def __init__(self) -> None:
+        self._told: dict[str, Any] = {}  # the edge, which the last line has, too
 
     def result(self, result: Result) -> None:
         import dataclasses
@@ -141,16 +150,26 @@ class JsonOutput:
     def verdict(self, verdict: Verdict, call: Mapping[str, Any]) -> None:
         say_json({"summary": True, **verdict.summary(), **call})
 
+    def edge(self, edges: Sequence[Edge]) -> None:
+        from isel_twin.jobs.edge import told
+
+        self._told = {"edge": told(edges)}
+        say_json(self._told)
+
     def robust(self, verdict: Verdict, trials: Sequence[Repetition], wanted: int) -> bool:
-        from isel_twin.jobs.robust import agree
+        from isel_twin.jobs.robust import agree, at_most, separates
 
         other = [trial for trial in trials if not agree(verdict, trial.verdict)]
         for trial in trials:
             factors = {name: round(factor, 4) for name, factor in trial.factors.items()}
             told = {"trial": trial.number, "agrees": trial not in other, "seed": trial.seed, "factors": factors}
             say_json({**told, **trial.verdict.summary()})
-        robust = verdict.ok and not other and len(trials) == wanted
-        say_json({"robust": robust, "trials": len(trials), "other": len(other)})
+        lost = sum(any(trial.verdict.lost) for trial in trials)
+        frequency = {"lost": lost, "of": len(trials), "at_most": round(at_most(lost, len(trials)), 3)}
+        sound = verdict.ok and not other and len(trials) == wanted
+        say_json(
+            {**self._told, "robust": frequency, "sound": sound, "other": len(other), "separates": separates(trials)}
+        )
         return not other
 
 
@@ -237,6 +256,9 @@ class TableOutput:
         told += [f"following error: {lag}"] if lag else []
         margin = _percent(verdict.margin)
         told += [f"least torque margin: {margin}"] if margin else []
+        if verdict.least_edge is not None:
+            edge, axis, line = verdict.least_edge
+            told.append(f"{axis.upper()} swings from {edge:.2f} times the speed of line {line} on")
         told.append(f"{verdict.time_ns / SECOND_NS:.3f} s of machine time")
         self._print("")
         style = "bold green" if verdict.ok else "bold red"
@@ -246,31 +268,49 @@ class TableOutput:
         if not verdict.physics:
             self._print(NO_PHYSICS)
 
+    def edge(self, edges: Sequence[Edge]) -> None:
+        from isel_twin.jobs.edge import FARTHEST
+
+        for axis in dict.fromkeys(edge.axis for edge in edges):
+            own = [edge for edge in edges if edge.axis == axis]
+            at = [f"{edge.factor:.2f} times the {edge.quantity}" for edge in own if edge.factor is not None]
+            never = [f"{FARTHEST[edge.quantity]:g} times the {edge.quantity}" for edge in own if edge.factor is None]
+            lost = [f"steps are lost at {', '.join(at)}"] if at else []
+            held = [f"none up to {', '.join(never)}"] if never else []
+            self._print(f"edge of {axis.upper()}: {'; '.join([*lost, *held])}")
+
     def counted(self, verdict: Verdict) -> str:
         """Number of commands and expectations."""
         expected = f", {many(verdict.expectations, 'expectation')}" if verdict.expectations else ""
         return f"{many(verdict.commands, 'command')}{expected}"
 
     def robust(self, verdict: Verdict, trials: Sequence[Repetition], wanted: int) -> bool:
-        from isel_twin.jobs.robust import agree
+        from isel_twin.jobs.robust import agree, at_most, separates
 
         other = [trial for trial in trials if not agree(verdict, trial.verdict)]
-        runs = f"{many(len(trials), 'repetition')} with small perturbations"
+        lost = sum(any(trial.verdict.lost) for trial in trials)
+        frequency = f"{lost} of {many(len(trials), 'machine')} lost steps: at most {at_most(lost, len(trials)):.0%} do"
         if not other and verdict.ok:
             stopped = "" if len(trials) == wanted else f", {wanted - len(trials)} more were not made"
-            self._print(f"{'unclear' if stopped else 'robust'}: {runs} ended alike{stopped}", style="bold green")
+            self._print(f"{'unclear' if stopped else 'robust'}: {frequency}{stopped}", style="bold green")
         elif not other:
-            self._print(f"no matter of luck: {runs} went wrong alike", style="bold red")
+            self._print(f"no matter of luck: {many(len(trials), 'machine')} went wrong alike", style="bold red")
         else:
-            self._print(f"fragile: {len(other)} of {runs} ended otherwise", style="bold red")
+            otherwise = f"{len(other)} of {many(len(trials), 'machine')} ended otherwise"
+            self._print(f"fragile: {otherwise}; {frequency}", style="bold red")
+        if (found := separates(trials)) is not None:
+            key, mine, theirs = found
+            values = f"{mine:.2f} of its value where steps were lost, else {theirs:.2f}"
+            self._print(f"  what separates them best: {key}, {values}")
         for trial in other[:SHOWN_TRIALS]:
-            changed = ", ".join(f"{name} {100.0 * (factor - 1.0):+.1f} %" for name, factor in trial.factors.items())
+            far = sorted(trial.factors.items(), key=lambda one: -abs(math.log(one[1])))[:SHOWN_FACTORS]
+            changed = ", ".join(f"{name} {100.0 * (factor - 1.0):+.0f} %" for name, factor in far)
             ended = trial.verdict
             steps = zip(AXIS_NAMES, ended.lost_steps, ended.forgotten_steps, ended.lost, strict=False)
-            lost = ", ".join(f"{axis.upper()} {now + before:.0f}" for axis, now, before, is_lost in steps if is_lost)
+            losses = ", ".join(f"{axis.upper()} {now + before:.0f}" for axis, now, before, is_lost in steps if is_lost)
             refused = f"{ended.refused} refused" if ended.refused else "nothing lost or refused"
-            what = f"lost {lost}" if lost else refused
-            self._print(f"  repetition {trial.number}: {what} (seed {trial.seed}, {changed})")
+            what = f"lost {losses}" if losses else refused
+            self._print(f"  repetition {trial.number}: {what} (seed {trial.seed}; farthest off: {changed})")
         return not other
 
     def _row(self, number: str, time_s: str, words: str, *positions: str, style: str = "") -> None:

@@ -20,10 +20,12 @@ from isel_twin.cli.jobs import check_names, clamped, job_name, read_job
 
 if TYPE_CHECKING:
     from isel_twin.core.spec import TwinSpec
+    from isel_twin.jobs.edge import Edge
     from isel_twin.jobs.golden import Golden
     from isel_twin.jobs.job import Line
     from isel_twin.jobs.playing import Played
     from isel_twin.jobs.robust import Repetition
+    from isel_twin.jobs.verdict import Verdict
     from isel_twin.recordings.recorder import Recorder
 
 
@@ -41,6 +43,9 @@ def run(
     record: RecordPath = None,
     interval: options.Interval = 0.01,
     timeout: options.Timeout = 3600.0,
+    edge: Annotated[
+        bool, Parameter(help="How much more speed, less supply, more inductance, more friction it takes to lose steps.")
+    ] = False,
     robust: options.Robust = 0,
     workers: options.Workers = 1,
     json: Annotated[bool, Parameter(help="One line of JSON a command, then one with the summary.")] = False,
@@ -61,8 +66,11 @@ def run(
 
     Exit code 0 if every command was accepted ("0", or a longer answer to a query) or answered as expected, every
     condition met, a program at its end and no step lost, else 1. With
-    --robust 20, only if 20 repetitions with another power-on position, supply (5 %), friction (20 %) and masses (10 %),
-    all drawn from --seed, end as the job itself does: what happens near stall is luck.
+    --robust 20, only if the job ends on 20 other machines of the kind as on this one (motors, stages, supply, friction,
+    masses, power-on position: drawn from --seed as makers and shops spread them): what happens near stall is luck.
+
+    --edge makes a job that is well again with ever more speed, less supply voltage, more inductance and more friction,
+    until it loses steps, and says at which factor: how far it is from the edge.
     """
     options.check_seconds("interval", interval, 1e-9)
     options.check_seconds("timeout", timeout, 0.0)
@@ -74,6 +82,7 @@ def run(
     call = clamped(twin.spec(), job)
     golden = None if report is None else _golden(job)
     repeat = _repetitions(call, lines, robust, workers, timeout)
+    search = _edges(call, lines, workers, timeout) if edge else None
     with ExitStack() as stack:
         made_on = call.build(keep_motions=None if files.needs_stream else 1)
 
@@ -114,6 +123,11 @@ def run(
         if verdict.interrupted:
             return 128 + stopped[0]
         sound = True
+        if search is not None and verdict.ok:
+            with interruption() as stopped:
+                show.edge(list(search(verdict, lambda: bool(stopped))))
+            if stopped:
+                return 128 + stopped[0]
         if repeat is not None:
             with interruption() as stopped:
                 seen = list(repeat(lambda: bool(stopped)))
@@ -161,12 +175,27 @@ def _repetitions(
     from isel_twin.jobs.robust import check, repetitions
 
     check(call, number)
-    flash = None
-    if isinstance(call.flash, Path) and call.flash.is_file():
-        with call_errors(call.flash):
-            flash = call.flash.read_bytes()
+    flash = _flash(call)
     crew = options.crew_of(min(workers, number))
     return lambda stop: repetitions(call, lines, number, timeout_s=timeout_s, flash=flash, crew=crew, stop=stop)
+
+
+def _edges(
+    call: TwinSpec, lines: Sequence[Line], workers: int, timeout_s: float
+) -> Callable[[Verdict, Callable[[], bool]], Iterator[Edge]]:
+    """A function that finds the edges of a job, with the present flash memory. Raises CallError."""
+    from isel_twin.jobs.edge import check, edges
+
+    check(call)
+    flash, crew = _flash(call), options.crew_of(workers)
+    return lambda verdict, stop: edges(call, lines, verdict, timeout_s=timeout_s, flash=flash, crew=crew, stop=stop)
+
+
+def _flash(call: TwinSpec) -> bytes | None:
+    if isinstance(call.flash, Path) and call.flash.is_file():
+        with call_errors(call.flash):
+            return call.flash.read_bytes()
+    return None
 
 
 def _check_samples(lines: Sequence[Line], interval_s: float) -> None:

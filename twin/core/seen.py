@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -10,6 +11,9 @@ from numpy.typing import NDArray
 from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.controller import Controller, EndsPrograms, HasKeys, KeyValue, SerialFormat, offers
 from isel_twin.core.position import Position
+from isel_twin.drives.motor import Motor
+from isel_twin.drives.stage import Stage
+from isel_twin.machine import Machine
 from isel_twin.motion import Steps, Stream
 from isel_twin.plant import Plant
 from isel_twin.wiring import SerialLine, Wiring
@@ -17,9 +21,13 @@ from isel_twin.wiring import SerialLine, Wiring
 _MOVING_SLICE_NS = 10 * MILLISECOND_NS  # time after which to look again while something moves
 
 
+SLOW_RAD_S = 1.0  # no motor swings at ten revolutions a minute
+
+
 class Seen:
     """The part of a `Twin` that is read."""
 
+    machine: Machine
     time_ns: int  # virtual time since power-on
     _controller: Controller
     _plant: Plant
@@ -111,6 +119,21 @@ class Seen:
         """float64 [axes], least pull-out margin of each motor since `watch_margin`, or since power-on: 1 no load, 0 it
         may have lost steps; nan for axes without a motor (isel_twin.plant.margin)."""
         return self._plant.margin
+
+    @property
+    def speed_edge(self) -> NDArray[np.float64]:
+        """float64 [axes], how many times the largest speed since `watch_margin`, or since power-on, each stepper motor
+        may turn until a swing of its rotor grows: steps are lost from 1.03 to 1.26 of that on (drives/stability.py).
+        inf at rest, nan without such a motor."""
+        edge = self._plant.fastest_rad_s.copy()
+        for i, axis in enumerate(self.machine.axes[: len(edge)]):
+            if edge[i] < SLOW_RAD_S:
+                edge[i] = math.inf
+            elif isinstance(axis.motor, Motor) and isinstance(axis.stage, Stage):
+                from isel_twin.drives.stability import limit_rad_s
+
+                edge[i] = limit_rad_s(axis.motor, axis.stage) / edge[i]
+        return edge
 
     @property
     def supply_v(self) -> float:

@@ -20,6 +20,9 @@ from numba.core import event
 
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.units import MILLISECOND_NS
+from isel_twin.drives.library import MOTORS
+from isel_twin.drives.stability import limit_rad_s
+from isel_twin.drives.stage import Stage
 from isel_twin.machine import load_machine
 from isel_twin.motion import StepRun, circle, line, trapezoid
 from isel_twin.plant import Plant, Threshold
@@ -50,6 +53,8 @@ def warm_up(plant: str, tell: Callable[[str], None] = _log) -> None:
         machine.set_power(stages=True, brake_released=True, lowering=True)
         until_ns = 2 * MILLISECOND_NS
         machine.advance(until_ns, *_up_to(until_ns, t_ns, delta))
+        if plant == "mujoco":
+            limit_rad_s(MOTORS["23HS32-4004S"], Stage(supply_v=48.0, current_a=4.2))
         machine.advance(2 * until_ns, np.array([2 * until_ns]), np.ones((1, 4), dtype=np.int32), lead_ns=until_ns)
 
 

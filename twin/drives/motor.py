@@ -38,9 +38,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
-from types import MappingProxyType
+from dataclasses import dataclass, replace
 
 from isel_twin.base.parameters import check, number
 
@@ -96,6 +94,42 @@ class Motor:
         return self.iron_drag_nm_s_per_rad * omega_rad_s / (1.0 + (omega_rad_s / self.iron_knee_rad_s) ** 2)
 
 
+@dataclass(frozen=True)
+class Specimen:
+    """How one motor on its stage differs from its sheet: factors of its numbers. Raises ValueError."""
+
+    resistance: float = number("1", 0.5, 2.0, key="resistance", default=1.0)
+    inductance: float = number("1", 0.2, 5.0, key="inductance", default=1.0)
+    torque_constant: float = number("1", 0.5, 2.0, key="torque_constant", default=1.0)
+    rotor_inertia: float = number("1", 0.5, 2.0, key="rotor_inertia", default=1.0)
+    detent_torque: float = number("1", 0.0, 5.0, key="detent_torque", default=1.0)
+    iron_loss: float = number("1", 0.0, 10.0, key="iron_loss", default=1.0)
+    iron_knee: float = number("1", 0.1, 10.0, key="iron_knee", default=1.0)
+    supply_factor: float = number("1", 0.5, 1.2, key="supply_factor", default=1.0)  # of the stage
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    def of(self, motor: Motor) -> Motor:
+        """This one of the motors of that type."""
+        if self == Specimen():
+            return motor
+        return replace(
+            motor,
+            resistance_ohm=motor.resistance_ohm * self.resistance,
+            inductance_h=motor.inductance_h * self.inductance,
+            torque_constant_nm_per_a=motor.torque_constant_nm_per_a * self.torque_constant,
+            rotor_inertia_kgm2=motor.rotor_inertia_kgm2 * self.rotor_inertia,
+            detent_torque_nm=motor.detent_torque_nm * self.detent_torque,
+            iron_loss_ohm=self._iron_loss_ohm(motor),
+            iron_knee_rad_s=motor.iron_knee_rad_s * self.iron_knee,
+        )
+
+    def _iron_loss_ohm(self, motor: Motor) -> float:
+        """The drag is Km^2 / Rm, and the factor is that of the drag."""
+        return motor.iron_loss_ohm * self.torque_constant**2 / self.iron_loss if self.iron_loss else math.inf
+
+
 def from_datasheet(
     holding_torque_nm: float,
     rated_current_a: float = math.nan,
@@ -142,23 +176,3 @@ def from_datasheet(
             motor.torque_constant_nm_per_a * motor.rated_current_a, remedy,
         )  # fmt: skip
     return motor
-
-
-# motors by type name; stand-ins for isel's unpublished ones: NEMA 23 with isel's stated 0.6 .. 1.2 ohm
-MOTORS: Mapping[str, Motor] = MappingProxyType(
-    {
-        # StepperOnline data sheet; detent torque estimated.
-        "23HS32-4004S": from_datasheet(2.40, 4.0, 0.65, 3.2e-3, 530e-7, detent_torque_nm=0.06),
-        # Data sheet: detent 400 g cm, at most 2500 half steps/s from rest.
-        "57HS56-2804": from_datasheet(1.236, 2.8, 1.1, 3.0e-3, 300e-7, detent_torque_nm=0.039),
-        # StepperOnline data sheet; rotor inertia not stated there, taken from the 57HS56 of the same length (estimate).
-        "23HS22-2804S": from_datasheet(1.24, 2.8, 0.92, 2.68e-3, 300e-7),
-        # Public data of a NEMA 23 sold by cnc3d, 600 g cm^2, detent 0.09 Nm.
-        "cnc3d-NEMA23": from_datasheet(2.45, 3.0, 1.2, 4.0e-3, 600e-7, detent_torque_nm=0.09),
-        # LDO, 0.9 degrees; figures of the public stepper-calculator collection.
-        "57STH56-2804MAC": from_datasheet(1.2, 2.8, 1.1, 3.4e-3, 305e-7, pole_pairs=100),
-        # StepperOnline data sheets; makers' curves were compared for these and the first of this table.
-        "17HS19-2004S": from_datasheet(0.52, 2.0, 1.4, 3.0e-3, 82e-7),
-        "14HS17-0504S": from_datasheet(0.23, 0.5, 15.0, 26e-3, 18e-7),
-    }
-)

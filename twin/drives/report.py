@@ -5,6 +5,7 @@ The table shows the bench's result beside the closed forms, and marks where it w
        rpm   pull-out  predicted      bound    0 ... Nm
        300 *    1.651      1.660      1.662    ##########################|
        650      1.355      1.371      1.544    #####################   |     * where a maker's curve was compared
+       850 ~    0.720      1.010      1.250    ###########        |          ~ where a swing grows
 """
 
 from __future__ import annotations
@@ -16,8 +17,9 @@ from json import dumps
 from pathlib import Path
 
 from isel_twin.base.pictures import Curve, draw_curves
-from isel_twin.drives import curves
-from isel_twin.drives.motor import MOTORS, Motor
+from isel_twin.drives import curves, stability
+from isel_twin.drives.library import MOTORS, SHEETS
+from isel_twin.drives.motor import Motor
 from isel_twin.drives.stage import Stage
 
 SPEEDS_RPM = (30, 60, 90, *range(150, 1001, 50))  # speeds of the table
@@ -38,12 +40,32 @@ class TorquePoint:
     pull_out_nm: float
     predicted_nm: float
     envelope_nm: float
+    growth_per_s: float | None
+    """Of a small swing under stability.LOAD_SHARE of the torque; below 0: it dies away. None: no steady rotation."""
+
+    @property
+    def stable(self) -> bool:
+        return self.growth_per_s is not None and self.growth_per_s <= 0.0
 
 
 def torque_table(motor: Motor, stage: Stage, speeds_rpm: Sequence[float] = SPEEDS_RPM) -> list[TorquePoint]:
-    """Pull-out torque from the bench and from both closed forms, for each speed."""
-    columns = curves.pull_out_torque, curves.pull_out_prediction, curves.pull_out_envelope
-    return [TorquePoint(rpm, *(column(motor, stage, rpm) for column in columns)) for rpm in speeds_rpm]
+    """Pull-out torque from the bench and from both closed forms, and the growth of a swing, for each speed, rising."""
+    rotations = bench(motor, stage).rotations(speeds_rpm)
+    return [
+        TorquePoint(
+            speed_rpm=rpm,
+            pull_out_nm=curves.pull_out_torque(motor, stage, rpm),
+            predicted_nm=curves.pull_out_prediction(motor, stage, rpm),
+            envelope_nm=curves.pull_out_envelope(motor, stage, rpm),
+            growth_per_s=None if rotation is None else rotation.growth_per_s,
+        )
+        for rpm, rotation in zip(speeds_rpm, rotations, strict=True)
+    ]
+
+
+def bench(motor: Motor, stage: Stage) -> stability.Bench:
+    """With its own inertia once more and stability.LOAD_SHARE of its torque on the shaft."""
+    return stability.Bench(motor, stage, stability.LOAD_SHARE * motor.torque_constant_nm_per_a * stage.current_a)
 
 
 def default_stage(motor: Motor) -> Stage:
@@ -77,6 +99,20 @@ def show_motor(
         draw_torque(table, _title(name, stage), picture)
 
 
+def _stable(motor: Motor, stage: Stage) -> str:
+    """How fast it can turn without swinging itself out of step, in a line."""
+    on = bench(motor, stage)
+    limit = on.limit()
+    load = f"under a load of {on.load_nm:.2g} Nm"
+    if not limit.swings:
+        return f"no swing grows up to {limit.speed_rpm:.0f} rev/min {load}"
+    rule = f"(rule of thumb {stability.rule_rpm(motor, stage):.0f})"
+    return (
+        f"~ from {limit.speed_rpm:.0f} rev/min on a swing grows {load} {rule}; steps are lost from 1.03 to 1.26 of "
+        "that on, whatever the closed forms say"
+    )
+
+
 def draw_torque(table: Sequence[TorquePoint], title: str, file: Path) -> None:
     """Draw the curves into a file (type by suffix: png, svg, pdf). Raises ValueError without matplotlib."""
     speeds = [point.speed_rpm for point in table]
@@ -85,6 +121,9 @@ def draw_torque(table: Sequence[TorquePoint], title: str, file: Path) -> None:
         Curve("closed form: prediction", speeds, [point.predicted_nm for point in table], ":"),
         Curve("pull-out torque", speeds, [point.pull_out_nm for point in table], "o-"),
     ]
+    if swinging := [point for point in table if not point.stable]:
+        at = [point.speed_rpm for point in swinging]
+        lines.append(Curve("a swing grows", at, [point.pull_out_nm for point in swinging], "rx"))
     draw_curves(file, title, "speed, rev/min", "torque, Nm", lines)
 
 
@@ -112,7 +151,7 @@ def _text(name: str, motor: Motor, stage: Stage, table: Sequence[TorquePoint]) -
         bar = list("#" * round(BAR * point.pull_out_nm / top) + " " * (BAR + 1))
         bar[round(BAR * point.envelope_nm / top)] = "|"
         picture = "".join(bar).rstrip()
-        mark = "*" if compared and speeds[0] <= point.speed_rpm <= speeds[1] else " "
+        mark = "*" if compared and speeds[0] <= point.speed_rpm <= speeds[1] else " " if point.stable else "~"
         figures = " ".join(f"{nm:12.3f}" for nm in (point.pull_out_nm, point.predicted_nm, point.envelope_nm))
         lines.append(f"{point.speed_rpm:6g} {mark} {figures}  {picture}")
     rate = curves.pull_in_rate(motor, stage)
@@ -124,5 +163,8 @@ def _text(name: str, motor: Motor, stage: Stage, table: Sequence[TorquePoint]) -
         f"* compared with the maker's curve, at {conditions}, {speeds[0]:g} to {speeds[1]:g} rev/min: docs/fidelity.md"
         if conditions
         else "no maker's curve of this motor was compared; the law was on others: see docs/fidelity.md",
+        _stable(motor, stage),
     ]
+    if sheet := SHEETS.get(name):
+        lines.append(f"source: {sheet.source}; its current: {sheet.current}")
     return lines

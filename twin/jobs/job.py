@@ -194,6 +194,9 @@ def _actions(command: str, language: Language | None, controller: str) -> Iterat
         yield together
 
 
+MOST_EDGE = 100.0  # beyond, an axis is as good as at rest
+
+
 def play(twin: Twin, lines: Sequence[Line], timeout_s: float, stop: Stop | None = None) -> Iterator[Result]:
     """Send the lines, each when the one before is over.
 
@@ -246,6 +249,7 @@ def play(twin: Twin, lines: Sequence[Line], timeout_s: float, stop: Stop | None 
             counts=tuple(seen.counts.tolist()),
             position_mm=tuple(seen.position_mm.tolist()),
             margin=tuple(None if math.isnan(least) else round(least, 4) for least in twin.margin.tolist()),
+            edge=tuple(round(edge, 4) if edge < MOST_EDGE else None for edge in twin.speed_edge.tolist()),
             complete=complete,
             expected=None if line.expected is None else line.expected.text,
             why=why,

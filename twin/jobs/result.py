@@ -30,6 +30,9 @@ class Result:
     counts: tuple[int, ...]
     position_mm: tuple[float, ...]
     margin: tuple[float | None, ...] = ()  # least pull-out margin of each axis meanwhile; None without a motor
+    edge: tuple[float | None, ...] = ()
+    """How many times the largest speed of each axis meanwhile its motor may turn until a swing grows (drives/
+    stability.py); None without a stepper motor, or at rest."""
     complete: bool = True  # all was sent, the controller has answered and is idle; if not, the job ends here
     expected: str | None = None  # what the line expects; `ok` says whether it was met
     why: str = ""  # why it was not met; of a program without expectation: the error that the controller reports

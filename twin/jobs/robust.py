@@ -1,21 +1,31 @@
-"""Is the outcome of a job luck? The job is repeated on machines that differ as machines of one kind do.
+"""Is the outcome of a job luck? The job is repeated on machines that one can buy: as makers and shops spread them.
 
 Near stall the behaviour is chaotic in narrow bands: one speed loses everything, slightly more or less loses nothing.
-One run cannot tell such a job from a reliable one. So it is repeated with small perturbations, each drawn from seed and
-number of the repetition:
+One run cannot tell such a job from a reliable one. So it is repeated on other machines, each drawn from seed and number
+of the repetition:
 
     start       another power-on position of each carriage, so another rotor angle and another scatter of the switches
-    supply      of all stages, +-5 %: mains and load of an unregulated supply
-    friction    of each axis (guide, shaft), +-20 %: temperature and age of the grease
-    load        each moving mass and the payload, +-10 %
+    winding     warm by 0 to 76 K, the same on all axes: R up to 30 % more, magnets 0.12 % a kelvin weaker
+    motor       of each axis: R normal 4 % (at most 10), L normal 8 % (at most 20; a delivery alike but for 3 %), torque
+                constant +-8 %, rotor inertia normal 5 %, detent log-normal 25 %, iron loss 40 %, its knee 30 %
+    stage       of each axis: current normal 3 %, part of the supply that drives it normal 5 % (at most 10)
+    supply      -12 to +4 %: transformer and rectifier
+    friction    of guides and of screws log-normal 35 %, by a third in common (temperature)
+    screw       efficiency 0.80 to 0.95, stiffness log-normal 35 % (downwards only), backlash log-normal 50 %
+    frame       stiffness log-normal 35 % (downwards only), damping log-normal 47 %; squareness log-normal 50 %
+    load        each moving mass normal 5 %, the payload +-10 %
+
+Sources: tolerances printed on sheets (R 10 %, L 20 %), catalogues (friction, efficiency, stiffness), the rest estimates
+whose 95 % range is half to twice (jobs/7). A log-normal draw is cut at twice its size.
 
 A job is robust if it is well (jobs/4), and all repetitions end as it does: accepted or not, and on each axis lost or
-not.
+not. Of n repetitions without a loss one knows that losses are no more frequent than `at_most`, with 95 % confidence.
 """
 
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -34,10 +44,9 @@ if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
     from isel_twin.jobs.job import Line
 
-SUPPLY = 0.05  # largest part by which the supply of the stages differs
-FRICTION = 0.2  # largest part by which the friction of an axis differs
-LOAD = 0.1  # largest part by which each mass differs
-FRICTION_KEYS = ("guide_friction", "shaft_coulomb", "shaft_viscous")  # of an axis
+COPPER_PER_K, MAGNET_PER_K = 0.00393, -0.0012
+STIFFER = 0.95  # most: the time step of the machine allows hardly more
+CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True)
@@ -46,32 +55,111 @@ class Repetition:
 
     number: int  # from 1
     seed: int  # of the twin: power-on positions, switch scatter, bounce
-    factors: Mapping[str, float]  # of the machine's numbers: supply, friction_x .. friction_z, and each mass
+    factors: Mapping[str, float]  # of the machine's numbers, by their keys (`perturbation`)
     verdict: Verdict
 
 
 def perturbation(machine: Machine, seed: int, number: int) -> tuple[int, dict[str, float], dict[str, Any]]:
-    """Seed of a twin, factors and machine overrides of a repetition; the same for the same seed and number."""
-    draw = np.random.default_rng([seed, number])
-    twin_seed = int(draw.integers(2**31))
-    factors: dict[str, float] = {}
-    overrides: dict[str, Any] = {}
-
-    def drawn(name: str, most: float) -> float:
-        factors[name] = 1.0 + most * draw.uniform(-1.0, 1.0)
-        return factors[name]
-
+    """Seed of a twin, factors and machine overrides of a repetition; the same for the same seed and number. The factors
+    have the keys of the machine file."""
+    random = np.random.default_rng([seed, number])
+    twin_seed = int(random.integers(2**31))
+    draws = _Draws(random, machine.tree)
     tree = machine.tree
-    supply = drawn("supply", SUPPLY)
+    hot = random.uniform(1.0, 1.3)
+    delivery, grease = draws.normal(0.08), random.standard_normal()
+    supply = random.uniform(0.88, 1.04)
     for name in CARRIAGES:
-        axis, friction = tree["axes"][name], drawn(f"friction_{name}", FRICTION)
-        drive = "servo" if "servo" in axis else "stage"
-        overrides[f"axes.{name}.{drive}.supply"] = axis[drive]["supply"]["value"] * supply
-        overrides |= {f"axes.{name}.{key}": axis[key]["value"] * friction for key in FRICTION_KEYS}
-    for name, mass in tree["masses"].items():
-        overrides[f"masses.{name}"] = mass["value"] * drawn(name, LOAD)
-    overrides["payload.mass"] = tree["payload"]["mass"]["value"] * drawn("payload", LOAD)
-    return twin_seed, factors, overrides
+        axis = f"axes.{name}"
+        if "servo" in tree["axes"][name]:
+            draws.put(f"{axis}.servo.supply", supply)
+        else:
+            warmer_k = (hot - 1.0) / COPPER_PER_K
+            draws.put(f"{axis}.stage.supply", supply)
+            draws.put(f"{axis}.stage.current", draws.normal(0.03))
+            draws.put(f"{axis}.specimen.resistance", hot * draws.normal(0.04))
+            draws.put(f"{axis}.specimen.inductance", np.clip(delivery * draws.normal(0.03), 0.8, 1.2))
+            flux = 1.0 + MAGNET_PER_K * warmer_k
+            draws.put(f"{axis}.specimen.torque_constant", flux * random.uniform(0.92, 1.08))
+            draws.put(f"{axis}.specimen.rotor_inertia", draws.normal(0.05))
+            draws.put(f"{axis}.specimen.detent_torque", draws.log_normal(0.25))
+            draws.put(f"{axis}.specimen.iron_loss", draws.log_normal(0.4))
+            draws.put(f"{axis}.specimen.iron_knee", draws.log_normal(0.3))
+            draws.put(f"{axis}.specimen.supply_factor", np.clip(draws.normal(0.05), 0.9, 1.1))
+        draws.put(f"{axis}.guide_friction", draws.log_normal(0.35, grease))
+        screw = draws.log_normal(0.35, grease)
+        draws.put(f"{axis}.shaft_coulomb", screw)
+        draws.put(f"{axis}.shaft_viscous", screw)
+        draws.put(f"{axis}.efficiency", random.uniform(0.80, 0.95) / tree["axes"][name]["efficiency"]["value"])
+        draws.put(f"{axis}.stiffness", min(STIFFER, draws.log_normal(0.35)))
+        draws.put(f"{axis}.backlash", draws.log_normal(0.5))
+    for key in tree["squareness"]:
+        draws.put(f"squareness.{key}", draws.log_normal(0.5))
+    for mode in tree["structure"]:
+        draws.put(f"structure.{mode}.stiffness", min(STIFFER, draws.log_normal(0.35)))
+        draws.put(f"structure.{mode}.damping_ratio", draws.log_normal(0.47))
+    for mass in tree["masses"]:
+        draws.put(f"masses.{mass}", draws.normal(0.05))
+    draws.put("payload.mass", random.uniform(0.9, 1.1))
+    return twin_seed, draws.factors, draws.overrides
+
+
+class _Draws:
+    """Factors of a machine's numbers, and the overrides that go with them."""
+
+    def __init__(self, random: np.random.Generator, tree: Mapping[str, Any]) -> None:
+        self.factors: dict[str, float] = {}
+        self.overrides: dict[str, Any] = {}
+        self._random, self._tree = random, tree
+
+    def put(self, key: str, factor: float) -> None:
+        entry: Any = self._tree
+        for name in key.split("."):
+            entry = entry[name]
+        self.factors[key] = float(factor)
+        self.overrides[key] = entry["value"] * float(factor)
+
+    def normal(self, size: float) -> float:
+        """Around 1, cut at two and a half times its size."""
+        return 1.0 + size * float(np.clip(self._random.standard_normal(), -2.5, 2.5))
+
+    def log_normal(self, size: float, common: float = 0.0) -> float:
+        """Median 1, cut at twice its size. common: a normal draw that others have, too, with correlation 0.3."""
+        own = self._random.standard_normal()
+        drawn = math.sqrt(0.3) * common + math.sqrt(0.7) * own if common else own
+        return math.exp(size * float(np.clip(drawn, -2.0, 2.0)))
+
+
+def at_most(lost: int, of: int) -> float:
+    """Upper bound of the frequency of losses, with CONFIDENCE, if so many of so many were lost (Clopper and Pearson):
+    the frequency at which so few would be a matter of 5 %."""
+    if lost >= of:
+        return 1.0
+
+    def so_few(frequency: float) -> float:
+        return sum(math.comb(of, k) * frequency**k * (1.0 - frequency) ** (of - k) for k in range(lost + 1))
+
+    low, high = 0.0, 1.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if so_few(middle) > 1.0 - CONFIDENCE else (low, middle)
+    return high
+
+
+def separates(trials: Sequence[Repetition]) -> tuple[str, float, float] | None:
+    """What tells losers from the others best: key, and its median factor on both sides. None with less than two of
+    either. Best: the largest share of pairs of a loser and another that stand in the same order."""
+    lost = [trial.factors for trial in trials if any(trial.verdict.lost)]
+    held = [trial.factors for trial in trials if not any(trial.verdict.lost)]
+    if len(lost) < 2 or len(held) < 2:
+        return None
+    best, found = 0.0, None
+    for key in lost[0]:
+        mine, theirs = np.array([factors[key] for factors in lost]), np.array([factors[key] for factors in held])
+        share = float((mine[:, None] > theirs).mean())
+        if abs(share - 0.5) > best:
+            best, found = abs(share - 0.5), (key, float(np.median(mine)), float(np.median(theirs)))
+    return found
 
 
 def check(call: TwinSpec, number: int) -> None:

@@ -91,6 +91,8 @@ class Verdict:
     time_ns: int  # time of the verdict, with the machine at rest
     machine: str
     margin: tuple[float | None, ...] = ()  # least pull-out margin of each axis in all lines; None without a motor
+    edge: tuple[tuple[float, int] | None, ...] = ()
+    """Of each axis the least `Result.edge`, and in which line; None without one."""
     unsent: int = 0  # commands of the job that were never sent
     interrupted: bool = False  # the caller stopped the job
     unfinished: int = 0  # commands that were not over when the job ended: 0 or 1
@@ -120,6 +122,20 @@ class Verdict:
     def least_margin(self) -> float | None:
         """The least margin of all axes; None without physics."""
         return min((margin for margin in self.margin if margin is not None), default=None)
+
+    @property
+    def least_edge(self) -> tuple[float, str, int] | None:
+        """The least edge of all axes, the axis and the line; None if no stepper motor has turned."""
+        found = [(edge[0], name, edge[1]) for name, edge in zip(AXIS_NAMES, self.edge, strict=False) if edge]
+        return min(found, default=None)
+
+    @staticmethod
+    def _edge_told(edge: tuple[float, int]) -> dict[str, float]:
+        """Factors on speed, supply voltage and inductance at which a swing grows, the others unchanged: the limit goes
+        with the voltage and with the power of -0.6 of the inductance."""
+        speed, line = edge
+        inductance = round(speed ** (1.0 / 0.6), 4)
+        return {"speed": speed, "supply": round(1.0 / speed, 4), "inductance": inductance, "line": line}
 
     @property
     def accepted(self) -> int:
@@ -191,6 +207,7 @@ class Verdict:
             "events_after_end": self.events_after_end,
             "events_without_effect": self.events_without_effect,
             "margin": list(self.margin),
+            "edge": {name: self._edge_told(edge) for name, edge in zip(AXIS_NAMES, self.edge, strict=False) if edge},
             "halfway": list(self.halfway),
             "expectations": self.expectations,
             "unmet": list(self.unmet),
@@ -234,6 +251,7 @@ def judge(twin: Twin, results: Sequence[Result], unsent: int = 0, interrupted: b
         time_ns=seen.time_ns,
         machine=twin.machine.name,
         margin=_least([result for result in results if not result.condition]),
+        edge=_nearest([result for result in results if not result.condition]),
         expectations=sum(result.expected is not None for result in results),
         unmet=tuple(result.number for result in results if result.expected is not None and not result.ok),
         lost_known=_known([result.lost_known for result in results]),
@@ -312,6 +330,16 @@ def _known(found: Sequence[Sequence[float | None]]) -> tuple[float, ...]:
             if steps is not None:
                 known[axis] = steps
     return tuple(known)
+
+
+def _nearest(results: Sequence[Result]) -> tuple[tuple[float, int] | None, ...]:
+    """The least edge of each axis and its line."""
+    axes = zip(*(result.edge for result in results), strict=True)
+    numbers = [result.number for result in results]
+    return tuple(
+        min(((edge, number) for edge, number in zip(axis, numbers, strict=True) if edge is not None), default=None)
+        for axis in axes
+    )
 
 
 def _least(results: Sequence[Result]) -> tuple[float | None, ...]:

@@ -41,6 +41,9 @@ class RetimesJobs(Language, Protocol):
         here upwards are set; slower ones are feeds that a process needs, and stay.
         """
 
+    def faster(self, lines: Sequence[str], factor: float) -> Sequence[str]:
+        """The lines with all speeds of their straight moves times a factor, within what the controller takes."""
+
     def permanent(self, settings: MoveSettings) -> Sequence[str]:
         """Lines that make acceleration and start-stop frequency the controller's own defaults, also after power-off."""
 

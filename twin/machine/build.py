@@ -17,7 +17,8 @@ from typing import Any, Final, TypeVar
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.parameters import Limits, Place, free, keys, known, quantity, read, section, table, text
 from isel_twin.base.toml_lines import LinePlace
-from isel_twin.drives.motor import MOTORS, Motor
+from isel_twin.drives.library import MOTORS
+from isel_twin.drives.motor import Motor, Specimen
 from isel_twin.drives.screw import Rod, Screw
 from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
 from isel_twin.drives.stage import Stage
@@ -48,6 +49,8 @@ DRIVES: Mapping[str, tuple[str, ...]] = {"stepper": ("motor", "stage", "steps_pe
 DEFAULT_DRIVE: Final = "stepper"  # for an axis without the key
 
 
+_BESIDES: Mapping[str, tuple[str, ...]] = {"stepper": ("specimen",), "servo": ()}  # keys that a drive may have
+
 # words at the top of the file, and the choices of each
 _TEXTS: Mapping[str, tuple[str, ...]] = {
     "name": (),
@@ -65,6 +68,7 @@ def build(tree: dict[str, Any], file: Path, like: Machine | None = None) -> Mach
     """The machine of a tree, which it keeps. like: a machine whose parts are reused where the tables are the same
     objects. Raises MachineError."""
     place = Place(file, MachineError)
+    _complete(tree)
     allowed = (*_TEXTS, _FIXTURE, *_SECTIONS, *_FIXED_SECTIONS, "supply")
     known(tree, allowed, place)
     for key in allowed:
@@ -146,6 +150,22 @@ def build(tree: dict[str, Any], file: Path, like: Machine | None = None) -> Mach
     return machine
 
 
+_AS_ITS_SHEET = {
+    key: {"value": 1.0, "unit": "1", "grade": "estimate", "source": "as its sheet (R +-10 %, L +-20 %)"}
+    for key in keys(Specimen)
+}
+
+
+def _complete(tree: dict[str, Any]) -> None:
+    """Add to the axes of stepper motors what they need not say: a specimen that is as its sheet."""
+    axes = tree.get("axes")
+    if isinstance(axes, dict):
+        for name, axis in axes.items():
+            stepper = isinstance(axis, dict) and axis.get("drive", DEFAULT_DRIVE) == "stepper"
+            if stepper and "specimen" not in axis:
+                tree["axes"] = axes = {**axes, name: {**axis, "specimen": _AS_ITS_SHEET}}
+
+
 def _axes(
     content: Mapping[str, Any], motors: Mapping[str, Motor], on: Imperfections, place: Place
 ) -> tuple[Axis, Axis, Axis]:
@@ -171,7 +191,11 @@ def _axis(name: str, value: Any, motors: Mapping[str, Motor], on: Imperfections,
         if other != kind and any(key in content for key in foreign):
             key = next(key for key in foreign if key in content)
             raise place.at(key).wrong(f'of {other} drives, but drive = "{kind}"; allowed: {", ".join(DRIVES[kind])}')
-    known(content, ("drive", *beside, *keys(Axis), *keys(Screw), *keys(Rod)), place)
+    known(
+        content,
+        ("drive", *beside, *_BESIDES[kind], *keys(Axis), *keys(Screw), *keys(Rod)),
+        place,
+    )
     for key in beside:
         if key not in content:
             raise place.at(key).wrong("missing")
@@ -220,8 +244,10 @@ def _stepper(
             f"{steps_per_rev}; allowed with the motor {content['motor']}: whole multiples of {motor.full_steps_per_rev}"
         )
     stage = section(Stage, content["stage"], place.at("stage"), microsteps=microsteps)
-    return motor, dataclasses.replace(
+    specimen = section(Specimen, content["specimen"], place.at("specimen"))
+    return specimen.of(motor), dataclasses.replace(
         stage,
+        supply_factor=min(1.0, stage.supply_factor * specimen.supply_factor),
         step_error=stage.step_error if on.step_accuracy else 0.0,
         current_offset=stage.current_offset if on.current_offset else 0.0,
     )

@@ -209,7 +209,7 @@ class Machine:
     squareness: Squareness
     imperfections: Imperfections
     contacts: tuple[Contact, ...]  # imperfections that are off are zero
-    motors: Mapping[str, Motor]  # motors of its own, by name; they take precedence over `isel_twin.drives.MOTORS`
+    motors: Mapping[str, Motor]  # motors of its own, by name, before those of `isel_twin.drives.library`
     controller: Mapping[str, Any]  # settings handed to the controller, such as program_memory_bytes
     # the file as read, with `based_on` and `all` resolved: where `describe` and `with_overrides` look
     tree: Mapping[str, Any] = field(repr=False, compare=False)

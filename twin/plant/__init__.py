@@ -248,6 +248,11 @@ class Plant(Protocol):
         (may have lost its hold; margin.py), nan without a motor. Of a servo drive: part of its lag limit that is
         left."""
 
+    @property
+    def fastest_rad_s(self) -> NDArray[np.float64]:
+        """float64 [axes], largest speed of each stepper motor since `watch_margin`, or power-on, smoothed over ten
+        windows; with a supply that sags, over its voltage. nan without such a motor."""
+
     def take_margin(self) -> NDArray[np.float64]:
         """float64 [axes], the same since the last call of this: 1 until the next window is over. `margin` stays."""
 

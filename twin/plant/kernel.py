@@ -196,10 +196,11 @@ def _leave_window(memory):
 
 @njit(nogil=True, error_model="numpy")
 def look(memory):
-    """Reset the least pull-out margins to those of now."""
+    """Reset the least pull-out margins and largest speeds to those of now."""
     parts = parts_of(memory)
     for i in range(AXES):
         parts.axes[i].margin = 1.0
+        parts.axes[i].fastest_rad_s = 0.0
     _look(memory)
 
 
@@ -223,6 +224,8 @@ def _look(memory):
             command = parts.commanded[i] - behind(parts.leads[i], now_ns)
             lag = (command - state.theta_rad * axis.steps_per_rad) * axis.full_steps
             speed_rad_s = faster * state.omega_rad_s
+            axis.turning_rad_s += 0.1 * (speed_rad_s - axis.turning_rad_s)
+            axis.fastest_rad_s = max(axis.fastest_rad_s, abs(axis.turning_rad_s))
             now = margin.margin(axis.mean_nm, lag, speed_rad_s, parts.available[i], axis.fraction)
         else:
             continue

@@ -443,6 +443,10 @@ class KinematicPlant:
     def margin(self) -> NDArray[np.float64]:
         return np.full(self._count, np.nan)
 
+    @property
+    def fastest_rad_s(self) -> NDArray[np.float64]:
+        return self.margin
+
     def take_margin(self) -> NDArray[np.float64]:
         return self.margin
 

@@ -82,6 +82,8 @@ AXIS = np.dtype(
         ("mean_nm", "f8"),  # their mean in the window before
         ("margin", "f8"),  # least pull-out margin since the last reset (margin.py)
         ("untaken", "f8"),  # the same since it was last taken
+        ("turning_rad_s", "f8"),  # speed of the rotor without its swing: low pass over ten windows
+        ("fastest_rad_s", "f8"),  # the largest of it since the last reset
         ("fault", "i8"),  # 1: the drive has switched itself off: under-voltage of a common supply
         ("command", "f8"),  # time mean of the command in this sub-step
         ("resistance_ohm", "f8"),  # of a phase with what the stage adds

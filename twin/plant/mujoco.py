@@ -380,6 +380,11 @@ class MujocoPlant(LoopSamples):
     def margin(self) -> NDArray[np.float64]:
         return self._all(self.parts.axes["margin"], math.nan)
 
+    @property
+    def fastest_rad_s(self) -> NDArray[np.float64]:
+        steppers = np.where(self.built.closed, math.nan, self.parts.axes["fastest_rad_s"])
+        return self._all(steppers, math.nan)
+
     def take_margin(self) -> NDArray[np.float64]:
         taken = self._all(self.parts.axes["untaken"], math.nan)
         self.parts.axes["untaken"] = 1.0

@@ -115,6 +115,9 @@ class ImcLanguage:
     ) -> Sequence[Sequence[str]]:
         return retiming.retimed(lines, settings, rapid_hz)
 
+    def faster(self, lines: Sequence[str], factor: float) -> Sequence[str]:
+        return retiming.faster(lines, factor)
+
     def permanent(self, settings: MoveSettings) -> Sequence[str]:
         """`@0IL` first, so that other unsaved values are not stored; then `@0Ij`, `@0IJ`, `@0IW` (4.2.3, 4.2.4,
         4.2.18)."""

@@ -21,6 +21,7 @@ the same.
                   condition of the job (`! limit_x1 == struck`) expects it
     fault         the controller shows an error at the end, or its flash is damaged       always
     margin        the least pull-out margin of a motor in a line                          `margin`
+    edge          a motor turns faster than the speed from which on it swings, over this   `edge`
     deviation     true position and counter differ by more, sampled every 5 ms            `deviation_mm`
     cycle         first command to end of the last one takes longer                       `cycle_s`
     golden        the run differs from the golden run of the job, if it has one           `golden`
@@ -73,6 +74,7 @@ RULES: Mapping[str, str] = {
     "switch": "No end switch is struck but in a reference run.",
     "fault": "The controller shows no error.",
     "margin": "Every motor keeps a margin of torque.",
+    "edge": "Every motor turns slower than it may before it swings.",
     "deviation": "The machine is where the counters say, within a tolerance.",
     "cycle": "The job takes no longer than it may.",
     "golden": "The job does what it did.",
@@ -90,6 +92,7 @@ class Bounds:
 
     margin: float | None = None  # least pull-out margin of each motor, 0 .. 1
     deviation_mm: float | None = None
+    edge: float | None = None  # least factor on the speed of each motor until it swings, such as 1.2
     cycle_s: float | None = None
     clearance: float | None = None  # least distance of bodies that must not meet, mm
     may_strike: tuple[str, ...] = ()  # end switches that may be struck; "all"
@@ -239,6 +242,7 @@ class Inspection:
         self._findings += self._watch.findings(result, counter_set)
         self._watch.begin()
         self._findings += _of_margin(result, bounds)
+        self._findings += _of_edge(result, bounds)
         now = lost(twin.lost_steps, twin.slip_steps) & twin.idle
         self._findings += [
             Finding("lost", f"{AXIS_NAMES[i]} has lost {twin.lost_steps[i]:.0f} steps", result.number, result.end_ns)
@@ -343,6 +347,16 @@ def _of_margin(result: Result, bounds: Bounds) -> list[Finding]:
         Finding("margin", f"{name} keeps {100 * margin:.0f} %; at least {100 * bounds.margin:.0f} %", result.number)
         for name, margin in zip(AXIS_NAMES, result.margin, strict=False)
         if margin is not None and margin < bounds.margin
+    ]
+
+
+def _of_edge(result: Result, bounds: Bounds) -> list[Finding]:
+    if bounds.edge is None or result.condition:
+        return []
+    return [
+        Finding("edge", f"{name} swings from {edge:.2f} times this speed on; at least {bounds.edge:g}", result.number)
+        for name, edge in zip(AXIS_NAMES, result.edge, strict=False)
+        if edge is not None and edge < bounds.edge
     ]
 
 

@@ -8,6 +8,7 @@
     set.payload.mass = 8             # parameters of the machine
     scenario = "hood.toml"
     margin = 0.2                     # least pull-out margin of each motor
+    edge = 1.2                       # least factor on the speed of each motor until it swings (docs/fidelity.md)
     deviation_mm = 0.05              # most difference between counter and true position
     cycle_s = 60.0                   # most time from the first command to the end of the last one
     clearance = 2.0                  # least distance of what must not meet, mm
@@ -42,6 +43,7 @@ from typing import Any
 from isel_twin.base.parameters import Limits, Place, boolean, known, plain, read_toml, table, text
 from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs.checks.job import Bounds
+from isel_twin.jobs.job import MOST_EDGE
 from isel_twin.jobs.project import SettingsError, fixtures
 from isel_twin.machine import Fixture
 from isel_twin.plant import MOST_CLEARANCE_MM
@@ -49,13 +51,14 @@ from isel_twin.plant import MOST_CLEARANCE_MM
 _NUMBERS: Mapping[str, Limits] = {
     "seed": Limits("", 0, 2**63, whole=True),
     "margin": Limits("", 0.0, 1.0),
+    "edge": Limits("", 0.0, MOST_EDGE),
     "deviation_mm": Limits("mm", 0.0, 1e5),
     "cycle_s": Limits("s", 0.0, 1e9),
     "clearance": Limits("mm", 0.0, MOST_CLEARANCE_MM),
     "robust": Limits("repetitions", 0, 10_000, whole=True),
     "timeout_s": Limits("s", 0.0, 1e9),
 }
-_OFF = ("margin", "deviation_mm", "cycle_s", "clearance")  # bounds that may be "off"
+_OFF = ("margin", "edge", "deviation_mm", "cycle_s", "clearance")  # bounds that may be "off"
 _WORDS = ("machine", "controller", "plant", "scenario")
 KEYS = (*_WORDS, *_NUMBERS, "may_strike", "golden", "set")
 

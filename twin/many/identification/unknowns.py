@@ -32,13 +32,14 @@ from typing import Any
 
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.parameters import hint, rows
-from isel_twin.jobs.robust import FRICTION_KEYS
 from isel_twin.machine import Machine, machine_from_tree
 
 # by grade: the prior range is from the value divided by this to the value times this
 GRADE_FACTOR: Mapping[str, float] = {"measured": 1.1, "datasheet": 1.2, "setting": 1.2, "estimate": 2.0}
 SWITCH_MM = 2.0  # prior range of a switch position, either way: cams are clamped by hand
 LEAD_PERCENT = 0.1  # prior range of a lead error, either way: rolled screws of class C7 to C10 have 0.05 to 0.2 %
+
+FRICTION_KEYS = ("guide_friction", "shaft_coulomb", "shaft_viscous")  # of an axis
 
 _SD_PER_RANGE = 4.0  # standard deviations in a range that holds 95 % (3.92, rounded up)
 

@@ -6,7 +6,8 @@
 Equal numbers mean equal machines for every setting (common random numbers), so that two settings differ only by
 themselves. The first lost step ends the repetition and the judgement: the rest of the job would have no meaning.
 
-    margin of a setting = the least pull-out margin of any motor, in any line from the first move on, in any repetition
+    margin of a setting = the least of any motor, of torque and of speed, in any line from the first move on, in any
+                          repetition
 """
 
 from __future__ import annotations
@@ -39,6 +40,9 @@ class Weather:
     def of(cls, problem: Problem) -> Weather:
         """That of a problem."""
         return cls(problem.call, problem.timeout_s, problem.flash)
+
+
+LEAST = 0.001  # margin of speed of a motor beyond its limit that has lost nothing
 
 
 @dataclass(frozen=True)
@@ -86,14 +90,22 @@ def make(candidate: Candidate, weather: Weather, number: int) -> Judgement:
     if why:
         why = f"line {results[-1].number}: {why}{f', repetition {number}' if number else ''}"
     counted = [result for result in results if result.number >= candidate.first]
-    margins = [margin for result in counted for margin in result.margin if margin is not None]
+    margins = [_kept(result) for result in counted]
     time_s = (counted[-1].end_ns - counted[0].time_ns) / SECOND_NS if counted else 0.0
     moves = tuple(
-        ((result.end_ns - result.time_ns) / SECOND_NS, min((m for m in result.margin if m is not None), default=0.0))
+        ((result.end_ns - result.time_ns) / SECOND_NS, _kept(result))
         for result in results
         if result.number in candidate.moves
     )
     return Judgement(time_s, 0.0 if why else min(margins, default=0.0), why, 1, slipped, moves, number)
+
+
+def _kept(result: Result) -> float:
+    """The least margin of a line: of torque, and of speed, 1 - 1/edge: a motor with torque to spare may swing itself
+    out of step. Never 0, which is of lost steps; 1 where nothing moves."""
+    torque = [margin for margin in result.margin if margin is not None]
+    speed = [max(LEAST, 1.0 - 1.0 / edge) for edge in result.edge if edge is not None]
+    return min((*torque, *speed), default=1.0)
 
 
 def _wrong(results: Sequence[Result]) -> str:

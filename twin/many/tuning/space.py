@@ -6,7 +6,8 @@
 A rapid has a speed of `rapid_hz` or more in the job, by default half of the fastest speed there; slower moves are feeds
 that a process needs (many/4).
 
-Parameters are within the ranges of the controller's language, and not below half of the job's values.
+Parameters are within the ranges of the controller's language, not below half of the job's values, and speeds not above
+that from which on a motor swings itself out of step.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -22,6 +24,9 @@ from typing import Any
 
 from isel_twin.controller import offers
 from isel_twin.core.spec import TwinSpec
+from isel_twin.drives.motor import Motor
+from isel_twin.drives.stability import limit_rad_s
+from isel_twin.drives.stage import Stage
 from isel_twin.jobs.job import Line, parse_job
 from isel_twin.language import JobMove, LanguageError, MoveSettings, RetimesJobs, create_language, needed
 from isel_twin.machine import with_overrides
@@ -117,6 +122,16 @@ class Problem:
         return self.language.job_moves([line.command for line in self.lines])
 
     @cached_property
+    def swings_from_hz(self) -> int:
+        """The highest speed at which a motor does not swing itself out of step: more need not be tried."""
+        limits = [
+            limit_rad_s(axis.motor, axis.stage) * axis.steps_per_rev / (2.0 * math.pi)
+            for axis in self.call.fitted().axes
+            if isinstance(axis.motor, Motor) and isinstance(axis.stage, Stage)
+        ]
+        return round(min(max(limits, default=math.inf), 1e9))
+
+    @cached_property
     def rapid_from_hz(self) -> int:
         """Speed from which a move is a rapid."""
         if self.rapid_hz is not None:
@@ -150,7 +165,7 @@ class Problem:
         """The range of a setting. Raises ValueError for one that the controller does not take."""
         low, high = self.language.ranges[setting]
         if setting not in self.ranges:
-            return low, high
+            return low, min(high, self.swings_from_hz) if setting == "speed_hz" else high
         asked_low, asked_high = self.ranges[setting]
         if not low <= asked_low <= asked_high <= high:
             raise ValueError(f"{setting} {asked_low}:{asked_high}: {self.call.controller} takes {low} to {high}")

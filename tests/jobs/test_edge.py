@@ -1,0 +1,117 @@
+"""How far a job is from losing steps: the speed from which on a motor swings, and what it takes to lose steps."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from isel_twin.core.spec import TwinSpec
+from isel_twin.firmware.imc.retiming import faster
+from isel_twin.jobs import edge
+from isel_twin.jobs.checks.job import Bounds, check_job
+from isel_twin.jobs.job import parse_job
+from isel_twin.jobs.playing import played
+from isel_twin.language import create_language
+from tests.in_process import isel_twin
+
+LONG = "@07\n@0N7\n@0J60\n@0A64000,{hz},0,30,0,30,0,30\n"
+"""200 mm of X: at 48 V and 60 Hz/ms all is lost from between 25 500 and 26 000 Hz on."""
+
+
+def verdict_of(hz: int, seed: int = 0, **overrides: float) -> Any:
+    lines = parse_job(LONG.format(hz=hz), create_language("imc-s8"), "imc-s8")
+    spec = TwinSpec(
+        seed=seed, overrides={f"axes.x.{key.replace('__', '.')}": value for key, value in overrides.items()}
+    )
+    return played(spec.build(), lines).verdict
+
+
+@pytest.mark.parametrize(("hz", "rpm"), [(8000, 300.0), (16_000, 600.0), (21_000, 787.5)])
+def test_the_edge_of_a_line_is_the_limit_over_its_speed(hz: int, rpm: float) -> None:
+    """The limit is 790 rev/min at a tenth of the torque (drives/stability.py): 1600 steps a revolution."""
+    (factor, line), y, z, a = verdict_of(hz).edge
+    assert factor == pytest.approx(790.0 / rpm, rel=0.015)
+    assert line == 4
+    assert y is None or y[0] > 10.0
+    assert z is None or z[0] > 10.0
+    assert a is None
+
+
+def test_less_supply_brings_it_nearer() -> None:
+    assert verdict_of(12_000, stage__supply=36.0).edge[0][0] == pytest.approx(591.0 / 450.0, rel=0.05)
+
+
+def test_it_stands_in_summary_and_last_line() -> None:
+    told = verdict_of(16_000).summary()["edge"]
+    assert set(told) == {"x"}
+    speed = told["x"]["speed"]
+    assert told["x"]["supply"] == pytest.approx(1.0 / speed, abs=1e-4)
+    assert told["x"]["line"] == 4
+
+
+def test_a_bound_on_it_names_axis_and_line(tmp_path: Path) -> None:
+    lines = parse_job(LONG.format(hz=20_000), create_language("imc-s8"), "imc-s8")
+    found = check_job(tmp_path / "job.txt", TwinSpec(), lines, Bounds(edge=1.2)).findings
+    assert [(finding.rule, finding.line) for finding in found] == [("edge", 4)]
+    assert found[0].message.startswith("x swings from 1.0")
+    assert check_job(tmp_path / "job.txt", TwinSpec(), lines, Bounds(edge=1.0)).ok
+
+
+@pytest.mark.parametrize(("first", "farthest"), [(1.43, 3.0), (1.02, 3.0), (0.67, 0.3), (2.999, 3.0)])
+def test_the_least_factor_is_found_to_one_per_cent(first: float, farthest: float) -> None:
+    def lost(factor: float) -> bool:
+        return factor >= first if farthest > 1.0 else factor <= first
+
+    found = edge._least(lost, lost, farthest)
+    assert found is not None
+    assert lost(found)
+    assert found == pytest.approx(first, rel=0.01)
+
+
+def test_what_never_loses_has_no_edge_and_other_seeds_may_lose_earlier() -> None:
+    assert edge._least(lambda _: False, lambda _: False, 3.0) is None
+    found = edge._least(lambda factor: factor > 1.5, lambda factor: factor > 1.45, 3.0)
+    assert found == pytest.approx(1.45, rel=0.01)
+
+
+def test_speeds_of_straight_moves_are_scaled_and_nothing_else() -> None:
+    lines = ["@0J60", "@0A1600,800,0,30,0,30,0,30", "! x == 5 +- 1 mm", "@0M1,2000,0,900,0,900,0,900", "@0P", "<1s>"]
+    assert faster(lines, 1.5) == [
+        "@0J60", "@0A1600,1200,0,45,0,45,0,45", "! x == 5 +- 1 mm", "@0M1,3000,0,1350,0,1350,0,1350", "@0P", "<1s>"
+    ]  # fmt: skip
+
+
+@pytest.mark.slow
+def test_at_a_little_less_it_holds_and_at_a_little_more_it_is_lost() -> None:
+    call, lines = TwinSpec(), parse_job(LONG.format(hz=20_000), create_language("imc-s8"), "imc-s8")
+    found = {
+        each.quantity: each.factor
+        for each in edge.edges(call, lines, verdict_of(20_000), timeout_s=60.0)
+        if each.axis == "x"
+    }
+    speed, supply = found["speed"], found["supply"]
+    assert speed is not None
+    assert supply is not None
+    assert 25_500 <= 20_000 * speed <= 26_500
+    for seed in range(10, 14):
+        assert not any(verdict_of(round(0.95 * speed * 20_000), seed).lost)
+        assert any(verdict_of(round(1.05 * speed * 20_000), seed).lost)
+        assert not any(verdict_of(20_000, seed, stage__supply=48.0 * supply / 0.95).lost)
+        assert any(verdict_of(20_000, seed, stage__supply=48.0 * supply / 1.05).lost)
+
+
+@pytest.mark.slow
+def test_the_command_line_says_it_in_words_and_in_json(tmp_path: Path) -> None:
+    (tmp_path / "job.txt").write_text("@07\n@0N7\n@0J100\n@0A16000,16000,0,30,0,30,0,30\n")
+    done = isel_twin("run", tmp_path / "job.txt", "--edge", "--robust", "2", "--json")
+    *_, last = (json.loads(line) for line in done.stdout.splitlines())
+    assert done.returncode == 0, done
+    assert last["robust"]["of"] == 2
+    assert 1.3 < last["edge"]["x"]["speed"] < 2.5
+    assert 0.3 < last["edge"]["x"]["supply"] < 0.8
+    refused = isel_twin("run", tmp_path / "job.txt", "--edge", "--plant", "kinematic")
+    assert (refused.returncode, refused.stdout) == (2, "")
+    assert refused.stderr.startswith("isel-twin: --edge: the kinematic plant loses no step")
