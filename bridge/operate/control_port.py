@@ -9,8 +9,9 @@ Requests: control.py. Up to CLIENTS clients; each has one request at a time in p
 A client that does not read its answers is not read either. No client can block the server: reading, writing and the
 requests in one round of its loop are bounded.
 
-Beyond the loopback interface a token is needed, as the first request: {"token": "..."}. A connection that begins with
-anything but a JSON object, such as a browser's, is closed (bridge/8).
+Beyond the loopback interface a token is needed, as the first request: {"token": "..."}, within TOKEN_S. A client that has
+vanished makes room within a minute. A connection that begins with anything but a JSON object, such as a browser's, is
+closed (bridge/8).
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import json
 import logging
 import selectors
 import socket
+import time
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from functools import partial
@@ -29,13 +31,14 @@ from isel_twin.bridge.operate.token import is_token, token_for
 from isel_twin.bridge.serve.loop import FileWatch
 from isel_twin.bridge.serve.outbox import Outbox
 from isel_twin.bridge.serve.server import Guest, Server
-from isel_twin.bridge.serve.tcp import Spare, lacks_files, listen
+from isel_twin.bridge.serve.tcp import Spare, keep_alive, lacks_files, listen
 from isel_twin.core.twin import Twin
 
 log = logging.getLogger("isel_twin")
 
 LINE_BYTES = 65_536  # longest request, and most bytes waiting
 CLIENTS = 16  # connections at once
+TOKEN_S = 10.0  # wall time in which a client has to send the token; who does not makes room for others
 UNREAD_BYTES = 16_384  # unread answers beyond which a client is not read
 ROUND = 8  # most requests of a client in one round of the server's loop
 ERROR_CHARACTERS = 600  # longest error message
@@ -67,11 +70,12 @@ def _table(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 class _Client:
     """One connection."""
 
-    def __init__(self, connection: socket.socket, trusted: bool) -> None:
+    def __init__(self, connection: socket.socket, trusted: bool, until_s: float) -> None:
         self.connection = connection
         self.outbox = Outbox(connection.send)
         self.buffer = bytearray()
         self.trusted = trusted
+        self.until_s = until_s  # of time.monotonic: for the token
         self.begun = False  # it has sent an object
         self.skipping = False  # within a line that is too long
         self.leaving = False  # it sends no more, or is to be closed after its answers
@@ -108,8 +112,9 @@ class ControlPort(Guest):
 
     kind = "control"
 
-    def __init__(self, address: str, token: str | None = None) -> None:
-        """token: needed by clients; None: none on the loopback interface, elsewhere a random one."""
+    def __init__(self, address: str, token: str | None = None, token_s: float = TOKEN_S) -> None:
+        """token: needed by clients, within token_s; None: none on the loopback interface, elsewhere a random one."""
+        self._token_s = token_s
         self._listener, self.address = listen(address)
         self.token = token_for(self.address, token)
         self._spare = Spare()
@@ -138,12 +143,19 @@ class ControlPort(Guest):
                 yield FileWatch(client.connection, events, partial(self._ready, client))
 
     def wait_s(self) -> float | None:
-        return 0.0 if any(client.ready or client.overlong for client in self._clients) else self.operator.wait_s
+        if any(client.ready or client.overlong for client in self._clients):
+            return 0.0
+        now_s = time.monotonic()
+        waits = [max(0.0, client.until_s - now_s) for client in self._clients if not client.trusted]
+        return min((wait for wait in (*waits, self.operator.wait_s) if wait is not None), default=None)
 
     def look(self) -> None:
         self.operator.look()
+        now_s = time.monotonic()
         for client in list(self._clients):
             self._serve(client)
+            if not client.trusted and now_s > client.until_s:
+                self._drop(client)
         if self.operator.look():  # the last request may have met the condition of a wait
             for client in list(self._clients):
                 self._answer_pending(client)
@@ -168,7 +180,8 @@ class ControlPort(Guest):
         connection.setblocking(False)
         with suppress(OSError):
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        client = _Client(connection, trusted=self.token is None)
+            keep_alive(connection)
+        client = _Client(connection, self.token is None, time.monotonic() + self._token_s)
         self._clients.append(client)
         if len(self._clients) > CLIENTS:
             self._put(client, {"error": f"the control port has {CLIENTS} clients already; let one of them go"})

@@ -135,7 +135,7 @@ def _hung_up(connection: socket.socket) -> bool:
         return True
 
 
-def _keep_alive(connection: socket.socket) -> None:
+def keep_alive(connection: socket.socket) -> None:
     """Let the operating system detect a vanished client."""
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
     for names, value in (
@@ -218,7 +218,7 @@ class TcpEndpoint:
             return
         try:
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            _keep_alive(connection)
+            keep_alive(connection)
             self._client = _Client(connection, self._codec, self._line.serial_format)
         except OSError:
             connection.close()  # the client has gone

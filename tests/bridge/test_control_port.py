@@ -19,7 +19,7 @@ from typing import Any
 import pytest
 
 from isel_twin import Twin
-from isel_twin.bridge.operate.control_port import CLIENTS, LINE_BYTES, UNREAD_BYTES, ControlPort
+from isel_twin.bridge.operate.control_port import CLIENTS, LINE_BYTES, TOKEN_S, UNREAD_BYTES, ControlPort
 from isel_twin.bridge.serve.pacing import Pacer
 from isel_twin.bridge.serve.server import Server
 from isel_twin.bridge.serve.tcp import TcpEndpoint, parse_address
@@ -35,8 +35,10 @@ PAGE = Path(__file__).parents[2] / "docs" / "bench.md"
 class Bench:
     """A served twin with a control port, in a thread."""
 
-    def __init__(self, speed: float | None = None, address: str = LOOPBACK, token: str | None = None) -> None:
-        self.port = ControlPort(address, token)
+    def __init__(
+        self, speed: float | None = None, address: str = LOOPBACK, token: str | None = None, token_s: float = TOKEN_S
+    ) -> None:
+        self.port = ControlPort(address, token, token_s)
         self.line = TcpEndpoint(LOOPBACK)
         self.twin = Twin(plant="kinematic", line_speed=speed is not None)
         wire = WireLog(self.twin.language)
@@ -258,6 +260,27 @@ def test_beyond_the_loopback_interface_a_token_is_needed(bench):
     client = here.connect()
     assert client.ok(token=token) == {}
     assert client.ok(state=True)
+
+
+def test_clients_that_never_send_the_token_do_not_shut_the_port(bench):
+    """They have TOKEN_S, here a second; who has sent it stays."""
+    here = bench(token="secret", token_s=1.0)
+    friend = here.connect()
+    friend.ok(token="secret")
+    silent = [here.connect() for _ in range(CLIENTS - 1)]
+    assert "clients already" in here.connect().answer()["error"]
+    until(lambda: len(here.port._clients) == 1)
+    assert all(client.closed() for client in silent)
+    late = here.connect()
+    assert late.ok(token="secret") == {}
+    assert friend.ok(state=True)
+
+
+def test_the_operating_system_looks_for_clients_that_vanish(bench):
+    here = bench()
+    here.connect().ok(state=True)
+    (client,) = here.port._clients
+    assert client.connection.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
 
 
 def test_on_the_loopback_interface_none_unless_one_is_given(bench):
