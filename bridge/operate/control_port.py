@@ -9,9 +9,9 @@ Requests: control.py. Up to CLIENTS clients; each has one request at a time in p
 A client that does not read its answers is not read either. No client can block the server: reading, writing and the
 requests in one round of its loop are bounded.
 
-Beyond the loopback interface a token is needed, as the first request: {"token": "..."}, within TOKEN_S. A client that has
-vanished makes room within a minute. A connection that begins with anything but a JSON object, such as a browser's, is
-closed (bridge/8).
+Beyond the loopback interface a token is needed, as the first request: {"token": "..."}, within TOKEN_S. A client that
+has vanished makes room within a minute. A connection that begins with anything but a JSON object, such as a browser's,
+is closed (bridge/8).
 """
 
 from __future__ import annotations
