@@ -22,6 +22,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 import difflib
+import json
 import sys
 import tomllib
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -33,6 +34,8 @@ from typing import Any, TypeVar
 GRADES = ("measured", "datasheet", "estimate", "setting")  # how reliable a number is; a setting is chosen by people
 
 T = TypeVar("T")
+
+MOST_DEPTH = 50  # of tables and lists in each other, in any file
 
 
 class FileError(ValueError):
@@ -193,9 +196,42 @@ def read_text(place: Place) -> str:
 
 def parse_toml(content: str, place: Place) -> dict[str, Any]:
     try:
-        return tomllib.loads(content)
-    except tomllib.TOMLDecodeError as error:
+        return _flat_enough(tomllib.loads(content))
+    except (tomllib.TOMLDecodeError, DepthError) as error:
         raise place.wrong(f"not a TOML file: {error}") from None
+    except RecursionError:
+        raise place.wrong(f"not a TOML file: {DepthError()}") from None
+
+
+class DepthError(ValueError):
+    """Tables or lists stand in each other deeper than anybody writes them."""
+
+    def __init__(self) -> None:
+        super().__init__(f"nested too deeply; allowed: up to {MOST_DEPTH} tables or lists in each other")
+
+
+def parse_json(text: str | bytes) -> Any:
+    """The value of a JSON text. Raises ValueError, also for one that is nested too deeply."""
+    try:
+        return _flat_enough(json.loads(text))
+    except RecursionError:
+        raise DepthError from None
+
+
+def _flat_enough(tree: Any) -> Any:
+    """The tree. Raises DepthError."""
+    level = [tree]
+    for _ in range(MOST_DEPTH):
+        level = [
+            inner
+            for each in level
+            if isinstance(each, dict | list)
+            for inner in (each.values() if isinstance(each, dict) else each)
+            if isinstance(inner, dict | list)
+        ]
+        if not level:
+            return tree
+    raise DepthError
 
 
 def table(value: Any, place: Place) -> dict[str, Any]:

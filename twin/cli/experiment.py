@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
+from isel_twin.base.parameters import parse_json
 from isel_twin.cli import options
 from isel_twin.cli.identify import Names, Priors, need_scipy, unknowns_of
 from isel_twin.cli.options import Whole
@@ -109,12 +110,11 @@ def experiment(
 
 def _known(file: Path, unknowns: list[Unknown]) -> NDArray[np.float64]:
     """Covariance of the parameters from an identification. Raises CallError."""
-    import json
 
     import numpy as np
 
     with call_errors(file):
-        content = json.loads(file.read_text(encoding="utf-8"))
+        content = parse_json(file.read_text(encoding="utf-8"))
         try:
             names = [item["name"] for item in content["parameters"]]
             covariance = np.array(content["covariance"], dtype=np.float64)

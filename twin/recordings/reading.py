@@ -7,7 +7,6 @@ A file that ends in the middle, after a kill or on a full disk, is read up to it
 
 from __future__ import annotations
 
-import json
 import os
 import struct
 from array import array
@@ -20,9 +19,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from isel_twin.base.parameters import parse_json
 from isel_twin.motion import Steps
 from isel_twin.recordings import samples as cdr
-from isel_twin.recordings.mcap import METADATA, SAMPLES
+from isel_twin.recordings import sound
+from isel_twin.recordings.mcap import CHANNELS, METADATA, SAMPLES
 from isel_twin.recordings.recorder import Change, sample_dtype
 from isel_twin.recordings.recording import GROUPS
 from isel_twin.recordings.runs import add_run
@@ -169,6 +170,10 @@ def read(path: str | os.PathLike[str]) -> Recorded:
     entries: list[Entry] = []
     times_ns, sample_bytes = array("q"), bytearray()
     whole = False
+    try:
+        sound.check(path)
+    except sound.UnsoundError as error:
+        raise RecordingError(f"{path}: {error}") from None
     with path.open("rb") as file:
         records = StreamReader(file, validate_crcs=True).records
         while (record := _next(records)) is not None:
@@ -206,9 +211,31 @@ def _next(records: Iterator[Any]) -> Any:
 
 def _content(path: Path, channel: str, message: Any) -> dict[str, Any]:
     try:
-        content = json.loads(message.data)
+        content = parse_json(message.data)
     except ValueError:
         content = None
     if not isinstance(content, dict):
         raise RecordingError(f"{path}: a message of {channel} at {message.log_time} ns is no table")
+    for name, rule in CHANNELS.get(channel, ("", {}))[1].items():
+        if name in content and not _fits(content[name], rule["type"]):
+            raise RecordingError(f"{path}: {name} in {channel} at {message.log_time} ns is no {rule['type']}")
     return content
+
+
+_KINDS: Mapping[str, tuple[type, ...]] = {
+    "string": (str,),
+    "integer": (int,),
+    "number": (int, float),
+    "boolean": (bool,),
+    "object": (dict,),
+    "array": (list,),
+    "null": (type(None),),
+}
+
+
+def _fits(value: Any, kinds: str | list[str]) -> bool:
+    """Is a value of one of these kinds of a JSON schema?"""
+    asked = [kinds] if isinstance(kinds, str) else kinds
+    if isinstance(value, bool):
+        return "boolean" in asked
+    return any(isinstance(value, _KINDS[kind]) for kind in asked)

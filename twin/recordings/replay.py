@@ -13,6 +13,7 @@ with the host's delays after replies kept. Replies are compared, not their times
 from __future__ import annotations
 
 import json
+import math
 import platform
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -23,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.base.parameters import Place
+from isel_twin.base.parameters import Place, parse_json
 from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.capture.player import NAME as PLAYER
 from isel_twin.capture.player import Player
@@ -94,7 +95,7 @@ def rebuilt(recorded: Recorded, folder: Path) -> Twin:
             path.parent.mkdir(exist_ok=True)
             path.write_bytes(data)
     try:
-        tree = json.loads(files[MACHINE])
+        tree = parse_json(files[MACHINE])
         tree["model"] = f"{MODEL}/{Path(tree['model']).name}"
         if isinstance(tree.get("fixture"), list):
             for number, entry in enumerate(tree["fixture"]):
@@ -102,10 +103,10 @@ def rebuilt(recorded: Recorded, folder: Path) -> Twin:
                     entry["file"] = mesh_name(number, Path(entry["file"]))
         elif tree.get("fixture"):
             tree["fixture"] = f"{FIXTURE}/{Path(tree['fixture']).name}"
-        overrides, start_mm = json.loads(said["overrides"]), json.loads(said["start_mm"])
-        seed, line_speed = int(said["seed"]), bool(json.loads(said["line_speed"]))
+        overrides, start_mm = _overrides(said["overrides"]), _start_mm(said["start_mm"])
+        seed, line_speed = int(said["seed"]), bool(parse_json(said["line_speed"]))
         controller, plant = said["controller"], said["plant"]
-        tables = json.loads(files.get(FIXTURES, b"[]"))
+        tables = parse_json(files.get(FIXTURES, b"[]"))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise RecordingError(f"{recorded.path}: does not say what was recorded: {error!r}") from None
     place = Place(f"{recorded.path}: {FIXTURES}", key="fixture")
@@ -122,6 +123,25 @@ def rebuilt(recorded: Recorded, folder: Path) -> Twin:
         fixtures=read_fixtures(tables, place, folder),
         keep_motions=1,
     )
+
+
+def _overrides(text: str) -> dict[str, Any]:
+    """Raises ValueError."""
+    overrides = parse_json(text)
+    values = overrides.values() if isinstance(overrides, dict) else [None]
+    if not all(isinstance(value, bool | int | float | str) for value in values):
+        raise ValueError(f"overrides are {text[:80]}; they must be a table of numbers and words")
+    return dict(overrides)
+
+
+def _start_mm(text: str) -> list[float] | None:
+    """Raises ValueError."""
+    start_mm = parse_json(text)
+    if start_mm is None:
+        return None
+    if not isinstance(start_mm, list) or not all(type(mm) in (int, float) and math.isfinite(mm) for mm in start_mm):
+        raise ValueError(f"start_mm is {text[:80]}; it must be a list of places in mm, or null")
+    return start_mm
 
 
 def replay(recorded: Recorded, twin: Twin, pace: Pace | None = None) -> Difference | None:

@@ -13,6 +13,7 @@ import json
 import zlib
 from typing import Any, Final
 
+from isel_twin.base.parameters import parse_json
 from isel_twin.firmware.bwo900.analysis.functions import FACTORY_FUNCTIONS
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.parameters import Parameters
@@ -78,7 +79,7 @@ def _unpacked(flash: bytes) -> tuple[Parameters, Store]:
     if flash[:4] != MAGIC or int.from_bytes(flash[4:FIRST], "little") != zlib.crc32(view[FIRST:]):
         raise ValueError("checksum")
     behind = len(flash) - SIZE
-    head = json.loads(zlib.decompress(view[behind - int.from_bytes(flash[behind:], "little") : behind]))
+    head = parse_json(zlib.decompress(view[behind - int.from_bytes(flash[behind:], "little") : behind]))
     parameters = Parameters({int(q): float(value) for q, value in head["q"]})
     for q, status in head["status"]:
         parameters.set_status(int(q), int(status), "q")

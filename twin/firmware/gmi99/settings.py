@@ -15,6 +15,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
+from isel_twin.base.parameters import parse_json
+
 SLOTS = 6
 ZERO_POINTS = 16
 FINE = 16
@@ -99,7 +101,7 @@ def decode(image: bytes) -> Stored | None:
     if head != MAGIC + b"%08x" % zlib.crc32(body):
         return None
     try:
-        tree = json.loads(body)
+        tree = parse_json(body)
         names = [{f.name for f in fields(kind)} for kind in (Stored, Settings)]
         if [tree.keys(), tree["settings"].keys()] != names:
             return None

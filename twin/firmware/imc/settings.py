@@ -17,6 +17,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
+from isel_twin.base.parameters import parse_json
 from isel_twin.firmware.imc.profile import Profile
 
 MAGIC = b"isel-twin imc flash 1 "
@@ -141,7 +142,7 @@ def decode(image: bytes) -> Flash | None:
     if head != MAGIC + b"%08x" % zlib.crc32(body):
         return None
     try:
-        tree = json.loads(body)
+        tree = parse_json(body)
         program = tree["program"]
         lines = tuple((code, tuple(values)) for code, values in program["lines"])
         modal = _build(Modal, program["modal"])
