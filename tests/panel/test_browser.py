@@ -5,15 +5,20 @@ from __future__ import annotations
 import itertools
 import json
 import re
+import signal
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
+import serial
 from playwright.sync_api import Browser, BrowserContext, Locator, Page, expect, sync_playwright
 
+from tests.forked import start
+from tests.in_process import isel_twin
 from tests.panel.chromium import ARGUMENTS, find_browser
-from tests.panel.conftest import WAIT_S, Bench
+from tests.panel.conftest import LOOPBACK, WAIT_S, Bench
 
 WHERE = find_browser()
 pytestmark = pytest.mark.skipif(WHERE is None, reason="there is no Chromium or Chrome; `make browser` installs one")
@@ -106,6 +111,28 @@ def test_the_emergency_stop_in_motion(bench, open_panel):
     page['[data-element="estop"]'].click()
     expect(page['[data-element="estop"]']).to_have_attribute("aria-pressed", "false")
     assert page.said == []
+
+
+def test_a_recording_made_while_somebody_watches_is_replayed(context: BrowserContext, tmp_path: Path) -> None:
+    """The margins that a panel shows are not those that are recorded: each has a reader of its own."""
+    file = tmp_path / "watched.mcap"
+    process = start("serve", "--tcp", LOOPBACK, "--panel", LOOPBACK, "--record", str(file), "--speed", "20")
+    try:
+        info = json.loads(process.stdout.readline())
+        page = context.new_page()
+        page.route("**/scene", lambda route: route.fulfill(body=EMPTY, content_type="text/html"))
+        page.goto(info["panel"])
+        expect(page.locator("#link")).to_have_attribute("data-state", "on")
+        with serial.serial_for_url(f"socket://{info['tcp']}", timeout=WAIT_S) as host:
+            for command in ("@07", "@0N7", "@0A16000,12000,8000,6000,0,900,0,900", "@0A-8000,9000,0,900,0,900,0,900"):
+                host.write(command.encode() + b"\r")
+                assert host.read(1) == b"0", command
+        expect(page.locator("[data-axis=x] td:nth-child(2)")).to_have_text("8000")
+    finally:
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(WAIT_S) == 0
+    done = isel_twin("replay", file)
+    assert done.returncode == 0, done
 
 
 def test_open_the_hood_turn_the_key_press_the_probe_and_a_button(bench, open_panel):
