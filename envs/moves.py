@@ -104,6 +104,9 @@ class Move:
     vibration_mm: NDArray[np.float64]  # half of highest minus lowest position error during the dwell
     deviation_mm: float  # largest position error of any axis, from command to the end of the dwell, sampled
     margin: float | None  # least pull-out margin of any motor meanwhile (`Twin.margin`); None without physics
+    edge: (
+        float | None
+    )  # least factor on the speed of any motor until it swings (`Twin.speed_edge`); None without physics
 
     def good(self, tolerance_mm: float) -> bool:
         """True if it is done, without a lost step, and within the tolerance at rest."""
@@ -195,6 +198,7 @@ def make_move(twin: Twin, target_mm: Sequence[float], settings: Settings, setup:
         vibration_mm=np.ptp(dwell_mm, axis=0) / 2.0,
         deviation_mm=max(deviation_mm, float(np.abs(dwell_mm).max())),
         margin=None if np.isnan(twin.margin).all() else float(np.nanmin(twin.margin)),
+        edge=None if np.isnan(twin.speed_edge).all() else float(np.nanmin(twin.speed_edge)),
     )
 
 

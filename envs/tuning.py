@@ -252,6 +252,7 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
             "slipped": move.slipped,
             "deviation_mm": move.deviation_mm,
             "margin": move.margin,
+            "edge": move.edge,
             "time_s": self._time_s,
         }
         return observation, math.fsum(rewards.values()), terminated, truncated, info

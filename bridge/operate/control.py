@@ -33,6 +33,7 @@ from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.bridge.serve.pacing import HIGHEST_SPEED, LOWEST_SPEED
 from isel_twin.bridge.serve.server import Server
 from isel_twin.core.twin import Twin
+from isel_twin.jobs.job import MOST_EDGE
 from isel_twin.wiring import ACTS, EVENT_KEYS, event_now
 
 Answer = dict[str, Any]
@@ -212,6 +213,7 @@ class Operator:
             "forgotten_steps": twin.forgotten_steps.tolist(),
             "following_error": twin.following_error.tolist(),
             "drive_faults": [list(fault) for fault in twin.drive_faults],
+            "edge": [round(edge, 3) if edge < MOST_EDGE else None for edge in twin.speed_edge.tolist()],
             "margin": [None if math.isnan(margin) else margin for margin in twin.margin.tolist()],
             "inputs": dict(twin.inputs),
             "outputs": dict(twin.outputs),

@@ -1,7 +1,7 @@
-"""Is a file of others a recording that can be read without harm? Looked at before anything of it is unpacked.
+"""Is a file of others a recording that can be read without harm? Looked at before anything of it is expanded.
 
     head | attachment ... | chunk | chunk ...     the records of the file, one after the other, by their lengths
-             checksum         size when unpacked
+             checksum         size when expanded
 
 A recording is data of strangers: a changed attachment would be a changed machine, and a few kilobytes could claim
 gigabytes. Library readers skip the first and allocate the second.
@@ -15,12 +15,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
-MOST_CHUNK_BYTES = 64 << 20  # a chunk when unpacked; those of the twin have 256 KiB and a batch of samples
+MOST_CHUNK_BYTES = 64 << 20  # a chunk when expanded; those of the twin have 256 KiB and a batch of samples
 MOST_TIMES = 2000  # all chunks over the size of the file, beyond MOST_CHUNK_BYTES
 _MAGIC_BYTES = 8
 _ATTACHMENT, _CHUNK = 0x09, 0x06
 _HEAD = struct.Struct("<BQ")
-_CHUNK_HEAD = struct.Struct("<QQQI")  # first and last time, size when unpacked, checksum
+_CHUNK_HEAD = struct.Struct("<QQQI")  # first and last time, size when expanded, checksum
 
 
 class UnsoundError(ValueError):
@@ -35,7 +35,7 @@ def check(path: Path) -> None:
             if kind == _ATTACHMENT:
                 _check_attachment(file.read(length))
             elif kind == _CHUNK:
-                claimed += _unpacked_bytes(file.read(min(length, 4096)))
+                claimed += _expanded_bytes(file.read(min(length, 4096)))
                 if claimed > MOST_CHUNK_BYTES + MOST_TIMES * size:
                     raise UnsoundError(f"claims more than {claimed >> 20} MiB in {size} bytes")
 
@@ -58,8 +58,8 @@ def _check_attachment(content: bytes) -> None:
         raise UnsoundError(f"its attachment {name!r} is damaged: the checksum does not fit")
 
 
-def _unpacked_bytes(head: bytes) -> int:
-    """The size of a chunk when unpacked, by its own word and by that of the compressed data, whichever is more."""
+def _expanded_bytes(head: bytes) -> int:
+    """The size of a chunk when expanded, by its own word and by that of the compressed data, whichever is more."""
     if len(head) < _CHUNK_HEAD.size + 12:
         raise UnsoundError("a chunk is too short")
     _, _, told, _ = _CHUNK_HEAD.unpack_from(head)

@@ -119,6 +119,7 @@ def test_physics_margins_and_multiples(plans: Path) -> None:
     assert {key: plain[key] for key in OUTCOMES} == {key: same[key] for key in OUTCOMES}
     assert (more["ok"], more["limiting"]) == (True, plain["limiting"])
     assert more["margin"] != plain["margin"]
+    assert plain["edge"] > 1.0
     four = '[machine]\naxes.all.guide_friction = { values = [120], unit = "N" }\n'
     (absolute,) = rows(plan(plans, MOVES.replace("kinematic", "mujoco") + four))
     assert {key: absolute[key] for key in OUTCOMES} == {key: more[key] for key in OUTCOMES}, (

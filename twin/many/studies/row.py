@@ -41,6 +41,11 @@ OUTCOMES: Mapping[str, tuple[str, str, str]] = {
     "lost_z": ("int64", "steps", "whole slips of axis z since power-on"),
     "margin": ("float64", "1", "least pull-out margin of any motor in any line; null without physics"),
     "margin_moves": ("float64", "1", "the same of the lines that set no counter: without reference runs"),  # many/2
+    "edge": (
+        "float64",
+        "1",
+        "least factor on the speed of any motor in any line until it swings; null without physics",
+    ),
     "limiting": ("string", "", "the axis that has the least margin in those"),
     "limiting_line": ("int64", "1", "and the line of the job in which it has it"),
     "error_mm": ("float64", "mm", "largest difference of true position and counter of any axis at the end, at rest"),
@@ -162,6 +167,7 @@ def _made(work: Work, point: Point) -> dict[str, Any]:
         **{f"lost_{name}": int(steps) for name, steps in zip(CARRIAGES, slips, strict=False)},
         "margin": min(margins, default=nothing)[0],
         "margin_moves": least,
+        "edge": verdict.least_edge and verdict.least_edge[0],
         "limiting": axis,
         "limiting_line": line,
         "error_mm": max(abs(error) for error in verdict.position_error_mm),
