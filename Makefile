@@ -86,10 +86,10 @@ conformance: $(READY) ## every observable statement of the manuals, and the test
 	$(BIN)/python -m tests.conformance.report
 
 .PHONY: mutants
-mutants: $(READY)    ## change firmware, motion and wiring in one place at a time: do the tests notice? takes hours
-	nice $(BIN)/python tests/mutants.py twin/motion
-	nice $(BIN)/python tests/mutants.py twin/wiring
-	nice $(BIN)/python tests/mutants.py twin/firmware tests/firmware/test_executor.py tests/firmware/ismif tests/firmware/imc tests/firmware/gmi99
+MUTANTS ?= 100
+SEED ?= 1
+mutants: $(READY)    ## change the package in one place at a time, MUTANTS=100 of SEED=1: do the tests notice? takes hours
+	nice $(BIN)/python tests/mutants.py --sample $(MUTANTS) --seed $(SEED)
 
 golden: $(READY)     ## digest behaviour anew after a deliberate change
 	$(BIN)/python -m pytest -q --update-golden tests/golden tests/conformance

@@ -2,6 +2,8 @@
 
     python tests/mutants.py twin/motion                          every module of a folder, against tests/motion
     python tests/mutants.py twin/wiring/line.py tests/wiring --sample 20
+    python tests/mutants.py --sample 100 --seed 7                the whole package, each against the tests that import
+                                                                 its module
 
     a < b -> a <= b    == -> !=    not a -> a    and -> or    3 -> 4    +  -> -    statement -> pass
 
@@ -17,6 +19,7 @@ import ast
 import copy
 import os
 import random
+import re
 import resource
 import shutil
 import subprocess
@@ -26,6 +29,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
+PLACES = {"twin": "", "bridge": "bridge", "envs": "envs", "models": "models"}  # folders, and where they are installed
 COMPARED = {ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq}
 COMPARED |= {ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn, ast.NotIn: ast.In}
 CALCULATED = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.FloorDiv, ast.FloorDiv: ast.Mult}
@@ -85,33 +89,58 @@ def noticed(package: Path, tests: list[str], limit_s: int | None) -> bool:
     return done.returncode != 0
 
 
+def within(file: Path) -> Path:
+    """The place of a source file in the installed package."""
+    name, *rest = file.relative_to(ROOT).parts
+    return Path(PLACES[name], *rest)
+
+
+def tests_of(file: Path) -> list[str]:
+    """The tests that import a module of the package; without one, those of its folder."""
+    parts = within(file).with_suffix("").parts
+    dotted, parent = ".".join(("isel_twin", *parts)), ".".join(("isel_twin", *parts[:-1]))
+    imported = re.compile(rf"{re.escape(dotted)}\b|from {re.escape(parent)} import [^\n]*\b{parts[-1]}\b")
+    found = [test for test in sorted((ROOT / "tests").rglob("test_*.py")) if imported.search(test.read_text("utf-8"))]
+    folders = [ROOT.joinpath("tests", *parts[:deep]) for deep in range(len(parts) - 1, -1, -1)]
+    return [str(test) for test in found or [next(folder for folder in folders if folder.is_dir())]]
+
+
+def spent_s() -> float:
+    """Processor time of the tests so far."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
 def main() -> int:
     """Returns 1 if the tests fail without any mutation."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("modules", type=Path, help="a module or a folder below twin/")
-    parser.add_argument("tests", nargs="*", help="tests to run; by default the folder of tests/ of the same name")
+    parser.add_argument("modules", nargs="?", type=Path, help="a module or a folder of the package; default: all of it")
+    parser.add_argument("tests", nargs="*", help="tests to run; by default those that import the module")
     parser.add_argument("--sample", type=int, default=0, help="so many mutants, drawn at random (0: all)")
     parser.add_argument("--seed", type=int, default=1)
     call = parser.parse_args()
-    modules = call.modules.resolve()
-    tests = call.tests or [str(ROOT / "tests" / modules.relative_to(ROOT / "twin"))]
-    files = sorted(modules.rglob("*.py")) if modules.is_dir() else [modules]
+    places = [call.modules.resolve()] if call.modules else [ROOT / name for name in PLACES]
+    files = sorted(file for place in places for file in (place.rglob("*.py") if place.is_dir() else [place]))
     work = [(file, *mutant) for file in files for mutant in mutants(file.read_text("utf-8"))]
     if call.sample:
         work = sorted(random.Random(call.seed).sample(work, min(call.sample, len(work))), key=lambda m: (m[0], m[1]))
     with tempfile.TemporaryDirectory() as folder:
         package = Path(folder) / "isel_twin"
-        shutil.copytree(ROOT / "twin", package, ignore=shutil.ignore_patterns("__pycache__"))
-        for name in ("models", "bridge", "envs"):
-            (package / name).symlink_to(ROOT / name)
-        if noticed(package, tests, None):
-            print("the tests fail without a mutation")
-            return 1
-        used = resource.getrusage(resource.RUSAGE_CHILDREN)
-        limit_s = round(2 * (used.ru_utime + used.ru_stime)) + 5
-        survivors = 0
+        for name, inside in PLACES.items():
+            shutil.copytree(
+                ROOT / name, package / inside, ignore=shutil.ignore_patterns("__pycache__"), dirs_exist_ok=True
+            )
+        survivors, limits_s = 0, {}
         for file, line, what, text in work:
-            copied = package / file.relative_to(ROOT / "twin")
+            tests = call.tests or tests_of(file)
+            if (key := tuple(tests)) not in limits_s:
+                before_s = spent_s()
+                if noticed(package, tests, None):
+                    print(f"the tests fail without a mutation: {' '.join(tests)}")
+                    return 1
+                limits_s[key] = round(2 * (spent_s() - before_s)) + 5
+            limit_s = limits_s[key]
+            copied = package / within(file)
             original = copied.read_text("utf-8")
             copied.write_text(text, "utf-8")
             if not noticed(package, tests, limit_s):
