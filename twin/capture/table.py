@@ -76,7 +76,12 @@ class Table:
         comments, rows, places = self._beginning()
         first = rows[0][1]
         self._delimiter = next((mark for mark in "\t;" if mark in rows[-1][1]), ",")
-        cells = [cell.strip() for cell in next(csv.reader([first], delimiter=self._delimiter, skipinitialspace=True))]
+        try:
+            cells = [
+                cell.strip() for cell in next(csv.reader([first], delimiter=self._delimiter, skipinitialspace=True))
+            ]
+        except csv.Error as error:
+            raise CaptureError(f"{path}: line {rows[0][0]}: {error}") from None
         headed = not all(_NUMBER.fullmatch(cell) for cell in cells if cell)
         said = _names_in(comments)
         rate_hz = sample_rate_hz if sample_rate_hz is not None else _rate_in(comments)

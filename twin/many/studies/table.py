@@ -141,7 +141,9 @@ def read_rows(file: Path) -> list[dict[str, Any]]:
 
     try:
         found = pq.read_table(file)
-    except pa.ArrowInvalid as error:
+    except (pa.ArrowException, OSError, ValueError) as error:
+        if isinstance(error, OSError) and error.errno is not None:  # Arrow's own have none
+            raise
         raise CallError(f"{file}: is no Parquet file; name another one with --out") from error
     if not {"row", "point", *OUTCOMES} <= set(found.column_names):
         raise CallError(f"{file}: is no table of a sweep; name another file with --out")

@@ -1,0 +1,171 @@
+"""Every reader of files that somebody else may have made: a sample that it reads, and how it is asked."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from isel_twin import Twin
+from isel_twin.capture.load import load as load_capture
+from isel_twin.controller import create_controller
+from isel_twin.core.spec import TwinSpec
+from isel_twin.jobs import golden, project
+from isel_twin.jobs.checks import settings
+from isel_twin.jobs.job import decode_job, parse_job
+from isel_twin.language import create_language
+from isel_twin.machine import load_machine
+from isel_twin.many.identification.measured import read_measured
+from isel_twin.many.studies.plan import load_plan
+from isel_twin.many.studies.table import read_rows
+from isel_twin.recordings.reading import read
+from isel_twin.recordings.replay import rebuilt
+from isel_twin.wiring.scenario import load_scenario
+from tests.in_process import isel_twin
+
+JOB = "@07\n@0N7\n@0A1600,800,0,30,0,30,0,30  # a move\n! x == 5 +- 0.1 mm\n<0.5s>\n@0P => *\n"
+PROGRAM = (
+    "P1\nN10 G90 G1 F300 X10 Y5\nN20 G2 X20 Y5 I15 J5 (an arc)\nN30 M28.2\nN40 M30\nP2\nN10 P401:3 X:P401+2\nN20 M02\n"
+)
+MACHINE = 'based_on = "4030"\n[axes.x]\ntravel = { value = 300.0, unit = "mm", grade = "setting", source = "ours" }\n'
+MACHINE += '[[fixture]]\nname = "vise"\nshape = "box"\nsize_mm = [10, 20, 30]\nat_mm = [100, 100, 0]\n'
+SCENARIO = '[[event]]\nat = 0.5\nset = { estop = "pressed" }\nfor = 0.2\n[[event]]\nat = 1.0\nforce_n = { x = 50 }\n'
+SETTINGS = '[check]\nmargin = 0.2\nset.payload.mass = 8\n[[check.job]]\nmatch = "p*.txt"\ncycle_s = 40.0\n'
+SWEEP = '[sweep]\njob = "job.txt"\nplant = "kinematic"\nseeds = 2\n'
+SWEEP += '[machine]\n"payload.mass" = { values = [0, 4], unit = "kg" }\n'
+MEASURED = """gauge_sigma_mm = 0.005
+[[reading]]
+recording = "day1"
+command = 20
+axis = "x"
+mm = 0.412
+gauge = "push"
+push_n = 150.0
+[[act]]
+recording = "day1"
+command = 10
+after_s = 0.5
+set = { estop = "pressed" }
+"""
+CSV = "Time [s],step_x,dir_x\n0.0,0,1\n0.0001,1,1\n0.0002,0,1\n0.0003,1,0\n"
+VCD = "$timescale 1 ns $end\n$var wire 1 ! step_x $end\n$var wire 1 # dir_x $end\n$enddefinitions $end\n"
+VCD += "#0\n0!\n1#\n#5000\n1!\n#9000\n0!\n"
+
+
+@dataclass(frozen=True)
+class Reader:
+    """sample: makes a valid file in a folder; read: reads it there, by the name it has been given."""
+
+    name: str
+    sample: Callable[[Path], bytes]
+    read: Callable[[Path], object]
+
+
+def _text(text: str) -> Callable[[Path], bytes]:
+    return lambda _: text.encode()
+
+
+def _recording(folder: Path) -> bytes:
+    (folder / "job.txt").write_text(JOB)
+    done = isel_twin("run", folder / "job.txt", "--plant", "kinematic", "--record", folder / "made.mcap")
+    assert done.returncode == 0, done
+    return (folder / "made.mcap").read_bytes()
+
+
+def _rebuilt(path: Path) -> None:
+    told = read(path)
+    told.steps()
+    if told.of_twin:
+        rebuilt(told, path.parent)
+
+
+def _steps(_: Path) -> bytes:
+    file = io.BytesIO()
+    np.savez(file, t_ns=np.array([10, 20], dtype=np.int64), delta=np.ones((2, 4), dtype=np.int8))
+    return file.getvalue()
+
+
+def _golden(folder: Path) -> bytes:
+    (folder / "job.txt").write_text(JOB)
+    done = isel_twin("golden", "record", folder / "job.txt", "--plant", "kinematic")
+    assert done.returncode == 0, done
+    return golden.golden_file(folder / "job.txt").read_bytes()
+
+
+def _swept(folder: Path) -> bytes:
+    (folder / "job.txt").write_text(JOB)
+    (folder / "plan.toml").write_text(SWEEP)
+    done = isel_twin("sweep", folder / "plan.toml", "--workers", "1")
+    assert done.returncode == 0, done
+    return (folder / "plan.parquet").read_bytes()
+
+
+def _plan(path: Path) -> None:
+    (path.parent / "job.txt").write_text(JOB)
+    load_plan(path)
+
+
+def _machine(path: Path) -> None:
+    folder = path.with_suffix("")
+    folder.mkdir(exist_ok=True)
+    (folder / "machine.toml").write_bytes(path.read_bytes())
+    load_machine(folder)
+
+
+def _job(controller: str) -> Callable[[Path], object]:
+    return lambda path: parse_job(decode_job(path.read_bytes()), create_language(controller), controller)
+
+
+def _settings(path: Path) -> None:
+    settings.load(path)
+    project.fixtures(path)
+
+
+def _flash(controller: str, commands: tuple[bytes, ...]) -> Reader:
+    machine = "4030-servo" if controller in ("gmi99", "bwo900") else "4030"
+
+    def sample(folder: Path) -> bytes:
+        twin = TwinSpec(machine, controller=controller, plant="kinematic", flash=folder / "flash.bin").build()
+        for command in commands:
+            twin.write(command)
+            twin.run(10.0)
+        file = folder / "flash.bin"
+        return file.read_bytes() if file.is_file() else bytes(64)
+
+    return Reader(f"flash-{controller}", sample, lambda path: create_controller(controller, flash=path.read_bytes()))
+
+
+def _captured(path: Path) -> object:
+    return load_capture(path)
+
+
+SETTABLE = Twin(plant="kinematic").settable
+
+
+READERS: Mapping[str, Reader] = {
+    reader.name: reader
+    for reader in (
+        Reader("recording.mcap", _recording, _rebuilt),
+        Reader("capture.csv", _text(CSV), _captured),
+        Reader("capture.vcd", _text(VCD), _captured),
+        Reader("capture.npz", _steps, _captured),
+        Reader("machine.toml", _text(MACHINE), _machine),
+        Reader("scenario.toml", _text(SCENARIO), lambda path: load_scenario(path, SETTABLE)),
+        Reader("isel-twin.toml", _text(SETTINGS), _settings),
+        Reader("plan.toml", _text(SWEEP), _plan),
+        Reader("measured.toml", _text(MEASURED), read_measured),
+        Reader("measured.csv", _text("recording,command,axis,mm,gauge\nday1,20,x,0.412,push\n"), read_measured),
+        Reader("golden", _golden, golden.load),
+        Reader("table.parquet", _swept, read_rows),
+        Reader("job-imc.txt", _text(JOB), _job("imc-s8")),
+        Reader("job-ismif.txt", _text("L1,X3000<1>\n$H\n"), _job("ismif")),
+        Reader("job-gmi99.txt", _text("Q7;1\nf2000\nM5000\n81h 9000\n"), _job("gmi99")),
+        Reader("program.nc", _text(PROGRAM), _job("bwo900")),
+        _flash("imc-s8", (b"@07\r", b"@0IJ50\r", b"@0IW\r")),
+        _flash("gmi99", (b"Q7;1\r",)),
+        _flash("bwo900", ()),
+    )
+}
