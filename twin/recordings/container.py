@@ -8,7 +8,6 @@ takes 6 us a message, more than the twin needs between two samples: here many me
 
 from __future__ import annotations
 
-import os
 import struct
 import tempfile
 import zlib
@@ -64,7 +63,7 @@ class _Chunk:
 class Container:
     """One file. Raises OSError as the output does."""
 
-    def __init__(self, output: Output, library: str, folder: str | os.PathLike[str] | None = None) -> None:
+    def __init__(self, output: Output, library: str, folder: str | None = None) -> None:
         """folder: for a nameless file with the index of chunks, which grows with each `flush` and is written last."""
         import zstandard
 

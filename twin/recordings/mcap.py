@@ -205,7 +205,7 @@ class _File:
         self._claim: Claim | None = None
         self._temporary: Path | None = None
         self._written = 0
-        self.folder: Path | None = None  # for files beside it; None: it is no regular file
+        self.folder: str | None = None  # for files beside it; None: it is no regular file
         if path.exists() and not path.is_file():
             self._file: IO[bytes] = open(path, "wb")  # noqa: SIM115  (closed by close())
             return
@@ -217,7 +217,7 @@ class _File:
             self._claim.release()
             raise
         self._temporary = temporary
-        self.folder = self._target.parent
+        self.folder = str(self._target.parent)
 
     def put_in_place(self) -> None:
         """Replace the old file, once the head is written."""
