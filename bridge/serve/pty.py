@@ -32,7 +32,7 @@ from isel_twin.bridge.serve.outbox import Outbox
 
 
 class PtyEndpoint(Endpoint):
-    """A pseudo terminal; `link`: path of a symbolic link to it, made here and removed by `close`.
+    """A pseudo terminal; `link`: path of a symbolic link to it, made by `attach` and removed by `close`.
 
     Raises OSError if there is no pseudo terminal or the link's name is taken.
     """
@@ -53,19 +53,11 @@ class PtyEndpoint(Endpoint):
         if link is not None:
             try:
                 self._claim = Claim(link)
-                self._make_link(Path(link), self._claim.abandoned)
+                _make_room(Path(link), self._claim.abandoned)
             except OSError:
                 self.link = None
                 self.close()
                 raise
-
-    def _make_link(self, link: Path, abandoned: bool) -> None:
-        """Link to the device. A link of a killed server, or a dangling one, is replaced."""
-        if link.is_symlink() and (abandoned or not link.exists()):
-            link.unlink()
-        elif os.path.lexists(link):
-            raise OSError(errno.EEXIST, "exists already; remove it or choose another name for the link", str(link))
-        link.symlink_to(self.address)
 
     @property
     def waiting(self) -> int:
@@ -78,6 +70,8 @@ class PtyEndpoint(Endpoint):
     def attach(self, line: SerialLine) -> None:
         self._line = line
         _set_speed(self._slave, line.serial_format.baud)
+        if self.link is not None:
+            os.symlink(self.address, self.link)  # from now on there is somebody who answers
 
     def watches(self, listening: bool) -> Iterable[FileWatch]:
         self._listening = listening
@@ -109,6 +103,14 @@ class PtyEndpoint(Endpoint):
         os.close(self._master)
         os.close(self._slave)
         self._master = self._slave = -1
+
+
+def _make_room(link: Path, abandoned: bool) -> None:
+    """Remove a link of a killed server, or a dangling one. Raises OSError if there is anything else."""
+    if link.is_symlink() and (abandoned or not link.exists()):
+        link.unlink()
+    elif os.path.lexists(link):
+        raise OSError(errno.EEXIST, "exists already; remove it or choose another name for the link", str(link))
 
 
 _TCGETS2 = 0x802C542A  # Linux: settings with speeds in bit/s (asm-generic/ioctls.h, struct termios2)

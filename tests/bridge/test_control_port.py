@@ -321,7 +321,7 @@ def test_hosts_stay_connected_while_time_stands_still(bench):
 # ---- processes ------------------------------------------------------------------------------------------------------
 
 
-def ctl(served: Any, *arguments: str) -> subprocess.CompletedProcess[str]:
+def ctl(served: Any, *arguments: object) -> subprocess.CompletedProcess[str]:
     return isel_twin("ctl", served.info["control"], *arguments)
 
 
@@ -383,24 +383,28 @@ def test_what_ctl_says_of_wrong_calls(serve):
     assert "is there a serve --control?" in done.stderr
 
 
-def test_a_token_on_the_command_line(serve):
+def test_a_token_comes_from_a_file_or_the_environment(serve, tmp_path, monkeypatch):
     served = serve("--control", "0.0.0.0:0")
     address = f"127.0.0.1:{parse_address(served.info['control'])[1]}"
     served.info["control"] = address
     assert "token: missing" in ctl(served, "state").stderr
-    assert ctl(served, "state", "--token", "wrong").returncode == 2
-    assert ctl(served, "state", "--token", served.info["control_token"]).returncode == 0
-    given = serve("--control", LOOPBACK, "--control-token", "secret")
+    (wrong := tmp_path / "wrong").write_text("wrong\n")
+    (right := tmp_path / "right").write_text(served.info["control_token"] + "\n")
+    assert ctl(served, "state", "--token-file", wrong).returncode == 2
+    assert ctl(served, "state", "--token-file", right).returncode == 0
+    given = serve("--control", LOOPBACK, "--token-file", right)
     assert "control_token" not in given.info
     assert ctl(given, "state").returncode == 2
-    assert ctl(given, "state", "--token", "secret").returncode == 0
+    monkeypatch.setenv("ISEL_TWIN_TOKEN", right.read_text())
+    assert ctl(given, "state").returncode == 0
+    assert ctl(given, "state", "--token-file", wrong).returncode == 2
 
 
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
         (["--control", "nonsense"], "address 'nonsense' is not HOST:PORT"),
-        (["--control-token", "x"], "--control-token: goes with --control HOST:PORT"),
+        (["--token-file", "x"], "--token-file: goes with --control HOST:PORT"),
     ],
 )
 def test_a_control_port_that_cannot_be(capsys, arguments, said):

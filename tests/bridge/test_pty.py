@@ -9,7 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from isel_twin import Twin
+from isel_twin.bridge.serve.pacing import Pacer
 from isel_twin.bridge.serve.pty import PtyEndpoint
+from isel_twin.bridge.serve.server import Server
 from tests.bridge.conftest import REPLY_S, Served, ask
 
 MOVED = "0003E80001F40000000"
@@ -185,3 +188,15 @@ def test_a_pty_needs_no_link_and_goes_well_with_others(serve, options):
 
 def test_a_pty_is_what_serve_offers_when_nothing_is_asked_for(serve):
     assert Path(serve().info["pty"]).is_char_device()
+
+
+def test_a_link_comes_with_somebody_who_answers(tmp_path):
+    """A host that waits for the link, as scripts do, is not left alone with it while the physics is compiled."""
+    link = tmp_path / "imc"
+    endpoint = PtyEndpoint(str(link))
+    assert not os.path.lexists(link)
+    server = Server(Twin(plant="kinematic"), Pacer(None), [endpoint])
+    assert os.readlink(link) == endpoint.address
+    server.stop()
+    server.run()
+    assert not os.path.lexists(link)

@@ -331,10 +331,16 @@ def test_a_server_that_goes_and_one_that_takes_its_place(bench, open_panel):
     here = bench()
     page = open_panel(here)
     address = here.panel.address
+    page['[data-element="estop"]'].click()
+    expect(page['[data-element="estop"]']).to_have_attribute("aria-pressed", "true")
     here.close()
     expect(page["#link"]).to_have_attribute("data-state", "lost")
+    expect(page["main"]).to_have_css("filter", "grayscale(1)")
+    expect(page["body"]).to_have_js_property("inert", True)
+    expect(page["[aria-pressed=true]"]).to_have_count(0)
     bench(address=address)
     expect(page["#link"]).to_have_attribute("data-state", "on")
+    expect(page["main"]).to_have_css("filter", "none")
     page['[data-element="estop"]'].click()
     expect(page['[data-element="estop"]']).to_have_attribute("aria-pressed", "true")
 

@@ -101,9 +101,9 @@ def test_the_panel_alone_has_a_port_of_its_own(monkeypatch: pytest.MonkeyPatch, 
             assert "choose another address" in err
 
 
-@pytest.mark.parametrize("words", [["--panel-token", "x"], ["--panel", LOOPBACK, "--panel-token="]])
-def test_a_token_goes_with_a_panel(words: list[str], capsys) -> None:
+def test_a_token_without_a_word_in_it(tmp_path: Path, capsys) -> None:
+    (empty := tmp_path / "token").write_text("\n")
     with pytest.raises(SystemExit) as caught:
-        main(["serve", *words])
+        main(["serve", "--panel", LOOPBACK, "--token-file", str(empty)])
     assert caught.value.code == 2
-    assert "--panel-token: goes with --panel" in capsys.readouterr().err
+    assert capsys.readouterr().err == f"isel-twin: {empty}: holds no token in its first line\n"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import tracemalloc
 from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
@@ -52,6 +53,30 @@ def test_what_was_flushed_can_be_read_without_an_end(tmp_path: Path) -> None:
     assert times_until_cut(path.read_bytes()) == [1]
     writer.close()
     assert [time for _, time, _ in messages(path.read_bytes())] == [1, 2]
+
+
+def test_a_week_of_flushes_takes_no_memory_and_all_are_in_the_index(tmp_path: Path) -> None:
+    path = tmp_path / "long.mcap"
+    writer = RecordingWriter(path, {})
+
+    def flush(times: range) -> int:
+        """Bytes in use after a flush at each time."""
+        for time_ns in times:
+            writer.sent(time_ns, b"a")
+            writer.flush()
+        return tracemalloc.get_traced_memory()[0]
+
+    tracemalloc.start()
+    try:
+        after_1000, after_4000 = flush(range(1000)), flush(range(1000, 4000))
+    finally:
+        tracemalloc.stop()
+    assert after_4000 - after_1000 < 3000 * 10  # an entry of the index has 150 bytes
+    writer.close()
+    summary = make_reader(BytesIO(path.read_bytes())).get_summary()
+    assert summary is not None
+    assert [chunk.message_start_time for chunk in summary.chunk_indexes] == list(range(4000))
+    assert [path.name for path in tmp_path.iterdir()] == ["long.mcap"]
 
 
 def times_until_cut(data: bytes) -> list[int]:

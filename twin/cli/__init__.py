@@ -23,10 +23,12 @@ import logging
 import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack
 
 from cyclopts import App, CycloptsError, Group, Parameter, UnusedCliTokensError
 
 from isel_twin.base.errors import CallError, one_line
+from isel_twin.cli.interruption import until_told
 from isel_twin.cli.options import STANDARD_INPUT
 from isel_twin.version import VERSION
 
@@ -64,12 +66,34 @@ def main(argv: Sequence[str] | None = None) -> None:
     tokens = list(_plain_tokens(sys.argv[1:] if argv is None else argv))
     ours = argv is None and tokens[:1] != ["exec"]  # not a host program's process
     if ours:
+        _open_standard_files()
         gc.set_threshold(YOUNG)
         os.environ.setdefault("MUJOCO_GL", "disable")  # no command draws, and looking for OpenGL starts a process
     if logging.lastResort is not None:  # warnings, unless the command configures logging
         logging.lastResort.setFormatter(logging.Formatter("isel-twin: %(message)s"))
     if set(tokens[:1]) <= {"--help", "-h"}:
         app.resolved_commands()  # imports all: the list tells what each is for
+    with ExitStack() as stack:
+        if ours and set(tokens[:1]) & _UNTIL_TOLD:
+            stack.enter_context(until_told())
+        code = _run(tokens)
+    if ours:
+        gc.freeze()  # else the interpreter searches all objects for garbage as it ends
+    sys.exit(code)
+
+
+def _open_standard_files() -> None:
+    """In place of closed ones: else the next file that is opened gets their number, and what is said goes into it."""
+    while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
+        os.set_inheritable(number, True)
+    os.close(number)
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115  (for the life of the process)
+
+
+def _run(tokens: Sequence[str]) -> int:
+    """The exit code of a command line; what is wrong with it is said in one line."""
     try:
         code = app(tokens, print_error=False, exit_on_error=False, result_action="return_value")
         sys.stdout.flush()
@@ -90,9 +114,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     except OSError as error:  # standard output cannot be written, for example a full disk
         code = _say(2, f"{error.filename or 'standard output'}: {error.strerror or error}")
         sys.stdout = None  # else the interpreter tries to flush it again
-    if ours:
-        gc.freeze()  # else the interpreter searches all objects for garbage as it ends
-    sys.exit(code)
+    return code
 
 
 def _say(code: int, text: str) -> int:
@@ -100,6 +122,7 @@ def _say(code: int, text: str) -> int:
     return code
 
 
+_UNTIL_TOLD = {"serve", "tap"}  # commands that run until they are told to stop
 _MAY_STAND_ALONE = ("--pty", "--panel")  # options with an optional value
 
 

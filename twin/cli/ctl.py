@@ -10,11 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError
+from isel_twin.cli import options
 
 if TYPE_CHECKING:
     import socket
@@ -39,7 +41,7 @@ def ctl(
     place: Annotated[
         Literal["tool", "table"] | None, Parameter(help="Of a force; without it, what the axis moves.")
     ] = None,
-    token: Annotated[str | None, Parameter(help="What the server wants to be told.", env_var="ISEL_TWIN_TOKEN")] = None,
+    token_file: Annotated[Path | None, Parameter(help="Holds what the server wants to be told.")] = None,
 ) -> int:
     """Operate a served machine: press, break, push, pause, look, wait.
 
@@ -55,7 +57,7 @@ def ctl(
         raise CallError("place: goes with force", option=True)
     from isel_twin.cli.outputs import say, say_json
 
-    answer = _converse(address, _request(command, what, place), token)
+    answer = _converse(address, _request(command, what, place), options.token(token_file))
     if "error" in answer:
         text = str(answer["error"]).removeprefix("request: ")
         if not answer.get("timeout"):

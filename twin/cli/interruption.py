@@ -1,8 +1,9 @@
-"""Ctrl-C and SIGTERM: a command ends early and keeps its results."""
+"""Signals: a command ends early and keeps its results, or runs until it is told to stop."""
 
 from __future__ import annotations
 
 import signal
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -25,3 +26,18 @@ def interruption() -> Iterator[list[int]]:
         yield stopped
     finally:
         restore()
+
+
+@contextmanager
+def until_told() -> Iterator[None]:
+    """Around all of a process that is ended by a signal: exit code 0, also if more of them come while it ends."""
+    numbers = [signal.SIGINT, signal.SIGTERM]
+    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        numbers.append(signal.SIGHUP)
+    for number in numbers:
+        signal.signal(number, lambda *_: sys.exit(0))
+    try:
+        yield
+    finally:
+        for number in numbers:
+            signal.signal(number, signal.SIG_IGN)  # any other handler goes before the interpreter does

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter, Token
 
-from isel_twin.base.errors import CallError
+from isel_twin.base.errors import CallError, call_errors
 from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
@@ -87,6 +87,8 @@ class TwinOptions:
 
 
 DEFAULT_TWIN = TwinOptions()
+TOKEN = "ISEL_TWIN_TOKEN"  # environment variable
+TOKEN_CHARACTERS = 4096
 STANDARD_INPUT = "/dev/stdin"  # the file for `-`
 STREAMS = {STANDARD_INPUT: "standard input", "/dev/stdout": "standard output"}
 LONGEST_S = 1e9  # longest time of an option in virtual seconds, as for scenarios
@@ -107,22 +109,38 @@ def check_writable(*paths: Path | None, kept: Sequence[Path | None] = ()) -> Non
     """Raise CallError if a path cannot be written, or is a file that the call needs (`kept`)."""
     import os
 
-    taken = {path.resolve() for path in kept if path is not None}
-    streams = {file: name for stream, name in STREAMS.items() if (file := Path(stream).resolve()).is_file()}
+    def real(path: Path) -> Path:
+        return Path(os.path.realpath(path))  # of links in a circle, too, which can be neither read nor written
+
+    taken = {real(path) for path in kept if path is not None}
+    streams = {file: name for stream, name in STREAMS.items() if (file := real(Path(stream))).is_file()}
     for path in paths:
         if path is None:
             continue
         if is_standard_input(path):
             raise CallError("-: is standard input; name a file for what is written")
-        if path.resolve() in streams:
-            raise CallError(f"{path}: is {streams[path.resolve()]} of this call; name another file for what is written")
+        if real(path) in streams:
+            raise CallError(f"{path}: is {streams[real(path)]} of this call; name another file for what is written")
         if path.is_dir():
             raise CallError(f"{path}: is a folder, not a file")
         if (path.is_file() or not path.exists()) and not os.access(path.parent, os.W_OK):
             raise CallError(f"{path}: cannot write in folder {path.parent}; choose another place")
-        if path.resolve() in taken and not path.is_char_device():
+        if real(path) in taken and not path.is_char_device():
             raise CallError(f"{path}: is named twice in this call; choose another name for what is written")
-        taken.add(path.resolve())
+        taken.add(real(path))
+
+
+def token(file: Path | None) -> str | None:
+    """The first line of a file, else of the environment (bridge/23). Raises CallError."""
+    import os
+
+    if file is None:
+        return os.environ.get(TOKEN, "").strip() or None
+    with call_errors(file), open(file, encoding="utf-8") as opened:
+        found = opened.readline(TOKEN_CHARACTERS).strip()
+    if not found:
+        raise CallError(f"{file}: holds no token in its first line")
+    return found
 
 
 def check_workers(workers: int) -> None:

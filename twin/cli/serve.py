@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from contextlib import ExitStack
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TextIO
 
 from cyclopts import Parameter
@@ -32,14 +33,12 @@ def serve(
     control: Annotated[
         str | None, Parameter(help="HOST:PORT for clients that operate the machine, see `ctl`; port 0: a free one.")
     ] = None,
-    control_token: Annotated[
-        str | None, Parameter(help="What they have to know; beyond the loopback interface one is made up.")
-    ] = None,
     panel: Annotated[
         str | None, Parameter(help="HOST:PORT for the operator panel, a page for browsers; alone: 127.0.0.1:8217.")
     ] = None,
-    panel_token: Annotated[
-        str | None, Parameter(help="What browsers have to know; beyond the loopback interface one is made up.")
+    token_file: Annotated[
+        Path | None,
+        Parameter(help="Holds what clients and browsers have to know; beyond the loopback interface one is made up."),
     ] = None,
     speed: Annotated[str, Parameter(help="Times real time, or max: as fast as possible.")] = "1",
     strict_baud: Annotated[
@@ -69,10 +68,9 @@ def serve(
     from isel_twin.language import create_language
 
     options.check_seconds("interval", interval, 1e-9)
-    if control_token is not None and (control is None or not control_token):
-        raise CallError("control-token: goes with --control HOST:PORT, and is not empty", option=True)
-    if panel_token is not None and (panel is None or not panel_token):
-        raise CallError("panel-token: goes with --panel, and is not empty", option=True)
+    if token_file is not None and control is None and panel is None:
+        raise CallError("token-file: goes with --control HOST:PORT or --panel", option=True)
+    token = options.token(token_file)
     with call_errors():
         factor = parse_speed(speed)
     check_record(record)
@@ -81,10 +79,9 @@ def serve(
     with ExitStack() as stack:
         if (stderr := file_number(sys.stderr)) is not None:
             stack.enter_context(log_to(stderr, count=log != "wire"))
-        stack.enter_context(on_signals(lambda: sys.exit(0)))  # until the server handles the signals
         endpoints = open_endpoints(pty, tcp, rfc2217, stack)
-        port = _control_port(control, control_token, stack)
-        page = _panel(panel, panel_token, stack)
+        port = _control_port(control, token, stack)
+        page = _panel(panel, token, stack)
         served = call.build(keep_motions=KEPT_MOTIONS)
         recording = None if record is None else begin(record, served, interval, {"speed": speed}, stack)
         if page is not None and recording is not None:
@@ -102,7 +99,7 @@ def serve(
         where = addresses(endpoints)
         if port is not None:
             where["control"] = port.address
-            if port.token is not None and control_token is None:
+            if port.token is not None and token is None:
                 where["control_token"] = port.token
         if page is not None:
             where["panel"] = page.url

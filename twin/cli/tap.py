@@ -59,7 +59,6 @@ def tap(
     with ExitStack() as stack:
         if (stderr := file_number(sys.stderr)) is not None:
             stack.enter_context(log_to(stderr, count=log != "wire"))
-        stack.enter_context(on_signals(lambda: sys.exit(0)))
         endpoints = open_endpoints(pty, tcp, rfc2217, stack)
         wire = WireLog(create_language(controller), "real", "port") if log == "wire" else None
         try:

@@ -9,8 +9,9 @@ takes 6 us a message, more than the twin needs between two samples: here many me
 from __future__ import annotations
 
 import struct
+import tempfile
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, Protocol
 
@@ -23,6 +24,8 @@ MAGIC: Final = bytes((137, 77, 67, 65, 80, 48, 13, 10))
     _STATISTICS, _METADATA, _METADATA_INDEX, _SUMMARY_OFFSET, _DATA_END,
 ) = range(1, 16)  # fmt: skip
 _COMPRESSION: Final = "zstd"
+INDEX_BYTES = 64 * 1024  # of the index of chunks that stay in memory
+_PIECE_BYTES = 1 << 20  # of it that are copied at once
 _LEVEL: Final = -3  # four times as fast as the library's default, and a quarter larger
 _MESSAGE_HEAD: Final = struct.Struct("<BQHIQQ")  # opcode, length, channel, number in it, log time, publish time
 _ENTRY: Final = np.dtype([("time_ns", "<u8"), ("offset", "<u8")])
@@ -60,7 +63,8 @@ class _Chunk:
 class Container:
     """One file. Raises OSError as the output does."""
 
-    def __init__(self, output: Output, library: str) -> None:
+    def __init__(self, output: Output, library: str, folder: str | None = None) -> None:
+        """folder: for a nameless file with the index of chunks, which grows with each `flush` and is written last."""
         import zstandard
 
         self._compressor = zstandard.ZstdCompressor(level=_LEVEL)
@@ -70,7 +74,8 @@ class Container:
         self._first_ns, self._last_ns = 1 << 63, 0
         self._schemas: list[bytes] = []
         self._channels: list[bytes] = []
-        self._chunks: list[bytes] = []
+        self._chunks = 0
+        self._index = tempfile.SpooledTemporaryFile(INDEX_BYTES, dir=folder)  # noqa: SIM115  (closed by close())
         self._attachments: list[bytes] = []
         self._metadata: list[bytes] = []
         output.write(MAGIC + _record(_HEADER, _text("") + _text(library)))
@@ -155,7 +160,8 @@ class Container:
         self._output.write(record + after)
         index = struct.pack("<QQQQ", *span, offset, len(record)) + _map(offsets.items(), _short, _long)
         index += _long(len(after)) + _text(_COMPRESSION) + struct.pack("<QQ", len(small), len(data))
-        self._chunks.append(_record(_CHUNK_INDEX, index))
+        self._index.write(_record(_CHUNK_INDEX, index))
+        self._chunks += 1
 
     def finish(self) -> None:
         """Write the rest and the summary."""
@@ -165,25 +171,37 @@ class Container:
         first_ns = min(self._first_ns, self._last_ns)
         counted = (len(self._schemas), len(self._channels), len(self._attachments), len(self._metadata))
         statistics = struct.pack("<QHIII", sum(self._messages.values()), *counted)
-        statistics += struct.pack("<IQQ", len(self._chunks), first_ns, self._last_ns)
+        statistics += struct.pack("<IQQ", self._chunks, first_ns, self._last_ns)
         statistics += _map(self._messages.items(), _short, _long)
-        summary, offsets = b"", b""
-        for opcode, records in (
+        end, crc, offsets = start, 0, b""
+        for opcode, pieces in (
             (_SCHEMA, self._schemas),
             (_CHANNEL, self._channels),
             (_STATISTICS, [_record(_STATISTICS, statistics)]),
-            (_CHUNK_INDEX, self._chunks),
+            (_CHUNK_INDEX, self._index_pieces()),
             (_ATTACHMENT_INDEX, self._attachments),
             (_METADATA_INDEX, self._metadata),
         ):
-            group = b"".join(records)
-            if group:
-                offsets += _record(_SUMMARY_OFFSET, struct.pack("<BQQ", opcode, start + len(summary), len(group)))
-                summary += group
-        footer = struct.pack("<BQQQ", _FOOTER, 20, start, start + len(summary))
-        crc = zlib.crc32(footer, zlib.crc32(summary + offsets))
-        self._output.write(summary + offsets + footer + struct.pack("<I", crc) + MAGIC)
+            group = end
+            for piece in pieces:
+                self._output.write(piece)
+                end, crc = end + len(piece), zlib.crc32(piece, crc)
+            if end > group:
+                offsets += _record(_SUMMARY_OFFSET, struct.pack("<BQQ", opcode, group, end - group))
+        footer = struct.pack("<BQQQ", _FOOTER, 20, start, end)
+        crc = zlib.crc32(offsets + footer, crc)
+        self._output.write(offsets + footer + struct.pack("<I", crc) + MAGIC)
         self._output.flush()
+        self.close()
+
+    def _index_pieces(self) -> Iterator[bytes]:
+        self._index.seek(0)
+        while piece := self._index.read(_PIECE_BYTES):
+            yield piece
+
+    def close(self) -> None:
+        """Give up what `finish` has not written. May be called again."""
+        self._index.close()
 
 
 def _in_order(entries: list[NDArray[np.void]]) -> NDArray[np.void]:

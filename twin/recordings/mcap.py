@@ -101,7 +101,7 @@ class RecordingWriter:
         self._file = _File(self.path)
         self._channels: dict[str, int] = {}
         try:
-            self._container = Container(self._file, f"isel-twin {VERSION}")
+            self._container = Container(self._file, f"isel-twin {VERSION}", self._file.folder)
             self._container.metadata(METADATA, {"isel_twin": VERSION, **metadata})
             for name, data in (attachments or {}).items():
                 self._container.attachment(name, data)
@@ -188,6 +188,7 @@ class RecordingWriter:
     def _end(self, error: OSError) -> None:
         """End the recording on a full disk, and keep what there is."""
         self.ended = self.broken = True
+        self._container.close()
         self._file.give_up()
         log.error("%s: the recording ends here, the machine goes on: %s", self.path, error.strerror or error)
 
@@ -204,6 +205,7 @@ class _File:
         self._claim: Claim | None = None
         self._temporary: Path | None = None
         self._written = 0
+        self.folder: str | None = None  # for files beside it; None: it is no regular file
         if path.exists() and not path.is_file():
             self._file: IO[bytes] = open(path, "wb")  # noqa: SIM115  (closed by close())
             return
@@ -215,6 +217,7 @@ class _File:
             self._claim.release()
             raise
         self._temporary = temporary
+        self.folder = str(self._target.parent)
 
     def put_in_place(self) -> None:
         """Replace the old file, once the head is written."""

@@ -38,6 +38,8 @@ function connect() {
   socket.onclose = (event) => {
     $("link").dataset.state = "lost";
     put($("link"), event.reason || "no server");
+    document.body.inert = true; // nothing can be pressed, and nothing looks as if it were
+    for (const button of document.querySelectorAll("[aria-pressed=true]")) mark(button, "aria-pressed", false);
     for (const { reject } of waiting.values()) reject(new Error("the server has gone"));
     waiting.clear();
     setTimeout(connect, retry_ms);
@@ -90,6 +92,7 @@ function begin(told) {
   document.title = `${about.machine} ${about.controller} · isel-twin`;
   $("link").dataset.state = "on";
   put($("link"), "connected");
+  document.body.inert = false;
   $("monitor").replaceChildren();
   $("recording").hidden = !about.recording;
   if (about.recording) $("recording").download = about.recording;

@@ -1,0 +1,94 @@
+"""A page of somebody else, in a real browser, tries to move a machine that is served on this computer."""
+
+from __future__ import annotations
+
+import http.server
+import logging
+import threading
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import Page, sync_playwright
+
+from isel_twin import Twin
+from isel_twin.bridge.serve.pacing import Pacer
+from isel_twin.bridge.serve.rfc2217 import Rfc2217Codec
+from isel_twin.bridge.serve.server import Server
+from isel_twin.bridge.serve.tcp import TcpEndpoint
+from tests.bridge.conftest import until
+from tests.panel.chromium import ARGUMENTS, find_browser
+from tests.panel.conftest import LOOPBACK, WAIT_S
+
+WHERE = find_browser()
+pytestmark = pytest.mark.skipif(WHERE is None, reason="there is no Chromium or Chrome; `make browser` installs one")
+
+COMMANDS = r"\r@07\r@0A1600,800,0,30,0,30,0,30\r"
+TRIES = {
+    "a request": f"fetch(where, {{method: 'POST', mode: 'no-cors', body: '{COMMANDS}'}}).catch(() => 0)",
+    "a beacon": f"navigator.sendBeacon(where, '{COMMANDS}')",
+    "a socket": f"new WebSocket(where.replace('http', 'ws')).onopen = (opened) => opened.target.send('{COMMANDS}')",
+    "an image": "new Image().src = where + '/@07'",
+    "a form": f"""
+        const [form, text, frame] = ['form', 'textarea', 'iframe'].map((name) => document.createElement(name));
+        Object.assign(form, {{action: where, method: 'POST', enctype: 'text/plain', target: 'unseen'}});
+        frame.name = 'unseen';
+        text.name = text.value = '{COMMANDS}';
+        form.append(text);
+        document.body.append(frame, form);
+        form.submit()""",
+    "https": "fetch(where.replace('http', 'https'), {mode: 'no-cors'}).catch(() => 0)",
+}
+
+
+class _Foreign(http.server.BaseHTTPRequestHandler):
+    def do_GET(self) -> None:
+        self.send_response(200)
+        self.send_header("Content-Type", "text/html")
+        self.end_headers()
+        self.wfile.write(b"<!doctype html><title>cats</title>")
+
+    def log_message(self, format: str, *args: object) -> None:
+        pass
+
+
+@pytest.fixture(scope="module")
+def page() -> Iterator[Page]:
+    site = http.server.ThreadingHTTPServer(("127.0.0.1", 0), _Foreign)
+    thread = threading.Thread(target=site.serve_forever)
+    thread.start()
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=WHERE, args=list(ARGUMENTS))
+        page = browser.new_page()
+        page.goto(f"http://127.0.0.1:{site.server_port}/")
+        yield page
+        browser.close()
+    site.shutdown()
+    thread.join(WAIT_S)
+    site.server_close()
+
+
+@pytest.mark.parametrize("kind", ["tcp", "rfc2217"])
+def test_whatever_a_page_tries_the_machine_hears_nothing(page: Page, kind: str, caplog) -> None:
+    endpoint = TcpEndpoint(LOOPBACK) if kind == "tcp" else TcpEndpoint(LOOPBACK, "rfc2217", Rfc2217Codec)
+    twin = Twin(plant="kinematic")
+    heard: list[bytes] = []
+    write = twin.write
+    twin.write = lambda data: (heard.append(data), write(data))[1]  # type: ignore[method-assign]
+    server = Server(twin, Pacer(None), [endpoint])
+    thread = threading.Thread(target=server.run)
+    thread.start()
+
+    def turned_away() -> int:
+        return sum("no host begins so" in record.getMessage() for record in caplog.records)
+
+    try:
+        with caplog.at_level(logging.WARNING, "isel_twin"):
+            for name, script in TRIES.items():
+                before = turned_away()
+                page.evaluate(f"(where) => {{ {script}; }}", f"http://{endpoint.address}")
+                until(lambda before=before: turned_away() > before or heard)
+                assert heard == [], name
+    finally:
+        server.stop()
+        thread.join(WAIT_S)
+    assert twin.steps.made == 0
