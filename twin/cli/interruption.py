@@ -34,10 +34,18 @@ def until_told() -> Iterator[None]:
     numbers = [signal.SIGINT, signal.SIGTERM]
     if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
         numbers.append(signal.SIGHUP)
+
+    def ignore() -> None:
+        for number in numbers:
+            signal.signal(number, signal.SIG_IGN)  # any other handler goes before the interpreter does
+
+    def stop(*_: object) -> None:
+        ignore()  # at once: it may be too late for the end of the block
+        sys.exit(0)
+
     for number in numbers:
-        signal.signal(number, lambda *_: sys.exit(0))
+        signal.signal(number, stop)
     try:
         yield
     finally:
-        for number in numbers:
-            signal.signal(number, signal.SIG_IGN)  # any other handler goes before the interpreter does
+        ignore()
