@@ -70,8 +70,8 @@ def test_nothing_is_wrong_with_a_job_that_is_well(tmp_path: Path, capsys: pytest
         (HOME + "@0A-3200,3000,0,30,0,30,0,30 => 2\n! limit_x2 == free\n", (), [("switch", 3)]),
         (WELL, ("--cycle-s", "30"), [("cycle", 3)]),
         (WELL, ("--cycle-s", "40"), []),
-        (WELL, ("--deviation-mm", "0.001"), []),  # without physics the carriage follows the counter
-        (WELL, ("--margin", "0.5"), []),  # and nothing is known of margins
+        (WELL, ("--deviation-mm", "0.001"), [("effect", None)]),  # without physics the carriage follows the counter
+        (WELL, ("--margin", "0.5"), [("effect", None)]),  # and nothing is known of margins
     ],
 )
 def test_rules_that_need_no_physics(

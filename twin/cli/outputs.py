@@ -271,6 +271,8 @@ class TableOutput:
     def edge(self, edges: Sequence[Edge]) -> None:
         from isel_twin.jobs.edge import FARTHEST
 
+        if not edges:
+            self._print("edge: no stepper motor has turned, so none can lose steps")
         for axis in dict.fromkeys(edge.axis for edge in edges):
             own = [edge for edge in edges if edge.axis == axis]
             at = [f"{edge.factor:.2f} times the {edge.quantity}" for edge in own if edge.factor is not None]

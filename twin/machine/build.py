@@ -150,8 +150,9 @@ def build(tree: dict[str, Any], file: Path, like: Machine | None = None) -> Mach
     return machine
 
 
+_SPREAD = {"resistance": "sheets: +-10 %", "inductance": "sheets: +-20 %", "torque_constant": "typical values: +-8 %"}
 _AS_ITS_SHEET = {
-    key: {"value": 1.0, "unit": "1", "grade": "estimate", "source": "as its sheet (R +-10 %, L +-20 %)"}
+    key: {"value": 1.0, "unit": "1", "grade": "estimate", "source": f"as its sheet; {_SPREAD.get(key, 'not stated')}"}
     for key in keys(Specimen)
 }
 

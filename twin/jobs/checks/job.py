@@ -27,7 +27,8 @@ the same.
     golden        the run differs from the golden run of the job, if it has one           `golden`
     luck          repetitions on slightly different machines end differently              `robust`
     odd           a line is legal and absurd: a move that crawls (a warning)               always
-    effect        an event of the scenario came too late, or had no effect (a warning)    always
+    effect        an event of the scenario came too late, or it or a bound had no effect  always
+                  (a warning)
 
 A reference run strikes switches and sets counters, so `switch` ignores lines that set a counter; a switch that stays
 struck is reported once.
@@ -80,7 +81,7 @@ RULES: Mapping[str, str] = {
     "golden": "The job does what it did.",
     "luck": "The job ends alike on slightly different machines.",
     "odd": "No move crawls.",
-    "effect": "Every event of the scenario comes in time and has an effect.",
+    "effect": "Every event of the scenario comes in time, and has an effect as every bound has.",
 }
 WARNINGS = ("odd", "effect")  # rules that do not make a job fail
 MOST = 20  # findings of one rule that a report names one by one
@@ -393,6 +394,10 @@ def _of_verdict(verdict: Verdict, gone: NDArray[np.bool_], results: Sequence[Res
     if verdict.unsent:
         many = f"{verdict.unsent} line{'s are' if verdict.unsent > 1 else ' is'}"
         found.append(Finding("unfinished", f"{many} not sent any more", last, verdict.ended_ns))
+    asked = (("margin", bounds.margin), ("edge", bounds.edge), ("deviation_mm", bounds.deviation_mm))
+    if in_vain := [] if verdict.physics else [name for name, bound in asked if bound is not None]:
+        told = f"without physics nobody can judge {', '.join(in_vain)}: the plant mujoco does"
+        found.append(Finding("effect", told))
     for number, what in (
         (verdict.events_after_end, "to come when the job is over"),
         (verdict.events_without_effect, "without effect: the plant has no physics"),
