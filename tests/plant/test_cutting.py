@@ -9,8 +9,12 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
+from isel_twin import Twin
+from isel_twin.base.parameters import Place
 from isel_twin.plant.cutting import CUT, Cut, set_cut
+from isel_twin.plant.materials import MATERIALS
 from isel_twin.plant.teeth import bite
+from isel_twin.wiring import event_now
 
 from .conftest import Bench, ramp_ns, ticks
 
@@ -68,6 +72,56 @@ def test_a_slot_by_hand():
     mean = bites(SLOT, (0.02, 0.0), 4000).mean(axis=0)
     np.testing.assert_allclose(mean, (-6.0, 20.0), rtol=1e-3)
     np.testing.assert_allclose(bites(SLOT, (0.02, 0.0), 4000, left=-1.0).mean(axis=0), (-6.0, -20.0), rtol=1e-3)
+
+
+def kienzle_mean(cut: Cut, feed_mm: float) -> tuple[float, float]:
+    """Mean force of a slot along the feed and across: integrals of sin^(2-m) and of the edge over half a turn."""
+    power = 2.0 - cut.m
+    integral = math.sqrt(math.pi) * math.gamma((power + 1.0) / 2.0) / math.gamma(power / 2.0 + 1.0)
+    chip = cut.flutes * cut.depth_mm * cut.kc_n_mm2 * feed_mm ** (1.0 - cut.m) * integral / (2.0 * math.pi)
+    edge, radial = (cut.flutes * cut.depth_mm * n / math.pi for n in (cut.edge_n_mm, cut.edge_radial_n_mm))
+    return -(cut.radial * chip + radial), chip + edge
+
+
+@pytest.mark.parametrize("feed_mm", [0.02, 0.05, 0.1])
+@pytest.mark.parametrize(
+    "law",
+    [
+        {"kc_n_mm2": 700.0, "m": 0.25},  # aluminium
+        {"kc_n_mm2": 780.0, "m": 0.18},  # brass
+        {"kc_n_mm2": 600.0, "radial": 0.2, "edge_n_mm": 20.0, "edge_radial_n_mm": 19.0},  # linear, with its edge
+    ],
+)
+def test_kienzles_law_and_the_force_of_the_edge(feed_mm: float, law: dict[str, float]) -> None:
+    """Speed: two teeth, 100 turns a second. The peak is that of one tooth: two in a slot take turns."""
+    cut = dataclasses.replace(SLOT, **law)
+    forces = bites(cut, (feed_mm * 1e-3 * 200.0, 0.0), 4000)
+    np.testing.assert_allclose(forces.mean(axis=0), kienzle_mean(cut, feed_mm), rtol=0.01)
+    chip = cut.depth_mm * cut.kc_n_mm2 * feed_mm ** (1.0 - cut.m)
+    peak = math.hypot(chip + cut.edge_n_mm * cut.depth_mm, cut.radial * chip + cut.edge_radial_n_mm * cut.depth_mm)
+    assert np.hypot(*forces.T).max() == pytest.approx(peak, rel=0.01)
+
+
+@pytest.mark.parametrize(("feed_mm", "mean", "peak"), [(0.02, 10.2, 19.4), (0.05, 20.3, 38.6), (0.1, 34.2, 65.0)])
+def test_a_slot_in_aluminium_as_worked_out_by_hand(feed_mm: float, mean: float, peak: float) -> None:
+    """6 mm, two flutes, 0.5 mm deep, 700 N/mm2 and 0.25, a radial force of 0.3."""
+    material = MATERIALS["aluminium"]
+    cut = dataclasses.replace(SLOT, kc_n_mm2=material.kc1_n_mm2, m=material.m)
+    forces = bites(cut, (feed_mm * 1e-3 * 200.0, 0.0), 4000)
+    assert math.hypot(*forces.mean(axis=0)) == pytest.approx(mean, rel=0.01)
+    assert np.hypot(*forces.T).max() == pytest.approx(peak, rel=0.01)
+
+
+def test_a_scenario_names_a_material() -> None:
+    place = Place("x.toml", ValueError, key="cut")
+    of = {"diameter": 6.0, "flutes": 2, "depth": 0.5, "width": 6.0, "spindle": 18_000, "material": "brass"}
+    event = event_now({"cut": of}, place, Twin(plant="kinematic").settable)
+    cut = event.acts["cut"]
+    assert (cut.kc_n_mm2, cut.m) == (780.0, 0.18)
+    with pytest.raises(ValueError, match=r"cut\.material: 'cheese'; allowed: aluminium, brass"):
+        event_now({"cut": {**of, "material": "cheese"}}, place, Twin(plant="kinematic").settable)
+    with pytest.raises(ValueError, match=r"cut\.m: the material says it"):
+        event_now({"cut": {**of, "m": 0.2}}, place, Twin(plant="kinematic").settable)
 
 
 def test_the_power_is_that_of_the_chips():

@@ -8,7 +8,8 @@ contact.py     collisions and least distances, on both plants; collision.py: one
 altered.py     what events change in the model while it works
 kernel.py      the compiled loop: drives and MuJoCo together, up to the first threshold passed; in it
                lead.py (commands between set points), glide.py (MuJoCo's step between the stops), thread.py (uneven
-               screws), feed.py (common supply), margin.py (distance from falling out of step), teeth.py (of cutting.py)
+               screws), feed.py (common supply), margin.py (distance from falling out of step), teeth.py (of a cut)
+cutting.py     a cut as data; materials.py: specific cutting forces
 samples.py     samples that the loop takes by itself
 picture.py     what it looks like
 """

@@ -4,8 +4,11 @@ Shows the effect of a working spindle on following, vibration and margin, by the
 Altintas, Manufacturing Automation, chapter 2): a force in proportion to the section of the chip,
 
     h = f sin(phi)        f = v T: feed of a tooth,  T = 1 / (teeth x turns a second),  v: speed of tool over workpiece
-    F_t = kc a h          against the motion of the tooth;  a: depth of cut, kc: specific cutting force
-    F_r = r F_t           from the workpiece towards the axis of the tool
+    F_t = kc a h^(1-m) + e a       against the motion of the tooth;  a: depth of cut, h in mm
+    F_r = r kc a h^(1-m) + e_r a   from the workpiece towards the axis of the tool
+
+kc is the specific cutting force of a chip of 1 mm and m Kienzle's exponent (materials.py), or kc that of chips of this
+thickness and m 0; e and e_r are what the edge takes whatever the chip, by a blunt tool more.
 
                  left of the feed                    phi from 0 (left) by 90 degrees (ahead) to 180 (right): the spindle
                     ^ phi = 0                        turns clockwise, seen from above
@@ -16,14 +19,14 @@ Altintas, Manufacturing Automation, chapter 2): a force in proportion to the sec
 
 for every tooth between entry and exit. A cutter with all its width in the material cuts from 0 to 180 degrees; with
 e = acos(1 - 2 width / diameter) one that climbs has the material on its right and cuts from 180 - e on, a conventional
-one on its left, up to e. The power is always kc x depth x width x feed speed.
+one on its left, up to e. Without m and edge the power is always kc x depth x width x feed speed.
 
 v is that of the screws (rotor speed times lead), behind a first-order lag of T. Vibration of the frame does not change
 the chip: the teeth force vibration, which never feeds itself (no chatter, plant/13). Below 1 um/s there is no chip, and
 none is thicker than the cutter's radius.
 
 Not modelled: removal of material (the event gives the depth), feed along Z, helix and edge radius, torque on the
-spindle, wear. kc is that of these chips: by Kienzle kc = kc1 (h / 1 mm)^-m, more for thin ones.
+spindle, wear.
 """
 
 from __future__ import annotations
@@ -46,8 +49,11 @@ CUT = np.dtype(
         ("tooth_s", "f8"),  # T
         ("gain", "f8"),  # of the lag of T in a sub-step
         ("most_m_s", "f8"),  # feed beyond which chips do not get thicker
-        ("n_per_m", "f8"),  # F_t / h
-        ("radial", "f8"),  # F_r / F_t
+        ("n_per_m", "f8"),  # F_t / h of a chip of 1 mm, without that of the edge
+        ("m", "f8"),
+        ("radial", "f8"),  # F_r / F_t, both without that of the edge
+        ("edge_n", "f8"),
+        ("edge_radial_n", "f8"),
         ("enter_rad", "f8"),
         ("leave_rad", "f8"),
         ("left", "f8"),  # +1 if left of X is Y, seen from above, -1 if it is -Y
@@ -71,8 +77,13 @@ class Cut:
     depth_mm: float = number("mm", 0.001, 100.0, key="depth")  # along the axis of the tool
     width_mm: float = number("mm", 0.001, 100.0, key="width")  # across the feed; the diameter is a slot
     spindle_rpm: float = number("1/min", 60.0, 60_000.0, key="spindle")  # clockwise, seen from above
-    kc_n_mm2: float = number("N/mm2", 0.1, 20_000.0, key="kc")  # specific cutting force at the thickness of these chips
+    # specific cutting force: of a chip of 1 mm, or with m = 0 of chips of this thickness
+    kc_n_mm2: float = number("N/mm2", 0.1, 20_000.0, key="kc")
     radial: float = number("1", 0.0, 2.0, key="radial", optional=True, default=0.3)  # radial over tangential force
+    m: float = number("1", 0.0, 0.9, key="m", optional=True, default=0.0)  # Kienzle's exponent
+    # what the edge takes on a millimetre of depth: tangential, and towards the axis
+    edge_n_mm: float = number("N/mm", 0.0, 1000.0, key="edge", optional=True, default=0.0)
+    edge_radial_n_mm: float = number("N/mm", 0.0, 1000.0, key="edge_radial", optional=True, default=0.0)
     climb: bool = flag(default=True)  # the material is on the right of the feed; without effect in a slot
 
     def __post_init__(self) -> None:
@@ -101,7 +112,10 @@ def set_cut(cuts: NDArray[np.void], cut: Cut | None, now: int, substep_s: float,
     record["gain"] = -math.expm1(-substep_s * turns_hz * cut.flutes)
     record["most_m_s"] = 0.5e-3 * cut.diameter_mm * turns_hz * cut.flutes
     record["n_per_m"] = cut.kc_n_mm2 * 1e6 * cut.depth_mm * 1e-3
+    record["m"] = cut.m
     record["radial"] = cut.radial
+    record["edge_n"] = cut.edge_n_mm * cut.depth_mm
+    record["edge_radial_n"] = cut.edge_radial_n_mm * cut.depth_mm
     record["enter_rad"] = math.pi - angle if cut.climb else 0.0
     record["leave_rad"] = math.pi if cut.climb else angle
     record["left"] = left

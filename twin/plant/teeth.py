@@ -26,8 +26,12 @@ def bite(cut, now, x_m_s, y_m_s):
         if cut.enter_rad <= phi <= cut.leave_rad:
             sine, cosine = math.sin(phi), math.cos(phi)
             tangential_n = cut.n_per_m * min(speed, cut.most_m_s) * cut.tooth_s * sine
+            if cut.m != 0.0 and tangential_n > 0.0:
+                tangential_n *= (1e3 * min(speed, cut.most_m_s) * cut.tooth_s * sine) ** -cut.m
             along -= tangential_n * (cosine + cut.radial * sine)
             leftwards += tangential_n * (sine - cut.radial * cosine)
+            along -= cut.edge_n * cosine + cut.edge_radial_n * sine
+            leftwards += cut.edge_n * sine - cut.edge_radial_n * cosine
     along /= speed
     leftwards *= cut.left / speed
     cut.x_n = along * cut.x_m_s - leftwards * cut.y_m_s

@@ -22,6 +22,7 @@ from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.parameters import FileError, Limits, Place, hint, known, plain, section, table, text
 from isel_twin.controller import Key, KeyValue
 from isel_twin.plant import PLACES, Cut, Plant
+from isel_twin.plant.materials import MATERIALS
 from isel_twin.wiring.contacts import FAULTS, Contacts
 from isel_twin.wiring.line import SerialLine
 
@@ -151,12 +152,24 @@ def _cut(act: Act, value: Any, place: Place, _: Known) -> Cut | str:
     """A cut or "off". Settings are plain numbers; material constants have a source."""
     if isinstance(value, str):
         return text(value, place, (act.off,))
-    numbers = dict(table(value, place))
+    numbers = _of_material(dict(table(value, place)), place)
     for item in dataclasses.fields(Cut):
         key, rule = item.metadata.get("key") or item.name, item.metadata["rule"]
         if key != "kc" and isinstance(rule, Limits) and key in numbers and not isinstance(numbers[key], dict):
             numbers[key] = {"value": numbers[key], "unit": rule.unit, "grade": "setting", "source": "scenario"}
     return section(Cut, numbers, place)
+
+
+def _of_material(numbers: dict[str, Any], place: Place) -> dict[str, Any]:
+    """The table with kc and m of the material that it names, if it does."""
+    if "material" not in numbers:
+        return numbers
+    for key in ("kc", "m"):
+        if key in numbers:
+            raise place.at(key).wrong("the material says it; allowed: material, or kc and m")
+    found = MATERIALS[text(numbers.pop("material"), place.at("material"), tuple(MATERIALS))]
+    kc = {"value": found.kc1_n_mm2, "unit": "N/mm2", "grade": "estimate", "source": found.source}
+    return {**numbers, "kc": kc, "m": found.m}
 
 
 def cut_table(cut: Cut) -> dict[str, Any]:

@@ -396,8 +396,7 @@ def _of_verdict(verdict: Verdict, gone: NDArray[np.bool_], results: Sequence[Res
         found.append(Finding("unfinished", f"{many} not sent any more", last, verdict.ended_ns))
     asked = (("margin", bounds.margin), ("edge", bounds.edge), ("deviation_mm", bounds.deviation_mm))
     if in_vain := [] if verdict.physics else [name for name, bound in asked if bound is not None]:
-        told = f"without physics nobody can judge {', '.join(in_vain)}: the plant mujoco does"
-        found.append(Finding("effect", told))
+        found.append(Finding("effect", f"without physics nobody can judge {', '.join(in_vain)}: the plant mujoco does"))
     for number, what in (
         (verdict.events_after_end, "to come when the job is over"),
         (verdict.events_without_effect, "without effect: the plant has no physics"),
