@@ -83,7 +83,7 @@ class ForeignError(PermissionError):
 def _require_own(ports: Path) -> None:
     """Raise ForeignError unless the folder and the one above it are real folders of this user that nobody else may
     write to."""
-    if sys.platform == "win32":  # each user has a temporary folder of his own
+    if not hasattr(os, "getuid"):  # Windows: each user has a temporary folder of his own
         return
     for place in (ports.parent, ports):
         found = place.lstat()
