@@ -34,6 +34,7 @@ from isel_twin.controller import offers
 from isel_twin.core.snapshot import snapshot
 from isel_twin.jobs import expect
 from isel_twin.jobs.expect import Condition, Expected, ExpectError
+from isel_twin.jobs.foreign import kind_of, remedy
 from isel_twin.jobs.result import Part, Result
 from isel_twin.jobs.why import RESTARTED, happened, meaning, waits
 from isel_twin.language import Language, LanguageError, RunsPrograms, encoded, needed, programs_for, readable
@@ -129,12 +130,15 @@ def parse_job(text: str, language: Language | None, controller: str) -> list[Lin
 
 
 def check_controller(text: str, language: Language | None, controller: str) -> None:
-    """Raise JobError for a text that can only be a program of another controller than this one (jobs/3)."""
+    """Raise JobError for a text that can only be a program of another controller than this one (jobs/3), or a file of a
+    CAM program."""
     if not offers(language, RunsPrograms) and (others := programs_for(text)):
         raise JobError(
             f"is a program for {' or '.join(others)}, which {controller} cannot run; name the controller, {others[0]}, "
             "and a machine for it. A job begins with a command or a remark (# ...)"
         )
+    if not offers(language, RunsPrograms) and (kind := kind_of(text)):
+        raise JobError(remedy(kind, controller))
 
 
 def expect_error(error: ExpectError, number: int, source: str, begin: int = 0) -> JobError:
