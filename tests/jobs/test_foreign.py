@@ -26,7 +26,7 @@ def test_it_is_one_line_that_says_what_it_is(kind: str, controller: str, tmp_pat
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith(f"isel-twin: {file}: is {kind}, which {controller} does not understand: ")
     assert done.stderr.count("\n") == 1
-    assert ("--controller bwo900" in done.stderr) == (kind == "G-code")
+    assert ("programs by DIN 66025 run on bwo900" in done.stderr) == (kind == "G-code")
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ a job whatever else is in it (jobs/3).
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 LINES = 200  # at the beginning that are looked at
 _NCP = re.compile(
@@ -36,10 +37,10 @@ def kind_of(text: str) -> str:
     return ""
 
 
-def remedy(kind: str, controller: str) -> str:
-    """What to do with such a file, in words."""
-    for_bwo = "; a BWO 900 takes DIN 66025: --controller bwo900 --machine 4030-servo" if kind == "G-code" else ""
+def remedy(kind: str, controller: str, others: Sequence[str]) -> str:
+    """What to do with such a file, in words. others: controllers that run programs."""
+    programs = f"; programs by DIN 66025 run on {' and '.join(others)}" if kind == "G-code" and others else ""
     return (
         f"is {kind}, which {controller} does not understand: a job has the commands of the controller, as a host sends "
-        f"them; have a post-processor write those{for_bwo}"
+        f"them; have a post-processor write those{programs}"
     )

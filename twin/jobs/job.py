@@ -37,7 +37,16 @@ from isel_twin.jobs.expect import Condition, Expected, ExpectError
 from isel_twin.jobs.foreign import kind_of, remedy
 from isel_twin.jobs.result import Part, Result
 from isel_twin.jobs.why import RESTARTED, happened, meaning, waits
-from isel_twin.language import Language, LanguageError, RunsPrograms, encoded, needed, programs_for, readable
+from isel_twin.language import (
+    Language,
+    LanguageError,
+    RunsPrograms,
+    encoded,
+    needed,
+    program_controllers,
+    programs_for,
+    readable,
+)
 
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
@@ -138,7 +147,7 @@ def check_controller(text: str, language: Language | None, controller: str) -> N
             "and a machine for it. A job begins with a command or a remark (# ...)"
         )
     if not offers(language, RunsPrograms) and (kind := kind_of(text)):
-        raise JobError(remedy(kind, controller))
+        raise JobError(remedy(kind, controller, program_controllers()))
 
 
 def expect_error(error: ExpectError, number: int, source: str, begin: int = 0) -> JobError:

@@ -15,6 +15,7 @@ from isel_twin.language.registry import (
     language_factory,
     language_names,
     needed,
+    program_controllers,
     programs_for,
 )
 from isel_twin.language.roles import JobMove, LoadsPlc, RetimesJobs, RunsPrograms
@@ -39,6 +40,7 @@ __all__ = [
     "language_factory",
     "language_names",
     "needed",
+    "program_controllers",
     "programs_for",
     "readable",
 ]
