@@ -30,6 +30,12 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         _warm_up()
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files with slow tests first, so that no worker has one left when the others are through."""
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)
+
+
 def pytest_collection_finish(session: pytest.Session) -> None:
     """Without workers: compile if there is much to be done, so that no test is blamed for it."""
     if len(session.items) >= MANY and not hasattr(session.config, "workerinput"):
