@@ -21,8 +21,8 @@ $(READY): pyproject.toml
 demo: $(READY)       ## a host program drives the twin through a pseudo-terminal
 	@$(BIN)/python -m isel_twin.bridge.demo
 
-test: $(READY)       ## all tests, on three workers, as they wait a fifth of the time; each file on one: what its tests share is made once
-	$(BIN)/python -m pytest --numprocesses 3 --dist loadfile
+test: $(READY)       ## all tests, on two workers, each file on one: what its tests share is made once
+	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile
 
 QUICK := \
 	tests/bridge/test_uart.py tests/bridge/test_pacing.py tests/bridge/test_protocol_twin.py tests/test_language.py \
