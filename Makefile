@@ -21,8 +21,8 @@ $(READY): pyproject.toml
 demo: $(READY)       ## a host program drives the twin through a pseudo-terminal
 	@$(BIN)/python -m isel_twin.bridge.demo
 
-test: $(READY)       ## all tests, on two workers, each file on one: what its tests share is made once
-	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile
+test: $(READY)       ## all tests, each file on one of three workers (some wait for browsers and ports)
+	$(BIN)/python -m pytest --numprocesses 3 --dist loadfile
 
 QUICK := \
 	tests/bridge/test_uart.py tests/bridge/test_pacing.py tests/bridge/test_protocol_twin.py tests/test_language.py \
@@ -32,7 +32,8 @@ QUICK := \
 	tests/firmware/gmi99/test_planner.py tests/firmware/bwo900/test_corners.py tests/motion tests/wiring \
 	tests/drives/test_data.py tests/drives/test_servo.py tests/drives/test_step_loss.py tests/plant/test_thresholds.py \
 	tests/plant/test_supply.py tests/plant/test_cutting.py tests/models/test_models.py tests/models/test_machine.py \
-	tests/capture/test_ticks.py tests/recordings/test_write.py tests/recordings/test_mcap.py tests/cli/test_job.py \
+	tests/cam/test_ncp.py tests/cam/test_gcode.py tests/cam/test_hpgl.py tests/rs274 tests/cli/test_job.py \
+	tests/capture/test_ticks.py tests/recordings/test_write.py tests/recordings/test_mcap.py \
 	tests/test_twin.py tests/test_position.py tests/test_snapshot.py tests/test_spec.py tests/test_testing.py \
 	tests/test_jobs.py tests/test_verdict.py tests/test_decisions.py tests/test_borders.py
 quick: $(READY)      ## a little of every room, in less than a minute

@@ -4,7 +4,7 @@ reset   the machine stands at the start of the path, stages on, with the payload
 step    action -> pulses -> drives and machine -> position of the tool -> observation, reward     (tracking.py)
 
 The agent replaces the controller. `reset` rebuilds only a changed machine, and even then not its model
-(`isel_twin.plant.model.dressed`) (envs/7).
+(`isel_twin.plant.model.load_model`) (envs/7).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from isel_twin.envs.paths import lay_path, sampled
 from isel_twin.envs.tracking import LANE, LOST, OUTSIDE, REWARDS, SIZE, TRACK
 from isel_twin.envs.variations import VARIATIONS, checked, varied
 from isel_twin.machine import Machine, load_machine, with_overrides
-from isel_twin.plant.model import compile_model, dressed
+from isel_twin.plant.model import load_model
 from isel_twin.plant.mujoco import MujocoPlant
 
 if TYPE_CHECKING:
@@ -205,7 +205,6 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         self._reference_mm = reference_mm
         lay_path(path, np.random.default_rng(0))  # refuse it now
 
-        self._model = compile_model(self.machine, visual=False)
         self._plant: MujocoPlant | None = None
         self._stands: tuple[Any, ...] = ()  # variation and position for which `_plant` was built
         self._settled: Mapping[str, Any] = {}  # the settled state of `_plant` there
@@ -310,7 +309,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
     def __getstate__(self) -> dict[str, Any]:
         """For pickle: only the state of the plant."""
         state = self.__dict__.copy()
-        for name in ("_plant", "_stands", "_settled", "at_work", "_now", "_picture", "_window", "_model"):
+        for name in ("_plant", "_stands", "_settled", "at_work", "_now", "_picture", "_window"):
             state.pop(name, None)
         state["standing"] = self._plant.save() if self._plant is not None else None
         return state
@@ -318,7 +317,6 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
     def __setstate__(self, state: dict[str, Any]) -> None:
         standing = state.pop("standing")
         self.__dict__.update(state)
-        self._model = compile_model(self.machine, visual=False)
         self._plant, self._stands, self._settled, self._picture, self._window = None, (), {}, None, None
         self._now = self._track[0]
         if standing is not None:
@@ -355,7 +353,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         stands = (*(self._options.get(name) for name in VARIATIONS), *start_mm)
         if stands != self._stands:
             machine = varied(self.machine, self._options)
-            plant = MujocoPlant(machine, (), start_mm, 3, dressed(self._model, machine))
+            plant = MujocoPlant(machine, (), start_mm, 3, load_model(machine, visual=False))
             plant.set_power(stages=True, brake_released=True, lowering=False)
             plant.advance(_SETTLING_NS, np.empty(0, np.int64), np.empty((0, 3), np.int32))
             plant.watch_margin()

@@ -23,7 +23,7 @@ from isel_twin.core.state import TwinState
 from isel_twin.core.twin import Twin
 from isel_twin.envs import moves
 from isel_twin.envs.moves import JOB, Job, Move, Settings, Setup
-from isel_twin.language import SETTINGS_RANGES, Ranges
+from isel_twin.language import Ranges, create_language, needed
 from isel_twin.machine import Machine
 
 if TYPE_CHECKING:
@@ -33,31 +33,37 @@ _SIZE = 15
 _MOST_KEPT = 16  # seeds whose machines are kept (envs/1)
 
 
-def to_settings(action: NDArray[np.floating[Any]], ranges: Ranges = SETTINGS_RANGES) -> Settings:
-    """Settings of an action, three finite numbers (else ValueError), clipped to -1 .. 1, over a controller's ranges.
+def to_settings(action: NDArray[np.floating[Any]], ranges: Ranges | None = None) -> Settings:
+    """Settings of an action, three finite numbers (else ValueError), clipped to -1 .. 1, over a controller's ranges;
+    None: those of the default controller.
 
-    The speed is linear, the others are geometric (envs/2).
+    The speed is linear, the others are geometric (envs/2). What the controller does not have stays as it is.
     """
+    ranges = _default_ranges() if ranges is None else ranges
     values = np.asarray(action, dtype=np.float64)
     if values.shape != (3,) or not np.isfinite(values).all():
         raise ValueError(f"action is {action!r}; it must be three finite numbers from -1 to 1")
     speed, acceleration, start_stop = (np.clip(values, -1.0, 1.0) + 1.0) / 2.0
     slowest, fastest = ranges["speed_hz"]
+    ramps = {"acceleration_hz_per_ms": acceleration, "start_stop_hz": start_stop}
     return Settings(
         speed_hz=round(slowest + speed * (fastest - slowest)),
-        acceleration_hz_per_ms=_geometric(acceleration, *ranges["acceleration_hz_per_ms"]),
-        start_stop_hz=_geometric(start_stop, *ranges["start_stop_hz"]),
+        **{name: _geometric(part, *ranges[name]) for name, part in ramps.items() if name in ranges},
     )
 
 
-def to_action(settings: Settings, ranges: Ranges = SETTINGS_RANGES) -> NDArray[np.float32]:
-    """float32 [3], the action for these settings with a controller of these ranges."""
-    parts = (
-        _linear(settings.speed_hz, *ranges["speed_hz"]),
-        _logarithmic(settings.acceleration_hz_per_ms, *ranges["acceleration_hz_per_ms"]),
-        _logarithmic(settings.start_stop_hz, *ranges["start_stop_hz"]),
-    )
+def to_action(settings: Settings, ranges: Ranges | None = None) -> NDArray[np.float32]:
+    """float32 [3], the action for these settings with a controller of these ranges; None: the default controller's. 0
+    for what the controller does not have."""
+    ranges = _default_ranges() if ranges is None else ranges
+    parts = [_linear(settings.speed_hz, *ranges["speed_hz"])]
+    for name in ("acceleration_hz_per_ms", "start_stop_hz"):
+        parts.append(_logarithmic(getattr(settings, name), *ranges[name]) if name in ranges else 0.5)
     return np.array([2.0 * part - 1.0 for part in parts], dtype=np.float32)
+
+
+def _default_ranges() -> Ranges:
+    return needed(create_language(Setup.controller), Setup.controller).ranges
 
 
 def _geometric(part: float, low: int, high: int) -> int:

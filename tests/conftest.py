@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 
@@ -37,7 +38,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
-    """Without workers: compile if there is much to be done, so that no test is blamed for it."""
+    """What has been collected stays to the end: the garbage collector need not look at it again and again.
+
+    Without workers: compile if there is much to be done, so that no test is blamed for it.
+    """
+    gc.collect()
+    gc.freeze()
     if len(session.items) >= MANY and not hasattr(session.config, "workerinput"):
         _warm_up()
 

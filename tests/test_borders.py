@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -83,13 +84,15 @@ def test_only_the_pseudo_terminal_needs_posix(path: Path) -> None:
 ROOMS = re.findall(
     r"[\w.]+",
     """
-    version base models drives motion controller language machine firmware plant wiring core testing jobs capture
-    recordings report many envs bridge.serve bridge.operate bridge.tap bridge.virtual bridge.pytest bridge.demo cli
+    version base models drives motion cam controller language machine firmware plant wiring core testing jobs capture
+    recordings report many envs bridge.serve bridge.operate bridge.tap bridge.virtual bridge.pytest
+    bridge.editor bridge.demo cli
     """,
 )
 """The house from its ground up: a room knows those before it."""
 
 
+@cache
 def imports() -> dict[str, set[str]]:
     """Which modules of the package each of its modules imports, where it needs them or for types only."""
     files = {path: path.relative_to(ROOT).with_suffix("").parts for path in sources("twin", "bridge", "envs", "models")}
@@ -109,26 +112,23 @@ def imports() -> dict[str, set[str]]:
     return known
 
 
-IMPORTS = imports()
-
-
 def room(module: str) -> str:
     """The room in which a module is; "" for the door of the package."""
     return next((name for name in ROOMS if f"{module}.".startswith(f"{name}.")), module.partition(".")[0])
 
 
 def test_every_module_is_in_a_room() -> None:
-    assert {room(module) for module in IMPORTS} == {*ROOMS, "", "bridge"}
+    assert {room(module) for module in imports()} == {*ROOMS, "", "bridge"}
     assert sorted(path.name for path in (ROOT / "twin").glob("*.py")) == ["__init__.py", "version.py"]
 
 
 @pytest.mark.parametrize("name", ROOMS)
 def test_a_room_knows_those_below_it_only(name: str) -> None:
     below = {*ROOMS[: ROOMS.index(name) + 1], "bridge"}
-    above = {f"{module} -> {other}" for module, others in IMPORTS.items() for other in others if room(module) == name}
+    above = {f"{module} -> {other}" for module, others in imports().items() for other in others if room(module) == name}
     assert {arrow for arrow in above if room(arrow.split(" -> ")[1]) not in below} == set()
 
 
 def test_there_is_no_circle_of_imports() -> None:
     """Those for type checking count as well: who names a type knows its module."""
-    assert len(list(TopologicalSorter(IMPORTS).static_order())) >= len(IMPORTS)
+    assert len(list(TopologicalSorter(imports()).static_order())) >= len(imports())

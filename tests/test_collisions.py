@@ -25,17 +25,17 @@ from isel_twin.plant import Clearance, Collision
 
 from .crashes.stl import write_stl
 
-JAW = Fixture("vise_jaw", "box", (100.0, 20.0, 40.0), (150.0, 100.0, 0.0))
-ABOVE_MM = 147.0 - 40.0  # Z at which the cutter's end meets the jaw
+JAW = Fixture("vise_jaw", "box", (100.0, 20.0, 140.0), (100.0, 60.0, 0.0))
+ABOVE_MM = 147.0 - 140.0  # Z at which the cutter's end meets the jaw
 STEP_MM = 1.0 / 320.0
 MUJOCO_STEP_NS = 500_000
 PLANTS = ("kinematic", "mujoco")
 
 
 def over(plant: str = "kinematic", fixtures: tuple[Fixture, ...] = (JAW,), **more: Any) -> Twin:
-    """A twin, referenced, its tool 107 mm above the jaw's middle."""
-    twin = Twin(plant=plant, fixtures=fixtures, start_mm=(150.0, 100.0, 2.0), **more)
-    for line in ("@07", "@0R7", "@0A48000,9600,32000,9600,0,9600,0,9600"):
+    """A twin, referenced, its tool 7 mm above the jaw's middle."""
+    twin = Twin(plant=plant, fixtures=fixtures, start_mm=(100.0, 60.0, 2.0), **more)
+    for line in ("@07", "@0R7", "@0A32000,9600,19200,9600,0,9600,0,9600"):
         assert twin.query(line) == "0"
     return twin
 
@@ -46,8 +46,8 @@ def z_of(twin: Twin) -> float:
 
 
 def down(mm: float, hz: int = 3200) -> str:
-    """Z to this place from X 150, Y 100, at constant frequency up to 300 Hz."""
-    return f"@0M48000,9600,32000,9600,{round(320 * mm)},{hz},0,9600"
+    """Z to this place from X 100, Y 60, at constant frequency up to 300 Hz."""
+    return f"@0M32000,9600,19200,9600,{round(320 * mm)},{hz},0,9600"
 
 
 @pytest.mark.parametrize("plant", PLANTS)
@@ -88,7 +88,7 @@ def test_nothing_is_told_a_tenth_above(plant: str) -> None:
     twin = over(plant)
     twin.watch_clearance()
     twin.query(down(ABOVE_MM - z_of(twin) - 0.1))
-    twin.query(f"@0M49600,9600,32000,9600,{round(320 * (ABOVE_MM - z_of(twin) - 0.1))},9600,0,9600")
+    twin.query(f"@0M33600,9600,19200,9600,{round(320 * (ABOVE_MM - z_of(twin) - 0.1))},9600,0,9600")
     assert twin.collisions == []
     least = twin.clearance
     assert isinstance(least, Clearance)
@@ -98,12 +98,12 @@ def test_nothing_is_told_a_tenth_above(plant: str) -> None:
 
 @pytest.mark.parametrize("plant", PLANTS)
 def test_beside_the_jaw_the_clearance_is_that_of_a_circle_from_an_edge(plant: str) -> None:
-    """The cutter goes down at X 150, its middle 10 + 3 + 1.5 mm from the middle of a jaw 20 mm wide."""
+    """The cutter goes down at X 100, its middle 10 + 3 + 1.5 mm from the middle of a jaw 20 mm wide."""
     twin = over(plant)
     twin.watch_clearance()
-    y = round(320 * (100.0 + 10.0 + 3.0 + 1.5 - float(twin.machine_position_mm[1] - twin.position_mm[1])))
+    y = round(320 * (60.0 + 10.0 + 3.0 + 1.5 - float(twin.machine_position_mm[1] - twin.position_mm[1])))
     for z in (0, round(320 * (ABOVE_MM + 5.0))):
-        twin.query(f"@0M48000,9600,{y},9600,{z},3200,0,9600")
+        twin.query(f"@0M32000,9600,{y},9600,{z},3200,0,9600")
     assert twin.collisions == []
     assert twin.clearance is not None
     assert twin.clearance.apart_mm == pytest.approx(1.5, abs=0.005 if plant == "kinematic" else 0.03)
@@ -112,9 +112,9 @@ def test_beside_the_jaw_the_clearance_is_that_of_a_circle_from_an_edge(plant: st
 @pytest.mark.parametrize("plant", PLANTS)
 def test_an_emergency_stop_before_the_contact_prevents_it(plant: str) -> None:
     (event,) = [{"when": f"z > {ABOVE_MM - 3.0} mm", "set": {"estop": "pressed"}}]
-    spec = TwinSpec(plant=plant, fixtures=(JAW,), start_mm=(150.0, 100.0, 2.0)).with_events([event])
+    spec = TwinSpec(plant=plant, fixtures=(JAW,), start_mm=(100.0, 60.0, 2.0)).with_events([event])
     twin = Twin.of(spec)
-    for line in ("@07", "@0R7", "@0A48000,9600,32000,9600,0,9600,0,9600"):
+    for line in ("@07", "@0R7", "@0A32000,9600,19200,9600,0,9600,0,9600"):
         twin.query(line)
     assert twin.query(down(ABOVE_MM + 5.0)) == "9"
     twin.run(1.0)
@@ -127,9 +127,9 @@ def test_an_emergency_stop_before_the_contact_prevents_it(plant: str) -> None:
 def test_a_collision_is_a_condition_of_a_scenario(plant: str, words: str) -> None:
     """The stages go off at the instant: the machine stops there."""
     event = {"when": words, "set": {"estop": "pressed"}}
-    spec = TwinSpec(plant=plant, fixtures=(JAW,), start_mm=(150.0, 100.0, 2.0)).with_events([event])
+    spec = TwinSpec(plant=plant, fixtures=(JAW,), start_mm=(100.0, 60.0, 2.0)).with_events([event])
     twin = Twin.of(spec)
-    for line in ("@07", "@0R7", "@0A48000,9600,32000,9600,0,9600,0,9600"):
+    for line in ("@07", "@0R7", "@0A32000,9600,19200,9600,0,9600,0,9600"):
         twin.query(line)
     pressed: list[int] = []
     twin.listen(lambda t_ns, kind, _: pressed.append(t_ns) if kind == "scenario" else None)
@@ -141,9 +141,9 @@ def test_a_collision_is_a_condition_of_a_scenario(plant: str, words: str) -> Non
 
 def test_a_condition_about_another_body_is_not_met() -> None:
     event = {"when": "collision spindle", "set": {"estop": "pressed"}}
-    spec = TwinSpec(plant="kinematic", fixtures=(JAW,), start_mm=(150.0, 100.0, 2.0)).with_events([event])
+    spec = TwinSpec(plant="kinematic", fixtures=(JAW,), start_mm=(100.0, 60.0, 2.0)).with_events([event])
     twin = Twin.of(spec)
-    for line in ("@07", "@0R7", "@0A48000,9600,32000,9600,0,9600,0,9600", down(ABOVE_MM + 5.0)):
+    for line in ("@07", "@0R7", "@0A32000,9600,19200,9600,0,9600,0,9600", down(ABOVE_MM + 5.0)):
         assert twin.query(line) == "0"
     assert len(twin.collisions) == 1
 
@@ -189,10 +189,10 @@ def test_who_may_touch_is_no_collision_and_yet_is_felt(plant: str) -> None:
 
 @pytest.mark.parametrize("plant", PLANTS)
 def test_the_cutter_goes_through_stock_and_the_spindle_does_not(plant: str) -> None:
-    """Stock of 60 mm: the cutter is 18 mm long, then the spindle meets it. 0.1 mm over and under that."""
-    stock = replace(JAW, name="wood", size_mm=(100.0, 90.0, 60.0), stock=True)
+    """Stock of 110 mm: the cutter is 18 mm long, then the spindle meets it. 0.1 mm over and under that."""
+    stock = replace(JAW, name="wood", size_mm=(100.0, 90.0, 110.0), stock=True)
     twin = over(plant, (stock,))
-    meets_mm = 147.0 - 60.0 + 18.0
+    meets_mm = 147.0 - 110.0 + 18.0
     twin.query(down(meets_mm - z_of(twin) - 0.1))
     assert twin.collisions == []
     assert twin.machine_position_mm[2] == pytest.approx(meets_mm - 0.1, abs=0.03)
@@ -203,15 +203,15 @@ def test_the_cutter_goes_through_stock_and_the_spindle_does_not(plant: str) -> N
 @pytest.mark.parametrize("plant", PLANTS)
 @pytest.mark.parametrize(
     ("machine", "who", "start_mm"),
-    [("4030-portal", "cutter", (150.0, 100.0, 2.0)), ("4030-servo", "cutter", (150.0, 100.0, 2.0))],
+    [("4030-portal", "cutter", (100.0, 60.0, 2.0)), ("4030-servo", "cutter", (100.0, 60.0, 2.0))],
 )
 def test_another_machine(plant: str, machine: str, who: str, start_mm: tuple[float, float, float]) -> None:
     if machine == "4030-servo":
-        twin = Twin(machine, "gmi99", plant, fixtures=(JAW,), start_mm=(150.0, 100.0, ABOVE_MM + 1.0))
+        twin = Twin(machine, "gmi99", plant, fixtures=(JAW,), start_mm=(100.0, 60.0, ABOVE_MM + 1.0))
         twin.run(0.1)
     else:
         twin = Twin(machine, plant=plant, fixtures=(JAW,), start_mm=start_mm)
-        for line in ("@07", "@0R7", "@0A48000,9600,32000,9600,0,9600,0,9600", down(ABOVE_MM + 2.0)):
+        for line in ("@07", "@0R7", "@0A32000,9600,19200,9600,0,9600,0,9600", down(ABOVE_MM + 2.0)):
             twin.query(line)
     assert [collision.who for collision in twin.collisions][:1] == [f"{who} hits vise_jaw"]
 
@@ -277,7 +277,8 @@ def test_a_machine_without_fixtures_does_not_load_mujoco_on_the_kinematic_plant(
 
 # ---- files -----------------------------------------------------------------------------------------------------------
 
-TABLE = '[[fixture]]\nname = "jaw"\nshape = "box"\nsize_mm = [100, 20, 40]\nat_mm = [150, 100, 0]\n'
+TABLE = '[[fixture]]\nname = "jaw"\nshape = "box"\nsize_mm = [100, 20, 90]\nat_mm = [100, 60, 0]\n'
+JAW_MM = 147.0 - 90.0  # lower: a job begins wherever the carriages stand
 
 
 def test_the_fixtures_of_a_machine_and_of_a_job_stand_on_one_table(tmp_path: Path) -> None:
@@ -292,16 +293,16 @@ def test_the_fixtures_of_a_machine_and_of_a_job_stand_on_one_table(tmp_path: Pat
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ("size_mm = [100, 20, 40]", "size_mm = [100, 20]", r":4: fixture 1\.size_mm: .*allowed: 3 numbers of a box"),
+        ("size_mm = [100, 20, 90]", "size_mm = [100, 20]", r":4: fixture 1\.size_mm: .*allowed: 3 numbers of a box"),
         (
-            "size_mm = [100, 20, 40]",
+            "size_mm = [100, 20, 90]",
             "size_mm = [100, -2, 40]",
             r":4: fixture 1\.size_mm: -2; allowed: 0.01 .. 10000 mm",
         ),
         ("size_mm", "sizes_mm", r":4: fixture 1\.sizes_mm: unknown key; did you mean 'size_mm'"),
         ('shape = "box"', 'shape = "ball"', r":3: fixture 1\.shape: 'ball'; allowed: box, cylinder, mesh"),
-        ('shape = "box"\nsize_mm = [100, 20, 40]', 'shape = "mesh"', r"fixture 1\.file: missing; allowed: the STL"),
-        ("at_mm = [150, 100, 0]", "", r"fixture 1\.at_mm: missing"),
+        ('shape = "box"\nsize_mm = [100, 20, 90]', 'shape = "mesh"', r"fixture 1\.file: missing; allowed: the STL"),
+        ("at_mm = [100, 60, 0]", "", r"fixture 1\.at_mm: missing"),
         ("at_mm", 'file = "a.stl"\nat_mm', r":5: fixture 1\.file: a box has none"),
         ('name = "jaw"', 'name = "a jaw"', r":2: fixture 1\.name: 'a jaw'; allowed: a word"),
         ("[[fixture]]\n", "fixture = 3\n[check]\n", r":1: fixture: 3; it must be written as \[\[fixture\]\] tables"),
@@ -334,7 +335,7 @@ def test_a_wrong_table_of_a_machine_is_refused_with_its_line(tmp_path: Path, mor
 
 def test_a_mesh_that_is_none_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.stl").write_bytes(b"solid nothing")
-    table = TABLE.replace('shape = "box"\nsize_mm = [100, 20, 40]', 'shape = "mesh"\nfile = "a.stl"')
+    table = TABLE.replace('shape = "box"\nsize_mm = [100, 20, 90]', 'shape = "mesh"\nfile = "a.stl"')
     (tmp_path / "machine.toml").write_text(f'based_on = "4030"\nname = "shop"\n{table}')
     with pytest.raises(MachineError, match=r"machine\.toml:3: fixture 1\.file: .*a\.stl"):
         Twin(tmp_path, plant="kinematic")
@@ -352,8 +353,8 @@ def job(folder: Path, mm: float, bounds: str = "") -> Path:
     """A job that goes down to there over the jaw, and up again, with the jaw in the settings file beside it."""
     (folder / "isel-twin.toml").write_text(f"[check]\n{bounds}\n{TABLE}")
     path = folder / "job.txt"
-    begin = "@07\n@0R7\n@0A48000,9600,32000,9600,0,9600,0,9600\n"
-    path.write_text(f"{begin}{down(mm)}\n{down(0.0)}\n")
+    begin = "@07\n@0R7\n@0A32000,9600,19200,9600,0,9600,0,9600\n"
+    path.write_text(f"{begin}{down(mm, 9600)}\n{down(0.0, 9600)}\n")
     return path
 
 
@@ -371,20 +372,20 @@ def outcome(capsys: pytest.CaptureFixture[str], *call: object) -> tuple[int, lis
 
 @pytest.mark.parametrize("plant", PLANTS)
 def test_run_fails_and_tells_it(tmp_path: Path, capsys: pytest.CaptureFixture[str], plant: str) -> None:
-    path = job(tmp_path, 46.7)
+    path = job(tmp_path, 3.0)
     code, rows = outcome(capsys, "run", path, "--plant", plant, "--json")
     assert (code, "collisions" in rows[-1]) == (0, False)
-    path = job(tmp_path, ABOVE_MM)
+    path = job(tmp_path, JAW_MM)
     code, rows = outcome(capsys, "run", path, "--plant", plant, "--json")
     (told,) = rows[-1]["collisions"]
     assert (code, told["first"], told["second"], rows[-1]["ok"]) == (1, "cutter", "jaw", False)
     assert command("run", str(path), "--plant", plant) == 1
-    assert "cutter hits jaw at X 1" in capsys.readouterr().out
+    assert "cutter hits jaw at X " in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("plant", PLANTS)
 def test_check_tells_the_line_in_every_form(tmp_path: Path, capsys: pytest.CaptureFixture[str], plant: str) -> None:
-    path = job(tmp_path, ABOVE_MM)
+    path = job(tmp_path, JAW_MM)
     forms = ("--junit", tmp_path / "out.xml", "--sarif", tmp_path / "out.sarif", "--report", tmp_path / "pages")
     code, (told,) = outcome(capsys, "check", path, "--plant", plant, "--json", *forms)
     (finding,) = [one for one in told["findings"] if one["rule"] == "collision"]
@@ -402,7 +403,7 @@ def test_a_bound_for_the_clearance(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], plant: str, bound: str, fails: bool
 ) -> None:
     """1 mm above the jaw."""
-    path = job(tmp_path, ABOVE_MM - 1.0 - 0.36, bound)
+    path = job(tmp_path, JAW_MM - 1.0 - 0.36, bound)
     code, (told,) = outcome(capsys, "check", path, "--plant", plant, "--json")
     assert [one["rule"] for one in told["findings"]] == (["clearance"] if fails else [])
     assert {one["line"] for one in told["findings"]} <= {4, 5}  # it stands there when line 5 begins
@@ -413,7 +414,7 @@ def test_a_recording_has_it_and_is_played_again(tmp_path: Path, capsys: pytest.C
     from isel_twin.recordings.reading import read
     from isel_twin.recordings.replay import rebuilt, replay
 
-    path, file = job(tmp_path, ABOVE_MM), tmp_path / "run.mcap"
+    path, file = job(tmp_path, JAW_MM), tmp_path / "run.mcap"
     assert command("run", str(path), "--record", str(file)) == 1
     recorded = read(file)
     (entry,) = recorded.of("/collisions")
@@ -423,7 +424,7 @@ def test_a_recording_has_it_and_is_played_again(tmp_path: Path, capsys: pytest.C
 
 
 def test_a_golden_run_tells_a_collision_that_is_new(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = job(tmp_path, ABOVE_MM)
+    path = job(tmp_path, JAW_MM)
     (tmp_path / "isel-twin.toml").rename(tmp_path / "away.toml")
     assert command("golden", "record", str(path), "--plant", "kinematic") == 0
     (tmp_path / "away.toml").rename(tmp_path / "isel-twin.toml")

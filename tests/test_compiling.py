@@ -45,7 +45,7 @@ def test_without_any_folder_to_write_in_all_is_compiled_anew(tmp_path: Path) -> 
     environment = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
     done = subprocess.run(
         [sys.executable, "-c", SESSION, str(tmp_path)],
-        env={**environment, "HOME": nowhere, "XDG_CACHE_HOME": nowhere},
+        env={**environment, "HOME": nowhere, "XDG_CACHE_HOME": nowhere, "NUMBA_OPT": "1"},
         cwd=tmp_path, capture_output=True, text=True, check=False, timeout=240,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -127,9 +127,9 @@ def test_the_index_names_no_code_that_is_not_written(tmp_path: Path, monkeypatch
 
 
 def test_a_fresh_installation_says_that_it_compiles_and_only_then(tmp_path: Path) -> None:
-    """`run` says so while it lasts; `serve`, which warms up before it says that it listens, finds everything there."""
+    """`serve` does so before it listens: tests/bridge/test_first_start.py."""
     (tmp_path / "job.txt").write_text("@07\n@0R7\n")
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "NUMBA_OPT": "1"}
     call = [sys.executable, "-c", "from isel_twin.cli import main; main()"]
     run = [*call, "run", "job.txt", "--plant", "kinematic"]
     first, second = (
@@ -139,12 +139,3 @@ def test_a_fresh_installation_says_that_it_compiles_and_only_then(tmp_path: Path
     assert "compiling the physics (once per installation) ...\n" in first.stderr
     assert "compiled in " in first.stderr
     assert second.stderr == ""
-    shutil.rmtree(tmp_path / "cache")
-    serve = [*call, "serve", "--plant", "kinematic", "--tcp", "127.0.0.1:0"]
-    with subprocess.Popen(serve, env=environment, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as live:
-        assert live.stdout is not None
-        assert live.stderr is not None
-        assert b'"tcp"' in live.stdout.readline()
-        live.terminate()
-        said = live.stderr.read().decode()
-    assert said.index("compiling the physics") < said.index("compiled in ")

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from isel_twin.controller import HasKeys, NamesOutputs, PluginError, UsesDrives, create_controller, offers
-from isel_twin.language import LoadsPlc, RetimesJobs, RunsPrograms, create_language
+from isel_twin.language import LoadsPlc, RetimesJobs, RunsPrograms, WritesToolpaths, create_language, language_names
 
 
 class Passing:
@@ -34,6 +34,7 @@ def test_languages_have_roles() -> None:
     assert offers(found["gmi99"], LoadsPlc)
     assert offers(found["bwo900"], RunsPrograms)
     assert not offers(None, RunsPrograms)
+    assert all(offers(create_language(name), WritesToolpaths) for name in language_names())
 
 
 def test_a_part_of_a_role_is_refused_in_one_line() -> None:

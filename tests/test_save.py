@@ -19,9 +19,10 @@ from plugin.card6 import Card6, Card6Language, create
 
 from isel_twin import Twin
 from isel_twin.base.parameters import Place
+from isel_twin.core import told
 from isel_twin.core.sampling import TwinSamples
-from isel_twin.core.state import StateError
-from isel_twin.core.told import OFTEN
+from isel_twin.core.state import StateError, pack
+from isel_twin.core.told import OFTEN, Told
 from isel_twin.language import MoveSettings
 from isel_twin.recordings.recorder import Recorder
 from isel_twin.wiring import event_now
@@ -236,10 +237,37 @@ def test_a_controller_that_was_handed_in_and_cannot_be_pickled_cannot_be_saved()
     twin.restore(twin.save())
 
 
+def test_a_pickle_is_tried_once_in_so_many_calls(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each takes time, and here it is in vain."""
+    tried = [0]
+
+    def in_vain(life: Told) -> str:
+        tried.append(len(life._calls))
+        return "in vain"
+
+    monkeypatch.setattr(Told, "_shorten", in_vain)
+    twin = referenced()
+    while len(tried) < 4:
+        twin.query("@0P")
+    assert min(np.diff(tried)) >= OFTEN
+
+
+def test_of_more_bytes_than_are_kept_there_is_no_state_until_the_machine_rests(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In motion the controller cannot be pickled, and what it has received is not kept."""
+    monkeypatch.setattr(told, "MOST_BYTES", 20)
+    twin = referenced()
+    twin.write(b"@0A8000,2000,0,30,0,30,0,30\r")
+    twin.run(1.0)
+    with pytest.raises(StateError, match=r"^the controller Imc\w* cannot be saved now: "):
+        twin.save()
+    twin.run_until_idle()
+    twin.restore(twin.save())
+
+
 def test_a_state_of_another_kind_is_one_line() -> None:
     state = referenced().save()
     for twin, line in (
-        (Twin(), "a state of imc-s8 on 4030, plant kinematic cannot be restored into imc-s8 on 4030, plant mujoco"),
+        (Twin(), "a state of imc-s8 on 4030, plant kinematic cannot be restored into imc-s8 on 4030, plant mujoco$"),
         (Twin(controller="ismif", plant="kinematic"), "into ismif on 4030, plant kinematic"),
         (Twin("traverse", plant="kinematic"), "into imc-s8 on traverse, plant kinematic"),
         (Twin(plant="kinematic", overrides={"payload.mass": 3.0}), "differ in overrides, machine file, scenario"),
@@ -249,6 +277,11 @@ def test_a_state_of_another_kind_is_one_line() -> None:
             twin.restore(state)
         assert "\n" not in str(error.value)
         assert (twin.time_ns, twin.counts.tolist(), twin.position_mm.tolist()) == before
+
+
+def test_what_of_a_twin_cannot_be_pickled_is_one_line() -> None:
+    with pytest.raises(StateError, match=r"^the twin cannot be saved: .*pickle.*; see docs/controllers\.md$"):
+        pack({"when": lambda: 0}, {}, {})
 
 
 def test_observers_stay_and_look_on_their_grid() -> None:

@@ -3,7 +3,7 @@
 python -m tests.versions others [--whole]    on every other interpreter of 3.11 to 3.14 that is found: the quick tests
                                              and every command once; --whole: all tests
 python -m tests.versions lowest              with the lowest interpreter and the lowest versions: every command once, a
-                                             job on every controller, the gate of the panel
+                                             job on every controller, the gate of the panel, the language server
 
 Each has a virtual environment of its own in build/.
 """
@@ -19,9 +19,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 NAMES = [f"python3.{minor}" for minor in range(11, 15)]
-SMOKE = ("tests/smoke", "tests/panel/test_site.py")
+SMOKE = ("tests/smoke", "tests/panel/test_site.py", "tests/bridge/test_editor.py")
 MORE = ("tests/test_borders.py", "tests/test_save.py", "tests/test_roles.py", "tests/cli/test_broken_plugins.py")
-EXTRAS = "dev,report,trace,tune,cluster,panel"
+EXTRAS = "dev,report,trace,tune,cluster,panel,lsp"
 
 
 def interpreters() -> Iterator[tuple[str, Path]]:

@@ -218,6 +218,7 @@ def test_stop_ends_waiting_too():
     pending = bench.ask(wait={"idle": True, "pause": False}) if not bench.twin.idle else None
     pending = pending or bench.ask(wait={"time": 1000})
     assert "time_ns" in bench.ask(stop=True)
+    assert bench.server._stopped
     bench.operator.end()
     assert pending.error == "wait: the server stops"
 

@@ -278,9 +278,10 @@ def test_clients_that_never_send_the_token_do_not_shut_the_port(bench):
 
 def test_the_operating_system_looks_for_clients_that_vanish(bench):
     here = bench()
-    here.connect().ok(state=True)
-    (client,) = here.port._clients
-    assert client.connection.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
+    client = here.connect()
+    client.ok(state=True)
+    (served,) = here.port._clients
+    assert served.connection.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
 
 
 def test_on_the_loopback_interface_none_unless_one_is_given(bench):

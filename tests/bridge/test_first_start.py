@@ -25,6 +25,7 @@ SESSION = (
 def test_everything_is_compiled_before_it_listens(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """No compiled function is added to the cache once the address is printed, and the second start adds none."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    monkeypatch.setenv("NUMBA_OPT", "1")  # compiles in two thirds of the time
     before: set[str] = set()
     for plant in ("kinematic", "mujoco"):
         compiled = []
@@ -35,7 +36,7 @@ def test_everything_is_compiled_before_it_listens(tmp_path: Path, monkeypatch: p
                 assert [ask(port, command) for command in SESSION] == ["0"] * len(SESSION)
             assert served.stop(signal.SIGTERM) == 0
             _, log = served.process.communicate()
-            assert ("compiling" in log) == told
+            assert ("compiling the physics" in log) == ("compiled in " in log) == told
             assert {path.name for path in tmp_path.rglob("*.nbc")} == compiled[0]
         assert compiled[0] == compiled[1]
         assert compiled[0] > before

@@ -19,7 +19,7 @@ import pytest
 import serial
 from mcap.reader import NonSeekingReader
 
-from isel_twin.bridge.serve.borders import Endpoint
+from isel_twin.bridge.serve.borders import Endpoint, WireTap
 from isel_twin.bridge.serve.outbox import OUTBOX_BYTES
 from isel_twin.bridge.serve.pacing import Pacer
 from isel_twin.bridge.serve.pty import PtyEndpoint
@@ -358,6 +358,20 @@ def test_a_recording_that_ends_does_not_end_the_session(device):
             device.write(b"told")
             assert port.read(4) == b"told"
     assert not tap.writer.close()
+
+
+def test_the_log_of_the_wire_is_closed_with_the_tap_once(device):
+    """So that a message that is not complete is printed, too."""
+    ended = []
+
+    class Log(WireTap):
+        def close(self) -> None:
+            ended.append(True)
+
+    tap = Tap(str(device.link), [endpoint("pty")], SerialFormat(19_200), Log())
+    tap.close()
+    tap.close()
+    assert ended == [True]
 
 
 # ---- the command -----------------------------------------------------------------------------------------------------

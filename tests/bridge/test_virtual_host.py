@@ -9,14 +9,16 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 import serial
 
+from isel_twin.base.errors import CallError
 from isel_twin.bridge.virtual.host_code import LIBRARIES
 from isel_twin.bridge.virtual.turns import EPOCH_NS, here
-from isel_twin.bridge.virtual.virtual_host import run_host
+from isel_twin.bridge.virtual.virtual_host import HostProgram, parse_program, run_host
 from isel_twin.bridge.virtual.virtual_time import VirtualTime
 from isel_twin.core.twin import Twin
 
@@ -55,6 +57,14 @@ def printed(capsys):
 
 
 # Time
+
+
+@pytest.fixture
+def no_thread_left() -> Iterator[None]:
+    """What other tests of this worker have left is theirs."""
+    before = set(threading.enumerate())
+    yield
+    assert set(threading.enumerate()) <= before
 
 
 @pytest.mark.parametrize(
@@ -173,6 +183,16 @@ def test_inter_byte_timeout(host, capsys):
     assert float(ended) - EPOCH_NS / 1e9 == pytest.approx(0.5 + 5 * BYTE_NS / 1e9, abs=1e-3)
 
 
+def test_inter_byte_timeout_alone(host, capsys):
+    host(
+        OPEN
+        + "port.timeout = None; port.inter_byte_timeout = 0.5\nport.write(b'@07\\r'); print(port.read(10), time.time())"
+    )
+    reply, ended = printed(capsys)
+    assert reply == "b'0'"
+    assert float(ended) - EPOCH_NS / 1e9 == pytest.approx(0.5 + 5 * BYTE_NS / 1e9, abs=1e-3)
+
+
 # Threads
 
 
@@ -192,7 +212,7 @@ for t in threads: t.join()
     assert printed(capsys) == ["b", "0.2", "a", "0.3", "b", "0.4", "a", "0.6", "b", "0.6", "a", "0.9"]
 
 
-def test_a_program_waits_for_its_threads_but_not_for_daemons(host, capsys, twin):
+def test_a_program_waits_for_its_threads_but_not_for_daemons(host, capsys, twin, no_thread_left: None):
     done = host(
         "import threading, time\n"
         "threading.Thread(target=lambda: (time.sleep(3), print('last'))).start()\n"
@@ -201,7 +221,6 @@ def test_a_program_waits_for_its_threads_but_not_for_daemons(host, capsys, twin)
     assert done.code == 0
     assert printed(capsys) == ["last"]
     assert 3e9 <= done.ended_ns < 3.001e9
-    assert threading.active_count() == 1
 
 
 def test_an_executor_left_open_ends_with_the_program(host):
@@ -354,6 +373,54 @@ def test_exit_codes(text, code, err, host, capsys):
     assert capsys.readouterr().err == err
 
 
+@pytest.mark.parametrize(
+    ("name", "first", "runs"),
+    [
+        ("host", b"#!/usr/bin/env python3\n", True),
+        ("host", b"#!/bin/sh\n", False),
+        ("host", b"import python\n", False),
+        ("host", b"", False),
+        ("host.py", b"", True),
+    ],
+)
+def test_a_file_named_without_an_interpreter_is_python_by_its_name_or_first_line(name, first, runs, tmp_path):
+    file = tmp_path / name
+    file.write_bytes(first)
+    if runs:
+        assert parse_program([str(file), "-v"]) == HostProgram(("-v",), path=str(file))
+    else:
+        with pytest.raises(
+            CallError, match=r"host: only Python programs run in virtual time \(exec -- python host\.py\)"
+        ):
+            parse_program([str(file)])
+
+
+def test_a_host_is_over_at_its_limit_and_not_after_it(twin, capsys):
+    done = run_host(twin, ["python", "-c", "import time; time.sleep(10); print('after')"], "COM4", limit_s=10)
+    assert (done.ending, done.ended_ns, printed(capsys)) == ("timeout", 10_000_000_000, [])
+
+
+def test_a_main_thread_that_never_yields_is_given_up(twin, capsys):
+    """It catches all that is to end it, 3^4 times."""
+    given_up = []
+    program = (
+        "import os, time\n"
+        "for _ in range(1000):\n"
+        "    try: time.sleep(1)\n"
+        "    except BaseException: print('caught')\n"
+        "    if 'GIVEN_UP' in os.environ: break\n"
+    )
+
+    def give_up(time: VirtualTime) -> None:
+        """As if it returned, which ends the program."""
+        given_up.append(time.ending.kind)
+        os.environ["GIVEN_UP"] = "1"
+
+    done = run_host(twin, ["python", "-c", program], "COM4", limit_s=10, give_up=give_up)
+    assert (done.code, done.ending, given_up) == (1, "timeout", ["timeout"])
+    assert len(printed(capsys)) == 81 + 1
+
+
 def test_a_traceback_is_as_python_prints_it(host, tmp_path, capsys):
     text = "def f():\n    raise ValueError('so')\nf()\n"
     assert host(text).code == 1
@@ -362,18 +429,18 @@ def test_a_traceback_is_as_python_prints_it(host, tmp_path, capsys):
     assert capsys.readouterr().err == by_python.stderr
 
 
-def test_a_deadlock_is_one_line_with_who_waits_where(host):
+def test_a_deadlock_is_one_line_with_who_waits_where(host, no_thread_left: None):
     done = host(
         OPEN
         + "port.timeout = None\n"
-        + "threading.Thread(target=lambda: queue.Queue().get(), name='worker').start()\n"
+        + "threading.Thread(target=lambda: queue.Queue().get(), name='A worker').start()\n"
         + "port.read()\n"
     )
     assert (done.code, done.ending) == (1, "deadlock")
     assert "\n" not in done.reason
     assert "MainThread in read of COM4 (host.py:5)" in done.reason
     assert "worker in Lock.acquire (host.py:4)" in done.reason
-    assert threading.active_count() == 1
+    assert done.reason.index("MainThread in ") < done.reason.index("worker in "), "the main one first"
 
 
 @pytest.mark.parametrize(
@@ -471,7 +538,7 @@ def test_the_page_says_how(tmp_path, monkeypatch):
     assert names["twin"].time_ns >= 600e9
 
 
-def test_what_a_test_runner_raises_goes_through_the_host(host, twin):
+def test_what_a_test_runner_raises_goes_through_the_host(host, twin, no_thread_left: None):
     """A time limit of a test, raised by a signal handler wherever the main thread is."""
 
     class Late(BaseException):
@@ -491,7 +558,6 @@ def test_what_a_test_runner_raises_goes_through_the_host(host, twin):
     finally:
         signal.signal(signal.SIGALRM, before)
     assert here() is None
-    assert threading.active_count() == 1
     assert host("import time; time.sleep(1)").code == 0
 
 
@@ -602,3 +668,24 @@ def test_a_python_without_what_threads_rest_on_is_named_in_one_line():
         f"isel-twin: virtual time needs queue._PySimpleQueue, which Python {version} does not have: "
         "use Python 3.11 to 3.13, or `isel-twin serve` in real time\n"
     )
+
+
+def test_a_thread_that_reads_a_pipe_at_the_end_is_left(host, monkeypatch):
+    """And the interpreter is told not to wait for it."""
+    monkeypatch.setattr("isel_twin.bridge.virtual.turns.GRACE_S", 0.05)
+    not_waited_for = []
+    monkeypatch.setattr("isel_twin.bridge.virtual.turns.let_exit_without", lambda it: not_waited_for.append(it.name))
+    read, write = os.pipe()
+    stubborn = (
+        "import os, sys, threading, time\n"
+        "def wait():\n"
+        "    try:\n        time.sleep(1e6)\n"
+        "    finally:\n        os.read(int(sys.argv[1]), 1)\n"
+        "threading.Thread(target=wait, name='stubborn', daemon=True).start()\ntime.sleep(1)\n"
+    )
+    try:
+        assert host(stubborn, str(read)).left == ("stubborn",)
+        assert not_waited_for == ["stubborn"]
+    finally:
+        os.write(write, b"x")
+        os.close(write)

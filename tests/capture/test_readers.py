@@ -112,6 +112,43 @@ def test_comments_texts_and_numbers_of_a_dump_are_passed_over(tmp_path: Path) ->
     assert (step.first, step.t_ns.tolist()) == (False, [100, 100, 100, 200])
 
 
+@pytest.mark.parametrize(
+    ("timescale", "time", "t_ns"),
+    [
+        ("1 s", 2, 2_000_000_000),
+        ("10 ms", 3, 30_000_000),
+        ("100 us", 7, 700_000),
+        ("1 ps", 1499, 1),
+        ("10 ps", 150, 2),
+        ("100 fs", 15_000, 2),
+        ("1 fs", 2_499_999, 2),
+    ],
+)
+def test_every_time_scale_of_a_dump_becomes_nanoseconds(tmp_path: Path, timescale: str, time: int, t_ns: int) -> None:
+    """Halves up."""
+    body = PULSEVIEW_VCD.partition("#0")[0].replace("100 ns", timescale) + f"#0 0!\n#{time} 1!\n"
+    assert Dump(written(tmp_path, "a.vcd", body)).read(["D0"]).waves["D0"].t_ns.tolist() == [t_ns]
+
+
+@pytest.mark.parametrize(
+    ("head", "time", "t_ns"),
+    [
+        ("Time (ms)", "1.5", 1_500_000),
+        ("milliseconds", "1.5", 1_500_000),
+        ("time [us]", "1.5", 1500),
+        ("time/µs", "1.5", 1500),
+        ("microseconds", "1.5", 1500),
+        ("t_ns", "1.5", 2),
+        ("nanoseconds", "2.49", 2),
+        ("time-ps", "1499", 1),
+        ("picoseconds", "1500", 2),
+    ],
+)
+def test_every_unit_of_a_column_of_times_becomes_nanoseconds(tmp_path: Path, head: str, time: str, t_ns: int) -> None:
+    path = written(tmp_path, "a.csv", f"{head};a\n0;0\n{time};1\n")
+    assert Table(path).read(["a"]).waves["a"].t_ns.tolist() == [t_ns]
+
+
 # ---- properties ------------------------------------------------------------------------------------------------------
 
 waves = st.builds(

@@ -14,7 +14,7 @@ from isel_twin.recordings.recorder import Recorder
 from isel_twin.recordings.write import write_trace
 
 PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-EXTRAS = {"pyarrow": "trace", "matplotlib": "report", "optuna": "tune", "viser": "panel"}
+EXTRAS = {"pyarrow": "trace", "matplotlib": "report", "optuna": "tune", "viser": "panel", "pygls": "lsp"}
 
 
 @pytest.fixture
@@ -22,7 +22,10 @@ def bare(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """As after `pip install isel-twin`, in a folder with a job."""
     for package in EXTRAS:
         monkeypatch.setitem(sys.modules, package, None)
-    for module in ("isel_twin.recordings.parquet", "isel_twin.report.report", "isel_twin.bridge.operate.panel.site"):
+    for module in (
+        *("isel_twin.recordings.parquet", "isel_twin.report.report", "isel_twin.bridge.operate.panel.site"),
+        *("isel_twin.bridge.editor.server", "pygls.lsp.server"),
+    ):
         monkeypatch.delitem(sys.modules, module, raising=False)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "job.txt").write_text("@07\n@0R7\n")
@@ -44,6 +47,7 @@ def said(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str]:
         ("serve --record o.parquet", "--record o.parquet: needs pyarrow: pip install 'isel-twin[trace]'"),
         ("tune job.txt", "a study needs optuna: pip install 'isel-twin[tune]'"),
         ("serve --panel 127.0.0.1:0", "--panel needs viser: pip install 'isel-twin[panel]'"),
+        ("lsp", "lsp needs pygls: pip install 'isel-twin[lsp]'"),
         ("motor 23HS32-4004S --picture o.png", "--picture needs matplotlib: pip install 'isel-twin[report]'"),
     ],
 )

@@ -155,6 +155,12 @@ def test_another_machine_is_a_difference_that_is_named(job: Path, capsys: pytest
     assert (None, "machine: 4030 -> traverse") in told(capsys, job, "--machine", "traverse")
 
 
+def test_another_name_of_the_job_is_no_difference(job: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    other = job.rename(job.with_name("other.txt"))
+    job.with_suffix(".golden").rename(other.with_suffix(".golden"))
+    assert told(capsys, other) == []
+
+
 def test_update_writes_down_what_is_different_and_leaves_the_rest(
     job: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

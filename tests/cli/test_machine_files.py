@@ -86,10 +86,13 @@ def test_motors_of_a_machine_are_described_with_unit_grade_and_source(call: Any)
 def test_a_motor_of_a_machine_is_shown_on_its_stage(call: Any) -> None:
     code, out, _ = call(MOTOR, "motor", "mine", "--machine", "{machine}")
     assert code == 0
-    assert out.splitlines()[0] == "mine at 24 V, 4.2 A peak, 8 microsteps a full step"
+    assert out.splitlines()[0] == "mine at 24 V, 4.2 A peak (2.97 A RMS), 8 microsteps a full step, fast stage"
     assert out.splitlines()[1].startswith("R 0.9 ohm, L 2.5 mH, Km 0.310 Nm/A, J 3e-05 kg m^2")
     code, out, _ = call(MOTOR, "motor", "57HS56-2804", "--machine", "{machine}")
-    assert (code, out.splitlines()[0]) == (0, "57HS56-2804 at 48 V, 2.8 A peak, 8 microsteps a full step")
+    assert (code, out.splitlines()[0]) == (
+        0,
+        "57HS56-2804 at 48 V, 2.8 A peak (1.98 A RMS), 8 microsteps a full step, fast stage",
+    )
 
 
 def test_a_motor_that_the_machine_does_not_have_is_named(call: Any) -> None:

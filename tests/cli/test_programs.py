@@ -48,8 +48,8 @@ def test_each_block_is_told_with_its_time_and_where_it_ends(program, capsys) -> 
     assert parts[1]["position_mm"] == pytest.approx([40.0, 0.0, 0.0], abs=0.01)
     assert parts[2]["position_mm"] == pytest.approx([40.0, 30.0, 0.0], abs=0.01)
     times = [part["time_ns"] / 1e9 for part in parts]
-    assert times[2] - times[1] == pytest.approx(2.05, abs=0.1)
-    assert times[3] - times[2] == pytest.approx(1.55, abs=0.1)
+    assert times[2] - times[1] == pytest.approx(2.15, abs=0.05)
+    assert times[3] - times[2] == pytest.approx(1.65, abs=0.05)
 
 
 def test_blocks_that_run_into_each_other_have_their_times_too(program, capsys) -> None:
@@ -177,7 +177,7 @@ PART = "P1\nN10 G90 F1200\nN20 G1 X40\nN30 M30\n#\n"
 NAMED = r"part.nc: is a program for bwo900, which imc-s8 cannot run; name the controller, bwo900, and a machine for it"
 
 
-@pytest.mark.parametrize("text", [PART, f"; my part\n{PART}", "%\nN10 G0 X10\n/N20 M30\n", "Z1\nN10 X5\nN20 M02\n#\n"])
+@pytest.mark.parametrize("text", [PART, f"; my part\n{PART}", "Z1\nN10 X5\nN20 M02\n#\n"])
 def test_a_program_given_to_a_controller_that_runs_none_is_one_line(program, capsys, text, tmp_path: Path) -> None:
     """It is not sent line by line to be refused line by line, nor written down as a golden run."""
     file = program(text)
@@ -213,11 +213,11 @@ def test_what_stands_before_the_first_program_is_no_part_of_it(program, capsys, 
     assert started["position_mm"][0] == pytest.approx(40.0, abs=0.01)
 
 
-def test_blocks_without_numbers_are_refused_by_the_control(program, capsys) -> None:
-    """They are sent as the program that they are meant to be, so that its message says what is missing."""
-    assert call("run", program("G90 F1200\nG1 X40\nM30\n"), *CONTROL, "--json") == 1
-    loaded, _ = ran(capsys)
-    assert "a block begins with N" in loaded["why"]
+def test_blocks_without_numbers_are_g_code_and_are_given_them(program, capsys) -> None:
+    assert call("run", program("G90 G21 F1200\nG1 X40\nM30\n"), *CONTROL, "--json") == 0
+    *_, summary = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert summary["job_file"]["format"] == "G-code"
+    assert summary["counts"] == [40_000, 0, 0]
 
 
 def test_cycles_alone_cannot_be_started(program, capsys) -> None:
@@ -299,7 +299,8 @@ def test_moves_of_the_language_take_the_time_that_their_settings_say() -> None:
         a_mm_s2 = 1000 * a_m_s2
         reached = speed_mm_s**2 / a_mm_s2 <= 50
         time_s = 50 / speed_mm_s + speed_mm_s / a_mm_s2 if reached else 2 * (50 / a_mm_s2) ** 0.5
-        assert (twin.time_ns - began_ns) * 1e-9 == pytest.approx(time_s, abs=0.01)
+        stop_s = (twin.time_ns - began_ns) * 1e-9 - time_s
+        assert 0.0 <= stop_s <= 0.14, "an exact stop: the loops settle (plant/22)"
         assert tuple(twin.counts) == (1000 * to_mm, 0, 0)
     assert not twin.remarks
 

@@ -68,9 +68,11 @@ def test_the_tuned_job_is_faster_and_holds(tune: Any, tmp_path: Path) -> None:
     code, told, _ = tune("tune", "job.txt", *SMALL, "--json", "--workers", "2")
     *trials, summary = map(json.loads, told.splitlines())
     assert code == 0
-    assert [trial["trial"] for trial in trials] == list(range(12))
+    assert [trial["trial"] for trial in trials] == list(range(len(trials)))
+    assert 2 <= len(trials) <= 12
     assert summary["saved"] > 0.25
-    assert summary["confirmed"]["margin"] >= 0.2
+    assert summary["confirmed"]["lost"] == 0
+    assert summary["confirmed"]["at_most"] == pytest.approx(1.0 - 0.05 ** (1 / 3), abs=1e-4)
     assert f"tuned: {summary['tuned']['time_s']:.3f} s, {100 * summary['saved']:.1f} % less" in out
     assert (tmp_path / "job.tuned.txt").read_text() == text
 
@@ -126,6 +128,7 @@ def test_where_nothing_holds_nothing_is_written(tune: Any, tmp_path: Path) -> No
         ("-", "-: the tuned job stands beside the job; name a file"),
         ("missing.txt", "missing.txt: there is no such file"),
         ("job.txt --trials 0", "--trials 0: must be a whole number from 1"),
+        ("job.txt --settle-mm 0", "--settle-mm 0: must be a distance up to 10, such as 0.01"),
         ("job.txt --confirm 0", "--confirm 0: must be a whole number from 1"),
         ("job.txt --margin 20", "--margin 20: must be from 0 to 1"),
         ("job.txt --speed fast", "--speed fast: must be LOW:HIGH, for example 5000:20000"),
@@ -134,7 +137,6 @@ def test_where_nothing_holds_nothing_is_written(tune: Any, tmp_path: Path) -> No
         ("job.txt --picture o.xyz", "--picture o.xyz: the name must end in one of *"),
         ("job.txt --out job.txt", "job.txt: is named twice in this call; choose another name for what is written"),
         ("job.txt --machine none", "unknown machine 'none'*"),
-        ("job.txt --controller ismif", "*the language of ismif cannot bring settings into a job; isel_twin.envs *"),
         ("none.txt", "there is no move in the job that settings could be brought to"),
         ("wrong.txt --storage w.db", "wrong.txt: line 2: *; a job has to run before it can be tuned: isel-twin run *"),
     ],

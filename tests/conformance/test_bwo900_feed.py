@@ -189,7 +189,7 @@ def test_a_slow_line_starves_it_and_no_harm_is_done() -> None:
     assert not slow.fault
     assert slow.counts.tolist() == kept.counts.tolist() == [0, 0, 0]
     assert apart(path(slow), path(kept)).max() <= 25.0  # increments: chords of 2 ms; the radius is 100
-    assert len(slow.steps.delta) > len(kept.steps.delta) + 50
+    assert len(slow.steps.delta) > len(kept.steps.delta) + 25
 
 
 @shows("bwo900-2.5.1d-9")

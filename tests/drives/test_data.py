@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from isel_twin.drives.curves import pull_out_prediction, pull_out_torque
 from isel_twin.drives.library import MOTORS
 from isel_twin.drives.motor import Motor, from_datasheet
 from isel_twin.drives.screw import Screw
@@ -118,3 +119,44 @@ def test_a_value_that_makes_no_sense_is_named(make: Any, values: tuple[float, ..
 def test_values_are_frozen() -> None:
     with pytest.raises(dataclasses.FrozenInstanceError):
         Stage(48.0, 4.0).supply_v = 24.0  # type: ignore[misc]
+
+
+def test_a_holding_torque_below_the_back_emf_is_saturation() -> None:
+    """At the current of the sheet, both phases on, the torque is the sheet's; without current Km is the back-EMF's."""
+    motor = from_datasheet(1.0, 5.0, 0.5, 2e-3, 1e-4, back_emf_v_s_per_rad=0.2)
+    both_a = math.sqrt(2.0) * 5.0
+    assert motor.torque_constant_nm_per_a == 0.2
+    assert motor.at_current(both_a).torque_constant_nm_per_a * both_a == pytest.approx(1.0, rel=1e-12)
+    assert motor.at_current(1e-6).torque_constant_nm_per_a == pytest.approx(0.2)
+    assert motor.at_current(both_a).iron_drag_nm_s_per_rad == pytest.approx(motor.iron_drag_nm_s_per_rad)
+
+
+def test_two_figures_that_say_the_same_make_no_saturation() -> None:
+    motor = from_datasheet(math.sqrt(2.0), 5.0, 0.5, 2e-3, 1e-4, back_emf_v_s_per_rad=0.202)
+    assert math.isinf(motor.saturation_current_a)
+
+
+def test_a_back_emf_that_is_too_small_for_the_holding_torque_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"needs a back-EMF of 0\.141 V s/rad, not 0\.1: is that the amplitude of one"):
+        from_datasheet(1.0, 5.0, 0.5, 2e-3, 1e-4, back_emf_v_s_per_rad=0.1)
+
+
+def test_a_saturated_motor_is_as_weak_on_the_bench_as_in_the_closed_form() -> None:
+    """Far below all limits of the supply the torque is Km(I) I, less what the iron takes."""
+    motor = dataclasses.replace(MOTORS["23HS32-4004S"], saturation_current_a=4.2, detent_torque_nm=0.0)
+    stage = Stage(supply_v=48.0, current_a=4.2, microsteps=10, damping_gain=2.0)
+    expected = motor.torque_constant_nm_per_a / math.sqrt(2.0) * 4.2 - motor.iron_torque_nm(math.pi)
+    assert pull_out_torque(motor, stage, 30.0) == pytest.approx(expected, rel=0.02)
+    assert pull_out_prediction(motor, stage, 30.0) == pytest.approx(expected, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("kind", "share", "gain"), [("slow", 0, 0), ("mixed", 0.3, 0), ("fast", 1, 0), ("digital", 1, 2)]
+)
+def test_kinds_of_stages(kind: str, share: float, gain: float) -> None:
+    stage = Stage(supply_v=48.0, current_a=4.2, kind=kind)
+    assert (stage.fast_share, stage.damping_gain) == (share, gain)
+
+
+def test_a_current_is_its_peak_and_its_rms_value() -> None:
+    assert Stage(supply_v=48.0, current_a=4.2).current_rms_a == pytest.approx(2.97, abs=0.001)

@@ -24,7 +24,7 @@ def test_the_table_puts_bench_and_closed_form_side_by_side() -> None:
 def test_a_motor_is_shown_on_the_stage_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
     show_motor("57HS56-2804", Stage(32.0, 2.0, 2))
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0] == "57HS56-2804 at 32 V, 2 A peak, half step"
+    assert lines[0] == "57HS56-2804 at 32 V, 2 A peak (1.41 A RMS), half step, fast stage"
     speeds = [float(line.split()[0]) for line in lines if line.endswith("|")]
     assert speeds[:3] == [30, 60, 90]
     assert speeds[-1] == 1000

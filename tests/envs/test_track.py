@@ -23,8 +23,6 @@ from isel_twin.envs import tracking
 from isel_twin.envs.paths import lay_path, sampled
 from isel_twin.envs.track import TrackPath
 from isel_twin.envs.variations import VARIATIONS
-from isel_twin.machine import load_machine, with_overrides
-from isel_twin.plant.model import compile_model, dressed, load_model
 from isel_twin.plant.mujoco import MujocoPlant
 
 ID = "isel_twin.envs:isel_twin/TrackPath-v0"
@@ -215,14 +213,6 @@ def digest(env: Any, seed: int | None = 3, options: dict[str, Any] | None = None
             break
     assert len(seen) > 50
     return hashlib.sha256(b"".join(seen)).hexdigest()
-
-
-def test_a_dressed_model_is_the_one_that_would_be_loaded() -> None:
-    machine = load_machine("4030")
-    other = with_overrides(machine, SAME)
-    expected, made = load_model(other, visual=False), dressed(compile_model(machine, visual=False), other)
-    for name in ("body_mass", "body_subtreemass", "dof_frictionloss", "dof_damping", "dof_invweight0", "jnt_stiffness"):
-        np.testing.assert_array_equal(getattr(made, name), getattr(expected, name), err_msg=name)
 
 
 def test_options_are_the_machine_with_other_parameters_for_one_episode() -> None:

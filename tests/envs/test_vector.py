@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pickle
 from contextlib import closing
-from typing import Any
+from functools import partial
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
@@ -108,6 +109,40 @@ def test_attributes_errors_and_spaces(mode: Any) -> None:
             envs.reset(options={"speed": 1})
         envs.reset(seed=1)
         assert envs.step(np.array([FAST, FAST]))[0].shape == (2, 15)
+
+
+class Counted(gymnasium.Env[Any, Any]):
+    """Fails in every step by its number; `closed` counts the ends of those in this process."""
+
+    observation_space = action_space = gymnasium.spaces.Discrete(2)
+    closed: ClassVar[list[int]] = []
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> tuple[int, dict[str, Any]]:
+        return 0, {}
+
+    def step(self, action: Any) -> Any:
+        raise ValueError(f"environment {self.number}")
+
+    def close(self) -> None:
+        self.closed.append(self.number)
+
+
+@pytest.mark.parametrize(("mode", "at_first", "at_the_end"), [("threads", [], [0, 1, 2]), ("processes", [0], [0])])
+def test_the_first_error_is_raised_and_each_environment_closed_once(
+    mode: Any, at_first: list[int], at_the_end: list[int]
+) -> None:
+    """With processes one is made here, too, for its spaces, and closed at once."""
+    Counted.closed.clear()
+    envs = TwinVector([partial(Counted, number) for number in range(3)], mode, 3, context=None)
+    assert Counted.closed == at_first
+    envs.reset()
+    with pytest.raises(ValueError, match=r"^environment 0$"):
+        envs.step(np.array([0, 0, 0]))
+    envs.close()
+    assert Counted.closed == at_the_end
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from isel_twin import Twin
+from isel_twin.base.parameters import Place, read_toml
+from isel_twin.cam.reader import text_lines
+from isel_twin.cam.registry import reader_for, reader_named
+from isel_twin.cam.settings import CamSettings, read_cam
 from isel_twin.capture.load import load as load_capture
 from isel_twin.controller import create_controller
 from isel_twin.core.spec import TwinSpec
@@ -50,6 +55,15 @@ command = 10
 after_s = 0.5
 set = { estop = "pressed" }
 """
+NCP = "IMF_PBL part\nN5 VEL 9000\nFASTABS X1000 Y2000\nMOVEABS Z-500\nCCWABS I3000 J2000\n"
+NCP += "CWHLXABS I2000 J2000 W720 Z-900\nDRILLDEF C2 D3000 F1000 O900\nDRILL X5000\n"
+NCP += "SPINDLE CW RPM900 TIME10\nSETPORT A4=00000001\nWAIT 10\nPROGEND\n"
+GCODE = "%\n(a part)\nN1 G21 G90 T1 M6\nG0 X1 Y2 Z3 S900 M3\nG1 Z-.5 F300\nG2 X3 I1 J0 P2\nG18 G3 X5 R4\nG17 G92 X0\n"
+GCODE += "G98 G83 X9 Z-4 R1 Q2 F90 L2\nX12\nG80\nG10 L2 P2 X5\nG55 G53 G0 Z0\nG93 G1 X5 F3\nG28 Z1\nM30\n%\n"
+HPGL = "IN;IP0,0,800,800;SC0,100,0,100;SP1;PU40,40;PD80,40,80,90;AA40,40,90;CI5;ER9,9;EW9,0,90;AT1,1,9,2;"
+HPGL += "PM0;PD9,9,1,9;PM1;PM2;EP;LBtext\x03PU;SP0;\n"
+CAM = 'zero = [1, 2, 3]\nzeros = { 2 = [4, 5, 6] }\nz_sign = 1\ndialect = "din"\ntool_length_mm = { 1 = 32.5 }\n'
+CAM += 'rapid_mm_s = 30.0\nstrict = true\npark = [0, 0, 0]\noutputs = { spindle = 1, "A4.1" = 2 }\n'
 CSV = "Time [s],step_x,dir_x\n0.0,0,1\n0.0001,1,1\n0.0002,0,1\n0.0003,1,0\n"
 VCD = "$timescale 1 ns $end\n$var wire 1 ! step_x $end\n$var wire 1 # dir_x $end\n$enddefinitions $end\n"
 VCD += "#0\n0!\n1#\n#5000\n1!\n#9000\n0!\n"
@@ -138,6 +152,20 @@ def _flash(controller: str, commands: tuple[bytes, ...]) -> Reader:
     return Reader(f"flash-{controller}", sample, lambda path: create_controller(controller, flash=path.read_bytes()))
 
 
+def _cam(name: str) -> Callable[[Path], None]:
+    def read(path: Path) -> None:
+        reader_for(path.read_bytes().decode("latin-1"), path.suffix)
+        with path.open("rb") as file:
+            deque(reader_named(name).read(text_lines(file), CamSettings(feed_mm_s=10.0)), maxlen=0)
+
+    return read
+
+
+def _cam_settings(path: Path) -> None:
+    place = Place(path)
+    read_cam(read_toml(place), place)
+
+
 def _captured(path: Path) -> object:
     return load_capture(path)
 
@@ -164,6 +192,10 @@ READERS: Mapping[str, Reader] = {
         Reader("job-ismif.txt", _text("L1,X3000<1>\n$H\n"), _job("ismif")),
         Reader("job-gmi99.txt", _text("Q7;1\nf2000\nM5000\n81h 9000\n"), _job("gmi99")),
         Reader("program.nc", _text(PROGRAM), _job("bwo900")),
+        Reader("part.ncp", _text(NCP), _cam("ncp")),
+        Reader("part.ngc", _text(GCODE), _cam("gcode")),
+        Reader("part.plt", _text(HPGL), _cam("hpgl")),
+        Reader("cam.toml", _text(CAM), _cam_settings),
         _flash("imc-s8", (b"@07\r", b"@0IJ50\r", b"@0IW\r")),
         _flash("gmi99", (b"Q7;1\r",)),
         _flash("bwo900", ()),

@@ -162,6 +162,41 @@ def test_the_cabinet_is_inherited_and_has_a_default(tmp_path):
         load_machine(heir)
 
 
+RMS = '{ value = 3.0, unit = "A", grade = "datasheet", source = "switches of the drive" }'
+
+
+@pytest.mark.parametrize(
+    "tables", [f"[axes.all.stage]\ncurrent_rms = {RMS}\n", f"[axes.x.stage]\ncurrent_rms = {RMS}\n"]
+)
+def test_a_current_given_as_rms_is_a_peak_of_1_414_times_it(tmp_path, tables):
+    (tmp_path / "machine.toml").write_text(f'based_on = "4030"\n{tables}')
+    machine = load_machine(tmp_path)
+    assert machine.axes[0].stage.current_a == pytest.approx(3.0 * 2**0.5, abs=1e-4)
+    assert machine.axes[1].stage.current_a == (4.2 if "axes.x" in tables else machine.axes[0].stage.current_a)
+    said = [row for row in describe(machine) if row.parameter.endswith("stage.current")]
+    assert {(row.unit, row.source) for row in said} >= {("A peak", "3 A RMS; switches of the drive")}
+    assert with_overrides(machine, {"axes.x.stage.current": 2.0}).axes[0].stage.current_a == 2.0
+
+
+def test_a_current_given_twice_is_refused(tmp_path):
+    peak = RMS.replace("3.0", "4.0")
+    (tmp_path / "machine.toml").write_text(
+        f'based_on = "4030"\n[axes.x.stage]\ncurrent_rms = {RMS}\ncurrent = {peak}\n'
+    )
+    with pytest.raises(
+        MachineError, match=r"axes\.x\.stage\.current_rms: given beside current; give the peak \(current\)"
+    ):
+        load_machine(tmp_path)
+
+
+def test_the_kind_of_a_stage_can_be_overridden(tmp_path):
+    machine = load_machine("4030")
+    assert machine.axes[0].stage.kind == "fast"
+    assert with_overrides(machine, {"axes.x.stage.kind": "slow"}).axes[0].stage.fast_share == 0.0
+    with pytest.raises(MachineError, match=r"axes\.x\.stage\.kind: 'quick'; allowed: slow, mixed, fast, digital"):
+        with_overrides(machine, {"axes.x.stage.kind": "quick"})
+
+
 def test_electronic_damping_is_off_unless_a_machine_file_sets_it(tmp_path):
     setting = 'grade = "setting", source = "digital drive"'
     (tmp_path / "machine.toml").write_text(

@@ -42,6 +42,16 @@ def test_what_has_been_made_by_a_time_is_cut_in_a_bounded_record_too() -> None:
     assert len(record) == 24
 
 
+def test_what_is_forgotten_is_counted_and_the_last_ticks_stay() -> None:
+    record = Steps(3, (motion(number) for number in range(7)))
+    record.forget()
+    assert (record.motions, len(record), record.made, record.dropped) == ((motion(6),), 10, 70, 6)
+    stopped = motion(7).cut(motion(7).start_ns)
+    record.append(stopped)
+    record.forget()
+    assert record.motions == (motion(6), stopped)
+
+
 def test_at_least_the_motion_being_made_is_kept() -> None:
     with pytest.raises(ValueError, match="at least one motion, not 0"):
         Stream(3, keep=0)

@@ -388,3 +388,58 @@ def test_an_axis_moves_in_hand_while_its_key_is_held_down(bench, open_panel):
 def test_a_controller_without_keys_shows_none(bench, open_panel):
     page = open_panel(bench())
     expect(page["#keys"]).to_be_hidden()
+
+
+def test_a_file_is_opened_run_and_followed_line_by_line(bench, open_panel, tmp_path: Path):
+    """Both browsers see it, and so does one that comes later."""
+    here = bench(speed=1.0)
+    part = tmp_path / "part.nc"
+    part.write_text("(a slot)\nG21 G90 F1200\nG0 X10\nG1 Y20\nG1 X40\nG1 Y10\nM2\n")
+    page, other = open_panel(here), open_panel(here)
+    for each in (page, other):
+        each["[data-tab=job]"].click()
+        expect(each["#start"]).to_be_disabled()
+    page["#file"].set_input_files(part)
+    for each in (page, other):
+        expect(each["#program li"]).to_have_count(7)
+        expect(each["#doing"]).to_contain_text("part.nc (G-code")
+        expect(each["#doing"]).to_contain_text("ready")
+    page.page.evaluate(
+        """() => {
+          window.followed = [];
+          new MutationObserver(() => {
+            const at = document.querySelector("#program [aria-current]");
+            if (at) window.followed.push([...at.parentNode.children].indexOf(at) + 1);
+          }).observe(document.querySelector("#program"), { subtree: true, attributeFilter: ["aria-current"] });
+        }"""
+    )
+    other["#start"].click()
+    expect(page["#doing"]).to_have_attribute("data-state", "done", timeout=1000 * WAIT_S)
+    followed = page.page.evaluate("window.followed")
+    assert 5 in followed, "a way of a second and a half"
+    assert followed == sorted(followed)
+    expect(page["[data-axis=x] td:nth-child(3)"]).to_have_text("40.000")
+    later = open_panel(here)
+    later["[data-tab=job]"].click()
+    expect(later["#doing"]).to_contain_text("all well")
+    expect(later["#program li"]).to_have_count(7)
+    assert page.said == other.said == []
+
+
+def test_a_job_is_stopped_and_a_wrong_file_is_told_in_a_line(bench, open_panel, tmp_path: Path):
+    here = bench(speed=1.0, ready=True)
+    good, bad = tmp_path / "long.txt", tmp_path / "bad.txt"
+    good.write_text("@0A64000,2000,0,30,0,30,0,30\n")
+    bad.write_text("@0P <999>\n")
+    page = open_panel(here)
+    page["[data-tab=job]"].click()
+    page["#file"].set_input_files(good)
+    page["#start"].click()
+    expect(page['[data-output="moving"]']).to_have_attribute("data-on", "1")
+    page["#halt"].click()
+    expect(page["#doing"]).to_contain_text("stopped by hand")
+    expect(page['[data-output="moving"]']).to_have_attribute("data-on", "0")
+    page["#file"].set_input_files(bad)
+    expect(page["#told"]).to_contain_text("bad.txt: line 1: <999> is neither a byte")
+    expect(page["#doing"]).to_contain_text("long.txt")
+    assert page.said == []

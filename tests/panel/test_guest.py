@@ -14,6 +14,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 
 from isel_twin import Twin
+from isel_twin.bridge.operate.panel.frame import Asked
 from isel_twin.bridge.operate.panel.guest import FRAMES_PER_S, SAID_BYTES, Panel
 from isel_twin.bridge.operate.panel.site import BROWSERS, UNANSWERED
 from isel_twin.bridge.serve.pacing import Pacer
@@ -87,7 +88,7 @@ def test_what_is_typed_while_time_stands_still_is_bounded(bench, browser):
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        ({}, "request: nothing to do; allowed: either ask or say"),
+        ({}, "request: nothing to do; allowed: one of ask, say, job"),
         ({"say": 7}, "request: say: no text"),
         ({"say": "\u20ac"}, "request: say: "),
         ({"say": "@0P\n" * SAID_BYTES}, "bytes; allowed: up to"),
@@ -201,6 +202,29 @@ class NoSite:
 
     def answer(self, client: int, answer: object) -> None: ...
     def close(self) -> None: ...
+
+
+def test_its_end_ends_all_waits_and_the_page():
+    """And it may end before there is a server, and again."""
+    answers, closed = [], []
+
+    class Site(NoSite):
+        def answer(self, client: int, answer: object) -> None:
+            answers.append((client, answer))
+
+        def close(self) -> None:
+            closed.append(True)
+
+    panel = Panel(LOOPBACK, site=Site(False))
+    panel.close()
+    panel.attach(Server(Twin(plant="kinematic"), Pacer(1.0), []))
+    panel.take(Asked(3, {"id": 7, "ask": {"wait": {"time": 1000}}}))
+    panel.look()
+    assert (answers, closed) == ([], [True])
+    panel.close()
+    panel.close()
+    assert answers == [(3, {"id": 7, "error": "wait: the server stops"})]
+    assert closed == [True] * 3
 
 
 def session(site: NoSite | None, speed: float | None) -> tuple[bytes, np.ndarray, int, int]:

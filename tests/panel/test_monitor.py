@@ -43,6 +43,20 @@ def test_a_message_whose_beginning_is_lost_does_not_spoil_the_next_ones():
     assert {line["text"] for line in monitor.lines()[1:]} == {"@0P"}
 
 
+def test_after_a_loss_a_message_that_had_begun_is_not_gone_on_with():
+    command = b"@0A 1000,1000,1000,1000,1000,1000,1000,1000"
+    monitor = begun()
+    monitor.carry(0, b"@0", True)
+    monitor.lines()
+    monitor.carry(1, b"P\r", True)  # lost
+    for number in range(PIECES):
+        monitor.carry(2, (command + b"\r")[number % (len(command) + 1) :][:1], True)
+    lost, *lines = monitor.lines()
+    assert lost["means"] == "1 messages before are not shown"
+    assert {line["text"] for line in lines} == {command.decode()}
+    assert len(lines) == PIECES // (len(command) + 1)
+
+
 def test_without_a_language_bytes_are_shown_after_a_silence():
     monitor = Monitor()
     monitor.carry(0, b"\x01\x02", True)

@@ -36,6 +36,10 @@ def test_bytes_of_both_directions_with_their_meaning(tmp_path: Path) -> None:
     assert (second[1], second[2]["text"]) == (1_500_000, "7<13>")
     assert str(second[2]["explanation"]).startswith("@07: ")
     assert (third[0], third[1], third[2]["hex"], third[2]["byte_ns"]) == ("/host/received", 3_000_000, "30", 520_833)
+    language = create_language("imc-s8")
+    (said, answered) = (*language.messages(b"@07\r", True), *language.messages(b"0", False))
+    assert second[2]["explanation"] == f"@07: {said.explanation}"
+    assert third[2]["explanation"] == f"0: {answered.explanation}"
     reader = make_reader(BytesIO(path.read_bytes()))
     ((metadata),) = reader.iter_metadata()
     assert metadata.name == "isel-twin"

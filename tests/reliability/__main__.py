@@ -17,10 +17,11 @@ from tests.reliability import (
     strings,
     tap,
     vanished,
+    week,
 )
 from tests.reliability.figures import table
 
-PROGRAMS = (queries, echo, punctual, heard, connects, flood, kills, vanished, memory, feed, strings, tap)
+PROGRAMS = (queries, echo, punctual, heard, connects, flood, kills, vanished, memory, feed, strings, tap, week)
 
 
 def main() -> None:

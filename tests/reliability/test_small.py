@@ -16,7 +16,7 @@ GENEROUS = 50.0
 
 @pytest.mark.parametrize(
     ("program", "number"),
-    [(queries, 200), (connects, 30), (kills, 2), (punctual, 1), (memory, 300), (feed, 0.3), (strings, 300), (tap, 20)],
+    [(queries, 100), (connects, 20), (kills, 2), (punctual, 1), (memory, 300), (feed, 0.1), (strings, 100), (tap, 20)],
     ids=lambda value: value.__name__.rpartition(".")[2] if isinstance(value, ModuleType) else str(value),
 )
 def test_in_small(program: ModuleType, number: float) -> None:

@@ -13,7 +13,8 @@ from matplotlib import image
 
 from isel_twin import Twin
 from isel_twin.base.axes import CARRIAGES
-from isel_twin.jobs.checks.job import Bounds, Inspection
+from isel_twin.jobs.checks.job import Inspection
+from isel_twin.jobs.checks.rules import Bounds
 from isel_twin.jobs.job import parse_job, play
 from isel_twin.jobs.verdict import judge
 from isel_twin.language import create_language

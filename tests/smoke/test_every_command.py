@@ -39,6 +39,7 @@ IN_ORDER: dict[str, tuple[object, ...]] = {
     "check": ("job.txt", "--margin", "0.1", "--junit", "check.xml"),
     "golden record": ("job.txt", *KINEMATIC),
     "golden compare": ("job.txt",),
+    "convert": ("part.nc",),
     "replay": ("run.mcap",),
     "compare": ("run.mcap", "run.mcap"),
     "export": ("run.mcap", "out.vcd"),
@@ -46,21 +47,27 @@ IN_ORDER: dict[str, tuple[object, ...]] = {
     "exec": (*KINEMATIC, "--", "python", "host.py"),
     "sweep": ("plan.toml", "--workers", "1"),
     "tune": ("job.txt", "--trials", "2", "--robust", "0", "--confirm", "1", "--margin", "0"),
-    "experiment": ("day", "--axes", "x", "--blocks", "1", "--carry-out", "4030"),
+    "experiment": ("day", "--axes", "x", "--blocks", "1", "--fit", "friction.x", "--carry-out", "4030"),
     "identify": ("day.mcap", "--measured", "day.toml", "--fit", "friction.x"),
     "plc assemble": ("plc.awl", "--out", "plc.bin"),
     "plc disassemble": ("plc.bin",),
     "plc explain": ("plc.awl",),
     "plc load": ("plc.awl", "--controller", "gmi99"),
 }
-SERVED = ("serve", "ctl", "tap")
-"""In processes of their own, by the tests below."""
+SERVED = ("serve", "ctl", "tap", "lsp")
+"""In processes of their own, by the tests below; lsp by tests/bridge/test_editor.py."""
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     folder = tmp_path_factory.mktemp("project")
-    files = {"job.txt": JOB, "plan.toml": PLAN, "host.py": HOST, "plc.awl": "OB 1\nU E 0.0\n= A 0.0\nBE\n"}
+    files = {
+        "job.txt": JOB,
+        "part.nc": "G21 G90 F600\nG1 X5\nM2\n",
+        "plan.toml": PLAN,
+        "host.py": HOST,
+        "plc.awl": "OB 1\nU E 0.0\n= A 0.0\nBE\n",
+    }
     for name, text in files.items():
         (folder / name).write_text(text)
     with pytest.MonkeyPatch.context() as patch:

@@ -12,7 +12,14 @@ from functools import lru_cache
 def installed(group: str) -> tuple[importlib.metadata.EntryPoint, ...]:
     """The entry points of a group; searched again when a folder of `sys.path` has changed."""
     folders = tuple((path, _changed_ns(path)) for path in sys.path)
-    return tuple(_found(importlib.metadata.entry_points, folders).select(group=group))
+    return _of_group(group, importlib.metadata.entry_points, folders)
+
+
+@lru_cache(32)
+def _of_group(
+    group: str, entry_points: Callable[[], importlib.metadata.EntryPoints], folders: tuple[tuple[str, int], ...]
+) -> tuple[importlib.metadata.EntryPoint, ...]:
+    return tuple(_found(entry_points, folders).select(group=group))
 
 
 @lru_cache(1)

@@ -1,7 +1,7 @@
 """The command `isel-twin`: one file a command, each with one function that returns the exit code.
 
     operate   serve, ctl, tap, ports, exec             a machine behind a port, and hosts that drive it
-    test      run, check, golden, drive, replay, compare
+    test      run, check, golden, drive, replay, compare, lsp
     tune      tune, sweep, identify, experiment
     look      machines, motors, controllers, describe, motor, decode, export, plc
 
@@ -45,11 +45,11 @@ app = App(
 # the commands by purpose, as file:function; only the one that is called is imported
 GROUPS = {
     "Operate": ("serve:serve", "ctl:ctl", "tap:tap", "ports:ports", "exec:exec_"),
-    "Test": ("run:run", "check:check", "golden:golden", "drive:drive", "replay:replay", "compare:compare"),
+    "Test": ("run:run", "check:check", "golden:golden", "drive:drive", "replay:replay", "compare:compare", "lsp:lsp"),
     "Tune": ("tune:tune", "sweep:sweep", "identify:identify", "experiment:experiment"),
     "Look": (
         "names:machines", "names:motors", "names:controllers", "describe:describe", "motor:motor", "decode:decode",
-        "export:export", "plc:plc",
+        "convert:convert", "export:export", "plc:plc",
     ),
 }  # fmt: skip
 for place, (title, commands) in enumerate(GROUPS.items()):

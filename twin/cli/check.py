@@ -13,7 +13,7 @@ from cyclopts import Parameter
 from isel_twin.base.crew import in_order
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import options
-from isel_twin.cli.jobs import check_names, read_job
+from isel_twin.cli.jobs import FormatName, cam_settings, check_names, read_job, read_source
 from isel_twin.cli.options import Whole
 from isel_twin.cli.outputs import many, put_off, tell
 
@@ -39,17 +39,22 @@ def check(
     margin: Annotated[float | None, Parameter(help="Least pull-out margin of each motor, 0 .. 1.")] = None,
     edge: Annotated[float | None, Parameter(help="Least factor on each speed until the motor swings, as 1.2.")] = None,
     deviation_mm: Annotated[float | None, Parameter(help="Most difference of counter and true position.")] = None,
+    contour_mm: Annotated[
+        float | None, Parameter(help="Most distance of the carriages from what a file of a CAM program cuts.")
+    ] = None,
     cycle_s: Annotated[float | None, Parameter(help="Most time from first command to end of the last.")] = None,
     clearance: Annotated[float | None, Parameter(help="Least distance of what must not meet, mm.")] = None,
     may_strike: Annotated[str | None, Parameter(help="End switches that may be struck, with commas; all.")] = None,
     robust: Annotated[Whole | None, Parameter(help="Repetitions on slightly different machines.")] = None,
+    form: FormatName = None,
     timeout: Annotated[float | None, Parameter(help="Virtual seconds a command may take.")] = None,
     golden: Annotated[bool | None, Parameter(negative="no-golden", help="Compare with golden runs.")] = None,
     workers: options.Workers = 1,
     junit: Annotated[Path | None, Parameter(help="Write the findings as JUnit XML.")] = None,
     sarif: Annotated[Path | None, Parameter(help="Write the findings as SARIF 2.1.0.")] = None,
     report: Annotated[Path | None, Parameter(help="Folder for a page about each job (HTML).")] = None,
-    json: Annotated[bool, Parameter(help="One line of JSON a job.")] = False,
+    json: Annotated[bool, Parameter(help="One line of JSON a job, or a judgement.")] = False,
+    watch: Annotated[bool, Parameter(help="Judge the job again after each change of its file, until Ctrl-C.")] = False,
 ) -> int:
     """Play jobs and report what is wrong: refused commands, lost steps, struck switches, margins, tolerances, time.
 
@@ -57,29 +62,36 @@ def check(
     other rules always apply. A job with a golden run beside it is compared with it.
 
     Exit code 0 if nothing is wrong, 1 if something is, 2 for a call that cannot be carried out. In a workflow of
-    GITHUB_ACTIONS the findings are also annotations.
+    GITHUB_ACTIONS the findings are also annotations. With --watch the code is that of the last verdict, and what comes
+    before a changed line is not played again.
     """
     asked: dict[str, Any] = {
         "machine": machine, "controller": controller, "plant": plant, "seed": seed, "scenario": scenario,
-        "margin": margin, "edge": edge, "deviation_mm": deviation_mm, "cycle_s": cycle_s, "clearance": clearance,
-        "robust": robust,
-        "timeout_s": timeout, "golden": golden, "set": options.parse_overrides(set) or None,
+        "margin": margin, "edge": edge, "deviation_mm": deviation_mm, "contour_mm": contour_mm,
+        "cycle_s": cycle_s, "clearance": clearance, "robust": robust,
+        "timeout_s": timeout, "golden": golden, "form": form, "set": options.parse_overrides(set) or None,
     }  # fmt: skip
     if may_strike is not None:
         asked["may_strike"] = tuple(name for name in may_strike.split(",") if name)
     _check_options(asked, workers)
+    if watch:
+        if len(jobs) != 1 or options.is_standard_input(jobs[0]) or junit or sarif or report or workers != 1:
+            raise CallError("watch: names one job, and goes without junit, sarif, report and workers", option=True)
+        from isel_twin.cli.watch import watch as watch_job
+
+        return watch_job(jobs[0], settings, asked, json)
     tasks = _tasks(jobs, settings, asked)
     pages = _pages(tasks, report)
     options.check_writable(junit, sarif, *pages, kept=(*jobs, settings, scenario))
 
-    from isel_twin.jobs.checks.formats import as_annotations, as_json
+    from isel_twin.jobs.checks.formats import as_annotations, as_json, as_words
     from isel_twin.jobs.checks.formats import junit as as_junit
     from isel_twin.jobs.checks.formats import sarif as as_sarif
 
     reports = []
     for made in in_order(perform, list(zip(tasks, pages, strict=True)), options.crew_of(min(workers, len(tasks)))):
         reports.append(made)
-        print(as_json(made) if json else _in_words(made), flush=True)
+        print(as_json(made) if json else as_words(made), flush=True)
     if os.environ.get("GITHUB_ACTIONS") == "true":
         for line in as_annotations(reports):
             print(line)
@@ -108,8 +120,9 @@ def _check_options(asked: dict[str, Any], workers: int) -> None:
         raise CallError(f"margin {asked['margin']:g}: must be from 0 to 1", option=True)
     if asked["edge"] is not None and not 0.0 < asked["edge"] <= MOST_EDGE:
         raise CallError(f"edge {asked['edge']:g}: must be a factor up to {MOST_EDGE:g}, such as 1.2", option=True)
-    if asked["deviation_mm"] is not None and not asked["deviation_mm"] >= 0.0:
-        raise CallError(f"deviation-mm {asked['deviation_mm']:g}: must be a distance from 0", option=True)
+    for key in ("deviation_mm", "contour_mm"):
+        if asked[key] is not None and not asked[key] >= 0.0:
+            raise CallError(f"{key.replace('_', '-')} {asked[key]:g}: must be a distance from 0", option=True)
     if asked["clearance"] is not None and not 0.0 <= asked["clearance"] <= MOST_CLEARANCE_MM:
         allowed = f"from 0 to {MOST_CLEARANCE_MM:g} mm"
         raise CallError(f"clearance {asked['clearance']:g}: must be a distance {allowed}", option=True)
@@ -137,7 +150,7 @@ def _tasks(jobs: Sequence[Path], settings: Path | None, asked: dict[str, Any]) -
         with call_errors(job):
             found = settings if settings is not None else project.find(job)
             task = demanded.task(job, found, asked)
-            read_job(job, task.call.controller)
+            read_job(job, task.call, task.form)
             if task.golden and (file := golden_file(job)).is_file():
                 load(file)
             elif asked["golden"]:
@@ -147,10 +160,8 @@ def _tasks(jobs: Sequence[Path], settings: Path | None, asked: dict[str, Any]) -
     for task in tasks:
         if (twin := twins.get(repr(task.call))) is None:
             twin = twins[repr(task.call)] = task.call.build()
-        names = {switch.name for switch in twin.machine.switches} | {"all"}
-        if unknown := sorted(set(task.bounds.may_strike) - names):
-            raise CallError(f"may-strike {unknown[0]}: is no end switch; there are: {', '.join(sorted(names))}")
-        check_names(task.job, read_job(task.job, task.call.controller), twin)
+        demanded.check_switches(task.bounds, twin.machine)
+        check_names(task.job, read_job(task.job, task.call, task.form), twin)
     return tasks
 
 
@@ -176,14 +187,14 @@ def _pages(tasks: Sequence[Task], folder: Path | None) -> list[Path | None]:
 def perform(asked: tuple[Task, Path | None]) -> Report:
     """Check one job, and write a page about it if asked; in this process or another."""
     task, page = asked
-    from isel_twin.jobs.checks import check_job
-    from isel_twin.jobs.checks.job import Inspection
-    from isel_twin.jobs.golden import called, golden_file, load
+    from isel_twin.jobs.checks.contour import drawing
+    from isel_twin.jobs.checks.job import Inspection, beside_golden, check_job
     from isel_twin.recordings.recorder import Recorder
 
-    file = golden_file(task.job)
-    golden = load(file) if task.golden and file.is_file() else None
-    lines = read_job(task.job, task.call.controller)
+    lines, source = read_source(task.job, task.call, task.form)
+    drawn = None
+    if source is not None and task.bounds.contour_mm is not None:
+        drawn = drawing(source.path(), cam_settings(task.job, task.call), task.bounds.contour_mm)
     with ExitStack() as stack:
         watched: list[tuple[Inspection, Recorder]] = []
 
@@ -191,9 +202,9 @@ def perform(asked: tuple[Task, Path | None]) -> Report:
             recorder = stack.enter_context(Recorder(inspection.twin, INTERVAL_NS))
             watched.append((inspection, recorder))
 
-        report = check_job(task.job, task.call, lines, task.bounds, None if page is None else begun)
-        if golden is not None:
-            report = report.compared(golden, called(report.golden, task.call, task.job, file))
+        report = check_job(task.job, task.call, lines, task.bounds, None if page is None else begun, drawn)
+        if task.golden:
+            report = beside_golden(report, task.job, task.call)
         for inspection, recorder in watched:
             from isel_twin.report.report import write_report
 
@@ -202,17 +213,3 @@ def perform(asked: tuple[Task, Path | None]) -> Report:
             with call_errors(page):
                 write_report(page or "", f"isel-twin: {task.job}", *shown, summary, report, task.bounds)
     return report
-
-
-def _in_words(report: Report) -> str:
-    from isel_twin.jobs.checks.formats import where
-
-    verdict = report.verdict
-    commands = many(verdict.commands, "command")
-    least = verdict.least_margin
-    margin = "" if least is None else f", margin {100.0 * least:.0f} %"
-    rows = [f"{report.job}: {'ok' if report.ok else 'NOT OK'} ({commands}, {verdict.cycle_s:.3f} s{margin})"]
-    for finding in report.findings:
-        warning, place = "warning " if finding.warning else "", where(finding)
-        rows.append(f"  {warning}{finding.rule:<10} {f'{place}: ' if place else ''}{finding.message}")
-    return "\n".join(rows)

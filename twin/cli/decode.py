@@ -7,14 +7,14 @@ import sys
 from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.base.units import SECOND_NS
 from isel_twin.cli.options import STANDARD_INPUT, STREAMS, is_standard_input
-from isel_twin.core.spec import TwinSpec
+from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
     from isel_twin.jobs.decode import Piece, Row
@@ -37,13 +37,24 @@ def decode(
     marked: Annotated[bool, Parameter(help="Lines of text: > sent by the host, < received; <13> is a byte.")] = False,
     text: Annotated[bool, Parameter(help="The argument is text, whether there is such a file or not.")] = False,
     json: Annotated[bool, Parameter(help="One JSON object a message.")] = False,
+    to: Annotated[
+        Literal["gcode", "ncp"] | None, Parameter(help="A job file of the motions instead: what the tool has done.")
+    ] = None,
+    machine: Annotated[
+        str, Parameter(help=f"With --to: the machine, for its steps a mm; what a recording says, or {MACHINE}.")
+    ] = "",
 ) -> int:
     """Explain the bytes of a line: one row for each message, with all bytes.
 
     A file is read as bytes of one direction. Text is taken as in a job file: a command is sent with its end, <253> is a
     byte. A recording (.mcap) is explained with the times of its messages, both directions. Every controller with a
     language can be explained.
+
+    With --to what a host has sent is carried out without physics, and its motions become a job file in mm from the zero
+    of the machine: cuts at the speeds they had, arcs where they were arcs (docs/jobfiles.md).
     """
+    if to is not None and (json or received):
+        raise CallError("--to: a file is made of what the host has sent; leave --json and --received out")
     if sent + received + marked > 1:
         raise CallError("--sent, --received, --marked: only one of them can be so")
     from isel_twin.jobs.decode import Piece, explain
@@ -64,12 +75,37 @@ def decode(
         else:
             pieces = (Piece(data, by_host, time_ns) for time_ns, data, by_host, _ in traffic(recorded))
         first = next(pieces, None)  # find errors of the source before anything is printed
+    if to is not None:
+        machine = machine or (recorded.metadata.get("machine", "") if recorded is not None else "") or MACHINE
+        _tell_file(to, source, chain([first] if first else [], pieces), TwinSpec(machine, controller))
+        return 0
     timed = recorded is not None
     if not json:
         print(f"{'no':>6} {'time / s' if timed else 'offset':>{14 if timed else 8}}  dir   {'text':<32}  explanation")
     for row in explain(chain([first] if first else [], pieces), language):
         print(_json(row) if json else _line(row, timed), flush=source == STANDARD_INPUT)
     return 0
+
+
+def _tell_file(to: str, source: str, pieces: Iterator[Piece], spec: TwinSpec) -> None:
+    """Print the file. Raises CallError before the first line if the host has moved nothing."""
+    from isel_twin.cam.files import WRITERS
+    from isel_twin.cam.toolpath import Arc, Element, Line
+    from isel_twin.jobs.recovered import recovered
+
+    with call_errors():
+        path = recovered((piece.data for piece in pieces if piece.sent), spec)
+    begin: list[Element] = []
+    while not (begin and isinstance(begin[-1], Line | Arc)):
+        element = next(path, None)
+        if element is None:
+            raise CallError(
+                f"{source}: a host that sends this moves nothing but reference runs; a job file becomes a session by "
+                "run --record"
+            )
+        begin.append(element)
+    for line in WRITERS[to](chain(begin, path)):
+        print(line)
 
 
 def _recording(source: str) -> Recorded | None:

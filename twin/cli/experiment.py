@@ -37,6 +37,9 @@ def experiment(
     criterion: Annotated[
         Literal["D", "E"], Parameter(help="D: all parameters together. E: the one least known.")
     ] = "D",
+    supply: Annotated[
+        list[float] | None, Parameter(help="V of the stages for the stall series, if it can be set. May be repeated.")
+    ] = None,
     seed: Annotated[Whole, Parameter(help="Of places, speeds and forces: another one is another experiment.")] = 0,
     carry_out: Annotated[
         str, Parameter(help="A machine whose twin stands in for the real one: writes NAME.mcap and fills in NAME.toml.")
@@ -81,7 +84,7 @@ def experiment(
     unknowns = unknowns_of(believed, fit, prior, wanted)
     covariance = None if known is None else _known(known, unknowns)
     with call_errors():
-        candidates = experiments.blocks(believed, controller, wanted, unknowns, seed)
+        candidates = experiments.blocks(believed, controller, wanted, unknowns, seed, supply or ())
         choice = choose(believed, controller, candidates, unknowns, blocks, known=covariance, criterion=criterion)
     made = experiments.assemble(name.name, choice.blocks, language)
     with call_errors():

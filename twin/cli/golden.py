@@ -10,7 +10,7 @@ from cyclopts import App, Parameter
 
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import options
-from isel_twin.cli.jobs import check_names, clamped, read_job
+from isel_twin.cli.jobs import FormatName, check_names, clamped, read_job
 from isel_twin.cli.options import Whole
 from isel_twin.cli.outputs import many, say_json
 from isel_twin.core.spec import TwinSpec
@@ -28,6 +28,7 @@ Jobs = Annotated[Path, Parameter(help="Files of controller commands, one a line.
 def record(
     *jobs: Jobs,
     twin: options.TwinOptions = options.DEFAULT_TWIN,
+    form: FormatName = None,
     timeout: options.Timeout = 3600.0,
     replace: options.Replace = False,
 ) -> int:
@@ -44,7 +45,7 @@ def record(
 
     call = twin.spec()
     for job, file in files:
-        run = called(_play(job, call, timeout), call, job, file)
+        run = called(_play(job, call, form, timeout), call, job, file)
         _write(file, run)
         print(f"{file}: {_in_words(run)}")
     return 0
@@ -58,6 +59,7 @@ def compare(
     plant: Annotated[str | None, Parameter(help="Another plant.")] = None,
     seed: Annotated[Whole | None, Parameter(help="Another seed.")] = None,
     set: Annotated[options.Overrides, Parameter(help="KEY=VALUE: another parameter of the machine.")] = (),
+    form: FormatName = None,
     timeout: options.Timeout = 3600.0,
     replace: Annotated[bool, Parameter(help="Replace the golden runs that differ.")] = False,
     json: Annotated[bool, Parameter(help="One line of JSON a job.")] = False,
@@ -84,7 +86,7 @@ def compare(
     for (job, file), was in zip(files, kept, strict=True):
         wanted = {**was.call, **{key: value for key, value in asked.items() if value is not None}}
         call = _call(wanted, file, asked)
-        run = called(_play(job, call, timeout), call, job, file)
+        run = called(_play(job, call, form, timeout), call, job, file)
         found = list(differences(was, run))
         _tell(job, run, found, json)
         if found and replace:
@@ -114,12 +116,12 @@ def _files(jobs: Sequence[Path]) -> list[tuple[Path, Path]]:
     return files
 
 
-def _play(job: Path, call: TwinSpec, timeout_s: float) -> Golden:
+def _play(job: Path, call: TwinSpec, form: str | None, timeout_s: float) -> Golden:
     from isel_twin.jobs.golden import Scribe
     from isel_twin.jobs.playing import played
 
     twin = clamped(call, job).build()
-    lines = read_job(job, call.controller)
+    lines = read_job(job, call, form)
     check_names(job, lines, twin)
     scribe = Scribe(twin)
     return scribe.golden(played(twin, lines, [scribe.take], timeout_s).verdict)

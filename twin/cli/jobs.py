@@ -6,15 +6,23 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli.options import is_standard_input
 
 if TYPE_CHECKING:
+    from isel_twin.cam.settings import CamSettings
     from isel_twin.core.spec import TwinSpec
     from isel_twin.core.twin import Twin
     from isel_twin.jobs.job import Line
+    from isel_twin.jobs.toolpaths import Source
+
+FormatName = Annotated[
+    str | None, Parameter(name="--format", help="Format of the job file, whatever it looks like: ncp, gcode, hpgl.")
+]
 
 JOB_BYTES = 1 << 24  # longest job file: 16 MiB, some four hundred thousand moves
 PROGRAM_BYTES = 1 << 30  # longest file for a controller that runs programs
@@ -24,25 +32,39 @@ def job_name(job: Path) -> str:
     return "standard input" if is_standard_input(job) else str(job)
 
 
-def read_job(job: Path, controller: str) -> list[Line]:
-    """The lines of a job file, or of standard input, for a controller. Raises CallError."""
+def read_job(job: Path, call: TwinSpec, form: str | None = None) -> Sequence[Line]:
+    """The lines of a job file, or of standard input, for the controller of a call. Raises CallError."""
+    return read_source(job, call, form)[0]
+
+
+def read_source(job: Path, call: TwinSpec, form: str | None = None) -> tuple[Sequence[Line], Source | None]:
+    """The same, and what the file was if it is one of a CAM program. form: its format, whatever it looks like."""
     from isel_twin.controller import offers
-    from isel_twin.jobs.job import check_controller, decode_job, parse_job
+    from isel_twin.jobs.toolpaths import lines_of, source_of
     from isel_twin.language import RunsPrograms, create_language
 
     with call_errors(job_name(job)):
-        language = create_language(controller)
+        language = create_language(call.controller)
         most = PROGRAM_BYTES if offers(language, RunsPrograms) else JOB_BYTES
         data = _read(job, most)
         if len(data) > most:
             raise CallError(f"{job_name(job)}: is longer than {most >> 20} MiB; cut it into several")
+        settings = cam_settings(job, call)
         with _told(job):
-            text = decode_job(data)
-            check_controller(text, language, controller)
-            lines = parse_job(text, language, controller)
+            source = source_of(data, job.suffix, language, call.controller, call.fitted, settings, form)
+            lines = lines_of(source, data, language, call.controller)
     if not lines:
         raise CallError(f"{job_name(job)}: there is no command in it")
-    return lines
+    return lines, source
+
+
+def cam_settings(job: Path, call: TwinSpec) -> CamSettings:
+    """How a file is made on this machine, by [cam] of the project and of the machine. Raises CallError."""
+    from isel_twin.jobs import project
+
+    file = None if is_standard_input(job) else project.find(job)
+    with call_errors(file):
+        return project.cam(file, call.as_built)
 
 
 def clamped(call: TwinSpec, job: Path) -> TwinSpec:

@@ -16,13 +16,11 @@ def machines(*, json: Json = False) -> int:
 
 def motors(*, json: Json = False) -> int:
     """List the motors of the library: figures of their sheets, what the sheet's current means, and source."""
-    from dataclasses import asdict
-
     from isel_twin.cli.outputs import say_json
-    from isel_twin.drives.library import SHEETS
+    from isel_twin.drives.library import SHEETS, figures
 
     if json:
-        say_json({name: asdict(sheet) for name, sheet in SHEETS.items()})
+        say_json({name: figures(sheet) for name, sheet in SHEETS.items()})
         return 0
     print(f"{'motor':18} {'NEMA':>4} {'A peak':>6} {'ohm':>6} {'mH':>6} {'Nm/A':>6} {'g cm2':>6}  source; its current")
     for name, sheet in SHEETS.items():

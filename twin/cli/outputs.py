@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from isel_twin.jobs.job import Line
     from isel_twin.jobs.result import Result
     from isel_twin.jobs.robust import Repetition
+    from isel_twin.jobs.toolpaths import Source
     from isel_twin.jobs.verdict import Verdict
     from isel_twin.recordings.recorder import Recorder
 
@@ -121,6 +122,9 @@ class JobOutput(Protocol):
     def result(self, result: Result) -> None:
         """Show a finished line of the job."""
 
+    def source(self, source: Source, results: Sequence[Result]) -> None:
+        """Show what the file of a CAM program says that it takes, and what it has taken."""
+
     def verdict(self, verdict: Verdict, call: Mapping[str, Any]) -> None:
         """Show the verdict; `call`: further entries of the summary."""
 
@@ -136,6 +140,7 @@ class JsonOutput:
 
     def __init__(self) -> None:
         self._told: dict[str, Any] = {}  # the edge, which the last line has, too
+        self._source: dict[str, Any] = {}
 
     def result(self, result: Result) -> None:
         import dataclasses
@@ -147,8 +152,20 @@ class JsonOutput:
             unknown += ["expected", "condition"]
         say_json({key: value for key, value in told.items() if key not in unknown})
 
+    def source(self, source: Source, results: Sequence[Result]) -> None:
+        from isel_twin.jobs.toolpaths import compared
+
+        self._source = {
+            "job_file": {
+                "format": source.title,
+                "said_s": round(source.seconds, 3),
+                "told": compared(source, results),
+                "cautions": list(source.cautions),
+            }
+        }
+
     def verdict(self, verdict: Verdict, call: Mapping[str, Any]) -> None:
-        say_json({"summary": True, **verdict.summary(), **call})
+        say_json({"summary": True, **verdict.summary(), **call, **self._source})
 
     def edge(self, edges: Sequence[Edge]) -> None:
         from isel_twin.jobs.edge import told
@@ -245,6 +262,15 @@ class TableOutput:
             text = " ".join(part.text.split())
             self._row("", f"{part.time_ns / SECOND_NS:.3f}", text if places else f"  {text}", *places, style=said)
 
+    def source(self, source: Source, results: Sequence[Result]) -> None:
+        from isel_twin.jobs.toolpaths import compared
+
+        self.__exit__()
+        self._print("")
+        for caution in source.cautions:
+            self._print(f"caution: {caution}")
+        self._print(compared(source, results))
+
     def verdict(self, verdict: Verdict, call: Mapping[str, Any]) -> None:
         self.__exit__()
         axes = [axis.upper() for axis in AXIS_NAMES]
@@ -272,12 +298,13 @@ class TableOutput:
         from isel_twin.jobs.edge import FARTHEST
 
         if not edges:
-            self._print("edge: no stepper motor has turned, so none can lose steps")
+            self._print("edge: nothing that was tried loses a step, or no motor has turned")
         for axis in dict.fromkeys(edge.axis for edge in edges):
             own = [edge for edge in edges if edge.axis == axis]
             at = [f"{edge.factor:.2f} times the {edge.quantity}" for edge in own if edge.factor is not None]
             never = [f"{FARTHEST[edge.quantity]:g} times the {edge.quantity}" for edge in own if edge.factor is None]
-            lost = [f"steps are lost at {', '.join(at)}"] if at else []
+            what = "its drive switches itself off" if any(edge.closed_loop for edge in own) else "steps are lost"
+            lost = [f"{what} at {', '.join(at)}"] if at else []
             held = [f"none up to {', '.join(never)}"] if never else []
             self._print(f"edge of {axis.upper()}: {'; '.join([*lost, *held])}")
 

@@ -16,7 +16,7 @@ from isel_twin.base.units import SECOND_NS
 from isel_twin.cli import options, outputs
 from isel_twin.cli.files import MOST_SAMPLES, Files, RecordPath, StepsPath, TracePath, VcdPath
 from isel_twin.cli.interruption import interruption
-from isel_twin.cli.jobs import check_names, clamped, job_name, read_job
+from isel_twin.cli.jobs import FormatName, check_names, clamped, job_name, read_source
 
 if TYPE_CHECKING:
     from isel_twin.core.spec import TwinSpec
@@ -48,6 +48,7 @@ def run(
     ] = False,
     robust: options.Robust = 0,
     workers: options.Workers = 1,
+    form: FormatName = None,
     json: Annotated[bool, Parameter(help="One line of JSON a command, then one with the summary.")] = False,
 ) -> int:
     """Run a file of controller commands, or a program of the controller's, in virtual time.
@@ -58,6 +59,9 @@ def run(
 
     `=> 2` after a command is the expected reply (`*` anything, `none` nothing, `=> 0 within 5 s`), and a line `! x ==
     50 +- 0.03 mm` a condition after it; docs/hosts.md lists all.
+
+    A file of a CAM program (NCP, G-code, HPGL; docs/jobfiles.md) is made into the commands of the controller, by the
+    [cam] table of isel-twin.toml; findings name its own lines.
 
     A program of a controller that runs programs (DIN 66025, see docs/bwo900.md) is loaded, the axes are referenced, it
     is started, and its blocks are shown as they are made.
@@ -74,12 +78,12 @@ def run(
     """
     options.check_seconds("interval", interval, 1e-9)
     options.check_seconds("timeout", timeout, 0.0)
-    lines = read_job(job, twin.controller)
+    call = clamped(twin.spec(), job)
+    lines, source = read_source(job, call, form)
     files = Files(steps, vcd, trace, report, record, interval)
     if files.sampled:
         _check_samples(lines, interval)
     files.check(job, *twin.files)
-    call = clamped(twin.spec(), job)
     golden = None if report is None else _golden(job)
     repeat = _repetitions(call, lines, robust, workers, timeout)
     search = _edges(call, lines, workers, timeout) if edge else None
@@ -96,7 +100,8 @@ def run(
         show = outputs.JsonOutput() if json else stack.enter_context(outputs.TableOutput(made_on, lines))
         inspection = None
         if report is not None:
-            from isel_twin.jobs.checks.job import Bounds, Inspection
+            from isel_twin.jobs.checks.job import Inspection
+            from isel_twin.jobs.checks.rules import Bounds
 
             inspection = Inspection(made_on, Bounds(timeout_s=timeout))
         watchers = [show.result] if inspection is None else [show.result, inspection.take]
@@ -105,6 +110,8 @@ def run(
         if not made.whole:
             outputs.say(f"{job_name(job)}: {_why_it_ended(made, timeout)}")
         verdict, called = made.verdict, {"controller": twin.controller, "plant": twin.plant, "seed": twin.seed}
+        if source is not None:
+            show.source(source, made.results)
         show.verdict(verdict, called)
 
         def page(path: Path, recorder: Recorder) -> None:

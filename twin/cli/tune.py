@@ -14,7 +14,7 @@ from cyclopts import Parameter
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import options
 from isel_twin.cli.interruption import interruption
-from isel_twin.cli.jobs import clamped, job_name, read_job
+from isel_twin.cli.jobs import FormatName, clamped, job_name, read_source
 from isel_twin.cli.options import Whole
 from isel_twin.core.spec import MACHINE, TwinSpec
 
@@ -30,10 +30,18 @@ def tune(
     /,
     *,
     each_move: Annotated[bool, Parameter(help="Settings of its own for each move; equal lines share them.")] = False,
-    trials: Annotated[Whole, Parameter(help="Settings that are tried, those of earlier calls among them.")] = 60,
+    trials: Annotated[Whole, Parameter(help="Settings that are tried, those of earlier calls among them.")] = 25,
     margin: Annotated[float, Parameter(help="Least pull-out margin that the tuned job has to keep, 0 .. 1.")] = 0.2,
+    edge: Annotated[
+        float, Parameter(help="Least edge: speed from which on a motor swings over the speed at which it turns.")
+    ] = 1.0,
+    settle_mm: Annotated[
+        float | None, Parameter(help="A move takes until its carriages ring by no more than this, mm.")
+    ] = None,
     robust: Annotated[Whole, Parameter(help="Slightly different machines on which each setting is judged.")] = 5,
-    confirm: Annotated[Whole, Parameter(help="Further machines on which the tuned job has to hold.")] = 50,
+    confirm: Annotated[
+        Whole, Parameter(help="Further machines on which it must lose no step (149: at most 2 % do).")
+    ] = 149,
     speed: Annotated[str | None, Parameter(help="LOW:HIGH in Hz, of rapid ways; one number: fixed.")] = None,
     acceleration: Annotated[str | None, Parameter(help="LOW:HIGH in Hz/ms.")] = None,
     start_stop: Annotated[str | None, Parameter(help="LOW:HIGH in Hz.")] = None,
@@ -46,6 +54,7 @@ def tune(
     set: options.Overrides = (),
     scenario: options.ScenarioFile = None,
     flash: Annotated[Path | None, Parameter(help="The controller's flash memory; is only read.")] = None,
+    form: FormatName = None,
     timeout: options.Timeout = 3600.0,
     storage: Annotated[
         str | None, Parameter(help="Database of what has been tried: file, or URL as Optuna has it. JOB.tune.db")
@@ -63,9 +72,9 @@ def tune(
     """Find the fastest settings of a job that lose no step and keep a margin, also on slightly different machines.
 
     It varies the rapid speed, the acceleration and the start-stop frequency, for the whole job or, with --each-move,
-    for each of its moves. Each setting is judged on the machine as it is and on --robust others (power-on position,
-    supply 5 %, friction 20 %, masses and payload 10 %), the same for all; the first lost step ends it. The fastest that
-    keeps --margin there must keep it on --confirm others, too.
+    for each of its moves. Each setting is judged on the machine as it is and on --robust others as one can buy them,
+    the same for all; the first lost step ends it. The fastest that keeps --margin and --edge there must lose nothing on
+    --confirm others, too.
 
     It writes the job with its new lines, and the commands that store its ramps in the controller. Trials stay in
     --storage: after Ctrl-C the same command continues. The time counts from the first move; the reference run before it
@@ -75,10 +84,11 @@ def tune(
     """
     if options.is_standard_input(job):
         raise CallError("-: the tuned job stands beside the job; name a file")
-    _check_numbers(trials, robust, confirm, workers, batch, margin, seed, rapid)
+    _check_numbers(trials, robust, confirm, workers, batch, margin, edge, seed, rapid)
+    if settle_mm is not None and not 0.0 < settle_mm <= 10.0:
+        raise CallError(f"settle-mm {settle_mm:g}: must be a distance up to 10, such as 0.01", option=True)
     options.check_seconds("timeout", timeout, 0.0)
     ranges = _ranges({"speed": speed, "acceleration": acceleration, "start-stop": start_stop})
-    read_job(job, controller)  # reports errors with their line
     database = storage if storage is not None else str(job.with_name(f"{job.stem}.tune.db"))
     file = None if "://" in database else Path(database)
     out = out or job.with_name(f"{job.stem}.tuned{job.suffix}")
@@ -87,6 +97,7 @@ def tune(
     overrides = options.parse_overrides(set)
     call = clamped(TwinSpec(machine, controller, "mujoco", seed, scenario, None, overrides=overrides), job)
 
+    _, source = read_source(job, call, form)  # reports errors with their line
     from isel_twin.base.files import Claim
     from isel_twin.base.pictures import check_picture
     from isel_twin.cli.tune_output import Json, Table
@@ -102,8 +113,10 @@ def tune(
             check_picture(picture, "tune")
         image = flash.read_bytes() if flash is not None else None
         check(call, robust + confirm)
-        lines = decode_job(job.read_bytes())
+        lines = decode_job(job.read_bytes()) if source is None else source.text
         more: dict[str, Any] = {"each_move": each_move, "rapid_hz": rapid, "ranges": ranges, "repetitions": robust}
+        more["settle_mm"] = settle_mm
+        more["speed_share"] = (1.0 - margin) * edge  # at that edge the margin of speed is the one asked for
         problem = Problem(lines, call, timeout_s=timeout, flash=image, **more)
     with ExitStack() as stack:
         if file is not None:
@@ -116,19 +129,28 @@ def tune(
         show = Json() if json else stack.enter_context(Table(trials, confirm))
         crew = stack.enter_context(options.crew_of(workers))
         stack.enter_context(_failures())
+        written: list[Path] = []
         found = _tuned(job, begun, trials, confirm, crew, stopped, show)
         if picture is not None:
             _draw(picture, job, begun, found)
         if found is not None:
-            _write(job, found, out, permanent)
-    show.over(job, begun, found, bool(stopped), (out, permanent))
+            written = _write(job, found, out, permanent)
+    show.over(job, begun, found, bool(stopped), written)
     if stopped:
         return 128 + stopped[0]
     return 0 if found is not None else 1
 
 
 def _check_numbers(
-    trials: int, robust: int, confirm: int, workers: int, batch: int, margin: float, seed: int, rapid: int | None
+    trials: int,
+    robust: int,
+    confirm: int,
+    workers: int,
+    batch: int,
+    margin: float,
+    edge: float,
+    seed: int,
+    rapid: int | None,
 ) -> None:
     for name, value, low in (
         ("trials", trials, 1), ("robust", robust, 0), ("confirm", confirm, 1), ("workers", workers, 1),
@@ -138,6 +160,8 @@ def _check_numbers(
             raise CallError(f"{name} {value}: must be a whole number from {low}", option=True)
     if not 0.0 <= margin <= 1.0:
         raise CallError(f"margin {margin:g}: must be from 0 to 1", option=True)
+    if not 0.5 <= edge <= 3.0:
+        raise CallError(f"edge {edge:g}: must be from 0.5 to 3", option=True)
 
 
 def _ranges(texts: dict[str, str | None]) -> dict[str, tuple[int, int]]:
@@ -179,11 +203,11 @@ def _tuned(
 
 
 def _chosen(study: Study, confirm: int, crew: Crew, stopped: Sequence[int], show: Output) -> Tuned | None:
-    """The fastest setting of the front that holds; None if none does, or if stopped."""
+    """The fastest setting that holds; None if none does, or if stopped."""
     from isel_twin.many.tuning.result import confirm as confirmed
-    from isel_twin.many.tuning.result import front, tuned
+    from isel_twin.many.tuning.result import to_confirm, tuned
 
-    problem, least = study.problem, study.least
+    problem = study.problem
     hard: list[int] = []
     if problem.each_move and any(tried.judgement.good for tried in study.tried):
         show.puts_together()
@@ -192,12 +216,11 @@ def _chosen(study: Study, confirm: int, crew: Crew, stopped: Sequence[int], show
             return tuned(problem, *mended)
         if stopped:
             return None
-    for tried in front(study.tried):
-        if tried.judgement.margin < least:
-            continue
+    for tried in to_confirm(study.tried, study.least):
         show.confirms(tried)
         candidate = problem.candidate(tried.values)
-        held = confirmed(problem, candidate, confirm, least, crew, lambda: bool(stopped), show.confirmed, hard)
+        # many/12
+        held = confirmed(problem, candidate, confirm, 0.0, crew, lambda: bool(stopped), show.confirmed, hard)
         if held is None:
             return None
         if held.good:
@@ -221,12 +244,15 @@ def _draw(picture: Path, job: Path, study: Study, found: Tuned | None) -> None:
         atomic_write(picture, front.draw(kind, job_name(job), study.tried, drawn, study.least))
 
 
-def _write(job: Path, found: Tuned, out: Path, permanent: Path) -> None:
-    """Write the tuned job, and the job that stores its ramps in the controller."""
+def _write(job: Path, found: Tuned, out: Path, permanent: Path) -> list[Path]:
+    """Write the tuned job, and the job that stores its ramps in a controller that can. Returns what was written."""
     from isel_twin.base.files import atomic_write
 
     with call_errors(out):
         atomic_write(out, found.candidate.text.encode())
+    if not found.permanent:
+        return [out]
     about = f"# Makes the ramps found for {job.name} the controller's own, also after power-off."
     with call_errors(permanent):
         atomic_write(permanent, "\n".join((about, *found.permanent, "")).encode())
+    return [out, permanent]

@@ -147,6 +147,7 @@ class Table(Output):
 
 
 def _print_found(found: Tuned, study: Study, files: Sequence[Path]) -> None:
+    from isel_twin.jobs.robust import at_most
     from isel_twin.many.tuning.result import ALONE
 
     told, held = _summary(study, found), found.held
@@ -158,13 +159,16 @@ def _print_found(found: Tuned, study: Study, files: Sequence[Path]) -> None:
     print(f"tuned: {found.tried.judgement.time_s:.3f} s{''.join(saved)}")
     print(
         f"margin: {100.0 * held.margin:.1f} % or more on {many(held.made, 'machine')} that no trial has seen, "
-        f"{100.0 * held.nearly_all:.1f} % or more on {100 - ALONE} % of them; nothing lost"
+        f"{100.0 * held.nearly_all:.1f} % or more on {100 - ALONE} % of them; nothing lost: "
+        f"at most {100.0 * at_most(held.lost, held.made):.1f} % of such machines lose steps (95 %)"
     )
     print(f"written: {', '.join(map(str, files))}")
-    print(f"permanent in the controller by: {'  '.join(found.permanent)}")
+    if found.permanent:
+        print(f"permanent in the controller by: {'  '.join(found.permanent)}")
 
 
 def _summary(study: Study, found: Tuned | None) -> dict[str, Any]:
+    from isel_twin.jobs.robust import at_most
     from isel_twin.many.tuning.result import PUT_TOGETHER, as_json, front, gain
 
     as_it_stands, defaults = study.reference("as it stands"), study.reference("defaults")
@@ -184,7 +188,7 @@ def _summary(study: Study, found: Tuned | None) -> dict[str, Any]:
         told["permanent"] = list(found.permanent)
         told["confirmed"] = {
             "repetitions": held.made, "lost": held.lost, "margin": round(held.margin, 4),
-            "margin_of_95_percent": round(held.nearly_all, 4),
+            "margin_of_95_percent": round(held.nearly_all, 4), "at_most": round(at_most(held.lost, held.made), 4),
         }  # fmt: skip
         for key, before in (("saved", as_it_stands), ("saved_against_defaults", defaults)):
             told[key] = round(gain(time_s, before.time_s), 6) if before is not None and before.good else None

@@ -19,6 +19,7 @@ from isel_twin.core.margins import MarginReader, MarginReaders
 from isel_twin.core.observers import Observers
 from isel_twin.core.position import Position
 from isel_twin.core.sampling import Sampler, TwinSamples
+from isel_twin.motion import Stream
 from isel_twin.plant import PLACES, Clearance, Cut, Plant, Sampled
 from isel_twin.wiring import ScenarioError, ScenarioEvent, SerialLine, Wiring, check_input, event_now
 
@@ -35,6 +36,7 @@ class Operated:
     _position: Position
     _line: SerialLine
     _wiring: Wiring
+    _stream: Stream
     _observers: Observers[Any]
     _notes: list[Note]
     _sampler: Sampler | None
@@ -61,6 +63,10 @@ class Operated:
         """Reset the least margins, as before each line of a job."""
         self._note("operated", {"watch_margin": True})
         self._plant.watch_margin()
+
+    def forget_motions(self) -> None:
+        """Keep of `steps` the last motion only; `steps.made` counts on. A state saved then is small."""
+        self._stream.forget()
 
     @property
     def line_speed(self) -> bool:

@@ -46,7 +46,7 @@ class Life:
 class Told:
     """Passes calls on to a controller, and logs them."""
 
-    def __init__(self, controller: Controller, flash: bytes | None, *, rebuilt: bool = True) -> None:
+    def __init__(self, controller: Controller, flash: bytes | None, *, rebuilt: bool) -> None:
         """controller: new, with this flash image. rebuilt: its factory can build it again."""
         self.controller = controller
         self._drives = _Asked(self._note)

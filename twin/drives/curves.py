@@ -176,6 +176,7 @@ def starts_in_step(
 def resonance_hz(motor: Motor, stage: Stage, load_inertia_kgm2: float = 0.0) -> float:
     """Natural frequency of the rotor in the field of the stage at standstill: sqrt(Nr T / J) / 2 pi. Full steps near
     this rate, or a whole fraction of it, excite it."""
+    motor = motor.at_current(stage.vector_a)
     length = math.sqrt(2.0) if stage.microsteps == 1 else 1.0
     stiffness = motor.pole_pairs * length * motor.torque_constant_nm_per_a * stage.current_a
     return math.sqrt(stiffness / (motor.rotor_inertia_kgm2 + load_inertia_kgm2)) / (2.0 * math.pi)
@@ -183,6 +184,7 @@ def resonance_hz(motor: Motor, stage: Stage, load_inertia_kgm2: float = 0.0) -> 
 
 def pull_out_envelope(motor: Motor, stage: Stage, speed_rpm: float) -> float:
     """Upper bound of the pull-out torque in Nm (first closed form), 0 or more."""
+    motor = motor.at_current(stage.vector_a)
     omega = speed_rpm * 2.0 * math.pi / 60.0
     electrical = motor.pole_pairs * omega
     resistance = motor.resistance_ohm + stage.extra_resistance_ohm
@@ -196,6 +198,7 @@ def pull_out_envelope(motor: Motor, stage: Stage, speed_rpm: float) -> float:
 
 def pull_out_prediction(motor: Motor, stage: Stage, speed_rpm: float) -> float:
     """Predicted pull-out torque in Nm (second closed form), 0 or more."""
+    motor = motor.at_current(stage.vector_a)
     omega = speed_rpm * 2.0 * math.pi / 60.0
     electrical = motor.pole_pairs * omega
     impedance = complex(motor.resistance_ohm + stage.extra_resistance_ohm, electrical * motor.inductance_h)
@@ -229,8 +232,7 @@ def _fundamental(stage: Stage) -> float:
     """Amplitude of the first harmonic of the stepped current wave over the peak current: the vector, of mean length 1
     in microstep, (1 + sqrt 2)/2 in half step and sqrt 2 in full step, stands between steps: sin(x)/x, x half a step."""
     half_step = math.pi / (4.0 * stage.microsteps)
-    length = {1: math.sqrt(2.0), 2: 0.5 + math.sqrt(0.5)}.get(stage.microsteps, 1.0)
-    return length * math.sin(half_step) / half_step
+    return stage.vector * math.sin(half_step) / half_step
 
 
 def _in_step(

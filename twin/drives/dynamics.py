@@ -58,6 +58,7 @@ def axis_parameters(motor: Motor, stage: Stage, screw: Screw, dt_s: float) -> ND
 
     Raises ValueError if the sub-step is too long for the nut spring on this shaft.
     """
+    motor = motor.at_current(stage.vector_a)
     p = shaft_parameters(screw, motor.rotor_inertia_kgm2, dt_s)
     resistance = motor.resistance_ohm + stage.extra_resistance_ohm
     gain = -math.expm1(-resistance * dt_s / motor.inductance_h) / resistance
@@ -71,6 +72,7 @@ def axis_parameters(motor: Motor, stage: Stage, screw: Screw, dt_s: float) -> ND
     p["current_a"] = stage.current_a
     p["drive_v"] = stage.drive_v
     p["return_v"] = stage.supply_v
+    p["fast_share"] = stage.fast_share
     p["decay"] = math.exp(-resistance * dt_s / motor.inductance_h)
     p["gain_a_per_v"] = gain
     p["gain_v_per_a"] = 1.0 / gain
@@ -114,12 +116,14 @@ def _shape(p, s, phi):
 @njit(error_model="numpy")
 def _phase(p, current_a, wanted_a, emf_v):
     """Phase current after a sub-step: the wanted one, as far as the supply can drive it. Drops in the switches reduce
-    the voltage that drives a current, not the one against which it flows back (drives/1)."""
+    the voltage that drives a current, not the one against which it flows back (drives/1), which is a part of the supply
+    where the current is only too large, and not of the wrong sign (drives/14)."""
     voltage_v = (wanted_a - p.decay * current_a) * p.gain_v_per_a + emf_v
-    highest_v = p.drive_v if current_a >= 0.0 else p.return_v
+    return_v = p.return_v if current_a * wanted_a <= 0.0 else p.fast_share * p.return_v
+    highest_v = p.drive_v if current_a >= 0.0 else return_v
     if voltage_v > highest_v:
         return p.decay * current_a + p.gain_a_per_v * (highest_v - emf_v)
-    lowest_v = -p.drive_v if current_a <= 0.0 else -p.return_v
+    lowest_v = -p.drive_v if current_a <= 0.0 else -return_v
     if voltage_v < lowest_v:
         return p.decay * current_a + p.gain_a_per_v * (lowest_v - emf_v)
     return wanted_a

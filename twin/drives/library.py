@@ -8,11 +8,14 @@ or as its RMS value, with 41 % more torque.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from types import MappingProxyType
+from typing import Any
 
 from isel_twin.drives.motor import Motor, from_datasheet
+from isel_twin.drives.stage import Stage
 
 PEAK = "peak"  # the maker's curve fits only if the sheet's current is the peak
 RMS = "RMS"  # the sheet, or the chart of its drive, says so
@@ -41,8 +44,9 @@ def _sheet(
     pole_pairs: int = 50,
     grade: str = "datasheet",
     estimated: tuple[str, ...] = (),
+    back_emf_v_per_krpm: float = math.nan,
 ) -> Sheet:
-    """numbers: holding torque in N m, current in A, ohm, mH, g cm^2."""
+    """numbers: holding torque in N m, current in A, ohm, mH, g cm^2. back_emf_v_per_krpm: amplitude of a phase."""
     holding_nm, sheet_a, ohm, millihenry, g_cm2 = numbers
     given = {"rated_current_rms_a" if current == RMS else "rated_current_a": sheet_a}
     if detent_torque_nm is None:
@@ -55,11 +59,13 @@ def _sheet(
         inductance_h=millihenry * 1e-3,
         rotor_inertia_kgm2=g_cm2 * 1e-7,
         pole_pairs=pole_pairs,
+        back_emf_v_s_per_rad=back_emf_v_per_krpm * 1e-3 * 30.0 / math.pi,
         **given,
     )
     return Sheet(motor, frame, current, source, grade, estimated)
 
 
+_SANYO = "Sanyo Denki, catalogue of unipolar motors, both halves in series: R and back-EMF twice, L four times"
 _COLLECTION = "figures of the sheet as public collections have them"
 _COMPARED = "StepperOnline sheet; a maker's curve was compared"
 _INERTIA = ("rotor_inertia_kgm2",)
@@ -78,6 +84,8 @@ SHEETS: Mapping[str, Sheet] = MappingProxyType(
         "AS1010": _sheet(
             17, DIRECT, "Beckhoff, AS1000 in its information system", 0.38, 1.0, 4.10, 9.5, 56.0, detent_torque_nm=0.015
         ),
+        "103-546-5342": _sheet(17, DIRECT, _SANYO, 0.19, 0.42, 13.4, 21.6, 30.0, back_emf_v_per_krpm=36.0),
+        "103-547-52500": _sheet(17, DIRECT, _SANYO, 0.25, 0.7, 6.3, 12.0, 43.0, back_emf_v_per_krpm=28.0),
         "57HS56-2804": _sheet(
             23,
             UNMARKED,
@@ -145,3 +153,8 @@ SHEETS: Mapping[str, Sheet] = MappingProxyType(
 """By type name: that of the machines here, then the others, smallest first."""
 
 MOTORS: Mapping[str, Motor] = MappingProxyType({name: sheet.motor for name, sheet in SHEETS.items()})
+
+
+def figures(data: Motor | Stage | Sheet) -> dict[str, Any]:
+    """The fields for JSON; None for infinite."""
+    return asdict(data, dict_factory=lambda items: {k: None if v == math.inf else v for k, v in items})

@@ -9,6 +9,13 @@ Sheets do not say whether that current is the peak of the microstep wave or its 
 may then be set to I or to sqrt(2) I, with as much difference in torque. It is taken as the peak unless called RMS
 (drives/10).
 
+Some sheets also give the back-EMF, which is Km without current. Where the holding torque is less than goes with it, the
+iron saturates: with a current vector of length i
+
+    Km(i) = Km / sqrt(1 + (i / i_s)^2)        i = sqrt(2) I at rated current, from which i_s follows
+
+A stage holds the length of its vector, so the motor has one constant on one stage (`at_current`, drives/15).
+
 The magnets of a turning rotor drive eddy currents through the iron of the teeth, with phases open or on. Their path has
 a resistance and an inductance, like a short-circuited winding, so the drag has a knee:
 
@@ -46,6 +53,7 @@ log = logging.getLogger("isel_twin")
 IRON_LOSS = 1650.0  # iron-loss resistance over L^(2/3) R^(1/3), s^(-2/3) (fitted to two curves; decision drives/2)
 IRON_KNEE_RAD_S = 3600.0  # electrical angular frequency of the knee of the iron drag, rad/s (decision drives/2)
 RUNNING_SHARE = (0.8, 1.15)  # plausible torque at low speed over Km times the peak current
+READING = 1.03  # within which two figures of a sheet are the same (three sheets agree to 1.5 %)
 DETENT_PER_MOTOR_CONSTANT = 0.12  # detent torque over Km / sqrt(R), sqrt(W) (estimate, decision drives/3)
 
 
@@ -69,6 +77,9 @@ class Motor:
     # speed at which the iron drag is largest, math.inf for drag that grows without end; nan: by rule
     iron_knee_rad_s: float = number("rad/s", 1e-3, math.inf, key="iron_knee_rad_s", optional=True, default=math.nan)
 
+    # length of the current vector at which saturation has taken 29 % of Km; inf: none
+    saturation_current_a: float = number("A", 1e-3, math.inf, key="saturation_current", optional=True, default=math.inf)
+
     def __post_init__(self) -> None:
         check(self)
         if math.isnan(self.detent_torque_nm):
@@ -79,6 +90,19 @@ class Motor:
             object.__setattr__(self, "iron_loss_ohm", rule)
         if math.isnan(self.iron_knee_rad_s):
             object.__setattr__(self, "iron_knee_rad_s", IRON_KNEE_RAD_S / self.pole_pairs)
+
+    def at_current(self, vector_a: float) -> Motor:
+        """This motor as it is with a current vector of that length: its Km, without saturation. What the iron takes of
+        a turning rotor without current stays."""
+        if math.isinf(self.saturation_current_a):
+            return self
+        share = 1.0 / math.hypot(1.0, vector_a / self.saturation_current_a)
+        return replace(
+            self,
+            torque_constant_nm_per_a=share * self.torque_constant_nm_per_a,
+            iron_loss_ohm=share**2 * self.iron_loss_ohm,  # the drag is Km^2 / Rm
+            saturation_current_a=math.inf,
+        )
 
     @property
     def full_steps_per_rev(self) -> int:
@@ -141,6 +165,7 @@ def from_datasheet(
     *,
     rated_current_rms_a: float = math.nan,
     running_torque_nm: float = math.nan,
+    back_emf_v_s_per_rad: float = math.nan,
 ) -> Motor:
     """A motor from data-sheet figures; the holding torque is with both phases at the printed current.
 
@@ -148,6 +173,8 @@ def from_datasheet(
     rated_current_rms_a  taken for its RMS value: the peak, `Motor.rated_current_a`, is 41 % more, and so is the torque
     running_torque_nm    where the sheet's torque curve in microstep begins, if it has one; about Km times the peak. The
     log warns if it does not fit, and tells whether it fits the other meaning of the current
+    back_emf_v_s_per_rad the amplitude of a phase over the speed, if the sheet has it: Km, and saturation where the
+    holding torque is less than that
 
     Raises ValueError for no current or for both, and for what `Motor` refuses.
     """
@@ -155,16 +182,28 @@ def from_datasheet(
     if len(given) != 1:
         raise ValueError("motor: give either rated_current_a (peak) or rated_current_rms_a")
     rms = math.isnan(rated_current_a)
+    vector_a = math.sqrt(2.0) * given[0]
+    held = holding_torque_nm / vector_a
+    if back_emf_v_s_per_rad * READING < held:
+        raise ValueError(
+            f"motor: a holding torque of {holding_torque_nm:g} Nm at {given[0]:g} A needs a back-EMF of {held:.3g} "
+            f"V s/rad, not {back_emf_v_s_per_rad:g}: is that the amplitude of one phase, with the same windings?"
+        )
+    saturates = back_emf_v_s_per_rad > held * READING
     motor = Motor(
         resistance_ohm=resistance_ohm,
         inductance_h=inductance_h,
-        torque_constant_nm_per_a=holding_torque_nm / (math.sqrt(2.0) * given[0]),
+        torque_constant_nm_per_a=held if math.isnan(back_emf_v_s_per_rad) else back_emf_v_s_per_rad,
+        saturation_current_a=(
+            vector_a / math.sqrt((back_emf_v_s_per_rad / held) ** 2 - 1.0) if saturates else math.inf
+        ),
         rotor_inertia_kgm2=rotor_inertia_kgm2,
         detent_torque_nm=detent_torque_nm,
         pole_pairs=pole_pairs,
         rated_current_a=math.sqrt(2.0) * given[0] if rms else given[0],
     )
-    share = running_torque_nm / (motor.torque_constant_nm_per_a * motor.rated_current_a)
+    km = motor.at_current(motor.rated_current_a).torque_constant_nm_per_a
+    share = running_torque_nm / (km * motor.rated_current_a)
     if share > RUNNING_SHARE[1] or share < RUNNING_SHARE[0]:
         reading, other = ("RMS", "peak") if rms else ("peak", "RMS")
         fits = RUNNING_SHARE[0] <= share * (math.sqrt(2.0) if rms else math.sqrt(0.5)) <= RUNNING_SHARE[1]
@@ -173,6 +212,6 @@ def from_datasheet(
             "motor: a running torque of %.3g Nm with a holding torque of %.3g Nm does not fit %.3g A as %s "
             "(%.3g Nm at most); %s (41 %% between them)",
             running_torque_nm, holding_torque_nm, given[0], reading,
-            motor.torque_constant_nm_per_a * motor.rated_current_a, remedy,
+            km * motor.rated_current_a, remedy,
         )  # fmt: skip
     return motor

@@ -42,6 +42,7 @@ AXIS_PARAMETERS = np.dtype(
         ("current_a", "f8"),  # peak phase current at current fraction 1
         ("drive_v", "f8"),  # largest voltage that drives a current
         ("return_v", "f8"),  # largest voltage against which a current flows back into the supply
+        ("fast_share", "f8"),  # part of it against which a current falls that is too large, not of the wrong sign
         ("decay", "f8"),  # E = exp(-R dt / L)
         ("gain_a_per_v", "f8"),  # A = (1 - E) / R
         ("gain_v_per_a", "f8"),  # 1 / A

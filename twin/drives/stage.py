@@ -9,6 +9,15 @@ so the torque at standstill is Km I in microstep, alternately Km I and sqrt(2) K
 full step. The supply limits it: supply_factor * supply_v drives a rising current, and a falling one flows back against
 supply_v.
 
+How a current falls that is too large for the wanted one decides at which speed a motor swings itself out of step
+(`kind`, drives/14). As soon as the wanted current has the other sign, the whole supply drives the current there.
+
+    kind       voltage against a falling current
+    slow       none: the winding is short-circuited
+    mixed      the supply for `mixed_decay` of the time, then short-circuited
+    fast       the supply
+    digital    the supply; and electronic damping, as digital microstep drives have against mid-band instability
+
 Two errors that repeat every electrical period, four full steps, and do not add up (drives/11; a full step is pi/2):
 
     step accuracy e     the vector is turned by  e pi/2 sin(phi - phi_0)        phi_0: phi at counter 0
@@ -17,11 +26,15 @@ Two errors that repeat every electrical period, four full steps, and do not add 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from isel_twin.base.parameters import check, number
+from isel_twin.base.parameters import check, number, word
 from isel_twin.drives.servo_drive import ServoDrive
+
+KINDS = ("slow", "mixed", "fast", "digital")
+DIGITAL_GAIN = 2.0  # electronic damping of a digital drive (drives/9)
 
 
 @dataclass(frozen=True)
@@ -50,8 +63,13 @@ class Stage:
     ambient_c: float = number("C", -50.0, 150.0, key="ambient", optional=True, default=25.0)
     # where the over-temperature contact opens (estimate)
     thermal_limit_c: float = number("C", -50.0, 300.0, key="thermal_limit", optional=True, default=85.0)
-    # electronic damping: advance of the current vector over the swing of the load angle; 0: none. Microstep only.
-    damping_gain: float = number("1", 0.0, 5.0, key="damping_gain", optional=True, default=0.0)
+    # how a current falls
+    kind: str = word(*KINDS, default="fast")
+    # of kind mixed: part of the time in which a falling current flows against the supply (driver ICs: 0.1 to 0.6)
+    mixed_decay: float = number("1", 0.0, 1.0, key="mixed_decay", optional=True, default=0.3)
+    # electronic damping: advance of the current vector over the swing of the load angle; 0: none; nan: by kind.
+    # Microstep only.
+    damping_gain: float = number("1", 0.0, 5.0, key="damping_gain", optional=True, default=math.nan)
     # corner of the low pass that separates the mean load angle from its swing
     damping_corner_hz: float = number("Hz", 10.0, 2000.0, key="damping_corner", optional=True, default=300.0)
     # largest error of the angle at which motor and stage hold, over a full step
@@ -61,6 +79,13 @@ class Stage:
 
     def __post_init__(self) -> None:
         check(self)
+        if math.isnan(self.damping_gain):
+            object.__setattr__(self, "damping_gain", DIGITAL_GAIN if self.kind == "digital" else 0.0)
+
+    @property
+    def fast_share(self) -> float:
+        """Part of the supply against which a current falls that is too large."""
+        return {"slow": 0.0, "mixed": self.mixed_decay}.get(self.kind, 1.0)
 
     @property
     def drive_v(self) -> float:
@@ -70,6 +95,20 @@ class Stage:
     def loss_w(self, current_fraction: float) -> float:
         """Heat it makes while switched on, at a fraction of its current; both phases together."""
         return self.quiescent_w + self.extra_resistance_ohm * (self.current_a * current_fraction) ** 2
+
+    @property
+    def vector(self) -> float:
+        """Mean length of the current vector over the peak current: more than 1 in half and full step."""
+        return {1: math.sqrt(2.0), 2: 0.5 + math.sqrt(0.5)}.get(self.microsteps, 1.0)
+
+    @property
+    def vector_a(self) -> float:
+        return self.vector * self.current_a
+
+    @property
+    def current_rms_a(self) -> float:
+        """RMS value of the phase current of a sine."""
+        return self.current_a / math.sqrt(2.0)
 
     @property
     def stepped(self) -> bool:

@@ -1,6 +1,7 @@
 """How far a job is from losing steps: it is made again with ever more of what brings motors out of step.
 
-    speed        all speeds of its straight moves, of controllers whose language retimes jobs
+    speed        all speeds of its straight moves, of controllers whose language retimes jobs; of a servo axis the edge
+                 at which its drive switches itself off
     supply       voltage of the stage of one axis, downwards
     inductance   of the motor of one axis
     load         friction of guide and screw of one axis
@@ -23,6 +24,7 @@ from typing import Any
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.base.crew import Crew, Stop, in_order
 from isel_twin.base.errors import CallError
+from isel_twin.base.quiet import quietly
 from isel_twin.controller import offers
 from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs.job import Line, parse_job
@@ -39,11 +41,12 @@ _LOAD_KEYS = ("guide_friction", "shaft_coulomb", "shaft_viscous")
 
 @dataclass(frozen=True)
 class Edge:
-    """The least factor on a quantity at which an axis loses steps."""
+    """The least factor on a quantity at which an axis loses steps, or its servo drive switches itself off."""
 
     quantity: str
     axis: str
     factor: float | None  # None: not up to FARTHEST
+    closed_loop: bool = False
 
 
 @dataclass(frozen=True)
@@ -69,7 +72,7 @@ def edges(
     stop: Stop | None = None,
 ) -> Iterator[Edge]:
     """The edges of a job, whose verdict is well, for the axes that have moved; in a fixed order, with any crew. Those
-    of servo axes and of what the controller's language cannot change are left out."""
+    of what the controller's language cannot change are left out, and of servo axes all but that of speed."""
     moved = [name for name, edge in zip(AXIS_NAMES, verdict.edge, strict=False) if edge and name in CARRIAGES]
     searches = [_Search(quantity, axis) for axis in moved for quantity in ("supply", "inductance", "load")]
     if offers(create_language(call.controller), RetimesJobs):
@@ -99,7 +102,8 @@ def _found(
         spec, changed = _changed(call, lines, search, factor)
         lost: set[str] = set()
         for seed in range(call.seed, call.seed + seeds):
-            verdict = played(spec.with_(seed=seed, flash=flash).build(), changed, timeout_s=timeout_s).verdict
+            with quietly():
+                verdict = played(spec.with_(seed=seed, flash=flash).build(), changed, timeout_s=timeout_s).verdict
             lost |= {name for name, gone in zip(AXIS_NAMES, _out_of_step(verdict), strict=False) if gone}
         return tuple(sorted(lost))
 
@@ -107,7 +111,9 @@ def _found(
     told = None if factor is None else round(factor, 4)
     if search.axis:
         return (Edge(search.quantity, search.axis, told),)
-    return tuple(Edge(search.quantity, axis, told) for axis in (() if factor is None else losers(factor, SEEDS)))
+    servos = {axis.name for axis in call.fitted().axes if axis.closed_loop}
+    found = () if factor is None else losers(factor, SEEDS)
+    return tuple(Edge(search.quantity, axis, told, axis in servos) for axis in found)
 
 
 def _least(quick: Callable[[float], bool], sure: Callable[[float], bool], farthest: float) -> float | None:
@@ -126,7 +132,8 @@ def _least(quick: Callable[[float], bool], sure: Callable[[float], bool], farthe
 
 
 def _out_of_step(verdict: Verdict) -> list[bool]:
-    return [lost or halfway for lost, halfway in zip(verdict.lost, verdict.halfway, strict=False)]
+    """Axes that have lost steps, or whose servo drive has switched itself off."""
+    return [any(each) for each in zip(verdict.lost, verdict.halfway, verdict.switched_off, strict=False)]
 
 
 def _changed(call: TwinSpec, lines: Sequence[Line], search: _Search, factor: float) -> tuple[TwinSpec, Sequence[Line]]:
@@ -153,6 +160,9 @@ def _faster(controller: str, lines: Sequence[Line], factor: float) -> Sequence[L
     """The job with all speeds of its straight moves times a factor."""
     language = create_language(controller)
     assert offers(language, RetimesJobs)
+    if lines[-1].program:
+        text = "\n".join(language.faster(lines[-1].source.splitlines(), factor))
+        return parse_job(text, create_language(controller), controller)
     texts = language.faster([line.command for line in lines], factor)
     return [
         line if text == line.command else _retold(line, text, controller)

@@ -325,7 +325,7 @@ def _measured(twin: Twin, name: str, axis: str, last: Result | None) -> float | 
     if name == "clock":
         return twin.time_ns / SECOND_NS
     if name == "steps":
-        return float(len(twin.steps))
+        return float(twin.steps.made)
     if name == "fault":
         return float(twin.fault)
     if name == "lag":

@@ -89,14 +89,15 @@ class Scribe:
 
     def __init__(self, twin: Twin) -> None:
         self._twin = twin
-        self._ticks = len(twin.steps)
-        self._moves: list[Move] = []
+        self._ticks = twin.steps.made
+        self.moves: list[Move] = []
         self.way: NDArray[np.int64] = np.zeros(1, dtype=np.int64)  # int64 [axes], sum of the ticks of the last line
 
     def take(self, result: Result) -> None:
         """Take a line that has just ended; conditions are left to the verdict."""
-        t_ns, delta = _since(self._twin.steps, self._ticks)
-        self._ticks = len(self._twin.steps)
+        steps = self._twin.steps
+        t_ns, delta = _since(steps, self._ticks)
+        self._ticks = steps.made
         self.way = delta.sum(axis=0, dtype=np.int64)
         if result.condition:
             return
@@ -105,7 +106,7 @@ class Scribe:
         size = max(WINDOW_TICKS, -(-len(t_ns) // WINDOWS))
         cuts = [slice(first, first + size) for first in range(0, len(t_ns), size)]
         axes = range(delta.shape[1]) if len(t_ns) else ()
-        self._moves.append(
+        self.moves.append(
             Move(
                 line=result.number,
                 sent=result.command,
@@ -120,6 +121,11 @@ class Scribe:
             )
         )
 
+    def back(self, number: int, lines: Mapping[int, int]) -> None:
+        """Go on after so many moves, with the twin as it was then. lines: numbers of their lines now."""
+        self._ticks = self._twin.steps.made
+        self.moves[:] = [replace(move, line=lines[move.line]) for move in self.moves[:number]]
+
     def golden(self, verdict: Verdict) -> Golden:
         """The run of the whole job, at its end; without its call."""
         end = {
@@ -131,11 +137,11 @@ class Scribe:
         }
         if verdict.collisions:
             end["collisions"] = [collision.who for collision in verdict.collisions]
-        return Golden({}, tuple(self._moves), end)
+        return Golden({}, tuple(self.moves), end)
 
 
 def _since(steps: Steps, ticks: int) -> tuple[NDArray[np.int64], NDArray[Any]]:
-    parts, left = [], len(steps) - ticks
+    parts, left = [], steps.made - ticks
     for motion in reversed(steps.motions):
         if left <= 0:
             break

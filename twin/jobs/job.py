@@ -22,7 +22,7 @@ from __future__ import annotations
 import codecs
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import takewhile
 from typing import TYPE_CHECKING, Any
@@ -34,19 +34,9 @@ from isel_twin.controller import offers
 from isel_twin.core.snapshot import snapshot
 from isel_twin.jobs import expect
 from isel_twin.jobs.expect import Condition, Expected, ExpectError
-from isel_twin.jobs.foreign import kind_of, remedy
 from isel_twin.jobs.result import Part, Result
 from isel_twin.jobs.why import RESTARTED, happened, meaning, waits
-from isel_twin.language import (
-    Language,
-    LanguageError,
-    RunsPrograms,
-    encoded,
-    needed,
-    program_controllers,
-    programs_for,
-    readable,
-)
+from isel_twin.language import Language, LanguageError, RunsPrograms, encoded, needed, programs_for, readable
 
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
@@ -87,6 +77,8 @@ class Line:
     begin: int = 0  # index at which the parsed condition begins
     # in place of actions, if it loads or runs a program: the bytes to send (RunsPrograms)
     program: Iterable[bytes] = ()
+    # of a program that was made of a CAM program's file: the line there of each of its lines
+    places: tuple[int, ...] = ()
 
     @property
     def sent(self) -> bytes:
@@ -139,15 +131,12 @@ def parse_job(text: str, language: Language | None, controller: str) -> list[Lin
 
 
 def check_controller(text: str, language: Language | None, controller: str) -> None:
-    """Raise JobError for a text that can only be a program of another controller than this one (jobs/3), or a file of a
-    CAM program."""
+    """Raise JobError for a text that can only be a program of another controller than this one (jobs/3)."""
     if not offers(language, RunsPrograms) and (others := programs_for(text)):
         raise JobError(
             f"is a program for {' or '.join(others)}, which {controller} cannot run; name the controller, {others[0]}, "
             "and a machine for it. A job begins with a command or a remark (# ...)"
         )
-    if not offers(language, RunsPrograms) and (kind := kind_of(text)):
-        raise JobError(remedy(kind, controller, program_controllers()))
 
 
 def expect_error(error: ExpectError, number: int, source: str, begin: int = 0) -> JobError:
@@ -210,34 +199,49 @@ def _actions(command: str, language: Language | None, controller: str) -> Iterat
 MOST_EDGE = 100.0  # beyond, an axis is as good as at rest
 
 
-def play(twin: Twin, lines: Sequence[Line], timeout_s: float, stop: Stop | None = None) -> Iterator[Result]:
+def play(
+    twin: Twin, lines: Sequence[Line], timeout_s: float, stop: Stop | None = None, last: Result | None = None
+) -> Iterator[Result]:
     """Send the lines, each when the one before is over.
 
     timeout_s: virtual seconds after which a line without complete reply counts as refused and ends the job. stop:
-    called whenever something has happened; True ends the job in the same way.
+    called whenever something has happened; True ends the job in the same way. last: of the commands played before,
+    for a condition that comes first.
     """
-    language = twin.language
-    last: Result | None = None
-    restarts = twin.restarts
     for line in lines:
         if stop is not None and stop():
             return
         if line.condition is not None:
-            yield _look(twin, line, line.condition, last)
+            yield look(twin, line, line.condition, last)
             continue
-        time_ns, lost = twin.time_ns, twin.bytes_lost
+        sent = Sent(twin, line)
+        complete = _converse(twin, line, timeout_s, stop)
+        last = sent.result(complete, twin.read(), timeout_s)
+        yield last
+        if ends_job(line, last):
+            return
+
+
+class Sent:
+    """A line that is about to be sent, and what its result is compared with."""
+
+    def __init__(self, twin: Twin, line: Line) -> None:
+        self.twin, self.line = twin, line
+        self.time_ns, self._lost, self._restarts = twin.time_ns, twin.bytes_lost, twin.restarts
         twin.watch_margin()
         twin.steps_made.clear()
-        said = twin.remarks[-1] if twin.remarks else None
-        complete = _converse(twin, line, timeout_s, stop)
-        new, restarts = twin.restarts - restarts, twin.restarts
-        reply = twin.read()
+        self._said = twin.remarks[-1] if twin.remarks else None
+
+    def result(self, complete: bool, reply: bytes, timeout_s: float) -> Result:
+        """The outcome. complete: the line is over, and did not take timeout_s."""
+        twin, line, language = self.twin, self.line, self.twin.language
+        new = twin.restarts - self._restarts
         seen = snapshot(twin)
         text = None if language is None else language.text(reply)
-        took_ns = twin.time_ns - time_ns
+        took_ns = twin.time_ns - self.time_ns
         why = "" if line.expected is None else line.expected.why_not(reply, complete, took_ns, text)
         accepted = language is None or bool(line.program) or language.accepted(line.sent, reply)
-        parts = _parts(twin, line, said) if line.program else ()
+        parts = _parts(twin, line, self._said) if line.program else ()
         if line.program and twin.fault:
             accepted = False
             why = next((part.text for part in reversed(parts) if not part.position_mm), "the controller shows an error")
@@ -249,15 +253,15 @@ def play(twin: Twin, lines: Sequence[Line], timeout_s: float, stop: Stop | None 
             why = meaning(twin, line.sent, reply)
         if new and line.expected is None:
             accepted, why = False, RESTARTED
-        elif line.expected is None and twin.bytes_lost > lost:
-            accepted, why = False, f"bytes lost on the line: {twin.bytes_lost - lost}"
+        elif line.expected is None and twin.bytes_lost > self._lost:
+            accepted, why = False, f"bytes lost on the line: {twin.bytes_lost - self._lost}"
         wrong = line.expected is None and not (accepted and complete)
-        last = Result(
+        return Result(
             number=line.number,
             command=line.command,
             reply=readable(reply) if text is None else text,
             ok=complete and (accepted if line.expected is None else not why),
-            time_ns=time_ns,
+            time_ns=self.time_ns,
             end_ns=seen.time_ns,
             counts=tuple(seen.counts.tolist()),
             position_mm=tuple(seen.position_mm.tolist()),
@@ -266,13 +270,15 @@ def play(twin: Twin, lines: Sequence[Line], timeout_s: float, stop: Stop | None 
             complete=complete,
             expected=None if line.expected is None else line.expected.text,
             why=why,
-            event=happened(twin, time_ns) if wrong or new else "",
+            event=happened(twin, self.time_ns) if wrong or new else "",
             restarts=new,
             parts=parts,
         )
-        yield last
-        if not complete or (line.program and not last.ok):  # a program that was not loaded cannot be started
-            return
+
+
+def ends_job(line: Line, result: Result) -> bool:
+    """True if no later line is sent: this one is not over, or its program was not loaded and cannot be started."""
+    return not result.complete or (bool(line.program) and not result.ok)
 
 
 def _parts(twin: Twin, line: Line, before: tuple[int, str] | None) -> tuple[Part, ...]:
@@ -287,7 +293,10 @@ def _parts(twin: Twin, line: Line, before: tuple[int, str] | None) -> tuple[Part
     places: Mapping[str, int] = language.lines(line.source, names) if offers(language, RunsPrograms) and names else {}
 
     def at(name: str, column: int) -> tuple[int, int] | None:
-        return (places[name], column) if name in places else None
+        if name not in places:
+            return None
+        own = places[name]
+        return (line.places[own - 1], 1) if line.places else (own, column)
 
     parts = [
         Part(
@@ -309,20 +318,7 @@ def _parts(twin: Twin, line: Line, before: tuple[int, str] | None) -> tuple[Part
     return tuple(sorted(parts + said, key=lambda part: part.time_ns))
 
 
-def _feed(twin: Twin, pieces: Iterable[bytes], timeout_s: float, stop: Stop | None) -> bool:
-    """Send pieces, each when the controller has taken the one before; return whether it took all."""
-    for piece in pieces:
-        twin.write(piece)
-        if not twin.commands_due:
-            continue
-        until_ns = twin.time_ns + round(timeout_s * SECOND_NS)
-        twin.run_until(until_ns, lambda: not twin.commands_due or _stands(twin) or (stop is not None and stop()))
-        if twin.commands_due:
-            return False
-    return True
-
-
-def _look(twin: Twin, line: Line, condition: Condition, last: Result | None) -> Result:
+def look(twin: Twin, line: Line, condition: Condition, last: Result | None) -> Result:
     found = condition.look(twin, last)
     seen = snapshot(twin)
     quantity, _, axis = condition.name.partition(".")
@@ -358,28 +354,54 @@ def _unpowered_known(twin: Twin, quantity: str) -> int | None:
     return int(twin.unpowered_steps.sum()) if told else None
 
 
+@dataclass(frozen=True)
+class Wait:
+    """Something that has to become true before a line goes on. until: when there is no more to wait for, true or not;
+    for_ns: how long it may take, in place of the time that any line may."""
+
+    so: Callable[[], bool]
+    until: Callable[[], bool]
+    for_ns: int | None = None
+
+
+def conversation(twin: Twin, line: Line) -> Iterator[bytes | int | Wait]:
+    """What is to be done for a line, each when the one before is over: bytes to send, nanoseconds to let pass, waits.
+    If one of these ends in vain, the line is not over, and no more is done for it."""
+    end_ns = None
+    if line.expected is not None and line.expected.wait_ns is not None:
+        end_ns = twin.time_ns + line.expected.wait_ns
+    yield from line.actions
+    for piece in line.program:
+        yield piece
+        if twin.commands_due:
+            yield Wait(lambda: not twin.commands_due, lambda: not twin.commands_due or _stands(twin))
+    if end_ns is not None:
+        yield Wait(lambda: twin.time_ns >= end_ns, lambda: False, end_ns - twin.time_ns)
+    elif line.program:
+        yield Wait(lambda: twin.idle and _over(twin), lambda: twin.idle and (_over(twin) or _stands(twin)))
+    else:
+        yield Wait(lambda: twin.idle, lambda: twin.idle)
+
+
 def _converse(twin: Twin, line: Line, timeout_s: float, stop: Stop | None) -> bool:
     """Send a line and wait until it is over; return whether it is."""
-    start_ns = twin.time_ns
-    for action in line.actions:
-        if isinstance(action, bytes):
-            twin.write(action)
-        else:
-            twin.run_until(twin.time_ns + action, stop)
-            if stop is not None and stop():
+
+    def stopped() -> bool:
+        return stop is not None and stop()
+
+    for step in conversation(twin, line):
+        if isinstance(step, bytes):
+            twin.write(step)
+        elif isinstance(step, int):
+            twin.run_until(twin.time_ns + step, stop)
+            if stopped():
                 return False
-    if not _feed(twin, line.program, timeout_s, stop):
-        return False
-    if line.expected is not None and line.expected.wait_ns is not None:
-        until_ns = start_ns + line.expected.wait_ns
-        twin.run_until(until_ns, stop)
-        return twin.time_ns >= until_ns
-    until_ns = twin.time_ns + round(timeout_s * SECOND_NS)
-    if not line.program:
-        twin.run_until(until_ns, lambda: twin.idle or (stop is not None and stop()))
-        return twin.idle
-    twin.run_until(until_ns, lambda: (twin.idle and (_over(twin) or _stands(twin))) or (stop is not None and stop()))
-    return twin.idle and _over(twin)
+        else:
+            most_ns = round(timeout_s * SECOND_NS) if step.for_ns is None else step.for_ns
+            twin.run_until(twin.time_ns + most_ns, lambda: step.until() or stopped())  # noqa: B023
+            if not step.so():
+                return False
+    return True
 
 
 def _over(twin: Twin) -> bool:

@@ -33,8 +33,10 @@ def oddities(results: Sequence[Result], language: Language | None) -> Iterator[t
 def _of_moves(results: Sequence[Result], language: RetimesJobs) -> Iterator[tuple[int, str]]:
     commands = [result for result in results if not result.condition]
     fastest_hz = language.ranges["speed_hz"][1]
-    for move in language.job_moves([result.command for result in commands]):
-        if move.line == 0:
+    moves = language.job_moves([result.command for result in commands])
+    stored = {move.line for move in moves if commands[move.line].end_ns == commands[move.line].time_ns}
+    for move in moves:
+        if move.line == 0 or stored:  # an interface that carries out several moves at once: none of them has a time
             continue
         before, result = commands[move.line - 1], commands[move.line]
         took_s = (result.end_ns - result.time_ns) / SECOND_NS

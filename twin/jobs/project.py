@@ -1,13 +1,14 @@
-"""The settings file of a project, isel-twin.toml: where it is, and what it has clamped on the table. What it asks of a
-job stands in checks/settings.py."""
+"""The settings file of a project, isel-twin.toml: where it is, what it has clamped on the table, and how files of CAM
+programs are made ([cam]). What it asks of a job stands in checks/settings.py."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from isel_twin.base.parameters import FileError
+from isel_twin.base.parameters import FileError, Place, table
 from isel_twin.base.toml_lines import read_lines
-from isel_twin.machine import Fixture, read_fixtures
+from isel_twin.cam.settings import CamSettings, read_cam
+from isel_twin.machine import Fixture, Machine, read_fixtures
 
 FILE = "isel-twin.toml"
 
@@ -26,3 +27,14 @@ def fixtures(path: Path) -> tuple[Fixture, ...]:
     """What is clamped on the table for jobs below a settings file: its [[fixture]] tables. Raises as `load`."""
     content, place = read_lines(path, SettingsError)
     return read_fixtures(content.get("fixture", []), place.at("fixture"), path.resolve().parent)
+
+
+def cam(path: Path | None, machine: Machine) -> CamSettings:
+    """The [cam] table of a machine's folder, with that of a settings file laid over it. Raises as `load`."""
+    own = dict(machine.tree.get("cam", {}))
+    place = Place(machine.file, SettingsError).at("cam")
+    if path is not None:
+        content, place = read_lines(path, SettingsError)
+        place = place.at("cam")
+        own |= table(content.get("cam", {}), place)
+    return read_cam(own, place)

@@ -35,6 +35,7 @@ import numpy as np
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.crew import Crew, Stop, in_order
 from isel_twin.base.errors import CallError, call_errors
+from isel_twin.base.quiet import quietly
 from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs.playing import played
 from isel_twin.jobs.verdict import Verdict
@@ -213,4 +214,5 @@ def _repetition(
 ) -> Repetition:
     """Depends only on its arguments, so that it can run in another process."""
     twin, seed, factors = perturbed_twin(call, number, flash)
-    return Repetition(number, seed, factors, played(twin, lines, timeout_s=timeout_s).verdict)
+    with quietly():
+        return Repetition(number, seed, factors, played(twin, lines, timeout_s=timeout_s).verdict)

@@ -1,24 +1,31 @@
 """What the bytes of a controller mean: the second border of a controller, for people and tools.
 
 language.py   what a language is
-roles.py      optional abilities: settings for jobs, programs as jobs, PLC programs
+roles.py      optional abilities: settings for jobs, programs as jobs, PLC programs, toolpaths as jobs
 registry.py   which ones are installed, by entry points
 text.py       helpers for languages whose bytes are text
 """
 
 from __future__ import annotations
 
-from isel_twin.language.language import SETTINGS_RANGES, Language, LanguageError, Message, MoveSettings, Ranges
+from isel_twin.language.language import (
+    SETTINGS_RANGES,
+    Language,
+    LanguageError,
+    Message,
+    MoveSettings,
+    Ranges,
+    check_ranges,
+)
 from isel_twin.language.registry import (
     LanguageFactory,
     create_language,
     language_factory,
     language_names,
     needed,
-    program_controllers,
     programs_for,
 )
-from isel_twin.language.roles import JobMove, LoadsPlc, RetimesJobs, RunsPrograms
+from isel_twin.language.roles import JobMove, LoadsPlc, RetimesJobs, RunsPrograms, WritesToolpaths
 from isel_twin.language.text import Pieces, encoded, integers, readable
 
 __all__ = [
@@ -34,13 +41,14 @@ __all__ = [
     "Ranges",
     "RetimesJobs",
     "RunsPrograms",
+    "WritesToolpaths",
+    "check_ranges",
     "create_language",
     "encoded",
     "integers",
     "language_factory",
     "language_names",
     "needed",
-    "program_controllers",
     "programs_for",
     "readable",
 ]

@@ -21,11 +21,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-Ranges = Mapping[str, tuple[int, int]]  # lowest and highest value of each of the `MoveSettings`, by name
+# lowest and highest of each of the `MoveSettings` that a controller has, by name: some have no start-stop frequency
+Ranges = Mapping[str, tuple[int, int]]
 
 # widest ranges of `MoveSettings` over all controllers; `Language.ranges`: those of one controller
 SETTINGS_RANGES: Ranges = {
-    "speed_hz": (30, 40_000),
+    "speed_hz": (30, 200_000),
     "acceleration_hz_per_ms": (1, 4000),
     "start_stop_hz": (20, 4000),
 }
@@ -53,6 +54,13 @@ class MoveSettings:
             if not low <= value <= high:
                 raise ValueError(f"{name} is {given!r}; it must be a whole number from {low} to {high}")
             object.__setattr__(self, name, value)
+
+
+def check_ranges(settings: MoveSettings, ranges: Ranges) -> None:
+    """Raise LanguageError for settings that a controller of these ranges cannot be told."""
+    for name, (low, high) in ranges.items():
+        if not low <= getattr(settings, name) <= high:
+            raise LanguageError(f"{name} is {getattr(settings, name)}; the controller takes {low} to {high}")
 
 
 @dataclass(frozen=True)

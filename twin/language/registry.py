@@ -47,11 +47,6 @@ def language_factory(controller: str) -> Callable[[], Language | None]:
     return NoneType  # NoneType() is None
 
 
-def program_controllers() -> list[str]:
-    """Names of the installed controllers that run programs, sorted."""
-    return sorted(entry.name for entry in installed(_PROGRAMS))
-
-
 def programs_for(text: str) -> list[str]:
     """Names of the installed controllers whose language claims this text (`RunsPrograms.claims`), sorted. Only
     languages also installed as `isel_twin.programs` are loaded, so that a job loads only its own controller. One that

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from isel_twin.cam.settings import CamSettings
+from isel_twin.cam.toolpath import Toolpath
+from isel_twin.cam.written import MachineAxes, Written
 from isel_twin.language.language import Language, MoveSettings
 
 
@@ -22,12 +25,13 @@ class JobMove:
 
 class RetimesJobs(Language, Protocol):
     """A language that can change the settings in a job. Lines are those of a job file, as `Language.frame` takes them,
-    without comments and expected replies, with <...> as in the file. A line that it does not understand stays (many/7).
+    without comments and expected replies, with <...> as in the file; of a program (`RunsPrograms`) the lines of its
+    text. A line that it does not understand stays (many/7).
     """
 
     @property
     def defaults(self) -> Mapping[str, int]:
-        """`acceleration_hz_per_ms` and `start_stop_hz` of a controller as it was delivered."""
+        """`acceleration_hz_per_ms` and, if it has one, `start_stop_hz` of a controller as it was delivered."""
 
     def job_moves(self, lines: Sequence[str]) -> Sequence[JobMove]:
         """The motions with ramps, in their order."""
@@ -45,7 +49,8 @@ class RetimesJobs(Language, Protocol):
         """The lines with all speeds of their straight moves times a factor, within what the controller takes."""
 
     def permanent(self, settings: MoveSettings) -> Sequence[str]:
-        """Lines that make acceleration and start-stop frequency the controller's own defaults, also after power-off."""
+        """Lines that make acceleration and start-stop frequency the controller's own defaults, also after power-off;
+        none if it forgets them."""
 
 
 class RunsPrograms(Protocol):
@@ -73,3 +78,14 @@ class LoadsPlc(Protocol):
 
     def plc_lines(self, image: bytes) -> Sequence[str]:
         """Lines of a job that load this program and start it."""
+
+
+class WritesToolpaths(Protocol):
+    """A language that can write what a file of a CAM program asks for."""
+
+    def written(self, path: Toolpath, axes: MachineAxes, settings: CamSettings) -> Iterator[Written]:
+        """Lines of a job, or of a program of the controller (`RunsPrograms`), that reference the machine and make this
+        path. They are made while they are taken, as a path may have millions of elements.
+
+        Raises CamError at the element that cannot be made, before the line that would make it.
+        """

@@ -39,6 +39,7 @@ from isel_twin.machine.schema import (
 T = TypeVar("T")
 
 _STEPS_PER_REV = Limits("1", 200.0, 51_200.0, whole=True)  # full steps of the motor times the stage's microsteps
+_KIND: Final = "fast"  # of a stage that does not say it (drives/14)
 _STRIBECK_MM_S = Limits("mm/s", 0.01, 100.0)  # carriage speed at which half of the excess over Coulomb friction is gone
 _MASS_KG = Limits("kg", 1e-3, 1e4)
 _PAYLOAD_KG = Limits("kg", 0.0, 100.0)  # what tables of this class can carry
@@ -69,10 +70,10 @@ def build(tree: dict[str, Any], file: Path, like: Machine | None = None) -> Mach
     objects. Raises MachineError."""
     place = Place(file, MachineError)
     _complete(tree)
-    allowed = (*_TEXTS, _FIXTURE, *_SECTIONS, *_FIXED_SECTIONS, "supply")
+    allowed = (*_TEXTS, _FIXTURE, *_SECTIONS, *_FIXED_SECTIONS, "supply", "cam")
     known(tree, allowed, place)
     for key in allowed:
-        if key not in (*tree, "motors", "controller", "supply"):
+        if key not in (*tree, "motors", "controller", "supply", "cam"):
             raise place.at(key).wrong("missing")
     texts = {key: text(tree[key], place.at(key), choices) for key, choices in _TEXTS.items()}
     sections = {key: table(tree.get(key, {}), place.at(key)) for key in _SECTIONS}
@@ -158,13 +159,18 @@ _AS_ITS_SHEET = {
 
 
 def _complete(tree: dict[str, Any]) -> None:
-    """Add to the axes of stepper motors what they need not say: a specimen that is as its sheet."""
+    """Add to the axes of stepper motors what they need not say, so that it can be overridden: a specimen that is as its
+    sheet, and the kind of the stage."""
     axes = tree.get("axes")
-    if isinstance(axes, dict):
-        for name, axis in axes.items():
-            stepper = isinstance(axis, dict) and axis.get("drive", DEFAULT_DRIVE) == "stepper"
-            if stepper and "specimen" not in axis:
-                tree["axes"] = axes = {**axes, name: {**axis, "specimen": _AS_ITS_SHEET}}
+    if not isinstance(axes, dict):
+        return
+    for name, axis in axes.items():
+        if isinstance(axis, dict) and axis.get("drive", DEFAULT_DRIVE) == "stepper":
+            whole = {"specimen": _AS_ITS_SHEET, **axis}
+            if isinstance(stage := axis.get("stage"), dict):
+                whole["stage"] = {"kind": _KIND, **stage}
+            if whole != axis:
+                tree["axes"] = axes = {**axes, name: whole}
 
 
 def _axes(

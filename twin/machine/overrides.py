@@ -74,11 +74,15 @@ def _changed(tree: Mapping[str, Any], key: str, value: Any, place: Place) -> Map
 
 
 def describe(machine: Machine) -> list[Row]:
-    """All parameters of a machine; those that are equal on X, Y and Z in one row `axes.all...`, fixtures by name."""
+    """All parameters of a machine; those that are equal on X, Y and Z in one row `axes.all...`, fixtures by name.
+    The unit of a stage's current says that it is the peak."""
     tree = dict(machine.tree)
     if machine.fixtures:
         tree["fixture"] = ", ".join(fixture.name for fixture in machine.fixtures)
-    return gather(rows(tree), "axes", CARRIAGES)
+    listed = gather(rows(tree), "axes", CARRIAGES)
+    return [
+        dataclasses.replace(row, unit="A peak") if row.parameter.endswith(".stage.current") else row for row in listed
+    ]
 
 
 def _check_drive(tree: Mapping[str, Any], key: str, value: Any, place: Place) -> None:

@@ -1,11 +1,13 @@
 """Machine files: `models/<name>/machine.toml` to a `Machine`.
 
-Three rules make files short:
+Four rules make files short:
 
     based_on = "4030"     start from another machine, by name or by path relative to this folder, and say what differs;
                           with a `model` of its own a machine also brings all of its own [masses] and [structure]
     [axes.all]            holds for X, Y and Z; [axes.x] and so on override it
     [switches]            holds for all position switches; an entry in [contacts] may override it
+
+    current_rms           of a stage, where its drive says its current as RMS: the peak, `current`, is 1.414 times it
 
 Settings under [controller] are those of `isel_twin.controller.takes`.
 """
@@ -13,15 +15,19 @@ Settings under [controller] are those of `isel_twin.controller.takes`.
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from isel_twin.base.axes import CARRIAGES
-from isel_twin.base.parameters import Place, merge, parse_toml, read_text, spread, table
+from isel_twin.base.parameters import Limits, Place, merge, parse_toml, quantity, read_text, spread, table
 from isel_twin.machine.build import DEFAULT_DRIVE, DRIVES, build, file_content, model_files
 from isel_twin.machine.schema import DEFAULT_CABINET, Machine, MachineError
 from isel_twin.models import machine_names, models_folder
+
+_RMS = "current_rms"
+_CURRENT_RMS_A = Limits("A", 0.1, 20.0 / math.sqrt(2.0))
 
 
 class _Loaded(NamedTuple):
@@ -84,6 +90,7 @@ def _read_file(file: Path, seen: list[Path]) -> dict[str, Any]:
         tree = parse_toml(read_text(place), place)
     except OSError as error:
         raise place.wrong(f"cannot be read: {error}") from None
+    _as_peak(tree, place)
     spread(tree, "axes", CARRIAGES, place)
     if "based_on" in tree:
         parent_file = _find(str(tree.pop("based_on")), file.parent)
@@ -97,6 +104,20 @@ def _read_file(file: Path, seen: list[Path]) -> dict[str, Any]:
                 tree[key] = str(parent_file.parent / str(parent[key]))
         tree = merge(_without_other_drives(parent, tree, place), tree)
     return tree
+
+
+def _as_peak(tree: Mapping[str, Any], place: Place) -> None:
+    """Currents of stages that are given as RMS, as some drives print them, become the peak."""
+    axes = table(tree.get("axes", {}), place.at("axes"))
+    for name, axis in axes.items():
+        stage = axis.get("stage") if isinstance(axis, dict) else None
+        if isinstance(stage, dict) and _RMS in stage:
+            where = place.at("axes").at(name).at("stage").at(_RMS)
+            if "current" in stage:
+                raise where.wrong("given beside current; give the peak (current) or the RMS value, not both")
+            rms = stage.pop(_RMS)
+            peak_a = math.sqrt(2.0) * quantity(rms, _CURRENT_RMS_A, where)
+            stage["current"] = {**rms, "value": round(peak_a, 4), "source": f"{rms['value']:g} A RMS; {rms['source']}"}
 
 
 def _from_here(entry: Any, folder: Path) -> Any:

@@ -36,6 +36,7 @@ class Steps:
         self.axes = axes
         self.dropped = 0  # motions at the beginning that were dropped
         self.dropped_ticks = 0
+        self._ticks = 0  # of the kept motions
         self._motions: deque[Motion] = deque(maxlen=keep)
         for motion in motions:
             self.append(motion)
@@ -57,24 +58,37 @@ class Steps:
                 f"a motion starts at {motion.start_ns} ns, before the last one ends at {self._motions[-1].end_ns} ns"
             )
         if len(self._motions) == self._motions.maxlen:
-            oldest = self._motions.popleft()
-            self.dropped += 1
-            self.dropped_ticks += oldest.last - oldest.first
+            self._drop()
         self._motions.append(motion)
+        self._ticks += motion.last - motion.first
 
     def replace_last(self, motion: Motion) -> None:
         """Put the stopped or cut version of the last motion in its place."""
-        self._motions[-1] = motion
+        before, self._motions[-1] = self._motions[-1], motion
+        self._ticks += (motion.last - motion.first) - (before.last - before.first)
+
+    def forget(self) -> None:
+        """Drop all motions but the last one, if that has ticks; `made` counts them still."""
+        while len(self._motions) > 1 and self._motions[-1].last > self._motions[-1].first:
+            self._drop()
+
+    def _drop(self) -> None:
+        oldest = self._motions.popleft()
+        self.dropped += 1
+        self.dropped_ticks += oldest.last - oldest.first
+        self._ticks -= oldest.last - oldest.first
 
     def until(self, t_ns: int) -> Steps:
         """The record of the ticks at or before t_ns."""
         steps = Steps(self.axes)
         steps.dropped, steps.dropped_ticks = self.dropped, self.dropped_ticks
         steps._motions.extend(self._motions)
+        steps._ticks = self._ticks
         while steps._motions and steps._motions[-1].start_ns > t_ns:
-            steps._motions.pop()
+            later = steps._motions.pop()
+            steps._ticks -= later.last - later.first
         if steps._motions:
-            steps._motions[-1] = steps._motions[-1].cut(t_ns)
+            steps.replace_last(steps._motions[-1].cut(t_ns))
         return steps
 
     @property
@@ -83,7 +97,7 @@ class Steps:
         return self.dropped_ticks + len(self)
 
     def __len__(self) -> int:
-        return sum(motion.last - motion.first for motion in self._motions)
+        return self._ticks
 
     @property
     def dtype(self) -> np.dtype[Any]:

@@ -49,6 +49,10 @@ class Stream:
         """Record of what has been made by t_ns, the present."""
         return self._record.until(t_ns)
 
+    def forget(self) -> None:
+        """Drop the record of earlier motions (`Steps.forget`)."""
+        self._record.forget()
+
     def rate_hz(self) -> NDArray[np.float64]:
         """float64 [axes], changes of each command in a second, mean over some ticks around the present; 0 at rest."""
         first, end = max(0, self._at - RATE_TICKS), min(len(self._t_ns), self._at + RATE_TICKS)

@@ -98,6 +98,11 @@ class Trapezoid:
     ticks: int
     _law: _Law
 
+    @property
+    def speed_hz(self) -> float:
+        """The speed that it would reach on a long way."""
+        return self._law.speed * SECOND_NS / self._law.unit_ns
+
     @cached_property
     def duration_ns(self) -> int:
         return self._time(self.ticks) if self.ticks else 0

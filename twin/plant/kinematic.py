@@ -2,7 +2,8 @@
 
     position = start + command * lead of the screw / steps_per_rev
 
-For host tests of protocol and timing. Nothing lags. A switch changes at the tick that strikes it or, between set points
+For host tests of protocol and timing. Nothing lags, but servo drives say that they are in position when they would be
+by the law of their loops (settling.py). A switch changes at the tick that strikes it or, between set points
 (lead.py), at the first whole nanosecond at which the carriage is beyond its trip point:
 
     motor end:  struck while position <  trip, free again from trip + hysteresis on
@@ -22,10 +23,12 @@ from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.compiling import njit
 from isel_twin.base.units import SECOND_NS
 from isel_twin.drives.dynamics import drop_stale_code
+from isel_twin.drives.servo_drive import ServoDrive
 from isel_twin.drives.stage import AnyStage
 from isel_twin.machine import Machine
 from isel_twin.plant import Collision, Threshold, lead
 from isel_twin.plant.lead import all_behind, begin, behind, no_leads
+from isel_twin.plant.settling import Settling
 
 if TYPE_CHECKING:
     from isel_twin.plant.contact import Along, Least
@@ -233,6 +236,8 @@ class KinematicPlant:
         self._leads = no_leads(len(self._commanded))
         self._led_until_ns = 0
         self._stages_on = False
+        drives = {i: axis.stage for i, axis in enumerate(machine.axes[:axes]) if isinstance(axis.stage, ServoDrive)}
+        self._settling = Settling(drives)
         self._along: Along | None = None
         self._least: Least | None = None
         self._collisions: tuple[Collision, ...] = ()
@@ -339,6 +344,8 @@ class KinematicPlant:
         wide = delta.astype(np.int32)  # one compiled function for all kinds of ticks
         made, self.time_ns = _lead(self.time_ns, until_ns, lead_ns, t_ns.astype(np.int64), wide, *self._state)
         self._led_until_ns = int(self._leads["end_ns"].max())
+        if lead_ns:
+            self._settling.lead(t_ns[:made], delta[:made], lead_ns)
         self.edge = bool((struck != self._struck).any())
         return self.time_ns
 
@@ -350,6 +357,8 @@ class KinematicPlant:
         return passed
 
     def set_power(self, stages: bool, brake_released: bool, lowering: bool) -> None:
+        if stages and not self._stages_on:
+            self._settling.begin(self.time_ns)
         self._stages_on = stages
 
     def _no_effect(self, *_: Any, **__: Any) -> None:
@@ -417,7 +426,7 @@ class KinematicPlant:
 
     @property
     def in_position(self) -> NDArray[np.bool_]:
-        return np.ones(self._count, dtype=np.bool_)
+        return np.array([self._settling.in_position(axis, self.time_ns) for axis in range(self._count)])
 
     @property
     def rotor_speed(self) -> NDArray[np.float64]:
@@ -462,6 +471,7 @@ class KinematicPlant:
         return {
             "arrays": [array.copy() for array in self._kept],
             "values": (self.time_ns, self.edge, self._led_until_ns, self._stages_on),
+            "settling": self._settling.save(),
             "contact": None if self._along is None else (self._along.begun, self._along.touching.copy()),
         }
 
@@ -469,6 +479,7 @@ class KinematicPlant:
         for array, saved in zip(self._kept, state["arrays"], strict=True):
             array[...] = saved
         self.time_ns, self.edge, self._led_until_ns, self._stages_on = state["values"]
+        self._settling.restore(state["settling"])
         if self._along is not None:
             self._along.begun, touching = state["contact"]
             self._along.touching = touching.copy()

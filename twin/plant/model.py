@@ -19,7 +19,10 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Iterable
+from collections.abc import Hashable, Iterable
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -31,31 +34,61 @@ from isel_twin.machine import Machine, MachineError
 from isel_twin.plant import PLACES
 from isel_twin.plant.clamped import EXACT_M, PREFIX, lay, let_meet, may_meet, name_all
 
+MODELS = 16  # the last that were compiled, some 100 kB each
+
 
 def load_model(machine: Machine, *, visual: bool = True, watched: bool = False) -> mujoco.MjModel:
     """The model with what machine.toml says about it. visual: keep geoms that are only for display; a step takes a
     third longer. watched: with a sensor for each two shapes that must not meet (clamped.py).
 
+    It is compiled once for machines that differ only in guide friction, payload and structure (plant/23).
+
     Raises MachineError if model or fixture cannot be read, a joint or body that the machine names is missing, or a
     joint does not have exactly one coordinate.
     """
-    model = compile_model(machine, visual=visual, watched=watched)
-    _dress(machine, model)
-    return model
-
-
-def dressed(model: mujoco.MjModel, machine: Machine) -> mujoco.MjModel:
-    """The `load_model` of a machine in a fiftieth of the time: a copy of the `compile_model` of a machine that differs
-    only in guide friction, payload and structure."""
-    model = copy.copy(model)
+    model = copy.copy(_compiled(_Asked(_bare(machine), visual, watched, machine)))
     for axis in machine.axes:
         model.dof_frictionloss[model.joint(axis.name).dofadr] = axis.guide_friction_n
     _dress(machine, model)
     return model
 
 
-def compile_model(machine: Machine, *, visual: bool = True, watched: bool = False) -> mujoco.MjModel:
-    """The model without springs of the structure and payload. Arguments, errors: `load_model`."""
+@dataclass(frozen=True)
+class _Asked:
+    """A model to compile; equal to another if the same would come out."""
+
+    bare: Hashable
+    visual: bool
+    watched: bool
+    machine: Machine = field(compare=False)
+
+
+def _bare(machine: Machine) -> Hashable:
+    """All of a machine that `_compiled` looks at, and when its files were written."""
+    files = [machine.model_file, machine.fixture_file, *(fixture.file for fixture in machine.fixtures)]
+    return (
+        tuple(_written(file) for file in files if file is not None),
+        repr(machine.fixtures),
+        tuple(machine.masses_kg.items()),
+        tuple((axis.name, axis.stop_margin_mm, axis.travel_mm) for axis in machine.axes),
+        tuple(mode.joint for mode in machine.structure),
+        machine.imperfections.structure,
+        machine.timing.mujoco_step_ns,
+    )
+
+
+def _written(file: Path) -> Hashable:
+    try:
+        stat = file.stat()
+    except OSError:  # whoever reads it says so
+        return file, None, None
+    return file, stat.st_mtime_ns, stat.st_size
+
+
+@lru_cache(MODELS)
+def _compiled(asked: _Asked) -> mujoco.MjModel:
+    """The model without springs of the structure and payload. Errors: `load_model`."""
+    machine, visual, watched = asked.machine, asked.visual, asked.watched
     try:
         spec = mujoco.MjSpec.from_file(str(machine.model_file))
     except ValueError as error:
@@ -90,7 +123,6 @@ def compile_model(machine: Machine, *, visual: bool = True, watched: bool = Fals
     for axis in machine.axes:
         joint = spec.joint(axis.name)
         joint.range = np.array([-axis.stop_margin_mm, axis.travel_mm + axis.stop_margin_mm]) * 1e-3
-        joint.frictionloss = axis.guide_friction_n
         joint.armature = 0.0
         joint.damping = np.zeros_like(joint.damping)
     try:

@@ -58,7 +58,7 @@ class MujocoPlant(LoopSamples):
         """Carriages at start_mm [3] in machine coordinates, stages off, brakes closed.
 
         axes: number of the controller's axes; those beyond the carriages have no mechanics and follow their command.
-        model: the machine's, if there is one (`isel_twin.plant.model.dressed`); the plant then owns it.
+        model: the machine's (`isel_twin.plant.model.load_model`), watched by default; the plant then owns it.
 
         Raises MachineError if the model does not fit the machine or its time steps are too long for its stiffness.
         """

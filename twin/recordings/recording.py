@@ -45,7 +45,7 @@ MODEL, FIXTURE = "model", "fixture"
 ASSETS: Final = (".xml", ".stl", ".obj", ".msh")  # types of files that a model may need
 MOST_ASSET_BYTES = 1 << 24
 GROUPS: Final = {"level": "/levels", "input": "/inputs", "output": "/outputs"}  # channels, by `recorder.Change.group`
-MOST_LOOKS = 100  # most samples at changes that wait for those of the plant
+MOST_LOOKS = 100  # most samples that wait for each other and for those of the plant, to be written together
 PACKAGES: Final = ("mujoco", "numpy", "numba")
 
 
@@ -153,7 +153,7 @@ class Recording:
     def _look(self, twin: Twin) -> None:
         time_ns = twin.time_ns
         self._looks.append((time_ns, self._rows(twin, 1)))
-        if self._sampler is None or len(self._looks) >= MOST_LOOKS:
+        if len(self._looks) >= MOST_LOOKS:
             self.hand_on()
         for group, values in (("level", twin.levels), ("input", twin.inputs), ("output", twin.outputs)):
             if changed := changes(self._last[group], values):

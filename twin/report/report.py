@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.base.files import atomic_write
 from isel_twin.base.units import SECOND_NS
-from isel_twin.jobs.checks.job import RULES
+from isel_twin.jobs.checks.rules import RULES
 from isel_twin.report.columns import Columns, columns
 from isel_twin.report.page import whole_page
 from isel_twin.report.path import COLOURS, deviation_classes, finding_picture, path_view, swaths
@@ -29,7 +29,8 @@ from isel_twin.report.times import MM_FROM_UM, TimePlots, time_plots
 
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
-    from isel_twin.jobs.checks.job import Bounds, Finding, Report
+    from isel_twin.jobs.checks.job import Report
+    from isel_twin.jobs.checks.rules import Bounds, Finding
     from isel_twin.jobs.job import Result
     from isel_twin.jobs.result import Part
     from isel_twin.recordings.recorder import Recorder
@@ -134,13 +135,19 @@ def _facts(summary: Mapping[str, Any]) -> str:
 
 def _limits(checked: Report, bounds: Bounds | None) -> str:
     margin = "none" if checked.verdict.least_margin is None else f"{100.0 * checked.verdict.least_margin:.0f} %"
-    measured = {"margin": margin, "cycle": f"{checked.verdict.cycle_s:.3f} s"}
+    nearest = checked.verdict.least_edge
+    edge = "none" if nearest is None else f"{nearest[0]:.2f} ({nearest[1].upper()}, line {nearest[2]})"
+    measured = {"margin": margin, "edge": edge, "cycle": f"{checked.verdict.cycle_s:.3f} s"}
     limits: dict[str, str] = {}
     if bounds is not None:
         if bounds.margin is not None:
             limits["margin"] = f"at least {100.0 * bounds.margin:g} %"
+        if bounds.edge is not None:
+            limits["edge"] = f"at least {bounds.edge:g}"
         if bounds.deviation_mm is not None:
             limits["deviation"] = f"at most {bounds.deviation_mm:g} mm"
+        if bounds.contour_mm is not None:
+            limits["contour"] = f"at most {bounds.contour_mm:g} mm"
         if bounds.cycle_s is not None:
             limits["cycle"] = f"at most {bounds.cycle_s:g} s"
         if bounds.clearance is not None:
@@ -153,7 +160,7 @@ def _limits(checked: Report, bounds: Bounds | None) -> str:
     rows = []
     for rule, demand in RULES.items():
         number = sum(finding.rule == rule for finding in checked.findings)
-        unbound = rule in ("margin", "deviation", "cycle", "clearance", "luck") and rule not in limits
+        unbound = rule in ("margin", "edge", "deviation", "cycle", "clearance", "luck") and rule not in limits
         told = _many(number, "finding") if number else ("no limit" if unbound else "ok")
         if rule == "golden" and not checked.golden.call:
             told = "not compared"
@@ -265,7 +272,7 @@ def _commands(results: Sequence[Result], axes: int, findings: Sequence[Finding])
     head = [("line", False), ("time / s", False), ("took / s", False), ("command", True), ("reply", True)]
     head += [(f"count {axis.upper()}", False) for axis in AXIS_NAMES[:axes]]
     head += [(f"{axis.upper()} / mm", False) for axis in CARRIAGES]
-    head += [("margin / %", False)] if with_margin else []
+    head += [("margin / %", False), ("edge", False)] if with_margin else []
     head += [("findings", True)] if wrong else []
     named: set[int] = set()
     rows = []
@@ -281,6 +288,8 @@ def _commands(results: Sequence[Result], axes: int, findings: Sequence[Finding])
         if with_margin:
             least = min((margin for margin in result.margin if margin is not None), default=None)
             cells += f"<td>{'' if least is None else f'{100.0 * least:.0f}'}</td>"
+            edge = min((edge for edge in result.edge if edge is not None), default=None)
+            cells += f"<td>{'' if edge is None else f'{edge:.2f}'}</td>"
         if wrong:
             links = " ".join(f"<a href='#finding-{n}'>{n}</a>" for n in wrong.get(result.number, ()))
             cells += f"<td class='text'>{links}</td>"

@@ -9,6 +9,7 @@ Requests are those of the control port (bridge/operate/control.py) with a number
     {"id": 8, "ask": {...}, "gone": {"set": {...}}}    `gone` is carried out if the browser leaves before its next
     request
     {"id": 9, "say": "@0P"}                            as a host: commands as in a job file (`_Typist`)
+    {"id": 10, "job": {"start": true}}                 a job file: job.py
 
 A frame is the state of the control port with further data for the panel; there are none without browsers. Sampling does
 not change the twin by a bit.
@@ -31,6 +32,7 @@ from isel_twin.base.parameters import Place, known
 from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.bridge.operate.control import ControlError, Operator, Pending
 from isel_twin.bridge.operate.panel.frame import COME, Asked, Frame
+from isel_twin.bridge.operate.panel.job import PanelJob
 from isel_twin.bridge.operate.panel.menu import key_menu, menu
 from isel_twin.bridge.operate.panel.monitor import Monitor
 from isel_twin.bridge.operate.token import token_for
@@ -39,6 +41,7 @@ from isel_twin.bridge.serve.loop import FileWatch
 from isel_twin.bridge.serve.server import Guest, Server
 from isel_twin.bridge.serve.tcp import listen, parse_address
 from isel_twin.core.twin import Twin
+from isel_twin.jobs import project
 from isel_twin.jobs.decode import DecodeError, typed
 from isel_twin.language import LanguageError, needed
 from isel_twin.machine import Machine
@@ -142,6 +145,7 @@ class Panel(Guest):
             raise TypeError("a panel shows a Twin")
         self._server, self._twin, self._margins = server, server.twin, server.twin.margin_reader()
         self._operator = Operator(server, server.twin)
+        self._job = PanelJob(server, server.twin, project.find(Path.cwd() / "job"))
         self.monitor.begin(server.twin.controller_name)
         self._site.start(self._about(), self._twin.machine, self.recording)
 
@@ -151,7 +155,7 @@ class Panel(Guest):
     def wait_s(self) -> float | None:
         if not self._asked.empty():
             return 0.0
-        waits = [self._operator.wait_s]
+        waits = [self._operator.wait_s, self._job.wait_s]
         if self._site.watched:
             waits.append(max(0.0, self._next_s - time.monotonic()))
         return min((wait for wait in waits if wait is not None), default=None)
@@ -166,6 +170,7 @@ class Panel(Guest):
             self._deal_with(asked)
         self._operator.look()  # the last request may have met the condition of a wait
         self._answer_pending()
+        self._job.advance()
         if self._site.watched and (now := time.monotonic()) >= self._next_s:
             self._next_s = now + 1.0 / FRAMES_PER_S
             self._sample()
@@ -200,11 +205,13 @@ class Panel(Guest):
 
     def _ask(self, client: int, request: dict[str, Any]) -> dict[str, Any] | Pending:
         place = Place("request", ControlError)
-        known(request, ("id", "ask", "gone", "say"), place)
-        if ("ask" in request) == ("say" in request):
-            raise place.wrong("nothing to do; allowed: either ask or say")
+        known(request, ("id", "ask", "gone", "say", "job"), place)
+        if len([key for key in ("ask", "say", "job") if key in request]) != 1:
+            raise place.wrong("nothing to do; allowed: one of ask, say, job")
         if "say" in request:
             return self._say(request["say"])
+        if "job" in request:
+            return self._job.ask(request["job"])
         result = self._operator.ask(request["ask"])
         if isinstance(gone := request.get("gone"), dict):
             self._gone[client] = gone
@@ -221,6 +228,8 @@ class Panel(Guest):
             if endpoint.busy:
                 raise ControlError(f"request: say: a host holds the line ({endpoint.kind}); allowed: when it has gone")
         name = self._twin.controller_name
+        if self._job.running:
+            raise ControlError("request: say: a job is running; allowed: when it has been stopped or is over")
         if not self._server.listening:
             raise ControlError("request: say: the line is full; allowed: when the controller has taken what is on it")
         try:
@@ -289,6 +298,7 @@ class Panel(Guest):
         for collision in twin.collisions[self._met :]:
             lines.append({"s": collision.time_ns / SECOND_NS, "who": "", "text": "", "means": str(collision)})
         self._met = len(twin.collisions)
+        frame["job"] = self._job.shown
         if lines or frame != self._last:
             self._last = frame
             self._site.show({**frame, "wall_s": pacer.wall_s, "lines": lines})

@@ -11,7 +11,6 @@ from tests.in_process import isel_twin
 CONTROL = ("--controller", "bwo900", "--machine", "4030-servo", "--plant", "kinematic")
 GOOD = ["N10 G0 X1", "N20 G1 F100 X2", "N40 M30"]
 BAD = {
-    "no number": "G1 X3",
     "nonsense": "foo bar",
     "number that falls": "N5 X3",
     "number too long": "N12345678901234 X3",

@@ -35,12 +35,12 @@ def test_places_that_no_counter_holds_are_refused() -> None:
 
 
 def test_analysis_leaves_nothing_behind() -> None:
-    for seed in range(100):
+    for seed in range(40):
         outcome(program(seed))
     gc.collect()
     tracemalloc.start()
     before = tracemalloc.get_traced_memory()[0]
-    for seed in range(100):
+    for seed in range(40):
         outcome(program(seed))
     gc.collect()
     grown = tracemalloc.get_traced_memory()[0] - before

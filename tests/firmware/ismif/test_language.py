@@ -93,7 +93,7 @@ def test_the_controller_does_what_the_language_asks_for() -> None:
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        (MoveSettings(), "speed_hz is 10000; the interface takes 65 to 5000"),
+        (MoveSettings(), "speed_hz is 10000; the controller takes 65 to 5000"),
         (MoveSettings(64, 10, 300), "speed_hz is 64"),
         (MoveSettings(600, 10, 64), "start_stop_hz is 64"),
     ],

@@ -81,6 +81,24 @@ def test_page_and_json_say_it(fitted: tuple[Fit, list[Prospect]]) -> None:
     assert [item["name"] for item in content["parameters"]] == list(NAMES)
 
 
+@pytest.mark.slow
+def test_predictions_of_what_was_held_back_are_told(fitted: tuple[Fit, list[Prospect]], found: Found) -> None:
+    """Of data without an unknown zero they are what a replay on either machine gives."""
+    values = [estimate.value for estimate in fitted[0].estimates]
+    machines = found.believed, candidate(found.believed, found.unknowns, values)
+    replayed = [predict(found.sessions[1], machine) for machine in machines]
+    own = [at for at, (item, _, _) in enumerate(fitted[0].held) if not item.group]
+    assert own
+    for at in own:
+        _, *told = fitted[0].held[at]
+        assert told == pytest.approx([predictions[at] for predictions in replayed])
+
+
+@pytest.mark.slow
+def test_as_good_as_before_is_not_worse(fitted: tuple[Fit, list[Prospect]]) -> None:
+    assert not dataclasses.replace(fitted[0], after=fitted[0].before).worse
+
+
 def test_a_true_model_predicts_within_the_noise(found: Found) -> None:
     """Nothing but chance is between the hidden machine and a model with its numbers."""
     model = Model(found.believed, found.unknowns, found.sessions[1:])

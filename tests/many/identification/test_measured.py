@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from pathlib import Path
 
@@ -109,6 +110,9 @@ def test_what_is_not_filled_in_is_left_out_and_counted(tmp_path: Path) -> None:
         (WHOLE.replace("lost_hz = 25000", "lost_hz = 2000"), "stall 1.lost_hz: 2000; allowed: more than held_hz"),
         ("reading = 3\n", "must be a list of tables"),
         ("[[measure]]\n", "unknown key"),
+        ("[[act]]\nrecording='a'\ncommand=1\nafter=1\n", "act 1.after: unknown key; did you mean 'after_s'?"),
+        (WHOLE.replace("start_stop_hz", "start_hz"), "stall 1.start_hz: unknown key; did you mean 'start_stop_hz'?"),
+        ("[[repeats]]\nrecording='a'\naxis='x'\nmn=[1]\n", "repeats 1.mn: unknown key; did you mean 'mm'?"),
     ],
 )
 def test_a_wrong_entry_is_named(tmp_path: Path, content: str, said: str) -> None:
@@ -120,3 +124,13 @@ def test_a_wrong_entry_is_named(tmp_path: Path, content: str, said: str) -> None
 def test_a_wrong_line_of_a_csv_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(MeasuredError, match=r"line 3\.mm: 'one'"):
         read_measured(put(tmp_path, "recording,command,axis,mm\na,1,x,1\na,2,x,one\n", "m.csv"))
+
+
+def test_a_stall_says_at_which_supply(tmp_path: Path) -> None:
+    at = dataclasses.replace(STALL, supply_v=36.0)
+    file = tmp_path / "day.toml"
+    file.write_text(written(Measured(stalls=(at, STALL))))
+    assert read_measured(file).stalls == (at, STALL)
+    file.write_text(written(Measured(stalls=(at,))).replace("36.0", "3.0"))
+    with pytest.raises(MeasuredError, match=r"stall.*supply_v: 3\.0; allowed: 5 \.\. 200 V"):
+        read_measured(file)

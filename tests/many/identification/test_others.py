@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from isel_twin.language import create_language, needed
 from isel_twin.machine import load_machine, machine_from_tree
-from isel_twin.many.identification.experiment import Experiment, Step, _far, _switch, _Teller, assemble
+from isel_twin.many.identification.experiment import (
+    Experiment,
+    Step,
+    _far,
+    _stall,
+    _switch,
+    _Teller,
+    assemble,
+    series_hz,
+    series_text,
+)
 from isel_twin.many.identification.fit import fit
 from isel_twin.many.identification.measured import Measured, Repeats
-from isel_twin.many.identification.session import session_of, stand_alone
-from isel_twin.many.identification.stand_in import carry_out
+from isel_twin.many.identification.session import predict, session_of, stand_alone
+from isel_twin.many.identification.stand_in import _stalled, carry_out
 from isel_twin.many.identification.unknowns import candidate, unknown
 
 CONTROLLER = "imc-s8"
@@ -64,3 +76,24 @@ def test_a_switch_and_a_lead_error_follow_from_a_scale() -> None:
     switch, lead = fit(MACHINE, unknowns, [session_of(recorded, measured, CONTROLLER, MACHINE)], []).estimates
     assert switch.value == pytest.approx(393.6, abs=0.05)
     assert lead.value == pytest.approx(0.04, abs=0.008)
+
+
+def test_stalls_at_two_supplies_are_predicted_each_at_its_own() -> None:
+    """A series on a twin of the machine itself: held below and lost above the speed that is predicted."""
+    series = [_stall("x", MACHINE, CONTROLLER, 15.0, 55.0, 1000, supply_v).stall for supply_v in (36.0, 48.0)]
+    done = tuple(replace(_stalled(stall, MACHINE, CONTROLLER, 3), recording="day") for stall in series if stall)
+    assert [stall.supply_v for stall in done] == [36.0, 48.0]
+    assert done[0].held_hz < done[1].held_hz, "more supply, more speed"
+    predicted = np.exp(predict(stand_alone("day", Measured(stalls=done), CONTROLLER), MACHINE))
+    measured = [(stall.held_hz * stall.lost_hz) ** 0.5 for stall in done]
+    assert predicted == pytest.approx(measured, rel=0.06)
+
+
+def test_a_series_says_where_z_stays_and_at_which_supply() -> None:
+    block = _stall("x", MACHINE, CONTROLLER, 15.0, 55.0, 1000, 36.0)
+    text = series_text(assemble("day", [block], LANGUAGE), MACHINE, LANGUAGE)
+    assert "# Z stays where the reference run leaves it, at the top; stages at 36 V" in text
+    assert block.stall is not None
+    speeds = series_hz(block.stall, LANGUAGE)
+    middle = (block.stall.held_hz * block.stall.lost_hz) ** 0.5
+    assert sum(speed < middle for speed in speeds) <= 10, "few moves before the first that may lose steps"

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from isel_twin.base.errors import CallError
+from isel_twin.jobs.job import JobError
 from isel_twin.many.studies.plan import PlanError, load_plan
 from isel_twin.many.studies.points import all_points, points, unit_samples
 
@@ -48,6 +49,13 @@ def test_steps_are_evenly_spaced_by_difference_or_by_ratio(plans: Path) -> None:
     assert b == pytest.approx((10.0, 100.0, 1000.0))
     assert c == (1, 2, 3)
     assert all(isinstance(value, int) for value in c)
+
+
+def test_the_last_step_is_the_upper_end_and_not_beyond(plans: Path) -> None:
+    """0.3 (7 / 0.3) is more than 7 in floating point."""
+    path = plan(plans, HEAD + "[job]\nspeed = { low = 0.3, high = 7, steps = 3, log = true }\n")
+    (speed,) = load_plan(path).parameters
+    assert (speed.values[0], speed.values[-1]) == (0.3, 7)
 
 
 SAMPLED = """
@@ -110,6 +118,7 @@ HEAD = '[sweep]\njob = "job.txt"\nscenario = "stuck.toml"\n'
         ("[sweep]\nseeds = 3\n", "plan.toml:1: sweep.job: missing; allowed: a file of commands, or moves = "),
         ("[sweep]\nmoves = [[1, 2]]\n", "plan.toml:2: sweep.moves: [1, 2]; allowed: three numbers, X, Y and Z in mm"),
         ("[sweep]\njob = 'job.txt'\nseeds = 0\n", "plan.toml:3: sweep.seeds: 0; allowed: 1 .. 1e+06 seeds"),
+        ("[sweep]\njob = 'job.txt'\nseeds = 2.0\n", "plan.toml:3: sweep.seeds: 2.0; allowed: a whole number"),
         ("[sweep]\njob = 'job.txt'\nseeds = [1, 1]\n", "plan.toml:3: sweep.seeds: [1, 1]; allowed: how many, or"),
         ("[sweep]\njob = 'job.txt'\nplant = 'mud'\n", "plan.toml:3: sweep.plant: 'mud'; allowed: mujoco, kinematic"),
         (HEAD + "samples = 4\n", "plan.toml:4: sweep.samples: no parameter has a range; allowed: beside one"),
@@ -122,6 +131,11 @@ HEAD = '[sweep]\njob = "job.txt"\nscenario = "stuck.toml"\n'
         (HEAD + "[job]\nspeed = []\n", "plan.toml:5: job.speed.values: []; allowed: a list of values"),
         (HEAD + "[job]\nspeed = [1, 'a']\n", "plan.toml:5: job.speed.values: [1, 'a']; allowed: all of one kind"),
         (HEAD + "[job]\nspeed = [1, 1]\n", "plan.toml:5: job.speed.values: 1 stands twice; allowed: different ones"),
+        (HEAD + "[job]\nspeed = {low = 1}\n", "plan.toml:5: job.speed.high: missing; allowed: low and high, or values"),
+        (HEAD + "[job]\nspeed = {high = 1}\n", "plan.toml:5: job.speed.low: missing; allowed: low and high, or values"),
+        (HEAD + "[job]\nspeed = {low = 1, high = 2.5, whole = true}\n", "job.speed: 1 .. 2.5; allowed: whole numbers"),
+        (HEAD + "[job]\nspeed = {low = 0.5, high = 2, whole = true}\n", "job.speed: 0.5 .. 2; allowed: whole numbers"),
+        (HEAD + "[machine]\naxes.x.pitch = {}\n", "plan.toml:5: machine.axes.x.pitch: {}; allowed: values = [...], or"),
         (HEAD + "[job]\nspeed = {low = 2, high = 1}\n", "plan.toml:5: job.speed.high: 1; allowed: more than low, 2"),
         (HEAD + "[job]\nspeed = {values = [1], low = 1}\n", "plan.toml:5: job.speed.low: there are values; allow"),
         (HEAD + "[job]\nspeed = {low = 0, high = 1, log = true}\n", "plan.toml:5: job.speed.low: 0; allowed with log"),
@@ -161,3 +175,15 @@ def test_both_ways_to_write_a_key_are_the_same(plans: Path) -> None:
     found = {points(load_plan(plan(plans, f"{HEAD}[machine]\n{way}\n")))[0].id for way in ways}
     table = f"{HEAD}[machine.payload.mass]\nvalues = [1]\nunit = 'kg'\n"
     assert {points(load_plan(plan(plans, table)))[0].id} == found
+
+
+def test_a_file_of_a_cam_program_has_a_format_whatever_it_looks_like(plans: Path) -> None:
+    (plans / "part.txt").write_text("G1 X5 F600\nM2\n")
+    path = plan(plans, '[sweep]\njob = "part.txt"\nformat = "gcode"\n')
+    assert "@0" in load_plan(path).work.job
+    path = plan(plans, '[sweep]\njob = "part.txt"\nformat = "ncp"\n')
+    with pytest.raises(JobError, match=r"part\.txt: line 1, column 1: "):
+        load_plan(path)
+    path = plan(plans, '[sweep]\njob = "part.txt"\nformat = "dxf"\n')
+    with pytest.raises(JobError, match=r"part\.txt: .*dxf.*gcode"):
+        load_plan(path)

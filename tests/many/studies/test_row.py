@@ -84,7 +84,7 @@ def test_moves_with_settings(plans: Path) -> None:
     slow, fast, none = rows(plan(plans, MOVES + f"[settings]\nspeed_hz = [2000, 8000, 50000]\n{ramps}"))
     assert (slow["ok"], fast["ok"]) == (True, True)
     assert slow["cycle_s"] - fast["cycle_s"] == pytest.approx(0.96, abs=0.02)
-    assert none["error"] == "speed_hz is 50000; it must be a whole number from 30 to 40000"
+    assert none["error"] == "speed_hz is 50000; the controller takes 30 to 40000"
     (out,) = rows(plan(plans, MOVES.replace("[4, 2, 1]", "[395, 2, 1]")))
     assert out["error"] == "moves: x is 395 mm; allowed: 0 to 395 mm"
 
@@ -109,6 +109,25 @@ def test_times_of_events(plans: Path) -> None:
     scenario = HEAD + 'scenario = "stuck.toml"\n' + BOTH + "[scenario]\nevents = ['broken']\n"
     early, late = rows(plan(plans, scenario + "broken.at = [0.0, 1000.0]\n"))
     assert (early["ok"], early["events_late"], late["ok"], late["events_late"]) == (False, 0, True, 1)
+
+
+@pytest.mark.parametrize(
+    ("form", "line"),
+    [
+        ("broken.at.first = [1]", "scenario.broken.at.first: at is no table in the event"),
+        (
+            'broken.set.limit_x1 = { values = [2], unit = "times" }',
+            "scenario.broken.set.limit_x1: the event has no number there to be multiplied",
+        ),
+        (
+            'broken.noise = { values = [2], unit = "times" }',
+            "scenario.broken.noise: the event has no number there to be multiplied",
+        ),
+    ],
+)
+def test_a_key_that_the_event_has_no_place_for_is_a_row_that_says_so(plans: Path, form: str, line: str) -> None:
+    (row,) = rows(plan(plans, HEAD + 'scenario = "stuck.toml"\n' + BOTH + f"[scenario]\n{form}\n"))
+    assert (row["ok"], row["error"]) == (None, line)
 
 
 def test_physics_margins_and_multiples(plans: Path) -> None:
@@ -156,6 +175,13 @@ def test_a_worker_with_another_version_or_machine_computes_nothing(plans: Path) 
 def test_the_interval_of_a_share(hits: int, total: int, low: float, high: float) -> None:
     """Values of R. G. Newcombe, Statistics in Medicine 17 (1998) 857, and tables of the score interval."""
     assert wilson(hits, total) == pytest.approx((low, high), abs=2e-4)
+
+
+def test_the_interval_of_a_share_lies_between_nothing_and_all() -> None:
+    """To the last bit: at both ends the formula gives 0 and 1, which rounding may miss."""
+    for total in range(1, 100):
+        assert wilson(0, total)[0] >= 0.0
+        assert wilson(total, total)[1] <= 1.0
 
 
 def test_a_plan_with_something_of_each_section(plans: Path) -> None:

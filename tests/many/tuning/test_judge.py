@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
 import pytest
 
 from isel_twin.base.crew import here
+from isel_twin.jobs.result import Result
 from isel_twin.many.tuning import Judgement, confirm
 from isel_twin.many.tuning.judge import Weather, judged, make
 from isel_twin.many.tuning.result import Held, Tried, front, tuned
+from isel_twin.many.tuning.settling import Settling
 
 from .small import BRAVE, SAFE, problem
 
@@ -68,6 +71,12 @@ def test_what_is_stopped_is_nothing() -> None:
     assert confirm(asked, asked.as_it_stands(), 2, stop=lambda: True) is None
 
 
+def test_of_repetitions_of_which_the_last_is_cut_off_the_moves_that_all_have_made_are_judged() -> None:
+    whole = Judgement(9.0, 0.5, repetitions=1, moves=((4.0, 0.6), (5.0, 0.5)))
+    cut_off = Judgement(3.0, 0.0, "line 2: X has lost 1 step", 1, True, ((3.0, 0.4),), 1)
+    assert Judgement.of([whole, cut_off]) == Judgement(9.0, 0.0, cut_off.why, 2, True, ((4.0, 0.4),), 1)
+
+
 def test_a_job_that_is_refused_is_told_with_its_line() -> None:
     from isel_twin.many.tuning import Problem
 
@@ -114,3 +123,49 @@ def test_permanent_are_the_ramps_of_the_most_careful_move() -> None:
     found = tuned(asked, Tried(0, values, Judgement(1.0, 0.5)), Held(1, 0.5, 0.5, Judgement(1.0, 0.5)))
     assert found.permanent == ("@0IL", "@0Ij250", "@0IJ100", "@0IW")
     assert "@0J700\n@0M9600" in found.candidate.text
+
+
+class Ringing:
+    """Stands in for a twin whose second axis rings: 0.1 mm, 50 Hz, down to a tenth in 0.02 s ln 10."""
+
+    def __init__(self) -> None:
+        self.time_ns = 7_000_000_000
+
+    def run_until(self, time_ns: int) -> None:
+        self.time_ns = time_ns
+
+    @property
+    def position_error_mm(self) -> np.ndarray:
+        t_s = (self.time_ns - 7_000_000_000) / 1e9
+        return np.array([0.5, 0.3 + 0.1 * np.exp(-t_s / 0.02) * np.cos(2 * np.pi * 50.0 * t_s), 0.0])
+
+
+def result(number: int, ok: bool = True) -> Result:
+    return Result(number, "@0P", "0", ok, 0, 0, (), ())
+
+
+def test_it_rings_until_its_last_peak_beyond_the_bound() -> None:
+    """Peaks every 10 ms: 0.1 exp(-0.5 n). The one at 40 ms is 0.0135 mm, the next 0.0082."""
+    twin = Ringing()
+    settling = Settling(twin, 0.01, (4, 5))  # type: ignore[arg-type]
+    settling.take(result(3))
+    settling.take(result(5, ok=False))
+    assert twin.time_ns == 7_000_000_000, "another line, and one that was refused"
+    settling.take(result(4))
+    assert settling.of_line_ns == {4: pytest.approx(42_000_000, abs=3_000_000)}
+    assert settling.dwelt_ns == 200_000_000
+    assert settling.spared_ns == settling.dwelt_ns - settling.of_line_ns[4]
+
+
+def test_a_time_with_settling_is_longer_by_what_each_move_rings() -> None:
+    asked, patient = problem(), problem(settle_mm=0.0005)
+    plain = make(asked.as_it_stands(), Weather.of(asked), 0)
+    rings = make(patient.as_it_stands(), Weather.of(patient), 0)
+    longer_s = [long_s - short_s for (long_s, _), (short_s, _) in zip(rings.moves, plain.moves, strict=True)]
+    assert all(0.0 <= each <= 0.2 for each in longer_s)
+    assert max(longer_s) > 0.005
+    assert rings.time_s == pytest.approx(plain.time_s + sum(longer_s), abs=1e-3)
+    still = problem(settle_mm=5.0)
+    assert make(still.as_it_stands(), Weather.of(still), 0).time_s == pytest.approx(plain.time_s, abs=1e-3)
+    assert patient.about()["settling"] == 0.0005
+    assert "settling" not in asked.about()

@@ -76,8 +76,8 @@ def test_ranges_can_be_narrower_and_a_single_number() -> None:
         ({"ranges": {"speed_hz": (9000, 5000)}}, "speed_hz 9000:5000: imc-s8 takes 30 to 40000"),
         ({"call": TwinSpec(plant="kinematic")}, "the kinematic plant loses no step whatever one sets; take mujoco"),
         (
-            {"call": TwinSpec(controller="ismif")},
-            "the language of ismif cannot bring settings into a job; isel_twin.envs tunes moves",
+            {"text": "81h 9", "call": TwinSpec("4030-servo", "gmi99"), "ranges": {"start_stop_hz": (90, 900)}},
+            "start_stop_hz: gmi99 has none",
         ),
         (
             {"ranges": {"speed_hz": (9, 9), "acceleration_hz_per_ms": (9, 9), "start_stop_hz": (90, 90)}},
@@ -109,3 +109,29 @@ def test_a_study_knows_what_its_results_depend_on() -> None:
     ):
         other = problem(**words).about()
         assert [name for name in one if one[name] != other[name]] == [key]
+
+
+CARD = "Q7;1\nM40000\nB100\nf30000\n83h 9000 0 # there\nf5000 | 84h 900\n"
+PROGRAM = "; a part\nP1\nN10 G90 G53\nN20 G0 X60 {away}\nN30 G1 X70 F600\nN40 M30\n#\n"
+
+
+@pytest.mark.parametrize(("text", "controller"), [(CARD, "gmi99"), (PROGRAM, "bwo900")])
+def test_ramps_from_standstill_are_two_numbers(text: str, controller: str) -> None:
+    """A servo drive that lags by speed / 40 1/s switches itself off from 4000 * 40 = 160 000 increments/s on; rapids of
+    the BWO 900 end at P12004, 6000 mm/min as delivered."""
+    servo = Problem(text, TwinSpec("4030-servo", controller))
+    assert servo.fails_from_hz == 160_000
+    assert {each.name: each.high for each in servo.parameters} == {
+        "speed_hz": 160_000 if controller == "gmi99" else 100_000,
+        "acceleration_hz_per_ms": 4000,
+    }
+
+
+def test_a_program_is_tuned_as_a_whole() -> None:
+    """The time is that of the step which starts it, behind its transfer and the reference run."""
+    servo = Problem(PROGRAM, TwinSpec("4030-servo", "bwo900"), each_move=True)
+    made = servo.candidate({"speed_hz.3": 60_000, "acceleration_hz_per_ms.3": 500})
+    assert made.text == PROGRAM.replace("N10", "N9 P8816:3600.000 P12008:200.000 P12208:200.000 P12408:200.000\nN10")
+    assert [line.command for line in made.lines] == ["P1, 5 blocks", "reference", "start P1"]
+    assert (made.first, made.moves) == (3, (3,))
+    assert servo.as_it_stands().moves == (3,)

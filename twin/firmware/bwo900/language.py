@@ -15,6 +15,11 @@ from dataclasses import dataclass, replace
 from itertools import islice
 from typing import TYPE_CHECKING, Final
 
+from isel_twin.cam.settings import CamSettings
+from isel_twin.cam.toolpath import Toolpath
+from isel_twin.cam.writing import written
+from isel_twin.cam.written import MachineAxes, Written
+from isel_twin.firmware.bwo900 import retiming
 from isel_twin.firmware.bwo900.geometry.groups import BEYOND
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.numbers import Axis, G, M, P
@@ -26,6 +31,8 @@ from isel_twin.language import (
     Message,
     MoveSettings,
     Pieces,
+    Ranges,
+    check_ranges,
     encoded,
     integers,
     readable,
@@ -38,7 +45,6 @@ END_OF_LINE: Final = b"\r\n"
 END_OF_FILE: Final = b"\x04"
 AXES: Final = ("X", "Y", "Z")
 PER_MM: Final = 1000.0
-RAPID_HZ: Final = 100_000.0  # counts/s at P12004 as delivered, 6000 mm/min
 MOVE: Final = 9_999  # the program that `move` starts
 WORDS: Final = (4_990, 4_991, 4_992, 4_993)  # parameters that hold its feed in mm/min, and X, Y, Z in mm
 NUMBER: Final = 1  # program number of a file without one
@@ -99,11 +105,15 @@ def create(name: str) -> Bwo900Language:
 
 
 class Bwo900Language:
-    """Implements `isel_twin.language.Language` and `RunsPrograms`."""
-
-    ranges = SETTINGS_RANGES
+    """Implements `isel_twin.language.Language`, `RunsPrograms`, `RetimesJobs` and `WritesToolpaths`."""
 
     def __init__(self) -> None:
+        # ramps begin at 0: there is no start-stop frequency
+        self.ranges: Ranges = {
+            "speed_hz": (SETTINGS_RANGES["speed_hz"][0], round(retiming.RAPID_HZ)),
+            "acceleration_hz_per_ms": SETTINGS_RANGES["acceleration_hz_per_ms"],
+        }
+        self.defaults = retiming.DEFAULTS
         self._sent = Pieces(ends=b"\n\x04")
         self._received = Pieces(ends=b"\n\x04")
 
@@ -116,6 +126,11 @@ class Bwo900Language:
     def accepted(self, sent: bytes, reply: bytes) -> bool:
         """Always True: the control never refuses on the line; errors are messages and `Controller.fault`."""
         return True
+
+    def written(self, path: Toolpath, axes: MachineAxes, settings: CamSettings) -> Iterator[Written]:
+        from isel_twin.firmware.bwo900.writing import Bwo900Commands
+
+        return written(path, axes, settings, Bwo900Commands(axes, settings.outputs, settings.rapid_mm_s))
 
     def messages(self, data: bytes, sent: bool) -> Iterator[Message]:
         for piece in (self._sent if sent else self._received).cut(data):
@@ -135,15 +150,24 @@ class Bwo900Language:
     def move(self, target: Sequence[int], settings: MoveSettings) -> Sequence[bytes]:
         """In HAND the ramps and target parameters, then the start; servo drives have no start-stop frequency. A count
         is 0.001 mm; the ramp time is that to 100 mm/s (default P12012 and P12004) (bwo900/75)."""
+        check_ranges(settings, self.ranges)
         counts = integers(target, len(AXES))
         values = settings.speed_hz / PER_MM * 60.0, *(count / PER_MM for count in counts)
         words = [f"K1:P{number}: {value:.3f}" for number, value in zip(WORDS, values, strict=True)]
-        ramp_ms = RAPID_HZ / settings.acceleration_hz_per_ms
+        ramp_ms = retiming.RAPID_HZ / settings.acceleration_hz_per_ms
         words += [f"K1:P{of_axis(axis, Axis.DYNAMICS_1)}: {ramp_ms:.3f}" for axis in range(len(AXES))]
         return [_file(["D", f"K1:P{P.MODE_TO_PLC}: 1", *words]), _file(["D", *_started(MOVE)])]
 
     def break_off(self) -> bytes:
         return _file(["D", f"K1:P{P.ABORT}: 1"])
+
+    job_moves = staticmethod(retiming.job_moves)
+    retimed = staticmethod(retiming.retimed)
+    faster = staticmethod(retiming.faster)
+
+    def permanent(self, settings: MoveSettings) -> Sequence[str]:
+        """None: what the program sets stays in the control."""
+        return ()
 
     def claims(self, text: str) -> bool:
         """True for a text of only program names and numbered blocks."""

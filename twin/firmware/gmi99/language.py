@@ -1,5 +1,5 @@
 """The language of the GMI99: frames as text in the manual's notation, and explanations. Implements
-`isel_twin.language.Language`.
+`isel_twin.language.Language`, `RetimesJobs`, `LoadsPlc` and `WritesToolpaths`.
 
     p3;100;0      a letter and its parameters             68 0B 0B 68 E0 70 03 ... 16
     81h 238       a move: its code, one number an axis    68 05 05 68 E0 81 EE 00 00 4F 16
@@ -17,23 +17,31 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 
-from isel_twin.firmware.gmi99 import directly, link
+from isel_twin.cam.settings import CamSettings
+from isel_twin.cam.toolpath import Toolpath
+from isel_twin.cam.writing import written
+from isel_twin.cam.written import MachineAxes, Written
+from isel_twin.firmware.gmi99 import directly, link, retiming
 from isel_twin.firmware.gmi99.commands import COMMANDS, PLC_DATA_BYTES, command_of, parse
 from isel_twin.firmware.gmi99.instruction import MOVE_BIT, Instruction, signed
 from isel_twin.firmware.gmi99.link import Frame, Receiver
 from isel_twin.firmware.gmi99.settings import HIGHEST, LOWEST
-from isel_twin.language import SETTINGS_RANGES, LanguageError, Message, MoveSettings, Ranges, integers
+from isel_twin.language import (
+    SETTINGS_RANGES,
+    LanguageError,
+    Message,
+    MoveSettings,
+    Ranges,
+    check_ranges,
+    integers,
+)
 
 ADDRESS = link.FIRST_ADDRESS
 VARIANT: link.Variant = "E"
 BUFFER_FULL = 0x08
 
-# the card's ramps begin at 0; `start_stop_hz` has no effect
-RANGES: Ranges = {
-    "speed_hz": (30, 40_000),
-    "acceleration_hz_per_ms": SETTINGS_RANGES["acceleration_hz_per_ms"],
-    "start_stop_hz": SETTINGS_RANGES["start_stop_hz"],
-}
+# the card's ramps begin at 0: there is no start-stop frequency
+RANGES: Ranges = {name: SETTINGS_RANGES[name] for name in ("speed_hz", "acceleration_hz_per_ms")}
 
 _SHORT = re.compile(r"#([0-9A-Fa-f]{1,2})((?:\s+\d{1,5})*)")
 _MOVE = re.compile(r"([0-9A-Fa-f]{2})h((?:[\s;]+-?\d+)*)")
@@ -84,6 +92,7 @@ class Gmi99Language:
     ranges = RANGES
 
     def __init__(self) -> None:
+        self.defaults = retiming.defaults()
         self._receivers = {True: Receiver(VARIANT, from_host=True), False: Receiver(VARIANT, from_host=False)}
 
     def frame(self, text: str) -> bytes:
@@ -134,19 +143,30 @@ class Gmi99Language:
         numbers = integers(target, 3)
         if not all(LOWEST <= number <= HIGHEST for number in numbers):
             raise LanguageError(f"the target is {numbers}; the card takes {LOWEST} to {HIGHEST}")
+        check_ranges(settings, RANGES)
         speed = settings.speed_hz
-        if not RANGES["speed_hz"][0] <= speed <= RANGES["speed_hz"][1]:
-            raise LanguageError(f"speed_hz is {speed}; the language says {RANGES['speed_hz']}")
         lines = (f"M{speed}", f"B{settings.acceleration_hz_per_ms}", f"f{speed}", "G90")
         return [*(self.frame(line) for line in lines), self.frame("87h " + " ".join(map(str, numbers)))]
 
     def break_off(self) -> bytes:
         return self.frame("#0")
 
+    job_moves = staticmethod(retiming.job_moves)
+    retimed = staticmethod(retiming.retimed)
+    faster = staticmethod(retiming.faster)
+
+    def permanent(self, settings: MoveSettings) -> Sequence[str]:
+        return retiming.permanent(settings)
+
     def plc_lines(self, image: bytes) -> Sequence[str]:
         """Lines of a job that stop the PLC, load this image and start it."""
         parts = ((at, image[at : at + PLC_DATA_BYTES]) for at in range(0, len(image), PLC_DATA_BYTES))
         return ["p1;2", "p1;100", *(f"a {at} {_hex(part)}" for at, part in parts), "p1;101", "p1;1"]
+
+    def written(self, path: Toolpath, axes: MachineAxes, settings: CamSettings) -> Iterator[Written]:
+        from isel_twin.firmware.gmi99.writing import Gmi99Commands
+
+        return written(path, axes, settings, Gmi99Commands(axes, settings.outputs, settings.rapid_mm_s))
 
     def messages(self, data: bytes, sent: bool) -> Iterator[Message]:
         pieces = self._receivers[sent].take(data)

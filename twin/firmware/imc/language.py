@@ -1,4 +1,5 @@
-"""The iMC's language. Implements `isel_twin.language.Language` and `RetimesJobs`.
+"""The iMC's language. Implements `isel_twin.language.Language`, `RetimesJobs` and
+`WritesToolpaths`.
 
 It explains every command of commands.py and every reply code, and cuts both directions into messages.
 
@@ -24,11 +25,15 @@ from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
+from isel_twin.cam.settings import CamSettings
+from isel_twin.cam.toolpath import Toolpath
+from isel_twin.cam.writing import written
+from isel_twin.cam.written import MachineAxes, Written
 from isel_twin.firmware.imc import commands, grammar, replies, retiming
 from isel_twin.firmware.imc.profile import Profile, load_profile
 from isel_twin.firmware.imc.reading import LF, OK, AnswerForm, ReadingState
 from isel_twin.firmware.imc.wording import line_words
-from isel_twin.language import JobMove, Message, MoveSettings, Pieces, Ranges, encoded, integers, readable
+from isel_twin.language import JobMove, Message, MoveSettings, Pieces, Ranges, check_ranges, encoded, integers, readable
 
 CR = bytes([grammar.CR])
 
@@ -39,6 +44,7 @@ CONTROL: Mapping[int, str] = {
     grammar.BREAK: "break: stop with the ramp and forget the rest",
 }
 
+REFERENCE_HZ = 5000  # of the runs of `reference`
 LONGEST = 4096  # bytes after which an incomplete message is returned; no line or answer is that long
 MOST_UNANSWERED = 65_536  # most unanswered lines remembered; then the oldest is dropped
 
@@ -61,7 +67,7 @@ class ImcLanguage:
             "acceleration_hz_per_ms": profile.acceleration_hz_per_ms,
             "start_stop_hz": profile.start_stop_hz,
         }
-        self._line_bytes = profile.line_bytes
+        self._profile = profile
         self._pieces = Pieces(ends=CR, alone=bytes(CONTROL), longest=LONGEST)
         self._begun = b""
         self._unanswered: deque[bytes] = deque(maxlen=MOST_UNANSWERED)
@@ -89,10 +95,11 @@ class ImcLanguage:
 
     def reference(self) -> Sequence[bytes]:
         """Axes X, Y, Z; reference speed; reference run; all axes together from now on, which a reference run ends."""
-        return [self.frame(line) for line in ("@07", "@0d5000,5000,5000", "@0R7", "@0z1")]
+        return [self.frame(line) for line in _reference_lines(3)]
 
     def move(self, target: Sequence[int], settings: MoveSettings) -> Sequence[bytes]:
         """`@0j`, `@0J`, `@0M` with the speed for every axis; the fourth pair is ignored (2.2.18)."""
+        check_ranges(settings, self.ranges)
         ways = ",".join(f"{steps},{settings.speed_hz}" for steps in integers(target, 3))
         lines = (f"@0j{settings.start_stop_hz}", f"@0J{settings.acceleration_hz_per_ms}", f"@0M{ways},0,30")
         return [self.frame(line) for line in lines]
@@ -103,6 +110,12 @@ class ImcLanguage:
 
     def break_off(self) -> bytes:
         return bytes([grammar.BREAK])
+
+    def written(self, path: Toolpath, axes: MachineAxes, settings: CamSettings) -> Iterator[Written]:
+        from isel_twin.firmware.imc.writing import ImcCommands  # with the circle of the step streams
+
+        begin = _reference_lines(axes.count)
+        return written(path, axes, settings, ImcCommands(self._profile, axes, settings, begin))
 
     # ---- jobs with other settings: retiming.py ----------------------------------------------------------------------
 
@@ -148,7 +161,7 @@ class ImcLanguage:
         """Note that this line needs an answer, and explain it."""
         if not line.strip():
             return "an empty line, no command"
-        if len(line) > self._line_bytes:
+        if len(line) > self._profile.line_bytes:
             line = b""  # of a corrupted line only the answer is known
         words = line_words(line, self._ahead) if line else "a line that is too long"
         self._unanswered.append(line)
@@ -206,3 +219,10 @@ class ImcLanguage:
             return "an answer that breaks off"
         _, text = self._told.split(self._answered) or ("", "")
         return self._form.words(data.decode("latin-1").removeprefix(replies.OK), text)
+
+
+def _reference_lines(axes: int) -> list[str]:
+    """For X, for X and Y, or for all."""
+    mask = (1 << axes) - 1
+    speeds = ",".join([str(REFERENCE_HZ)] * axes)
+    return [f"@0{mask}", f"@0d{speeds}", f"@0R{mask}", *(["@0z1"] if axes == 3 else [])]

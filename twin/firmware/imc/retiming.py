@@ -17,14 +17,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from isel_twin.firmware.imc import commands, grammar, replies
-from isel_twin.language import SETTINGS_RANGES, JobMove, MoveSettings
+from isel_twin.language import JobMove, MoveSettings
 
 # commands that set a ramp (2.2.15, 2.2.16), and the setting it is
 RAMPS: Mapping[str, str] = {"j": "start_stop_hz", "J": "acceleration_hz_per_ms"}
 STRAIGHT = frozenset("AM")  # moves with pairs of steps and speed (2.2.2, 2.2.18)
 # motions with fixed speed: arcs, helices, until a port, stored programs (2.2.23, 2.2.27, 2.2.28, 2.2.30)
 OTHER_MOTIONS = frozenset("ywZS")
-SPEED_HZ = SETTINGS_RANGES["speed_hz"]
+SPEED_HZ = (30, 40_000)  # that some profile takes
 PAUSES = re.compile(r"(<[^<>]*s>\s*)+")  # lines that send nothing
 FORGETTING = frozenset(("IJ", "Ij", "IL", "IX"))  # commands after which other ramps may be in force
 

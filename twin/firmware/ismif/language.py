@@ -1,4 +1,4 @@
-"""The iSMIF's language. Implements `isel_twin.language.Language`.
+"""The iSMIF's language. Implements `isel_twin.language.Language`, `RetimesJobs` and `WritesToolpaths`.
 
     sent      a line ends with CR, or with 01h, which also starts the job
     received  a line ends with CR and identifies itself
@@ -19,15 +19,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from isel_twin.firmware.ismif import commands
+from isel_twin.cam.settings import CamSettings
+from isel_twin.cam.toolpath import Toolpath
+from isel_twin.cam.writing import written
+from isel_twin.cam.written import MachineAxes, Written
+from isel_twin.firmware.ismif import commands, retiming
 from isel_twin.firmware.ismif.commands import AXIS_LETTERS, LINE_LIMIT, SPEEDS_HZ, CommandError
 from isel_twin.language import (
     SETTINGS_RANGES,
-    LanguageError,
     Message,
     MoveSettings,
     Pieces,
     Ranges,
+    check_ranges,
     encoded,
     integers,
     readable,
@@ -64,6 +68,7 @@ class IsmifLanguage:
 
     def __init__(self) -> None:
         self.ranges = RANGES
+        self.defaults = retiming.defaults()
         self._sent, self._received = Pieces(ends=CR + START), Pieces(ends=CR)
         self._begun = b""
 
@@ -86,18 +91,29 @@ class IsmifLanguage:
 
     def move(self, target: Sequence[int], settings: MoveSettings) -> Sequence[bytes]:
         """`#S`, `#E`, `#R` are stored, `L` with 01h carries out all four; in half steps, the factory's setting."""
-        for name, (low, high) in self.ranges.items():
-            if not low <= getattr(settings, name) <= high:
-                raise LanguageError(f"{name} is {getattr(settings, name)}; the interface takes {low} to {high}")
+        check_ranges(settings, self.ranges)
         end_hz, start_hz = settings.speed_hz, settings.start_stop_hz
         ramp_ms = max(0, -(-(end_hz - start_hz) // settings.acceleration_hz_per_ms))
         ways = (f"{letter}{steps}" for letter, steps in zip(AXIS_LETTERS, integers(target, 3), strict=True))
         stored = (f"#S{start_hz}", f"#E{INDEX},{end_hz}", f"#R{ramp_ms}")
         return [*(self.frame(line) for line in stored), encoded(f"L{INDEX},{','.join(ways)}") + START]
 
+    job_moves = staticmethod(retiming.job_moves)
+    retimed = staticmethod(retiming.retimed)
+    faster = staticmethod(retiming.faster)
+
+    def permanent(self, settings: MoveSettings) -> Sequence[str]:
+        """None: without power the interface forgets all of them (ismif/13)."""
+        return ()
+
     def break_off(self) -> bytes:
         """`@B`: the vector is over; nothing else is stored when it comes from `move`."""
         return self.frame("@B")
+
+    def written(self, path: Toolpath, axes: MachineAxes, settings: CamSettings) -> Iterator[Written]:
+        from isel_twin.firmware.ismif.writing import IsmifCommands
+
+        return written(path, axes, settings, IsmifCommands(axes, settings.outputs))
 
     def messages(self, data: bytes, sent: bool) -> Iterator[Message]:
         pieces = (self._sent if sent else self._received).cut(data)

@@ -1,5 +1,6 @@
-"""Findings as JUnit XML, SARIF, JSON and annotations of a pull request.
+"""Findings in words, as JUnit XML, SARIF, JSON and annotations of a pull request.
 
+words    a line for the verdict and one for each finding
 JUnit    one suite, one case a job; its findings as one failure, warnings in system-out
 SARIF    2.1.0, one result a finding, with the line of the job, for code scanning and editors
 JSON     one object a job
@@ -17,7 +18,8 @@ from urllib.parse import quote
 from xml.etree import ElementTree
 
 from isel_twin.base.units import SECOND_NS
-from isel_twin.jobs.checks.job import RULES, Finding, Report
+from isel_twin.jobs.checks.job import Report
+from isel_twin.jobs.checks.rules import RULES, Finding
 from isel_twin.version import VERSION
 
 # characters that XML cannot hold, but a reply can
@@ -27,6 +29,19 @@ _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 def where(finding: Finding) -> str:
     time = "" if finding.time_ns is None else f"at {finding.time_ns / SECOND_NS:.3f} s"
     return ", ".join(part for part in (finding.place, time) if part)
+
+
+def as_words(report: Report) -> str:
+    """For the terminal: the verdict in a line, and a line for each finding."""
+    verdict = report.verdict
+    least = verdict.least_margin
+    margin = "" if least is None else f", margin {100.0 * least:.0f} %"
+    commands = f"{verdict.commands} command{'' if verdict.commands == 1 else 's'}"
+    rows = [f"{report.job}: {'ok' if report.ok else 'NOT OK'} ({commands}, {verdict.cycle_s:.3f} s{margin})"]
+    for finding in report.findings:
+        warning, place = "warning " if finding.warning else "", where(finding)
+        rows.append(f"  {warning}{finding.rule:<10} {f'{place}: ' if place else ''}{finding.message}")
+    return "\n".join(rows)
 
 
 def _in_words(finding: Finding) -> str:

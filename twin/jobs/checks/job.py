@@ -3,32 +3,7 @@
 One function plays a job and collects all findings, so that a terminal, an XML file and an annotation in a review say
 the same.
 
-    job, machine, bounds  --- check_job --->  Report: findings, each with rule, line of the job, virtual time
-
-    rule          it is broken when                                                       bound
-    refused       a command is refused, or its reply is not what the job expects          always
-    restart       the controller starts anew before the last reply                        always
-    unmet         a condition of the job (`! lost == 0`) is false                         always
-    unfinished    a command is not over in time; the job ends there                       `timeout`
-    collision     two bodies meet that must not: cutter and vise (docs/machines.md)       always
-    clearance     two bodies that must not meet come nearer to each other                 `clearance`
-    unpowered     steps are made while the stages have no power                           always
-    lost          an axis has lost steps; with the first line after which it had          always
-    halfway       a rotor rests between two stable places                                 always
-    drive         a servo drive has switched itself off; with the line, or rests short     always
-                  of its command
-    switch        an end switch is struck in a line that sets no counter, and no          `may_strike`
-                  condition of the job (`! limit_x1 == struck`) expects it
-    fault         the controller shows an error at the end, or its flash is damaged       always
-    margin        the least pull-out margin of a motor in a line                          `margin`
-    edge          a motor turns faster than the speed from which on it swings, over this   `edge`
-    deviation     true position and counter differ by more, sampled every 5 ms            `deviation_mm`
-    cycle         first command to end of the last one takes longer                       `cycle_s`
-    golden        the run differs from the golden run of the job, if it has one           `golden`
-    luck          repetitions on slightly different machines end differently              `robust`
-    odd           a line is legal and absurd: a move that crawls (a warning)               always
-    effect        an event of the scenario came too late, or it or a bound had no effect  always
-                  (a warning)
+    job, machine, bounds  --- check_job --->  Report: findings (rules.py), each with rule, line of the job, virtual time
 
 A reference run strikes switches and sets counters, so `switch` ignores lines that set a counter; a switch that stays
 struck is reported once.
@@ -36,8 +11,7 @@ struck is reported once.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -48,9 +22,11 @@ from numpy.typing import NDArray
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.drives.servo_drive import ServoDrive
-from isel_twin.jobs.golden import Golden, Scribe, differences
+from isel_twin.jobs.checks.contour import Contour, Drawing
+from isel_twin.jobs.checks.rules import Bounds, Finding, few
+from isel_twin.jobs.golden import Golden, Scribe, called, differences, golden_file, load
 from isel_twin.jobs.job import Line
-from isel_twin.jobs.playing import TIMEOUT_S, played
+from isel_twin.jobs.playing import played
 from isel_twin.jobs.result import Result
 from isel_twin.jobs.verdict import Verdict, lost
 from isel_twin.jobs.why import RESTARTED
@@ -60,73 +36,6 @@ if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
 
 LOOK_NS = 5 * MILLISECOND_NS  # sampling interval of the deviation
-
-RULES: Mapping[str, str] = {
-    "refused": "Every command is accepted, or answered as the job expects.",
-    "restart": "The controller does not start anew before the last reply.",
-    "unmet": "What a job says must be so is so.",
-    "unfinished": "Every command is over in time.",
-    "unpowered": "No step is made while the stages have no power.",
-    "lost": "No motor loses steps.",
-    "halfway": "No rotor rests between two places that would hold.",
-    "drive": "No servo drive switches itself off.",
-    "collision": "Nothing meets what it must not.",
-    "clearance": "What must not meet keeps a distance.",
-    "switch": "No end switch is struck but in a reference run.",
-    "fault": "The controller shows no error.",
-    "margin": "Every motor keeps a margin of torque.",
-    "edge": "Every motor turns slower than it may before it swings.",
-    "deviation": "The machine is where the counters say, within a tolerance.",
-    "cycle": "The job takes no longer than it may.",
-    "golden": "The job does what it did.",
-    "luck": "The job ends alike on slightly different machines.",
-    "odd": "No move crawls.",
-    "effect": "Every event of the scenario comes in time, and has an effect as every bound has.",
-}
-WARNINGS = ("odd", "effect")  # rules that do not make a job fail
-MOST = 20  # findings of one rule that a report names one by one
-
-
-@dataclass(frozen=True)
-class Bounds:
-    """Bounds of a job; None: no bound."""
-
-    margin: float | None = None  # least pull-out margin of each motor, 0 .. 1
-    deviation_mm: float | None = None
-    edge: float | None = None  # least factor on the speed of each motor until it swings, such as 1.2
-    cycle_s: float | None = None
-    clearance: float | None = None  # least distance of bodies that must not meet, mm
-    may_strike: tuple[str, ...] = ()  # end switches that may be struck; "all"
-    robust: int = 0  # repetitions
-    timeout_s: float = TIMEOUT_S
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One violation of a rule."""
-
-    rule: str
-    message: str
-    line: int | None = None  # of the job; None: the job as a whole
-    time_ns: int | None = None
-    at: tuple[int, int] | None = None  # line and column of the file, in a program of the controller's own
-
-    @property
-    def warning(self) -> bool:
-        """True if it does not make the job fail."""
-        return self.rule in WARNINGS
-
-    @property
-    def level(self) -> str:
-        """The level in the words of CI services."""
-        return "warning" if self.warning else "error"
-
-    @property
-    def place(self) -> str:
-        """The place in the file, in words; "" for the job as a whole."""
-        if self.at is not None:
-            return f"line {self.at[0]}, column {self.at[1]}"
-        return "" if self.line is None else f"line {self.line}"
 
 
 @dataclass(frozen=True)
@@ -146,7 +55,7 @@ class Report:
     def compared(self, was: Golden, now: Golden) -> Report:
         """The report with the differences from a golden run as findings; now: this run with its call."""
         found = [Finding("golden", each.what, each.line) for each in differences(was, now)]
-        return replace(self, golden=now, findings=_few([*self.findings, *found]))
+        return replace(self, golden=now, findings=few([*self.findings, *found]))
 
 
 class _Watch:
@@ -158,14 +67,18 @@ class _Watch:
         self._struck = self._now_struck()
         self._may = self._ends if "all" in bounds.may_strike else frozenset(bounds.may_strike)
         self._most_mm = bounds.deviation_mm
+        self.contour: Contour | None = None
         self.begin()
         # switches are observed at each change
-        twin.observe(self._look, None if bounds.deviation_mm is None else LOOK_NS)
+        still = bounds.deviation_mm is None and bounds.contour_mm is None
+        twin.observe(self._look, None if still else LOOK_NS)
 
     def begin(self) -> None:
         self.struck: dict[str, int] = {}  # when each switch was struck in this line
         self._worst_mm = np.zeros(len(CARRIAGES))
         self._worst_ns = [0] * len(CARRIAGES)
+        if self.contour is not None:
+            self.contour.begin()
 
     def _now_struck(self) -> set[str]:
         return {name for name, state in self._twin.inputs.items() if name in self._ends and state == "struck"}
@@ -179,10 +92,14 @@ class _Watch:
             error_mm = np.abs(twin.position_error_mm)
             for i in np.flatnonzero(error_mm > self._worst_mm):
                 self._worst_mm[i], self._worst_ns[i] = error_mm[i], twin.time_ns
+        if self.contour is not None:
+            self.contour.look(twin.position_mm, twin.time_ns)
 
     def findings(self, result: Result, counter_set: bool) -> list[Finding]:
         """Findings of the line that has just ended. Setting a counter makes earlier deviations meaningless."""
         if counter_set:
+            if self.contour is not None:
+                self.contour.restart()
             return []
         found = [
             Finding("switch", f"{name} is struck", result.number, time_ns)
@@ -195,7 +112,15 @@ class _Watch:
                 for name, worst, time_ns in zip(CARRIAGES, self._worst_mm, self._worst_ns, strict=True)
                 if worst > self._most_mm
             ]
-        return found
+        return [*found, *self._off_the_path(result)]
+
+    def _off_the_path(self, result: Result) -> Iterator[Finding]:
+        if self.contour is None:
+            return
+        for line, worst_mm, time_ns in self.contour.found():
+            off = f"{worst_mm:.3f} mm off what the file draws; at most {self.contour.most_mm:g} mm"
+            program = (line, 1) if result.parts else None
+            yield Finding("contour", off, result.number if program else line, time_ns, program)
 
 
 def _lag(twin: Twin, name: str) -> str:
@@ -207,6 +132,17 @@ def _lag(twin: Twin, name: str) -> str:
     return f" (a servo of its gain follows by {1e3 * lag_s:.4g} ms: {lag_s:.4g} mm for each mm/s)"
 
 
+@dataclass(frozen=True)
+class Mark:
+    """How much an `Inspection` has collected; lines before it keep what they have."""
+
+    results: int
+    findings: int
+    moves: int
+    gone: tuple[bool, ...]  # axes that have lost steps
+    way_mm: float = 0.0  # along the path of the file
+
+
 class Inspection:
     """Follows a job on a twin line by line, from before the first, and collects findings."""
 
@@ -215,16 +151,48 @@ class Inspection:
         self.bounds = bounds or Bounds()
         self.results: list[Result] = []
         self._watch = _Watch(twin, self.bounds)
-        self._met = len(twin.collisions)  # collisions that have been told
         if self.bounds.clearance is not None:
             twin.watch_clearance()
         self._scribe = Scribe(twin)
         self._findings: list[Finding] = []
         self._gone = np.zeros(len(twin.counts), dtype=np.bool_)
-        self._faults = [number for number, _ in twin.drive_faults]
-        self._unpowered = int(twin.unpowered_steps.sum())
-        self._expected = np.array(twin.counts)
         self.setting: set[int] = set()  # numbers of the lines that set a counter, such as reference runs
+        self._follow()
+
+    def _follow(self) -> None:
+        """What the twin has counted up to now has been told."""
+        self._met = len(self.twin.collisions)
+        self._faults = [number for number, _ in self.twin.drive_faults]
+        self._unpowered = int(self.twin.unpowered_steps.sum())
+        self._expected = np.array(self.twin.counts)
+
+    def mark(self) -> Mark:
+        """Where it is between two lines."""
+        contour = self._watch.contour
+        way_mm = 0.0 if contour is None else contour.way_mm
+        return Mark(len(self.results), len(self._findings), len(self._scribe.moves), tuple(self._gone.tolist()), way_mm)
+
+    def back(self, mark: Mark, lines: Mapping[int, int]) -> None:
+        """Go on from a mark, with the twin in the state that it had then, after a line or more. lines: numbers of the
+        lines before it now, by those that they had."""
+        self.results[:] = [replace(one, number=lines[one.number]) for one in self.results[: mark.results]]
+        self._findings[:] = [replace(one, line=one.line and lines[one.line]) for one in self._findings[: mark.findings]]
+        self._scribe.back(mark.moves, lines)
+        self.setting = {lines[number] for number in self.setting if number in lines}
+        self._gone = np.array(mark.gone, dtype=np.bool_)
+        self._watch.begin()
+        if self._watch.contour is not None:
+            self._watch.contour.restart(mark.way_mm)
+        self._follow()
+
+    def draw(self, drawn: Drawing | None) -> None:
+        """The path of the file, between two lines, which lead as far along it as along the one before; None: it is no
+        file of a CAM program."""
+        bound_mm, before = self.bounds.contour_mm, self._watch.contour
+        nothing = drawn is None or not len(drawn.cuts)
+        self._watch.contour = None if drawn is None or nothing or bound_mm is None else Contour(drawn, bound_mm)
+        if self._watch.contour is not None and before is not None:
+            self._watch.contour.restart(before.way_mm)
 
     def take(self, result: Result) -> None:
         twin, bounds = self.twin, self.bounds
@@ -277,8 +245,18 @@ class Inspection:
         findings = [finding for finding in self._findings if not _expected(finding, verdict, self.results)]
         findings += [*self._collisions(self.results[-1].number if self.results else None), *self._clearance()]
         findings += [*_of_verdict(verdict, self._gone, self.results, self.bounds), *others]
+        if self.bounds.contour_mm is not None and self._watch.contour is None:
+            findings.append(Finding("effect", "contour_mm: the job is no file of a CAM program that draws something"))
         placed = [_placed(finding, self.results) for finding in findings]
-        return Report(job, _few(placed), verdict, self._scribe.golden(verdict))
+        return Report(job, few(placed), verdict, self._scribe.golden(verdict))
+
+
+def beside_golden(report: Report, job: Path, call: TwinSpec) -> Report:
+    """The report with the differences from the golden run of the job, if it has one. Raises GoldenError, OSError."""
+    file = golden_file(job)
+    if not file.is_file():
+        return report
+    return report.compared(load(file), called(report.golden, call, job, file))
 
 
 def check_job(
@@ -287,17 +265,19 @@ def check_job(
     lines: Sequence[Line],
     bounds: Bounds | None = None,
     begun: Callable[[Inspection], None] | None = None,
+    drawn: Drawing | None = None,
 ) -> Report:
     """Play a job on a twin of its own and report findings; `Report.compared` adds differences from a golden run.
 
-    begun: called with the inspection before the first line. Raises CallError for a call that cannot be carried out.
+    begun: called with the inspection before the first line. drawn: what a file of a CAM program draws. Raises CallError
+    for a call that cannot be carried out.
     """
     inspection = Inspection(call.build(), bounds)
+    inspection.draw(drawn)
     if begun is not None:
         begun(inspection)
     verdict = played(inspection.twin, lines, [inspection.take], inspection.bounds.timeout_s).verdict
-    others = _of_repetitions(call, lines, verdict, inspection.bounds) if inspection.bounds.robust else ()
-    return inspection.report(str(job), verdict, others)
+    return inspection.report(str(job), verdict, repeated(call, lines, verdict, inspection.bounds))
 
 
 def _expected(finding: Finding, verdict: Verdict, results: Sequence[Result]) -> bool:
@@ -318,7 +298,7 @@ def _placed(finding: Finding, results: Sequence[Result]) -> Finding:
     """The finding with its place in the file if its line runs a program: the place of the controller's remark, else the
     step at that time."""
     result = next((one for one in results if one.number == finding.line and one.parts), None)
-    if result is None:
+    if result is None or finding.at is not None:
         return finding
     parts = [part for part in result.parts if part.at is not None]
     said = [part for part in parts if not part.position_mm] if finding.rule in ("refused", "fault") else []
@@ -406,7 +386,10 @@ def _of_verdict(verdict: Verdict, gone: NDArray[np.bool_], results: Sequence[Res
     return found
 
 
-def _of_repetitions(call: TwinSpec, lines: Sequence[Line], verdict: Verdict, bounds: Bounds) -> list[Finding]:
+def repeated(call: TwinSpec, lines: Sequence[Line], verdict: Verdict, bounds: Bounds) -> list[Finding]:
+    """What repetitions of the job show, if there are to be any."""
+    if not bounds.robust:
+        return []
     from isel_twin.jobs.robust import agree, repetitions
 
     others = repetitions(call, lines, bounds.robust, timeout_s=bounds.timeout_s)
@@ -414,14 +397,3 @@ def _of_repetitions(call: TwinSpec, lines: Sequence[Line], verdict: Verdict, bou
     numbers = ", ".join(map(str, differ[:10]))
     told = f"{len(differ)} of {bounds.robust} repetitions end otherwise: number {numbers}"
     return [Finding("luck", told)] if differ else []
-
-
-def _few(findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    """At most MOST findings of each rule, in the order of lines, and the number of the others."""
-    kept: list[Finding] = []
-    for rule in RULES:
-        own = [finding for finding in findings if finding.rule == rule]
-        kept += own[:MOST]
-        if len(own) > MOST:
-            kept.append(Finding(rule, f"and {len(own) - MOST} more of the same"))
-    return tuple(sorted(kept, key=lambda finding: (finding.line or math.inf, finding.time_ns or 0)))

@@ -10,6 +10,7 @@
     margin = 0.2                     # least pull-out margin of each motor
     edge = 1.2                       # least factor on the speed of each motor until it swings (docs/fidelity.md)
     deviation_mm = 0.05              # most difference between counter and true position
+    contour_mm = 0.05                # most distance of the carriages from what a file of a CAM program cuts
     cycle_s = 60.0                   # most time from the first command to the end of the last one
     clearance = 2.0                  # least distance of what must not meet, mm
     may_strike = ["limit_x1"]        # end switches that may be struck outside a reference run; ["all"]
@@ -22,6 +23,9 @@
     shape = "box"
     size_mm = [100, 20, 40]
     at_mm = [197.5, 120, 0]
+
+    [cam]                            # how files of CAM programs are made; isel_twin.cam.settings has its keys
+    zero = [100, 80, 60]
 
     [[check.job]]                    # for some jobs, in the order of the file; the last match wins
     match = "pocket*.txt"            # path relative to this file, with * and ?
@@ -40,12 +44,13 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
+from isel_twin.base.errors import CallError
 from isel_twin.base.parameters import Limits, Place, boolean, known, plain, read_toml, table, text
 from isel_twin.core.spec import TwinSpec
-from isel_twin.jobs.checks.job import Bounds
+from isel_twin.jobs.checks.rules import Bounds
 from isel_twin.jobs.job import MOST_EDGE
 from isel_twin.jobs.project import SettingsError, fixtures
-from isel_twin.machine import Fixture
+from isel_twin.machine import Fixture, Machine
 from isel_twin.plant import MOST_CLEARANCE_MM
 
 _NUMBERS: Mapping[str, Limits] = {
@@ -53,12 +58,13 @@ _NUMBERS: Mapping[str, Limits] = {
     "margin": Limits("", 0.0, 1.0),
     "edge": Limits("", 0.0, MOST_EDGE),
     "deviation_mm": Limits("mm", 0.0, 1e5),
+    "contour_mm": Limits("mm", 0.0, 1e5),
     "cycle_s": Limits("s", 0.0, 1e9),
     "clearance": Limits("mm", 0.0, MOST_CLEARANCE_MM),
     "robust": Limits("repetitions", 0, 10_000, whole=True),
     "timeout_s": Limits("s", 0.0, 1e9),
 }
-_OFF = ("margin", "edge", "deviation_mm", "cycle_s", "clearance")  # bounds that may be "off"
+_OFF = ("margin", "edge", "deviation_mm", "contour_mm", "cycle_s", "clearance")  # bounds that may be "off"
 _WORDS = ("machine", "controller", "plant", "scenario")
 KEYS = (*_WORDS, *_NUMBERS, "may_strike", "golden", "set")
 
@@ -71,6 +77,7 @@ class Task:
     call: TwinSpec = field(default_factory=TwinSpec)
     bounds: Bounds = field(default_factory=Bounds)
     golden: bool = True
+    form: str | None = None  # format of the file, whatever it looks like
 
 
 def load(path: Path) -> list[tuple[str, dict[str, Any]]]:
@@ -78,7 +85,7 @@ def load(path: Path) -> list[tuple[str, dict[str, Any]]]:
     for anything wrong in it, OSError if it cannot be read."""
     place = Place(path, SettingsError)
     content = read_toml(place)
-    known(content, ("check", "fixture"), place)
+    known(content, ("check", "fixture", "cam"), place)
     section = dict(table(content.get("check", {}), place.at("check")))
     jobs = section.pop("job", [])
     if not isinstance(jobs, list):
@@ -125,6 +132,13 @@ def switch_names(value: Any, place: Place) -> tuple[str, ...]:
     return tuple(value)
 
 
+def check_switches(bounds: Bounds, machine: Machine) -> None:
+    """Raise CallError for a name in `may_strike` that no end switch of the machine has."""
+    names = {switch.name for switch in machine.switches} | {"all"}
+    if unknown := sorted(set(bounds.may_strike) - names):
+        raise CallError(f"may-strike {unknown[0]}: is no end switch; there are: {', '.join(sorted(names))}")
+
+
 def _flat(tree: Mapping[str, Any], above: str) -> Iterator[tuple[str, Any]]:
     """All values of a nested table, by keys joined with dots."""
     for key, value in tree.items():
@@ -149,7 +163,7 @@ def task(job: Path, settings: Path | None, options: Mapping[str, Any]) -> Task:
             if key in values and (key == "scenario" or (folder / values[key]).is_dir()):
                 values[key] = str(folder / values[key])
     overrides = {**values.pop("set", {}), **(options.get("set") or {})}
-    values |= {key: value for key, value in options.items() if value is not None and key != "set"}
+    values |= {key: value for key, value in options.items() if value is not None and key not in ("set", "form")}
     if values.get("scenario") is not None:
         values["scenario"] = Path(values["scenario"])
     golden = values.pop("golden", True)
@@ -158,4 +172,4 @@ def task(job: Path, settings: Path | None, options: Mapping[str, Any]) -> Task:
         overrides=overrides, fixtures=clamped, **{key: value for key, value in values.items() if key in of_call}
     )
     bounds = Bounds(**{key: value for key, value in values.items() if key not in of_call})
-    return Task(job, call, bounds, golden)
+    return Task(job, call, bounds, golden, options.get("form"))

@@ -25,9 +25,11 @@ from numpy.typing import NDArray
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.base.units import SECOND_NS
 from isel_twin.jobs.golden import Golden, Scribe
-from isel_twin.jobs.job import JobError, Line, check_conditions, check_controller, decode_job, parse_job
+from isel_twin.jobs.job import JobError, Line, check_conditions
 from isel_twin.jobs.playing import TIMEOUT_S, Played, played
+from isel_twin.jobs.project import cam, find
 from isel_twin.jobs.result import Result
+from isel_twin.jobs.toolpaths import lines_of, source_of
 from isel_twin.jobs.verdict import SETTLE_S, lost
 from isel_twin.language import create_language, readable
 
@@ -100,9 +102,10 @@ class Watched:
         __tracebackhide__ = True
         path, twin = Path(job), self.twin
         try:
-            text = decode_job(path.read_bytes())
-            check_controller(text, twin.language, twin.controller_name)
-            lines = parse_job(text, twin.language, twin.controller_name)
+            settings, data = cam(find(path), twin.machine), path.read_bytes()
+            language, controller = twin.language, twin.controller_name
+            source = source_of(data, path.suffix, language, controller, lambda: twin.machine, settings)
+            lines = lines_of(source, data, language, controller)
             check_conditions(lines, twin)
         except JobError as error:
             told = "\n".join([f"{path}: {error}", *([error.excerpt] if error.excerpt else [])])

@@ -15,6 +15,7 @@ back, differs from the first.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -26,7 +27,7 @@ from isel_twin.controller import create_controller
 from isel_twin.language import Language, MoveSettings, create_language, needed
 from isel_twin.machine import Machine
 from isel_twin.many.identification.measured import Act, Measured, Reading, Stall
-from isel_twin.many.identification.session import referenced, stall_speed_hz
+from isel_twin.many.identification.session import referenced, stall_speed_hz, with_supply
 from isel_twin.many.identification.unknowns import Unknown
 
 PUSH_N = 150.0  # a spring scale or a 15 kg weight over a pulley
@@ -40,7 +41,7 @@ COAST_S = 1.5  # duration of a move for an emergency stop: a person needs time t
 PRESS_S, RELEASE_S = 0.5, 2.5  # after the command was sent; the coasting does not depend on it
 GENTLE = (6000, 100, 300)  # speed, acceleration and start-stop frequency of moves between readings
 SERIES = 1.04  # ratio of successive speeds of a stall series
-SERIES_FROM, SERIES_TO = 0.5, 1.8  # of the stall speed expected
+SERIES_FROM, SERIES_TO = 0.7, 1.8  # of the stall speed expected: few moves before the first that may lose steps
 
 
 @dataclass(frozen=True)
@@ -84,11 +85,17 @@ class Experiment:
 
 
 def blocks(
-    machine: Machine, controller: str, axes: Sequence[str], unknowns: Sequence[Unknown], seed: int
+    machine: Machine,
+    controller: str,
+    axes: Sequence[str],
+    unknowns: Sequence[Unknown],
+    seed: int,
+    supplies_v: Sequence[float] = (),
 ) -> list[Block]:
-    """All blocks for these axes. Raises ValueError for a controller that does not reply to moves."""
+    """All blocks for these axes. supplies_v: of the stages for stall series, where they can be set. Raises ValueError
+    for a controller that does not reply to moves."""
     language = needed(create_language(controller), controller)
-    slow = MoveSettings(language.ranges["speed_hz"][0], start_stop_hz=language.ranges["start_stop_hz"][0])
+    slow = MoveSettings(**{name: low for name, (low, _) in language.ranges.items()})
     if language.accepted(language.move([0] * len(CARRIAGES), slow)[-1], b""):
         raise ValueError(
             f"controller {controller!r} answers nothing to a move, so no recording tells when one is over; "
@@ -109,8 +116,9 @@ def blocks(
         fastest = min(language.ranges["speed_hz"][1], (axis.travel_mm - 20.0) * axis.steps_per_mm / COAST_S)
         for speed in (6000.0, 10_000.0, 16_000.0) if notices_stop else ():
             found.append(_coast(tell, machine, language, round(min(speed * draw.uniform(0.85, 1.15), fastest))))
-        for acceleration in STALL_HZ_PER_MS:
-            found.append(_stall(name, machine, controller, 15.0, min(55.0, axis.travel_mm - 5.0), acceleration))
+        for supply_v, acceleration in itertools.product(supplies_v or (None,), STALL_HZ_PER_MS):
+            far_mm = min(55.0, axis.travel_mm - 5.0)
+            found.append(_stall(name, machine, controller, 15.0, far_mm, acceleration, supply_v))
         if f"lead.{name}" in names:
             found.append(_far(tell, axis.travel_mm))
         for contact in machine.switches:
@@ -180,13 +188,24 @@ def _coast(tell: _Teller, machine: Machine, language: Language, speed_hz: int) -
     return Block(name, f"{tell.axis}: emergency stop at {speed_hz / tell.steps_per_mm:.1f} mm/s, scale", steps)
 
 
-def _stall(name: str, machine: Machine, controller: str, from_mm: float, to_mm: float, acceleration: int) -> Block:
+def _stall(
+    name: str,
+    machine: Machine,
+    controller: str,
+    from_mm: float,
+    to_mm: float,
+    acceleration: int,
+    supply_v: float | None,
+) -> Block:
     middle = 0.5 * needed(create_language(controller), controller).ranges["speed_hz"][1]
-    wanted = Stall("", name, from_mm, to_mm, acceleration, 300, middle, 1.02 * middle)
-    expected = stall_speed_hz(referenced(controller, machine), wanted)
+    wanted = Stall("", name, from_mm, to_mm, acceleration, 300, middle, 1.02 * middle, supply_v=supply_v)
+    expected = stall_speed_hz(referenced(controller, with_supply(machine, supply_v)), wanted)
     stall = replace(wanted, held_hz=expected / math.sqrt(SERIES), lost_hz=expected * math.sqrt(SERIES))
-    what = f"{name}: {from_mm:g} to {to_mm:g} mm and back at {acceleration} Hz/ms, ever faster, until steps are lost"
-    return Block(f"stall {name} {acceleration}", what, stall=stall)
+    at = "" if supply_v is None else f" at {supply_v:g} V"
+    what = (
+        f"{name}: {from_mm:g} to {to_mm:g} mm and back at {acceleration} Hz/ms{at}, ever faster, until steps are lost"
+    )
+    return Block(f"stall {name} {acceleration}{at}", what, stall=stall)
 
 
 def _far(tell: _Teller, travel_mm: float) -> Block:
@@ -243,7 +262,9 @@ def series_text(experiment: Experiment, machine: Machine, language: Language) ->
     ]
     for stall in experiment.stalls:
         scale = machine.axes[CARRIAGES.index(stall.axis)].steps_per_mm
-        lines += ["", *(_text(language, data) for data in language.reference())]
+        at = "" if stall.supply_v is None else f"; stages at {stall.supply_v:g} V"
+        lines += ["", f"# Z stays where the reference run leaves it, at the top{at}"]
+        lines += [_text(language, data) for data in language.reference()]
         for speed in series_hz(stall, language):
             lines += ["", f"# {stall.axis} at {speed} Hz, {stall.acceleration_hz_per_ms} Hz/ms"]
             for mm in (stall.from_mm, stall.to_mm, stall.from_mm):

@@ -30,6 +30,7 @@
     start_stop_hz = 300
     held_hz = 24000                         # fastest speed at which no step was lost
     lost_hz = 25000                         # the next one, at which steps were lost; left out: it never stalled
+    supply_v = 36.0                         # of the stages meanwhile, measured; left out: as always
 
     [[repeats]]                             # the same place after several reference runs
     recording = "first"
@@ -63,6 +64,7 @@ _MM = Limits("mm", -1e5, 1e5)
 _N = Limits("N", -1e4, 1e4)
 _S = Limits("s", 0.0, 1e5)
 _HZ = Limits("Hz", 1.0, 1e6)
+_V = Limits("V", 5.0, 200.0)
 _SIGMA = Limits("mm", 1e-6, 100.0)
 _COMMAND = Limits("", 1, 1e6, whole=True)
 
@@ -107,6 +109,7 @@ class Stall:
     held_hz: float
     lost_hz: float  # inf: it never stalled
     command: int | None = None
+    supply_v: float | None = None  # of the stages during the series; None: as always
 
 
 @dataclass(frozen=True)
@@ -190,7 +193,7 @@ def _from_csv(line: Mapping[str | None, Any], place: Place) -> dict[str, Any]:
 
 _READING = ("recording", "command", "axis", "mm", "sigma_mm", "gauge", "push_n", "at_s", "counter_mm")
 _SERIES = ("from_mm", "to_mm", "acceleration_hz_per_ms", "start_stop_hz", "held_hz", "lost_hz")
-_STALL = ("recording", "command", "axis", *_SERIES)
+_STALL = ("recording", "command", "axis", *_SERIES, "supply_v")
 
 
 def _measured(tree: dict[str, Any], place: Place) -> Measured:
@@ -262,7 +265,7 @@ def _act(item: dict[str, Any], place: Place) -> Act:
 
 def _stall(item: dict[str, Any], place: Place) -> Stall:
     known(item, _STALL, place)
-    _need(item, [key for key in _STALL if key not in ("command", "lost_hz")], place)
+    _need(item, [key for key in _STALL if key not in ("command", "lost_hz", "supply_v")], place)
     held_hz, lost_hz = _plain(item, "held_hz", _HZ, place), math.inf
     if "lost_hz" in item and item["lost_hz"] != math.inf:
         lost_hz = _plain(item, "lost_hz", _HZ, place)
@@ -278,6 +281,7 @@ def _stall(item: dict[str, Any], place: Place) -> Stall:
         held_hz=held_hz,
         lost_hz=math.nan if math.isnan(held_hz) else lost_hz,
         command=_command(item, place) if "command" in item else None,
+        supply_v=plain(item["supply_v"], _V, place.at("supply_v")) if "supply_v" in item else None,
     )
 
 

@@ -20,6 +20,7 @@ their numbers alone (common random numbers).
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -184,9 +185,9 @@ def predict(session: Session, machine: Machine) -> NDArray[np.float64]:
                 ns = durations.get(int(item.label.partition(":")[0]))
                 found.append(math.nan if ns is None else ns / SECOND_NS)
         found += player.readings
-    if session.stalls:
-        twin = referenced(session.controller, machine)
-        found += [math.log(stall_speed_hz(twin, stall)) for stall in session.stalls]
+    for supply_v, stalls_there in itertools.groupby(session.stalls, key=lambda stall: stall.supply_v):
+        twin = referenced(session.controller, with_supply(machine, supply_v))
+        found += [math.log(stall_speed_hz(twin, stall)) for stall in stalls_there]
     scatter = machine.tree["switches"]["repeatability"]["value"]
     sigma = session.measured.gauge_sigma_mm
     found += [math.log(math.hypot(scatter, sigma)) for _ in session.measured.repeats]
@@ -267,10 +268,8 @@ class Player:
         """Let time pass until as many bytes have come as in the recording, or no more will come."""
         twin = self._twin
         end_ns = twin.time_ns + round(_PATIENCE_S * SECOND_NS)
-        now += len(twin.read())
-        while now < then and twin.time_ns < end_ns and not twin.idle:
+        while (now := now + len(twin.read())) < then and twin.time_ns < end_ns and not twin.idle:
             twin.run_until(end_ns, lambda: twin.reply_waiting or twin.idle)
-            now += len(twin.read())
         return now
 
     def _meanwhile(self, found: dict[Reading, float]) -> None:
@@ -341,6 +340,11 @@ def converse(twin: Twin, data: bytes) -> bytes:
     twin.write(data)
     twin.run_until_idle(_PATIENCE_S)
     return twin.read()
+
+
+def with_supply(machine: Machine, supply_v: float | None) -> Machine:
+    """The machine with this voltage at all stages; None: as it is."""
+    return machine if supply_v is None else with_overrides(machine, {"axes.all.stage.supply": supply_v})
 
 
 def stall_speed_hz(twin: Twin, stall: Stall) -> float:

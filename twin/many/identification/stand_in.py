@@ -21,7 +21,7 @@ from isel_twin.language import create_language, needed
 from isel_twin.machine import Machine
 from isel_twin.many.identification.experiment import Experiment, Step, series_hz
 from isel_twin.many.identification.measured import Measured, Reading, Stall
-from isel_twin.many.identification.session import SETTLE_S, converse, stalls
+from isel_twin.many.identification.session import SETTLE_S, converse, stalls, with_supply
 from isel_twin.recordings.mcap import RecordingWriter
 from isel_twin.recordings.reading import Entry, Recorded
 from isel_twin.wiring import ScenarioError, event_now
@@ -86,7 +86,7 @@ def _act(twin: Twin, step: Step, began_ns: int) -> None:
 
 def _stalled(stall: Stall, machine: Machine, controller: str, seed: int) -> Stall:
     """The result of a stall series on another twin of this machine."""
-    twin = Twin(machine, controller, "mujoco", seed, keep_motions=1)
+    twin = Twin(with_supply(machine, stall.supply_v), controller, "mujoco", seed, keep_motions=1)
     language = needed(create_language(controller), controller)
     for command in language.reference():
         converse(twin, command)

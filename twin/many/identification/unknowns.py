@@ -5,6 +5,8 @@
     stiffness.x      axes.x.stiffness and the structure's modes along X               a common factor
     backlash.x       axes.x.backlash                                                  mm
     lead.x           axes.x.lead_error (and the imperfection of that name, on)        %
+    iron_loss.x      axes.x.specimen.iron_loss                                        a factor on the motor's
+    damping.x        axes.x.shaft_viscous                                             N m s
     supply           axes.all.stage.supply                                            V
     mass             all [masses]                                                     a common factor
     switch.limit_x2  contacts.limit_x2.position                                       mm
@@ -121,6 +123,10 @@ def _meaning(machine: Machine, name: str) -> _Meaning:
                 modes = machine.structure if machine.imperfections.structure else ()
                 of_modes = (f"structure.{mode.joint}.stiffness" for mode in modes if mode.axis == of)
                 return _Meaning((f"axes.{of}.stiffness", *of_modes), factor=True)
+            case "iron_loss":
+                return _Meaning((f"axes.{of}.specimen.iron_loss",))
+            case "damping":
+                return _Meaning((f"axes.{of}.shaft_viscous",))
             case "backlash":
                 return _Meaning((f"axes.{of}.backlash",), flag="backlash")
             case "lead":
@@ -191,7 +197,11 @@ def _supply(machine: Machine) -> list[str]:
 
 
 def _names(machine: Machine) -> list[str]:
-    per_axis = [f"{what}.{axis}" for what in ("friction", "backlash", "stiffness", "lead") for axis in CARRIAGES]
+    per_axis = [
+        f"{what}.{axis}"
+        for what in ("friction", "backlash", "stiffness", "lead", "iron_loss", "damping")
+        for axis in CARRIAGES
+    ]
     switches = [f"switch.{contact.name}" for contact in machine.switches]
     return [*per_axis, *_supply(machine), "mass", "repeatability", *switches]
 

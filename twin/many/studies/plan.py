@@ -2,6 +2,7 @@
 
     [sweep]                          # constants
     job = "pocket.txt"               # or moves = [[60, 0, 0], [0, 0, 0]], targets in mm after a reference run
+    format = "gcode"                 # of the job, whatever it looks like: ncp, gcode, hpgl
     scenario = "stuck.toml"
     seeds = 20                       # 0 .. 19, or a list of them
     samples = 64                     # of the parameters with a range
@@ -44,9 +45,11 @@ from isel_twin.base.parameters import FileError, Limits, Place, boolean, known, 
 from isel_twin.base.toml_lines import read_lines
 from isel_twin.core.spec import TwinSpec
 from isel_twin.core.twin import PLANTS
-from isel_twin.jobs.checks.job import Bounds
+from isel_twin.jobs.checks.rules import Bounds
 from isel_twin.jobs.checks.settings import switch_names
-from isel_twin.jobs.job import JobError, check_controller, decode_job
+from isel_twin.jobs.job import JobError
+from isel_twin.jobs.project import cam, find
+from isel_twin.jobs.toolpaths import own_text, source_of
 from isel_twin.language import create_language
 from isel_twin.machine import load_machine
 from isel_twin.many.studies import parameters as varying
@@ -57,7 +60,7 @@ from isel_twin.version import VERSION
 SECTIONS = ("machine", "settings", "job", "scenario")  # sections of parameters in a plan
 MOST_POINTS = 1_000_000  # most rows of a table
 
-_WORDS = ("machine", "controller", "plant", "scenario", "job")
+_WORDS = ("machine", "controller", "plant", "scenario", "job", "format")
 _NUMBERS: Mapping[str, Limits] = {
     "samples": Limits("samples", 1, 1 << 20, whole=True),
     "sample_seed": Limits("", 0, 2**63, whole=True),
@@ -170,7 +173,7 @@ def _same(content: Mapping[str, Any], place: Place, folder: Path) -> tuple[TwinS
     return call, Work(
         version=VERSION,
         job_name=content.get("job", "moves"),
-        job=_job(folder / content["job"], call.controller) if "job" in content else "",
+        job=_job(folder / content["job"], call, content.get("format")) if "job" in content else "",
         moves=tuple(_triple(target, place.at("moves")) for target in moves),
         spec=call.with_(scenario=None),
         machine_digest=machine.digest,
@@ -180,11 +183,14 @@ def _same(content: Mapping[str, Any], place: Place, folder: Path) -> tuple[TwinS
     )
 
 
-def _job(file: Path, controller: str) -> str:
+def _job(file: Path, call: TwinSpec, form: str | None) -> str:
+    """The text of a job, or what a file of a CAM program becomes for the controller; form: its format, whatever it
+    looks like."""
     try:
-        job = decode_job(file.read_bytes())
-        check_controller(job, create_language(controller), controller)
-        return job
+        data, language = file.read_bytes(), create_language(call.controller)
+        settings = cam(find(file), call.as_built)
+        source = source_of(data, file.suffix, language, call.controller, call.fitted, settings, form)
+        return own_text(data, language, call.controller) if source is None else source.text
     except JobError as error:
         raise JobError(f"{file}: {error}") from None
 

@@ -12,17 +12,16 @@ Problems of the computer (a missing file, no memory) are raised.
 from __future__ import annotations
 
 import copy
-import logging
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.errors import one_line
+from isel_twin.base.quiet import quietly
 from isel_twin.core.spec import TwinSpec
-from isel_twin.jobs.checks.job import Bounds
+from isel_twin.jobs.checks.rules import Bounds
 
 if TYPE_CHECKING:
     from isel_twin.jobs.job import Line
@@ -98,7 +97,7 @@ def compute(work: Work, point: Point) -> dict[str, Any]:
     _check(work)
     found: dict[str, Any]
     try:
-        with _quietly():
+        with quietly():
             found = _made(work, point)
     except (OSError, MemoryError, MismatchError):
         raise
@@ -268,15 +267,3 @@ def _events(work: Work, given: Sequence[tuple[str, str, Any]]) -> list[dict[str,
     if happening is not None:
         events = [event for event in events if "name" not in event or event["name"] in happening]
     return events
-
-
-@contextmanager
-def _quietly() -> Iterator[None]:
-    """Suppress warnings of single twins."""
-    log = logging.getLogger("isel_twin")
-    before = log.level
-    log.setLevel(logging.CRITICAL)
-    try:
-        yield
-    finally:
-        log.setLevel(before)

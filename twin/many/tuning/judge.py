@@ -18,10 +18,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from isel_twin.base.crew import Crew, Stop, in_order
+from isel_twin.base.quiet import quietly
 from isel_twin.base.units import SECOND_NS
 from isel_twin.jobs.playing import FirstLoss, losses, played
 from isel_twin.jobs.result import Result
 from isel_twin.jobs.robust import perturbed_twin
+from isel_twin.many.tuning.settling import Settling
 from isel_twin.many.tuning.space import Candidate, Problem
 
 if TYPE_CHECKING:
@@ -35,11 +37,13 @@ class Weather:
     call: TwinSpec
     timeout_s: float
     flash: bytes | None
+    speed_share: float = 1.0
+    settle_mm: float | None = None
 
     @classmethod
     def of(cls, problem: Problem) -> Weather:
         """That of a problem."""
-        return cls(problem.call, problem.timeout_s, problem.flash)
+        return cls(problem.call, problem.timeout_s, problem.flash, problem.speed_share, problem.settle_mm)
 
 
 LEAST = 0.001  # margin of speed of a motor beyond its limit that has lost nothing
@@ -49,7 +53,9 @@ LEAST = 0.001  # margin of speed of a motor beyond its limit that has lost nothi
 class Judgement:
     """The outcome of a job with a setting, in one or several repetitions."""
 
-    time_s: float  # from the first move (many/3) to the end of the last line that was made; of the first repetition
+    # from the first move (many/3) to the end of the last line that was made; with `settle_mm` until that one rings no
+    # more, and those before; of the first repetition
+    time_s: float
     margin: float  # least of all motors from the first move on, in all repetitions; 0 if anything is wrong
     why: str = ""  # what is wrong, with line and repetition; "" for nothing
     repetitions: int = 0  # number of repetitions made, including the machine as it is
@@ -79,7 +85,12 @@ def make(candidate: Candidate, weather: Weather, number: int) -> Judgement:
     else:
         twin = weather.call.with_(flash=weather.flash).build()
     first = FirstLoss(twin)
-    job = played(twin, candidate.lines, [first.take], weather.timeout_s, first.stop)
+    watchers: list[Callable[[Result], object]] = [first.take]
+    settling = None if weather.settle_mm is None else Settling(twin, weather.settle_mm, candidate.moves)
+    if settling is not None:
+        watchers.append(settling.take)
+    with quietly():
+        job = played(twin, candidate.lines, watchers, weather.timeout_s, first.stop)
     results, why, slipped = job.results, first.why, bool(first.why)
     if not why and not job.ok:
         verdict = job.verdict
@@ -90,21 +101,29 @@ def make(candidate: Candidate, weather: Weather, number: int) -> Judgement:
     if why:
         why = f"line {results[-1].number}: {why}{f', repetition {number}' if number else ''}"
     counted = [result for result in results if result.number >= candidate.first]
-    margins = [_kept(result) for result in counted]
+    margins = [_kept(result, weather.speed_share) for result in counted]
+    rings_ns = {} if settling is None else settling.of_line_ns
     time_s = (counted[-1].end_ns - counted[0].time_ns) / SECOND_NS if counted else 0.0
+    if settling is not None and counted:
+        # the dwell after the last line stands behind its end
+        behind_ns = settling.last_ns if counted[-1].number in rings_ns else 0
+        time_s += (behind_ns - settling.spared_ns) / SECOND_NS
     moves = tuple(
-        ((result.end_ns - result.time_ns) / SECOND_NS, _kept(result))
+        (
+            (result.end_ns - result.time_ns + rings_ns.get(result.number, 0)) / SECOND_NS,
+            _kept(result, weather.speed_share),
+        )
         for result in results
         if result.number in candidate.moves
     )
     return Judgement(time_s, 0.0 if why else min(margins, default=0.0), why, 1, slipped, moves, number)
 
 
-def _kept(result: Result) -> float:
-    """The least margin of a line: of torque, and of speed, 1 - 1/edge: a motor with torque to spare may swing itself
-    out of step. Never 0, which is of lost steps; 1 where nothing moves."""
+def _kept(result: Result, speed_share: float) -> float:
+    """The least margin of a line: of torque, and of speed, as a motor with torque to spare may swing itself out of
+    step. Never 0, which is of lost steps; 1 where nothing moves."""
     torque = [margin for margin in result.margin if margin is not None]
-    speed = [max(LEAST, 1.0 - 1.0 / edge) for edge in result.edge if edge is not None]
+    speed = [max(LEAST, 1.0 - speed_share / edge) for edge in result.edge if edge is not None]
     return min((*torque, *speed), default=1.0)
 
 

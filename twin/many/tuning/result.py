@@ -66,6 +66,13 @@ def front(tried: Sequence[Tried]) -> list[Tried]:
     return best
 
 
+def to_confirm(tried: Sequence[Tried], least: float) -> list[Tried]:
+    """Trials that lost nothing and kept the margin, the fastest first: those of the front, and what is next to each
+    of them where it does not hold on other machines."""
+    good = (each for each in tried if each.judgement.good and each.judgement.margin >= least)
+    return sorted(good, key=lambda one: (one.judgement.time_s, -one.judgement.margin, one.number))
+
+
 def confirm(
     problem: Problem,
     candidate: Candidate,

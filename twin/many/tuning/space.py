@@ -7,7 +7,7 @@ A rapid has a speed of `rapid_hz` or more in the job, by default half of the fas
 that a process needs (many/4).
 
 Parameters are within the ranges of the controller's language, not below half of the job's values, and speeds not above
-that from which on a motor swings itself out of step.
+that from which on every axis fails.
 """
 
 from __future__ import annotations
@@ -25,11 +25,19 @@ from typing import Any
 from isel_twin.controller import offers
 from isel_twin.core.spec import TwinSpec
 from isel_twin.drives.motor import Motor
+from isel_twin.drives.servo_drive import ServoDrive
 from isel_twin.drives.stability import limit_rad_s
-from isel_twin.drives.stage import Stage
 from isel_twin.jobs.job import Line, parse_job
-from isel_twin.language import JobMove, LanguageError, MoveSettings, RetimesJobs, create_language, needed
-from isel_twin.machine import with_overrides
+from isel_twin.language import (
+    SETTINGS_RANGES,
+    JobMove,
+    LanguageError,
+    MoveSettings,
+    RetimesJobs,
+    create_language,
+    needed,
+)
+from isel_twin.machine import Axis, with_overrides
 
 # names of `MoveSettings`; speeds are searched linearly, ramps logarithmically
 SETTINGS = ("speed_hz", "acceleration_hz_per_ms", "start_stop_hz")
@@ -79,6 +87,15 @@ class Candidate:
     moves: tuple[int, ...]  # numbers of the lines of all moves, as `Problem.moves` has them
 
 
+def fails_from_hz(axis: Axis) -> float:
+    """The speed from which on an axis fails whatever its acceleration: a stepper motor swings itself out of step, a
+    servo drive lags by more than its limit (many/13)."""
+    if isinstance(axis.stage, ServoDrive):
+        return axis.stage.lag_limit * axis.stage.position_gain_per_s / max(1.0 - axis.stage.feed_forward, 1e-3)
+    assert isinstance(axis.motor, Motor)
+    return limit_rad_s(axis.motor, axis.stage) * axis.steps_per_rev / (2.0 * math.pi)
+
+
 @dataclass(frozen=True)
 class Problem:
     """A job on a machine, and its parameters. Raises ValueError or CallError for one that cannot be tuned."""
@@ -90,11 +107,16 @@ class Problem:
     ranges: Mapping[str, tuple[int, int]] = field(default_factory=dict)  # ranges within the language's, by SETTINGS
     repetitions: int = 5  # number of slightly different machines for judging a setting, beside the machine as it is
     timeout_s: float = 3600.0
+    # a motor that turns at 1/e of the speed from which on it swings keeps a margin of 1 - speed_share/e
+    speed_share: float = 1.0
     flash: bytes | None = None  # image of the controller's flash memory
+    settle_mm: float | None = None  # a move is over when its carriages ring by no more than this; None: with its line
 
     def __post_init__(self) -> None:
         if self.call.plant == "kinematic":
             raise ValueError("the kinematic plant loses no step whatever one sets; take mujoco")
+        if strange := next((name for name in self.ranges if name not in self.language.ranges), None):
+            raise ValueError(f"{strange}: {self.call.controller} has none")
         if not self.moves:
             raise ValueError("there is no move in the job that settings could be brought to")
         if not any(group.parameters for group in self.groups):
@@ -117,19 +139,28 @@ class Problem:
     def _parsed(self, text: str) -> list[Line]:
         return parse_job(text, create_language(self.call.controller), self.call.controller)
 
-    @cached_property
-    def moves(self) -> Sequence[JobMove]:
-        return self.language.job_moves([line.command for line in self.lines])
+    @property
+    def is_program(self) -> bool:
+        """True for a program of the controller: its last line starts it."""
+        return bool(self.lines) and bool(self.lines[-1].program)
 
     @cached_property
-    def swings_from_hz(self) -> int:
-        """The highest speed at which a motor does not swing itself out of step: more need not be tried."""
-        limits = [
-            limit_rad_s(axis.motor, axis.stage) * axis.steps_per_rev / (2.0 * math.pi)
-            for axis in self.call.fitted().axes
-            if isinstance(axis.motor, Motor) and isinstance(axis.stage, Stage)
-        ]
-        return round(min(max(limits, default=math.inf), 1e9))
+    def rows(self) -> tuple[Line, ...]:
+        """What the language retimes: the lines, or those of the program's text."""
+        if not self.is_program:
+            return self.lines
+        return tuple(
+            Line(number, row, ()) for number, row in enumerate(_LINE_END.split(self.text)[::2], 1) if row.strip()
+        )
+
+    @cached_property
+    def moves(self) -> Sequence[JobMove]:
+        return self.language.job_moves([row.command for row in self.rows])
+
+    @cached_property
+    def fails_from_hz(self) -> int:
+        """The highest speed at which an axis does not fail whatever its acceleration: more need not be tried."""
+        return round(min(max(map(fails_from_hz, self.call.fitted().axes)), 1e9))
 
     @cached_property
     def rapid_from_hz(self) -> int:
@@ -145,8 +176,8 @@ class Problem:
             return (self._group("", tuple(self.moves)),)
         alike: dict[str, list[JobMove]] = {}
         for move in self.moves:
-            alike.setdefault(self.lines[move.line].command, []).append(move)
-        return tuple(self._group(str(self.lines[moves[0].line].number), tuple(moves)) for moves in alike.values())
+            alike.setdefault(self.rows[move.line].command, []).append(move)
+        return tuple(self._group(str(self.rows[moves[0].line].number), tuple(moves)) for moves in alike.values())
 
     def _group(self, name: str, moves: tuple[JobMove, ...]) -> Group:
         group = Group(name, moves, ())
@@ -154,7 +185,7 @@ class Problem:
 
     def _parameter(self, group: Group, setting: str) -> Parameter | None:
         now = self._now(group, setting)
-        if not now:  # no rapid
+        if setting not in self.language.ranges or not now:  # the controller has none; no rapid
             return None
         low, high = self._range(setting)
         if setting not in self.ranges:
@@ -163,9 +194,11 @@ class Problem:
 
     def _range(self, setting: str) -> tuple[int, int]:
         """The range of a setting. Raises ValueError for one that the controller does not take."""
+        if setting not in self.language.ranges:
+            return SETTINGS_RANGES[setting]
         low, high = self.language.ranges[setting]
         if setting not in self.ranges:
-            return low, min(high, self.swings_from_hz) if setting == "speed_hz" else high
+            return low, min(high, self.fails_from_hz) if setting == "speed_hz" else high
         asked_low, asked_high = self.ranges[setting]
         if not low <= asked_low <= asked_high <= high:
             raise ValueError(f"{setting} {asked_low}:{asked_high}: {self.call.controller} takes {low} to {high}")
@@ -208,6 +241,8 @@ class Problem:
         return self._with(self.settings(values), self.rapid_from_hz)
 
     def as_it_stands(self) -> Candidate:
+        if self.is_program:
+            return Candidate(self.text, self.lines, self.lines[-1].number, (self.lines[-1].number,))
         numbers = tuple(self.lines[move.line].number for move in self.moves)
         return Candidate(self.text, self.lines, numbers[0], numbers)
 
@@ -219,9 +254,11 @@ class Problem:
         return self._with({move.line: settings for move in self.moves}, none)
 
     def _with(self, settings: Mapping[int, MoveSettings], rapid_hz: int) -> Candidate:
-        made = self.language.retimed([line.command for line in self.lines], settings, rapid_hz)
-        text = _rewritten(self.text, self.lines, made)
+        made = self.language.retimed([row.command for row in self.rows], settings, rapid_hz)
+        text = _rewritten(self.text, self.rows, made)
         lines = tuple(self._parsed(text))
+        if self.is_program:
+            return Candidate(text, lines, lines[-1].number, (lines[-1].number,))
         ends = list(itertools.accumulate(len(each) for each in made))
         numbers = tuple(lines[ends[move.line] - 1].number for move in self.moves)
         first = self.moves[0].line
@@ -245,8 +282,10 @@ class Problem:
             "scenario": digest(call.scenario.read_bytes()) if call.scenario is not None else "",
             "flash memory": digest(self.flash or b""),
             "number of repetitions": self.repetitions,
+            "share of speed": self.speed_share,
             "speed of rapid ways": self.rapid_from_hz,
             "choice of parameters": digest(repr(self.parameters).encode()),
+            **({} if self.settle_mm is None else {"settling": self.settle_mm}),
             **clamped,
         }
 

@@ -20,7 +20,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +32,7 @@ from isel_twin.many.tuning.compose import best_of_each, composed, distributions,
 from isel_twin.many.tuning.judge import Judgement, Weather, judged
 from isel_twin.many.tuning.result import PUT_TOGETHER, Held, Tried, confirm
 from isel_twin.many.tuning.space import SETTINGS, Parameter, Problem
+from isel_twin.many.tuning.structure import Structure
 
 if TYPE_CHECKING:
     import optuna
@@ -151,7 +152,7 @@ class Study:
                 return None
             been.add(key)
             candidate = self.problem.candidate(values)
-            held = confirm(self.problem, candidate, wanted, self.least, crew, stop, hard=hard)
+            held = confirm(self.problem, candidate, wanted, 0.0, crew, stop, hard=hard)
             if held is None:
                 return None
             if held.good:
@@ -175,11 +176,17 @@ class Study:
         return self._study.get_trials(deepcopy=False, states=[TrialState[state] for state in states])
 
     def _ask(self, trials: int) -> list[optuna.trial.FrozenTrial]:
-        """Ask for the rest of the next batch."""
+        """Ask for the rest of the next batch; all trials before are over."""
         over = len(self._study.get_trials(deepcopy=False)) - len(self._trials("WAITING"))
         many = min(trials, (over // self.batch + 1) * self.batch) - over
-        for number in range(over, over + many):
-            if not self._trials("WAITING") and (values := self._given(number, trials)) is not None:
+        given: Sequence[dict[str, int] | None]
+        if len(self.problem.groups) == 1 and (planned := self._planned()) is not None:
+            first = [self.problem.nearest()] if over == 0 else []
+            given = [*first, *planned][: max(0, min(self.batch, trials - over))]
+        else:
+            given = [self._given(number, trials) for number in range(over, over + many)]
+        for number, values in enumerate(given, over):
+            if not self._trials("WAITING") and values is not None:
                 self._study.enqueue_trial(values)
             with _quiet():
                 self._study.sampler = sampler(self.seed, number)
@@ -187,7 +194,7 @@ class Study:
         return self._trials("RUNNING")
 
     def _given(self, number: int, trials: int) -> dict[str, int] | None:
-        """Values of the first trials, which are fixed or random."""
+        """Values of the first trials, which are fixed or random, and of those with settings of each move."""
         if number == 0:
             return self.problem.nearest()
         if number > min(RANDOM, max(1, trials // 3)):
@@ -196,6 +203,16 @@ class Study:
         draw = np.random.default_rng([self.seed, number])
         share = {setting: draw.uniform() for setting in SETTINGS}
         return {parameter.name: _between(parameter, share[parameter.setting]) for parameter in self.problem.parameters}
+
+    def _planned(self) -> list[dict[str, int]] | None:
+        """The next trials by the structure of the problem, none if nothing is worth one; None if nothing is known to
+        hold."""
+        before = self.reference("as it stands")
+        known = [] if before is None else [Tried(-1, self.problem.nearest(), before)]
+        known += self.tried
+        if not any(each.judgement.good for each in known):
+            return None
+        return Structure(self.problem).chosen(known, self.least, self.batch)
 
     def _tell(self, trial: optuna.trial.FrozenTrial, judgement: Judgement) -> None:
         from optuna.trial import TrialState

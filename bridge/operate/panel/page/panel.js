@@ -96,7 +96,7 @@ function begin(told) {
   $("monitor").replaceChildren();
   $("recording").hidden = !about.recording;
   if (about.recording) $("recording").download = about.recording;
-  build_time(); build_elements(); build_keys(); build_outputs(); build_axes(); build_ports(); build_faults(); build_plots();
+  build_time(); build_elements(); build_keys(); build_outputs(); build_axes(); build_ports(); build_faults(); build_plots(); build_job();
 }
 
 function build_time() {
@@ -244,7 +244,7 @@ function build_outputs() {
 
 function build_axes() {
   const rows = about.axes.map((axis) => {
-    const cells = Array.from({ length: 8 }, () => make("td"));
+    const cells = Array.from({ length: 9 }, () => make("td"));
     put(cells[0], axis);
     cells[0].className = axis;
     return cells;
@@ -261,6 +261,8 @@ function build_axes() {
     if (about.closed_loop[i]) put(cells[6], `${Math.round(now.following_error[i])} inc`);
     else put(cells[6], lag === null ? "–" : Math.abs(lag) < 720 ? `${lag.toFixed(0)}°` : `${(lag / 360).toFixed(0)} turns`);
     put(cells[7], fixed(now.margin[i], 2));
+    put(cells[8], fixed(now.edge[i], 2));
+    cells[8].className = now.edge[i] !== null && now.edge[i] !== undefined && now.edge[i] < 1 ? "lost" : "";
     const error = Math.abs(now.position_error_mm[i] || 0);
     cells[4].className = error >= 0.1 ? "lost" : error >= 0.05 ? "off" : "";
     const off = now.drive_faults[i] && now.drive_faults[i][0] > 0;
@@ -432,6 +434,53 @@ $("text").addEventListener("keydown", (event) => {
   $("text").value = typed[recalled] || "";
   event.preventDefault();
 });
+
+// ---- the job ---------------------------------------------------------------------------------------------------------
+
+const LONGEST = 500000, LINES = 20000; // characters of a file, lines of it that are shown
+const STATES = { ready: "ready", running: "running", done: "all well", failed: "failed", stopped: "stopped" };
+let opened = 0;
+
+$("file").addEventListener("change", async (event) => {
+  const file = event.target.files[0];
+  event.target.value = "";
+  if (!file) return;
+  if (file.size > LONGEST) { tell(`${file.name}: is longer than ${LONGEST / 1000} kB; isel-twin run takes it`); return; }
+  const data = await file.arrayBuffer();
+  let text;
+  try { text = new TextDecoder("utf-8", { fatal: true }).decode(data); } catch { text = new TextDecoder("latin1").decode(data); }
+  request({ job: { open: { name: file.name, text } } }).then((job) => { if (job.cautions.length) tell(job.cautions.join("; ")); }, (error) => tell(error.message));
+});
+$("start").addEventListener("click", () => request({ job: { start: true } }).catch((error) => tell(error.message)));
+$("halt").addEventListener("click", () => request({ job: { stop: true } }).catch((error) => tell(error.message)));
+
+function build_job() {
+  opened = 0;
+  $("program").replaceChildren();
+  updates.push((now) => {
+    const job = now.job;
+    $("start").disabled = !job.state || job.state === "running";
+    $("halt").disabled = job.state !== "running";
+    if (!job.state) return;
+    if (job.opened !== opened) {
+      opened = job.opened;
+      request({ job: { text: true } }).then((told) => show_program(told.text), () => {});
+    }
+    put($("jobbed"), job.state === "running" ? `${Math.floor(100 * job.made / job.commands)} %` : "");
+    const format = job.format ? ` (${job.format})` : "", times = job.state === "ready" ? "" : `, ${job.seconds.toFixed(1)} s`;
+    put($("doing"), `${job.name}${format}: ${STATES[job.state]}, ${job.made} of ${job.commands} commands${times}${job.why ? `: ${job.why}` : ""}`);
+    $("doing").dataset.state = job.state;
+    const at = $("program").children[job.line - 1], before = $("program").querySelector("[aria-current]");
+    if (job.state === "ready" || before === at) return;
+    if (before) before.removeAttribute("aria-current");
+    if (at) { at.setAttribute("aria-current", "step"); at.scrollIntoView({ block: "nearest" }); }
+  });
+}
+
+function show_program(text) {
+  const lines = text.replace(/\r\n?/g, "\n").replace(/\n$/, "").split("\n");
+  $("program").replaceChildren(...lines.slice(0, LINES).map((line) => make("li", {}, line)));
+}
 
 // ---- plots -----------------------------------------------------------------------------------------------------------
 

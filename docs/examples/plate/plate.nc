@@ -1,0 +1,24 @@
+%
+(A plate of 60 x 40 mm with a round pocket and two holes, 3 mm mill)
+G21 G17 G90 G94 G40 G49 G80 G54
+T1 M6
+S12000 M3
+G0 Z5
+G0 X30 Y20
+G1 Z-1 F180
+G1 X37 F600
+G2 X37 Y20 I-7 J0
+G0 Z5
+G98 G81 X8 Y8 Z-3 R1 F120
+X52 Y32
+G80
+G0 X-1.5 Y-1.5
+G1 Z-2 F180
+G1 X61.5 F600
+Y41.5
+X-1.5
+Y-1.5
+G0 Z5
+M5
+M30
+%

@@ -1,0 +1,176 @@
+"""A toolpath written for a controller and made by the twin of its machine: where every axis was, and when."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin import Twin
+from isel_twin.cam.settings import CamSettings
+from isel_twin.cam.toolpath import Arc, Element, End, Line, Place, Point, Rapid
+from isel_twin.cam.written import MachineAxes, Written
+from isel_twin.controller import offers
+from isel_twin.jobs.job import parse_job, play
+from isel_twin.language import WritesToolpaths, create_language
+
+Points = NDArray[np.float64]  # [points, 3], mm
+TRAVEL = ((0.0, 395.0), (0.0, 300.0), (0.0, 140.0))  # of the 4030
+MACHINES = {"imc-s8": "4030", "imc-m": "4030", "imc-mp": "4030", "c142": "4030", "ismif": "4030"}
+STEPS_MM = {"ismif": 80.0, "gmi99": 1000.0, "bwo900": 1000.0}  # others: 320
+FAST = CamSettings(rapid_mm_s=30.0)
+P = Place(1)
+
+
+def axes_of(controller: str) -> MachineAxes:
+    steps = STEPS_MM.get(controller, 320.0)
+    return MachineAxes((steps, steps, steps), TRAVEL)
+
+
+def lines_of(
+    controller: str, path: Iterable[Element], settings: CamSettings = FAST, axes: MachineAxes | None = None
+) -> list[Written]:
+    language = create_language(controller)
+    assert offers(language, WritesToolpaths)
+    return list(language.written(iter(path), axes or axes_of(controller), settings))
+
+
+def texts(lines: Iterable[Written]) -> list[str]:
+    return [line.text for line in lines]
+
+
+@dataclass
+class Played:
+    twin: Twin
+    lines: list[Written]
+    begin_ns: int  # the end of the reference run
+    t_ns: NDArray[np.int64]  # of the steps since then
+    counts: NDArray[np.int64]  # [steps + 1, 3]: after each, the first before all
+    steps_mm: float
+    spindle: list[int]  # after each line
+
+    @property
+    def end_mm(self) -> Sequence[float]:
+        return [count / self.steps_mm for count in self.counts[-1]]
+
+    @property
+    def mm(self) -> NDArray[np.float64]:
+        return self.counts / self.steps_mm
+
+    @property
+    def seconds(self) -> float:
+        """From the first step to the last."""
+        return float(self.t_ns[-1] - self.t_ns[0]) / 1e9
+
+
+def played(controller: str, path: Iterable[Element], settings: CamSettings = FAST) -> Played:
+    lines = lines_of(controller, path, settings)
+    twin = Twin(machine=MACHINES.get(controller, "4030-servo"), controller=controller, plant="kinematic", seed=1)
+    results, spindle = [], []
+    text = "\n".join(texts(lines))
+    for result in play(twin, parse_job(text, twin.language, controller), timeout_s=3000.0):
+        results.append(result)
+        spindle.append(twin.outputs.get("spindle", 0))
+    assert [(r.command, r.reply, r.why) for r in results if not r.ok] == []
+    assert not twin.fault
+    steps = twin.steps
+    t_ns = np.asarray(steps.t_ns)
+    delta = np.asarray(steps.delta)[:, :3].astype(np.int64)
+    after = np.cumsum(delta[::-1], axis=0)[::-1]
+    end = np.asarray(twin.counts)[:3].astype(np.int64)
+    counts = np.vstack([end - after, end])
+    begin = _homed(results, twin)
+    first = int(np.searchsorted(t_ns, begin, side="right"))
+    return Played(twin, lines, begin, t_ns[first:], counts[first:], STEPS_MM.get(controller, 320.0), spindle)
+
+
+def _homed(results: Sequence[object], twin: Twin) -> int:
+    """When the reference run was over."""
+    commands = ("@0R", "$H", "Q3", "reference")
+    return max(r.end_ns for r in results if r.command.startswith(commands))
+
+
+def distance_mm(points: NDArray[np.float64], corners: NDArray[np.float64]) -> float:
+    """Largest distance of these points from the polyline."""
+    least = np.full(len(points), np.inf)
+    for a, b in pairwise(corners):
+        way = b - a
+        part = np.clip((points - a) @ way / max(float(way @ way), 1e-30), 0.0, 1.0)
+        least = np.minimum(least, np.linalg.norm(points - (a + part[:, None] * way), axis=1))
+    return float(least.max())
+
+
+def ideal_mm(path: Iterable[Element], settings: CamSettings = FAST, start: Point = (0.0, 0.0, 0.0)) -> Points:
+    """The path in the sense of the counters; arcs by 2 degrees, in closed form: u is the first axis of the plane that a
+    counter-clockwise arc leaves towards the second one (X Y, Z X, Y Z)."""
+    points = [start]
+    for element in path:
+        if isinstance(element, (Rapid, Line)):
+            points.append(element.to)
+        elif isinstance(element, Arc):
+            k = element.plane
+            u, v = (k + 1) % 3, (k + 2) % 3
+            centre = complex(element.centre[u], element.centre[v])
+            first, last = (complex(p[u], p[v]) - centre for p in (points[-1], element.to))
+            sense = 1 if element.turns > 0 else -1
+            angle = cmath.phase((last / first) ** sense) % (2 * math.pi)
+            angle = (
+                2 * math.pi * abs(element.turns)
+                if min(angle, 2 * math.pi - angle) < 1e-6
+                else (angle + 2 * math.pi * (abs(element.turns) - 1))
+            )
+            begin, n = points[-1], math.ceil(math.degrees(angle) / 2)
+            for i in range(1, n):
+                at = first / abs(first) * cmath.exp(1j * sense * angle * i / n)
+                at = centre + at * (abs(first) + (abs(last) - abs(first)) * i / n)
+                point = [0.0, 0.0, 0.0]
+                point[k] = begin[k] + (element.to[k] - begin[k]) * i / n
+                point[u], point[v] = at.real, at.imag
+                points.append((point[0], point[1], point[2]))
+            points.append(element.to)
+    return np.array(points) * (1.0, 1.0, settings.z_sign)
+
+
+def check_made(controller: str, path: Sequence[Element], settings: CamSettings = FAST) -> Played:
+    """Play it and hold it against the path: the end within a step, every place within the tolerance and a step, and
+    every place of the path within that and what passes between two set points of it."""
+    run = played(controller, path, settings)
+    step = 1.0 / run.steps_mm
+    wanted = ideal_mm(path, settings)
+    assert np.abs(run.mm[-1] - wanted[-1]).max() <= step
+    chord = 20.0 * (1.0 - math.cos(math.radians(1.0)))  # of the wanted path itself, radii up to 20 mm
+    near = settings.tolerance_mm + step + chord
+    some = np.unique(np.linspace(0, len(run.mm) - 1, 4000).astype(int))
+    assert distance_mm(run.mm[some], wanted) <= near
+    corners = run.mm[np.unique(np.linspace(0, len(run.mm) - 1, 4000).astype(int))]
+    apart = float(np.linalg.norm(np.diff(corners, axis=0), axis=1).max()) / 2.0
+    assert distance_mm(wanted, corners) <= near + apart
+    length = float(np.linalg.norm(np.diff(wanted, axis=0), axis=1).sum())
+    assert np.abs(swept_mm2(corners) - swept_mm2(wanted)).max() <= 2.0 * near * (length + 1.0) + apart * length
+    return run
+
+
+def swept_mm2(points: Points) -> Points:
+    """Areas in YZ, ZX and XY that the way from the first point encircles: signed, so that sense and turns count."""
+    way = points - points[0]
+    return np.cross(way[:-1], way[1:]).sum(axis=0) / 2.0
+
+
+def rapid(x: float, y: float, z: float) -> Rapid:
+    return Rapid(P, (x, y, z))
+
+
+def line(x: float, y: float, z: float, feed: float = 10.0) -> Line:
+    return Line(P, (x, y, z), feed)
+
+
+def arc(to: Point, centre: Point, turns: int = 1, plane: int = 2, feed: float = 10.0) -> Arc:
+    return Arc(P, to, centre, plane, turns, feed)
+
+
+END = End(P)

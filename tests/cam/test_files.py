@@ -1,0 +1,239 @@
+"""Files of every format: which reader takes them, bytes, size, and the same drawing in all three."""
+
+from __future__ import annotations
+
+import io
+import itertools
+import tracemalloc
+from collections import deque
+from collections.abc import Iterable, Iterator
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from isel_twin.base.parameters import FileError, Place
+from isel_twin.cam.reader import LONGEST, text_lines
+from isel_twin.cam.registry import reader_for, reader_named, reader_names
+from isel_twin.cam.settings import CamSettings, read_cam
+from isel_twin.cam.toolpath import CamError, Element, End
+from tests.cam.short import UP, told
+from tests.cam.test_gcode import PRODUCERS as GCODE
+from tests.cam.test_gcode import PROGRAMS
+from tests.cam.test_hpgl import FIGURES, PEN, STAR
+from tests.cam.test_ncp import HOLES, LINES, OUTPUTS, RELATIVE, RINGS
+from tests.cam.test_ncp import PRODUCERS as NCP
+
+FILES = [
+    *(("ncp", text) for text in (LINES, RINGS, HOLES, RELATIVE, OUTPUTS, *NCP.values())),
+    *(("gcode", text) for text in (*PROGRAMS, *GCODE.values())),
+    *(("hpgl", text) for text in (STAR, FIGURES, "IN;\nPU0,0;\nPD400,0;\n", "\x1b%0BIN;PU;PA40.0,40.0;")),
+]
+
+
+@pytest.mark.parametrize(("name", "text"), FILES)
+def test_a_file_is_known_by_its_content(name: str, text: str) -> None:
+    for suffix in ("", ".txt", ".ncp", ".nc", ".plt"):
+        reader = reader_for(text, suffix)
+        assert reader is not None
+        assert reader.name == name
+
+
+def test_the_suffix_decides_where_the_content_does_not() -> None:
+    unclear = "T1\n(nothing)\n"
+    assert reader_for(unclear) is None
+    assert [reader_for(unclear, suffix).name for suffix in (".NC", ".ncp", ".plt")] == ["gcode", "ncp", "hpgl"]
+    assert reader_for("@07\n", ".nc") is None
+
+
+def test_readers_by_name() -> None:
+    assert reader_names() == ["gcode", "hpgl", "ncp"]
+    assert [reader_named(name).title for name in reader_names()] == ["G-code", "HPGL", "NCP"]
+    with pytest.raises(ValueError, match="unknown format 'dxf'; installed: gcode, hpgl, ncp"):
+        reader_named("dxf")
+
+
+def test_every_line_end_and_both_encodings() -> None:
+    data = "a Größe\r\nb\rc\n\nd".encode() + "Größe\n".encode("latin-1") + b"last"
+    assert list(text_lines(io.BytesIO(data))) == ["a Größe\n", "b\n", "c\n", "\n", "dGröße\n", "last"]
+
+
+def test_the_same_drawing_in_three_formats() -> None:
+    ncp = (
+        "IMF_PBL\nVEL 10000\nFASTABS Z5000\nFASTABS X10000 Y10000\nVEL 5000\nMOVEABS Z-500\nVEL 10000\nMOVEABS X30000\n"
+    )
+    ncp += "CCWABS I30000 J20000 X30000 Y30000\nFASTABS Z5000\nPROGEND\n"
+    gcode = "G21 G90\nG0 Z5\nG0 X10 Y10\nG1 Z-.5 F300\nX30 F600\nG3 Y30 J10\nG0 Z5\nM2\n"
+    hpgl = "IN;PU400,400;PD1200,400;AA1200,800,180;PU;"
+    paths = [told("ncp", ncp), told("gcode", gcode), told("hpgl", hpgl, PEN)]
+    assert paths[0] == paths[1] == paths[2]
+    assert paths[0][4] == "arc 30 30 -0.5 about 30 20 ccw F10"
+
+
+def lines(name: str, number: int) -> Iterator[str]:
+    """A file of so many lines, of which the last one is wrong."""
+    begin, line, last = {
+        "ncp": ("IMF_PBL\nVEL 100\n", "MOVEABS X{} Y{}\n", "MOVEABS Q5\n"),
+        "gcode": ("G21\nG1 F100 X0\n", "X{} Y{}\n", "X1 Q5\n"),
+        "hpgl": ("IN;\nPD;\n", "PA{},{};\n", "PE1;\n"),
+    }[name]
+    yield from begin.splitlines(keepends=True)
+    for at in range(number - 3):
+        yield line.format(at % 100, -at % 50)
+    yield last
+
+
+def refused(path: Iterable[Element]) -> str:
+    """The error that ends it."""
+    with pytest.raises(CamError) as caught:
+        deque(path, maxlen=0)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["ncp", "gcode", "hpgl"])
+def test_a_file_is_not_kept(name: str) -> None:
+    refused(reader_named(name).read(lines(name, 10), PEN))  # loads what it needs
+    tracemalloc.start()
+    try:
+        error = refused(reader_named(name).read(lines(name, 10_000), PEN))
+        assert tracemalloc.get_traced_memory()[1] < 1_000_000
+    finally:
+        tracemalloc.stop()
+    assert error.startswith("line 10000, column ")
+
+
+@pytest.mark.parametrize(
+    ("name", "remark", "number"), [("ncp", ";\n", 99_999), ("gcode", "()\n", 99_999), ("hpgl", "\n", 999_999)]
+)
+def test_an_error_at_the_end_of_a_million_lines(name: str, remark: str, number: int) -> None:
+    """Or of a hundred thousand, where a line takes longer to read."""
+    remarks = itertools.repeat(remark, number - 5_000)
+    error = refused(reader_named(name).read(itertools.chain(remarks, lines(name, 5_000)), PEN))
+    assert error.startswith(f"line {number}, column ")
+
+
+def test_a_plot_in_one_line_needs_little_memory() -> None:
+    data = b"IN;PU0,0;PD" + b",".join(b"%d,%d" % (at % 1000, at % 777) for at in range(30_000)) + b";PU;?"
+    tracemalloc.start()
+    try:
+        error = refused(reader_named("hpgl").read(text_lines(io.BytesIO(data)), PEN))
+        assert tracemalloc.get_traced_memory()[1] < 2_000_000
+    finally:
+        tracemalloc.stop()
+    assert error.startswith(f"line 1, column {len(data)}: '?' is no instruction")
+    assert len(data) > 3 * LONGEST
+
+
+WORDS = st.lists(
+    st.sampled_from(
+        [
+            *("MOVEABS", "FASTABS", "CWABS", "DRILL", "DRILLDEF", "X1000", "Y-5", "I5", "SPINDLE", "IMF_PBL", "VEL 5"),
+            *(
+                "G1",
+                "G2",
+                "G81",
+                "X1",
+                "Y",
+                "Z-2",
+                "R1",
+                "F5",
+                "M3",
+                "(",
+                ")",
+                ";",
+                "%",
+                "G21",
+                "#1",
+                "[",
+                "N5",
+                "O1",
+                "L9",
+            ),
+            *(
+                "PU",
+                "PD",
+                "1,1",
+                "AA0,0,90",
+                "CI5",
+                "PM0",
+                "PM2",
+                "EP",
+                "SC",
+                "IP0,0,9,9",
+                "LB",
+                "\x03",
+                "\x1b.",
+                "\n",
+                " ",
+            ),
+        ]
+    ),
+    max_size=40,
+).map(lambda words: "".join(words).encode())
+
+
+@pytest.mark.parametrize("name", ["ncp", "gcode", "hpgl"])
+@given(data=st.one_of(st.binary(max_size=300), WORDS, WORDS.map(lambda data: b"IMF_PBL\nVEL 9\n" + data)))
+@settings(max_examples=150, deadline=None)
+def test_any_bytes_are_read_or_refused_in_one_line(name: str, data: bytes) -> None:
+    head = data.decode("latin-1")
+    assert reader_for(head) is None or reader_for(head).name in reader_names()
+    made, error = [], None
+    try:
+        made.extend(reader_named(name).read(text_lines(io.BytesIO(data)), PEN))
+    except CamError as caught:
+        error = caught
+    if error is None:
+        assert [type(element) for element in made].index(End) == len(made) - 1
+    else:
+        assert "\n" not in str(error)
+        assert error.place is not None
+
+
+def test_settings_are_read_from_a_table() -> None:
+    content = {
+        "zero": [1, 2, 3],
+        "zeros": {"2": [4, 5, 6]},
+        "z_sign": 1,
+        "dialect": "din",
+        "tool_length_mm": {"1": 32.5},
+    }
+    content |= {"outputs": {"A4.1": 3}, "park": [0, 0, 0], "strict": True, "feed_mm_s": 5}
+    assert read_cam(content, Place("isel-twin.toml", key="cam")) == CamSettings(
+        zero=(1.0, 2.0, 3.0), zeros={2: (4.0, 5.0, 6.0)}, z_sign=1, dialect="din", tool_length_mm={1: 32.5},
+        outputs={"A4.1": 3}, park=(0.0, 0.0, 0.0), strict=True, feed_mm_s=5.0,
+    )  # fmt: skip
+    assert read_cam({}, Place("isel-twin.toml")) == CamSettings()
+
+
+@pytest.mark.parametrize(
+    ("content", "error"),
+    [
+        ({"zeroo": [1, 2, 3]}, "cam.zeroo: unknown key; did you mean 'zero'?"),
+        ({"zero": [1, 2]}, "cam.zero: [1, 2]; allowed: three numbers [x, y, z], mm"),
+        ({"zero": [1, 2, float("nan")]}, "cam.zero: nan; allowed: -100000 .. 100000 mm"),
+        ({"zeros": {"12": [1, 2, 3]}}, "cam.zeros.12: is no number; allowed: 1 .. 9"),
+        ({"zeros": 3}, "cam.zeros: 3; allowed: a table such as { name = value }"),
+        ({"z_sign": 0}, "cam.z_sign: 0; allowed: 1, -1"),
+        ({"rapid_mm_s": -1}, "cam.rapid_mm_s: -1; allowed: 0.001 .. 10000 mm/s"),
+        ({"dialect": "fanuc"}, "cam.dialect: 'fanuc'; allowed: \"\", rs274, din"),
+        ({"strict": 1}, "cam.strict: 1; allowed: true, false"),
+        ({"outputs": {"spindle": 1.5}}, "cam.outputs.spindle: 1.5; allowed: a whole number"),
+    ],
+)
+def test_settings_that_are_wrong_are_one_line(content: dict[str, object], error: str) -> None:
+    with pytest.raises(FileError) as caught:
+        read_cam(content, Place("isel-twin.toml", key="cam"))
+    assert str(caught.value) == f"isel-twin.toml: {error}"
+
+
+@pytest.mark.parametrize("wrong", [{"z_sign": 0}, {"rapid_mm_s": 0.0}, {"zero": (1, 2)}, {"zeros": {10: (0, 0, 0)}}])
+def test_settings_in_python_are_checked(wrong: dict[str, object]) -> None:
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        CamSettings(**wrong)
+
+
+def test_a_reader_stops_at_the_end_of_the_program() -> None:
+    endless = iter(["G21\n", "M2\n", "never read"])
+    assert told("gcode", endless, UP) == ["end"]
+    assert next(endless) == "never read"

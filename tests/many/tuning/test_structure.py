@@ -1,0 +1,71 @@
+"""The search that knows the time of a job and looks for its edge."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from isel_twin.core.spec import TwinSpec
+from isel_twin.many.tuning import Judgement, Problem
+from isel_twin.many.tuning.result import Tried
+from isel_twin.many.tuning.structure import Structure, move_time_s, steps_of
+
+STEPS = (32_000, 9_600, 320)
+JOB = "@07\n@0R7\n" + "".join(f"@0A{n},10000,0,30,0,30,0,30\n" for n in STEPS)
+PROBLEM = Problem(JOB, TwinSpec("4030", "imc-s8"), speed_share=0.8)
+
+
+@pytest.mark.parametrize(("steps", "seconds"), [(9600, 3.026), (3200, 1.026), (320, 0.126), (32, 0.030)])
+def test_times_of_moves_at_3200_hz(steps: int, seconds: float) -> None:
+    """By hand: 300 Hz, 100 Hz/ms, d = (3200^2 - 300^2) / 200 000 = 50.75 steps."""
+    assert move_time_s(steps, 3200, 100, 300) == pytest.approx(seconds, abs=6e-4)
+
+
+@pytest.mark.parametrize("steps", [5.0, 640.0, 123_456.0])
+def test_steps_follow_from_the_time(steps: float) -> None:
+    assert steps_of(float(move_time_s(steps, 12_000, 200, 400)), 12_000, 200, 400) == pytest.approx(steps, rel=1e-9)
+
+
+def made(values: dict[str, int], limit_hz: float, strongest: float) -> Judgement:
+    """A machine of which this much is known: margins of speed and of torque, and the times."""
+    speed, acceleration, start = (values[key] for key in ("speed_hz", "acceleration_hz_per_ms", "start_stop_hz"))
+    moves = [float(move_time_s(n, speed, acceleration, start)) for n in STEPS]
+    torque = 1.0 - (0.15 + acceleration / strongest * (1.0 + (start / 3000.0) ** 2)) / (1.0 - speed / 60_000.0)
+    margin = min(torque, 1.0 - 0.8 * speed / limit_hz)
+    if torque <= 0.0 or speed > 1.15 * limit_hz:
+        return Judgement(0.0, 0.0, "lost", slipped=True)
+    return Judgement(sum(moves) + 0.5, max(margin, 0.001), "", moves=tuple((t, margin) for t in moves))
+
+
+@pytest.mark.parametrize(("limit_hz", "strongest"), [(19_000.0, 900.0), (20_500.0, 300.0)])
+def test_twenty_five_trials_come_near_the_best(limit_hz: float, strongest: float) -> None:
+    structure, tried = Structure(PROBLEM), [Tried(0, PROBLEM.nearest(), made(PROBLEM.nearest(), limit_hz, strongest))]
+    while len(tried) < 25 and (batch := structure.chosen(tried, 0.2, 8)):
+        for values in batch[: 25 - len(tried)]:
+            tried.append(Tried(len(tried), values, made(values, limit_hz, strongest)))
+    found = min(one.judgement.time_s for one in tried if one.judgement.margin >= 0.2)
+
+    speeds, ramps, starts = np.arange(5000, 20_500, 150), np.geomspace(50, 4000, 50), (150.0, 600.0, 2400.0)
+    every = [
+        made({"speed_hz": int(v), "acceleration_hz_per_ms": int(a), "start_stop_hz": int(f)}, limit_hz, strongest)
+        for v in speeds[speeds <= limit_hz]
+        for a in ramps
+        for f in starts
+    ]
+    best = min(one.time_s for one in every if one.margin >= 0.2)
+    assert found <= 1.025 * best
+
+
+def test_nothing_is_tried_that_something_lesser_has_lost() -> None:
+    start = Tried(0, PROBLEM.nearest(), made(PROBLEM.nearest(), 19_000.0, 900.0))
+    lost = dataclasses.replace(start, number=1, values={**PROBLEM.nearest(), "speed_hz": 12_000, "start_stop_hz": 150})
+    lost = dataclasses.replace(lost, judgement=Judgement(0.0, 0.0, "lost", slipped=True))
+    for values in Structure(PROBLEM).chosen([start, lost], 0.2, 8):
+        assert values["speed_hz"] < 12_000 or values["acceleration_hz_per_ms"] < 100
+
+
+def test_where_nothing_holds_it_has_nothing_to_say() -> None:
+    lost = Tried(0, PROBLEM.nearest(), Judgement(0.0, 0.0, "lost", slipped=True))
+    assert Structure(PROBLEM).chosen([lost], 0.2, 8) == []

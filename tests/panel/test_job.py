@@ -1,0 +1,153 @@
+"""A job file opened in the panel: sent line by line, with what becomes of it in the frames."""
+
+from __future__ import annotations
+
+import socket
+
+import pytest
+
+from isel_twin.bridge.operate.panel.job import MOST_CHARACTERS
+from isel_twin.bridge.serve.tcp import parse_address
+from tests.panel.conftest import WAIT_S
+
+JOB = "# two moves\n@07\n@0R7\n@0A800,4000,0,30,0,30,0,30\n<0.5s>\n@0P => *\n! x > 2 mm\n"
+PART = "G21 G90\nG0 X5\nG1 Y4 F600\nM2\n"
+
+
+def opened(page, text: str = JOB, name: str = "job.txt"):
+    return page.request(job={"open": {"name": name, "text": text}})
+
+
+def ran(page) -> dict:
+    """The job as it is when it is over."""
+    started = page.request(job={"start": True})["ok"]["started"]
+    page.until(lambda: page.frame["job"].get("started") == started and page.frame["job"]["state"] != "running")
+    return page.frame["job"]
+
+
+@pytest.mark.parametrize("speed", [None, 50.0])
+def test_a_job_is_made_line_by_line(bench, browser, speed: float | None) -> None:
+    """At any speed: a pause of half a second and a move of 800 steps at 4000 Hz are at least 0.7 s."""
+    here = bench(speed=speed)
+    page = browser(here)
+    assert page.frame["job"] == {}
+    told = opened(page)["ok"]
+    assert {key: told[key] for key in ("name", "format", "state", "made", "commands", "line")} == {
+        "name": "job.txt", "format": "", "state": "ready", "made": 0, "commands": 6, "line": 2
+    }  # fmt: skip
+    done = ran(page)
+    assert (done["state"], done["made"], done["why"]) == ("done", 6, "")
+    assert done["seconds"] > 0.7
+    assert here.twin.counts[:3].tolist() == [800, 0, 0]
+    said = [line["text"] for line in page.lines if line["who"] == "host"]
+    assert said == ["@07", "@0R7", "@0A800,4000,0,30,0,30,0,30", "@0P"]
+    assert ran(page)["state"] == "done", "it can be made again"
+
+
+def test_a_file_of_a_cam_program_is_one_of_its_own_lines(bench, browser) -> None:
+    here = bench()
+    page = browser(here)
+    told = opened(page, PART, "part.nc")["ok"]
+    assert told["format"].startswith("G-code")
+    assert ran(page)["state"] == "done"
+    assert here.twin.counts[:3].tolist() == [1600, 1280, 0]
+    assert page.frame["job"]["line"] <= 4
+    assert page.request(job={"text": True})["ok"] == {"opened": 1, "text": PART}
+
+
+def test_a_refusal_ends_it_and_is_told_with_its_line(bench, browser) -> None:
+    page = browser(bench(ready=True))
+    opened(page, "@0P\n@0A800,99999999,0,30,0,30,0,30\n@0P\n")
+    failed = ran(page)
+    assert (failed["state"], failed["made"], failed["line"]) == ("failed", 1, 2)
+    assert failed["why"].startswith("@0A800,99999999")
+    page.until(lambda: [line for line in page.lines if line["who"] == "twin" and line["text"] != "0"])
+
+
+def test_a_condition_that_is_not_met_ends_it(bench, browser) -> None:
+    page = browser(bench(ready=True))
+    opened(page, "@0P\n! x > 300 mm\n")
+    assert ran(page)["why"].startswith("! x > 300 mm")
+
+
+def test_stop_breaks_off_what_moves(bench, browser) -> None:
+    here = bench(speed=1.0, ready=True)
+    page = browser(here)
+    opened(page, "@0A64000,4000,0,30,0,30,0,30\n@0P\n")
+    assert page.request(job={"start": True})["ok"]["state"] == "running"
+    page.until(lambda: page.frame["counts"][0] > 0)
+    assert "a job is running" in page.request(say="@0P")["error"]
+    assert "is running" in opened(page)["error"]
+    assert "is running" in page.request(job={"start": True})["error"]
+    assert page.request(job={"stop": True})["ok"]["state"] == "stopped"
+    page.until(lambda: page.frame["idle"])
+    assert 0 < page.frame["counts"][0] < 64_000
+    assert page.frame["job"]["why"] == "stopped by hand"
+
+
+def test_a_host_that_takes_the_line_ends_it(bench, browser) -> None:
+    here = bench(speed=1.0, ready=True)
+    page = browser(here)
+    opened(page, "@0A64000,4000,0,30,0,30,0,30\n@0P\n")
+    page.request(job={"start": True})
+    with socket.create_connection(parse_address(here.line.address), timeout=WAIT_S):
+        page.until(lambda: page.frame["job"].get("state") == "stopped")
+        assert page.frame["job"]["why"] == "a host has taken the line (tcp)"
+        assert "a host holds the line (tcp)" in page.request(job={"start": True})["error"]
+
+
+def test_it_goes_on_only_while_time_does(bench, browser) -> None:
+    page = browser(bench(ready=True))
+    page.ask(pause=True)
+    opened(page, "@0P\n<1s>\n@0P\n")
+    page.request(job={"start": True})
+    assert page.request(job={"text": True})["ok"]["text"].startswith("@0P")
+    page.until(lambda: page.frame["job"].get("state") == "running")
+    assert page.frame["job"]["made"] == 0
+    page.ask(resume=True)
+    page.until(lambda: page.frame["job"].get("state") == "done")
+    assert page.frame["job"]["seconds"] == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_program_of_a_control_is_started_and_waits_for_its_operator(bench, browser) -> None:
+    page = browser(bench(controller="bwo900", machine="4030-servo"))
+    opened(page, "P1\nN10 G90 G53 G0 X5\nN20 M30\n#\n", "part.nc")
+    done = ran(page)
+    assert (done["state"], done["commands"]) == ("done", 3)
+    assert page.frame["counts"][0] == 5000
+
+
+@pytest.mark.parametrize(
+    ("request_", "why"),
+    [
+        ({"open": {"name": "x", "text": "@0P\n<999>"}}, "x: line 2: "),
+        ({"open": {"name": "x", "text": ""}}, "x: there is no command in it"),
+        ({"open": {"name": "x.nc", "text": "G1 X9999 F100\n"}}, "x.nc: line 1, column "),
+        ({"open": {"name": "x", "text": "! spam > 5\n"}}, "x: line 1"),
+        ({"open": {"name": "x", "text": "#" * (MOST_CHARACTERS + 1)}}, "isel-twin run takes more"),
+        ({"open": {"name": "x", "text": "@0P\ud800"}}, "x: "),
+        ({"open": {"name": "\ud800.nc", "text": "<999>"}}, "line 1: "),
+        ({"open": 5}, "request: job.open: "),
+        ({"open": {"name": 5}}, "request: job.open.name: "),
+        ({"open": {"path": "/etc/passwd"}}, "request: job.open.path: unknown key"),
+        ({"start": True}, "request: job.start: there is no job"),
+        ({"start": 1, "stop": True}, "allowed: one of open, start, stop, text"),
+        ({"stop": False}, "request: job.stop: False; allowed: true"),
+        ({"run": True}, "request: job.run: unknown key"),
+        (5, "request: job: "),
+    ],
+)
+def test_what_cannot_be_done_is_one_line_and_changes_nothing(bench, browser, request_, why: str) -> None:
+    page = browser(bench())
+    error = page.request(job=request_)["error"]
+    assert why in error
+    assert "\n" not in error
+    assert page.request(job={"stop": True})["ok"] == {}
+    assert page.request(job={"text": True})["ok"] == {"opened": 0, "text": ""}
+
+
+def test_a_file_that_is_refused_leaves_the_one_before(bench, browser) -> None:
+    page = browser(bench(ready=True))
+    opened(page, "@0P\n")
+    assert "error" in opened(page, "<999>\n", "other.txt")
+    assert ran(page)["name"] == "job.txt"

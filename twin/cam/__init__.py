@@ -1,0 +1,11 @@
+"""Job files of CAM programs: read into a neutral toolpath, which the language of a controller writes as its commands.
+
+    part.ncp, part.nc, part.plt  --- reader --->  toolpath  --- language --->  commands, each with its place in the file
+
+toolpath.py   what a toolpath is: rapid, line, arc, dwell, tool, spindle, ...
+settings.py   what the file does not say: zero point, tools, heights, speeds
+registry.py   which readers are installed, by entry points; which one a file is for
+course.py     a toolpath in the counts of a machine: rounded, within its travel and its speeds; arcs.py: chords
+writing.py    what is common to all languages that write it; written.py: what they are told, and give
+estimate.py   how long a CAM program thinks that it takes
+"""

@@ -1,0 +1,86 @@
+"""G and M codes: the modal group of each, of which a line may have one code; what is refused, and why.
+
+A code is a whole number of tenths: G38.2 is 382.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+MOTION, ONCE, PLANE, DISTANCE, CENTRE, FEED, UNIT, CUTTER, LENGTH, RETRACT, SYSTEM, PATH, TURNING, LATHE, CLEAR = (
+    "motion",
+    "one-shot",
+    "plane",
+    "distance",
+    "centre",
+    "feed",
+    "unit",
+    "cutter",
+    "length",
+    "retract",
+    "system",
+    "path",
+    "turning",
+    "lathe",
+    "clear",
+)
+G_GROUPS: Mapping[int, str] = {
+    **dict.fromkeys((0, 10, 20, 30, 730, 800, 810, 820, 830, 850, 890), MOTION),
+    **dict.fromkeys((40, 100, 280, 281, 300, 301, 520, 530, 920), ONCE),
+    **dict.fromkeys((921, 922, 923), CLEAR),
+    **dict.fromkeys((170, 180, 190), PLANE),
+    **dict.fromkeys((900, 910), DISTANCE),
+    **dict.fromkeys((901, 911), CENTRE),
+    **dict.fromkeys((930, 940), FEED),
+    **dict.fromkeys((200, 210, 700, 710), UNIT),
+    400: CUTTER,
+    **dict.fromkeys((430, 490), LENGTH),
+    **dict.fromkeys((980, 990), RETRACT),
+    **dict.fromkeys((540, 550, 560, 570, 580, 590, 591, 592, 593), SYSTEM),
+    **dict.fromkeys((610, 611, 640), PATH),
+    970: TURNING,
+    80: LATHE,
+}
+SYSTEMS = {code: number for number, code in enumerate((540, 550, 560, 570, 580, 590, 591, 592, 593), 1)}
+CYCLES = frozenset((730, 810, 820, 830, 850, 890))
+TAKES_AXES = frozenset((100, 280, 300, 520, 920))  # of the one-shot codes
+
+STOP, TOOL, SPINDLE, COOLANT, OVERRIDE, SWITCH = "stop", "tool", "spindle", "coolant", "override", "switch"
+M_GROUPS: Mapping[int, str] = {
+    **dict.fromkeys((0, 1, 2, 30), STOP),
+    6: TOOL,
+    **dict.fromkeys((3, 4, 5), SPINDLE),
+    **dict.fromkeys((7, 8, 9), COOLANT),
+    **dict.fromkeys((48, 49, 50, 51, 52, 53), OVERRIDE),
+}
+DIN_SWITCHES = frozenset((*range(70, 78), *range(-77, -69)))  # M70 .. M77 switch an output on, M-70 .. M-77 off
+
+_CUTTER = "cutter compensation is not made; let the CAM program offset the path"
+_TAPPING = "it needs a spindle that follows the axis; drill here and tap by hand"
+G_REFUSED: Mapping[int, str] = {
+    **dict.fromkeys((410, 411, 420, 421), _CUTTER),
+    **dict.fromkeys((330, 331, 740, 760, 840), _TAPPING),
+    **dict.fromkeys((860, 870, 880), "this boring cycle is not made; write G85 or G89"),
+    **dict.fromkeys((382, 383, 384, 385), "probing is not made; take it out"),
+    **dict.fromkeys((50, 51, 52, 53), "splines are not made; let the CAM program write lines and arcs"),
+    **dict.fromkeys((171, 181, 191), "this machine has no axes U V W; write G17, G18 or G19"),
+    **dict.fromkeys((431, 432), "write G43 H with the length of the tool in tool_length_mm"),
+    70: "diameters are for lathes; write G8 and radii",
+    720: "it is a cycle of lathes",
+    950: "feed per turn is not made; write G94 and F per minute",
+    960: "constant surface speed is for lathes; write G97",
+}
+M_REFUSED: Mapping[int, str] = {
+    19: "the spindle cannot be turned to an angle",
+    60: "there is no pallet; write M0",
+    61: "write T and M6",
+    **dict.fromkeys((62, 63, 64, 65, 66, 67, 68), "inputs and outputs are not reached so; use M7, M8 and M9"),
+    **dict.fromkeys((70, 71, 72, 73), "modes are not kept and restored; write them out"),
+    **dict.fromkeys((98, 99), "subprograms are not read; let the CAM program write them out"),
+    **dict.fromkeys(range(100, 200), "commands of one's own are not read"),
+}
+
+
+def name(letter: str, code: int) -> str:
+    """As people write it: G38.2, M3."""
+    return f"{letter}{code / 10:g}" if letter == "G" else f"{letter}{code}"

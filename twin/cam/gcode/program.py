@@ -1,0 +1,203 @@
+"""What a G-code program does, block by block, in the order of LinuxCNC's interpreter.
+
+Most lines are plain moves, G0 or G1 with X Y Z F: they are matched as a whole. All others become a block, and
+`Program.block` carries out what it says in the order of its lines, whatever the order of the words.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+
+from isel_twin.cam.gcode import codes
+from isel_twin.cam.gcode.motion import Motion
+from isel_twin.cam.gcode.words import Block, Lines
+from isel_twin.cam.reader import Once
+from isel_twin.cam.settings import CamSettings
+from isel_twin.cam.toolpath import (
+    CamError,
+    Coolant,
+    Dwell,
+    Element,
+    End,
+    Line,
+    Output,
+    Place,
+    Rapid,
+    Remark,
+    Spindle,
+    Stop,
+    Tool,
+)
+
+_NUMBER = r"(-?(?:[0-9]{1,6}\.?[0-9]{0,12}|\.[0-9]{1,12}))"
+_MOVE = re.compile(
+    rf"[ \t]*(?:N[0-9]{{1,9}}[ \t]*)?(?=([A-Z][-+.0-9]*))(?:G0?([01])(?![0-9.])[ \t]*)?"
+    rf"(?:F{_NUMBER}[ \t]*)?(?:X{_NUMBER}[ \t]*)?(?:Y{_NUMBER}[ \t]*)?(?:Z{_NUMBER}[ \t]*)?"
+    rf"(?:F{_NUMBER}[ \t]*)?[\r\n]*\Z",
+    re.I | re.A,
+)
+_LONG_DWELL_S = 60.0
+
+
+class Program:
+    """A program while it is read."""
+
+    def __init__(self, settings: CamSettings) -> None:
+        self._settings = settings
+        self._once = Once()
+        self._motion = Motion(settings, self._once)
+        self._lines = Lines(settings.strict, settings.dialect == "din", self._once)
+        self._tool: int | None = None  # selected by T
+        self._loaded: int | None = None
+        self._turns = 0
+        self._percent = self._ended = False
+
+    def run(self, lines: Iterable[str]) -> Iterator[Element]:
+        """Elements of the toolpath. Raises CamError."""
+        motion = self._motion
+        number, begun = 0, False
+        for number, line in enumerate(lines, 1):
+            match = _MOVE.match(line)
+            if match is not None and motion.plain and (match[3] is None or match[7] is None):
+                word, code, before, x, y, z, f = match.groups()
+                f = f or before
+                if f is not None:
+                    if f[0] == "-":
+                        raise CamError(
+                            "F must not be negative", Place(number, max(match.start(3), match.start(7)), f"F{f}")
+                        )
+                    motion.feed = float(f) * motion.unit / 60.0
+                if code is not None:
+                    motion.code = 10 if code == "1" else 0
+                if x is not None or y is not None or z is not None:
+                    place = Place(number, match.start(1) + 1, word)
+                    ax, ay, az = motion.at
+                    if x is not None:
+                        ax = float(x) * motion.unit
+                    if y is not None:
+                        ay = float(y) * motion.unit
+                    if z is not None:
+                        az = float(z) * motion.unit_z
+                    motion.at = (ax, ay, az)
+                    bx, by, bz = motion.offsets.base
+                    if motion.code:
+                        if motion.feed <= 0.0:
+                            yield from motion.default_feed(place)
+                        yield Line(place, (ax + bx, ay + by, az + bz), motion.feed)
+                    else:
+                        yield Rapid(place, (ax + bx, ay + by, az + bz))
+                continue
+            text = line.rstrip("\r\n")
+            first = text.lstrip()[:1]
+            if not first:
+                continue
+            if first == "%":
+                if self._percent or begun:
+                    yield from self._at_percent(text, number, begun)
+                    return
+                if self._settings.strict and text.strip() != "%":
+                    raise CamError("nothing may stand behind %", Place(number))
+                self._percent = True
+                continue
+            if first == "/" and self._settings.block_delete:
+                continue
+            block, said = self._lines.block(text, number)
+            yield from said
+            begun = begun or bool(block.places) or (self._settings.strict)
+            yield from self._block(block)
+            if self._ended:
+                return
+        place = Place(max(number, 1))
+        if self._settings.strict:
+            raise CamError("the file ends without % or M2; write M2 at its end", place)
+        if not self._percent:
+            yield from self._once("end", place, "the file ends without M2, M30 or %; it may be cut off")
+        yield End(place)
+
+    def _at_percent(self, text: str, number: int, begun: bool) -> Iterator[Element]:
+        place = Place(number, text.index("%") + 1, "%")
+        if not self._percent:
+            if self._settings.strict:
+                raise CamError("% stands in the first line and in the last one", place)
+            yield from self._once("%", place, "a % ends the file that had none at its beginning")
+        yield End(place)
+
+    def _block(self, block: Block) -> Iterator[Element]:
+        """In the order of LinuxCNC."""
+        motion, g, m, words = self._motion, block.g, block.m, block.words
+        for message in block.messages:
+            yield Remark(block.place, message)
+        if not block.places:
+            return
+        motion.check(block)
+        motion.feed_mode(block)
+        if "F" in words and not self._dwells_by_f(block):
+            if words["F"] < 0.0:
+                raise block.wrong("F must not be negative", "F")
+            motion.set_feed(block)
+        yield from self._switches(block)
+        if g.get(codes.ONCE) == 40:
+            yield from self._dwell(block)
+        yield from motion.modes(block, self._loaded)
+        yield from motion.move(block)
+        stop = m.get(codes.STOP)
+        if stop in (0, 1):
+            if stop == 0 or self._settings.optional_stop:
+                yield Stop(block.at("M", stop), stop == 1)
+        elif stop is not None:
+            self._ended = True
+            yield End(block.at("M", stop))
+
+    def _switches(self, block: Block) -> Iterator[Element]:
+        """Speed, tool, spindle, coolant."""
+        m, words = block.m, block.words
+        speed = words.get("S") if block.g.get(codes.ONCE) != 40 or "P" in words else None
+        if speed is not None and speed < 0.0:
+            raise block.wrong("S must not be negative", "S")
+        if "T" in words:
+            if words["T"] < 0.0 or words["T"] != int(words["T"]):
+                raise block.wrong("T must be a whole number, 0 or more", "T")
+            self._tool = int(words["T"])
+        turns = {3: 1, 4: -1, 5: 0, None: None}[m.get(codes.SPINDLE)]
+        if codes.TOOL in m:
+            yield from self._change(block.at("M", 6))
+        if speed is not None or turns is not None:
+            self._turns = self._turns if turns is None else turns
+            place = block.places["S"] if turns is None else block.at("M", m[codes.SPINDLE])
+            yield Spindle(place, self._turns, speed)
+        coolant = m.get(codes.COOLANT)
+        if coolant is not None:
+            place = block.at("M", coolant)
+            for number in (1, 2) if coolant == 9 else (9 - coolant,):
+                yield Coolant(place, number, coolant != 9)
+        for group, code in m.items():
+            if group.startswith(codes.SWITCH):
+                yield Output(block.at("M", code), f"M{abs(code)}", 1, int(code > 0))
+
+    def _change(self, place: Place) -> Iterator[Element]:
+        if self._turns:
+            self._turns = 0
+            yield Spindle(place, 0)
+        if self._tool is None and not self._settings.strict:
+            yield Stop(place)
+            return
+        self._loaded = self._tool or 0
+        yield Tool(place, self._loaded)
+
+    def _dwells_by_f(self, block: Block) -> bool:
+        return block.g.get(codes.ONCE) == 40 and self._settings.dialect == "din" and "P" not in block.words
+
+    def _dwell(self, block: Block) -> Iterator[Element]:
+        """G4: P; S where CAM programs write so; F in DIN programs (cam/22)."""
+        words, place = block.words, block.at("G", 40)
+        seconds = words.get("P")
+        if seconds is None and self._dwells_by_f(block):
+            seconds = words.get("F")
+        if seconds is None and not self._settings.strict:
+            seconds = words.get("S")
+        if seconds is None or seconds < 0.0:
+            raise CamError("G4 wants P, seconds of 0 or more", place)
+        if seconds > _LONG_DWELL_S:
+            yield from self._once("G4", place, f"G4 waits {seconds:g} s: P is in seconds; ms were meant?")
+        yield Dwell(place, seconds)

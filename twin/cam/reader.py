@@ -1,0 +1,100 @@
+"""What a reader of job files is, and what all readers share: recognition, cautions, plausibility, text from bytes."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Iterable, Iterator
+from typing import BinaryIO, Protocol
+
+from isel_twin.cam.settings import CamSettings
+from isel_twin.cam.toolpath import Arc, Caution, Element, End, Line, Place, Rapid, Toolpath
+
+HEAD_LINES = 200  # at the beginning of a file, by which it is recognised
+LONGEST = 65_536  # characters of a line that are read at once; a longer line comes in pieces of this length
+MOST = 1e6  # mm, mm/s, s, turns a minute: no number of a job for these machines is larger
+_COMMAND = re.compile(r"\s*(@\d|<\d)")
+_REMARK = re.compile(r"\s*([;#(].*)?$")
+
+
+class Reader(Protocol):
+    """A format of job files; made by an entry point of the group `isel_twin.job_files`."""
+
+    name: str  # of the entry point
+    title: str  # for people
+    suffixes: tuple[str, ...]  # of file names, as ".ncp": they decide where the content does not
+
+    def claims(self, head: str) -> bool:
+        """Is a file that begins like this in this format?"""
+
+    def read(self, lines: Iterable[str], settings: CamSettings) -> Toolpath:
+        """The toolpath, made while it is read. lines: with or without their ends, a longer one in pieces of LONGEST.
+        Raises CamError, when it gets there."""
+
+
+def statements(head: str) -> list[str]:
+    """The first lines of a file that say something. None of a job of commands (jobs/3): one in which a line is a
+    command of a controller, or that begins with a remark (# ...)."""
+    lines = [line for line in head.splitlines()[:HEAD_LINES] if not _REMARK.match(line)]
+    if head.lstrip().startswith("#") or any(_COMMAND.match(line) for line in lines):
+        return []
+    return lines
+
+
+def mostly(head: str, pattern: re.Pattern[str]) -> bool:
+    """Do more than a quarter of the statements begin like this?"""
+    lines = statements(head)
+    return sum(bool(pattern.match(line)) for line in lines) > len(lines) // 4
+
+
+def text_lines(file: BinaryIO) -> Iterator[str]:
+    """Lines of a file of any size, with "\\n" at their ends: UTF-8, a line that is not is Latin-1 (cam/11). CR LF, LF
+    and CR alone end a line."""
+    text = io.TextIOWrapper(file, encoding="latin-1", newline=None)
+    try:
+        while line := text.readline(LONGEST):
+            yield line if line.isascii() else _decoded(line)
+    finally:
+        if not file.closed:
+            text.detach()
+
+
+def _decoded(line: str) -> str:
+    try:
+        return line.encode("latin-1").decode("utf-8")
+    except UnicodeDecodeError:
+        return line
+
+
+class Once:
+    """Cautions of a file: the first of each kind."""
+
+    def __init__(self) -> None:
+        self._said: set[str] = set()
+
+    def __call__(self, kind: str, place: Place, text: str) -> tuple[Caution, ...]:
+        if kind in self._said:
+            return ()
+        self._said.add(kind)
+        return (Caution(place, text),)
+
+
+def plausible(path: Toolpath) -> Toolpath:
+    """The same toolpath; before its end a caution if it cuts above the height at which it travels (cam/14)."""
+    rapids = cuts = 0
+    travel = cut = 0.0
+    element: Element
+    for element in path:
+        kind = type(element)
+        if kind is Line or kind is Arc:
+            cuts += 1
+            cut += element.to[2]  # type: ignore[union-attr]
+        elif kind is Rapid:
+            rapids += 1
+            travel += element.to[2]  # type: ignore[union-attr]
+        elif kind is End and rapids and cuts and cut / cuts > travel / rapids + 1e-9:
+            yield Caution(
+                element.place,
+                "Z of this file seems to count downwards: it cuts above its rapid moves; if so, set file_z_up = false",
+            )
+        yield element

@@ -1,0 +1,218 @@
+"""A toolpath as lines of a job: what is alike for all controllers.
+
+    toolpath  --- written --->  Course: Move, Turn   --- Commands.move, .turn --->  lines, each with its place
+                                Spindle, Dwell, ...  --- Commands.spindle, .dwell, ... -->
+
+A controller gives its `Commands`. Before a change of a tool and at the end the tool goes away safely, Z first, and
+comes back X and Y first (language/3). A stop is a remark (language/6).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Protocol
+
+from isel_twin.cam.course import Course, Limits, Move, Turn
+from isel_twin.cam.settings import CamSettings
+from isel_twin.cam.toolpath import (
+    Arc,
+    Caution,
+    Coolant,
+    Dwell,
+    Element,
+    End,
+    Line,
+    Output,
+    Place,
+    Point,
+    Rapid,
+    Remark,
+    Spindle,
+    Stop,
+    Tool,
+    Toolpath,
+)
+from isel_twin.cam.written import MachineAxes, Written
+
+COOLANT = {1: "coolant", 2: "coolant2"}  # names in `CamSettings.outputs`
+
+
+class Commands(Limits, Protocol):
+    """The commands of one controller. What gives several lines may give none."""
+
+    @property
+    def both_senses(self) -> bool:
+        """The spindle can turn counter-clockwise, too."""
+
+    def begin(self) -> Iterable[str]:
+        """What is sent first: the controller is made ready and referenced."""
+
+    def move(self, move: Move) -> Iterable[Written]:
+        """Lines for this move, or for moves before it that were held back."""
+
+    def turn(self, turn: Turn) -> Iterable[Written]: ...
+
+    def held(self) -> Iterable[Written]:
+        """Lines for the moves that are held back until now."""
+
+    def dwell(self, seconds: float) -> str: ...
+
+    def spindle(self, turns: int, speed_rpm: float | None) -> Iterable[str] | None:
+        """None: it cannot be switched."""
+
+    def coolant(self, number: int, on: bool) -> Iterable[str] | None: ...
+
+    def output(self, name: str, on: bool) -> Iterable[str] | None:
+        """By its number in the settings (language/7)."""
+
+    def remark(self, text: str) -> str: ...
+
+    def end(self) -> Iterable[str]: ...
+
+
+def pause(seconds: float) -> str:
+    """A pause as a job file has it."""
+    return f"<{seconds:.3f}s>"
+
+
+def remark(text: str) -> str:
+    """A remark of a job file."""
+    return f"# {' '.join(text.split())}"
+
+
+def written(path: Toolpath, axes: MachineAxes, settings: CamSettings, commands: Commands) -> Iterator[Written]:
+    """The lines of a job that makes this path. Raises CamError at the place that cannot be made."""
+    return _Writer(axes, settings, commands).lines(path)
+
+
+class _Writer:
+    def __init__(self, axes: MachineAxes, settings: CamSettings, commands: Commands) -> None:
+        self._course = Course(axes, settings, commands)
+        self._commands = commands
+        self._settings = settings
+        self._running: Spindle | None = None
+        self._cooled: set[int] = set()
+        self._away_from: Point | None = None  # where the tool stood before it was changed
+
+    def lines(self, path: Toolpath) -> Iterator[Written]:
+        commands, course, rapid_mm_s = self._commands, self._course, self._settings.rapid_mm_s
+        yield from map(Written, commands.begin())
+        yield from self._to(self._settings.machine_point(self._settings.start), Place(1), z_first=False)
+        place = None
+        for element in path:
+            place = element.place
+            if isinstance(element, (Line, Rapid)):
+                if self._away_from is not None:
+                    yield from self._back(element)
+                rapid = isinstance(element, Rapid)
+                speed = element.speed_mm_s or rapid_mm_s if isinstance(element, Rapid) else element.feed_mm_s
+                if (move := course.line(place, element.to, speed, rapid)) is not None:
+                    yield from commands.move(move)
+            elif isinstance(element, Arc):
+                if self._away_from is not None:
+                    yield from self._back(element)
+                for part in course.arc(element):
+                    yield from commands.turn(part) if isinstance(part, Turn) else commands.move(part)
+            elif isinstance(element, End):
+                break
+            else:
+                yield from commands.held()
+                yield from self._event(element)
+            if course.cautions:
+                yield from self._cautions()
+        yield from self._end(place or Place(1))
+
+    def _event(self, element: Element) -> Iterator[Written]:
+        commands, place = self._commands, element.place
+        match element:
+            case Dwell():
+                yield Written(commands.dwell(element.seconds), place)
+            case Spindle():
+                yield from self._spindle(element)
+            case Coolant():
+                lines = commands.coolant(element.number, element.on)
+                yield from self._switched(lines, place, COOLANT.get(element.number, f"coolant{element.number}"))
+                (self._cooled.add if element.on else self._cooled.discard)(element.number)
+            case Output():
+                yield from self._output(element)
+            case Tool():
+                yield from self._change(element)
+            case Stop():
+                if not element.optional or self._settings.optional_stop:
+                    yield Written(commands.remark("stop: the operator goes on from here"), place)
+            case Remark():
+                yield Written(commands.remark(element.text), place)
+            case Caution():
+                yield Written(commands.remark(f"caution: {element.text}"), place, caution=True)
+
+    def _spindle(self, spindle: Spindle) -> Iterator[Written]:
+        place, speed = spindle.place, spindle.speed_rpm
+        if speed is None and self._running is not None:
+            speed = self._running.speed_rpm
+        if spindle.turns < 0 and not self._commands.both_senses:
+            text = "spindle counter-clockwise: the controller only switches it on, in the sense that it has"
+            self._course.caution("sense", place, text)
+        yield from self._switched(self._commands.spindle(spindle.turns, speed), place, "spindle")
+        self._running = spindle._replace(speed_rpm=speed) if spindle.turns else None
+        if spindle.wait_s > 0:
+            yield Written(self._commands.dwell(spindle.wait_s), place)
+
+    def _output(self, output: Output) -> Iterator[Written]:
+        for bit in range(output.mask.bit_length()):
+            if output.mask >> bit & 1:
+                numbered = f"{output.name}.{bit + 1}"
+                name = output.name if output.mask == 1 and numbered not in self._settings.outputs else numbered
+                on = bool(output.value >> bit & 1)
+                lines = self._commands.output(name, on)
+                if on or lines is not None:  # what cannot be switched on need not be switched off
+                    yield from self._switched(lines, output.place, name)
+
+    def _switched(self, lines: Iterable[str] | None, place: Place, name: str) -> Iterator[Written]:
+        if lines is None:
+            text = f"{name} is not switched: [cam] outputs does not say which output it is"
+            self._course.caution(f"output {name}", place, text)
+            return
+        for line in lines:
+            yield Written(line, place)
+
+    def _change(self, tool: Tool) -> Iterator[Written]:
+        place, course = tool.place, self._course
+        if self._running is not None:
+            yield from self._spindle(Spindle(place, 0))
+        if self._settings.tool_change is not None:
+            before = course.point
+            yield from self._to(self._settings.machine_point(self._settings.tool_change), place, z_first=True)
+            self._away_from = self._away_from or before
+        named = f"{tool.number} ({tool.name})" if tool.name else f"{tool.number}"
+        yield Written(self._commands.remark(f"change to tool {named}; the spindle is off"), place)
+
+    def _back(self, element: Rapid | Line | Arc) -> Iterator[Written]:
+        """From where tools are changed to where this rapid leads or this cut begins, down at the end."""
+        to = element.to if isinstance(element, Rapid) or self._away_from is None else self._away_from
+        self._away_from = None
+        yield from self._to(to, element.place, z_first=False)
+
+    def _to(self, to: Point, place: Place, z_first: bool) -> Iterator[Written]:
+        """By rapids, Z alone at the beginning or at the end."""
+        x, y, z = self._course.point
+        for point in ((x, y, to[2]) if z_first else (to[0], to[1], z), to):
+            move = self._course.line(place, point, self._settings.rapid_mm_s, rapid=True)
+            if move is not None:
+                yield from self._commands.move(move)
+        yield from self._commands.held()
+
+    def _end(self, place: Place) -> Iterator[Written]:
+        yield from self._commands.held()
+        if self._settings.park is not None:
+            yield from self._to(self._settings.machine_point(self._settings.park), place, z_first=True)
+        if self._running is not None:
+            yield from self._spindle(Spindle(place, 0))
+        for number in sorted(self._cooled):
+            yield from (Written(line, place) for line in self._commands.coolant(number, on=False) or ())
+        yield from self._cautions()
+        yield from (Written(line, place) for line in self._commands.end())
+
+    def _cautions(self) -> Iterator[Written]:
+        said, self._course.cautions = self._course.cautions, []
+        for place, text in said:
+            yield Written(self._commands.remark(f"caution: {text}"), place, caution=True)

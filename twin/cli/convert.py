@@ -1,0 +1,101 @@
+"""`isel-twin convert`: a file of a CAM program as the commands of a controller, of any length in little memory."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from isel_twin.base.errors import CallError, call_errors
+from isel_twin.cli import options
+from isel_twin.cli.jobs import FormatName, cam_settings, job_name
+from isel_twin.core.spec import MACHINE, TwinSpec
+
+if TYPE_CHECKING:
+    from isel_twin.cam.reader import Reader
+
+
+def convert(
+    file: Annotated[Path, Parameter(help="NCP, G-code or HPGL.")],
+    /,
+    *,
+    controller: options.ControllerName = TwinSpec.controller,
+    machine: options.MachineName = MACHINE,
+    set: options.Overrides = (),
+    form: FormatName = None,
+    out: Annotated[Path | None, Parameter(name=("--out", "-o"), help="Write them here; standard output.")] = None,
+) -> int:
+    """Write a file of a CAM program as commands of a controller, one a line, or as a program of it.
+
+    Zero point, tools, heights and outputs are in the [cam] table of isel-twin.toml or of the machine's folder
+    (docs/jobfiles.md). What was read in one of several ways is said on standard error. `run` does the same and carries
+    it out.
+
+    Exit code 0 if all of it could be written; else 2, and no file is left.
+    """
+    from isel_twin.cam.reader import text_lines
+    from isel_twin.cam.toolpath import CamError
+    from isel_twin.jobs.job import JobError
+    from isel_twin.jobs.toolpaths import Watched, machine_axes, said, written
+    from isel_twin.language import create_language
+
+    if options.is_standard_input(file):
+        raise CallError("-: settings stand beside a file; name it")
+    options.check_writable(out, kept=(file,))
+    call = TwinSpec(machine, controller, "kinematic", overrides=options.parse_overrides(set))
+    with call_errors(job_name(file)):
+        language = create_language(controller)
+        settings = cam_settings(file, call)
+        axes = machine_axes(call.fitted())
+        source = file.open("rb")
+        reader = _reader(file, source, form or settings.format or None)
+    watched, told = Watched(settings), []
+    with source, _output(out) as into:
+        path = watched.through(reader.read(text_lines(source), settings))
+        try:
+            for line in written(path, language, controller, axes, settings):
+                into.write(f"{line.text}\n")
+                if line.caution and line.place is not None:
+                    told.append(f"line {line.place.line}: {said(line)}")
+        except (CamError, JobError) as error:
+            raise CallError(f"{file}: {error}") from None
+    for caution in (*watched.cautions, *told):
+        print(f"isel-twin: {file}: {caution}", file=sys.stderr)
+    return 0
+
+
+def _reader(file: Path, source: IO[bytes], form: str | None) -> Reader:
+    """The reader for this file, which stands at its beginning again."""
+    from isel_twin.cam.registry import reader_for, reader_named, reader_names
+    from isel_twin.jobs.toolpaths import HEAD_BYTES, head_of
+
+    if form is not None:
+        with call_errors(file):
+            return reader_named(form)
+    reader = reader_for(head_of(source.read(HEAD_BYTES)), file.suffix)
+    source.seek(0)
+    if reader is None:
+        raise CallError(
+            f"{file}: is in none of the formats {', '.join(reader_names())}; if it is in one, say which by --format"
+        )
+    return reader
+
+
+@contextmanager
+def _output(file: Path | None) -> Iterator[IO[str]]:
+    """The file, which is there when all of it is written, or standard output."""
+    from isel_twin.base.files import replacing
+
+    if file is None:
+        yield sys.stdout
+        return
+    with (
+        call_errors(file),
+        replacing(file) as temporary,
+        temporary.open("w", encoding="latin-1", errors="replace", newline="\n") as into,
+    ):
+        yield into

@@ -1,0 +1,111 @@
+"""The way of the carriages against the path of the user's file: what a command, chords, a corner taken in passing, a
+lag across the path or lost steps make of it.
+
+    file  --- drawing --->  points, cut?, line      once more as the reader reads it: not as it was written
+    carriages, every 5 ms  --- Contour.look --->    distance to the nearest piece of the next few millimetres
+
+What is cut counts; rapids only lead from one cut to the next (jobs/9). The counters' sense, mm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.cam import arcs
+from isel_twin.cam.settings import CamSettings
+from isel_twin.cam.toolpath import Arc, Line, Point, Rapid, Toolpath
+
+BACK_MM, AHEAD_MM = 2.0, 5.0  # along the path, from the nearest point before, in which the next one is looked for
+ONWARDS = 1e-3  # mm of distance that a mm along the path counts as
+CHORD = 0.02  # of the bound: by how much the chords of an arc may leave it
+LEAST_CHORD_MM = 1e-5
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A path in straight pieces."""
+
+    points_mm: NDArray[np.float64]  # [n + 1, 3], in the counters' sense
+    cuts: NDArray[np.bool_]  # [n], of each piece: False for rapids
+    line: NDArray[np.int64]  # [n], in the file
+
+    @property
+    def ends_mm(self) -> NDArray[np.float64]:
+        """float64 [n + 1], way along the path up to each point."""
+        ways = np.linalg.norm(np.diff(self.points_mm, axis=0), axis=1)
+        return np.concatenate([[0.0], np.cumsum(ways)])
+
+
+def drawing(path: Toolpath, settings: CamSettings, bound_mm: float) -> Drawing:
+    """The path of a file, arcs by chords that leave them by a fiftieth of the bound. Raises CamError."""
+    points, cuts, lines = [settings.machine_point(settings.start)], [], []
+    tolerance_mm = max(CHORD * bound_mm, LEAST_CHORD_MM)
+    for place, to, cut in _pieces(path, points[0], tolerance_mm):
+        points.append(to)
+        cuts.append(cut)
+        lines.append(place)
+    sense = np.array([1.0, 1.0, settings.z_sign])
+    return Drawing(np.array(points) * sense, np.array(cuts, dtype=np.bool_), np.array(lines, dtype=np.int64))
+
+
+def _pieces(path: Toolpath, at: Point, tolerance_mm: float) -> Iterator[tuple[int, Point, bool]]:
+    for element in path:
+        if isinstance(element, Rapid | Line):
+            yield element.place.line, element.to, isinstance(element, Line)
+            at = element.to
+        elif isinstance(element, Arc):
+            for to in arcs.chords(element, at, arcs.shape(element, at), tolerance_mm):
+                yield element.place.line, to, True
+            at = element.to
+
+
+class Contour:
+    """How far the carriages leave a path, by lines of the file."""
+
+    def __init__(self, drawn: Drawing, most_mm: float) -> None:
+        self._drawn, self.most_mm = drawn, most_mm
+        self._ends_mm = drawn.ends_mm
+        self.restart()
+
+    def restart(self, way_mm: float = 0.0) -> None:
+        """Begin anew, or go on from this place of the path."""
+        self.way_mm = way_mm
+        self._before: NDArray[np.float64] | None = None
+        self.worst: dict[int, tuple[float, int]] = {}  # distance in mm and when, by lines of the file
+
+    def begin(self) -> None:
+        """Forget what has been found, as before a line of the job."""
+        self.worst = {}
+
+    def look(self, position_mm: NDArray[np.float64], time_ns: int) -> None:
+        """position_mm: float64 [3], true position of the carriages in the counters' sense."""
+        moved_mm = 0.0 if self._before is None else float(np.linalg.norm(position_mm - self._before))
+        self._before = position_mm.copy()
+        pieces = len(self._drawn.cuts)
+        low = int(np.searchsorted(self._ends_mm, self.way_mm - BACK_MM - moved_mm, side="right")) - 1
+        high = int(np.searchsorted(self._ends_mm, self.way_mm + AHEAD_MM + moved_mm, side="left"))
+        low, high = min(max(low, 0), pieces - 1), min(max(high, 1), pieces)
+        start = self._drawn.points_mm[low:high]
+        along = self._drawn.points_mm[low + 1 : high + 1] - start
+        square = np.maximum(np.einsum("ij,ij->i", along, along), 1e-30)
+        share = np.clip(np.einsum("ij,ij->i", position_mm - start, along) / square, 0.0, 1.0)
+        apart = position_mm - start - share[:, None] * along
+        distance_mm = np.sqrt(np.einsum("ij,ij->i", apart, apart))
+        way_mm = self._ends_mm[low:high] + share * np.sqrt(square)
+        onwards = np.abs(way_mm - self.way_mm - moved_mm)  # a hole leads down and up the same way
+        nearest = int((distance_mm + ONWARDS * onwards).argmin())
+        self.way_mm = float(way_mm[nearest])
+        if (cuts := self._drawn.cuts[low:high])[nearest]:
+            line, worst_mm = int(self._drawn.line[low + nearest]), float(distance_mm[cuts].min())
+            if worst_mm > self.worst.get(line, (0.0, 0))[0]:
+                self.worst[line] = worst_mm, time_ns
+
+    def found(self) -> Iterator[tuple[int, float, int]]:
+        """Line of the file, distance in mm and when, where it is more than the bound."""
+        for line, (worst_mm, time_ns) in sorted(self.worst.items()):
+            if worst_mm > self.most_mm:
+                yield line, worst_mm, time_ns

@@ -1,0 +1,116 @@
+"""What a check demands of a job, and what it finds.
+
+rule          it is broken when                                                       bound
+refused       a command is refused, or its reply is not what the job expects          always
+restart       the controller starts anew before the last reply                        always
+unmet         a condition of the job (`! lost == 0`) is false                         always
+unfinished    a command is not over in time; the job ends there                       `timeout`
+collision     two bodies meet that must not: cutter and vise (docs/machines.md)       always
+clearance     two bodies that must not meet come nearer to each other                 `clearance`
+unpowered     steps are made while the stages have no power                           always
+lost          an axis has lost steps; with the first line after which it had          always
+halfway       a rotor rests between two stable places                                 always
+drive         a servo drive has switched itself off; with the line, or rests short     always
+              of its command
+switch        an end switch is struck in a line that sets no counter, and no          `may_strike`
+              condition of the job (`! limit_x1 == struck`) expects it
+fault         the controller shows an error at the end, or its flash is damaged       always
+margin        the least pull-out margin of a motor in a line                          `margin`
+edge          a motor turns faster than the speed from which on it swings, over this   `edge`
+deviation     true position and counter differ by more, sampled every 5 ms            `deviation_mm`
+contour       the carriages leave what a file of a CAM program cuts by more           `contour_mm`
+cycle         first command to end of the last one takes longer                       `cycle_s`
+golden        the run differs from the golden run of the job, if it has one           `golden`
+luck          repetitions on slightly different machines end differently              `robust`
+odd           a line is legal and absurd: a move that crawls (a warning)               always
+effect        an event of the scenario came too late, or it or a bound had no effect  always
+              (a warning)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from isel_twin.jobs.playing import TIMEOUT_S
+
+RULES: Mapping[str, str] = {
+    "refused": "Every command is accepted, or answered as the job expects.",
+    "restart": "The controller does not start anew before the last reply.",
+    "unmet": "What a job says must be so is so.",
+    "unfinished": "Every command is over in time.",
+    "unpowered": "No step is made while the stages have no power.",
+    "lost": "No motor loses steps.",
+    "halfway": "No rotor rests between two places that would hold.",
+    "drive": "No servo drive switches itself off.",
+    "collision": "Nothing meets what it must not.",
+    "clearance": "What must not meet keeps a distance.",
+    "switch": "No end switch is struck but in a reference run.",
+    "fault": "The controller shows no error.",
+    "margin": "Every motor keeps a margin of torque.",
+    "edge": "Every motor turns slower than it may before it swings.",
+    "deviation": "The machine is where the counters say, within a tolerance.",
+    "contour": "What is cut is what the file draws, within a tolerance.",
+    "cycle": "The job takes no longer than it may.",
+    "golden": "The job does what it did.",
+    "luck": "The job ends alike on slightly different machines.",
+    "odd": "No move crawls.",
+    "effect": "Every event of the scenario comes in time, and has an effect as every bound has.",
+}
+WARNINGS = ("odd", "effect")  # rules that do not make a job fail
+MOST = 20  # findings of one rule that a report names one by one
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Bounds of a job; None: no bound."""
+
+    margin: float | None = None  # least pull-out margin of each motor, 0 .. 1
+    deviation_mm: float | None = None
+    contour_mm: float | None = None  # most distance of the carriages from what a file of a CAM program cuts
+    edge: float | None = None  # least factor on the speed of each motor until it swings, such as 1.2
+    cycle_s: float | None = None
+    clearance: float | None = None  # least distance of bodies that must not meet, mm
+    may_strike: tuple[str, ...] = ()  # end switches that may be struck; "all"
+    robust: int = 0  # repetitions
+    timeout_s: float = TIMEOUT_S
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One violation of a rule."""
+
+    rule: str
+    message: str
+    line: int | None = None  # of the job; None: the job as a whole
+    time_ns: int | None = None
+    at: tuple[int, int] | None = None  # line and column of the file, in a program of the controller's own
+
+    @property
+    def warning(self) -> bool:
+        """True if it does not make the job fail."""
+        return self.rule in WARNINGS
+
+    @property
+    def level(self) -> str:
+        """The level in the words of CI services."""
+        return "warning" if self.warning else "error"
+
+    @property
+    def place(self) -> str:
+        """The place in the file, in words; "" for the job as a whole."""
+        if self.at is not None:
+            return f"line {self.at[0]}, column {self.at[1]}"
+        return "" if self.line is None else f"line {self.line}"
+
+
+def few(findings: Sequence[Finding]) -> tuple[Finding, ...]:
+    """At most MOST findings of each rule, in the order of lines, and the number of the others."""
+    kept: list[Finding] = []
+    for rule in RULES:
+        own = [finding for finding in findings if finding.rule == rule]
+        kept += own[:MOST]
+        if len(own) > MOST:
+            kept.append(Finding(rule, f"and {len(own) - MOST} more of the same"))
+    return tuple(sorted(kept, key=lambda finding: (finding.line or math.inf, finding.time_ns or 0)))

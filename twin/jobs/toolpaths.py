@@ -1,0 +1,238 @@
+"""Files of CAM programs as jobs: read, written as the commands of a controller, each with its line in the user's file.
+
+    part.ncp --- reader ---> toolpath --- language (WritesToolpaths) ---> text of a job, or of a program
+                                                                           |  parse_job
+                                                                           v
+                                              Line, Line, ...   number: line of part.ncp
+
+A file is known by its content, not by its name (isel_twin.cam.registry). One with a command of a controller, or that
+begins with a remark (# ...), is a job whatever else is in it, and so is a program of the controller itself (jobs/3).
+"""
+
+from __future__ import annotations
+
+import io
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import islice
+from typing import TYPE_CHECKING
+
+from isel_twin.base.units import SECOND_NS
+from isel_twin.cam.estimate import Estimate
+from isel_twin.cam.reader import HEAD_LINES, Reader, text_lines
+from isel_twin.cam.registry import reader_for, reader_named
+from isel_twin.cam.settings import CamSettings
+from isel_twin.cam.toolpath import CamError, Caution, Element, Toolpath
+from isel_twin.cam.written import MachineAxes, Written
+from isel_twin.controller import offers
+from isel_twin.jobs.job import JobError, Line, check_controller, decode_job, parse_job
+from isel_twin.jobs.result import Result
+from isel_twin.language import Language, LanguageError, RunsPrograms, WritesToolpaths, programs_for
+
+if TYPE_CHECKING:
+    from isel_twin.machine import Machine
+
+HEAD_BYTES = 1 << 20  # of a file by which it is recognised
+CAUTIONS = 20  # of a file that are kept
+
+
+@dataclass(frozen=True)
+class Source:
+    """A file of a CAM program, and what it says that it takes."""
+
+    title: str  # of its format
+    text: str  # the job or program that it became
+    lines: tuple[Line, ...]
+    cautions: tuple[str, ...] = ()
+    seconds: float = 0.0  # ways at their feeds, without ramps
+    of_lines_s: Mapping[int, float] = field(default_factory=dict)  # the same of each line of the file
+    path: Callable[[], Toolpath] = field(default=lambda: iter(()), repr=False)  # reads the file once more
+
+
+def machine_axes(machine: Machine) -> MachineAxes:
+    """What a writer of toolpaths has to know; the counters are 0 at the end of the reference run and grow from there
+    (imc/8, ismif/8, gmi99/17).
+
+    machine: as the controller changes it (`TwinSpec.fitted`). How far behind its switch an axis comes to its zero is
+    the controller's: the last millimetres of the travel may be beyond the far switch.
+    """
+    x, y, z = machine.axes
+    return MachineAxes(
+        steps_mm=(1.0 / x.step_mm, 1.0 / y.step_mm, 1.0 / z.step_mm),
+        travel_mm=((0.0, x.travel_mm), (0.0, y.travel_mm), (0.0, z.travel_mm)),
+    )
+
+
+def lines_of(source: Source | None, data: bytes, language: Language | None, controller: str) -> Sequence[Line]:
+    """The lines of a file: of what `source_of` has made of it, or of a job as it is. Raises JobError."""
+    return parse_job(own_text(data, language, controller), language, controller) if source is None else source.lines
+
+
+def own_text(data: bytes, language: Language | None, controller: str) -> str:
+    """The text of a job of this controller. Raises JobError for that of another."""
+    text = decode_job(data)
+    check_controller(text, language, controller)
+    return text
+
+
+def source_of(
+    data: bytes,
+    suffix: str,
+    language: Language | None,
+    controller: str,
+    machine: Callable[[], Machine],
+    settings: CamSettings,
+    named: str | None = None,
+) -> Source | None:
+    """What a file of a CAM program becomes; None for anything else. machine: asked for such a file only. named: its
+    format, whatever it looks like. Raises JobError."""
+    try:
+        named = named or settings.format or None
+        reader = reader_of(data, suffix, language, named)
+    except ValueError as error:
+        raise JobError(str(error)) from None
+    if reader is None:
+        return None
+    try:
+        return converted(data, reader, language, controller, machine_axes(machine()), settings)
+    except JobError:
+        if named is not None or not _is_program(decode_job(data), language):
+            raise
+        return None
+
+
+def _is_program(text: str, language: Language | None) -> bool:
+    """May a text that looks like G-code be a program of this controller, or can it only be one of another?"""
+    if not offers(language, RunsPrograms):
+        return bool(programs_for(text))
+    try:
+        return language.job(text) is not None
+    except LanguageError:
+        return True
+
+
+def reader_of(data: bytes, suffix: str, language: Language | None, named: str | None = None) -> Reader | None:
+    """The reader of a file; None for jobs, for programs of this controller, and for a controller that cannot be written
+    for. named: a format whatever it looks like. Raises ValueError for a format that is not installed."""
+    if named is not None:
+        return reader_named(named)
+    if not offers(language, WritesToolpaths):
+        return None
+    head = head_of(data)
+    if offers(language, RunsPrograms) and language.claims(head):
+        return None
+    return reader_for(head, suffix)
+
+
+def head_of(data: bytes) -> str:
+    """The lines by which a file is recognised."""
+    return "".join(islice(text_lines(io.BytesIO(data[:HEAD_BYTES])), HEAD_LINES))
+
+
+def written(
+    toolpath: Toolpath, language: Language | None, controller: str, axes: MachineAxes, settings: CamSettings
+) -> Iterator[Written]:
+    """The lines of a job. Raises CamError, and JobError for a controller that cannot be written for."""
+    if not offers(language, WritesToolpaths):
+        raise JobError(f"the language of {controller} cannot write toolpaths; name another controller")
+    return language.written(toolpath, axes, settings)
+
+
+def converted(
+    data: bytes, reader: Reader, language: Language | None, controller: str, axes: MachineAxes, settings: CamSettings
+) -> Source:
+    """A whole file as a job. Raises JobError for anything in it that cannot be made, with its place."""
+    watched = Watched(settings)
+
+    def read() -> Toolpath:
+        return reader.read(text_lines(io.BytesIO(data)), settings)
+
+    path = watched.through(read())
+    try:
+        made = list(written(path, language, controller, axes, settings))
+    except CamError as error:
+        raise JobError(str(error)) from None
+    places = _places(made)
+    text = "\n".join(one.text for one in made) + "\n"
+    lines = []
+    for line in parse_job(text, language, controller):
+        if line.program:
+            lines.append(replace(line, places=places))
+        else:
+            lines.append(replace(line, number=places[line.number - 1]))
+    cautions = [f"line {one.place.line}: {said(one)}" for one in made if one.caution and one.place]
+    cautions = [*watched.cautions, *cautions]
+    return Source(reader.title, text, tuple(lines), tuple(cautions), watched.seconds, watched.of_lines_s, read)
+
+
+def said(caution: Written) -> str:
+    """The words of a remark that the user has to see."""
+    return caution.text.lstrip("#{ ").removeprefix("caution: ").rstrip("} ")
+
+
+def _places(made: Sequence[Written]) -> tuple[int, ...]:
+    """The line in the user's file of each written one; of what no line asked for that before, or the first."""
+    places, last = [], 1
+    for one in made:
+        last = one.place.line if one.place is not None else last
+        places.append(last)
+    return tuple(places)
+
+
+class Watched:
+    """What passes on its way from reader to writer: times by line, and cautions."""
+
+    def __init__(self, settings: CamSettings) -> None:
+        self._sums = Estimate(settings)
+        self.cautions: list[str] = []
+        self.of_lines_s: dict[int, float] = defaultdict(float)
+
+    @property
+    def seconds(self) -> float:
+        return self._sums.seconds
+
+    def through(self, path: Toolpath) -> Iterator[Element]:
+        before = 0.0
+        for element in self._sums.watched(path):
+            if isinstance(element, Caution) and len(self.cautions) < CAUTIONS:
+                self.cautions.append(f"line {element.place.line}: {element.text}")
+            if self._sums.seconds > before:
+                self.of_lines_s[element.place.line] += self._sums.seconds - before
+                before = self._sums.seconds
+            yield element
+
+
+def compared(source: Source, results: Sequence[Result]) -> str:
+    """What CAM would say that the job takes, what it has taken, and where the difference is, in a line."""
+    taken: dict[int, float] = defaultdict(float)
+    for number, begin_ns, end_ns in times(results):
+        taken[number] += (end_ns - begin_ns) / SECOND_NS
+    moving = [number for number in taken if number in source.of_lines_s]
+    told = f"{source.title}: {source.seconds:.1f} s by its feeds"
+    if not moving:
+        return told
+    made_s = sum(taken[number] for number in moving)
+    more = {number: taken[number] - source.of_lines_s[number] for number in moving}
+    told += f", {made_s:.1f} s here"
+    surplus = made_s - sum(source.of_lines_s[number] for number in moving)
+    if surplus < 0.02 * source.seconds:
+        return told
+    worst = sorted(more, key=lambda number: -more[number])[:3]
+    share = sum(more[number] for number in worst)
+    if share > 0.5 * surplus:
+        where = ", ".join(f"line {number} {more[number]:+.1f} s" for number in worst if more[number] > 0.05 * surplus)
+    else:
+        where = f"{1e3 * surplus / len(moving):.0f} ms in each of {len(moving)} lines, from rest to rest"
+    return f"{told}: {where}"
+
+
+def times(results: Sequence[Result]) -> Iterator[tuple[int, int, int]]:
+    """Line of the file, begin and end of each command, or of each step of a program."""
+    for result in results:
+        steps = [(part.at[0], part.time_ns) for part in result.parts if part.at is not None and part.position_mm]
+        if steps:
+            ends_ns = [*(time_ns for _, time_ns in steps[1:]), result.end_ns]
+            yield from ((line, begin_ns, end_ns) for (line, begin_ns), end_ns in zip(steps, ends_ns, strict=True))
+        else:
+            yield result.number, result.time_ns, result.end_ns

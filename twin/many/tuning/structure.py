@@ -1,0 +1,237 @@
+"""What to try next where all moves share their settings: the time is known, only the edge is not.
+
+The time of a move of N steps with top speed V, acceleration a and start-stop frequency f is a closed form,
+
+    d = (V^2 - f^2) / 2a       t = 2 (V - f)/a + (N - 2d)/V        if N >= 2d, else 2 (sqrt(f^2 + a N) - f)/a
+
+and N follows from one trial. What holds is known only where it has been tried, but it has a shape:
+
+    a  |  . . x x x      faster in any of the three, from something that lost steps: loses as well
+       |  o . . x x      slower in all three than something that held: holds as well, and takes longer
+       |  o o o * x      between: the margins of what held say how far it is, by
+       +------------ V       torque   1 - m = (c + b a (1 + (f/f_b)^2)) / T(V)      T: closed form of the weakest axis
+                             speed    1 - m = s V / V_lim                         s: Problem.speed_share
+
+A trial is the place, on a grid of all three, where (time that would be saved) times (chance that it keeps the wanted
+margin) is greatest; each further one of a batch is chosen as if those before had held. (many/11)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.drives.curves import pull_out_prediction
+from isel_twin.drives.motor import Motor
+from isel_twin.drives.stage import Stage
+from isel_twin.machine import Axis
+from isel_twin.many.tuning.result import Tried
+from isel_twin.many.tuning.space import SETTINGS, Problem, fails_from_hz
+
+POINTS = {"speed_hz": 41, "acceleration_hz_per_ms": 41, "start_stop_hz": 9}  # of the grid
+UNSURE = 0.06  # standard deviation of a margin of torque that the model says
+SURPLUS = 0.06  # margin beyond the wanted one at which every third trial aims
+WORTH = 2e-4  # least chance of saving, over the time of the job, for which a trial is made
+APART = (0.03, 0.12, 0.8)  # logarithm of a setting over another's in the same batch
+FAR = 0.03  # logarithm of a setting over the best one's, below which nothing is gained by halving
+BETWEEN = 3  # most trials of halving in a batch
+HEDGES = (0.5, 1.0, 2.0, 4.0)  # on the torque for acceleration while nothing is known of it
+START_HZ = 2000.0  # start-stop frequency at which a start needs twice the torque, before anything is known of it
+
+Grid = NDArray[np.float64]  # [..., 3]: speed_hz, acceleration_hz_per_ms, start_stop_hz
+
+
+def move_time_s(steps: Any, speed_hz: Any, acceleration_hz_per_ms: Any, start_stop_hz: Any) -> Any:
+    """Time of a move by its ramps (broadcast)."""
+    a = 1e3 * np.asarray(acceleration_hz_per_ms, dtype=np.float64)
+    low = np.minimum(start_stop_hz, speed_hz)
+    ways = (np.square(speed_hz, dtype=np.float64) - np.square(low, dtype=np.float64)) / (2.0 * a)
+    full = 2.0 * (speed_hz - low) / a + (steps - 2.0 * ways) / speed_hz
+    short = 2.0 * (np.sqrt(np.square(low, dtype=np.float64) + a * steps) - low) / a
+    return np.where(steps >= 2.0 * ways, full, short)
+
+
+def steps_of(time_s: float, speed_hz: float, acceleration_hz_per_ms: float, start_stop_hz: float) -> float:
+    """Steps of a move that takes so long: the inverse, by halving."""
+    low, high = 0.0, time_s * max(speed_hz, start_stop_hz)
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if move_time_s(middle, speed_hz, acceleration_hz_per_ms, start_stop_hz) < time_s:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+class Structure:
+    """The times and the torque of a problem; `chosen` picks trials."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        (group,) = problem.groups
+        self._names = {one.setting: one for one in group.parameters}
+        self._axis, self._limit_hz = self._weakest()
+
+    def _weakest(self) -> tuple[Axis | None, float]:
+        """The axis that fails first, and from which speed on. None for a servo drive, whose margin is that of its
+        following error: no share is taken of it."""
+        axes = enumerate(self.problem.call.fitted().axes)
+        limit_hz, _, axis = min((fails_from_hz(axis), number, axis) for number, axis in axes)
+        return (None, limit_hz * self.problem.speed_share) if axis.closed_loop else (axis, limit_hz)
+
+    def _torque(self, speeds_hz: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Torque of that axis at each speed, over that at rest."""
+        axis = self._axis
+        if axis is None:
+            return np.ones(speeds_hz.shape)
+        motor, stage = axis.motor, axis.stage
+        assert isinstance(motor, Motor)
+        assert isinstance(stage, Stage)
+        rpm = speeds_hz.ravel() * 60.0 / axis.steps_per_rev
+        torque = [pull_out_prediction(motor, stage, each) for each in (0.0, *rpm)]
+        return np.reshape(np.array(torque[1:]) / torque[0], speeds_hz.shape)
+
+    def place(self, values: Mapping[str, int]) -> NDArray[np.float64]:
+        """The point of these values of the parameters."""
+        settings = next(iter(self.problem.settings(values).values()))
+        return np.array([float(getattr(settings, setting)) for setting in SETTINGS])
+
+    def _grid(self, speeds_hz: Sequence[float]) -> Grid:
+        """All places, and those with further speeds."""
+        fixed = self.place(self.problem.nearest())
+        axes = []
+        for value, setting in zip(fixed, SETTINGS, strict=True):
+            one = self._names.get(setting)
+            if one is None:
+                places = np.array([value])
+            elif one.log:
+                places = np.geomspace(one.low, one.high, POINTS[setting])
+            else:
+                more = [min(max(speed, one.low), one.high) for speed in speeds_hz if math.isfinite(speed)]
+                places = np.concatenate([np.linspace(one.low, one.high, POINTS[setting]), more])
+            axes.append(np.unique(np.floor(places)))
+        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+
+    def chosen(self, tried: Sequence[Tried], least: float, many: int) -> list[dict[str, int]]:
+        """The next trials; fewer if nothing faster can hold any more. Every third wants a little more margin, as the
+        fastest may not hold on machines that no trial has seen."""
+        good = [each for each in tried if each.judgement.good]
+        if not good:
+            return []
+        points = np.array([self.place(each.values) for each in tried])
+        margins = np.array([each.judgement.margin if each.judgement.good else 0.0 for each in tried])
+        limit_hz = 0.999 * self._shown_limit_hz(points, margins)  # speeds are whole numbers, margins just kept
+        fastest_hz = {
+            wanted: (1.0 - wanted) / self.problem.speed_share * limit_hz for wanted in (least, least + SURPLUS)
+        }
+        grid = self._grid([*fastest_hz.values()])
+        time_s, (c, b), known = self._times(grid, good[0]), *self._fitted(points, margins, limit_hz)
+        torque = self._torque(grid[:, 0, 0, 0])[:, None, None]
+        best = {wanted: _best(good, wanted) for wanted in fastest_hz}
+        taken = np.zeros(time_s.shape, dtype=np.bool_)
+        found: list[dict[str, int]] = []
+        for number in range(many):
+            wanted = least + SURPLUS * (number % 3 == 2)
+            hedge = 1.0 if known else HEDGES[number % len(HEDGES)]
+            by_torque = 1.0 - (c + hedge * b * _pull(grid)) / torque
+            chance = 0.5 * (1.0 + _erf((by_torque - wanted) / (UNSURE * math.sqrt(2.0))))
+            chance[grid[..., 0] > fastest_hz[wanted]] = 0.0
+            for point in points[(margins < wanted) | (margins == 0.0)]:
+                chance[np.all(grid >= point, axis=-1)] = 0.0
+            for point in points[margins >= wanted]:
+                chance[np.all(grid <= point, axis=-1)] = 0.0
+            bound_s = min(best[wanted], float(time_s.max()))
+            worth = np.where(taken, 0.0, np.maximum(bound_s - time_s, 0.0) * chance)
+            at = np.unravel_index(int(worth.argmax()), worth.shape)
+            if worth[at] <= WORTH * bound_s:
+                continue
+            found.append(self._values(grid[at]))
+            if chance[at] > 0.5:
+                best[wanted] = min(best[wanted], float(time_s[at]))
+            taken |= (np.abs(np.log(grid / grid[at])) / APART).max(axis=-1) < 1.0
+        return [*found[: many - 1], *self._between(tried, least)[:1]] if found else self._between(tried, least)
+
+    def _between(self, tried: Sequence[Tried], least: float) -> list[dict[str, int]]:
+        """Where the model is wrong: halfway from the best to what lost, while that is far. One of each batch."""
+        keeping = [each for each in tried if each.judgement.good and each.judgement.margin >= least]
+        if not keeping:
+            return []
+        best = self.place(min(keeping, key=lambda each: each.judgement.time_s).values)
+        lost = [self.place(each.values) for each in tried if each.judgement.margin < least or not each.judgement.good]
+        halfway = [np.sqrt(best * np.maximum(point, best)) for point in lost]
+        far = [point for point in halfway if np.log(point / best).max() > FAR]
+        values = [self._values(np.floor(point)) for point in sorted(far, key=lambda point: point[0])]
+        return [each for n, each in enumerate(values) if each not in values[:n]][:BETWEEN]
+
+    def _values(self, point: NDArray[np.float64]) -> dict[str, int]:
+        values = dict(zip(SETTINGS, point.tolist(), strict=True))
+        return {one.name: one.nearest(round(values[setting])) for setting, one in self._names.items()}
+
+    def _times(self, grid: Grid, known: Tried) -> NDArray[np.float64]:
+        """Time of the job at each place of a grid, from one trial."""
+        problem = self.problem
+        settings = problem.settings(known.values)
+        total = np.full(grid.shape[:-1], known.judgement.time_s)
+        for move, (time_s, _) in zip(problem.moves, known.judgement.moves, strict=False):
+            if not move.speeds_hz:  # an arc, or a program: its speed is its own
+                continue
+            used = settings[move.line]
+            rapid = max(move.speeds_hz) >= problem.rapid_from_hz
+            speed_hz = float(used.speed_hz if rapid else max(move.speeds_hz))
+            steps = steps_of(time_s, speed_hz, used.acceleration_hz_per_ms, used.start_stop_hz)
+            speeds = grid[..., 0] if rapid else speed_hz
+            total += move_time_s(steps, speeds, grid[..., 1], grid[..., 2]) - time_s
+        return total
+
+    def _shown_limit_hz(self, points: NDArray[np.float64], margins: NDArray[np.float64]) -> float:
+        """The speed of zero growth of the weakest machine. A trial shows a lower bound of it; two of other
+        accelerations with the same bound show itself. Before that it is taken for 0.85 of the machine's as it is."""
+        good = margins > 0.0
+        bounds_hz = points[good, 0] * self.problem.speed_share / (1.0 - margins[good])
+        shown_hz = float(bounds_hz.max(initial=0.0))
+        agreeing = points[good, 1][bounds_hz > 0.99 * shown_hz]
+        if len(agreeing) and agreeing.max() > 1.1 * agreeing.min():
+            return min(self._limit_hz, shown_hz)
+        return min(self._limit_hz, max(shown_hz, 0.85 * self._limit_hz))
+
+    def _fitted(
+        self, points: NDArray[np.float64], margins: NDArray[np.float64], limit_hz: float
+    ) -> tuple[tuple[float, float], bool]:
+        """c and b of the torque that is used, and whether any trial has told of them."""
+        good = margins > 0.0
+        needs = np.stack([np.ones(len(points)), _pull(points)], axis=-1) / self._torque(points[:, 0])[:, None]
+        by_torque = good & (1.0 - margins > 1.02 * self.problem.speed_share * points[:, 0] / limit_hz)
+        c, b = _fit(needs[by_torque], 1.0 - margins[by_torque])
+        # what was limited by speed says that no more torque was used
+        most = float(np.min((1.0 - margins[good]) / (needs[good] @ (c, b)), initial=1.0))
+        return (c * most, b * most), bool(by_torque.any())
+
+
+_erf = np.vectorize(math.erf, otypes=[float])
+
+
+def _best(good: Sequence[Tried], wanted: float) -> float:
+    return min((one.judgement.time_s for one in good if one.judgement.margin >= wanted), default=math.inf)
+
+
+def _pull(points: Grid) -> NDArray[np.float64]:
+    """Acceleration, with the surplus that a start at the start-stop frequency needs."""
+    pull: NDArray[np.float64] = points[..., 1] * (1.0 + (points[..., 2] / START_HZ) ** 2)
+    return pull
+
+
+def _fit(needs: NDArray[np.float64], shares: NDArray[np.float64]) -> tuple[float, float]:
+    """c, b >= 0 with needs @ (c, b) = shares; before anything is known a tenth of the torque, and 1500 Hz/ms for the
+    rest."""
+    prior = np.array([0.1, 0.9 / 1500.0])
+    scale = prior[None, :]
+    weight = 0.1  # of what was thought before
+    a = np.concatenate([needs * scale, weight * np.eye(2)])
+    y = np.concatenate([shares, np.full(2, weight)])
+    found = np.linalg.lstsq(a, y, rcond=None)[0]
+    c, b = (np.maximum(found, 0.02) * prior).tolist()
+    return c, b
