@@ -47,18 +47,19 @@ def init(
             path.parent.mkdir(parents=True, exist_ok=True)
             with path.open("x", encoding="utf-8") as file:
                 file.write(text)
-    square = next(name for name in made if "square" in name)
-    machine = "" if controller == TwinSpec.controller else f" --controller {controller} --machine {SQUARES[controller][1]}"
+    square, machine = next(iter(made)), SQUARES[controller][1]
+    called = "" if controller == TwinSpec.controller else f" --controller {controller}"
+    called += "" if machine == MACHINE else f" --machine {machine}"
     print(f"{len(made)} files in {folder.resolve()}: " + ", ".join(made))
     print("there:")
     for command, purpose in (
-        (f"isel-twin run {square}{machine}", "a job of the controller, and its verdict"),
-        (f"isel-twin run jobs/plate.nc{machine}", "a file of a CAM program"),
-        (f"isel-twin run {square}{machine} --scenario hood.toml", "the same with the hood forced open: fails"),
+        (f"isel-twin run {square}{called}", "a job of the controller, and its verdict"),
+        (f"isel-twin run jobs/plate.nc{called}", "a file of a CAM program"),
+        (f"isel-twin run {square}{called} --scenario hood.toml", "the same with the hood forced open: fails"),
         ("isel-twin check jobs/*", "all jobs, by the bounds of isel-twin.toml"),
         ("python -m pytest", "the tests of test_machine.py (pip install pytest)"),
     ):
-        print(f"    {command:74}  {purpose}")
+        print(f"    {command}\n        {purpose}")
     return 0
 
 

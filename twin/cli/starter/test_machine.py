@@ -1,6 +1,7 @@
 """`python -m pytest`: the fixtures come with isel-twin."""
 
 import pytest
+
 from isel_twin.jobs.checks.asserts import assert_accepted, assert_ends_at, assert_no_step_lost, assert_outputs
 
 

@@ -21,7 +21,9 @@ from isel_twin.cam.toolpath import Arc, Line, Point, Rapid, Toolpath
 
 BACK_MM, AHEAD_MM = 2.0, 5.0  # along the path, from the nearest point before, in which the next one is looked for
 ONWARDS = 1e-3  # mm of distance that a mm along the path counts as
-BACKWARDS = 1e-2  # the same for each mm behind the farthest place so far: a servo turns in a hole before it is at its bottom
+BACKWARDS = (
+    1e-2  # the same for each mm behind the farthest place so far: a servo turns in a hole before it is at its bottom
+)
 CHORD = 0.02  # of the bound: by how much the chords of an arc may leave it
 LEAST_CHORD_MM = 1e-5
 
@@ -81,7 +83,7 @@ class Contour:
         self._ends_mm = drawn.ends_mm
         self.restart()
 
-    def restart(self, way: Way = Way()) -> None:  # noqa: B008  (frozen)
+    def restart(self, way: Way = Way()) -> None:
         """Begin anew, or go on from this place of the path."""
         self.way = way
         self.worst: dict[int, tuple[float, int]] = {}  # distance in mm and when, by lines of the file

@@ -140,7 +140,7 @@ class Mark:
     findings: int
     moves: int
     gone: tuple[bool, ...]  # axes that have lost steps
-    way: Way = Way()  # along the path of the file
+    way: Way  # along the path of the file
 
 
 class Inspection:
