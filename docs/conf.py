@@ -3,7 +3,9 @@
 import re
 from pathlib import Path
 
-version = release = re.search(r'"(.+)"', Path(__file__, "../../twin/version.py").resolve().read_text().split("VERSION")[1])[1]
+version = release = re.search(
+    r'"(.+)"', Path(__file__, "../../twin/version.py").resolve().read_text().split("VERSION")[1]
+)[1]
 project, author, copyright = "isel-twin", "the isel-twin authors", "the isel-twin authors, Apache-2.0"
 extensions = ["myst_parser"]
 myst_heading_anchors = 3
