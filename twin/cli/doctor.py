@@ -6,8 +6,10 @@ import sys
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 
+from isel_twin.base.units import SECOND_NS
 from isel_twin.cli.options import Json
 
+LONGEST_NS = 120 * SECOND_NS  # virtual time for a reference run
 NEWEST = (3, 14)  # Python that the tests know
 PURPOSES = {
     "panel": "the operator panel in a browser",
@@ -161,13 +163,17 @@ def _listed() -> Iterator[Finding]:
 
 
 def _job() -> Iterator[Finding]:
-    """The whole chain once, with physics."""
+    """The whole chain once, with physics: reference run and a move of X."""
     from isel_twin import Twin
+    from isel_twin.language import MoveSettings, create_language, needed
 
     twin = Twin()
-    for command in ("@07", "@0N7", "@0A320,1000,0,30,0,30,0,30"):
-        if (reply := twin.query(command)) != "0":
-            yield Finding("a move of 1 mm", "wrong", f"{command} answers {reply!r}", "install isel-twin anew")
-            return
-    twin.run(0.2)
-    yield Finding("a move of 1 mm", "ok", f"ends at X {twin.position_mm[0]:.3f} mm")
+    language = needed(create_language("imc-s8"), "imc-s8")
+    steps = (1600, 0, 0)
+    for data in (*language.reference(), *language.move(steps, MoveSettings(speed_hz=1000))):
+        twin.write(data)
+        while not twin.idle and twin.time_ns < LONGEST_NS:
+            twin.run(0.1)
+    moved_mm, wanted_mm = float(twin.position_mm[0]), steps[0] / twin.machine.axes[0].steps_per_mm
+    state = "ok" if abs(moved_mm - wanted_mm) < 0.1 else "wrong"
+    yield Finding("the whole chain", state, f"a move to X {wanted_mm:g} mm ends at {moved_mm:.3f} mm")
