@@ -94,7 +94,7 @@ def test_the_doctor_finds_nothing_wrong_here() -> None:
         "compiled code",
         "controllers",
         "serve --pty",
-        "a move of 1 mm",
+        "the whole chain",
     } <= states.keys()
     assert "wrong" not in states.values()
 
