@@ -84,6 +84,6 @@ def test_a_machine_file_says_what_is_wrong_with_its_spindle():
     assert load_machine("4030").spindle is None
     with pytest.raises(MachineError, match=r"spindle.*friction must be less than torque"):
         with_overrides(machine, {"spindle.friction": 0.3})
-    with pytest.raises(MachineError, match="spindle.max_speed"):
+    with pytest.raises(MachineError, match=r"spindle\.max_speed"):
         with_overrides(machine, {"spindle.max_speed": 10})
     assert with_overrides(machine, {"spindle.run_up": 1.0}).spindle == replace(HF, run_up_s=1.0)

@@ -11,8 +11,8 @@ of the terminals. In between:
     contactor, command -> spindle ---> speed, teeth of a cut
     scenario -----------> all of them, at its times       scenario.py
 
-Order at one instant: changes of the plant, bounces, spindle, temperatures, one event of the scenario; repeated until nothing is
-due.
+Order at one instant: changes of the plant, bounces, spindle, temperatures, one event of the scenario; repeated until
+nothing is due.
 """
 
 from __future__ import annotations
