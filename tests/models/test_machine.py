@@ -344,7 +344,7 @@ def test_a_wrong_value_is_named_with_file_key_and_what_is_allowed(tmp_path, line
 
 
 def test_unknown_machines_and_circles_are_named(tmp_path):
-    with pytest.raises(MachineError, match=r"unknown machine 'nope'.*4030, 4030-hf, 4030-portal, 4030-servo, 4030-servo-hf, traverse"):
+    with pytest.raises(MachineError, match=r"unknown machine 'nope'.*4030, 4030-hf, .*4030-servo-hf, traverse"):
         load_machine("nope")
     (tmp_path / "machine.toml").write_text(f'based_on = "{tmp_path}"\n')
     with pytest.raises(MachineError, match="circle"):
