@@ -404,8 +404,6 @@ def test_a_shift_moves_nothing_and_does_not_add_up() -> None:
         case("bwo900-4.18-1", "G50"),
         case("bwo900-4.18-1", "G52"),
         case("bwo900-5.1-1", "G69"),
-        case("bwo900-3.7-3", "G95"),
-        case("bwo900-3.8-3", "G96"),
         case("bwo900-4.29-1", "G170"),
     ],
 )

@@ -96,13 +96,22 @@ def call_of(
         tool_radius_mm=abs(tools.radius_mm),
         inner=machining,
         polar=coordinates.modal.polar == G.POLAR_ON,
+        coupled=parameters.has_spindle,
     )
 
 
 def step(
-    move: CycleMove, said: Said, coordinates: Coordinates, targets: Targets, functions: Functions, programmed: int
+    move: CycleMove,
+    said: Said,
+    coordinates: Coordinates,
+    targets: Targets,
+    functions: Functions,
+    programmed: int,
+    *,
+    coupled: bool,
 ) -> tuple[tuple[Element, ...], dict[str, object]]:
-    """Elements of a move, and fields of its PathBlock that differ from its block's. programmed: 0 to 3, G00 to G03."""
+    """Elements of a move, and fields of its PathBlock that differ from its block's. programmed: 0 to 3, G00 to G03;
+    coupled: tapping follows the measured speed of the spindle."""
     coordinates.g(MOTION.get(move.kind, programmed))
     said.feed, said.dwell_s = move.feed_mm_min, move.dwell_s
     elements: tuple[Element, ...] = ()
@@ -116,5 +125,5 @@ def step(
     if move.exact_stop or move.dwell_s is not None:
         changes["end"] = BlockEnd.EXACT_STOP
     if move.kind is Kind.TAP:
-        changes["override"] = False
+        changes |= {"override": False, "per_turn": coupled}
     return elements, changes

@@ -383,7 +383,8 @@ class Interpreter:
             if cycle.comes and cycle.moves.made == 1:
                 pre, said.pre = said.pre, []
             elements, changes = step(
-                move, said, self._coordinates, self._targets, self._reader.functions, cycle.modal.motion
+                *(move, said, self._coordinates, self._targets, self._reader.functions, cycle.modal.motion),
+                coupled=self._parameters.has_spindle,
             )
             self._emit(said, elements, **changes)
             said.pre, said.speeds, said.parameters, said.tool = pre, {}, [], None

@@ -89,6 +89,7 @@ def path_block(
         rapid=rapid,
         feed_mm_min=None if rapid else feed,
         end_feed_mm_min=said.end_feed,
+        per_turn=not rapid and coordinates.modal.feed == G.FEED_PER_TURN,
         override=coordinates.modal.override != G.OVERRIDE_FIXED,
         end=_end(said, coordinates, rapid, parameters),
         correction=Correction() if alone and elements and G.BARE in alone else correction(coordinates, tools),

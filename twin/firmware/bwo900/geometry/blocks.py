@@ -65,6 +65,7 @@ class PathBlock:
     rapid: bool = False
     feed_mm_min: float | None = None  # path feed; None with rapid
     end_feed_mm_min: float | None = None  # feed that the block ends with (`f`)
+    per_turn: bool = False  # both feeds are in mm a revolution of the spindle
     override: bool = True  # False: G63, 100 %
     end: BlockEnd = BlockEnd.CONTINUOUS
     correction: Correction = Correction()

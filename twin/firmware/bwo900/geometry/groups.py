@@ -40,9 +40,11 @@ GROUPS: Final[Mapping[int, int]] = {
     **dict.fromkeys((G.OVERRIDE_FIXED, G.OVERRIDE_FREE), OVERRIDE),
     **dict.fromkeys((G.ABSOLUTE, G.INCREMENTAL), DIMENSION),
     **dict.fromkeys((G.SHIFT,), SHIFT),
-    **dict.fromkeys((G.FEED_PER_MINUTE,), FEED),
-    **dict.fromkeys((G.TURNS_PER_MINUTE,), SPEED),
+    **dict.fromkeys((G.FEED_PER_MINUTE, G.FEED_PER_TURN), FEED),
+    **dict.fromkeys((G.TURNS_PER_MINUTE, G.CUTTING_SPEED), SPEED),
 }
+
+TURNING: Final = frozenset((G.FEED_PER_TURN, G.CUTTING_SPEED))  # only where there is a spindle (M1224)
 
 # effective in their own block; G123 for its pairs of blocks
 BLOCKWISE: Final = frozenset((G.DWELL, G.EXACT_STOP_HERE, G.NO_EXACT_STOP_HERE, G.CORNER, G.BARE, G.THREE_POINTS))
@@ -52,7 +54,6 @@ BEYOND: Final[Mapping[int, str]] = {
     G.ROTARY_POSITIVE: "rotary axes", G.ROTARY_NEGATIVE: "rotary axes", G.ROTARY_SHORTEST: "rotary axes",
     G.TANGENT_ON: "a tangential axis", G.POLAR_TRANSFORMATION_ON: "the polar transformation", G.SPLINE: "splines",
     G.SPLINE_FEED: "splines", G.POLYNOMIAL: "polynomials", G.MEASURING: "measuring cycles",
-    G.FEED_PER_TURN: "feed per revolution", G.CUTTING_SPEED: "constant cutting speed",
     G.WEIGHTING_1: "an undocumented function", G.WEIGHTING_2: "an undocumented function", G.INCH_OFF: "inches",
     G.INCH_METRIC: "inches",
 }  # fmt: skip
@@ -75,10 +76,13 @@ class Modal:
     mirror_second: bool = False
     override: int = G.OVERRIDE_FREE
     dimension: int = G.ABSOLUTE
+    feed: int = G.FEED_PER_MINUTE
+    speed: int = G.TURNS_PER_MINUTE
 
     _FIELDS: ClassVar = {
         MOTION: "motion", POLAR: "polar", PLANE: "plane", EXACT: "exact", RADIUS: "radius", CORRECTION: "correction",
         ROTATION: "rotation", COORDINATES: "coordinates", ZERO: "zero", OVERRIDE: "override", DIMENSION: "dimension",
+        FEED: "feed", SPEED: "speed",
     }  # fmt: skip
 
     def with_g(self, number: int) -> Modal:

@@ -66,6 +66,7 @@ class MotionLimits:
     reference_mm: float = 0.0
     # P12010 of an axis: ramps are sin^2. They take as long as linear ones, and are pi/2 steeper in their middle.
     sine: bool = False
+    turns_s: float = 1.0  # revolutions a second that feeds in mm a revolution are reckoned with
 
     @classmethod
     def of(cls, parameters: Parameters, increments_per_mm: Sequence[float]) -> MotionLimits:
@@ -196,7 +197,7 @@ class PieceMaker:
             if block.end is not BlockEnd.CONTINUOUS:
                 self.stop()
             elif block.end_feed_mm_min is not None and self._end is not None:
-                self._end = self._end[0], min(self._end[1], block.end_feed_mm_min / MINUTE_S)
+                self._end = self._end[0], min(self._end[1], self._feed_mm_s(block, block.end_feed_mm_min))
             counts.append(len(rows) - before)
         table = np.array(columns, dtype=np.float64).reshape(len(rows), 5).T
         ways = np.array(rows, dtype=np.float64).reshape(len(rows), len(self._place))
@@ -226,10 +227,13 @@ class PieceMaker:
         if not block.rapid:
             if block.feed_mm_min is None or block.feed_mm_min <= 0.0:
                 raise ProgramError(Code.NO_FEED)
-            wanted = limits.test_feed or limits.feed_share * block.feed_mm_min / MINUTE_S
+            wanted = limits.test_feed or limits.feed_share * self._feed_mm_s(block, block.feed_mm_min)
             if isinstance(element, Arc):
                 wanted *= feed_factor(element, block.correction, limits)
         return wanted, limit, acceleration * (math.pi / 2.0 if limits.sine else 1.0)
+
+    def _feed_mm_s(self, block: PathBlock, feed: float) -> float:
+        return feed * self.limits.turns_s if block.per_turn else feed / MINUTE_S
 
     def _around(self, arc: Arc, able: Point) -> tuple[float, float]:
         limits, plane = self.limits, arc.plane
