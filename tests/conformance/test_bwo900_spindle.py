@@ -1,4 +1,4 @@
-"""The spindle of the BWO 900: speeds, feed by the revolution, cutting speed, tapping (manual 3.7, 3.8, 4.27, 4.28, 5.3).
+"""The spindle of the BWO 900: speeds, feed by the revolution, cutting speed, tapping (manual 3.7, 3.8, 4.27, 5.3).
 
 Judge: F n for a feed of F mm a revolution, v / (pi d) for a cutting speed, pitch times turns for a thread.
 """

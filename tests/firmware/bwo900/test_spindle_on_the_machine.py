@@ -22,7 +22,7 @@ def started(*program: str) -> Twin:
 
 
 def test_a_thread_on_the_whole_machine():
-    """0.5 mm a turn while the tap cuts, and the run-up of the machine's own converter before: 3000 of 24000 in 3/8 s."""
+    """0.5 mm a turn while the tap cuts, after the run-up of the converter: 3000 of 24000 in 3/8 s."""
     twin = started(*THREAD)
     twin.run_until(60_000_000_000, lambda: twin.counts[2] == 30_000)
     twin.run_until(60_000_000_000, lambda: twin.counts[2] < 26_000)

@@ -125,6 +125,7 @@ class Code(IntEnum):
     EXCLUDED = 1232, _KA, "G or M functions that exclude each other"
     CIRCLE_WITHOUT_CENTRE = 1233, _KA, "circle without R and without I, J, K"
     RADIUS_CORRECTED = 1234, _KS, "radius smaller than half the chord; it is corrected"
+    SPLINE = 1235, _KA, "a spline needs a path before and after it"
     CIRCLE_DYNAMICS = 1237, _KA, "circle dynamics: the allowed deviation is larger than the radius"
     CENTRE_OFF = 1238, _KA, "centre does not fit start and end"
     NO_WORKSPACE = 1240, _KA, "no valid workspace is defined (P8555)"

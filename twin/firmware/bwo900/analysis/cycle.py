@@ -22,6 +22,7 @@ from isel_twin.firmware.bwo900.analysis.stack import Goal, Level
 from isel_twin.firmware.bwo900.analysis.targets import Targets
 from isel_twin.firmware.bwo900.analysis.tools import Tools
 from isel_twin.firmware.bwo900.geometry.blocks import BlockEnd, Correction, MFunction, Stop
+from isel_twin.firmware.bwo900.geometry.curves import Bent
 from isel_twin.firmware.bwo900.geometry.elements import Element
 from isel_twin.firmware.bwo900.geometry.groups import Modal
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
@@ -109,12 +110,12 @@ def step(
     programmed: int,
     *,
     coupled: bool,
-) -> tuple[tuple[Element, ...], dict[str, object]]:
+) -> tuple[tuple[Element | Bent, ...], dict[str, object]]:
     """Elements of a move, and fields of its PathBlock that differ from its block's. programmed: 0 to 3, G00 to G03;
     coupled: tapping follows the measured speed of the spindle."""
     coordinates.g(MOTION.get(move.kind, programmed))
     said.feed, said.dwell_s = move.feed_mm_min, move.dwell_s
-    elements: tuple[Element, ...] = ()
+    elements: tuple[Element | Bent, ...] = ()
     if move.centre is not None:
         turn = 1 if move.kind is Kind.COUNTER_CLOCKWISE else -1
         elements = (targets.arc(said, move.target, move.centre, turn),)
