@@ -58,6 +58,10 @@ class Drives(Protocol):
         """Measured speed of each axis in increments/s, in the sense of the counters."""
 
     @property
+    def spindle_rev_min(self) -> float | None:
+        """Measured speed of the spindle in rev/min, positive clockwise (M03); None if the machine file has none."""
+
+    @property
     def past_zero_pulse(self) -> tuple[int, ...]:
         """Increments of each encoder since its last zero pulse, one a revolution, rising in the sense of the counters.
 

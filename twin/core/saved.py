@@ -145,6 +145,7 @@ class Saved:
             "plant": self._plant,
             "machine": machine,
             "contacts": machine.contacts,
+            "spindle": machine.spindle,
             "switches": machine.switches,
             "heated": tuple(axis.stage for axis in machine.axes),
             "events": self._plans.events,

@@ -194,6 +194,8 @@ class Twin(Operated, Saved, Seen):
         self._wiring = Wiring(
             self.machine, self._plant, self._line, controller.terminals(), drive_inputs, trips, bounces, schedule
         )
+        if self._wiring.turning is not None:
+            self._position.spindle_now = lambda: self.spindle_rev_min
         self._wiring.on_event = lambda event: self._note("scenario", event.content)
         self._restarts = 0  # of those that the wiring counts, as many have been followed
         self.restarts = 0

@@ -21,6 +21,7 @@ from isel_twin.drives.library import MOTORS
 from isel_twin.drives.motor import Motor, Specimen
 from isel_twin.drives.screw import Rod, Screw
 from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
+from isel_twin.drives.spindle import Spindle
 from isel_twin.drives.stage import Stage
 from isel_twin.drives.supply import Supply, check_fit
 from isel_twin.machine.fixture import read_fixtures
@@ -63,6 +64,7 @@ _TEXTS: Mapping[str, tuple[str, ...]] = {
 _FIXTURE: Final = "fixture"  # text: the MJCF file of what is clamped on the table; tables: its shapes
 _SECTIONS = ("axes", "masses", "payload", "structure", "switches", "contacts", "motors", "controller")
 _FIXED_SECTIONS = ("timing", "squareness", "imperfections")
+_OPTIONAL = ("supply", "spindle", "cam")
 
 
 def build(tree: dict[str, Any], file: Path, like: Machine | None = None) -> Machine:
@@ -70,10 +72,10 @@ def build(tree: dict[str, Any], file: Path, like: Machine | None = None) -> Mach
     objects. Raises MachineError."""
     place = Place(file, MachineError)
     _complete(tree)
-    allowed = (*_TEXTS, _FIXTURE, *_SECTIONS, *_FIXED_SECTIONS, "supply", "cam")
+    allowed = (*_TEXTS, _FIXTURE, *_SECTIONS, *_FIXED_SECTIONS, *_OPTIONAL)
     known(tree, allowed, place)
     for key in allowed:
-        if key not in (*tree, "motors", "controller", "supply", "cam"):
+        if key not in (*tree, "motors", "controller", *_OPTIONAL):
             raise place.at(key).wrong("missing")
     texts = {key: text(tree[key], place.at(key), choices) for key, choices in _TEXTS.items()}
     sections = {key: table(tree.get(key, {}), place.at(key)) for key in _SECTIONS}
@@ -119,6 +121,7 @@ def build(tree: dict[str, Any], file: Path, like: Machine | None = None) -> Mach
         timing=fixed("timing", Timing),
         axes=axes,
         supply=fixed("supply", Supply) if "supply" in tree else None,
+        spindle=fixed("spindle", Spindle) if "spindle" in tree else None,
         masses_kg={
             key: quantity(value, _MASS_KG, place.at("masses").at(key)) for key, value in sections["masses"].items()
         },

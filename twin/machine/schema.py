@@ -23,6 +23,7 @@ from isel_twin.base.parameters import FileError, check, flag, number, word
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.screw import Screw
 from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
+from isel_twin.drives.spindle import Spindle
 from isel_twin.drives.stage import AnyStage
 from isel_twin.drives.supply import Supply
 from isel_twin.machine.fixture import Fixture
@@ -203,6 +204,7 @@ class Machine:
     timing: Timing
     axes: tuple[Axis, Axis, Axis]
     supply: Supply | None  # common to all stages; None: the file has none
+    spindle: Spindle | None  # None: the contactor switches a spindle of which no more is known
     masses_kg: Mapping[str, float]  # by name of the body in the MuJoCo model
     payload_kg: float  # dead weight on the table
     structure: tuple[Mode, ...]

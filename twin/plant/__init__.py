@@ -28,6 +28,7 @@ from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.drives.stage import AnyStage
 from isel_twin.plant.collision import Clearance, Collision
 from isel_twin.plant.cutting import Cut
+from isel_twin.plant.cutting import torque_nm as cutting_torque_nm
 
 __all__ = [
     "MOST_CLEARANCE_MM",
@@ -41,6 +42,7 @@ __all__ = [
     "Sampled",
     "Samples",
     "Threshold",
+    "cutting_torque_nm",
 ]
 
 PLACES: Mapping[str, str] = {"tool": "tool", "table": "table_top"}  # where a force can act: name, site of the model
@@ -146,6 +148,9 @@ class Plant(Protocol):
     def set_cut(self, cut: Cut | None) -> None:
         """Begin a cut (cutting.py) in place of the present one: it pushes the tool, and the table the other way, while
         the tool goes over the table. None ends it."""
+
+    def turn_cut(self, speed_rev_min: float) -> None:
+        """Turn the cutter of the present cut, if any, at another speed, more than 0."""
 
     def reset_drives(self) -> None:
         """Clear the faults of drives that have switched themselves off, as switching the stages on does."""

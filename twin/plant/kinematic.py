@@ -364,7 +364,7 @@ class KinematicPlant:
     def _no_effect(self, *_: Any, **__: Any) -> None:
         """For the methods of a plant with physics."""
 
-    apply_force = set_cut = reset_drives = set_phase_lost = watch_margin = _no_effect
+    apply_force = set_cut = turn_cut = reset_drives = set_phase_lost = watch_margin = _no_effect
     set_friction = set_obstacle = set_payload = set_undervoltage = _no_effect
 
     def set_trip_point(self, threshold: int, position_mm: float) -> None:

@@ -24,7 +24,7 @@ from isel_twin.plant.altered import Alterations
 from isel_twin.plant.built import build, find_available, find_free
 from isel_twin.plant.collision import Collision
 from isel_twin.plant.contact import Geometry, Least, Sensed
-from isel_twin.plant.cutting import Cut, set_cut
+from isel_twin.plant.cutting import Cut, set_cut, turn
 from isel_twin.plant.lead import all_behind
 from isel_twin.plant.model import load_model
 from isel_twin.plant.samples import GRID, LoopSamples
@@ -267,6 +267,10 @@ class MujocoPlant(LoopSamples):
     def set_cut(self, cut: Cut | None) -> None:
         kernel.wake(self._memory)
         set_cut(self.parts.cut, cut, int(self.parts.plant["now"][0]), self._substep_ns * 1e-9, self.built.left)
+
+    def turn_cut(self, speed_rev_min: float) -> None:
+        if self.parts.cut["on"][0]:
+            turn(self.parts.cut, speed_rev_min, int(self.parts.plant["now"][0]), self._substep_ns * 1e-9)
 
     # Places and speeds
 

@@ -8,10 +8,11 @@ of the terminals. In between:
     people, outputs ----> cabinet ---> contacts           safety relay, hood, keys: cabinet.py
                              `-------> power of the stages and brakes
     stages -------------> heat ------> cabinet
+    contactor, command -> spindle ---> speed, teeth of a cut
     scenario -----------> all of them, at its times       scenario.py
 
-Order at one instant: changes of the plant, bounces, temperatures, one event of the scenario; repeated until nothing is
-due.
+Order at one instant: changes of the plant, bounces, spindle, temperatures, one event of the scenario; repeated until
+nothing is due.
 """
 
 from __future__ import annotations
@@ -23,8 +24,10 @@ import numpy as np
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.controller import OUTPUTS, DriveInput, KeyValue
 from isel_twin.drives.heat import StageHeat
+from isel_twin.drives.spindle import Turning
 from isel_twin.machine import Contact, Machine
-from isel_twin.plant import Plant, Threshold
+from isel_twin.plant import Cut, Plant, Threshold
+from isel_twin.wiring import spindle as of_spindle
 from isel_twin.wiring.acts import ACTS, Moment, Settable, check_input
 from isel_twin.wiring.cabinet import CABINETS
 from isel_twin.wiring.contacts import FAULTS, Contacts
@@ -47,8 +50,9 @@ def settable(machine: Machine) -> Settable:
 
 
 def outputs(machine: Machine) -> tuple[str, ...]:
-    """Outputs that every controller may use, and relays of the machine's cabinet."""
-    return (*OUTPUTS, *CABINETS[machine.cabinet]().relays)
+    """Outputs that every controller may use, relays of the machine's cabinet, and what a spindle shows."""
+    shown = () if machine.spindle is None else of_spindle.OUTPUTS
+    return (*OUTPUTS, *CABINETS[machine.cabinet]().relays, *shown)
 
 
 def thresholds(
@@ -90,6 +94,7 @@ class Wiring:
         self._cabinet = CABINETS[machine.cabinet]()
         self.contacts = Contacts(machine.contacts, terminals, self._cabinet.signals, bounces)
         self._heat = StageHeat(plant.stages)
+        self._spindle = None if machine.spindle is None else of_spindle.RunningSpindle(machine.spindle)
         self.on_event: Callable[[ScenarioEvent], None] | None = None
         """Called with each event of the scenario just before it happens."""
         self.settable = settable(machine)
@@ -122,11 +127,13 @@ class Wiring:
     @property
     def next_event_ns(self) -> int | None:
         """`next_ns` without the regular check of the temperatures, which hardly ever changes anything."""
-        return min((t for t in (self.contacts.next_ns, self._schedule.next_ns) if t is not None), default=None)
+        turning_ns = None if self._spindle is None else self._spindle.next_ns
+        times = (self.contacts.next_ns, self._schedule.next_ns, turning_ns)
+        return min((t for t in times if t is not None), default=None)
 
     def settle(self, t_ns: int) -> bool:
         """Do what is due at t_ns, the present; return whether levels may have changed."""
-        if self._follow_plant(t_ns):
+        if self._follow_plant(t_ns) or self._follow_spindle(t_ns):
             return True
         if self._heat.next_ns is not None and self._heat.next_ns <= t_ns:
             self._heat.advance(self.plant.current_fraction.tolist())
@@ -187,6 +194,11 @@ class Wiring:
             self.restart()
             self._cabinet.mains(on)
             self._settle_cabinet()
+
+    def begin_cut(self, cut: Cut | None) -> None:
+        self.plant.set_cut(cut)
+        if self._spindle is not None and self.plant.physics:
+            self._spindle.begin_cut(cut)
 
     def warm(self, axis: int, extra_k: float, t_ns: int) -> None:
         self._heat.warm(axis, extra_k, t_ns)
@@ -266,9 +278,15 @@ class Wiring:
         return found | self._faults
 
     @property
+    def turning(self) -> Turning | None:
+        """Motion of the spindle; None if the machine file has none."""
+        return None if self._spindle is None else self._spindle.turning
+
+    @property
     def outputs(self) -> Mapping[str, int]:
-        """Outputs of the controller, and the relays of the cabinet that they act on."""
-        return {**self._outputs, **self._cabinet.relays}
+        """Outputs of the controller, the relays of the cabinet that they act on, and the spindle's speed."""
+        shown = {} if self._spindle is None else self._spindle.outputs
+        return {**self._outputs, **self._cabinet.relays, **shown}
 
     # Inside
 
@@ -292,6 +310,16 @@ class Wiring:
         acted = bounced or bool(changed)
         self.changes += acted
         return acted
+
+    def _follow_spindle(self, t_ns: int) -> bool:
+        """Let the spindle take contactor, command and load; return whether its shown speed has changed."""
+        spindle = self._spindle
+        live = bool(self._cabinet.relays.get("spindle_runs"))
+        if spindle is None or not spindle.follow(t_ns, self._outputs, live, self.plant):
+            return False
+        self.changes += 1
+        self._look()
+        return True
 
     @property
     def _places(self) -> int:

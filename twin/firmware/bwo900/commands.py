@@ -18,6 +18,7 @@ from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.operating import Operating
 from isel_twin.firmware.bwo900.programs.stored import Store
 from isel_twin.firmware.bwo900.realtime import overrides
+from isel_twin.firmware.bwo900.realtime import spindle as of_spindle
 from isel_twin.firmware.bwo900.realtime.axes import AXES
 from isel_twin.firmware.bwo900.realtime.jog import step_on
 from isel_twin.firmware.bwo900.status import NUMBERS
@@ -97,7 +98,8 @@ class Commands:
         p = self._parameters
         assert p.live is not None
         self._execution.rest()
-        for number, value in [(number, p.live(number)) for number in NUMBERS]:
+        numbers = (*NUMBERS, *(of_spindle.NUMBERS if p.has_spindle else ()))
+        for number, value in [(number, p.live(number)) for number in numbers]:
             p.write(number, value)
         self._reply(parameter_file(p, status=kind == 5))
 

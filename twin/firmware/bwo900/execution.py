@@ -19,8 +19,9 @@ from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.parameters import byte
 from isel_twin.firmware.bwo900.programs.stored import Store
 from isel_twin.firmware.bwo900.programs.words import Text
+from isel_twin.firmware.bwo900.realtime import spindle as of_spindle
 from isel_twin.firmware.bwo900.realtime.axes import AXES
-from isel_twin.firmware.bwo900.realtime.channel import Channel
+from isel_twin.firmware.bwo900.realtime.channel import Channel, State
 from isel_twin.firmware.bwo900.realtime.deletion import DeletionWatch
 from isel_twin.firmware.bwo900.realtime.executed import Executed
 from isel_twin.firmware.bwo900.transfer import POSITIONED
@@ -32,6 +33,7 @@ class Execution:
     def __init__(self, hardware: Hardware, store: Store, memory: Memory) -> None:
         self.hardware, self._store, self._memory = hardware, store, memory
         self.parameters, self.axes, self.plc = hardware.parameters, hardware.axes, hardware.plc
+        self.spindle = hardware.spindle
         self.parameters.live = self._value
         self.interpreter = Interpreter(self.parameters, store)
         self.interpreter.on_write = self._ask
@@ -101,6 +103,9 @@ class Execution:
             if self.channel.path.locked:
                 wanted = "its release (P8701, P8702)"
             return f"{program} N{number} waits for {wanted}"
+        if self.channel.state is State.SPINDLE:
+            program, number = self.executed.place
+            return f"{program} N{number} waits for the spindle, which turns at {self.spindle.measured:.0f} 1/min"
         return self._broken
 
     @property
@@ -148,4 +153,6 @@ class Execution:
         return name in (self.interpreter.stack.open if only_open else self.interpreter.stack.opened)
 
     def _value(self, number: int) -> float | None:
+        if number in of_spindle.NUMBERS:
+            return self.spindle.value(number)
         return status.value(number, self.interpreter, self.channel, self.axes)

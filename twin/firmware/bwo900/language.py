@@ -67,6 +67,7 @@ G_WORDS: Final[Mapping[int, str]] = {
     G.TAPPING: "tap", G.BORING: "bore", G.RAY: "ray of places", G.PERIMETER: "parallelogram of places",
     G.GRID: "grid of places", G.CIRCLE_OF_PLACES: "circle of places", G.ABSOLUTE: "absolute",
     G.INCREMENTAL: "incremental", G.SHIFT: "shift of zero", G.FEED_PER_MINUTE: "feed in mm/min",
+    G.FEED_PER_TURN: "feed in mm a revolution", G.CUTTING_SPEED: "constant cutting speed",
     G.TURNS_PER_MINUTE: "speed in 1/min", G.THREE_POINTS: "line or circle by three points",
     G.NO_TRANSFORMATION: "no transformation", G.NO_ZERO: "no zero point",
 }  # fmt: skip

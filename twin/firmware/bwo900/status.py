@@ -39,8 +39,8 @@ MODAL: Final[Mapping[int, Callable[[Modal], int]]] = {
     Cell.MIRROR_SECOND: lambda m: G.MIRROR_SECOND if m.mirror_second else G.MIRROR_OFF,
     Cell.OVERRIDE: lambda m: m.override,
     Cell.DIMENSION: lambda m: m.dimension,
-    Cell.FEED_KIND: lambda m: G.FEED_PER_MINUTE,
-    Cell.SPEED_KIND: lambda m: G.TURNS_PER_MINUTE,
+    Cell.FEED_KIND: lambda m: m.feed,
+    Cell.SPEED_KIND: lambda m: m.speed,
 }
 PLANE: Final = (Cell.FIRST_AXIS, Cell.SECOND_AXIS, Cell.THIRD_AXIS)
 EXECUTED: Final = (

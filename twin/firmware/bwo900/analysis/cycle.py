@@ -22,6 +22,7 @@ from isel_twin.firmware.bwo900.analysis.stack import Goal, Level
 from isel_twin.firmware.bwo900.analysis.targets import Targets
 from isel_twin.firmware.bwo900.analysis.tools import Tools
 from isel_twin.firmware.bwo900.geometry.blocks import BlockEnd, Correction, MFunction, Stop
+from isel_twin.firmware.bwo900.geometry.curves import Bent
 from isel_twin.firmware.bwo900.geometry.elements import Element
 from isel_twin.firmware.bwo900.geometry.groups import Modal
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
@@ -96,16 +97,25 @@ def call_of(
         tool_radius_mm=abs(tools.radius_mm),
         inner=machining,
         polar=coordinates.modal.polar == G.POLAR_ON,
+        coupled=parameters.has_spindle,
     )
 
 
 def step(
-    move: CycleMove, said: Said, coordinates: Coordinates, targets: Targets, functions: Functions, programmed: int
-) -> tuple[tuple[Element, ...], dict[str, object]]:
-    """Elements of a move, and fields of its PathBlock that differ from its block's. programmed: 0 to 3, G00 to G03."""
+    move: CycleMove,
+    said: Said,
+    coordinates: Coordinates,
+    targets: Targets,
+    functions: Functions,
+    programmed: int,
+    *,
+    coupled: bool,
+) -> tuple[tuple[Element | Bent, ...], dict[str, object]]:
+    """Elements of a move, and fields of its PathBlock that differ from its block's. programmed: 0 to 3, G00 to G03;
+    coupled: tapping follows the measured speed of the spindle."""
     coordinates.g(MOTION.get(move.kind, programmed))
     said.feed, said.dwell_s = move.feed_mm_min, move.dwell_s
-    elements: tuple[Element, ...] = ()
+    elements: tuple[Element | Bent, ...] = ()
     if move.centre is not None:
         turn = 1 if move.kind is Kind.COUNTER_CLOCKWISE else -1
         elements = (targets.arc(said, move.target, move.centre, turn),)
@@ -116,5 +126,5 @@ def step(
     if move.exact_stop or move.dwell_s is not None:
         changes["end"] = BlockEnd.EXACT_STOP
     if move.kind is Kind.TAP:
-        changes["override"] = False
+        changes |= {"override": False, "per_turn": coupled}
     return elements, changes

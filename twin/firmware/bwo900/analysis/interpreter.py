@@ -33,6 +33,7 @@ from isel_twin.firmware.bwo900.analysis.tools import Tools
 from isel_twin.firmware.bwo900.analysis.values import Values
 from isel_twin.firmware.bwo900.analysis.waiting import Renewal, Waiting
 from isel_twin.firmware.bwo900.geometry.blocks import MFunction, PathBlock, Stop
+from isel_twin.firmware.bwo900.geometry.curves import Bent
 from isel_twin.firmware.bwo900.geometry.elements import Element, Point
 from isel_twin.firmware.bwo900.geometry.frames import Frame
 from isel_twin.firmware.bwo900.geometry.groups import GROUPS, PLANE, ZERO_POINTS
@@ -306,7 +307,7 @@ class Interpreter:
         self._emit(said, () if targets is None else self._targets.path(said, targets))
         self._after(said)
 
-    def _emit(self, said: Said, elements: tuple[Element, ...], **changes: object) -> None:
+    def _emit(self, said: Said, elements: tuple[Element | Bent, ...], **changes: object) -> None:
         """Make the block's PathBlock, and set what analysis waits for after it."""
         made = self._output.append(said, elements, **changes)
         self._watched = self._watched or made.watched
@@ -383,7 +384,8 @@ class Interpreter:
             if cycle.comes and cycle.moves.made == 1:
                 pre, said.pre = said.pre, []
             elements, changes = step(
-                move, said, self._coordinates, self._targets, self._reader.functions, cycle.modal.motion
+                *(move, said, self._coordinates, self._targets, self._reader.functions, cycle.modal.motion),
+                coupled=self._parameters.has_spindle,
             )
             self._emit(said, elements, **changes)
             said.pre, said.speeds, said.parameters, said.tool = pre, {}, [], None

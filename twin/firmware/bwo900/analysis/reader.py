@@ -21,7 +21,16 @@ from isel_twin.firmware.bwo900.analysis.stack import Goal, Stack
 from isel_twin.firmware.bwo900.analysis.tools import Tools
 from isel_twin.firmware.bwo900.analysis.values import Values
 from isel_twin.firmware.bwo900.geometry.blocks import MFunction, Stop
-from isel_twin.firmware.bwo900.geometry.groups import BEYOND, BLOCKWISE, GROUPS, MIRROR, SHIFT, ZERO, ZERO_POINTS
+from isel_twin.firmware.bwo900.geometry.groups import (
+    BEYOND,
+    BLOCKWISE,
+    GROUPS,
+    MIRROR,
+    SHIFT,
+    TURNING,
+    ZERO,
+    ZERO_POINTS,
+)
 from isel_twin.firmware.bwo900.messages import MISSING, Code, ProgramError
 from isel_twin.firmware.bwo900.numbers import G, M, P, Q
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
@@ -119,6 +128,8 @@ class Reader:
         if group in said.groups and said.groups[group] != number and group != MIRROR:
             raise ProgramError(Code.EXCLUDED, f"G{said.groups[group]} and G{number}", column)
         said.groups[group] = number
+        if number in TURNING and not self._parameters.has_spindle:
+            raise ProgramError(Code.NO_SPINDLE, f"G{number} on a machine without one", column)
         additional = number in ZERO_POINTS and number >= G.ZERO_7
         if additional and number // 100 > int(self._parameters.get(Q.ZERO_MORE, 0.0, "q")):
             raise ProgramError(Code.EXCLUDED, f"G{number}: q174 allows no such zero point", column)

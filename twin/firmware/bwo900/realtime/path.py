@@ -27,11 +27,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.firmware.bwo900.geometry.blocks import BlockEnd, Correction, PathBlock
+from isel_twin.firmware.bwo900.geometry.curves import Bent, Round
 from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Point, Straight
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.numbers import Axis, P
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
-from isel_twin.motion.pieces import Pieces
+from isel_twin.motion.pieces import Curve, Pieces
 
 MINUTE_S: Final = 60.0
 FASTEST_MM_MIN: Final = 6_000.0  # P12004 if unset
@@ -66,6 +67,7 @@ class MotionLimits:
     reference_mm: float = 0.0
     # P12010 of an axis: ramps are sin^2. They take as long as linear ones, and are pi/2 steeper in their middle.
     sine: bool = False
+    turns_s: float = 1.0  # revolutions a second that feeds in mm a revolution are reckoned with
 
     @classmethod
     def of(cls, parameters: Parameters, increments_per_mm: Sequence[float]) -> MotionLimits:
@@ -171,7 +173,7 @@ class PieceMaker:
         """The pieces of these blocks, and the number of each block. Raises ProgramError: M1230 no feed, M1237."""
         rows: list[Point] = []
         columns: list[tuple[float, float, float, float, float]] = []
-        curves: list[tuple[int, _Curve]] = []
+        curves: list[tuple[int, Curve]] = []
         counts = []
         for block in blocks:
             before = len(rows)
@@ -179,7 +181,7 @@ class PieceMaker:
                 length = element.length_mm
                 end = self._increments(element.end)
                 way = tuple(b - a for a, b in zip(self._place, end, strict=True))
-                if length <= 0.0 or (not any(way) and not isinstance(element, Arc)):
+                if length <= 0.0 or (not any(way) and isinstance(element, Straight)):
                     continue
                 wanted, limit, acceleration = self._law(element, block)
                 if not block.rapid:
@@ -187,6 +189,8 @@ class PieceMaker:
                 entry = self._entry(element, min(wanted, limit))
                 if isinstance(element, Arc):
                     curves.append((len(rows), _Curve(element, self._place, self.limits.increments_per_mm)))
+                elif not isinstance(element, Straight):
+                    curves.append((len(rows), _BentCurve(element, self._place, self.limits.increments_per_mm)))
                 rows.append(way)
                 columns.append((length, wanted, limit, acceleration, entry))
                 self._place = end
@@ -196,7 +200,7 @@ class PieceMaker:
             if block.end is not BlockEnd.CONTINUOUS:
                 self.stop()
             elif block.end_feed_mm_min is not None and self._end is not None:
-                self._end = self._end[0], min(self._end[1], block.end_feed_mm_min / MINUTE_S)
+                self._end = self._end[0], min(self._end[1], self._feed_mm_s(block, block.end_feed_mm_min))
             counts.append(len(rows) - before)
         table = np.array(columns, dtype=np.float64).reshape(len(rows), 5).T
         ways = np.array(rows, dtype=np.float64).reshape(len(rows), len(self._place))
@@ -211,12 +215,15 @@ class PieceMaker:
             raise ProgramError(Code.TOO_LARGE, "a place that no counter holds")
         return tuple(round(value) for value in exact)
 
-    def _law(self, element: Element, block: PathBlock) -> tuple[float, float, float]:
+    def _law(self, element: Element | Bent, block: PathBlock) -> tuple[float, float, float]:
         """Wanted speed (bwo900/28), highest speed and acceleration of an element, mm/s and mm/s^2."""
         limits = self.limits
         able = limits.rapid_acceleration if block.rapid else limits.acceleration
         if isinstance(element, Arc):
             limit, acceleration = self._around(element, able)
+            wanted = limit
+        elif not isinstance(element, Straight):
+            limit, acceleration = self._along(element, able)
             wanted = limit
         else:
             direction = [abs(d) for d in element.tangent()]
@@ -226,10 +233,13 @@ class PieceMaker:
         if not block.rapid:
             if block.feed_mm_min is None or block.feed_mm_min <= 0.0:
                 raise ProgramError(Code.NO_FEED)
-            wanted = limits.test_feed or limits.feed_share * block.feed_mm_min / MINUTE_S
+            wanted = limits.test_feed or limits.feed_share * self._feed_mm_s(block, block.feed_mm_min)
             if isinstance(element, Arc):
                 wanted *= feed_factor(element, block.correction, limits)
         return wanted, limit, acceleration * (math.pi / 2.0 if limits.sine else 1.0)
+
+    def _feed_mm_s(self, block: PathBlock, feed: float) -> float:
+        return feed * self.limits.turns_s if block.per_turn else feed / MINUTE_S
 
     def _around(self, arc: Arc, able: Point) -> tuple[float, float]:
         limits, plane = self.limits, arc.plane
@@ -251,20 +261,36 @@ class PieceMaker:
             speed = min(speed, limits.kv * math.sqrt(2.0 * radius * limits.deviation_mm))
         return speed, acceleration
 
-    def _contour(self, element: Element) -> float:
+    def _along(self, curve: Bent, able: Point) -> tuple[float, float]:
+        """On a curve in space: as around a circle of its tightest radius, with each axis at its steepest."""
+        limits, radius = self.limits, curve.tightest_mm
+        moving = [(axis, share) for axis, share in enumerate(curve.steepest) if share > STRAIGHT]
+        speed = min(limits.speed[axis] / share for axis, share in moving)
+        across = SHARE * min(able[axis] for axis, _ in moving)
+        acceleration = SHARE * min(able[axis] / share for axis, share in moving)
+        speed = min(speed, math.sqrt(across * radius))
+        if limits.deviation_mm and isinstance(curve, Round):
+            if limits.deviation_mm > radius:
+                raise ProgramError(Code.CIRCLE_DYNAMICS, f"P8852 is {limits.deviation_mm:g}, the radius {radius:g} mm")
+            speed = min(speed, limits.kv * math.sqrt(2.0 * radius * limits.deviation_mm))
+        return speed, acceleration
+
+    def _contour(self, element: Element | Bent) -> float:
         """Highest speed by P8857: on an arc, or on a line by the circle through it and the line before."""
         limits = self.limits
         if not limits.contour_mm:
             return math.inf
         if isinstance(element, Arc):
             radius = min(element.radius_mm, element.end_radius_mm)
+        elif not isinstance(element, Straight):
+            radius = element.tightest_mm
         elif self._line is not None:
             radius = circumradius(*self._line, element.end)
         else:
             return math.inf
         return limits.kv * math.sqrt(2.0 * radius * limits.contour_mm)
 
-    def _entry(self, element: Element, speed: float) -> float:
+    def _entry(self, element: Element | Bent, speed: float) -> float:
         if self._end is None:
             return 0.0
         before, last = self._end
@@ -288,5 +314,18 @@ class _Curve:
         points[:, arc.plane.first] = arc.centre[0] + radius * np.cos(angle)
         points[:, arc.plane.second] = arc.centre[1] + radius * np.sin(angle)
         way: NDArray[np.float64] = points * self._per_mm - self._begin
+        way[share <= 0.0] = 0.0
+        return way
+
+
+class _BentCurve:
+    """A curve in space as a `Curve` of a joined motion."""
+
+    def __init__(self, curve: Bent, begin: Sequence[int], per_mm: Sequence[float]) -> None:
+        self._curve, self._begin, self._per_mm = curve, np.array(begin, dtype=np.float64), np.array(per_mm)
+
+    def displacement(self, s: NDArray[np.float64]) -> NDArray[np.float64]:
+        share = s / self._curve.length_mm
+        way: NDArray[np.float64] = self._curve.points(share) * self._per_mm - self._begin
         way[share <= 0.0] = 0.0
         return way

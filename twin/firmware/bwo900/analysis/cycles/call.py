@@ -17,7 +17,7 @@ class Kind(Enum):
     LINE = "G01"
     CLOCKWISE = "G02"
     COUNTER_CLOCKWISE = "G03"
-    TAP = "G01, coupled with the spindle: feed = speed times pitch, override 100 %"
+    TAP = "G01, coupled with the spindle: feed = its speed times pitch, override 100 %"
     PROGRAMMED = "as the block says: G02 or G03 with its radius or centre, and F"
 
 
@@ -48,7 +48,7 @@ class Call:
     block. words: axis words of the block, absolute program coordinates by axis number; empty: none. feed: F in force,
     mm/min, None: none. speed: S in force in 1/min, None: none. turning: +1 M03, -1 M04, 0 spindle off. motion: 0, 1, 2,
     3, of the G00 group. inner: number of the machining cycle that stands in the block of a pattern cycle. polar: the
-    words are polar coordinates.
+    words are polar coordinates. coupled: there is a spindle whose speed can be measured.
     """
 
     parameters: Mapping[int, float]
@@ -63,6 +63,7 @@ class Call:
     tool_radius_mm: float = 0.0
     inner: int | None = None
     polar: bool = False
+    coupled: bool = False
 
     def get(self, number: int) -> float | None:
         """None if it is deleted."""
