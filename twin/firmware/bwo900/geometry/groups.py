@@ -51,7 +51,7 @@ BLOCKWISE: Final = frozenset((G.DWELL, G.EXACT_STOP_HERE, G.NO_EXACT_STOP_HERE, 
 BEYOND: Final[Mapping[int, str]] = {
     G.ROTARY_POSITIVE: "rotary axes", G.ROTARY_NEGATIVE: "rotary axes", G.ROTARY_SHORTEST: "rotary axes",
     G.TANGENT_ON: "a tangential axis", G.POLAR_TRANSFORMATION_ON: "the polar transformation", G.SPLINE: "splines",
-    G.SPLINE_FEED: "splines", G.POLYNOMIAL: "polynomials", G.MEASURING: "measuring cycles",
+    G.SPLINE_FEED: "splines", G.POLYNOMIAL: "polynomials",
     G.FEED_PER_TURN: "feed per revolution", G.CUTTING_SPEED: "constant cutting speed",
     G.WEIGHTING_1: "an undocumented function", G.WEIGHTING_2: "an undocumented function", G.INCH_OFF: "inches",
     G.INCH_METRIC: "inches",

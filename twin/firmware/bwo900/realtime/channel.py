@@ -356,6 +356,8 @@ class Channel:
         if path.cut & Cut.SIGNAL:
             path.cut &= ~Cut.SIGNAL
             path.begin_anew()
+        if block.watched:
+            self._interpreter.measured(self._deletion.place)
         if block.stop is Stop.SYNCHRONISE or block.stop is Stop.MEASURING_STOP:
             self._interpreter.executed()
         if self._interpreter.waiting is Waiting.ACKNOWLEDGEMENT and not self._ahead.blocks:
