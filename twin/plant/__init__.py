@@ -56,7 +56,7 @@ class Threshold:
         position   a switch: passed while sense * (carriage - limit) > 0, in mm of machine coordinates
         lag        following error: passed while |momentary command - rotor| > limit, in microsteps of the command
         fault      passed while the drive of the axis is faulty; limit, sense and hysteresis are not used
-        touch      passed while the machine's feeler (touch.py) is deflected by more than the limit in mm; no axis, no sense
+        touch      passed while the machine's feeler (touch.py) is deflected by more than the limit in mm; without sense
 
     It stays passed until the quantity is back by at least the hysteresis. Raises ValueError for impossible values.
     """

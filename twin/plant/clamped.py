@@ -82,7 +82,8 @@ def _whole(name: str) -> str:
 
 
 def put_probe(spec: mujoco.MjSpec, probe: Probe) -> None:
-    """Put a touch probe in place of the cutter. The ball is to be seen, and felt by touch.py; the stem collides."""
+    """Put a touch probe in place of the cutter. The ball is to be seen, and felt by touch.py; of the stylus the upper
+    half collides, the lower one gives way with the ball."""
     site = spec.site(PLACES["tool"])
     tool = site.parent
     model = spec.compile()
@@ -90,19 +91,23 @@ def put_probe(spec: mujoco.MjSpec, probe: Probe) -> None:
     mujoco.mj_kinematics(model, data)
     down = data.body(tool.name).xmat.reshape(3, 3).T @ _ways(model, data)[2]
     like = next((geom for geom in tool.geoms if geom.name == TIP), None)
-    ball_m, top = 0.5e-3 * probe.ball_mm, np.array(site.pos)
-    middle = top + (1e-3 * probe.reach_mm - ball_m) * down
-    stem = tool.add_geom(name=STYLUS, type=mujoco.mjtGeom.mjGEOM_CYLINDER, mass=0.0, rgba=_GREY, contype=0, conaffinity=0)
+    ball_m, point = 0.5e-3 * probe.ball_mm, np.array(site.pos)
+    middle = point + (1e-3 * probe.reach_mm - ball_m) * down
+    top = point if like is None else point - 2.0 * like.size[1] * down
+    made = {}
     if like is not None:
-        top = top - 2.0 * like.size[1] * down
-        for key in ("contype", "conaffinity", "priority", "solref", "solimp"):
-            setattr(stem, key, getattr(like, key))
+        made = {key: getattr(like, key) for key in ("contype", "conaffinity", "priority", "solref", "solimp")}
+        made = {key: np.copy(value) if isinstance(value, np.ndarray) else value for key, value in made.items()}
         for geom in [geom for geom in tool.geoms if geom.name in (TIP, CUTTER)]:
             spec.delete(geom)
-    stem.size = [0.3 * ball_m, 0.0, 0.0]
-    stem.fromto = [*top, *middle]
-    ball = tool.add_geom(name="ball", type=mujoco.mjtGeom.mjGEOM_SPHERE, mass=0.0, rgba=_RUBY, contype=0, conaffinity=0)
-    ball.pos, ball.size, ball.group = middle, [ball_m, 0.0, 0.0], 1
+    seen = {"mass": 0.0, "contype": 0, "conaffinity": 0, "group": 1}
+    size = [0.3 * ball_m, 0.0, 0.0]
+    cylinder, sphere = mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_SPHERE
+    tool.add_geom(name="stylus", type=cylinder, fromto=[*top, *middle], size=size, rgba=_GREY, **seen)
+    tool.add_geom(name="ball", type=sphere, pos=middle, size=[ball_m, 0.0, 0.0], rgba=_RUBY, **seen)
+    tool.add_geom(
+        name=STYLUS, type=cylinder, fromto=[*top, *(0.5 * (top + middle))], size=size, **{**seen, "group": 3, **made}
+    )
 
 
 def may_meet(model: mujoco.MjModel) -> bool:
@@ -140,7 +145,9 @@ def lay(spec: mujoco.MjSpec, fixtures: Sequence[Fixture]) -> None:
             geom = table.add_geom(name=name, mass=0.0, group=1, rgba=_WOOD if fixture.stock else _GREY)
             height_m, beside_m = _shape(spec, geom, fixture)
             angle = 2.0 * math.pi * part / _WEDGES
-            round_it = np.array([[math.cos(angle), -math.sin(angle), 0], [math.sin(angle), math.cos(angle), 0], [0, 0, 1]])
+            round_it = np.array(
+                [[math.cos(angle), -math.sin(angle), 0], [math.sin(angle), math.cos(angle), 0], [0, 0, 1]]
+            )
             ahead = frame @ turned @ round_it
             quaternion = np.zeros(4)
             mujoco.mju_mat2Quat(quaternion, (to_body @ ahead).ravel())

@@ -267,6 +267,8 @@ class KinematicPlant:
 
         self._thresholds = tuple(thresholds)
         self._passed = np.array([t.quantity == "lag" and t.limit < 0.0 for t in thresholds], dtype=np.bool_)
+        if self._felt is not None and self._felt.take(self._start_mm):
+            self._passed[self._touch] = self._felt.touched
         self._places = np.flatnonzero([t.quantity == "position" for t in thresholds])  # of switches among thresholds
         switches = [self._thresholds[place] for place in self._places]
         self._strike = np.empty(len(switches))

@@ -158,7 +158,16 @@ class Parts(NamedTuple):
 MEMORY = np.dtype(
     [
         (name, "i8")
-        for name in (*Parts._fields, "joints", "number_of_thresholds", "commands", "speeds", "fields", "pairs", "number_of_targets")
+        for name in (
+            *Parts._fields,
+            "joints",
+            "number_of_thresholds",
+            "commands",
+            "speeds",
+            "fields",
+            "pairs",
+            "number_of_targets",
+        )
     ],
     align=True,
 )

@@ -145,10 +145,16 @@ def feel(feeler, targets, x_m, y_m, z_m):
 
 @njit(nogil=True, error_model="numpy")
 def _first(feeler, targets, path_mm, threshold_m, touched):
-    """The first place of a path [n, 3] at which the contact changes or the feeler breaks; n: none. The feeler is then as
-    it is there, or at the end."""
+    """The first place of a path [n, 3] at which the contact changes or the feeler breaks; n: none. The feeler is then
+    as it is there. Places nearer to one that was looked at than the targets were are not looked at."""
+    x_mm, y_mm, z_mm, free_mm = 0.0, 0.0, 0.0, 0.0
     for k in range(path_mm.shape[0]):
-        feel(feeler, targets, 1e-3 * path_mm[k, 0], 1e-3 * path_mm[k, 1], 1e-3 * path_mm[k, 2])
+        dx, dy, dz = path_mm[k, 0] - x_mm, path_mm[k, 1] - y_mm, path_mm[k, 2] - z_mm
+        if not touched and dx * dx + dy * dy + dz * dz < free_mm * free_mm:
+            continue
+        x_mm, y_mm, z_mm = path_mm[k, 0], path_mm[k, 1], path_mm[k, 2]
+        feel(feeler, targets, 1e-3 * x_mm, 1e-3 * y_mm, 1e-3 * z_mm)
+        free_mm = max(0.0, -1e3 * feeler.deflected_m)
         if feeler.broken == NEWS or (feeler.deflected_m > threshold_m) != touched:
             return k
     return path_mm.shape[0]

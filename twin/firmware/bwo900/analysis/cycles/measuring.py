@@ -21,7 +21,6 @@ from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from isel_twin.firmware.bwo900.analysis.cycles.call import Answer, Call, CycleMove, Kind
-from isel_twin.firmware.bwo900.geometry.elements import Point
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.parameters import Parameters
