@@ -159,7 +159,7 @@ def test_the_force_deflects_the_machine() -> None:
     """50 N along X on uprights of 5 N/um: 10 um, beside what the nut gives on its 30 N/um less the guides' friction."""
     ends = []
     for force in (50.0, 0.0):
-        made = plant(MujocoPlant, machine(BOX, **{"probe.force": force, "probe.rate": 0.0}), (171.0, 100.0, 95.0))
+        made = plant(MujocoPlant, machine(BOX, **{"probe.force": force, "probe.rate": 0.0}), (172.0, 100.0, 95.0))
         walk(made, 0, 1200, 625_000)
         assert made.trips()[0]
         ends.append(made.position_mm[0])
