@@ -137,6 +137,7 @@ class Code(IntEnum):
     NO_PARAMETER = 1302, _KA, "number of a parameter too large"
     NO_CHANNEL = 1305, _KA, "there is no such channel"
     NO_SYMBOL = 1307, _KA, "unknown symbol"
+    NO_EMERGENCY_PROGRAM = 1310, _KA, "there is no such emergency program (P8820 on)"
     NOT_IN_HAND = 1321, _KA, "the control is not in HAND"
     NOT_IN_AUTO = 1322, _KA, "the control is not in AUTO"
     LAG = 2001, _SA, "following error too large"

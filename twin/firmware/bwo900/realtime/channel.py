@@ -27,7 +27,7 @@ from isel_twin.firmware.bwo900.geometry.blocks import MFunction, PathBlock, Stop
 from isel_twin.firmware.bwo900.messages import Code, ProgramError, message
 from isel_twin.firmware.bwo900.realtime.ahead import BLOCK_NS, Ahead
 from isel_twin.firmware.bwo900.realtime.axes import NAMES
-from isel_twin.firmware.bwo900.realtime.joining import halts
+from isel_twin.firmware.bwo900.realtime.joining import halts, released
 from isel_twin.firmware.bwo900.realtime.path_run import Cut, PathRun, has_jump
 from isel_twin.firmware.bwo900.realtime.stretch import PERIOD_NS
 from isel_twin.firmware.bwo900.realtime.surroundings import Surroundings, enter, mute, send, speak
@@ -215,7 +215,7 @@ class Channel:
         if self._holds:
             self._enter(State.HELD)
             return
-        if not self._plc.room:
+        if not self._plc.room or not released(self._around):
             self._enter(State.EMPTY, self._axes.now_ns + BLOCK_NS)
             return
         if self._ahead.fill(0):
