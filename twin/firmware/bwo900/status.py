@@ -66,21 +66,17 @@ NUMBERS: Final = (
 )
 _KNOWN: Final = frozenset(NUMBERS)
 
-# 0 at power-on
-_NOTHING_YET: Final = (
-    P.ALL_REFERENCED, P.PROGRAM_ACTIVE, P.PROGRAM_RUNS, P.REFERENCED, P.EMERGENCY_1, P.EMERGENCY_2,
-)  # fmt: skip
 # deleted at power-on
 FORGOTTEN: Final = (
     P.BLOCK_RELEASE, P.TRAVEL_RELEASE, P.SAFETY_HALT, P.HAND_PLANE, P.HAND_ZERO, P.HAND_COORDINATES, P.EXCHANGE,
-    P.BLOCK_LOCK, P.NOT_INTERPOLATING, P.WITHOUT_DYNAMICS,
+    P.BLOCK_LOCK, P.EMERGENCY_1, P.EMERGENCY_2, P.NOT_INTERPOLATING, P.WITHOUT_DYNAMICS,
 )  # fmt: skip
 
 
 def at_power_on() -> Iterator[tuple[int, float | None]]:
     """P and values written at power-on: size of the channel, no references and programs, volatile settings."""
     yield from ((P.CHANNEL, 1.0), (P.AXES, float(AXES)), (P.LAST_AXIS, float(AXES)))
-    yield from ((number, 0.0) for number in _NOTHING_YET)
+    yield from ((number, 0.0) for number in (P.ALL_REFERENCED, P.PROGRAM_ACTIVE, P.PROGRAM_RUNS, P.REFERENCED))
     yield from ((number, 1.0) for number in (P.MODE_TO_PLC, P.MODE_ACTIVE, P.MODE))  # HAND
     yield from ((number, None) for number in FORGOTTEN)
     for axis in range(AXES):
