@@ -150,8 +150,7 @@ class Interpreter:
             self._renewal, self._due = self._due, Renewal.NOTHING
 
     def measured(self, place: Point | None) -> None:
-        """Where the axes were when a signal ended the block with M26 that has just been executed, in machine
-        coordinates, mm; None: there was none. `executed` follows."""
+        """Where the axes were, machine coordinates, when a signal ended the executed block with M26; None: none did."""
         if self._cycle_now is not None and self._cycle_now.measures:
             frame = self._coordinates.frame
             self._cycle_now.moves.answer(None if place is None else frame.program(place))
@@ -386,11 +385,8 @@ class Interpreter:
             if self._supervision.on:
                 raise ProgramError(Code.NO_HALT_HERE, "G69 waits for the probe, in a block of supervision")
             here.g(G.RADIUS_OFF)
-        call = call_of(
-            *(self._parameters, here, self._targets, self._reader, self._tools, targets, machining),
-            bare=bare,
-            measures=measures,
-        )
+        given = self._parameters, here, self._targets, self._reader, self._tools, targets, machining
+        call = call_of(*given, bare=bare, measures=measures)
         moves, comes = Moves(self._cycles, first, call), comes_first(pattern, here, targets)
         if measures and self._parameters.get(P.WITHOUT_MOVING):
             moves.pass_over()
