@@ -6,6 +6,7 @@ built.py       a machine put together for it: model.py (the MuJoCo model) and me
 reach.py       which shapes can meet; clamped.py: what is clamped on the table, and who must not meet whom
 contact.py     collisions and least distances, on both plants; collision.py: one as a value
 altered.py     what events change in the model while it works
+touch.py       a touch probe, or a plate for tool lengths
 kernel.py      the compiled loop: drives and MuJoCo together, up to the first threshold passed; in it
                lead.py (commands between set points), glide.py (MuJoCo's step between the stops), thread.py (uneven
                screws), feed.py (common supply), margin.py (distance from falling out of step), teeth.py (of a cut)
@@ -47,7 +48,7 @@ __all__ = [
 
 PLACES: Mapping[str, str] = {"tool": "tool", "table": "table_top"}  # where a force can act: name, site of the model
 MOST_CLEARANCE_MM = 20.0  # two bodies that never come nearer are not looked at
-Quantity = Literal["position", "lag", "fault"]  # what a threshold watches
+Quantity = Literal["position", "lag", "fault", "touch"]  # what a threshold watches
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,7 @@ class Threshold:
         position   a switch: passed while sense * (carriage - limit) > 0, in mm of machine coordinates
         lag        following error: passed while |momentary command - rotor| > limit, in microsteps of the command
         fault      passed while the drive of the axis is faulty; limit, sense and hysteresis are not used
+        touch      passed while the machine's feeler (touch.py) is deflected by more than the limit in mm; without sense
 
     It stays passed until the quantity is back by at least the hysteresis. Raises ValueError for impossible values.
     """
@@ -132,9 +134,9 @@ class Plant(Protocol):
         """Stages on or off (open phases: motors go limp), holding brake, current lowered at rest or not."""
 
     def set_trip_point(self, threshold: int, position_mm: float) -> None:
-        """Move one threshold of a position (the repeatability of a switch, drawn by the wiring for each approach).
+        """Move one threshold of a position, or of a touch (its repeatability, drawn by the wiring for each approach).
 
-        ValueError if it is not one. A carriage that is now beyond the point is noticed when something moves next.
+        ValueError if it is neither. A carriage that is now beyond the point is noticed when something moves next.
         """
 
     def apply_force(self, axis: int, force_n: float, place: str = "") -> None:

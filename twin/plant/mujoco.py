@@ -19,7 +19,7 @@ from isel_twin.drives.dynamics import BOTH, OPEN
 from isel_twin.drives.servo import CAUSES, cool, forget
 from isel_twin.drives.stage import AnyStage
 from isel_twin.machine import Machine
-from isel_twin.plant import PLACES, Threshold, kernel, memory
+from isel_twin.plant import PLACES, Threshold, kernel, memory, touch
 from isel_twin.plant.altered import Alterations
 from isel_twin.plant.built import build, find_available, find_free
 from isel_twin.plant.collision import Collision
@@ -145,6 +145,7 @@ class MujocoPlant(LoopSamples):
         if self.edge:
             if words.item(_STRUCK):
                 self._collisions += self._sensed.news(self.time_ns)
+                self._collisions += self._broken()
             find_free(self.parts)
             self._late = self._none
             return self.time_ns
@@ -169,6 +170,15 @@ class MujocoPlant(LoopSamples):
         taken, self._collisions = self._collisions, ()
         return taken
 
+    def _broken(self) -> tuple[Collision, ...]:
+        """The feeler, if it has just given way too far."""
+        feeler = self.parts.feeler
+        if feeler["broken"][0] != touch.NEWS:
+            return ()
+        feeler["broken"] = 1
+        place, speed = self.position_mm, float(np.linalg.norm(self.velocity_mm_s))
+        return (touch.crash(self.machine, int(feeler["at"][0]), place, self.time_ns, speed),)
+
     def watch_clearance(self) -> Least | None:
         """It has to be told of the path. None if no two bodies can meet."""
         geometry = Geometry(self.model_as_built())
@@ -178,8 +188,8 @@ class MujocoPlant(LoopSamples):
         return self.parts.thresholds["passed"] != 0
 
     def set_trip_point(self, threshold: int, position_mm: float) -> None:
-        if self.parts.thresholds["quantity"][threshold] != memory.POSITION:
-            raise ValueError(f"threshold {threshold} is not a position")
+        if self.parts.thresholds["quantity"][threshold] not in (memory.POSITION, memory.TOUCH):
+            raise ValueError(f"threshold {threshold} is neither a position nor a touch")
         self.parts.thresholds["limit"][threshold] = position_mm * 1e-3
         find_free(self.parts)
 

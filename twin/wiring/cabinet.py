@@ -81,6 +81,9 @@ class Cabinet(Protocol):
     def heat(self, hot: bool) -> None:
         """Tell whether a power stage has reached its thermal limit."""
 
+    def touch(self, touched: bool) -> None:
+        """Tell whether something touches the probe, or the plate for tool lengths."""
+
     def mains(self, on: bool) -> None:
         """Switch the mains; when it comes back, everything that people have not set is as at power-on."""
 
@@ -100,6 +103,7 @@ class SafetyCabinet:
         self._outputs = {"hood_release": 1, "spindle": 0, "moving": 0, "power_request": 0}
         self._estop_closed = True
         self.stages_hot = False  # a power stage has reached its thermal limit; set by `heat`
+        self.touched = False  # probe or plate
         self.spindle_runs = False  # spindle contactor on
         self._axes_move = False
         self._user = dict.fromkeys(USER_INPUTS, False)
@@ -152,6 +156,9 @@ class SafetyCabinet:
         self.stages_hot = hot
         self._settle()
 
+    def touch(self, touched: bool) -> None:
+        self.touched = touched
+
     def mains(self, on: bool) -> None:
         """The relay closes as at power-on, if all conditions hold."""
         self._mains = on
@@ -166,8 +173,9 @@ class SafetyCabinet:
 
     @property
     def states(self) -> Mapping[str, str]:
-        """A hot stage shows as `overtemperature`."""
-        return self.state | ({"overtemperature": "hot"} if self.stages_hot else {})
+        """A hot stage shows as `overtemperature`, what the machine itself touches as `probe`."""
+        shown = {"overtemperature": "hot"} if self.stages_hot else {}
+        return self.state | shown | ({"probe": "touched"} if self.touched else {})
 
     @property
     def powered(self) -> bool:
@@ -193,7 +201,7 @@ class SafetyCabinet:
             "overtemperature": self.cool,
             "start": self.state["start"] == "down",
             "stop": self.state["stop"] == "up",
-            "probe": self.state["probe"] == "touched",
+            "probe": self.states["probe"] == "touched",
             "spindle": self.spindle_runs,
             "power_ok": self.relay,
             "hood_automatic": closed and not setup,

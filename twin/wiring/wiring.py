@@ -59,7 +59,7 @@ def thresholds(
     machine: Machine, drive_inputs: Sequence[DriveInput], schedule: Schedule | None = None
 ) -> list[Threshold]:
     """What the plant must watch: position switches, quantities of `drive_inputs`, positions that events wait for
-    (wiring/10)."""
+    (wiring/10), and the feeler, if the machine has one."""
     switches = [
         Threshold(CARRIAGES.index(s.axis), "position", s.position_mm, -1 if s.end == "motor" else 1, s.hysteresis_mm)
         for s in machine.switches
@@ -68,7 +68,9 @@ def thresholds(
         Threshold(CARRIAGES.index(wait.name), "position", float(wait.value), wait.sense, PASSED_MM)
         for wait in (schedule.positions if schedule is not None else ())
     ]
-    return switches + [Threshold(i.axis, i.quantity, i.limit, 1, i.hysteresis) for i in drive_inputs] + places
+    feeler = machine.feeler
+    touch = [] if feeler is None else [Threshold(0, "touch", feeler.pretravel_mm, 1, feeler.hysteresis_mm)]
+    return switches + [Threshold(i.axis, i.quantity, i.limit, 1, i.hysteresis) for i in drive_inputs] + places + touch
 
 
 class Wiring:
@@ -111,9 +113,12 @@ class Wiring:
         self._shown: Mapping[str, bool] = {}
         self._signals: Mapping[str, bool] = {}  # the cabinet's contacts at the last update of the terminals
         self._active = plant.trips()
+        self._feeler = machine.feeler
+        self._touch = len(self._active) - (self._feeler is not None)  # number of its threshold, if there is one
+        self._cabinet.touch(bool(self._active[self._touch :].any()))
         for switch, struck in zip(self._switches, self._active, strict=False):
             self.contacts.set_closed(switch.name, bool(struck) != (switch.type == "opener"))
-        for number, beyond in enumerate(self._active[self._places :]):
+        for number, beyond in enumerate(self._active[self._places : self._touch]):
             self._schedule.passed(number, bool(beyond))
         self._settle_cabinet()
 
@@ -300,6 +305,8 @@ class Wiring:
                 self.contacts.strike(self._switches[number].name, bool(active[number]), t_ns)
                 if not active[number]:
                     self._draw_trip_point(number)
+            elif number == self._touch:
+                self._touched(bool(active[number]))
             elif number >= self._places:
                 self._schedule.passed(number - self._places, bool(active[number]))
         if changed:
@@ -342,6 +349,15 @@ class Wiring:
         if value == "ok":
             return self.contacts.fault(name) == "ok"
         return self.inputs.get(name) == value
+
+    def _touched(self, touched: bool) -> None:
+        """Let the feeler close or open its contact; from then on its next trip point counts."""
+        assert self._feeler is not None
+        self._cabinet.touch(touched)
+        if not touched and self._feeler.repeatability_mm > 0.0:
+            trip_mm = self._feeler.pretravel_mm + self._trips.normal(0.0, self._feeler.repeatability_mm)
+            self.plant.set_trip_point(self._touch, max(trip_mm, 0.0))
+        self._settle_cabinet()
 
     def _draw_trip_point(self, number: int) -> None:
         """Draw the next trip point of a switch that has just been released, not beyond the carriage (wiring/12)."""

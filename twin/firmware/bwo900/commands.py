@@ -22,7 +22,7 @@ from isel_twin.firmware.bwo900.realtime import spindle as of_spindle
 from isel_twin.firmware.bwo900.realtime.axes import AXES
 from isel_twin.firmware.bwo900.realtime.jog import step_on
 from isel_twin.firmware.bwo900.status import NUMBERS
-from isel_twin.firmware.bwo900.transfer import end_of_file, parameter_file
+from isel_twin.firmware.bwo900.transfer import end_of_file, parameter_file, table_file
 
 
 class Commands:
@@ -81,6 +81,8 @@ class Commands:
                 operating.lock()
             case Wish.FEED:
                 self._execution.channel.path.set_feed(given)
+            case Wish.EMERGENCY:
+                operating.call_emergency(int(given))
             case Wish.MAP:
                 p.write(P.MAP_Q, self._mapped(int(given)))
             case Wish.REFERENCE:
@@ -110,6 +112,10 @@ class Commands:
             self._execution.say(message(Code.NO_PROGRAM, detail=names[0], effect=Effect.SHOWN))
         else:
             self._reply("".join(self._store[name].file for name in names))
+
+    def put_out_table(self, kind: str) -> None:
+        """Send the tool table (W) or the zero points (N) as a file."""
+        self._reply(table_file(self._parameters, kind))
 
     def _reply(self, text: str) -> None:
         file = text.encode("latin-1", errors="replace") + bytes([end_of_file(self._parameters)])

@@ -155,6 +155,9 @@ class Control:
         if name == keys.OUTPUT:
             self._commands.put_out_programs(int(value))
             return
+        if name == keys.COPY:
+            self._commands.put_out_table(keys.COPIES[str(value)])
+            return
         for number, wanted in keys.writes(name, value):
             self._parameters.write(number, wanted)
             self._commands.written(number, wanted, "P", 1)

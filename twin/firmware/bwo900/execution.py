@@ -13,7 +13,7 @@ from isel_twin.firmware.bwo900.feeder import Feeder
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
 from isel_twin.firmware.bwo900.hardware import Hardware
 from isel_twin.firmware.bwo900.memory import Memory
-from isel_twin.firmware.bwo900.messages import Message, ProgramError, message
+from isel_twin.firmware.bwo900.messages import Code, Message, ProgramError, message
 from isel_twin.firmware.bwo900.modes import Mode
 from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.parameters import byte
@@ -119,10 +119,14 @@ class Execution:
         positioning = self.mode is Mode.POSITIONING
         name = POSITIONED if positioning else self.program
         block = None if positioning else int(p.get(P.START_BLOCK)) or None
+        emergency = self._emergency()
+        if emergency is not None:
+            name, block = emergency
+            self.forget_emergencies()
         self.hardware.outgoing.fault = False
         try:
-            again = bool(p.get(P.RESTART) and p.get(P.BROKEN_PROGRAM))
-            if not positioning:
+            again = bool(p.get(P.RESTART) and p.get(P.BROKEN_PROGRAM)) and emergency is None
+            if not positioning and emergency is None:
                 self.feeder.start(name, from_the_middle=again or block is not None)
             self._began_at = self._began_at if again else self.axes.position
             self.interpreter.begin(name, self._began_at, block, bool(p.get(P.SKIP)))
@@ -134,6 +138,29 @@ class Execution:
             return
         self._broken = ""
         self.channel.start()
+
+    def missing_emergency(self, which: int) -> Message | None:
+        """The message that an emergency program (0 or 1) is not in the memory, or nothing; then it is not called."""
+        name = f"P{int(self.parameters.get(P.EMERGENCY_PROGRAM + 2 * which))}"
+        if name in self._store:
+            return None
+        self.forget_emergencies()
+        return message(Code.NO_EMERGENCY_PROGRAM, program=name)
+
+    def forget_emergencies(self) -> None:
+        """No emergency program is called any more."""
+        for number in (P.EMERGENCY_1, P.EMERGENCY_2):
+            if self.parameters.get(number):
+                self.parameters.write(number, 0.0)
+
+    def _emergency(self) -> tuple[str, int | None] | None:
+        """Program and block of the emergency program that is called."""
+        p = self.parameters
+        for which in (0, 1):
+            if p.get(P.EMERGENCY_1 + which) == 1.0:
+                first = P.EMERGENCY_PROGRAM + 2 * which
+                return f"P{int(p.get(first))}", int(p.get(first + 1)) or None
+        return None
 
     def rest(self) -> None:
         """Set the coordinates of HAND without a program."""

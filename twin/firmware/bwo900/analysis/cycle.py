@@ -14,6 +14,7 @@ from typing import Final
 
 from isel_twin.firmware.bwo900.analysis.coordinates import Coordinates
 from isel_twin.firmware.bwo900.analysis.cycles.call import Call, CycleMove, Kind
+from isel_twin.firmware.bwo900.analysis.cycles.measuring import pointed
 from isel_twin.firmware.bwo900.analysis.cycles.moves import Moves
 from isel_twin.firmware.bwo900.analysis.functions import Functions
 from isel_twin.firmware.bwo900.analysis.reader import Reader
@@ -50,6 +51,11 @@ class Cycle:
     comes: bool  # its first move only leads to the pattern: pre functions come after it
     goal: Goal | None = None
 
+    @property
+    def measures(self) -> bool:
+        """Its moves wait for the probe."""
+        return G.MEASURING in self.said.cycles
+
 
 def chosen(numbers: Sequence[int], staying: int | None) -> tuple[int, int | None, int | None]:
     """From the cycles of a block: the called one, the pattern and the machining cycle. staying: the drilling cycle in
@@ -80,9 +86,12 @@ def call_of(
     machining: int | None,
     *,
     bare: bool,
+    measures: bool,
 ) -> Call:
-    """The call of a cycle; bare: G66."""
+    """The call of a cycle; bare: G66, measures: G69."""
     loaded = {number: parameters.get(number) for number in CYCLE_PARAMETERS if parameters.loaded(number)}
+    if measures:
+        loaded |= pointed(parameters)
     fastest = max((parameters.axis(axis, Axis.SPEED, 0.0) for axis in range(len(coordinates.names))), default=0.0)
     return Call(
         parameters=loaded,
@@ -98,6 +107,7 @@ def call_of(
         inner=machining,
         polar=coordinates.modal.polar == G.POLAR_ON,
         coupled=parameters.has_spindle,
+        has_tool=bool(parameters.get(P.TOOL_PATH)),
     )
 
 
@@ -122,7 +132,7 @@ def step(
     elif move.target:
         elements = targets.path(said, move.target)
     post = tuple(MFunction(code, (), functions.of(code).halt) for code in move.m)
-    changes: dict[str, object] = {"post": post, "main": False, "correction": Correction()}
+    changes: dict[str, object] = {"watched": move.watched, "post": post, "main": False, "correction": Correction()}
     if move.exact_stop or move.dwell_s is not None:
         changes["end"] = BlockEnd.EXACT_STOP
     if move.kind is Kind.TAP:

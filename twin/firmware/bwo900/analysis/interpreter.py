@@ -150,6 +150,17 @@ class Interpreter:
             self._waiting = None
             self._renewal, self._due = self._due, Renewal.NOTHING
 
+    def measured(self, place: Point | None) -> None:
+        """Where the axes were, machine coordinates, when a signal ended the executed block with M26; None: none did."""
+        if self._cycle_now is not None and self._cycle_now.measures:
+            frame = self._coordinates.frame
+            self._cycle_now.moves.answer(None if place is None else frame.program(place))
+
+    def pass_over(self) -> None:
+        """A search for a block measures nothing: what has been measured stands."""
+        if self._cycle_now is not None and self._cycle_now.measures:
+            self._cycle_now.moves.pass_over()
+
     def begun(self) -> None:
         """The path of the last block has begun."""
         if self._waiting is Waiting.BEGINNING:
@@ -194,6 +205,8 @@ class Interpreter:
         if self._renewal is not None:
             self._renew(self._renewal)
         if self._cycle_now is not None:
+            if self._cycle_now.measures and self._waiting is not None:
+                return self._waiting
             return self._next_of_cycle(self._cycle_now)
         if self._waiting is Waiting.CONDITION:
             self._waiting = None  # analyse the block again
@@ -368,8 +381,16 @@ class Interpreter:
         after, stop = list(said.post), said.stop
         said.post, said.stop, said.watches = [], Stop.NONE, False
         here, bare = self._coordinates, G.BARE in said.blockwise
-        call = call_of(self._parameters, here, self._targets, self._reader, self._tools, targets, machining, bare=bare)
+        measures = first == G.MEASURING
+        if measures:
+            if self._supervision.on:
+                raise ProgramError(Code.NO_HALT_HERE, "G69 waits for the probe, in a block of supervision")
+            here.g(G.RADIUS_OFF)
+        given = self._parameters, here, self._targets, self._reader, self._tools, targets, machining
+        call = call_of(*given, bare=bare, measures=measures)
         moves, comes = Moves(self._cycles, first, call), comes_first(pattern, here, targets)
+        if measures and self._parameters.get(P.WITHOUT_MOVING):
+            moves.pass_over()
         self._cycle_now = Cycle(said, self.stack.top, moves, after, stop, here.modal, comes)
         self._go_on_with(self._cycle_now)
         while self._supervision.on and self._cycle_now is not None:
@@ -383,6 +404,8 @@ class Interpreter:
             pre: list[MFunction] = []
             if cycle.comes and cycle.moves.made == 1:
                 pre, said.pre = said.pre, []
+            for number, value in move.writes.items():
+                self._parameters.write(number, value)
             elements, changes = step(
                 *(move, said, self._coordinates, self._targets, self._reader.functions, cycle.modal.motion),
                 coupled=self._parameters.has_spindle,

@@ -100,7 +100,7 @@ class Reader:
 
     def _cycle_of_user(self, block: ProgramBlock) -> Called | None:
         for n in (g.number for g in block.g):
-            own = n in GROUPS or n in BLOCKWISE or n in BEYOND or n in self._cycles
+            own = n in GROUPS or n in BLOCKWISE or n in BEYOND or (n in self._cycles and n != G.MEASURING)
             if not own and n not in (G.DRILLING_OFF, G.DRILLING_WITH_DWELL) and f"Z{n}" in self._store:
                 return f"Z{n}", None, None
         return None
@@ -113,6 +113,8 @@ class Reader:
             self._of_group(number, group, said, column)
         elif number in BEYOND:
             raise ProgramError(Code.EXCLUDED, f"{MISSING}: G{number}, {BEYOND[number]}", column)
+        elif number == G.MEASURING and f"Z{number}" in self._store:
+            said.call = (f"Z{number}", None, None)
         elif number in self._cycles or number == G.DRILLING_WITH_DWELL:
             said.cycles.append(number)
             if number in DRILLING and self._drill_flags & STAYING:

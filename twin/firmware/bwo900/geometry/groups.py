@@ -54,7 +54,6 @@ BLOCKWISE: Final = frozenset((G.DWELL, G.EXACT_STOP_HERE, G.NO_EXACT_STOP_HERE, 
 BEYOND: Final[Mapping[int, str]] = {
     G.ROTARY_POSITIVE: "rotary axes", G.ROTARY_NEGATIVE: "rotary axes", G.ROTARY_SHORTEST: "rotary axes",
     G.TANGENT_ON: "a tangential axis", G.POLAR_TRANSFORMATION_ON: "the polar transformation",
-    G.MEASURING: "measuring cycles",
     G.WEIGHTING_1: "an undocumented function", G.WEIGHTING_2: "an undocumented function", G.INCH_OFF: "inches",
     G.INCH_METRIC: "inches",
 }  # fmt: skip

@@ -27,7 +27,7 @@ from isel_twin.firmware.bwo900.geometry.blocks import MFunction, PathBlock, Stop
 from isel_twin.firmware.bwo900.messages import Code, ProgramError, message
 from isel_twin.firmware.bwo900.realtime.ahead import BLOCK_NS, Ahead
 from isel_twin.firmware.bwo900.realtime.axes import NAMES
-from isel_twin.firmware.bwo900.realtime.joining import halts
+from isel_twin.firmware.bwo900.realtime.joining import halts, released
 from isel_twin.firmware.bwo900.realtime.path_run import Cut, PathRun, has_jump
 from isel_twin.firmware.bwo900.realtime.spindle import LOOK_NS, PATIENCE_NS
 from isel_twin.firmware.bwo900.realtime.stretch import PERIOD_NS
@@ -223,7 +223,7 @@ class Channel:
         if self._holds:
             self._enter(State.HELD)
             return
-        if not self._plc.room:
+        if not self._plc.room or not released(self._around):
             self._enter(State.EMPTY, self._axes.now_ns + BLOCK_NS)
             return
         if self._ahead.fill(0):
@@ -386,6 +386,8 @@ class Channel:
         if path.cut & Cut.SIGNAL:
             path.cut &= ~Cut.SIGNAL
             path.begin_anew()
+        if block.watched:
+            self._interpreter.measured(self._deletion.place)
         if block.stop is Stop.SYNCHRONISE or block.stop is Stop.MEASURING_STOP:
             self._interpreter.executed()
         if self._interpreter.waiting is Waiting.ACKNOWLEDGEMENT and not self._ahead.blocks:

@@ -13,6 +13,11 @@ from isel_twin.firmware.bwo900.realtime.surroundings import Surroundings
 ONLY_REAL_TIME: Final = 0x1010  # of P8806 (byte 1, 2, bit 4): single block stops only after blocks with real-time work
 
 
+def released(around: Surroundings) -> bool:
+    """P8706: False while the PLC holds the change of blocks. Once it is set blocks do not join (bwo900/90)."""
+    return around.parameters.get(P.BLOCK_RELEASE, 1.0) != 0.0
+
+
 def halts(block: PathBlock, around: Surroundings) -> bool:
     """True if single block stops after it."""
     p = around.parameters
@@ -29,7 +34,8 @@ def breaks_after(block: PathBlock, around: Surroundings) -> bool:
 def joins(block: PathBlock, following: PathBlock, around: Surroundings) -> bool:
     """True if a block goes on in the stretch of the one before it."""
     return (
-        not breaks_after(block, around)
+        not around.parameters.loaded(P.BLOCK_RELEASE)
+        and not breaks_after(block, around)
         and not any(function.halt for function in following.pre)
         and following.override == block.override
         and not (around.spindle.present and _waits_for_spindle(block, following))
