@@ -3,8 +3,8 @@
 numba compiles a function at its first call and caches the result beside the package: seconds on a new installation,
 later a fraction of one. `warm_up` calls every compiled function that a twin can use.
 
-The compiled code does not depend on machine or controller: ticks are int64 and int8, set points int32, and all drives
-are records of one type.
+The compiled code does not depend on the machine: ticks are int64 and int8, set points int32, and all drives are records
+of one type. tests/test_warm.py plays sessions with every controller that compile nothing more.
 """
 
 from __future__ import annotations
@@ -23,7 +23,9 @@ from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.drives.library import MOTORS
 from isel_twin.drives.stability import limit_rad_s
 from isel_twin.drives.stage import Stage
-from isel_twin.machine import load_machine
+from isel_twin.firmware.gmi99.planner import Rules, start, straight
+from isel_twin.firmware.gmi99.planner import line as gmi99_line
+from isel_twin.machine import load_machine, with_overrides
 from isel_twin.motion import StepRun, circle, line, trapezoid
 from isel_twin.plant import Plant, Threshold
 
@@ -56,11 +58,29 @@ def warm_up(plant: str, tell: Callable[[str], None] = _log) -> None:
         if plant == "mujoco":
             limit_rad_s(MOTORS["23HS32-4004S"], Stage(supply_v=48.0, current_a=4.2))
         machine.advance(2 * until_ns, np.array([2 * until_ns]), np.ones((1, 4), dtype=np.int32), lead_ns=until_ns)
+        machine.watch_margin()
+        servos = _plant(plant, "4030-servo")
+        servos.reset_drives()
+        servos.current_fraction  # noqa: B018
+        _join()
 
 
-def _plant(name: str) -> Plant:
-    """A plant with all kinds of thresholds."""
-    machine = load_machine("4030")
+def _join() -> None:
+    """Plan, sample, hold and go on along pieces that are joined (motion/joined.py)."""
+    rules = Rules()
+    corner = straight(200.0 * np.eye(2, 6), None, rules)
+    plan = start([corner, corner], rules)
+    middle = plan.ticks // 2
+    plan.replanned(middle, hold=True).replanned(plan.ticks, hold=False).deltas(0, plan.ticks)
+    # one row, of which numpy calls the columns contiguous, is another type
+    single = start([gmi99_line((200, 0, 0, 0, 0, 0), None, rules)], rules)
+    single.deltas(0, single.ticks)
+    single.speed(1)
+
+
+def _plant(name: str, machine_name: str = "4030") -> Plant:
+    """A plant with all kinds of thresholds, and screws that are not even."""
+    machine = with_overrides(load_machine(machine_name), {"imperfections.cyclic_error": True})
     thresholds = [Threshold(axis, "position", -1.0, -1, 0.1) for axis in range(len(CARRIAGES))]
     thresholds.append(Threshold(0, "lag", 1e6))
     start_mm = np.full(len(CARRIAGES), 50.0)

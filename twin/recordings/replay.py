@@ -157,6 +157,8 @@ def replay(recorded: Recorded, twin: Twin, pace: Pace | None = None) -> Differen
             return eye.difference
         _cause(recorded, entry, twin)
     _run_until(twin, recorded.end_ns, pace, eye.seen)
+    if not recorded.whole:  # replies to the last cause may be all that was kept of what it led to
+        _run_until(twin, recorded.heard_ns, pace, eye.seen)
     recording.hand_on()
     return eye.difference or eye.missing()
 
