@@ -21,7 +21,7 @@ def called():
 
 plants, controllers = ("kinematic", "mujoco"), sys.argv[1:]
 for plant in plants:
-    warm_up(plant)
+    warm_up(plant, controllers=controllers)
 warm = called()
 for plant in plants:
     for controller in controllers:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -20,13 +20,14 @@ from numba.core import event
 
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.units import MILLISECOND_NS
+from isel_twin.controller import Compiles, create_controller, offers
 from isel_twin.drives.library import MOTORS
 from isel_twin.drives.stability import limit_rad_s
 from isel_twin.drives.stage import Stage
-from isel_twin.firmware.gmi99.planner import Rules, start, straight
-from isel_twin.firmware.gmi99.planner import line as gmi99_line
 from isel_twin.machine import load_machine, with_overrides
 from isel_twin.motion import StepRun, circle, line, trapezoid
+from isel_twin.motion.joined import joined
+from isel_twin.motion.pieces import chain, piece
 from isel_twin.plant import Plant, Threshold
 
 
@@ -45,8 +46,8 @@ def told_of_compiling(tell: Callable[[str], None] = _log) -> Iterator[None]:
         tell(f"compiled in {listener.spent_s:.1f} s")
 
 
-def warm_up(plant: str, tell: Callable[[str], None] = _log) -> None:
-    """Load or compile everything a twin with this plant ("mujoco" or "kinematic") needs."""
+def warm_up(plant: str, tell: Callable[[str], None] = _log, controllers: Iterable[str] = ()) -> None:
+    """Load or compile all that a twin with this plant ("mujoco" or "kinematic") and one of these controllers needs."""
     with told_of_compiling(tell):
         time_law = trapezoid(2000, 10_000, 400, 100_000)  # its ramps have 499 ticks
         for path in (line((2000, 7, 0, 0)), circle(2000, 0, 250, 0, 1, 1, clockwise=False)):
@@ -63,19 +64,20 @@ def warm_up(plant: str, tell: Callable[[str], None] = _log) -> None:
         servos.reset_drives()
         servos.current_fraction  # noqa: B018
         _join()
+        for name in controllers:
+            controller = create_controller(name)
+            if offers(controller, Compiles):
+                controller.warm_up()
 
 
 def _join() -> None:
     """Plan, sample, hold and go on along pieces that are joined (motion/joined.py)."""
-    rules = Rules()
-    corner = straight(200.0 * np.eye(2, 6), None, rules)
-    plan = start([corner, corner], rules)
-    middle = plan.ticks // 2
-    plan.replanned(middle, hold=True).replanned(plan.ticks, hold=False).deltas(0, plan.ticks)
-    # one row, of which numpy calls the columns contiguous, is another type
-    single = start([gmi99_line((200, 0, 0, 0, 0, 0), None, rules)], rules)
-    single.deltas(0, single.ticks)
-    single.speed(1)
+    single = piece((200.0, 0.0), 200.0, 2000.0, 50_000.0)  # one row, of which numpy calls the columns contiguous
+    for pieces in (single, chain([single, single])):
+        plan = joined(pieces, 4 * MILLISECOND_NS)
+        held = plan.replanned(plan.ticks // 2, hold=True)
+        held.replanned(held.ticks, hold=False).deltas(0, plan.ticks)
+        plan.speed(1)
 
 
 def _plant(name: str, machine_name: str = "4030") -> Plant:
