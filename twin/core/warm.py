@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -68,6 +69,14 @@ def warm_up(plant: str, tell: Callable[[str], None] = _log, controllers: Iterabl
             controller = create_controller(name)
             if offers(controller, Compiles):
                 controller.warm_up()
+
+
+def kept_in() -> Path | None:
+    """The folder in which the compiled loop of the plant is kept; None if there is none that can be written to."""
+    from isel_twin.plant.kernel import advance
+
+    path = advance._cache.cache_path
+    return Path(path) if path and any(Path(path).glob("*.nbi")) else None
 
 
 def _join() -> None:

@@ -69,11 +69,6 @@ class Recorded:
         times = [entry.time_ns for entry in self.entries if entry.channel != "/host/received" or not self.of_twin]
         return max([0, *times, *self.sample_times_ns[-1:].tolist()])
 
-    @cached_property
-    def heard_ns(self) -> int:
-        """Time at which the last recorded byte has reached the host; it was sent before, but perhaps after `end_ns`."""
-        return max([self.end_ns, *(entry.time_ns for entry in self.of("/host/received"))])
-
     @property
     def axes(self) -> int:
         return self._number("axes", 1, MOST_AXES)
