@@ -16,6 +16,7 @@ from pathlib import Path
 from isel_twin.cam.gcode import GCode
 from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import Arc, CamError, Dwell, Line, Rapid, Toolpath
+from tests.forked import PATIENCE_S
 
 Move = tuple[str | float, ...]
 LOOSE = 6e-3  # mm and mm/min: four decimals, of inches too
@@ -37,7 +38,7 @@ def interpreted(interpreter: str, program: str, folder: Path) -> tuple[list[Move
     (folder / "program.ngc").write_text(program)
     done = subprocess.run(
         [interpreter, "-t", "tools.tbl", "-v", "fresh.var", "-g", "program.ngc"],
-        cwd=folder, capture_output=True, text=True, check=False, timeout=20,
+        cwd=folder, capture_output=True, text=True, check=False, timeout=PATIENCE_S,
     )  # fmt: skip
     error = [line for line in done.stderr.splitlines() if line.strip() and line != "executing"]
     return _moves(done.stdout), " / ".join(error) if done.returncode else ""
