@@ -1,6 +1,6 @@
 """Files that CAM programs have really written, of drawings made for this: run on every controller, or refused by name.
 
-part      a plate of 40 x 30 mm with corners of r = 5, profiled outside by a cutter of 5 mm; FreeCAD 0.20.2 (Debian),
+part      a plate of 40 x 30 mm with corners of r = 5, profiled outside by a cutter of 5 mm; FreeCAD 0.20.2,
           Path workbench, its post processors as they are
 outline   a rectangle X 10 .. 45, Y 15 .. 40 with one round corner of r = 5; Inkscape 1.2.2 (hpgl_output, with the
           options it comes with; gcodetools), vpype 1.15.0 with vpype-gcode 0.13.0, svg-to-gcode 1.5.4
