@@ -53,7 +53,7 @@ def convert(
         axes = machine_axes(call.fitted())
         source = file.open("rb")
         reader = _reader(file, source, form or settings.format or None)
-    watched, told = Watched(settings), []
+    watched, told = Watched(settings, by_line=False), []
     with source, _output(out) as into:
         path = watched.through(reader.read(text_lines(source), settings))
         try:

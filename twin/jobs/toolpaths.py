@@ -171,10 +171,11 @@ def _places(made: Sequence[Written]) -> tuple[int, ...]:
 
 
 class Watched:
-    """What passes on its way from reader to writer: times by line, and cautions."""
+    """What passes on its way from reader to writer: cautions, and times by line unless they are not asked for."""
 
-    def __init__(self, settings: CamSettings) -> None:
+    def __init__(self, settings: CamSettings, by_line: bool = True) -> None:
         self._sums = Estimate(settings)
+        self._by_line = by_line
         self.cautions: list[str] = []
         self.of_lines_s: dict[int, float] = defaultdict(float)
 
@@ -190,7 +191,8 @@ class Watched:
             if isinstance(element, Caution) and len(self.cautions) < CAUTIONS:
                 self.cautions.append(f"line {element.place.line}: {element.text}")
             if self._sums.seconds > before:
-                self.of_lines_s[element.place.line] += self._sums.seconds - before
+                if self._by_line:
+                    self.of_lines_s[element.place.line] += self._sums.seconds - before
                 before = self._sums.seconds
             yield element
 
