@@ -188,7 +188,7 @@ def test_one_command_among_them_makes_it_a_job() -> None:
 @pytest.mark.parametrize("controller", CONTROLLERS)
 def test_the_example_of_the_readme_runs_everywhere(controller: str) -> None:
     """It ends where it began to go round: 1.5 mm outside the corner of the plate, 5 mm above it."""
-    plate = Path(__file__).parents[2] / "docs" / "examples" / "plate" / "plate.nc"
+    plate = Path(__file__).parents[2] / "twin" / "cli" / "starter" / "plate.nc"
     *_, summary = told(plate, "--controller", controller, "--machine", CONTROLLERS[controller])
     assert summary["ok"]
     assert summary["position_mm"] == pytest.approx([118.5, 98.5, 55.0], abs=0.02)
