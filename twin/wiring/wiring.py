@@ -104,6 +104,7 @@ class Wiring:
         self.stages_powered = False
         self._outputs: dict[str, int] = {}
         self._shown: Mapping[str, bool] = {}
+        self._drives_told = False  # an output that drives follow has changed since the cabinet settled
         self._signals: Mapping[str, bool] = {}  # the cabinet's contacts at the last update of the terminals
         self._active = plant.trips()
         for switch, struck in zip(self._switches, self._active, strict=False):
@@ -117,12 +118,18 @@ class Wiring:
     @property
     def next_ns(self) -> int | None:
         """When `settle` must be called next."""
-        return min((t for t in (self.next_event_ns, self._heat.next_ns) if t is not None), default=None)
+        event_ns, heat_ns = self.next_event_ns, self._heat.next_ns
+        if event_ns is None or (heat_ns is not None and heat_ns < event_ns):
+            return heat_ns
+        return event_ns
 
     @property
     def next_event_ns(self) -> int | None:
         """`next_ns` without the regular check of the temperatures, which hardly ever changes anything."""
-        return min((t for t in (self.contacts.next_ns, self._schedule.next_ns) if t is not None), default=None)
+        contact_ns, planned_ns = self.contacts.next_ns, self._schedule.next_ns
+        if contact_ns is None or (planned_ns is not None and planned_ns < contact_ns):
+            return planned_ns
+        return contact_ns
 
     def settle(self, t_ns: int) -> bool:
         """Do what is due at t_ns, the present; return whether levels may have changed."""
@@ -220,6 +227,7 @@ class Wiring:
         if name == "drive_reset" and value and not self._outputs.get(name):
             self.plant.reset_drives()
         self._outputs[name] = value
+        self._drives_told |= name in ("stages", "brake", "current_lowering")
         self._cabinet.output(name, value)
         self._look()
 
@@ -231,11 +239,11 @@ class Wiring:
 
     def outputs_changed(self) -> None:
         """Apply the outputs to contacts and drives."""
-        self._settle_cabinet()
+        self._settle_if_changed()
 
     def motion(self, moving: bool) -> None:
         self._cabinet.motion(moving)
-        self._settle_cabinet()
+        self._settle_if_changed()
 
     # State
 
@@ -275,7 +283,9 @@ class Wiring:
     def _follow_plant(self, t_ns: int) -> bool:
         """Apply switches that the plant has struck or released, and the bounces due; return whether there were any."""
         active = self.plant.trips()
-        changed = (active != self._active).nonzero()[0].tolist()
+        changed = []
+        if active.tobytes() != self._active.tobytes():  # far faster than to look for which
+            changed = (active != self._active).nonzero()[0].tolist()
         self._active = active
         for number in changed:
             if number < len(self._switches):
@@ -326,8 +336,14 @@ class Wiring:
         self._trip_mm[number] = trip_mm
         self.plant.set_trip_point(number, trip_mm)
 
+    def _settle_if_changed(self) -> None:
+        """Settle the cabinet, unless neither it nor an output to the drives has changed since."""
+        if self._drives_told or self._cabinet.contacts() is not self._signals:
+            self._settle_cabinet()
+
     def _settle_cabinet(self) -> None:
         """Set contacts from the cabinet, let it read them as wired, and switch the power of the stages."""
+        self._drives_told = False
         self._follow_cabinet()
         self._cabinet.sense(self.contacts.closed)
         self._follow_cabinet()
@@ -342,7 +358,7 @@ class Wiring:
 
     def _follow_cabinet(self) -> None:
         signals = self._cabinet.contacts()
-        if signals != self._signals:
+        if signals is not self._signals:
             self._signals = signals
             for name, closed in signals.items():
                 self.contacts.set_closed(name, closed)
