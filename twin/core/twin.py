@@ -444,8 +444,9 @@ class Twin(Operated, Saved, Seen):
         events = self._controller.take()
         if self._handshake is not None:
             self._line.clear_to_send(self.time_ns, self._handshake.clear_to_send)
-        if self._stream.follow(self._controller.run, self.time_ns):
-            self._note("motion", self._controller.run)
+        run = self._controller.run
+        if self._stream.follow(run, self.time_ns):
+            self._note("motion", run)
             direction = self._controller.direction  # it changes only between motions
             self._sense = None if min(direction) > 0 else np.array(direction, dtype=np.int8)
             self._position.follow_direction()

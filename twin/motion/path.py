@@ -73,13 +73,15 @@ class StepLine:
         rows = np.frombuffer(bytearray(leading * (last - first)), dtype=np.int8)  # the fastest way to equal rows
         delta = rows.reshape(last - first, self.axes)
         for axis, n in enumerate(self.steps):
-            if abs(n) != self.ticks:
+            if n and abs(n) != self.ticks:
                 fill_even(delta, axis, first, n, self.ticks)
         return delta
 
     def displacement(self, k: int) -> Displacement:
         if k == self.ticks:
             return self.steps
+        if k == 0:
+            return (0,) * self.axes
         check_range(0, k, self.ticks)
         return tuple([even(k, n, self.ticks) for n in self.steps])
 
@@ -98,15 +100,14 @@ def even(k: int, n: int, ticks: int) -> int:
 
 
 def fill_even(delta: NDArray[np.int8], axis: int, first: int, n: int, ticks: int) -> None:
-    """Write the steps of this axis into its column of zeros: delta[i, axis] is tick first + 1 + i; |n| <= ticks.
+    """Write the steps of this axis into its column of zeros: delta[i, axis] is tick first + 1 + i; 0 < |n| <= ticks.
 
     By the rule of `even`, step j falls at the first tick k with 2 k |n| + N >= 2 N j: at ceil((2 j - 1) N / (2 |n|)).
     """
-    if n:
-        two_n = 2 * abs(n)
-        done = (first * two_n + ticks) // (2 * ticks)
-        tick, rest = divmod((2 * done + 1) * ticks + two_n - 1, two_n)
-        _fill_even(delta, axis, tick - first - 1, rest, *divmod(2 * ticks, two_n), two_n, 1 if n > 0 else -1)
+    two_n = 2 * abs(n)
+    done = (first * two_n + ticks) // (2 * ticks)
+    tick, rest = divmod((2 * done + 1) * ticks + two_n - 1, two_n)
+    _fill_even(delta, axis, tick - first - 1, rest, *divmod(2 * ticks, two_n), two_n, 1 if n > 0 else -1)
 
 
 @njit(nogil=True)

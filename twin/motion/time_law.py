@@ -148,7 +148,10 @@ class Trapezoid:
 
     def _time(self, k: int) -> int:
         """Time of one tick, faster than by `times`."""
-        return next(phase for phase in _phases(self._law) if k <= phase.last).time(k)
+        for phase in _phases(self._law):
+            if k <= phase.last:
+                return phase.time(k)
+        raise IndexError(f"tick {k} of a time law of {self.ticks}")
 
 
 def law_numbers(law: Trapezoid) -> list[int | None]:
@@ -236,7 +239,7 @@ def _phases(law: _Law) -> tuple[_Cruise | _Ramp, ...]:
         phases = [phase._replace(last=min(phase.last, made)) for phase in phases if phase.first < made]
         end_ns = stop[1] * unit_ns
         phases.append(_Ramp(made, math.floor(stop[0]), -1, law, stop[0], end_ns.numerator, end_ns.denominator))
-    return tuple(phase for phase in phases if phase.first < phase.last)
+    return tuple([phase for phase in phases if phase.first < phase.last])
 
 
 # ---- constant frequency --------------------------------------------------------------------------------------------

@@ -14,8 +14,9 @@ it out and never refuses.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
+from types import GeneratorType
 from typing import Any
 
 from isel_twin.controller import CounterSet, Event, SerialFormat
@@ -280,7 +281,7 @@ class Imc:
     def _carry_out(self, command: commands.Command, values: tuple[Any, ...], *, at_once: bool) -> str | None:
         """at_once: a command that takes time is acknowledged when it begins."""
         result = command.do(self._device, *values)
-        if not isinstance(result, Generator):
+        if not isinstance(result, GeneratorType):
             return result or OK
         self._supervisor.forget_parked()
         while self._answer_held():

@@ -158,10 +158,10 @@ def _plan_linear(
         ways += [({axis: n}, speed_of[axis]) for axis, n in steps.items() if axis >= 2]
         if second_z:
             ways.append(({2: second_z}, speeds[3]))
-    ways = [(way, speed_hz) for way, speed_hz in ways if any(way.values())]
-    device.require_room(*(as_steps(way) for way, _ in ways), unreferenced=unreferenced)
+    legs = [(as_steps(way), speed_hz) for way, speed_hz in ways if any(way.values())]
+    device.require_room(*[leg for leg, _ in legs], unreferenced=unreferenced)
     # a program's fourth pair may have been stored in 3D, where it does not matter, and be travelled in 2.5D
-    return ([straight_leg(device, as_steps(way), speed(device).check(speed_hz)) for way, speed_hz in ways],)
+    return ([straight_leg(device, leg, speed(device).check(speed_hz)) for leg, speed_hz in legs],)
 
 
 def as_steps(way: dict[int, int]) -> Displacement:

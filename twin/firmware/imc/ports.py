@@ -74,6 +74,9 @@ class Inputs:
     def __getitem__(self, signal: str) -> bool:
         return self._signals[signal]
 
+    def all(self, *signals: str) -> bool:
+        return all(map(self._signals.__getitem__, signals))
+
 
 @dataclass(frozen=True)
 class OutputPort:
