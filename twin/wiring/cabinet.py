@@ -220,11 +220,10 @@ class SafetyCabinet:
 
     def _settle(self) -> None:
         closed = self.state["hood"] == "closed"
-        if not self._circuits_closed():
+        hood_open_in_automatic = not closed and self.state["key"] == "automatic"
+        dangerous = self._axes_move or self._outputs["moving"] or self.spindle_runs
+        if not self._circuits_closed() or (hood_open_in_automatic and dangerous):
             self.relay = False
-        elif not closed and self.state["key"] == "automatic":
-            if self._axes_move or self._outputs["moving"] or self.spindle_runs:
-                self.relay = False
         if self.spindle_runs and not (self.relay and self._outputs["spindle"] and closed):
             self.spindle_runs = False
 

@@ -98,9 +98,9 @@ class Offset:
     def push(self, block: PathBlock) -> list[PathBlock]:
         """Returns the blocks that are complete. Raises ProgramError."""
         on = bool(block.correction.side) and (block.correction.radius_mm > 0.0 or self._last is not None)
-        flat = any(flat_length(element, block.plane) > NEAR_MM for element in block.elements)
         if self._last is None and self._place is None and not on:
             return [block]
+        flat = any(flat_length(element, block.plane) > NEAR_MM for element in block.elements)
         if on and self._last is not None and block.plane != self._last.plane:
             raise ProgramError(Code.EXCLUDED, "another plane with radius correction")
         entry = _Open(block, len(block.elements))
