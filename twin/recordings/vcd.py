@@ -29,6 +29,7 @@ from __future__ import annotations
 import heapq
 import os
 from collections.abc import Iterator
+from operator import itemgetter
 from typing import Any
 
 from vcd import VCDWriter
@@ -82,8 +83,9 @@ def write_vcd(path: str | os.PathLike[str], steps: Steps, recorder: Samples) -> 
         streams = [_pulses(steps, doubled), _samples(recorder), _changes(recorder.changes, texts)]
         if led:
             streams.append(_commands(steps))
-        for time, name, value in heapq.merge(*streams, key=lambda entry: entry[0]):
-            writer.change(signals[name], time, value)
+        change = writer.change
+        for time, name, value in heapq.merge(*streams, key=itemgetter(0)):
+            change(signals[name], time, value)
 
 
 def _ticks(steps: Steps, every: bool) -> Iterator[tuple[int, list[int]]]:
