@@ -100,10 +100,12 @@ def even(k: int, n: int, ticks: int) -> int:
 
 
 def fill_even(delta: NDArray[np.int8], axis: int, first: int, n: int, ticks: int) -> None:
-    """Write the steps of this axis into its column of zeros: delta[i, axis] is tick first + 1 + i; 0 < |n| <= ticks.
+    """Write the steps of this axis into its column of zeros: delta[i, axis] is tick first + 1 + i; |n| <= ticks.
 
     By the rule of `even`, step j falls at the first tick k with 2 k |n| + N >= 2 N j: at ceil((2 j - 1) N / (2 |n|)).
     """
+    if not n:
+        return
     two_n = 2 * abs(n)
     done = (first * two_n + ticks) // (2 * ticks)
     tick, rest = divmod((2 * done + 1) * ticks + two_n - 1, two_n)
