@@ -32,6 +32,7 @@ import heapq
 import os
 from bisect import bisect_left
 from collections.abc import Iterator
+from operator import itemgetter
 from typing import Any
 
 from vcd import VCDWriter
@@ -97,8 +98,9 @@ def write_vcd(path: str | os.PathLike[str], steps: Steps, recorder: Samples) -> 
             streams.append(_commands(steps))
         if ("output", CLOCK) in recorder.names():
             streams.append(_connector(_pulses(steps, doubled), recorder.changes))
-        for time, name, value in heapq.merge(*streams, key=lambda entry: entry[0]):
-            writer.change(signals[name], time, value)
+        change = writer.change
+        for time, name, value in heapq.merge(*streams, key=itemgetter(0)):
+            change(signals[name], time, value)
 
 
 def _ticks(steps: Steps, every: bool) -> Iterator[tuple[int, list[int]]]:

@@ -88,7 +88,7 @@ class Cabinet(Protocol):
         """Switch the mains; when it comes back, everything that people have not set is as at power-on."""
 
     def contacts(self) -> Mapping[str, bool]:
-        """Closed (True) or open, for each of `signals`."""
+        """Closed (True) or open, for each of `signals`; the same object while nothing changes."""
 
 
 class SafetyCabinet:
@@ -108,6 +108,8 @@ class SafetyCabinet:
         self._axes_move = False
         self._user = dict.fromkeys(USER_INPUTS, False)
         self._mains = True
+        self._operated = 0  # counts what people have done
+        self._shown: tuple[tuple[bool | int, ...], dict[str, bool]] = ((), {})  # `contacts`, and what they follow from
 
     def operate(self, element: str, state: str) -> str:
         """A locked hood stays closed unless forced."""
@@ -128,6 +130,7 @@ class SafetyCabinet:
             self.state[element] = "open" if state == "forced" else state
             if element in self._user:
                 self._user[element] = state == "high"
+        self._operated += 1
         if changes.get("power") == "on":
             self._close_relay()
         self._settle()
@@ -192,6 +195,12 @@ class SafetyCabinet:
         return self.state["hood"] == "closed" and not self._outputs["hood_release"]
 
     def contacts(self) -> dict[str, bool]:
+        state = (self._operated, self.stages_hot, self.spindle_runs, self.relay, self.touched)
+        if state != self._shown[0]:
+            self._shown = state, self._contacts()
+        return self._shown[1]
+
+    def _contacts(self) -> dict[str, bool]:
         released = self.state["estop"] == "released"
         closed = self.state["hood"] == "closed"
         setup = self.state["key"] == "setup"
@@ -218,11 +227,12 @@ class SafetyCabinet:
             self.relay = True
 
     def _settle(self) -> None:
-        hood_open_in_automatic = self.state["hood"] != "closed" and self.state["key"] == "automatic"
+        closed = self.state["hood"] == "closed"
+        hood_open_in_automatic = not closed and self.state["key"] == "automatic"
         dangerous = self._axes_move or self._outputs["moving"] or self.spindle_runs
         if not self._circuits_closed() or (hood_open_in_automatic and dangerous):
             self.relay = False
-        if not (self.relay and self._outputs["spindle"] and self.state["hood"] == "closed"):
+        if self.spindle_runs and not (self.relay and self._outputs["spindle"] and closed):
             self.spindle_runs = False
 
 

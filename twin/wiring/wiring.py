@@ -111,6 +111,7 @@ class Wiring:
         self.stages_powered = False
         self._outputs: dict[str, int] = {}
         self._shown: Mapping[str, bool] = {}
+        self._drives_told = False  # an output that drives follow has changed since the cabinet settled
         self._signals: Mapping[str, bool] = {}  # the cabinet's contacts at the last update of the terminals
         self._active = plant.trips()
         self._feeler = machine.feeler
@@ -127,14 +128,21 @@ class Wiring:
     @property
     def next_ns(self) -> int | None:
         """When `settle` must be called next."""
-        return min((t for t in (self.next_event_ns, self._heat.next_ns) if t is not None), default=None)
+        event_ns, heat_ns = self.next_event_ns, self._heat.next_ns
+        if event_ns is None or (heat_ns is not None and heat_ns < event_ns):
+            return heat_ns
+        return event_ns
 
     @property
     def next_event_ns(self) -> int | None:
         """`next_ns` without the regular check of the temperatures, which hardly ever changes anything."""
+        due_ns, planned_ns = self.contacts.next_ns, self._schedule.next_ns
+        if due_ns is None or (planned_ns is not None and planned_ns < due_ns):
+            due_ns = planned_ns
         turning_ns = None if self._spindle is None else self._spindle.next_ns
-        times = (self.contacts.next_ns, self._schedule.next_ns, turning_ns)
-        return min((t for t in times if t is not None), default=None)
+        if due_ns is None or (turning_ns is not None and turning_ns < due_ns):
+            due_ns = turning_ns
+        return due_ns
 
     def settle(self, t_ns: int) -> bool:
         """Do what is due at t_ns, the present; return whether levels may have changed."""
@@ -237,6 +245,7 @@ class Wiring:
         if name == "drive_reset" and value and not self._outputs.get(name):
             self.plant.reset_drives()
         self._outputs[name] = value
+        self._drives_told |= name in ("stages", "brake", "current_lowering")
         self._cabinet.output(name, value)
         self._look()
 
@@ -248,11 +257,11 @@ class Wiring:
 
     def outputs_changed(self) -> None:
         """Apply the outputs to contacts and drives."""
-        self._settle_cabinet()
+        self._settle_if_changed()
 
     def motion(self, moving: bool) -> None:
         self._cabinet.motion(moving)
-        self._settle_cabinet()
+        self._settle_if_changed()
 
     # State
 
@@ -298,7 +307,9 @@ class Wiring:
     def _follow_plant(self, t_ns: int) -> bool:
         """Apply switches that the plant has struck or released, and the bounces due; return whether there were any."""
         active = self.plant.trips()
-        changed = (active != self._active).nonzero()[0].tolist()
+        changed = []
+        if active.tobytes() != self._active.tobytes():  # far faster than to look for which
+            changed = (active != self._active).nonzero()[0].tolist()
         self._active = active
         for number in changed:
             if number < len(self._switches):
@@ -370,8 +381,14 @@ class Wiring:
         self._trip_mm[number] = trip_mm
         self.plant.set_trip_point(number, trip_mm)
 
+    def _settle_if_changed(self) -> None:
+        """Settle the cabinet, unless neither it nor an output to the drives has changed since."""
+        if self._drives_told or self._cabinet.contacts() is not self._signals:
+            self._settle_cabinet()
+
     def _settle_cabinet(self) -> None:
         """Set contacts from the cabinet, let it read them as wired, and switch the power of the stages."""
+        self._drives_told = False
         self._follow_cabinet()
         self._cabinet.sense(self.contacts.closed)
         self._follow_cabinet()
@@ -386,7 +403,7 @@ class Wiring:
 
     def _follow_cabinet(self) -> None:
         signals = self._cabinet.contacts()
-        if signals != self._signals:
+        if signals is not self._signals:
             self._signals = signals
             for name, closed in signals.items():
                 self.contacts.set_closed(name, closed)

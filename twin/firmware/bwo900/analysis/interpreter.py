@@ -24,6 +24,7 @@ from isel_twin.firmware.bwo900.analysis.cycles.moves import Moves
 from isel_twin.firmware.bwo900.analysis.cycles.table import CYCLES
 from isel_twin.firmware.bwo900.analysis.handed import clear
 from isel_twin.firmware.bwo900.analysis.output import Output
+from isel_twin.firmware.bwo900.analysis.plain import Plain
 from isel_twin.firmware.bwo900.analysis.reader import Reader
 from isel_twin.firmware.bwo900.analysis.said import Said
 from isel_twin.firmware.bwo900.analysis.stack import Goal, Level, Stack
@@ -61,6 +62,7 @@ class Interpreter:
         self._reader = Reader(parameters, store, self.stack, self._values, self._coordinates, self._tools, self._cycles)
         self._targets = Targets(parameters, self._values, self._coordinates)
         self._output = Output(parameters, self.stack, self._coordinates, self._targets, self._tools)
+        self._plain = Plain(parameters, self._coordinates, self._targets, self._tools, self._output)
         self._ready = self._output.ready
         self._supervision = Supervision(self._ready)
         self._reset((0.0, 0.0, 0.0))
@@ -72,6 +74,7 @@ class Interpreter:
         self._reader.clear()
         self._targets.clear()
         self._output.clear()
+        self._plain.forget()
         self._supervision.clear()
         self._cycle_now: Cycle | None = None
         self._waiting: Waiting | None = None
@@ -217,6 +220,9 @@ class Interpreter:
         level = self.stack.top
         if level.over:
             return self._returned(level) if level.program.complete else Waiting.FEED
+        if (plain := self._plain.next(level)) is not None:
+            return plain
+        self._plain.forget()
         block = level.take()
         if block.skip and self._skips:
             return self._output.empty(block)
@@ -235,10 +241,17 @@ class Interpreter:
             self._waiting = Waiting.EXECUTION
         if self._supervision.keeping is ON and self._stays():
             return Waiting.PASS
-        return self._ready.popleft() if self._ready else self._output.empty(block)
+        if not self._ready:
+            return self._output.empty(block)
+        made = self._ready.popleft()
+        waits = self._ready or self._waiting is not None or self._watched
+        if not waits and self._supervision.keeping is OFF and self._reader.drilling is None:
+            self._plain.learn(level, block, made)
+        return made
 
     def _renew(self, renewal: Renewal) -> None:
         self._renewal = None
+        self._plain.forget()
         if renewal is Renewal.TOOL:
             self._tools.change()
         if renewal is not Renewal.NOTHING:

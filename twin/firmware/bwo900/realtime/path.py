@@ -21,6 +21,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby
+from operator import mul, sub
 from typing import Final
 
 import numpy as np
@@ -42,6 +44,8 @@ FURTHEST: Final = 2.0**31  # increments from zero that a counter of 32 bits hold
 SHARE: Final = math.sqrt(0.5)  # of the acceleration, on circles: across the path and along it
 STRAIGHT: Final = 1e-9  # sine of an angle that counts as 0
 NO_CONTOUR_MM: Final = 1e-6  # radius of a contour that counts as a corner
+MANY: Final = 8  # blocks from which on columns are faster than rows
+CONTINUOUS: Final = BlockEnd.CONTINUOUS  # bound once: looking up a member takes 0.2 us
 SLOWEST: Final = 0.01  # least part of the feed left by P8848 and P8849
 
 
@@ -68,6 +72,14 @@ class MotionLimits:
     # P12010 of an axis: ramps are sin^2. They take as long as linear ones, and are pi/2 steeper in their middle.
     sine: bool = False
     turns_s: float = 1.0  # revolutions a second that feeds in mm a revolution are reckoned with
+
+    def feed_mm_s(self, programmed_mm_min: float) -> float:
+        return self.test_feed or self.feed_share * programmed_mm_min / MINUTE_S
+
+    @property
+    def steeper(self) -> float:
+        """Factor of the acceleration in the middle of a ramp."""
+        return math.pi / 2.0 if self.sine else 1.0
 
     @classmethod
     def of(cls, parameters: Parameters, increments_per_mm: Sequence[float]) -> MotionLimits:
@@ -171,16 +183,81 @@ class PieceMaker:
 
     def pieces(self, blocks: Sequence[PathBlock]) -> tuple[Pieces, list[int]]:
         """The pieces of these blocks, and the number of each block. Raises ProgramError: M1230 no feed, M1237."""
+        ways: list[NDArray[np.float64]] = []
+        tables: list[NDArray[np.float64]] = []
+        curves: list[tuple[int, Curve]] = []
+        counts: list[int] = []
+        for plain, group in groupby(blocks, self._joins_by_a_line):
+            run = list(group)
+            made = self._lines([block.elements[0] for block in run], run) if plain and len(run) >= MANY else None
+            if made is not None:
+                counts += [1] * len(run)
+            else:
+                made = self._one_by_one(run, sum(map(len, ways)), curves, counts)
+            ways.append(made[0])
+            tables.append(made[1])
+        way = np.concatenate(ways) if ways else np.empty((0, len(self._place)))
+        table = np.concatenate(tables, axis=1) if tables else np.empty((5, 0))
+        return Pieces(way, table[0], table[1], table[2], table[3], table[4], tuple(curves)), counts
+
+    def _joins_by_a_line(self, block: PathBlock) -> bool:
+        """True for one line with a feed that nothing stops."""
+        return (
+            len(block.elements) == 1
+            and type(block.elements[0]) is Straight
+            and not block.rapid
+            and not block.per_turn
+            and block.end is CONTINUOUS
+            and block.end_feed_mm_min is None
+            and (block.feed_mm_min or 0.0) > 0.0
+            and not self.limits.contour_mm
+        )
+
+    def _lines(
+        self, lines: Sequence[Element], blocks: Sequence[PathBlock]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+        """As `_one_by_one`, to the bit, for many blocks that join by lines; None if one of them is left out there, or
+        has an error."""
+        limits = self.limits
+        start, end = np.array([line.start for line in lines]), np.array([line.end for line in lines])
+        length = np.array([line.length_mm for line in lines])
+        exact = end * np.array(limits.increments_per_mm)
+        if not (np.abs(exact) <= FURTHEST).all() or not (length > 0.0).all():
+            return None
+        places = np.rint(exact)
+        way = np.diff(places, axis=0, prepend=[self._place])
+        if not way.any(axis=1).all():
+            return None
+        direction = (end - start) / length[:, None]
+        share = np.abs(direction)
+        share[share == 0.0] = math.nan  # an axis that rests limits nothing
+        limit = np.fmin.reduce(np.array(limits.speed) / share, axis=1)
+        acceleration = np.fmin.reduce(np.array(limits.acceleration) / share, axis=1) * limits.steeper
+        wanted = np.array([limits.feed_mm_s(block.feed_mm_min or 0.0) for block in blocks])
+        speed = np.minimum(wanted, limit)
+        along = direction.tolist()
+        before, last = self._end or (along[0], 0.0)
+        cosines = [sum(map(mul, a, b)) for a, b in zip([before, *along], along, strict=False)]
+        factor = [corner_factor(cosine, limits.corner) for cosine in cosines]
+        entry = np.array(factor) * np.minimum(np.append(last, speed[:-1]), speed)
+        self._place = tuple(map(int, places[-1].tolist()))
+        self._end = tuple(along[-1]), float(speed[-1])
+        self._line = lines[-1].start, lines[-1].end
+        return way, np.stack([length, wanted, limit, acceleration, entry])
+
+    def _one_by_one(
+        self, blocks: Sequence[PathBlock], first: int, curves: list[tuple[int, Curve]], counts: list[int]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Displacements [n, axes] and the other columns [5, n] of n pieces. first: number of the first; adds to curves
+        and counts."""
         rows: list[Point] = []
         columns: list[tuple[float, float, float, float, float]] = []
-        curves: list[tuple[int, Curve]] = []
-        counts = []
         for block in blocks:
             before = len(rows)
             for element in block.elements:
                 length = element.length_mm
                 end = self._increments(element.end)
-                way = tuple(b - a for a, b in zip(self._place, end, strict=True))
+                way = tuple(map(sub, end, self._place))
                 if length <= 0.0 or (not any(way) and isinstance(element, Straight)):
                     continue
                 wanted, limit, acceleration = self._law(element, block)
@@ -188,9 +265,9 @@ class PieceMaker:
                     limit = min(limit, self._contour(element))
                 entry = self._entry(element, min(wanted, limit))
                 if isinstance(element, Arc):
-                    curves.append((len(rows), _Curve(element, self._place, self.limits.increments_per_mm)))
+                    curves.append((first + len(rows), _Curve(element, self._place, self.limits.increments_per_mm)))
                 elif not isinstance(element, Straight):
-                    curves.append((len(rows), _BentCurve(element, self._place, self.limits.increments_per_mm)))
+                    curves.append((first + len(rows), _BentCurve(element, self._place, self.limits.increments_per_mm)))
                 rows.append(way)
                 columns.append((length, wanted, limit, acceleration, entry))
                 self._place = end
@@ -203,17 +280,16 @@ class PieceMaker:
                 self._end = self._end[0], min(self._end[1], self._feed_mm_s(block, block.end_feed_mm_min))
             counts.append(len(rows) - before)
         table = np.array(columns, dtype=np.float64).reshape(len(rows), 5).T
-        ways = np.array(rows, dtype=np.float64).reshape(len(rows), len(self._place))
-        return Pieces(ways, table[0], table[1], table[2], table[3], table[4], tuple(curves)), counts
+        return np.array(rows, dtype=np.float64).reshape(len(rows), len(self._place)), table
 
     def stop(self) -> None:
         self._end = self._line = None
 
     def _increments(self, place: Point) -> tuple[int, ...]:
         exact = [x * per for x, per in zip(place, self.limits.increments_per_mm, strict=True)]
-        if not all(abs(value) <= FURTHEST for value in exact):
+        if not all([abs(value) <= FURTHEST for value in exact]):
             raise ProgramError(Code.TOO_LARGE, "a place that no counter holds")
-        return tuple(round(value) for value in exact)
+        return tuple(map(round, exact))
 
     def _law(self, element: Element | Bent, block: PathBlock) -> tuple[float, float, float]:
         """Wanted speed (bwo900/28), highest speed and acceleration of an element, mm/s and mm/s^2."""
@@ -227,8 +303,8 @@ class PieceMaker:
             wanted = limit
         else:
             direction = [abs(d) for d in element.tangent()]
-            limit = min(v / d for v, d in zip(limits.speed, direction, strict=True) if d > 0.0)
-            acceleration = min(a / d for a, d in zip(able, direction, strict=True) if d > 0.0)
+            limit = min([v / d for v, d in zip(limits.speed, direction, strict=True) if d > 0.0])
+            acceleration = min([a / d for a, d in zip(able, direction, strict=True) if d > 0.0])
             wanted = limits.rapid / max(direction)
         if not block.rapid:
             if block.feed_mm_min is None or block.feed_mm_min <= 0.0:
@@ -236,7 +312,7 @@ class PieceMaker:
             wanted = limits.test_feed or limits.feed_share * self._feed_mm_s(block, block.feed_mm_min)
             if isinstance(element, Arc):
                 wanted *= feed_factor(element, block.correction, limits)
-        return wanted, limit, acceleration * (math.pi / 2.0 if limits.sine else 1.0)
+        return wanted, limit, acceleration * limits.steeper
 
     def _feed_mm_s(self, block: PathBlock, feed: float) -> float:
         return feed * self.limits.turns_s if block.per_turn else feed / MINUTE_S
@@ -294,7 +370,7 @@ class PieceMaker:
         if self._end is None:
             return 0.0
         before, last = self._end
-        cosine = sum(a * b for a, b in zip(before, element.tangent(0.0), strict=True))
+        cosine = sum(map(mul, before, element.tangent(0.0)))
         return corner_factor(cosine, self.limits.corner) * min(last, speed)
 
 
