@@ -1,0 +1,285 @@
+"""Judges two sessions laid over each other: what differs beyond what two equal machines would.
+
+    replies      by their meaning; counters in them within --step-tolerance
+    durations    within what this session's own quick replies scatter by: `Jitter`
+    a stop       comes when the host sends it, which is not the same twice: what it broke off is timed from it, and the
+                 counters may differ by what was travelled meanwhile, until a reference run or a counter says more
+    reference    the first run of a session begins at an unknown place: set aside as a difference of its own kind
+
+A difference does not end the comparison, and none is told twice: counters that are off by the same number of steps as
+before are not off again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from statistics import median
+
+from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
+from isel_twin.controller.roles import offers
+from isel_twin.language import Act, Language, TellsActs
+from isel_twin.recordings.compare import Exchange, Matched, Pair, exchanges, matched
+from isel_twin.recordings.reading import Recorded
+
+QUICK_NS = 250 * MILLISECOND_NS  # longer replies are not those of the controller and its line alone
+FEW = 5  # quick replies that say nothing yet about their scatter
+FEW_TOLERANCE_NS = 10 * MILLISECOND_NS  # with so few
+FLOOR_NS = MILLISECOND_NS  # least tolerance
+SPREADS, LARGEST = 6.0, 3.0  # tolerance: so many spreads of the quick replies, so many times the largest deviation
+# A switch trips where it trips within some 10 um, and is left at about 1 mm/s: two runs over three axes differ by 26 ms
+# (one standard deviation); nearly four of them.
+REFERENCE_NS = 100 * MILLISECOND_NS
+SURE = 1e-4  # chance that so many moves are later than the quick replies let expect
+MOST_CHANCE = 0.3  # of a single move
+
+
+class Kind(StrEnum):
+    """What differs at a command, the weightiest first."""
+
+    REPLY = "reply"
+    POSITION = "position"
+    DURATION = "duration"
+    START = "start"
+    COUNTERS = "counters"
+
+
+@dataclass(frozen=True)
+class Jitter:
+    """How much longer quick replies took on side B than on side A, and their scatter."""
+
+    median_ns: float
+    spread_ns: float  # standard deviation, from the median of the deviations
+    largest_ns: float  # deviation from the median
+    replies: int
+
+    @property
+    def tolerance_ns(self) -> float:
+        least = FEW_TOLERANCE_NS if self.replies < FEW else FLOOR_NS
+        return max(least, SPREADS * self.spread_ns, LARGEST * self.largest_ns)
+
+    def __str__(self) -> str:
+        numbers = [f"{ns / 1e6:.2f}" for ns in (self.median_ns, self.spread_ns, self.largest_ns, self.tolerance_ns)]
+        return (
+            f"{self.replies} quick replies: B later by {numbers[0]} ms, spread {numbers[1]} ms, largest deviation "
+            f"{numbers[2]} ms: durations count beyond {numbers[3]} ms"
+        )
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Something that two equal machines would not have had, at one command."""
+
+    kind: Kind
+    pair: Pair
+    text: str  # what, in words
+    weight: float  # of differences of a kind: steps, or ns
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What is tolerated. tolerance_ns: None: from the quick replies."""
+
+    tolerance_ns: float | None = None
+    steps: int = 1
+
+
+USUAL = Limits()
+
+
+@dataclass(frozen=True)
+class Comparison(Matched):
+    jitter: Jitter
+    tolerance_ns: float
+    differences: tuple[Difference, ...]  # in the order of the commands
+    late_ns: tuple[float, ...]  # of each pair, how much later B is than the model has it; nan: not timed
+    by_pair: dict[int, tuple[Difference, ...]] = field(init=False)  # by number of the command
+    different: tuple[Pair, ...] = field(init=False)  # the pairs that differ
+
+    def __post_init__(self) -> None:
+        found: dict[int, tuple[Difference, ...]] = {}
+        for one in self.differences:
+            found[one.pair.number] = (*found.get(one.pair.number, ()), one)
+        object.__setattr__(self, "by_pair", found)
+        object.__setattr__(self, "different", tuple(pair for pair in self.pairs if pair.number in found))
+
+    @property
+    def same(self) -> bool:
+        """True if nothing differs beyond what is tolerated and no command is on one side only."""
+        return not (self.differences or self.only_a or self.only_b)
+
+    def differs(self, pair: Pair) -> tuple[str, ...]:
+        """The kinds of what differs at this pair."""
+        return tuple(one.kind.value for one in self.by_pair.get(pair.number, ()))
+
+    @property
+    def weighed(self) -> list[Difference]:
+        """The differences, the weightiest first."""
+        order = list(Kind)
+        return sorted(self.differences, key=lambda one: (order.index(one.kind), -one.weight, one.pair.number))
+
+
+def compare(a: Recorded, b: Recorded, language_a: Language, language_b: Language, limits: Limits = USUAL) -> Comparison:
+    """Compare two recordings, each with a fresh language. Raises RecordingError."""
+    return judge(matched(exchanges(a, language_a), exchanges(b, language_b)), language_a, limits)
+
+
+def judge(sessions: Matched, language: Language, limits: Limits = USUAL) -> Comparison:
+    """Judge matched sessions. language: of side A; its own state is not used."""
+    return _Judge(sessions, language, limits).judged()
+
+
+def act_of(language: Language, sent: bytes) -> Act:
+    """What a command does, as far as the language tells."""
+    if offers(language, TellsActs):
+        return language.act(sent)
+    return Act((), references=-1) if sent in language.reference()[-1:] else Act(stops=sent == language.break_off())
+
+
+def stopped(side: Sequence[Exchange], stops: Sequence[Exchange]) -> dict[int, int]:
+    """When the first stop was sent into each command, by when that command was sent."""
+    found: dict[int, int] = {}
+    for stop in stops:
+        for one in side:
+            if one.replied_ns is not None and one.sent_ns < stop.sent_ns < one.replied_ns:
+                found.setdefault(one.sent_ns, stop.sent_ns)
+    return found
+
+
+class _Judge:
+    def __init__(self, sessions: Matched, language: Language, limits: Limits) -> None:
+        self._sessions, self._language, self._limits = sessions, language, limits
+        self._acts = {pair.number: act_of(language, pair.a.command) for pair in sessions.pairs}
+        self._stops_a, self._stops_b = (
+            stopped(
+                [getattr(pair, side) for pair in sessions.pairs],
+                [getattr(pair, side) for pair in sessions.pairs if self._acts[pair.number].stops],
+            )
+            for side in "ab"
+        )
+        self.jitter = self._jitter()
+        self.tolerance_ns = self.jitter.tolerance_ns if limits.tolerance_ns is None else limits.tolerance_ns
+        self._found: list[Difference] = []
+        self._slack_steps = 0.0  # that counters may differ by since the last stop
+        self._off: tuple[int, ...] = ()  # B less A when counters were last told
+        self._referenced = 0  # axes with a reference run before, a mask
+        self._nowhere = False  # the last reference run has failed, on both sides alike
+        self._plain: list[tuple[Pair, float]] = []  # moves, and how much later B is
+
+    def _quick(self, pair: Pair) -> bool:
+        act = self._acts[pair.number]
+        took = pair.a.duration_ns, pair.b.duration_ns
+        return act.speeds_hz is None and not act.stops and all(ns is not None and ns < QUICK_NS for ns in took)
+
+    def _jitter(self) -> Jitter:
+        later = [pair.later_ns for pair in self._sessions.pairs if self._quick(pair) and pair.a.reply == pair.b.reply]
+        known = [ns for ns in later if ns is not None]
+        if not known:
+            return Jitter(0.0, 0.0, 0.0, 0)
+        middle = median(known)
+        deviations = [abs(ns - middle) for ns in known]
+        return Jitter(middle, 1.4826 * median(deviations), max(deviations), len(known))
+
+    def judged(self) -> Comparison:
+        late: list[float] = []
+        for pair in self._sessions.pairs:
+            late.append(self._time(pair))
+            self._reply(pair)
+        if self._limits.tolerance_ns is None:
+            self._many()
+        self._found.sort(key=lambda one: one.pair.number)
+        found = tuple(self._found)
+        sessions = self._sessions
+        return Comparison(
+            *(sessions.pairs, sessions.only_a, sessions.only_b, self.jitter, self.tolerance_ns, found, tuple(late))
+        )
+
+    def _differ(self, kind: Kind, pair: Pair, text: str, weight: float) -> None:
+        self._found.append(Difference(kind, pair, text, weight))
+
+    def _reply(self, pair: Pair) -> None:
+        a, b = pair.a, pair.b
+        if self._acts[pair.number].references and a.reply == b.reply:
+            self._slack_steps, self._off = 0.0, ()
+            self._nowhere = not self._language.accepted(a.command, a.reply)
+        places = (
+            [self._language.counters(side.command, side.reply) for side in (a, b)]
+            if offers(self._language, TellsActs)
+            else [None, None]
+        )
+        if places[0] is not None and places[1] is not None and len(places[0]) == len(places[1]):
+            self._place(pair, places[0], places[1])
+        elif a.reply != b.reply and (a.meaning != b.meaning or not a.meaning):
+            told = [side.meaning or "no reply" for side in (a, b)]
+            self._differ(Kind.REPLY, pair, f"{told[0]} / {told[1]}", 1.0)
+        if None not in (a.counts, b.counts) and a.counts != b.counts and self._slack_steps == 0.0:
+            self._differ(Kind.COUNTERS, pair, f"counters {list(a.counts or ())} / {list(b.counts or ())}", 1.0)
+
+    def _place(self, pair: Pair, a: tuple[int, ...], b: tuple[int, ...]) -> None:
+        off = tuple(there - here for here, there in zip(a, b, strict=True))
+        known = self._off or (0,) * len(off)
+        allowed = self._limits.steps + self._slack_steps
+        both = zip(off, known, strict=True)
+        beyond = [abs(steps) for steps, before in both if min(abs(steps), abs(steps - before)) > allowed]
+        if beyond:
+            # after a reference run that failed counters tell where the machine stood at power-on
+            unlike = not self._nowhere or any((not here) != (not there) for here, there in zip(a, b, strict=True))
+            kind = Kind.POSITION if unlike else Kind.START
+            self._differ(kind, pair, f"counters {list(a)} / {list(b)}", max(beyond))
+        self._off, self._slack_steps = off, float(max(map(abs, off), default=0))
+
+    def _time(self, pair: Pair) -> float:
+        """How much later B is than the model has it, in ns; nan if that says nothing."""
+        a, b, act = pair.a, pair.b, self._acts[pair.number]
+        if pair.later_ns is None or act.stops or self._quick(pair):
+            return math.nan
+        later = float(pair.later_ns) - self.jitter.median_ns
+        allowed = self.tolerance_ns
+        stop_a, stop_b = self._stops_a.get(a.sent_ns), self._stops_b.get(b.sent_ns)
+        if stop_a is not None or stop_b is not None:
+            if stop_a is None or stop_b is None or a.reply != b.reply:
+                return math.nan
+            apart_ns = (stop_b - b.sent_ns) - (stop_a - a.sent_ns)
+            later -= apart_ns
+            fastest_hz = max(act.speeds_hz or (0,), default=0)
+            self._slack_steps += math.ceil((abs(apart_ns) + self.tolerance_ns) * fastest_hz / SECOND_NS)
+        elif act.references:
+            allowed += REFERENCE_NS
+            if act.references & ~self._referenced and a.meaning == b.meaning:
+                self._referenced |= act.references
+                if abs(later) > allowed:
+                    self._differ(Kind.START, pair, f"first reference run {_later(later)}", abs(later))
+                return math.nan
+        elif self._slack_steps:
+            allowed += self._slack_steps / max(min(act.speeds_hz or (1,)), 1) * SECOND_NS
+        else:
+            self._plain.append((pair, later))
+        if abs(later) > allowed and a.meaning == b.meaning:
+            self._differ(Kind.DURATION, pair, _later(later), abs(later))
+        return later
+
+    def _many(self) -> None:
+        """Moves that are each within the tolerance, but too many of them later, or earlier, for chance."""
+        if self.jitter.replies < FEW:
+            return
+        least = max(0.5 * FLOOR_NS, 4.0 * self.jitter.spread_ns)
+        quick = [(pair.later_ns or 0) - self.jitter.median_ns for pair in self._sessions.pairs if self._quick(pair)]
+        known = {one.pair.number for one in self._found}
+        for sign in (1.0, -1.0):
+            beyond = [(pair, ns) for pair, ns in self._plain if sign * ns > least]
+            chance = (sum(sign * ns > least for ns in quick) + 1) / (len(quick) + 2)
+            if chance < MOST_CHANCE and _tail(len(beyond), len(self._plain), chance) < SURE:
+                for pair, ns in beyond:
+                    if pair.number not in known:
+                        self._differ(Kind.DURATION, pair, _later(ns), abs(ns))
+
+
+def _tail(found: int, of: int, chance: float) -> float:
+    """The probability of at least so many."""
+    return sum(math.comb(of, k) * chance**k * (1.0 - chance) ** (of - k) for k in range(found, of + 1))
+
+
+def _later(ns: float) -> str:
+    return f"{abs(ns) / 1e6:.1f} ms {'later' if ns > 0 else 'earlier'} on B"
