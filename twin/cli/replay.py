@@ -146,7 +146,8 @@ def _host_again(recorded: Recorded, spec: TwinSpec, limits: Limits, pace: Pace |
     with call_errors(recorded.path):
         played = play_host(session.pieces, twin, pace)
     end()
-    found = judge(matched(session.exchanges, played), session.language, limits)
+    exact = dataclasses.replace(session.limits, exact_b=True)
+    found = judge(matched(session.exchanges, played), session.language, exact)
     verdict, lines = sessions.verdict(found, None), sessions.words(found, None)
     names = str(recorded.path), "the twin of this call"
     sessions.write_page(output.report, f"isel-twin replay: {recorded.path.name}", verdict, lines, names, found)

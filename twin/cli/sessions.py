@@ -96,6 +96,7 @@ def session_of(recorded: Recorded, controller: str, limits: Limits) -> Session:
 
     language_of(recorded, controller)
     with call_errors(recorded.path):
+        limits = replace(limits, exact_a=recorded.of_twin)
         session = Session(tuple(traffic(recorded)), name_of(recorded, controller), limits)
     if not session.exchanges:
         raise CallError(f"{recorded.path}: the host sends nothing in it: there is nothing to compare")
@@ -108,7 +109,8 @@ def verdict(found: Comparison, explained: Explained | None) -> str:
     if found.same and explained is None:
         return f"the same: {number} compared, 0 differ"
     if explained is not None and explained.causes:
-        but = "; ".join(cause.told for cause in explained.causes)
+        both = zip(explained.causes, explained.alternatives, strict=True)
+        but = "; ".join(", or ".join((cause.told, *others)) for cause, others in both)
         if explained.same:
             return f"the same but for {but}"
         return f"not the same: {but}; and {many(_left(explained), 'difference')} that this does not explain"
@@ -125,10 +127,9 @@ def words(found: Comparison, explained: Explained | None) -> list[str]:
     """What stands below a verdict: causes with what makes the twin so, the weightiest differences with their places."""
     lines = []
     if explained is not None:
-        for cause, others in zip(explained.causes, explained.alternatives, strict=True):
+        for cause in explained.causes:
             seen = f" (seen in {cause.evidence})" if cause.evidence else ""
             lines.append(f"{cause.told}{seen}: {cause.setting}")
-            lines += [f"  or as well: {other}" for other in others]
     shown = found.weighed if explained is None or not explained.causes else list(explained.unexplained)
     lines += [place(one) for one in shown[:SHOWN]]
     if len(shown) > SHOWN:

@@ -1,7 +1,10 @@
 """Judges two sessions laid over each other: what differs beyond what two equal machines would.
 
     replies      by their meaning; counters in them within --step-tolerance
-    durations    within what this session's own quick replies scatter by: `Jitter`
+    durations    within what this session's own quick replies scatter by: `Jitter`. A computer under load is late now
+                 and then, and seldom twice: one duration alone has to differ by more than several; and many that differ
+                 by little count if they rank behind the quick replies beyond chance (Mann and Whitney's test). Delays
+                 only add: a real move that is shorter than that of a twin in virtual time differs, whatever the load
     a stop       comes when the host sends it, which is not the same twice: what it broke off is timed from it, and the
                  counters may differ by what was travelled meanwhile, until a reference run or a counter says more
     reference    the first run of a session begins at an unknown place: set aside as a difference of its own kind
@@ -12,9 +15,10 @@ before are not off again.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from statistics import median
 
@@ -27,13 +31,18 @@ from isel_twin.recordings.reading import Recorded
 QUICK_NS = 250 * MILLISECOND_NS  # longer replies are not those of the controller and its line alone
 FEW = 5  # quick replies that say nothing yet about their scatter
 FEW_TOLERANCE_NS = 10 * MILLISECOND_NS  # with so few
-FLOOR_NS = MILLISECOND_NS  # least tolerance
-SPREADS, LARGEST = 6.0, 3.0  # tolerance: so many spreads of the quick replies, so many times the largest deviation
+FLOOR_NS = 3 * MILLISECOND_NS  # least tolerance; of two recordings without any scatter EXACT_NS
+EXACT_NS = MILLISECOND_NS
+# tolerance: so many spreads of the quick replies, so many times their largest deviation; of one duration alone ALONE
+SPREADS, LARGEST, ALONE = 6.0, 3.0, 10.0
+UNSURE = 16.0  # replies; so many of them double these tolerances
 # A switch trips where it trips within some 10 um, and is left at about 1 mm/s: two runs over three axes differ by 26 ms
 # (one standard deviation); nearly four of them.
 REFERENCE_NS = 100 * MILLISECOND_NS
-SURE = 1e-4  # chance that so many moves are later than the quick replies let expect
-MOST_CHANCE = 0.3  # of a single move
+SURE = 1e-3  # chance that moves without a difference rank so far behind the quick replies, or before them
+CRYSTAL = 2e-4  # by which the clocks of two controllers may differ
+MOST_EXACT = 2000  # product of the numbers up to which the test is exact
+MEDIANS = 3.0  # and their median differs by so many spreads
 
 
 class Kind(StrEnum):
@@ -57,14 +66,26 @@ class Jitter:
 
     @property
     def tolerance_ns(self) -> float:
-        least = FEW_TOLERANCE_NS if self.replies < FEW else FLOOR_NS
-        return max(least, SPREADS * self.spread_ns, LARGEST * self.largest_ns)
+        """Of durations of which several differ."""
+        return self._tolerance_ns(LARGEST)
+
+    @property
+    def alone_ns(self) -> float:
+        """Of a duration that differs alone."""
+        return self._tolerance_ns(ALONE)
+
+    def _tolerance_ns(self, largest: float) -> float:
+        least = EXACT_NS if self.largest_ns == 0.0 else FLOOR_NS
+        least = FEW_TOLERANCE_NS if self.replies < FEW else least
+        unsure = 1.0 + UNSURE / max(self.replies, 1)  # few replies have not shown the largest deviation yet
+        return max(least, unsure * SPREADS * self.spread_ns, unsure * largest * self.largest_ns)
 
     def __str__(self) -> str:
-        numbers = [f"{ns / 1e6:.2f}" for ns in (self.median_ns, self.spread_ns, self.largest_ns, self.tolerance_ns)]
+        known = self.median_ns, self.spread_ns, self.largest_ns, self.tolerance_ns, self.alone_ns
+        later, spread, largest, several, alone = (f"{ns / 1e6:.2f}" for ns in known)
         return (
-            f"{self.replies} quick replies: B later by {numbers[0]} ms, spread {numbers[1]} ms, largest deviation "
-            f"{numbers[2]} ms: durations count beyond {numbers[3]} ms"
+            f"{self.replies} quick replies: B later by {later} ms, spread {spread} ms, largest deviation {largest} ms: "
+            f"durations count beyond {several} ms, one alone beyond {alone} ms"
         )
 
 
@@ -84,6 +105,8 @@ class Limits:
 
     tolerance_ns: float | None = None
     steps: int = 1
+    exact_a: bool = False  # times of this side are of virtual time, without delays
+    exact_b: bool = False
 
 
 USUAL = Limits()
@@ -95,6 +118,7 @@ class Comparison(Matched):
     tolerance_ns: float
     differences: tuple[Difference, ...]  # in the order of the commands
     late_ns: tuple[float, ...]  # of each pair, how much later B is than the model has it; nan: not timed
+    quick_ns: tuple[float, ...]  # how much later each quick reply was on B than the median of them
     by_pair: dict[int, tuple[Difference, ...]] = field(init=False)  # by number of the command
     different: tuple[Pair, ...] = field(init=False)  # the pairs that differ
 
@@ -123,6 +147,7 @@ class Comparison(Matched):
 
 def compare(a: Recorded, b: Recorded, language_a: Language, language_b: Language, limits: Limits = USUAL) -> Comparison:
     """Compare two recordings, each with a fresh language. Raises RecordingError."""
+    limits = replace(limits, exact_a=a.of_twin, exact_b=b.of_twin)
     return judge(matched(exchanges(a, language_a), exchanges(b, language_b)), language_a, limits)
 
 
@@ -166,7 +191,7 @@ class _Judge:
         self._off: tuple[int, ...] = ()  # B less A when counters were last told
         self._referenced = 0  # axes with a reference run before, a mask
         self._nowhere = False  # the last reference run has failed, on both sides alike
-        self._plain: list[tuple[Pair, float]] = []  # moves, and how much later B is
+        self._timed: list[_Timed] = []
 
     def _quick(self, pair: Pair) -> bool:
         act = self._acts[pair.number]
@@ -187,13 +212,13 @@ class _Judge:
         for pair in self._sessions.pairs:
             late.append(self._time(pair))
             self._reply(pair)
-        if self._limits.tolerance_ns is None:
-            self._many()
+        self._durations()
         self._found.sort(key=lambda one: one.pair.number)
         found = tuple(self._found)
         sessions = self._sessions
         return Comparison(
-            *(sessions.pairs, sessions.only_a, sessions.only_b, self.jitter, self.tolerance_ns, found, tuple(late))
+            *(sessions.pairs, sessions.only_a, sessions.only_b),
+            *(self.jitter, self.tolerance_ns, found, tuple(late), tuple(self._quick_ns())),
         )
 
     def _differ(self, kind: Kind, pair: Pair, text: str, weight: float) -> None:
@@ -236,7 +261,7 @@ class _Judge:
         if pair.later_ns is None or act.stops or self._quick(pair):
             return math.nan
         later = float(pair.later_ns) - self.jitter.median_ns
-        allowed = self.tolerance_ns
+        extra = 0.0
         stop_a, stop_b = self._stops_a.get(a.sent_ns), self._stops_b.get(b.sent_ns)
         if stop_a is not None or stop_b is not None:
             if stop_a is None or stop_b is None or a.reply != b.reply:
@@ -246,39 +271,96 @@ class _Judge:
             fastest_hz = max(act.speeds_hz or (0,), default=0)
             self._slack_steps += math.ceil((abs(apart_ns) + self.tolerance_ns) * fastest_hz / SECOND_NS)
         elif act.references:
-            allowed += REFERENCE_NS
+            extra = REFERENCE_NS if self._limits.tolerance_ns is None else 0.0
             if act.references & ~self._referenced and a.meaning == b.meaning:
                 self._referenced |= act.references
-                if abs(later) > allowed:
+                if abs(later) > extra + self.tolerance_ns:
                     self._differ(Kind.START, pair, f"first reference run {_later(later)}", abs(later))
                 return math.nan
         elif self._slack_steps:
-            allowed += self._slack_steps / max(min(act.speeds_hz or (1,)), 1) * SECOND_NS
-        else:
-            self._plain.append((pair, later))
-        if abs(later) > allowed and a.meaning == b.meaning:
-            self._differ(Kind.DURATION, pair, _later(later), abs(later))
+            extra = self._slack_steps / max(min(act.speeds_hz or (1,)), 1) * SECOND_NS
+        if a.meaning == b.meaning:
+            self._timed.append(_Timed(pair, later, extra, references=bool(act.references)))
         return later
 
-    def _many(self) -> None:
-        """Moves that are each within the tolerance, but too many of them later, or earlier, for chance."""
-        if self.jitter.replies < FEW:
-            return
-        least = max(0.5 * FLOOR_NS, 4.0 * self.jitter.spread_ns)
-        quick = [(pair.later_ns or 0) - self.jitter.median_ns for pair in self._sessions.pairs if self._quick(pair)]
-        known = {one.pair.number for one in self._found}
-        for sign in (1.0, -1.0):
-            beyond = [(pair, ns) for pair, ns in self._plain if sign * ns > least]
-            chance = (sum(sign * ns > least for ns in quick) + 1) / (len(quick) + 2)
-            if chance < MOST_CHANCE and _tail(len(beyond), len(self._plain), chance) < SURE:
-                for pair, ns in beyond:
-                    if pair.number not in known:
-                        self._differ(Kind.DURATION, pair, _later(ns), abs(ns))
+    def _durations(self) -> None:
+        asked_ns = self._limits.tolerance_ns
+        for references, sign in itertools.product((False, True), (1.0, -1.0)):
+            timed = [one for one in self._timed if one.references == references]
+            beyond = [one for one in timed if sign * one.late_ns - one.extra_ns > self.tolerance_ns]
+            if asked_ns is None and len(beyond) == 1:
+                beyond = [one for one in beyond if abs(one.late_ns) - one.extra_ns > self.jitter.alone_ns]
+            if asked_ns is None:
+                more = self._references(timed, sign) if references else self._moves(timed, sign)
+                beyond += [one for one in (*more, *self._too_short(timed, sign)) if one not in beyond]
+            for one in beyond:
+                self._differ(Kind.DURATION, one.pair, _later(one.late_ns), abs(one.late_ns))
+
+    def _quick_ns(self) -> list[float]:
+        """How much later each quick reply was on B than the median of them."""
+        quick = (pair for pair in self._sessions.pairs if self._quick(pair) and pair.a.reply == pair.b.reply)
+        return [(pair.later_ns or 0) - self.jitter.median_ns for pair in quick]
+
+    def _moves(self, timed: Sequence[_Timed], sign: float) -> list[_Timed]:
+        """Moves that are later by little (sign: or earlier), if they are so beyond chance."""
+        plain = [one for one in timed if one.extra_ns == 0.0]
+        least = max(0.5 * EXACT_NS, MEDIANS * self.jitter.spread_ns)
+        if not plain or sign * median(one.late_ns for one in plain) < least:
+            return []
+        if _chance([sign * one.late_ns for one in plain], [sign * ns for ns in self._quick_ns()]) > SURE:
+            return []
+        return [one for one in plain if sign * one.late_ns > least]
+
+    def _too_short(self, timed: Sequence[_Timed], sign: float) -> list[_Timed]:
+        """Commands that are shorter on the side with delays than its shortest delays let expect."""
+        exact = self._limits.exact_b if sign > 0 else self._limits.exact_a
+        quick = self._quick_ns()
+        if not exact or len(quick) < FEW or (self._limits.exact_a and self._limits.exact_b):
+            return []
+        least = max(sign * ns for ns in quick) + FLOOR_NS
+        return [
+            one
+            for one in timed
+            if sign * one.late_ns - one.extra_ns
+            > least + CRYSTAL * max(one.pair.a.duration_ns or 0, one.pair.b.duration_ns or 0)
+        ]
+
+    def _references(self, timed: Sequence[_Timed], sign: float) -> list[_Timed]:
+        """Reference runs after the first, if several differ by what no quick reply did."""
+        least = REFERENCE_NS + SPREADS * self.jitter.spread_ns
+        beyond = [one for one in timed if sign * one.late_ns > least]
+        unusual = all(sign * ns < REFERENCE_NS for ns in self._quick_ns())
+        return beyond if len(beyond) > 1 and unusual else []
 
 
-def _tail(found: int, of: int, chance: float) -> float:
-    """The probability of at least so many."""
-    return sum(math.comb(of, k) * chance**k * (1.0 - chance) ** (of - k) for k in range(found, of + 1))
+@dataclass(frozen=True)
+class _Timed:
+    """A command whose duration says something."""
+
+    pair: Pair
+    late_ns: float  # how much later B is
+    extra_ns: float  # tolerated beside the jitter
+    references: bool
+
+
+def _chance(these: Sequence[float], those: Sequence[float]) -> float:
+    """The probability that the first rank so far above the second if both are alike: Mann and Whitney's test, exact
+    for small numbers. Ties count half."""
+    n, m = len(these), len(those)
+    if not n or not m:
+        return 1.0
+    above = sum((a > b) + 0.5 * (a == b) for a in these for b in those)
+    if n * m > MOST_EXACT:
+        spread = math.sqrt(n * m * (n + m + 1) / 12.0)
+        return 0.5 * math.erfc((above - 0.5 * n * m - 0.5) / spread / math.sqrt(2.0))
+    ways = [[1] + [0] * (n * m) for _ in range(m + 1)]  # of j of those and the first i of these, by their sum
+    for _ in range(n):
+        new = [[1] + [0] * (n * m)]
+        for j in range(1, m + 1):
+            # the highest of all is one of these, above j of those, or one of those
+            new.append([ways[j][u - j] * (u >= j) + new[j - 1][u] for u in range(n * m + 1)])
+        ways = new
+    return sum(ways[m][math.floor(above) :]) / math.comb(n + m, n)
 
 
 def _later(ns: float) -> str:

@@ -4,8 +4,7 @@
     reference runs after the first do         reference speed in the flash, play of an axis      a number, solved for
     a reply is another one                    firmware of the family, a stuck end switch         each in turn
 
-A number is solved for by the secant method: the sum of all such durations is monotonic in it. Durations are limited
-to a few times the usual one, so that one late reply of a busy computer does not decide.
+A number is solved for by the secant method: durations are monotonic in it.
 """
 
 from __future__ import annotations
@@ -13,12 +12,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from statistics import fmean
 
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.controller import controller_names
 from isel_twin.controller.roles import offers
 from isel_twin.core.spec import TwinSpec
-from isel_twin.language import Act, TellsActs, create_language
+from isel_twin.language import TellsActs, create_language
 from isel_twin.many.learning.session import Session
 from isel_twin.recordings.judging import Comparison, Kind
 
@@ -26,7 +26,9 @@ FAULTS = ("stuck_closed", "stuck_open")  # a broken wire is an open contact
 PLAY_MM = 0.1  # first step of the search for play
 MOST_PLAY_MM = 2.0
 ROUNDS = 7  # most steps of a search
-CAP = 3.0  # durations count up to so many times their median
+CLOSE_ENOUGH = 0.05  # of the spread of quick replies
+LEAST_SPREAD_NS = 10_000.0  # of quick replies that do not scatter: their line has whole nanoseconds, the rest has not
+LEAST_LATE = 2  # durations that are least late
 REPLY_COST, POSITION_COST, TIME_COST, MOST_LATE = 1000.0, 300.0, 10.0, 5.0
 
 
@@ -139,7 +141,11 @@ def _play(session: Session, spec: TwinSpec, found: Comparison) -> Iterator[Cause
 
 
 class _Search:
-    """The value of one number with which durations are as recorded."""
+    """The value of one number with which durations are as recorded.
+
+    Delays of a busy computer only make a recorded move longer, so of those that depend on the number the ones count
+    that are least late, beside the quick replies that are least late. Reference runs are too few for that: their mean.
+    """
 
     def __init__(
         self,
@@ -151,29 +157,38 @@ class _Search:
         of_references: bool,
     ) -> None:
         self._session, self._with_value, self._limits, self._invert = session, with_value, limits, invert
-        self._of_references = of_references
-        late = sorted(abs(ns) for ns in self._late(base))
-        self._cap_ns = CAP * late[len(late) // 2] if late else 0.0
-        self._spread_ns = max(base.jitter.spread_ns, 1e4)
-        self._first = self._sum(base)
-        self._count = len(late)
+        self._of_references, self._base = of_references, base
+        self._spread_ns = max(base.jitter.spread_ns, LEAST_SPREAD_NS)
+        self._numbers: frozenset[int] | None = None  # commands that depend on it
         what = "reference runs after the first" if of_references else "moves"
-        self.evidence = f"{len(late)} {what}"
+        self.evidence = f"{len(self._late(base))} {what}"
 
-    def _counts(self, act: Act) -> bool:
-        return bool(act.references) == self._of_references and act.speeds_hz is not None
+    def _late(self, found: Comparison) -> dict[int, float]:
+        """How much later the twin is, by number of the command."""
+        acts, wanted = self._session.acts, self._of_references
+        return {
+            pair.number: ns
+            for pair, ns in zip(found.pairs, found.late_ns, strict=True)
+            if not math.isnan(ns)
+            and bool(acts[pair.number - 1].references) == wanted
+            and acts[pair.number - 1].speeds_hz is not None
+        }
 
-    def _late(self, found: Comparison) -> list[float]:
-        both = zip(found.pairs, found.late_ns, strict=True)
-        acts = self._session.acts
-        return [ns for pair, ns in both if not math.isnan(ns) and self._counts(acts[pair.number - 1])]
+    def _judged(self, value: float) -> Comparison:
+        spec = self._with_value(value)
+        return self._session.judged(spec if self._of_references else spec.with_(plant="kinematic"))
 
-    def _sum(self, found: Comparison) -> float:
-        return sum(max(-self._cap_ns, min(self._cap_ns, ns)) for ns in self._late(found))
+    def _score(self, found: Comparison) -> float:
+        """How much later the twin is, in ns: 0 where the number is right."""
+        late = sorted((ns for number, ns in self._late(found).items() if number in (self._numbers or ())), reverse=True)
+        if not late:
+            return math.nan
+        if self._of_references or found.jitter.largest_ns == 0.0:
+            return fmean(late)
+        return fmean(late[:LEAST_LATE]) - fmean(sorted(found.quick_ns, reverse=True)[:LEAST_LATE] or [0.0])
 
     def _at(self, value: float) -> float:
-        spec = self._with_value(value)
-        return self._sum(self._session.judged(spec if self._of_references else spec.with_(plant="kinematic")))
+        return self._score(self._judged(value))
 
     def nearest(self, value: int) -> int:
         """The whole number beside this one, or this one, with which the durations are closest."""
@@ -184,24 +199,29 @@ class _Search:
     def solve(self, has: float, other: float) -> tuple[float, float] | None:
         """The value and its standard deviation; None if the durations do not depend on it, or none is as recorded."""
         bend: Callable[[float], float] = (lambda v: 1.0 / v) if self._invert else (lambda v: v)
-        u, at, u2, at2 = bend(has), self._first, bend(other), self._at(other)
-        scatter = self._spread_ns * math.sqrt(max(self._count, 1))
+        moved, before = self._judged(other), self._late(self._base)
+        by = {number: abs(ns - before.get(number, ns)) for number, ns in self._late(moved).items()}
+        most = max(by.values(), default=0.0)
+        self._numbers = frozenset(number for number, ns in by.items() if ns > 0.5 * most)
+        first = at = self._score(self._base)
+        u, u2, at2 = bend(has), bend(other), self._score(moved)
         slope = 0.0
         for _ in range(ROUNDS):
             if u2 == u or at2 == at:
                 break
             slope = (at2 - at) / (u2 - u)
-            if abs(at2) <= 0.05 * scatter:
+            if math.isnan(slope) or abs(at2) <= CLOSE_ENOUGH * self._spread_ns:
                 break
-            ends = sorted(map(bend, (max(self._limits[0], 1.0) if self._invert else self._limits[0], self._limits[1])))
+            low = max(self._limits[0], 1.0) if self._invert else self._limits[0]
+            ends = sorted(map(bend, (low, self._limits[1])))
             new = min(max(u2 - at2 / slope, ends[0]), ends[1])
             if new == u2:
                 break
             u, at, u2 = u2, at2, new
             at2 = self._at(bend(u2) if self._invert else u2)
-        if slope == 0.0 or abs(at2) >= abs(self._first):
+        if slope == 0.0 or not abs(at2) < abs(first):
             return None
-        value, sigma_u = bend(u2), scatter / abs(slope)
+        value, sigma_u = bend(u2), self._spread_ns / abs(slope)
         return value, sigma_u * value * value if self._invert else sigma_u
 
 

@@ -11,7 +11,7 @@ from isel_twin.recordings.judging import Comparison, Difference, Kind
 
 MOST_CAUSES = 3
 LEAST_SHARE = 0.5  # of what differs, a cause explains at least so much
-ALIKE = 1.02  # causes of which none explains more than the others by this factor cannot be told apart
+ALIKE, NEAR = 1.5, 0.3  # causes that leave nothing marked, at such a multiple of the cost and so much, are alike
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,8 @@ def explained(session: Session, spec: TwinSpec, *, unknown_start: bool = True, m
         if not judged or judged[0][0] > LEAST_SHARE * cost(found):
             break
         _, cause, _ = judged[0]
-        alike = [other.told for price, other, _ in judged[1:] if price <= ALIKE * judged[0][0] + 0.1]
+        most_cost = min(ALIKE * judged[0][0] + NEAR, TIME_COST)
+        alike = [other.told for price, other, _ in judged[1:] if price <= most_cost]
         causes.append(cause)
         others.append(tuple(alike))
         spec = cause.spec

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from isel_twin.base.axes import CARRIAGES
@@ -56,7 +56,8 @@ class Session:
 
     def judged(self, spec: TwinSpec) -> Comparison:
         """The recording (A) compared with this candidate (B)."""
-        return judge(matched(self.exchanges, self.played(spec)), self.language, self.limits)
+        limits = replace(self.limits, exact_b=True)
+        return judge(matched(self.exchanges, self.played(spec)), self.language, limits)
 
     def first_references(self) -> list[tuple[int, int]]:
         """Index of each command that references axes for the first time, and a mask of these."""
