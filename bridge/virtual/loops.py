@@ -1,4 +1,4 @@
-"""asyncio in virtual time: a loop that waits in the turns of the host's threads, and watches the port.
+"""asyncio in virtual time (bridge/24): a loop that waits in the turns of the host's threads, and watches the port.
 
     loop.select(timeout)  -->  Turns.wait: until a timer, a byte at the port, or another thread wakes the loop
 
@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 import selectors
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any, NoReturn
+from typing import Any
 
 from isel_twin.base.units import SECOND_NS
 from isel_twin.bridge.virtual.stand_in import StandIn
@@ -87,7 +87,7 @@ class VirtualLoop(asyncio.SelectorEventLoop):
     def _write_to_self(self) -> None:
         self._waits.wake()
 
-    def add_signal_handler(self, sig: int, callback: Any, *args: Any) -> NoReturn:
+    def add_signal_handler(self, sig: int, callback: Callable[..., object], *args: Any) -> None:
         """As on Windows, for which hosts have to be prepared anyway."""
         raise NotImplementedError("a loop in virtual time has no signal handlers; use signal.signal")
 

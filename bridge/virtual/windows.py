@@ -27,7 +27,7 @@ REMEDY = f"run the program's logic without its window, or {SERVE}"
 def refusing(real: type, module: str) -> type:
     """The class, of which a thread of a host cannot make an object."""
 
-    class Refusing(real):  # type: ignore[valid-type, misc]
+    class Refusing(real):
         def __init__(self, *args: Any, **kwargs: Any) -> None:
             if here() is not None:
                 refuse(f"{module}.{real.__name__}, whose main loop waits in real time,", REMEDY)

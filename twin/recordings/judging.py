@@ -1,7 +1,7 @@
 """Judges two sessions laid over each other: what differs beyond what two equal machines would.
 
     replies      by their meaning; counters in them within --step-tolerance
-    durations    within what this session's own quick replies scatter by: `Jitter`. A computer under load is late now
+    durations    within what this session's own quick replies scatter by: `Jitter` (recordings/5). A computer under load is late now
                  and then, and seldom twice: one duration alone has to differ by more than several; and many that differ
                  by little count if they rank behind the quick replies beyond chance (Mann and Whitney's test). Delays
                  only add: a real move that is shorter than that of a twin in virtual time differs, whatever the load
@@ -217,8 +217,14 @@ class _Judge:
         found = tuple(self._found)
         sessions = self._sessions
         return Comparison(
-            *(sessions.pairs, sessions.only_a, sessions.only_b),
-            *(self.jitter, self.tolerance_ns, found, tuple(late), tuple(self._quick_ns())),
+            sessions.pairs,
+            sessions.only_a,
+            sessions.only_b,
+            self.jitter,
+            self.tolerance_ns,
+            found,
+            tuple(late),
+            tuple(self._quick_ns()),
         )
 
     def _differ(self, kind: Kind, pair: Pair, text: str, weight: float) -> None:

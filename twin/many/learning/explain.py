@@ -1,4 +1,5 @@
-"""Which causes make the twin answer as the recording does: one at a time, the one that explains most first."""
+"""Which causes make the twin answer as the recording does (recordings/6): one at a time, the one that explains most
+first."""
 
 from __future__ import annotations
 
