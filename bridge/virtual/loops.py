@@ -87,7 +87,9 @@ class VirtualLoop(asyncio.SelectorEventLoop):
     def _write_to_self(self) -> None:
         self._waits.wake()
 
-    def add_signal_handler(self, sig: int, callback: Callable[..., object], *args: Any) -> None:
+    def add_signal_handler(  # type: ignore[override]
+        self, sig: int, callback: Callable[..., object], *args: Any
+    ) -> None:
         """As on Windows, for which hosts have to be prepared anyway."""
         raise NotImplementedError("a loop in virtual time has no signal handlers; use signal.signal")
 
