@@ -124,7 +124,7 @@ def test_a_module_a_folder_and_a_text(tmp_path):
         (["--set", "nonsense", "--", "python", "-c", "1"], "--set 'nonsense'"),
         (["--seed", "-1", "--", "python", "-c", "1"], "--seed"),
         (["--timeout", "nan", "--", "python", "-c", "1"], "--timeout nan"),
-        (["--", "python", "-c", "import asyncio; asyncio.run(asyncio.sleep(1))"], "asyncio"),
+        (["--", "python", "-c", "import asyncio; asyncio.SelectorEventLoop()"], "asyncio"),
         (["--", "python", "-c", "import subprocess; subprocess.run(['ls'])"], "subprocess"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",

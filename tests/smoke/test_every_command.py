@@ -46,6 +46,7 @@ IN_ORDER: dict[str, tuple[object, ...]] = {
     "convert": ("part.nc",),
     "replay": ("run.mcap",),
     "compare": ("run.mcap", "run.mcap"),
+    "learn": ("run.mcap",),
     "export": ("run.mcap", "out.vcd"),
     "drive": ("run.npz",),
     "exec": (*KINEMATIC, "--", "python", "host.py"),
