@@ -338,7 +338,8 @@ CHAPTER = [
 ELSEWHERE = {
     1105: "test_bwo900_operating.py", 1268: "test_bwo900_feed.py", 1269: "test_bwo900_feed.py",
     1235: "test_bwo900_curves.py", 1224: "test_bwo900_spindle.py", 8303: "test_bwo900_spindle.py",
-    1310: "test_bwo900_plc_requests.py", 2022: "test_bwo900_parameters.py", 8016: "test_bwo900_machining.py", 8038: "test_cycles.py",
+    1310: "test_bwo900_plc_requests.py", 2022: "test_bwo900_parameters.py", 8016: "test_bwo900_machining.py",
+    8038: "test_cycles.py",
 }  # fmt: skip
 """Messages whose conditions are other tests' business."""
 OWN = {1307: "_a[1] of a symbol that is no parameter", 3001: "emergency stop", 3002: "drives off"}

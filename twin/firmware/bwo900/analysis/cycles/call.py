@@ -55,8 +55,8 @@ class Call:
     block. words: axis words of the block, absolute program coordinates by axis number; empty: none. feed: F in force,
     mm/min, None: none. speed: S in force in 1/min, None: none. turning: +1 M03, -1 M04, 0 spindle off. motion: 0, 1, 2,
     3, of the G00 group. inner: number of the machining cycle that stands in the block of a pattern cycle. polar: the
-    words are polar coordinates. coupled: there is a spindle whose speed can be measured. has_tool: T has called one for the
-    path.
+    words are polar coordinates. coupled: there is a spindle whose speed can be measured. has_tool: T has called one for
+    the path.
     """
 
     parameters: Mapping[int, float]
