@@ -189,7 +189,8 @@ class PieceMaker:
         counts: list[int] = []
         for plain, group in groupby(blocks, self._joins_by_a_line):
             run = list(group)
-            made = self._lines([block.elements[0] for block in run], run) if plain and len(run) >= MANY else None
+            lines = [element for block in run for element in block.elements if isinstance(element, Straight)]
+            made = self._lines(lines, run) if plain and len(run) >= MANY else None
             if made is not None:
                 counts += [1] * len(run)
             else:
@@ -214,7 +215,7 @@ class PieceMaker:
         )
 
     def _lines(
-        self, lines: Sequence[Element], blocks: Sequence[PathBlock]
+        self, lines: Sequence[Straight], blocks: Sequence[PathBlock]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
         """As `_one_by_one`, to the bit, for many blocks that join by lines; None if one of them is left out there, or
         has an error."""
