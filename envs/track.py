@@ -351,16 +351,24 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         """Set up a machine with the options of this episode, at rest at the start of its path."""
         start_mm = self._start_mm(self._points)
         stands = (*(self._options.get(name) for name in VARIATIONS), *start_mm)
-        if stands != self._stands:
-            machine = varied(self.machine, self._options)
-            plant = MujocoPlant(machine, (), start_mm, 3, load_model(machine, visual=False))
-            plant.set_power(stages=True, brake_released=True, lowering=False)
-            plant.advance(_SETTLING_NS, np.empty(0, np.int64), np.empty((0, 3), np.int32))
-            plant.watch_margin()
-            self._plant, self._stands, self._settled = plant, stands, plant.save()
-            self._shape_mm = np.ascontiguousarray(plant.shape_mm)
-        assert self._plant is not None
-        self._plant.restore(self._settled)
+        again = stands == self._stands
+        if again and self._settled:
+            assert self._plant is not None
+            self._plant.restore(self._settled)
+            return
+        self._stands, self._settled = (), {}
+        machine = varied(self.machine, self._options)
+        if self._plant is None:
+            self._plant = MujocoPlant(machine, (), start_mm, 3, load_model(machine, visual=False))
+        else:
+            self._plant.become(machine, start_mm)
+        self._plant.set_power(stages=True, brake_released=True, lowering=False)
+        self._plant.advance(_SETTLING_NS, np.empty(0, np.int64), np.empty((0, 3), np.int32))
+        self._plant.watch_margin()
+        self._shape_mm = self._plant.shape_mm
+        self._stands = stands
+        if again:  # who comes twice will come again
+            self._settled = self._plant.save()
 
     def _bind(self) -> None:
         assert self._plant is not None

@@ -47,9 +47,7 @@ def load_model(machine: Machine, *, visual: bool = True, watched: bool = False) 
     joint does not have exactly one coordinate.
     """
     model = copy.copy(_compiled(_Asked(_bare(machine), visual, watched, machine)))
-    for axis in machine.axes:
-        model.dof_frictionloss[model.joint(axis.name).dofadr] = axis.guide_friction_n
-    _dress(machine, model)
+    dress(machine, model, mujoco.MjData(model))
     return model
 
 
@@ -66,10 +64,13 @@ class _Asked:
 def _bare(machine: Machine) -> Hashable:
     """All of a machine that `_compiled` looks at, and when its files were written."""
     files = [machine.model_file, machine.fixture_file, *(fixture.file for fixture in machine.fixtures)]
+    return tuple(_written(file) for file in files if file is not None), repr(machine.fixtures), _tree(machine)
+
+
+def _tree(machine: Machine) -> Hashable:
+    """The same without the files."""
     return (
-        tuple(_written(file) for file in files if file is not None),
-        repr(machine.fixtures),
-        tuple(machine.masses_kg.items()),
+        tuple(machine.masses_kg),
         tuple((axis.name, axis.stop_margin_mm, axis.travel_mm) for axis in machine.axes),
         tuple(mode.joint for mode in machine.structure),
         machine.imperfections.structure,
@@ -87,7 +88,7 @@ def _written(file: Path) -> Hashable:
 
 @lru_cache(MODELS)
 def _compiled(asked: _Asked) -> mujoco.MjModel:
-    """The model without springs of the structure and payload. Errors: `load_model`."""
+    """The model with the masses of its file, without springs of the structure and payload. Errors: `load_model`."""
     machine, visual, watched = asked.machine, asked.visual, asked.watched
     try:
         spec = mujoco.MjSpec.from_file(str(machine.model_file))
@@ -114,10 +115,6 @@ def _compiled(asked: _Asked) -> mujoco.MjModel:
             raise MachineError(f"{machine.fixture_file}: {one_line(str(error))}") from None
     if machine.fixtures:
         lay(spec, machine.fixtures)
-    for name, mass_kg in machine.masses_kg.items():
-        body = spec.body(name)
-        body.inertia = body.inertia * (mass_kg / body.mass)
-        body.mass = mass_kg
     spec.option.timestep = machine.timing.mujoco_step_ns * 1e-9
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     for axis in machine.axes:
@@ -148,7 +145,35 @@ def _compiled(asked: _Asked) -> mujoco.MjModel:
     return model
 
 
-def _dress(machine: Machine, model: mujoco.MjModel) -> None:
+def same_model(machine: Machine, other: Machine) -> bool:
+    """Whether the models of two machines differ in nothing but what `dress` puts on them."""
+    one, two = ((each.model_file, each.fixture_file, each.fixtures, _tree(each)) for each in (machine, other))
+    return one == two
+
+
+def redress(machine: Machine, worn: Machine, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Put the numbers of a machine on a model of `load_model`, watched or not visual, in place of those of the machine
+    it was loaded for: the result is what `load_model` gives. Both have the `same_model`. data: of it, for scratch."""
+    bare = _compiled(_Asked(_bare(worn), False, model.nsensor > 0, worn))
+    for name in ("body_mass", "body_inertia", "dof_M0", "jnt_stiffness", "dof_damping"):
+        getattr(model, name)[...] = getattr(bare, name)
+    model.stat.meaninertia, model.stat.meanmass = bare.stat.meaninertia, bare.stat.meanmass
+    dress(machine, model, data)
+
+
+def dress(machine: Machine, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Put guide friction, masses, springs of the structure and payload of a machine on a model as `_compiled` left it.
+    data: of the model, for scratch."""
+    for axis in machine.axes:
+        model.dof_frictionloss[model.joint(axis.name).dofadr] = axis.guide_friction_n
+    stated = _means(model) != (model.stat.meaninertia, model.stat.meanmass)  # by the file, not computed
+    for name, mass_kg in machine.masses_kg.items():
+        body = model.body(name).id
+        model.body_inertia[body] *= mass_kg / model.body_mass[body]
+        model.body_mass[body] = mass_kg
+    mujoco.mj_setConst(model, data)
+    if not stated:  # MuJoCo computes them when it compiles, and its solver asks for one
+        model.stat.meaninertia, model.stat.meanmass = _means(model)
     if machine.imperfections.structure:
         for mode in machine.structure:
             joint = model.joint(mode.joint)
@@ -157,7 +182,12 @@ def _dress(machine: Machine, model: mujoco.MjModel) -> None:
             model.dof_damping[joint.dofadr] = 2.0 * mode.damping_ratio * math.sqrt(mode.stiffness_n_per_m * mass_kg)
     if machine.payload_kg > 0.0:  # at the table's centre of gravity: the table does not turn, so any place does
         model.body_mass[model.body("table").id] += machine.payload_kg
-        mujoco.mj_setConst(model, mujoco.MjData(model))
+        mujoco.mj_setConst(model, data)
+
+
+def _means(model: mujoco.MjModel) -> tuple[float, float]:
+    """Mean inertia of the joints and mean mass of the bodies, as MuJoCo's compiler computes them."""
+    return sum(model.dof_M0.tolist()) / model.nv, sum(model.body_mass.tolist()) / (model.nbody - 1)
 
 
 def tool_motion(machine: Machine, model: mujoco.MjModel) -> NDArray[np.float64]:
