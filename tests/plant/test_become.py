@@ -86,11 +86,12 @@ def test_it_is_to_the_bit_a_new_one(name: str) -> None:
     assert (plant.machine, plant.time_ns, plant.take_collisions()) == (other, 90 * MS, ())
 
 
-def test_it_becomes_what_it_was(name: str = "4030") -> None:
-    plant = used(load_machine(name))
-    plant.become(drawn(name, 1), START_MM)
-    plant.become(load_machine(name), START_MM)
-    assert moved(plant) == moved(MujocoPlant(load_machine(name), THRESHOLDS, START_MM))
+def test_it_becomes_what_it_was() -> None:
+    machine = load_machine("4030")
+    plant = used(machine)
+    plant.become(drawn("4030", 1), START_MM)
+    plant.become(machine, START_MM)
+    assert moved(plant) == moved(MujocoPlant(machine, THRESHOLDS, START_MM))
 
 
 @pytest.mark.parametrize(

@@ -21,11 +21,11 @@ SIZES = ("body_mass", "body_subtreemass", "dof_frictionloss", "dof_damping", "do
 
 
 def compiled() -> int:
-    return module._compiled.cache_info().misses
+    return module.compiled.cache_info().misses
 
 
 def fresh(machine: Any, **how: bool) -> mujoco.MjModel:
-    module._compiled.cache_clear()
+    module.compiled.cache_clear()
     return load_model(machine, **how)
 
 

@@ -216,7 +216,7 @@ def pull_out_predictions(motor: Motor, stage: Stage, speed_rpm: NDArray[np.float
 
 @njit(nogil=True, error_model="numpy")
 def _predict(rpm, pole_pairs, resistance, inductance, km, iron_drag, iron_knee, current, half_v, two, torque_nm):
-    """Fill in torque_nm [n]. two: 2.0, told at run time, so that squares are those of Python's `**`, to the last bit."""
+    """Fill in torque_nm [n]. two: 2.0, told at run time: squares are then those of Python's `**`, to the last bit."""
     for k in range(rpm.shape[0]):
         omega = rpm[k] * 2.0 * math.pi / 60.0
         impedance = complex(resistance, pole_pairs * omega * inductance)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -32,7 +33,7 @@ from isel_twin.plant.glide import JOINT, gliding, stands_alone
 from isel_twin.plant.lead import no_leads
 from isel_twin.plant.margin import SPEEDS, available_torque
 from isel_twin.plant.memory import Parts
-from isel_twin.plant.model import left_of_x, reach, tool_motion
+from isel_twin.plant.model import MODELS, Asked, asked_of, compiled, left_of_x, reach, tool_motion
 from isel_twin.plant.native import mj_step_address
 from isel_twin.plant.thread import SCREW, feel
 
@@ -76,12 +77,36 @@ class Built:
         return joints_n, nuts_n
 
 
+@dataclass(frozen=True)
+class _Frame:
+    """What follows from the bodies of a model, whatever they weigh."""
+
+    reach: Mapping[str, NDArray[np.float64]]
+    left: float
+    alone: bool
+
+
+@lru_cache(MODELS)
+def _frame(asked: Asked) -> _Frame:
+    model = compiled(asked)
+    data = mujoco.MjData(model)
+    found = reach(asked.machine, model, data)
+    for way in found.values():
+        way.flags.writeable = False
+    return _Frame(found, left_of_x(asked.machine, model, data), stands_alone(model, data))
+
+
 def build(
-    machine: Machine, thresholds: Sequence[Threshold], start_mm: NDArray[np.float64], axes: int, model: mujoco.MjModel
+    machine: Machine,
+    thresholds: Sequence[Threshold],
+    start_mm: NDArray[np.float64],
+    axes: int,
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
 ) -> Built:
-    """Arguments and errors: `MujocoPlant`."""
+    """data: of the model. Other arguments and errors: `MujocoPlant`."""
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION  # the motors are those of the drives
-    data, nv = mujoco.MjData(model), model.nv
+    nv, frame = model.nv, _frame(asked_of(machine, visual=False, watched=model.nsensor > 0))
     laid = np.concatenate([np.zeros(0, memory.THRESHOLD), *map(_threshold, thresholds)])
     parts = _parts(model, data, laid, max(axes, memory.AXES))
     built = Built(
@@ -92,9 +117,9 @@ def build(
         memory=memory.memory_of(parts),
         dof=np.array([model.joint(name).dofadr[0] for name in CARRIAGES]),
         shape_mm=np.zeros((len(CARRIAGES), nv)),
-        reach=reach(machine, model, data),
-        left=left_of_x(machine, model, data),
-        alone=stands_alone(model, data),
+        reach=frame.reach,
+        left=frame.left,
+        alone=frame.alone,
         thresholds=laid.copy(),
         closed=np.zeros(memory.AXES, np.bool_),
         coulomb_nm=np.zeros(memory.AXES),
@@ -118,7 +143,8 @@ def _fill(built: Built, start_mm: NDArray[np.float64]) -> None:
     """All numbers of the machine, at power-on, whatever was there before."""
     machine, model, data, parts, dof = built.machine, built.model, built.data, built.parts, built.dof
     substep_s = machine.timing.substep_ns * 1e-9
-    parts.drives[:] = np.concatenate([_drive(machine, axis, substep_s) for axis in machine.axes])
+    for i, axis in enumerate(machine.axes):
+        parts.drives[i] = _drive(machine, axis, substep_s)[0]
     parts.joints_law[:], parts.mobility[:] = gliding(model, data, built.alone)
     mujoco.mj_resetData(model, data)
     data.qpos[dof] = np.asarray(start_mm) * 1e-3
@@ -219,17 +245,9 @@ def _power_on(machine: Machine, built: Built) -> None:
     """The state of the loop at power-on; MuJoCo's is there already."""
     model, data, parts, plant = built.model, built.data, built.parts, built.parts.plant
     step_s = machine.timing.mujoco_step_ns * 1e-9
-    for part in (
-        plant,
-        parts.axes,
-        parts.screws,
-        parts.commanded,
-        parts.push,
-        parts.cut,
-        parts.touching,
-        parts.touched_m,
-    ):
-        part[...] = np.zeros((), part.dtype)
+    for part in (plant, parts.axes, parts.screws, parts.commanded, parts.push, parts.cut, parts.touching):
+        part.view(np.uint8).fill(0)
+    parts.touched_m.fill(0.0)
     parts.states[:] = axis_states(memory.AXES)
     parts.leads[:] = no_leads(len(parts.commanded))
     parts.thresholds[:] = built.thresholds
@@ -323,14 +341,12 @@ def _stiffest_n_per_m(axis: Axis) -> float:
 
 def _drive(machine: Machine, axis: Axis, substep_s: float) -> NDArray[np.void]:
     """One record of AXIS_PARAMETERS, shape [1], with the screw where it is stiffest. Raises MachineError."""
-    stiffest = replace(
-        axis.screw, stiffness_n_per_m=_stiffest_n_per_m(axis), rod_n=math.inf, free_length_m=0.0, middle_m=0.0
-    )
+    stiffest = _stiffest_n_per_m(axis)
     try:
         if isinstance(axis.stage, ServoDrive) and isinstance(axis.motor, ServoMotor):
-            return servo_parameters(axis.motor, axis.stage, stiffest, substep_s)
+            return servo_parameters(axis.motor, axis.stage, axis.screw, substep_s, stiffest)
         if isinstance(axis.stage, Stage) and isinstance(axis.motor, Motor):
-            return axis_parameters(axis.motor, axis.stage, stiffest, substep_s)
+            return axis_parameters(axis.motor, axis.stage, axis.screw, substep_s, stiffest)
         raise ValueError("motor and stage of two kinds")
     except ValueError as error:
         raise MachineError(f"{machine.file}: axes.{axis.name}: {error}") from None

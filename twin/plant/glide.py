@@ -108,25 +108,16 @@ def gliding(
     joints["stuck_kg"][dof] = 1.0 / (np.diagonal(mobility)[dof] + data.efc_R)
     joints["low_m"], joints["high_m"] = bounds
     blank(model, data)
+    state = data.qpos, data.qvel, data.qfrc_applied, np.zeros((4, model.nv))
     step = mj_step_address(), model._address, data._address
-    if not _agrees(
-        joints,
-        mobility,
-        model.opt.timestep,
-        *step,
-        data.qpos,
-        data.qvel,
-        data.qfrc_applied,
-        bounds,
-        np.zeros((4, model.nv)),
-    ):
+    if not _agrees(joints, mobility, model.opt.timestep, *step, bounds, *state):
         joints["low_m"] = joints["high_m"] = np.nan
     return joints, mobility
 
 
 def stands_alone(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
-    """Whether a model has slides alone, between whose stops nothing but dry friction acts on them. It does not depend on
-    masses, springs and friction. data: for scratch."""
+    """Whether a model has slides alone, between whose stops nothing but dry friction acts on them. It does not depend
+    on masses, springs and friction. data: for scratch."""
     special = model.neq or model.ntendon or model.nflex or model.nplugin or model.npair
     if special or (model.jnt_type != mujoco.mjtJoint.mjJNT_SLIDE).any():
         return False
@@ -141,7 +132,7 @@ def stands_alone(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
 
 
 @njit(nogil=True, error_model="numpy")
-def _agrees(joints, mobility, h_s, mj_step, model, data, qpos, qvel, qfrc, bounds, scratch):
+def _agrees(joints, mobility, h_s, mj_step, model, data, bounds, qpos, qvel, qfrc, scratch):
     """True if steps equal MuJoCo's: at rest, creeping, moving, each unpushed and pushed, at one end of the bounds, the
     other or between. scratch [4, nv]."""
     n = qpos.shape[0]

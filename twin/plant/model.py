@@ -46,13 +46,19 @@ def load_model(machine: Machine, *, visual: bool = True, watched: bool = False) 
     Raises MachineError if model or fixture cannot be read, a joint or body that the machine names is missing, or a
     joint does not have exactly one coordinate.
     """
-    model = copy.copy(_compiled(_Asked(_bare(machine), visual, watched, machine)))
-    dress(machine, model, mujoco.MjData(model))
-    return model
+    return load(machine, visual=visual, watched=watched)[0]
+
+
+def load(machine: Machine, *, visual: bool, watched: bool) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    """As `load_model`, with data for it in some state."""
+    model = copy.copy(compiled(asked_of(machine, visual=visual, watched=watched)))
+    data = mujoco.MjData(model)
+    dress(machine, model, data)
+    return model, data
 
 
 @dataclass(frozen=True)
-class _Asked:
+class Asked:
     """A model to compile; equal to another if the same would come out."""
 
     bare: Hashable
@@ -61,8 +67,12 @@ class _Asked:
     machine: Machine = field(compare=False)
 
 
+def asked_of(machine: Machine, *, visual: bool, watched: bool) -> Asked:
+    return Asked(_bare(machine), visual, watched, machine)
+
+
 def _bare(machine: Machine) -> Hashable:
-    """All of a machine that `_compiled` looks at, and when its files were written."""
+    """All of a machine that `compiled` looks at, and when its files were written."""
     files = [machine.model_file, machine.fixture_file, *(fixture.file for fixture in machine.fixtures)]
     return tuple(_written(file) for file in files if file is not None), repr(machine.fixtures), _tree(machine)
 
@@ -87,7 +97,7 @@ def _written(file: Path) -> Hashable:
 
 
 @lru_cache(MODELS)
-def _compiled(asked: _Asked) -> mujoco.MjModel:
+def compiled(asked: Asked) -> mujoco.MjModel:
     """The model with the masses of its file, without springs of the structure and payload. Errors: `load_model`."""
     machine, visual, watched = asked.machine, asked.visual, asked.watched
     try:
@@ -154,7 +164,7 @@ def same_model(machine: Machine, other: Machine) -> bool:
 def redress(machine: Machine, worn: Machine, model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """Put the numbers of a machine on a model of `load_model`, watched or not visual, in place of those of the machine
     it was loaded for: the result is what `load_model` gives. Both have the `same_model`. data: of it, for scratch."""
-    bare = _compiled(_Asked(_bare(worn), False, model.nsensor > 0, worn))
+    bare = compiled(asked_of(worn, visual=False, watched=model.nsensor > 0))
     for name in ("body_mass", "body_inertia", "dof_M0", "jnt_stiffness", "dof_damping"):
         getattr(model, name)[...] = getattr(bare, name)
     model.stat.meaninertia, model.stat.meanmass = bare.stat.meaninertia, bare.stat.meanmass
@@ -162,7 +172,7 @@ def redress(machine: Machine, worn: Machine, model: mujoco.MjModel, data: mujoco
 
 
 def dress(machine: Machine, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Put guide friction, masses, springs of the structure and payload of a machine on a model as `_compiled` left it.
+    """Put guide friction, masses, springs of the structure and payload of a machine on a model as `compiled` left it.
     data: of the model, for scratch."""
     for axis in machine.axes:
         model.dof_frictionloss[model.joint(axis.name).dofadr] = axis.guide_friction_n

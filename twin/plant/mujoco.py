@@ -26,7 +26,7 @@ from isel_twin.plant.collision import Collision
 from isel_twin.plant.contact import Geometry, Least, Sensed
 from isel_twin.plant.cutting import Cut, set_cut
 from isel_twin.plant.lead import all_behind
-from isel_twin.plant.model import load_model, redress, same_model
+from isel_twin.plant.model import load, load_model, redress, same_model
 from isel_twin.plant.samples import GRID, LoopSamples
 
 _PHASES = {"": BOTH, "a": BOTH & ~1, "b": BOTH & ~2, "ab": OPEN}  # remaining phases, by the interrupted ones
@@ -62,8 +62,11 @@ class MujocoPlant(LoopSamples):
 
         Raises MachineError if the model does not fit the machine or its time steps are too long for its stiffness.
         """
-        model = load_model(machine, visual=False, watched=True) if model is None else model
-        self._start(build(machine, thresholds, start_mm, axes, model), axes)
+        if model is None:
+            model, data = load(machine, visual=False, watched=True)
+        else:
+            data = mujoco.MjData(model)
+        self._start(build(machine, thresholds, start_mm, axes, model, data), axes)
 
     def _start(self, built: Built, axes: int) -> None:
         """At power-on, with the numbers of a machine."""
