@@ -338,7 +338,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         self._lanes["origin_mm"] = self._plant.position_mm + off_mm
         for name in ("counter", "fraction", "rate_hz"):
             self._lanes[name] = 0
-        for name in ("piece", "way_mm", *REWARDS):
+        for name in ("piece", "way_mm", "led_mm", *REWARDS):
             self._track[name] = 0
         self._track["began_ns"] = self._track["until_ns"] = _SETTLING_NS
         self._bind()
@@ -391,6 +391,16 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
 
     def _info(self) -> dict[str, Any]:
         return {name: float(value) for name, value in infos(self._now).items()}
+
+    def aim(self, asked: NDArray[np.float64], feed_mm_s: float, offset_mm: float) -> NDArray[np.float32]:
+        """float32 [3], the action that leads the counters along the path (`tracking.aim`). Raises ResetNeeded before
+        the first reset."""
+        if not self.at_work:
+            raise gymnasium.error.ResetNeeded("there is no machine yet; call reset() before step()")
+        action = np.empty(3, np.float32)
+        _, tracks, lanes, _, path, *_ = self.at_work
+        tracking.aim(tracks, lanes, path, feed_mm_s, offset_mm, asked, action)
+        return action
 
     # For vectors of environments (track_vector.py)
 

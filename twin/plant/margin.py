@@ -37,7 +37,7 @@ _LEAST_NM = 1e-6  # less counts as no torque
 def available_torque(motor: Motor, stage: Stage) -> NDArray[np.float64]:
     """float64 [SPEEDS], largest mean torque of the currents in N m at 0, SPEED_STEP_RAD_S, ... of the shaft; read-only.
     The first is the torque of a current vector at rest, without losses of single steps."""
-    omega = SPEED_STEP_RAD_S * np.arange(SPEEDS)
+    omega: NDArray[np.float64] = SPEED_STEP_RAD_S * np.arange(SPEEDS, dtype=np.float64)
     net = pull_out_predictions(motor, stage, omega * 60.0 / (2.0 * math.pi))
     return np.where(net > 0.0, net + iron_torques(motor, omega), 0.0)
 
