@@ -54,7 +54,7 @@ USER := build/user
 .PHONY: sbom audit
 $(RELEASE)/.ready:
 	$(PYTHON) -m venv $(RELEASE)
-	$(RELEASE)/bin/python -m pip install --quiet --disable-pip-version-check build cyclonedx-bom pip-audit
+	$(RELEASE)/bin/python -m pip install --quiet --disable-pip-version-check build twine cyclonedx-bom pip-audit
 	@touch $@
 
 $(USER)/.ready: pyproject.toml
@@ -69,6 +69,25 @@ sbom: $(RELEASE)/.ready $(USER)/.ready ## what an installation contains, as buil
 audit: $(RELEASE)/.ready $(USER)/.ready ## its packages against the public database of advisories; needs a network
 	$(RELEASE)/bin/pip-audit --progress-spinner off --strict --path \
 	  $$($(USER)/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')
+
+.PHONY: package
+package: $(RELEASE)/.ready ## wheel and source archive in dist/, checked, and the wheel tried in an environment of its own
+	rm -rf dist build/lib build/clean build/shop
+	$(RELEASE)/bin/python -m build --outdir dist .
+	$(RELEASE)/bin/twine check --strict dist/*
+	$(PYTHON) -m venv build/clean
+	build/clean/bin/python -m pip install --quiet --disable-pip-version-check dist/*.whl
+	build/clean/bin/isel-twin doctor
+	build/clean/bin/isel-twin init build/shop
+	cd build/shop && ../clean/bin/isel-twin check jobs/*
+
+.PHONY: site
+site: build/site/.ready ## the pages as a site in build/site/html; a broken link fails
+	build/site/bin/sphinx-build -W --keep-going -q -b html docs build/site/html
+build/site/.ready:
+	$(PYTHON) -m venv build/site
+	build/site/bin/python -m pip install --quiet --disable-pip-version-check sphinx myst-parser furo
+	@touch $@
 
 .PHONY: browser
 browser: $(READY)    ## a browser for the tests of the panel, if it can be had; without one they are skipped

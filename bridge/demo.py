@@ -1,4 +1,4 @@
-"""`make demo`: a host program drives the twin through a pseudo-terminal, as it would drive the machine.
+"""`isel-twin demo`: a host program drives the twin through a pseudo-terminal, as it would drive the machine.
 
 The host part (`_Host`) has only a port name and the controller's language; the twin serves that port in its own thread.
 Beside each reply the true positions are shown, which the host cannot see.
@@ -124,8 +124,8 @@ def main() -> None:
     virtual_s = twin.time_ns / 1e9
     console.print(f"{virtual_s:.1f} s of machine time took {wall_s:.1f} s: {virtual_s / wall_s:.0f} times real time.")
     console.print(
-        "\nNext: [bold].venv/bin/isel-twin serve --pty /tmp/imc[/bold] and point your own host program at /tmp/imc;\n"
-        "README.md and docs/hosts.md say how, docs/one_move.md leads into the code."
+        "\nNext: [bold]isel-twin serve --pty /tmp/imc[/bold] and point your own host program at /tmp/imc;\n"
+        "[bold]isel-twin init shop[/bold] begins a project. In a checkout the command is .venv/bin/isel-twin."
     )
 
 

@@ -26,9 +26,9 @@ def line(number: int, *to: float) -> Line:
     return Line(Place(number), (x, y, z), 10.0)
 
 
-def walked(contour: Contour, *points: Point) -> dict[int, float]:
+def walked(contour: Contour, *points: Point, start: Point = (0.0, 0.0, 0.0)) -> dict[int, float]:
     """Distances by lines, where a carriage goes straight from point to point, in steps of 0.05 mm."""
-    at = np.zeros(3)
+    at = np.array(start)
     for to in points:
         steps = max(math.ceil(np.linalg.norm(np.array(to) - at) / 0.05), 1)
         for share in np.arange(steps + 1) / steps:
@@ -88,7 +88,22 @@ def test_a_hole_is_drilled_down_and_up() -> None:
     hole = of(line(1, 0.0, 0.0, -8.0), line(2, 0.0, 0.0, 0.0), line(3, 9.0, 0.0, 0.0))
     contour = Contour(hole, 0.1)
     assert walked(contour, (0.0, 0.0, 8.0), (0.0, 0.0, 0.0), (9.0, 0.2, 0.0)) == {3: pytest.approx(0.2)}
-    assert contour.way_mm == pytest.approx(25.0, abs=0.01)
+    assert contour.way.now_mm == pytest.approx(25.0, abs=0.01)
+
+
+@pytest.mark.parametrize("short_mm", [0.001, 0.02, 0.3])
+def test_a_servo_that_turns_before_the_bottom_of_a_hole_is_on_its_way_up(short_mm: float) -> None:
+    """Slowly at first, and from a little below where it has been, as a drive settles."""
+    hole = of(line(1, 0.0, 0.0, -8.0), Rapid(Place(2), (0.0, 0.0, 0.0)), Rapid(Place(3), (9.0, 0.0, 0.0)))
+    contour, bottom_mm = Contour(hole, 0.5), 8.0 - short_mm
+    assert set(walked(contour, (0.0, 0.0, bottom_mm))) <= {1}
+    contour.begin()
+    for back_mm in (0.002, 0.001, 0.004, 0.01, 0.03, 0.08, 0.2):
+        contour.look(np.array([0.0, 0.0, bottom_mm - back_mm]), 7)
+    worst = walked(contour, (0.0, 0.0, 0.0), (9.0, 0.5, 0.0), start=(0.0, 0.0, bottom_mm - 0.2))
+    assert set(worst) <= {1}
+    assert all(distance_mm < 1e-9 for distance_mm in worst.values())
+    assert contour.way.now_mm == pytest.approx(25.0, abs=0.6)
 
 
 PART = "G21 G90 G17\nG0 Z5\nG0 X20 Y20\nG1 Z-1 F600\nG1 X40 F1200\nG3 X20 Y40 I-20 J0\nG1 Y20\nG0 Z5\nM30\n"

@@ -28,6 +28,10 @@ PLAN = '[sweep]\njob = "job.txt"\nplant = "kinematic"\nseeds = 2\n'
 HOST = 'import serial\nport = serial.Serial("COM1", timeout=5)\nport.write(b"@07\\r")\nassert port.read(1) == b"0"\n'
 KINEMATIC = ("--plant", "kinematic")
 IN_ORDER: dict[str, tuple[object, ...]] = {
+    "doctor": (),
+    "warm": (),
+    "demo": (),
+    "init": ("shop",),
     "controllers": (),
     "machines": (),
     "describe": ("4030",),

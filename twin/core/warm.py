@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -56,6 +57,14 @@ def warm_up(plant: str, tell: Callable[[str], None] = _log) -> None:
         if plant == "mujoco":
             limit_rad_s(MOTORS["23HS32-4004S"], Stage(supply_v=48.0, current_a=4.2))
         machine.advance(2 * until_ns, np.array([2 * until_ns]), np.ones((1, 4), dtype=np.int32), lead_ns=until_ns)
+
+
+def kept_in() -> Path | None:
+    """The folder in which the compiled loop of the plant is kept; None if there is none that can be written to."""
+    from isel_twin.plant.kernel import advance
+
+    path = advance._cache.cache_path
+    return Path(path) if path and any(Path(path).glob("*.nbi")) else None
 
 
 def _plant(name: str) -> Plant:

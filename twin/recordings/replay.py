@@ -156,7 +156,10 @@ def replay(recorded: Recorded, twin: Twin, pace: Pace | None = None) -> Differen
         if eye.seen():
             return eye.difference
         _cause(recorded, entry, twin)
-    _run_until(twin, recorded.end_ns, pace, eye.seen)
+    end_ns = recorded.end_ns
+    if not recorded.whole:  # the last reply, written down before it arrives, may be all that is left of its cause
+        end_ns = max([end_ns, *(entry.time_ns for entry in recorded.of("/host/received"))])
+    _run_until(twin, end_ns, pace, eye.seen)
     recording.hand_on()
     return eye.difference or eye.missing()
 

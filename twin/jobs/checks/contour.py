@@ -21,6 +21,9 @@ from isel_twin.cam.toolpath import Arc, Line, Point, Rapid, Toolpath
 
 BACK_MM, AHEAD_MM = 2.0, 5.0  # along the path, from the nearest point before, in which the next one is looked for
 ONWARDS = 1e-3  # mm of distance that a mm along the path counts as
+BACKWARDS = (
+    1e-2  # the same for each mm behind the farthest place so far: a servo turns in a hole before it is at its bottom
+)
 CHORD = 0.02  # of the bound: by how much the chords of an arc may leave it
 LEAST_CHORD_MM = 1e-5
 
@@ -63,6 +66,15 @@ def _pieces(path: Toolpath, at: Point, tolerance_mm: float) -> Iterator[tuple[in
             at = element.to
 
 
+@dataclass(frozen=True)
+class Way:
+    """How far the carriages have come along a path."""
+
+    now_mm: float = 0.0
+    farthest_mm: float = 0.0
+    at_mm: tuple[float, ...] = ()  # the carriages when they were last looked at; empty: not yet
+
+
 class Contour:
     """How far the carriages leave a path, by lines of the file."""
 
@@ -71,10 +83,9 @@ class Contour:
         self._ends_mm = drawn.ends_mm
         self.restart()
 
-    def restart(self, way_mm: float = 0.0) -> None:
+    def restart(self, way: Way = Way()) -> None:
         """Begin anew, or go on from this place of the path."""
-        self.way_mm = way_mm
-        self._before: NDArray[np.float64] | None = None
+        self.way = way
         self.worst: dict[int, tuple[float, int]] = {}  # distance in mm and when, by lines of the file
 
     def begin(self) -> None:
@@ -83,11 +94,11 @@ class Contour:
 
     def look(self, position_mm: NDArray[np.float64], time_ns: int) -> None:
         """position_mm: float64 [3], true position of the carriages in the counters' sense."""
-        moved_mm = 0.0 if self._before is None else float(np.linalg.norm(position_mm - self._before))
-        self._before = position_mm.copy()
+        now_mm, farthest_mm = self.way.now_mm, self.way.farthest_mm
+        moved_mm = float(np.linalg.norm(position_mm - self.way.at_mm)) if self.way.at_mm else 0.0
         pieces = len(self._drawn.cuts)
-        low = int(np.searchsorted(self._ends_mm, self.way_mm - BACK_MM - moved_mm, side="right")) - 1
-        high = int(np.searchsorted(self._ends_mm, self.way_mm + AHEAD_MM + moved_mm, side="left"))
+        low = int(np.searchsorted(self._ends_mm, now_mm - BACK_MM - moved_mm, side="right")) - 1
+        high = int(np.searchsorted(self._ends_mm, now_mm + AHEAD_MM + moved_mm, side="left"))
         low, high = min(max(low, 0), pieces - 1), min(max(high, 1), pieces)
         start = self._drawn.points_mm[low:high]
         along = self._drawn.points_mm[low + 1 : high + 1] - start
@@ -96,9 +107,12 @@ class Contour:
         apart = position_mm - start - share[:, None] * along
         distance_mm = np.sqrt(np.einsum("ij,ij->i", apart, apart))
         way_mm = self._ends_mm[low:high] + share * np.sqrt(square)
-        onwards = np.abs(way_mm - self.way_mm - moved_mm)  # a hole leads down and up the same way
-        nearest = int((distance_mm + ONWARDS * onwards).argmin())
-        self.way_mm = float(way_mm[nearest])
+        # a hole leads down and up the same way: which of them it is, the way so far decides
+        onwards_mm = np.abs(way_mm - now_mm - moved_mm)
+        behind_mm = np.maximum(farthest_mm - way_mm, 0.0)
+        nearest = int((distance_mm + ONWARDS * onwards_mm + BACKWARDS * behind_mm).argmin())
+        now_mm = float(way_mm[nearest])
+        self.way = Way(now_mm, max(farthest_mm, now_mm), tuple(position_mm.tolist()))
         if (cuts := self._drawn.cuts[low:high])[nearest]:
             line, worst_mm = int(self._drawn.line[low + nearest]), float(distance_mm[cuts].min())
             if worst_mm > self.worst.get(line, (0.0, 0))[0]:

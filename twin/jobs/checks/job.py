@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.drives.servo_drive import ServoDrive
-from isel_twin.jobs.checks.contour import Contour, Drawing
+from isel_twin.jobs.checks.contour import Contour, Drawing, Way
 from isel_twin.jobs.checks.rules import Bounds, Finding, few
 from isel_twin.jobs.golden import Golden, Scribe, called, differences, golden_file, load
 from isel_twin.jobs.job import Line
@@ -140,7 +140,7 @@ class Mark:
     findings: int
     moves: int
     gone: tuple[bool, ...]  # axes that have lost steps
-    way_mm: float = 0.0  # along the path of the file
+    way: Way  # along the path of the file
 
 
 class Inspection:
@@ -169,8 +169,8 @@ class Inspection:
     def mark(self) -> Mark:
         """Where it is between two lines."""
         contour = self._watch.contour
-        way_mm = 0.0 if contour is None else contour.way_mm
-        return Mark(len(self.results), len(self._findings), len(self._scribe.moves), tuple(self._gone.tolist()), way_mm)
+        way = Way() if contour is None else contour.way
+        return Mark(len(self.results), len(self._findings), len(self._scribe.moves), tuple(self._gone.tolist()), way)
 
     def back(self, mark: Mark, lines: Mapping[int, int]) -> None:
         """Go on from a mark, with the twin in the state that it had then, after a line or more. lines: numbers of the
@@ -182,7 +182,7 @@ class Inspection:
         self._gone = np.array(mark.gone, dtype=np.bool_)
         self._watch.begin()
         if self._watch.contour is not None:
-            self._watch.contour.restart(mark.way_mm)
+            self._watch.contour.restart(mark.way)
         self._follow()
 
     def draw(self, drawn: Drawing | None) -> None:
@@ -192,7 +192,7 @@ class Inspection:
         nothing = drawn is None or not len(drawn.cuts)
         self._watch.contour = None if drawn is None or nothing or bound_mm is None else Contour(drawn, bound_mm)
         if self._watch.contour is not None and before is not None:
-            self._watch.contour.restart(before.way_mm)
+            self._watch.contour.restart(before.way)
 
     def take(self, result: Result) -> None:
         twin, bounds = self.twin, self.bounds

@@ -1,0 +1,114 @@
+"""From nothing to a first result: `init`, `doctor`, `warm`."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from isel_twin.cli.init import SQUARES
+from isel_twin.controller import controller_names
+from isel_twin.core import warm
+from tests.in_process import isel_twin
+
+FAMILIES = ("imc-s8", "ismif", "gmi99", "bwo900")
+
+
+def test_there_is_a_project_for_every_controller_of_the_package() -> None:
+    assert set(SQUARES) == set(controller_names())
+
+
+@pytest.fixture(scope="module", params=FAMILIES)
+def project(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
+    """A folder that `init` has filled, and the commands that it has named."""
+    folder = tmp_path_factory.mktemp("shop") / request.param
+    done = isel_twin("init", folder, "--controller", request.param)
+    assert done.returncode == 0, done.stderr
+    return folder, [line.strip() for line in done.stdout.splitlines() if line.startswith("    ") and line[4] != " "]
+
+
+def test_every_command_does_as_it_is_printed(project: tuple[Path, list[str]], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without physics, to save time; the tests of the project are below. Only the open hood fails."""
+    folder, commands = project
+    monkeypatch.chdir(folder)
+    codes = {}
+    for command in commands:
+        words = command.split()
+        if words[0] == "isel-twin":
+            files = [str(path) for word in words[1:] for path in (sorted(folder.glob(word)) if "*" in word else [word])]
+            codes[command] = isel_twin(*files, "--plant", "kinematic").returncode
+    assert len(codes) == 4
+    assert {command for command, code in codes.items() if code} == {command for command in codes if "hood" in command}
+
+
+def test_the_jobs_keep_their_bounds_with_physics(
+    project: tuple[Path, list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, _ = project
+    monkeypatch.chdir(folder)
+    done = isel_twin("check", *sorted((folder / "jobs").iterdir()))
+    assert done.returncode == 0, done.stdout
+
+
+def test_its_tests_pass(tmp_path: Path) -> None:
+    isel_twin("init", tmp_path)
+    call = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
+    done = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert "2 passed" in done.stdout, done.stdout
+
+
+def test_nothing_is_replaced_and_nothing_is_left_half(tmp_path: Path) -> None:
+    (tmp_path / "hood.toml").write_text("mine")
+    done = isel_twin("init", tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"isel-twin: {tmp_path}/hood.toml: exists already; name a folder without it")
+    assert [path.name for path in tmp_path.iterdir()] == ["hood.toml"]
+    assert (tmp_path / "hood.toml").read_text() == "mine"
+
+
+def test_a_file_in_the_way_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "shop").write_text("a file")
+    done = isel_twin("init", tmp_path / "shop")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+
+
+def test_a_controller_without_a_project_is_named(tmp_path: Path) -> None:
+    done = isel_twin("init", tmp_path / "shop", "--controller", "imc-s9")
+    assert done.returncode == 2
+    assert "imc-s9: no files to begin with; there are some for imc-s8" in done.stderr
+    assert not (tmp_path / "shop").exists()
+
+
+def test_the_doctor_finds_nothing_wrong_here() -> None:
+    done = isel_twin("doctor", "--json")
+    told = json.loads(done.stdout)
+    assert (done.returncode, told["ok"]) == (0, True)
+    states = {one["what"]: one["state"] for one in told["findings"]}
+    assert {
+        "Python",
+        "mujoco",
+        "[panel]",
+        "compiled code",
+        "controllers",
+        "serve --pty",
+        "the whole chain",
+    } <= states.keys()
+    assert "wrong" not in states.values()
+
+
+def test_the_doctor_names_what_is_wrong_and_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(warm, "kept_in", lambda: None)
+    done = isel_twin("doctor")
+    assert done.returncode == 1
+    assert "wrong    compiled code" in done.stdout
+    assert "NUMBA_CACHE_DIR" in done.stdout
+
+
+def test_compiled_code_is_kept_where_it_is_said() -> None:
+    isel_twin("warm")
+    told = json.loads(isel_twin("warm", "--json").stdout)
+    assert not told["compiled"], "once is enough"
+    assert list(Path(told["folder"]).glob("kernel.advance*.nbi"))
