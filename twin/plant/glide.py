@@ -23,6 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.compiling import njit
+from isel_twin.drives.dynamics import drop_stale_code
+from isel_twin.plant import native
 from isel_twin.plant.model import blank
 from isel_twin.plant.native import call_mj_step, mj_step_address
 from isel_twin.plant.reach import can_meet, collide, joint_bounds
@@ -153,3 +155,6 @@ def _agrees(joints, mobility, h_s, mj_step, model, data, bounds, qpos, qvel, qfr
             if not abs(scratch[1, j] - qvel[j]) < AGREE_M_S:
                 return False
     return True
+
+
+drop_stale_code(_agrees, str(native.__file__))
