@@ -65,7 +65,7 @@ def measure(number: int) -> list[Figure]:
             torn += found is None
             lost += found is not None and not acknowledged <= found <= sent
             stores += acknowledged - last
-            last = found or sent
+            last = sent if found is None else found  # 0: killed before anything was stored
         took_s = time.monotonic() - began
         with serving("--pty", str(link), "--flash", str(file)):
             litter = len(os.listdir(folder)) - 4  # file, link, and the locks of both
