@@ -24,6 +24,11 @@ PRIVATE_FUNCTIONS: dict[str, tuple[str, ...]] = {
 }
 
 SELECTOR = ("selectors", "_BaseSelectorImpl")  # module and class that all selectors are derived from
+# of an asyncio loop, overridden by one that needs no pipe to wake itself
+LOOP, LOOP_METHODS = (
+    "asyncio.SelectorEventLoop",
+    ("_make_self_pipe", "_close_self_pipe", "_write_to_self"),
+)
 CONDITION_WANTS = ("_is_owned", "_release_save", "_acquire_restore")  # of an RLock, so a virtual one has them
 
 
@@ -37,6 +42,7 @@ def _check() -> None:
         ("concurrent.futures.thread", "_threads_queues"),
         ("concurrent.futures.thread", "_shutdown"),
         SELECTOR,
+        *((LOOP, name) for name in LOOP_METHODS),
         *((module, name) for module, names in PRIVATE_FUNCTIONS.items() for name in names),
     ]
     missing = [f"{module}.{name}" for module, name in places if not hasattr(_found(module), name)]

@@ -43,7 +43,7 @@ def _called_by(*packages: str) -> str | None:
 def _refused(what: str) -> Callable[..., Any]:
     def virtual(_: Turns, *args: Any, **kwargs: Any) -> Any:
         told = {
-            "asyncio": "asyncio, whose loop waits in real time,",
+            "asyncio": "of asyncio, what leaves the process or is no loop of `new_event_loop`,",
             "multiprocessing": "multiprocessing",
             "concurrent": "a pool of processes",
             "subprocess": "subprocess",
@@ -68,21 +68,13 @@ _REFUSED_METHODS: dict[tuple[str, str], tuple[str, ...]] = {
     ("asyncio.base_events", "BaseEventLoop"): ("__new__",),
 }
 
-REFUSED_MODULES = frozenset({"_tkinter", "PyQt5", "PyQt6", "PySide2", "PySide6", "wx"})  # real-time main loops
-
-
-class Finder:
-    def find_spec(self, name: str, path: object = None, target: object = None) -> None:
-        if name in REFUSED_MODULES | {"tkinter"} and here() is not None:
-            refuse(f"{name.lstrip('_')}, whose main loop waits in real time,", SERVE)
-
 
 def _method(real: Callable[..., Any], what: str) -> Callable[..., Any]:
     virtual = _refused(what.removesuffix(".__init__"))
 
     def method(self: Any, *args: Any, **kwargs: Any) -> Any:
         active = here()
-        if active is not None:
+        if active is not None and not getattr(self, "in_virtual_time", False):
             virtual(active)
         return real(self) if real is object.__new__ else real(self, *args, **kwargs)
 

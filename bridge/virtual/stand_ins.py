@@ -2,7 +2,8 @@
 
     time.sleep, time.time, ...        -->  Turns.wait, .look        for a thread of the host       clocks.py, locks.py
                                       -->  the real function              for any other thread, and for the twin
-    os.fork, a socket, asyncio, ...   -->  the host ends with a reason                          refusals.py
+    asyncio.new_event_loop            -->  a loop in the turns of the host's threads            loops.py
+    os.fork, a socket, tkinter.Tk ... -->  the host ends with a reason                          refusals.py, windows.py
 
 A stand-in checks at each call whether its thread is one of the host (`here`), so it is harmless in modules that have
 imported it by name (`from time import sleep`). Names are replaced in all modules loaded when the host begins, except
@@ -25,7 +26,7 @@ from typing import Any
 
 from serial import serialutil
 
-from isel_twin.bridge.virtual import clocks, locks, refusals
+from isel_twin.bridge.virtual import clocks, locks, loops, refusals, windows
 from isel_twin.bridge.virtual.cpython import calling_frame
 from isel_twin.bridge.virtual.host_code import LIBRARIES
 from isel_twin.bridge.virtual.stand_in import StandIn
@@ -103,9 +104,9 @@ _KEPT_MODULES = ("isel_twin", "_thread", "importlib", "_frozen_importlib", "_boo
 
 def replace_all(active: Turns, more: Sequence[tuple[Any, Any]] = ()) -> Callable[[], None]:
     """Install the stand-ins and `more` pairs (real, stand-in); return a function that undoes it."""
-    refused = list(refusals.methods())  # imports the modules in which they are
+    refused = [*refusals.methods(), *loops.methods()]  # imports the modules in which they are
     own = [(real, StandIn(real, virtual)) for real, virtual in _OWN.items()]
-    pairs = [*clocks.stand_ins(), *locks.stand_ins(), *refusals.stand_ins(), *own, *more]
+    pairs = [*clocks.stand_ins(), *locks.stand_ins(), *loops.stand_ins(), *refusals.stand_ins(), *own, *more]
     table = {id(real): (real, stand_in) for real, stand_in in pairs}
     undo: list[tuple[Any, str, Any]] = []
 
@@ -129,7 +130,9 @@ def replace_all(active: Turns, more: Sequence[tuple[Any, Any]] = ()) -> Callable
     put(serialutil.Timeout, "TIME", table[id(_real_monotonic)][1])
     for owner, name, method in refused:
         put(owner, name, method)
-    finder = refusals.Finder()
+    for module, name, replacement in list(windows.loaded()):
+        put(module, name, replacement)
+    finder = windows.Finder()
     sys.meta_path.insert(0, finder)
 
     def put_back() -> None:

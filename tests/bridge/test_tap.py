@@ -32,7 +32,7 @@ from isel_twin.cli import main
 from isel_twin.controller import SerialFormat
 from isel_twin.core.twin import Twin
 from isel_twin.language import create_language
-from isel_twin.recordings.compare import compare
+from isel_twin.recordings.judging import Limits, compare
 from isel_twin.recordings.reading import read
 from tests.bridge.conftest import REPLY_S, STOP_S, Served, ask, until
 
@@ -455,9 +455,8 @@ def test_it_agrees_with_the_recording_of_the_controller_itself(serve, tap, tmp_p
         assert b"".join(bytes.fromhex(entry.content["hex"]) for entry in recording.of("/host/sent")) == SENT
         assert b"".join(bytes.fromhex(entry.content["hex"]) for entry in recording.of("/host/received")) == came
     language = [create_language("imc-s8") for _ in recorded]
-    between = compare(
-        recorded["tap"], recorded["twin"], language[0], language[1], 10**12
-    )  # 20 times as fast: not the times
+    limits = Limits(10**12)  # 20 times as fast: not the times
+    between = compare(recorded["tap"], recorded["twin"], language[0], language[1], limits)
     assert between.same
     assert len(between.pairs) == len(SESSION)
 

@@ -8,16 +8,18 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from isel_twin.jobs.robust import perturbation
-from isel_twin.machine import Machine, MachineError, load_machine, machine_names, with_overrides
+from isel_twin.machine import Fixture, Machine, MachineError, load_machine, machine_names, with_fixtures, with_overrides
 from isel_twin.plant import Threshold
 from isel_twin.plant.cutting import Cut
 from isel_twin.plant.mujoco import MujocoPlant
 
 MS = 1_000_000
 START_MM, OTHER_MM = np.array([100.0, 90.0, 20.0]), np.array([60.0, 110.0, 30.0])
-THRESHOLDS = [Threshold(0, "position", 61.0, 1, 0.1), Threshold(1, "lag", 3.0)]
+THRESHOLDS = [Threshold(0, "position", 61.0, 1, 0.1), Threshold(1, "lag", 3.0), Threshold(0, "touch", 0.008, 1, 0.002)]
+PLATE = Fixture("plate", "cylinder", (30.0, 20.0), (60.0, 60.0, 0.0), plate=True)
 
 
 @cache
@@ -59,9 +61,9 @@ def moved(plant: MujocoPlant) -> list[Any]:
     return seen
 
 
-def used(machine: Machine) -> MujocoPlant:
+def used(machine: Machine, start_mm: NDArray[np.float64] = START_MM) -> MujocoPlant:
     """A plant to which everything has happened that can happen to one."""
-    plant = MujocoPlant(machine, THRESHOLDS, START_MM)
+    plant = MujocoPlant(machine, THRESHOLDS, start_mm)
     plant.set_power(stages=True, brake_released=True, lowering=True)
     plant.sample_every(MS)
     plant.set_payload("table", 3.0)
@@ -73,6 +75,7 @@ def used(machine: Machine) -> MujocoPlant:
     plant.apply_force(0, 40.0)
     plant.advance(30 * MS + 7, 3 * MS + np.arange(1, 200) * 100_000, np.ones((199, 4), np.int32), 5000)
     plant.set_trip_point(0, 62.0)
+    plant.set_trip_point(2, 0.010)
     return plant
 
 
@@ -86,6 +89,32 @@ def test_it_is_to_the_bit_a_new_one(name: str) -> None:
     assert (plant.machine, plant.time_ns, plant.take_collisions()) == (other, 90 * MS, ())
 
 
+@pytest.mark.parametrize(
+    ("overrides", "other", "fixtures", "touched_mm"),
+    [
+        ({"probe.enabled": True}, {"probe.pretravel": 12.0, "probe.force": 0.9}, (), 107.0),
+        ({"probe.enabled": True}, {"probe.lobing": 1.0, "probe.rate": 0.5}, (PLATE,), 87.0),
+        ({}, {"plate.pretravel": 12.0, "plate.force_z": 2.0}, (PLATE,), 127.0),
+    ],
+    ids=["probe", "probe on a plate", "plate"],
+)
+def test_what_feels_is_new_too(
+    overrides: dict[str, Any], other: dict[str, Any], fixtures: tuple[Fixture, ...], touched_mm: float
+) -> None:
+    """It was broken, and is another one that is touched from the start. touched_mm: Z at which it would begin."""
+    was = with_fixtures(with_overrides(drawn("4030", 1), overrides), fixtures)
+    other_machine = with_fixtures(with_overrides(drawn("4030", 2), {**overrides, **other}), fixtures)
+    over_mm = was.feeler.overtravel_mm if was.feeler else 0.0
+    plant = used(was, np.array([60.0, 60.0, touched_mm + over_mm + 0.1]))
+    assert plant.parts.feeler["broken"][0]
+    start_mm = np.array([60.0, 60.0, touched_mm + 0.05])
+    plant.become(other_machine, start_mm)
+    new = MujocoPlant(other_machine, THRESHOLDS, start_mm)
+    assert plant.trips().tolist() == new.trips().tolist() == [False, False, True]
+    assert moved(plant) == moved(new)
+    assert plant.take_collisions() == new.take_collisions()
+
+
 def test_it_becomes_what_it_was() -> None:
     machine = load_machine("4030")
     plant = used(machine)
@@ -96,7 +125,7 @@ def test_it_becomes_what_it_was() -> None:
 
 @pytest.mark.parametrize(
     "overrides",
-    [{"axes.x.travel": 250.0}, {"imperfections": "ideal"}, {"timing.mujoco_step": 0.25}],
+    [{"axes.x.travel": 250.0}, {"imperfections": "ideal"}, {"timing.mujoco_step": 0.25}, {"probe.enabled": True}],
     ids=lambda overrides: next(iter(overrides)),
 )
 def test_another_model_is_refused_and_nothing_has_changed(overrides: dict[str, Any]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import random
+import re
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,8 @@ import pytest
 
 from isel_twin.core.twin import Twin
 from isel_twin.language import create_language, needed
-from isel_twin.recordings.compare import Comparison, Counters, _matched, compare, exchanges
+from isel_twin.recordings.compare import Counters, _matched, exchanges
+from isel_twin.recordings.judging import Comparison, Limits, compare
 from isel_twin.recordings.mcap import RecordingWriter
 from isel_twin.recordings.reading import Played, read
 from isel_twin.recordings.recording import FileRecording
@@ -43,7 +45,7 @@ def of_twin(path: Path, commands: tuple[str, ...] = COMMANDS, **how: Any) -> Pat
 
 def laid_over(a: Path, b: Path, tolerance_s: float = 0.001) -> Comparison:
     languages = [needed(create_language("imc-s8"), "imc-s8") for _ in range(2)]
-    return compare(read(a), read(b), *languages, round(tolerance_s * 1e9))
+    return compare(read(a), read(b), *languages, Limits(round(tolerance_s * 1e9)))
 
 
 def test_a_recording_is_the_same_as_itself(tmp_path: Path) -> None:
@@ -80,8 +82,8 @@ def test_another_reply_and_another_duration_are_told(tmp_path: Path) -> None:
     a = tapped(tmp_path / "a.mcap", (0, b"@07\r", 0.01, b"0"), (1, b"@0R7\r", 19.3, b"0"), (20, b"@0X\r", 20.1, b"5"))
     b = tapped(tmp_path / "b.mcap", (0, b"@07\r", 0.0105, b"0"), (3, b"@0R7\r", 21.5, b"0"), (30, b"@0X\r", 30.1, b"1"))
     result = laid_over(a, b)
-    assert [(pair.number, pair.differs(1_000_000)) for pair in result.different] == [
-        (2, ("duration",)),
+    assert [(pair.number, result.differs(pair)) for pair in result.different] == [
+        (2, ("start",)),
         (3, ("reply",)),
     ]
     assert result.most is not None
@@ -105,8 +107,9 @@ def test_commands_that_only_one_side_has_are_told_and_the_rest_is_compared(tmp_p
 def test_a_missing_reply_is_a_difference(tmp_path: Path) -> None:
     a = tapped(tmp_path / "a.mcap", (0, b"@07\r", 0.01, b"0"))
     b = tapped(tmp_path / "b.mcap", (0, b"@07\r", 0.01, b""))
-    (pair,) = laid_over(a, b).different
-    assert pair.differs(0) == ("reply",)
+    result = laid_over(a, b)
+    (pair,) = result.different
+    assert result.differs(pair) == ("reply",)
     assert pair.later_ns is None
 
 
@@ -138,11 +141,15 @@ def test_matched_stretches_cover_both_sides_once(seed: int) -> None:
 
 def test_the_table_says_what_differs_first_and_most(tmp_path: Path) -> None:
     a, b = of_twin(tmp_path / "a.mcap"), of_twin(tmp_path / "b.mcap", start_mm=(3.0, 2.0, 2.0))
-    done = cli("compare", a, b, "--time-tolerance", "0.1")
+    done = cli("compare", a, b, "--time-tolerance", "0.1", "--no-explain")
     assert done.returncode == 1, done.stderr
-    assert "differs first: command 2, @0R7: duration" in done.stdout
+    assert "differs first: command 2, @0R7: start" in done.stdout
     assert "differs most in time: command 2, @0R7: +" in done.stdout
-    assert done.stdout.splitlines()[-1] == "not the same: 5 commands compared, 1 differ (durations within 100 ms)"
+    assert re.search(r"command 2 at 0\.\d{3} s, @0R7: start, first reference run \d+\.\d ms later on B", done.stdout)
+    assert done.stdout.splitlines()[-1] == "not the same: 5 commands compared, 1 differ"
+    done = cli("compare", a, b)
+    assert done.returncode == 1
+    assert done.stdout.splitlines()[-1].startswith("the same but for the place at power-on: as from ")
     assert cli("compare", a, b, "--time-tolerance", "3").returncode == 0
     rows = [json.loads(line) for line in cli("compare", a, b, "--json", "--all").stdout.splitlines()]
     assert [row["command"] for row in rows[:-1]] == list(COMMANDS)

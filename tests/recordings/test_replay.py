@@ -17,11 +17,12 @@ from isel_twin.base.toml import toml_line
 from isel_twin.base.units import SECOND_NS
 from isel_twin.controller import controller_names
 from isel_twin.core.twin import Twin
-from isel_twin.language import MoveSettings, needed
-from isel_twin.recordings.compare import Counters
+from isel_twin.language import MoveSettings, create_language, needed
+from isel_twin.recordings.compare import Counters, paired, traffic
+from isel_twin.recordings.host import play_host
 from isel_twin.recordings.reading import Entry, Played, RecordingError, read
 from isel_twin.recordings.recording import FileRecording
-from isel_twin.recordings.replay import play_host, rebuilt, replay, versions
+from isel_twin.recordings.replay import rebuilt, replay, versions
 from isel_twin.wiring import ACTS, ScenarioError, event_now
 from isel_twin.wiring.acts import BESIDE
 
@@ -286,17 +287,23 @@ def test_a_recording_that_was_cut_off_replays_as_far_as_it_goes(tmp_path: Path) 
     twin = Twin(plant="kinematic", start_mm=(1.0, 1.0, 1.0), line_speed=True)
     path = tmp_path / "cut.mcap"
     recording = FileRecording(path, twin, INTERVAL_NS)
-    twin.query("@07")
-    twin.write(b"@0R7\r")
-    for part in range(20):
-        twin.run(0.1)
-        recording.flush()
-        cut = tmp_path / f"{part}.mcap"
-        cut.write_bytes(path.read_bytes())
+    sizes = []
+    for command, seconds in ((b"@07\r", 0.02), (b"@0R7\r", 0.3), (b"\xff", 0.02), (b"@0P\r", 0.04)):
+        twin.write(command)
+        for _ in range(round(seconds / 0.003)):  # a reply is on its way for longer
+            twin.run(0.003)
+            recording.flush()
+            sizes.append(path.stat().st_size)
+    recording.close()
+    whole, cut = path.read_bytes(), tmp_path / "part.mcap"
+    on_the_way = 0
+    for size in sorted({*sizes}):
+        cut.write_bytes(whole[:size])
         recorded = read(cut)
         assert not recorded.whole
         assert replay(recorded, rebuilt(recorded, tmp_path)) is None
-    recording.close()
+        on_the_way += any(entry.time_ns > recorded.end_ns for entry in recorded.of("/host/received"))
+    assert on_the_way >= 2
 
 
 def test_a_recording_cut_off_between_a_command_and_the_arrival_of_its_reply_replays(tmp_path: Path) -> None:
@@ -354,15 +361,15 @@ def test_nothing_outside_the_folder_is_written(short: Path, tmp_path: Path) -> N
     assert [path for path in tmp_path.rglob("evil.xml") if not path.is_relative_to(folder)] == []
 
 
-def test_the_host_of_a_real_controller_is_played_and_its_replies_compared(short: Path) -> None:
+def test_the_host_of_a_real_controller_is_played_on_past_a_difference(short: Path) -> None:
     """A recording of a twin stands for that of a real controller: bytes with times are all that is used."""
     recorded = read(short)
+    there = paired(traffic(recorded), create_language("imc-s8"))
     twin = Twin(plant="kinematic", start_mm=(50.0, 50.0, 50.0), line_speed=True, seed=5)
-    assert play_host(recorded, twin) is None
+    assert [one.reply for one in play_host(traffic(recorded), twin)] == [one.reply for one in there]
     other, _ = changed(short, "/host/received", 1, hex="31")
-    difference = play_host(other, Twin(plant="kinematic"))
-    assert difference is not None
-    assert (difference.channel, difference.recorded[0], difference.replayed[0]) == ("/host/received, byte 1", "1", "0")
+    again = play_host(traffic(other), Twin(plant="kinematic"))
+    assert [one.reply for one in again] == [one.reply for one in there]
 
 
 def test_a_recording_that_begins_late_cannot_be_played(tmp_path: Path) -> None:

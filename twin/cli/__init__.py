@@ -3,13 +3,14 @@
     begin     init, demo, doctor, warm
     operate   serve, ctl, tap, ports, exec             a machine behind a port, and hosts that drive it
     test      run, check, golden, drive, replay, compare, lsp
-    tune      tune, sweep, identify, experiment
+    tune      tune, sweep, identify, experiment, learn
     look      machines, motors, controllers, describe, motor, decode, export, plc
 
 What they share:
 
     options.py       options that several commands have, and checks of their values
     jobs.py          job files as arguments of commands
+    sessions.py      recordings as arguments of commands, and the verdict on two of them
     outputs.py       output as a table or JSON; files.py: files that are written
     interruption.py  Ctrl-C
 
@@ -48,7 +49,7 @@ GROUPS = {
     "Begin": ("init:init", "demo:demo", "doctor:doctor", "warm:warm"),
     "Operate": ("serve:serve", "ctl:ctl", "tap:tap", "ports:ports", "exec:exec_"),
     "Test": ("run:run", "check:check", "golden:golden", "drive:drive", "replay:replay", "compare:compare", "lsp:lsp"),
-    "Tune": ("tune:tune", "sweep:sweep", "identify:identify", "experiment:experiment"),
+    "Tune": ("tune:tune", "sweep:sweep", "identify:identify", "experiment:experiment", "learn:learn"),
     "Look": (
         "names:machines", "names:motors", "names:controllers", "describe:describe", "motor:motor", "decode:decode",
         "convert:convert", "export:export", "plc:plc",

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,13 +12,14 @@ from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.base.units import SECOND_NS
-from isel_twin.cli import options
+from isel_twin.cli import options, sessions
 from isel_twin.cli.files import RecordPath, begin, check_record, keep
-from isel_twin.cli.options import Overrides
+from isel_twin.cli.options import DEFAULT_TWIN, Overrides
 from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
+    from isel_twin.recordings.judging import Limits
     from isel_twin.recordings.reading import Recorded
     from isel_twin.recordings.replay import Pace
 
@@ -32,7 +35,13 @@ def replay(
     machine: Annotated[options.MachineName, Parameter(help="Of a real controller: the twin's machine.")] = MACHINE,
     plant: Annotated[options.PlantName, Parameter(help="Of a real controller: the twin's plant.")] = TwinSpec.plant,
     seed: Annotated[options.Seed, Parameter(help="Of a real controller: the twin's seed.")] = TwinSpec.seed,
+    flash: Annotated[Path | None, Parameter(help="Of a real controller: the twin's flash memory; only read.")] = None,
+    scenario: Annotated[Path | None, Parameter(help="Of a real controller: timed events (TOML).")] = None,
     set: Annotated[Overrides, Parameter(help="Of a real controller: KEY=VALUE, a parameter of the machine.")] = (),
+    start: sessions.StartMm = "",
+    time_tolerance: sessions.TimeTolerance = None,
+    step_tolerance: sessions.StepTolerance = 1,
+    report: sessions.ReportPath = None,
     json: Annotated[bool, Parameter(help="One JSON object.")] = False,
 ) -> int:
     """Play the host's bytes and all operations, at the same virtual times, to a twin built from the recording.
@@ -40,66 +49,124 @@ def replay(
     Prints the first difference in replies, times, stream or positions. Exit code 0 if there is none, 1 if there is.
     With the same versions there is none, to the bit; other versions are reported.
 
-    A recording of a real controller (`tap`) is played to a twin of --controller, --machine, --plant and --seed: the
-    replies are compared as bytes. For times, use `compare` with the file of --record.
+    A recording of a real controller (`tap`) is played to a twin of the call, as its host would, and compared to its
+    end as `compare` does. Without --start the twin is switched on where the first reference runs take as long as then.
     """
     import time
-    from contextlib import ExitStack
     from tempfile import TemporaryDirectory
 
     from isel_twin.bridge.serve.pacing import Pacer, parse_speed
-    from isel_twin.cli.outputs import say, say_json
-    from isel_twin.recordings import replay as replaying
     from isel_twin.recordings.reading import read
 
     options.check_seconds("interval", interval, 1e-9)
+    limits = sessions.limits_of(time_tolerance, step_tolerance)
     with call_errors():
         factor = parse_speed(speed)
     check_record(record)
-    options.check_writable(record, kept=(recording,))
+    options.check_writable(record, report, kept=(recording, flash, scenario))
     with call_errors(recording):
         recorded = read(recording)
+    pacer = Pacer(factor, 0)
+    pace: Pace | None = None if factor is None else lambda time_ns: time.sleep(pacer.until_s(time_ns))
     with ExitStack() as stack:
-        folder = Path(stack.enter_context(TemporaryDirectory(prefix="isel-twin-")))
-        call = TwinSpec(machine, plant=plant, seed=seed, overrides=options.parse_overrides(set))
-        twin = _twin(recorded, folder, controller, call)
-        if recorded.of_twin:  # its samples are compared, so they are taken at the same times
-            interval = recorded.interval_ns / SECOND_NS
-        recorder = None if record is None else begin(record, twin, interval, {"replay_of": recording.name}, stack)
-        pacer = Pacer(factor, 0)
-        pace: Pace | None = None if factor is None else lambda time_ns: time.sleep(pacer.until_s(time_ns))
-        with call_errors(recording):
-            difference = (replaying.replay if recorded.of_twin else replaying.play_host)(recorded, twin, pace)
-        if record is not None and recorder is not None:
+        output = _Output(record, interval, recording, report, json, stack)
+        if recorded.of_twin:
+            asked = (controller, machine, plant, seed, flash, scenario, set, start, report)
+            names = "controller", "machine", "plant", "seed", "flash", "scenario", "set", "start", "report"
+            usual = ("", MACHINE, TwinSpec.plant, TwinSpec.seed, None, None, (), "", None)
+            for name, value, default in zip(names, asked, usual, strict=True):
+                if value != default:
+                    raise CallError(f"{name}: the recording of a twin says it itself; leave it out", option=True)
+            folder = Path(stack.enter_context(TemporaryDirectory(prefix="isel-twin-")))
+            return _twin_again(recorded, folder, pace, output)
+        call = options.TwinOptions(machine, DEFAULT_TWIN.controller, plant, seed, flash, scenario, set)
+        return _host_again(recorded, sessions.spec_for(recorded, call, controller, start), limits, pace, output)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Output:
+    record: Path | None
+    interval_s: float
+    recording: Path
+    report: Path | None
+    json: bool
+    stack: ExitStack
+
+    def begin(self, twin: Twin, interval_s: float) -> Callable[[], None]:
+        """Record this twin from now on, if asked; the function returned ends it."""
+        record = self.record
+        if record is None:
+            return lambda: None
+        recorder = begin(record, twin, interval_s, {"replay_of": self.recording.name}, self.stack)
+
+        def end() -> None:
             with call_errors(record):
                 keep(recorder, record)
-    told = replaying.versions(recorded) if recorded.of_twin else []
-    if not recorded.whole:
-        told.append("the recording has no end, it was cut off; it is played as far as it goes")
-    if json:
+
+        return end
+
+
+def _twin_again(recorded: Recorded, folder: Path, pace: Pace | None, output: _Output) -> int:
+    """Replay the recording of a twin, to the bit."""
+    from isel_twin.cli.outputs import say, say_json
+    from isel_twin.recordings import replay as replaying
+
+    with call_errors(recorded.path):
+        twin = replaying.rebuilt(recorded, folder)
+    # its samples are compared, so they are taken at the same times
+    end = output.begin(twin, recorded.interval_ns / SECOND_NS)
+    with call_errors(recorded.path):
+        difference = replaying.replay(recorded, twin, pace)
+    end()
+    told = [*replaying.versions(recorded), *_cut_off(recorded)]
+    if output.json:
         first = None if difference is None else dataclasses.asdict(difference)
         say_json({"same": difference is None, "difference": first, "time_ns": twin.time_ns, "told": told})
         return 0 if difference is None else 1
     for line in told:
-        say(f"{recording}: {line}")
-    compared = "replies, times, stream and positions" if recorded.of_twin else "replies"
+        say(f"{recorded.path}: {line}")
     if difference is None:
-        print(f"no difference in {compared}, {twin.time_ns / 1e9:.3f} s of machine time")
+        print(f"no difference in replies, times, stream and positions, {twin.time_ns / 1e9:.3f} s of machine time")
         return 0
     print(f"first difference: {difference}")
     return 1
 
 
-def _twin(recorded: Recorded, folder: Path, controller: str, call: TwinSpec) -> Twin:
-    """The twin for the replay. Raises CallError."""
-    from isel_twin.recordings.replay import rebuilt
+def _host_again(recorded: Recorded, spec: TwinSpec, limits: Limits, pace: Pace | None, output: _Output) -> int:
+    """Play the host of a real controller to a twin."""
+    from isel_twin.cli.outputs import many, say, say_json
+    from isel_twin.recordings.compare import matched
+    from isel_twin.recordings.host import play_host
+    from isel_twin.recordings.judging import judge
 
-    if recorded.of_twin:
-        if controller:
-            raise CallError("controller: the recording of a twin says it itself; leave it out", option=True)
-        with call_errors(recorded.path):
-            return rebuilt(recorded, folder)
-    name = controller or recorded.controller
-    if not name:
-        raise CallError(f"{recorded.path}: does not say which controller it is of; --controller NAME does")
-    return call.with_(controller=name, line_speed=True).build(keep_motions=1)
+    session = sessions.session_of(recorded, spec.controller, limits)
+    with call_errors():
+        twin = (session.placed(spec) if spec.start_mm is None else spec).build(keep_motions=1)
+    end = output.begin(twin, output.interval_s)
+    with call_errors(recorded.path):
+        played = play_host(session.pieces, twin, pace)
+    end()
+    exact = dataclasses.replace(session.limits, exact_b=True)
+    found = judge(matched(session.exchanges, played), session.language, exact)
+    verdict, lines = sessions.verdict(found, None), sessions.words(found, None)
+    names = str(recorded.path), "the twin of this call"
+    sessions.write_page(output.report, f"isel-twin replay: {recorded.path.name}", verdict, lines, names, found)
+    told = _cut_off(recorded)
+    if output.json:
+        differences = sessions.differences_as_json(found.weighed)
+        start = [round(mm, 3) for mm in twin.origin.start_mm or ()]
+        summary = {"same": found.same, "differences": differences, "start_mm": start, "time_ns": twin.time_ns}
+        say_json({**summary, "verdict": verdict, "told": told})
+        return 0 if found.same else 1
+    for line in told:
+        say(f"{recorded.path}: {line}")
+    if found.same:
+        number, seconds = many(len(found.pairs), "command"), twin.time_ns / SECOND_NS
+        print(f"no difference in replies, positions and durations of {number}, {seconds:.3f} s of machine time")
+        return 0
+    print(*lines, verdict, sep="\n")
+    return 1
+
+
+def _cut_off(recorded: Recorded) -> list[str]:
+    return [] if recorded.whole else ["the recording has no end, it was cut off; it is played as far as it goes"]

@@ -1,7 +1,7 @@
 """What the bytes of a controller mean: the second border of a controller, for people and tools.
 
 language.py   what a language is
-roles.py      optional abilities: settings for jobs, programs as jobs, PLC programs, toolpaths as jobs
+roles.py      optional abilities: settings for jobs, programs as jobs, PLC programs, toolpaths, acts of a session
 registry.py   which ones are installed, by entry points
 text.py       helpers for languages whose bytes are text
 """
@@ -25,11 +25,22 @@ from isel_twin.language.registry import (
     needed,
     programs_for,
 )
-from isel_twin.language.roles import JobMove, LoadsPlc, RetimesJobs, RunsPrograms, WritesToolpaths
+from isel_twin.language.roles import (
+    Act,
+    FlashSetting,
+    JobMove,
+    LoadsPlc,
+    RetimesJobs,
+    RunsPrograms,
+    TellsActs,
+    WritesToolpaths,
+)
 from isel_twin.language.text import Pieces, encoded, integers, readable
 
 __all__ = [
     "SETTINGS_RANGES",
+    "Act",
+    "FlashSetting",
     "JobMove",
     "Language",
     "LanguageError",
@@ -41,6 +52,7 @@ __all__ = [
     "Ranges",
     "RetimesJobs",
     "RunsPrograms",
+    "TellsActs",
     "WritesToolpaths",
     "check_ranges",
     "create_language",

@@ -89,3 +89,41 @@ class WritesToolpaths(Protocol):
 
         Raises CamError at the element that cannot be made, before the line that would make it.
         """
+
+
+@dataclass(frozen=True)
+class Act:
+    """What a command makes the machine do."""
+
+    # of a motion: speed of each axis in Hz, as far as the command says; empty for other motions; None: no motion
+    speeds_hz: tuple[int, ...] | None = None
+    references: int = 0  # axes whose reference points it finds, from wherever the machine stands: a mask
+    stops: bool = False  # breaks a motion off
+
+
+@dataclass(frozen=True)
+class FlashSetting:
+    """A number that the controller keeps without power."""
+
+    command: str  # line of a job that sets it, with {} for the number
+    low: int
+    high: int
+    usual: int  # of a controller as it was delivered
+    unit: str
+    of_references: bool = False  # shows in reference runs; otherwise in moves
+
+
+class TellsActs(Language, Protocol):
+    """A language that can tell from the bytes of a session what the machine was made to do."""
+
+    def act(self, sent: bytes) -> Act: ...
+
+    def counters(self, sent: bytes, reply: bytes) -> tuple[int, ...] | None:
+        """The counters of the axes in the reply to this command; None if it tells none."""
+
+    @property
+    def flash_settings(self) -> Mapping[str, FlashSetting]:
+        """By name, what `flash_lines` can set."""
+
+    def flash_lines(self, values: Mapping[str, int]) -> Sequence[str]:
+        """Lines of a job that make these settings the controller's own, also after power-off; the others stay."""

@@ -1,1 +1,1 @@
-"""Many twins: sweeps, tuning, identification."""
+"""Many twins: sweeps, tuning, identification, learning."""

@@ -26,14 +26,14 @@ from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
 from isel_twin.drives.shaft import AXIS_PARAMETERS, axis_states
 from isel_twin.drives.stage import Stage
 from isel_twin.machine import Axis, Machine, MachineError
-from isel_twin.plant import Threshold, kernel, memory
+from isel_twin.plant import Threshold, kernel, memory, touch
 from isel_twin.plant.cutting import CUT
 from isel_twin.plant.feed import SUPPLY, supply_state
 from isel_twin.plant.glide import JOINT, gliding, stands_alone
 from isel_twin.plant.lead import no_leads
 from isel_twin.plant.margin import SPEEDS, available_torque
 from isel_twin.plant.memory import Parts
-from isel_twin.plant.model import MODELS, Asked, asked_of, compiled, left_of_x, reach, tool_motion
+from isel_twin.plant.model import MODELS, Asked, asked_of, compiled, found_targets, left_of_x, reach, tool_motion
 from isel_twin.plant.native import mj_step_address
 from isel_twin.plant.thread import SCREW, feel
 
@@ -43,7 +43,7 @@ REST_TIME_S = 0.025  # standstill before the plant is frozen; a swinging joint i
 LARGEST_STEP_RATIO = 1.9
 NEAR_M = 1e-9  # distance from a position switch at which the loop begins to compare; rounding is far below
 _LEAST_V = 5.0  # least Stage.supply_v; below it a motor's torque is taken as at this voltage
-_QUANTITIES = {"position": memory.POSITION, "lag": memory.LAG, "fault": memory.FAULT}
+_QUANTITIES = {"position": memory.POSITION, "lag": memory.LAG, "fault": memory.FAULT, "touch": memory.TOUCH}
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +60,7 @@ class Built:
     reach: Mapping[str, NDArray[np.float64]]  # by place (model.py)
     left: float  # `left_of_x` of model.py
     alone: bool  # `stands_alone` of glide.py
+    targets: NDArray[np.void]  # TARGET [t], as they were found
     thresholds: NDArray[np.void]  # THRESHOLD [k], as they were given
     closed: NDArray[np.bool_]  # [3], which axes have servo drives
     coulomb_nm: NDArray[np.float64]  # [3], dry friction of each shaft with its brake released
@@ -84,6 +85,7 @@ class _Frame:
     reach: Mapping[str, NDArray[np.float64]]
     left: float
     alone: bool
+    targets: NDArray[np.void]
 
 
 @lru_cache(MODELS)
@@ -91,9 +93,10 @@ def _frame(asked: Asked) -> _Frame:
     model = compiled(asked)
     data = mujoco.MjData(model)
     found = reach(asked.machine, model, data)
-    for way in found.values():
-        way.flags.writeable = False
-    return _Frame(found, left_of_x(asked.machine, model, data), stands_alone(model, data))
+    targets = found_targets(asked.machine, model, data)
+    for kept in (*found.values(), targets):
+        kept.flags.writeable = False
+    return _Frame(found, left_of_x(asked.machine, model, data), stands_alone(model, data), targets)
 
 
 def build(
@@ -108,7 +111,7 @@ def build(
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION  # the motors are those of the drives
     nv, frame = model.nv, _frame(asked_of(machine, visual=False, watched=model.nsensor > 0))
     laid = np.concatenate([np.zeros(0, memory.THRESHOLD), *map(_threshold, thresholds)])
-    parts = _parts(model, data, laid, max(axes, memory.AXES))
+    parts = _parts(model, data, laid, max(axes, memory.AXES), len(frame.targets))
     built = Built(
         machine=machine,
         model=model,
@@ -120,6 +123,7 @@ def build(
         reach=frame.reach,
         left=frame.left,
         alone=frame.alone,
+        targets=frame.targets,
         thresholds=laid.copy(),
         closed=np.zeros(memory.AXES, np.bool_),
         coulomb_nm=np.zeros(memory.AXES),
@@ -150,7 +154,8 @@ def _fill(built: Built, start_mm: NDArray[np.float64]) -> None:
     data.qpos[dof] = np.asarray(start_mm) * 1e-3
     mujoco.mj_forward(model, data)
     _power_on(machine, built)
-    built.shape_mm[:] = 1e3 * tool_motion(machine, model)
+    parts.shape[:] = tool_motion(machine, model)
+    built.shape_mm[:] = 1e3 * parts.shape
     built.closed[:] = [axis.closed_loop for axis in machine.axes]
     built.coulomb_nm[:] = parts.drives["coulomb_nm"]
     built.brake_nm[:] = [axis.brake_n for axis in machine.axes]
@@ -167,6 +172,7 @@ def _fill(built: Built, start_mm: NDArray[np.float64]) -> None:
             switch["passed"] = switch["sense"] * (data.qpos[dof[switch["axis"]]] - switch["limit"]) > 0.0
     find_free(parts)
     kernel.begin_window(built.memory)
+    kernel.feel_now(built.memory)
 
 
 def weigh(built: Built, data: mujoco.MjData) -> None:
@@ -178,9 +184,9 @@ def weigh(built: Built, data: mujoco.MjData) -> None:
     parts.axes["mobility_per_kg"] = np.diagonal(built.mobility)[dof]
     stiffness = model.jnt_stiffness[model.dof_jntid]
     parts.springs[:] = -np.stack([built.mobility[dof] * of for of in (stiffness, model.dof_damping)])
-    pulls = [built.split(way) for way in (built.reach["tool"] + built.reach["table"])[:2]]
+    pulls = [built.split(way) for way in built.reach["tool"] + built.reach["table"]]
     joints, nuts = (np.array(part) for part in zip(*pulls, strict=True))
-    parts.cut_joints[:], parts.cut_nuts[:] = joints, nuts
+    parts.tip_joints[:], parts.tip_nuts[:] = joints, nuts
 
 
 def find_available(built: Built, left: float) -> None:
@@ -205,7 +211,9 @@ def find_free(parts: Parts) -> None:
             axis["free_low_m"] = max(axis["free_low_m"], end_m + NEAR_M)
 
 
-def _parts(model: mujoco.MjModel, data: mujoco.MjData, thresholds: NDArray[np.void], commands: int) -> Parts:
+def _parts(
+    model: mujoco.MjModel, data: mujoco.MjData, thresholds: NDArray[np.void], commands: int, targets: int
+) -> Parts:
     """All arrays of the loop; the numbers come later."""
     nv, pairs = model.nv, len(data.sensordata)
     return Parts(
@@ -223,8 +231,11 @@ def _parts(model: mujoco.MjModel, data: mujoco.MjData, thresholds: NDArray[np.vo
         push=np.zeros((2, nv)),
         springs=np.zeros((2, memory.AXES, nv)),
         cut=np.zeros(1, CUT),
-        cut_nuts=np.zeros((2, memory.AXES)),
-        cut_joints=np.zeros((2, nv)),
+        tip_nuts=np.zeros((memory.AXES, memory.AXES)),
+        tip_joints=np.zeros((memory.AXES, nv)),
+        feeler=np.zeros(1, touch.FEELER),
+        targets=np.zeros(targets, touch.TARGET),
+        shape=np.zeros((memory.AXES, nv)),
         supply=np.zeros(1, SUPPLY),
         before=np.zeros(nv),
         rates=np.zeros(nv),
@@ -251,6 +262,8 @@ def _power_on(machine: Machine, built: Built) -> None:
     parts.states[:] = axis_states(memory.AXES)
     parts.leads[:] = no_leads(len(parts.commanded))
     parts.thresholds[:] = built.thresholds
+    parts.targets[:] = built.targets
+    parts.feeler[:] = touch.feelers(machine)
     parts.supply[:] = supply_state(machine.supply, [axis.stage for axis in machine.axes], step_s)
     parts.before[:] = parts.place[:] = data.qpos
     parts.rates[:] = data.qvel
@@ -358,7 +371,7 @@ def _threshold(threshold: Threshold) -> NDArray[np.void]:
     record["quantity"] = _QUANTITIES[threshold.quantity]
     record["axis"] = threshold.axis
     record["sense"] = threshold.sense
-    scale = 1e-3 if threshold.quantity == "position" else 1.0
+    scale = 1e-3 if threshold.quantity in ("position", "touch") else 1.0
     record["limit"] = threshold.limit * scale
     record["hysteresis"] = threshold.hysteresis * scale if threshold.quantity != "fault" else 0.0
     record["passed"] = threshold.quantity == "lag" and threshold.limit < 0.0

@@ -32,7 +32,8 @@ from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.errors import one_line
 from isel_twin.machine import Machine, MachineError
 from isel_twin.plant import PLACES
-from isel_twin.plant.clamped import EXACT_M, PREFIX, lay, let_meet, may_meet, name_all
+from isel_twin.plant.clamped import EXACT_M, PREFIX, TIP, lay, let_meet, may_meet, name_all, put_probe
+from isel_twin.plant.touch import targets
 
 MODELS = 16  # the last that were compiled, some 100 kB each
 
@@ -41,7 +42,7 @@ def load_model(machine: Machine, *, visual: bool = True, watched: bool = False) 
     """The model with what machine.toml says about it. visual: keep geoms that are only for display; a step takes a
     third longer. watched: with a sensor for each two shapes that must not meet (clamped.py).
 
-    It is compiled once for machines that differ only in guide friction, payload and structure (plant/23).
+    It is compiled once for machines that differ only in masses, guide friction, payload and structure (plant/23).
 
     Raises MachineError if model or fixture cannot be read, a joint or body that the machine names is missing, or a
     joint does not have exactly one coordinate.
@@ -79,7 +80,9 @@ def _bare(machine: Machine) -> Hashable:
 
 def _tree(machine: Machine) -> Hashable:
     """The same without the files."""
+    probe = machine.probe
     return (
+        (probe.ball_mm, probe.reach_mm) if probe is not None and probe.enabled else None,
         tuple(machine.masses_kg),
         tuple((axis.name, axis.stop_margin_mm, axis.travel_mm) for axis in machine.axes),
         tuple(mode.joint for mode in machine.structure),
@@ -123,6 +126,8 @@ def compiled(asked: Asked) -> mujoco.MjModel:
                 spec.delete(sensor)
         except ValueError as error:
             raise MachineError(f"{machine.fixture_file}: {one_line(str(error))}") from None
+    if machine.probe is not None and machine.probe.enabled:
+        put_probe(spec, machine.probe)
     if machine.fixtures:
         lay(spec, machine.fixtures)
     spec.option.timestep = machine.timing.mujoco_step_ns * 1e-9
@@ -198,6 +203,17 @@ def dress(machine: Machine, model: mujoco.MjModel, data: mujoco.MjData) -> None:
 def _means(model: mujoco.MjModel) -> tuple[float, float]:
     """Mean inertia of the joints and mean mass of the bodies, as MuJoCo's compiler computes them."""
     return sum(model.dof_M0.tolist()) / model.nv, sum(model.body_mass.tolist()) / (model.nbody - 1)
+
+
+def found_targets(machine: Machine, model: mujoco.MjModel, scratch: mujoco.MjData | None = None) -> NDArray[np.void]:
+    """What the machine's feeler can touch (touch.targets)."""
+    down = _ways(machine, model, _jacobian(model, scratch))[2]
+    data = blank(model, scratch)
+    mujoco.mj_kinematics(model, data)
+    to_table_m = down @ (data.site(PLACES["table"]).xpos - data.site(PLACES["tool"]).xpos)
+    tips = [geom for geom in range(model.ngeom) if model.geom(geom).name == TIP]
+    radius_m = float(model.geom_size[tips[0], 0]) if tips else 0.0
+    return targets(machine, 1e3 * float(to_table_m), 1e3 * radius_m)
 
 
 def tool_motion(machine: Machine, model: mujoco.MjModel) -> NDArray[np.float64]:

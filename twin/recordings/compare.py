@@ -8,13 +8,14 @@
 
 A language (`isel_twin.language`) frames commands and replies. Replies come in the order of the commands that need one;
 further bytes belong to the last command. Commands are matched like lines in a diff: those on one side only are listed,
-the others are compared. If both sides are twins, the counters at each reply are compared exactly, too.
+the others are compared (judging.py says how). If both sides are twins, the counters at each reply are compared exactly,
+too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from difflib import SequenceMatcher
 
 import numpy as np
@@ -36,6 +37,7 @@ class Exchange:
     reply: bytes
     replied_ns: int | None  # when the last byte of the reply came; None: nothing came
     counts: tuple[int, ...] | None  # the controller's counters then; None if unknown
+    meaning: str = ""  # the reply in words
 
     @property
     def duration_ns(self) -> int | None:
@@ -56,45 +58,27 @@ class Pair:
         a, b = self.a.duration_ns, self.b.duration_ns
         return None if a is None or b is None else b - a
 
-    def differs(self, tolerance_ns: int) -> tuple[str, ...]:
-        """Which of `reply`, `duration` and `counters` differ."""
-        later, counts = self.later_ns, (self.a.counts, self.b.counts)
-        found = {
-            "reply": self.a.reply != self.b.reply,
-            "duration": later is not None and abs(later) > tolerance_ns,
-            "counters": None not in counts and counts[0] != counts[1],
-        }
-        return tuple(name for name, is_so in found.items() if is_so)
-
 
 @dataclass(frozen=True)
-class Comparison:
+class Matched:
+    """Two sessions laid over each other."""
+
     pairs: tuple[Pair, ...]
     only_a: tuple[Exchange, ...]
     only_b: tuple[Exchange, ...]
-    tolerance_ns: int
-    different: tuple[Pair, ...] = field(init=False)  # the pairs that differ, in the order of side A
-
-    def __post_init__(self) -> None:
-        different = tuple(pair for pair in self.pairs if pair.differs(self.tolerance_ns))
-        object.__setattr__(self, "different", different)
-
-    @property
-    def same(self) -> bool:
-        """True if nothing differs beyond the tolerance and no command is on one side only."""
-        return not (self.different or self.only_a or self.only_b)
 
     @property
     def most(self) -> Pair | None:
-        """The pair whose durations differ most, beyond the tolerance or not."""
+        """The pair whose durations differ most."""
         timed = [pair for pair in self.pairs if pair.later_ns is not None]
         return max(timed, key=lambda pair: abs(pair.later_ns or 0), default=None)
 
 
-def compare(a: Recorded, b: Recorded, language_a: Language, language_b: Language, tolerance_ns: int) -> Comparison:
-    """Compare two recordings, each with a fresh language. Raises RecordingError."""
-    side_a, side_b = exchanges(a, language_a), exchanges(b, language_b)
-    pairs, only_a, only_b = [], [], []
+def matched(side_a: Sequence[Exchange], side_b: Sequence[Exchange]) -> Matched:
+    """Lay two sessions over each other."""
+    pairs: list[Pair] = []
+    only_a: list[Exchange] = []
+    only_b: list[Exchange] = []
     for first_a, last_a, first_b, last_b, alike in _matched([e.command for e in side_a], [e.command for e in side_b]):
         if alike:
             both = zip(side_a[first_a:last_a], side_b[first_b:last_b], strict=True)
@@ -102,7 +86,7 @@ def compare(a: Recorded, b: Recorded, language_a: Language, language_b: Language
         else:
             only_a += side_a[first_a:last_a]
             only_b += side_b[first_b:last_b]
-    return Comparison(tuple(pairs), tuple(only_a), tuple(only_b), tolerance_ns)
+    return Matched(tuple(pairs), tuple(only_a), tuple(only_b))
 
 
 def _matched(a: Sequence[bytes], b: Sequence[bytes]) -> list[tuple[int, int, int, int, bool]]:
@@ -142,7 +126,7 @@ def exchanges(recorded: Recorded, language: Language) -> list[Exchange]:
 def paired(pieces: Iterable[tuple[int, bytes, bool, int]], language: Language) -> list[Exchange]:
     """The commands in pieces of `traffic`, each with its reply, without counters."""
     sent: list[tuple[int, bytes, str, str]] = []
-    replies: list[list[tuple[int, bytes]]] = []
+    replies: list[list[tuple[int, bytes, str]]] = []
     waiting: list[int] = []
     for time_ns, data, by_host, byte_ns in pieces:
         left = len(data)
@@ -154,9 +138,16 @@ def paired(pieces: Iterable[tuple[int, bytes, bool, int]], language: Language) -
                 sent.append((time_ns, message.data, message.text or readable(message.data), message.explanation))
                 replies.append([])
             elif replies:
-                replies[waiting.pop(0) if waiting else -1].append((time_ns - max(left, 0) * byte_ns, message.data))
+                came_ns = time_ns - max(left, 0) * byte_ns
+                replies[waiting.pop(0) if waiting else -1].append((came_ns, message.data, message.explanation))
     return [
-        Exchange(*command, b"".join(data for _, data in came), came[-1][0] if came else None, None)
+        Exchange(
+            *command,
+            b"".join(data for _, data, _ in came),
+            came[-1][0] if came else None,
+            None,
+            "; ".join(words for _, _, words in came),
+        )
         for command, came in zip(sent, replies, strict=True)
     ]
 

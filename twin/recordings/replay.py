@@ -6,8 +6,8 @@
 
 With the same versions there is no difference, to the bit, at any speed.
 
-A recording of a real controller (kind `tap`) has only bytes with times. It is played to a twin that the caller builds,
-with the host's delays after replies kept. Replies are compared, not their times (compare.py does that).
+A recording of a real controller (kind `tap`) has only bytes with times: host.py plays its host to a twin that the
+caller builds.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.capture.player import NAME as PLAYER
 from isel_twin.capture.player import Player
 from isel_twin.core.journal import SETTINGS
+from isel_twin.core.spec import TwinSpec
 from isel_twin.core.twin import Twin
 from isel_twin.language import readable
 from isel_twin.machine import machine_from_tree, read_fixtures
@@ -49,7 +50,6 @@ from isel_twin.version import VERSION
 from isel_twin.wiring import ScenarioError, event_now
 
 SLICE_NS = 10 * MILLISECOND_NS  # virtual time between two looks of a paced replay at the clock
-PATIENCE_S = 3600.0  # virtual seconds to wait for a reply that the real controller gave
 CAUSES = ("/host/sent", "/operator")
 _DONE = (*CAUSES, "/scenario", "/runs")
 _TRAFFIC = ("/host/sent", "/host/received")
@@ -82,6 +82,16 @@ def rebuilt(recorded: Recorded, folder: Path) -> Twin:
 
     Raises RecordingError for an insufficient recording, and ValueError as `Twin` does.
     """
+    captured = recorded.controller == PLAYER
+    player = Player.restored(recorded.attachments.get(FLASH, b"")) if captured else None
+    return Twin.of(spec_of(recorded, folder), 1, player)
+
+
+def spec_of(recorded: Recorded, folder: Path) -> TwinSpec:
+    """What the twin of a recording was built from. folder: for files that it needs.
+
+    Raises RecordingError for an insufficient recording.
+    """
     said = recorded.metadata
     if not recorded.of_twin:
         raise RecordingError(f"{recorded.path}: is of a real controller and does not say what machine there was")
@@ -110,18 +120,17 @@ def rebuilt(recorded: Recorded, folder: Path) -> Twin:
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise RecordingError(f"{recorded.path}: does not say what was recorded: {error!r}") from None
     place = Place(f"{recorded.path}: {FIXTURES}", key="fixture")
-    return Twin(
+    return TwinSpec(
         machine_from_tree(tree, folder / "machine.toml"),
-        Player.restored(files.get(FLASH, b"")) if controller == PLAYER else controller,
+        controller,
         plant,
         seed,
         flash=files.get(FLASH),
         scenario=folder / SCENARIO if SCENARIO in files else None,
         line_speed=line_speed,
         overrides=overrides,
-        start_mm=start_mm,
-        fixtures=read_fixtures(tables, place, folder),
-        keep_motions=1,
+        start_mm=None if start_mm is None else tuple(start_mm),
+        fixtures=tuple(read_fixtures(tables, place, folder)),
     )
 
 
@@ -152,19 +161,19 @@ def replay(recorded: Recorded, twin: Twin, pace: Pace | None = None) -> Differen
     eye = _Eye(recorded, twin)
     recording = Recording(twin, eye, recorded.interval_ns)
     for entry in recorded.of(*CAUSES):
-        _run_until(twin, entry.time_ns, pace, eye.seen)
+        run_until(twin, entry.time_ns, pace, eye.seen)
         if eye.seen():
             return eye.difference
         _cause(recorded, entry, twin)
     end_ns = recorded.end_ns
     if not recorded.whole:  # the last reply, written down before it arrives, may be all that is left of its cause
         end_ns = max([end_ns, *(entry.time_ns for entry in recorded.of("/host/received"))])
-    _run_until(twin, end_ns, pace, eye.seen)
+    run_until(twin, end_ns, pace, eye.seen)
     recording.hand_on()
     return eye.difference or eye.missing()
 
 
-def _run_until(twin: Twin, time_ns: int, pace: Pace | None, stop: Callable[[], bool]) -> None:
+def run_until(twin: Twin, time_ns: int, pace: Pace | None, stop: Callable[[], bool]) -> None:
     if pace is None:
         twin.run_until(time_ns, stop)
         return
@@ -287,45 +296,3 @@ def _first_field(then: Any, now: Any) -> tuple[str, Any, Any]:
             index = next(i for i in range(len(a)) if a[i].tobytes() != b[i].tobytes())
             return (f"{name}[{index}]" if then[name].shape else name), a[index].item(), b[index].item()
     return "nothing", None, None
-
-
-def play_host(recorded: Recorded, twin: Twin, pace: Pace | None = None) -> Difference | None:
-    """Play the host of any recording to a twin; return the first reply with other bytes, or None. Raises RecordingError
-    if the host sends nothing."""
-    if not any(recorded.of("/host/sent")):
-        raise RecordingError(f"{recorded.path}: the host sends nothing in it: there is nothing to compare")
-    then, now = bytearray(), bytearray()
-    heard_ns = 0
-
-    def answered() -> bool:
-        now.extend(twin.read())
-        return len(now) >= len(then)
-
-    for entry in recorded.of("/host/sent", "/host/received"):
-        data = recorded.data(entry)
-        if entry.channel == "/host/received":
-            then += data
-            heard_ns = entry.time_ns
-            continue
-        _await(twin, answered, pace)
-        if len(now) < len(then) or now[: len(then)] != then:
-            return _reply_difference(twin, then, now)
-        _run_until(twin, twin.time_ns + max(0, entry.time_ns - heard_ns), pace, lambda: False)
-        heard_ns = entry.time_ns
-        twin.write(data)
-    _await(twin, lambda: answered() and False, pace)
-    answered()
-    return None if now == then else _reply_difference(twin, then, now)
-
-
-def _await(twin: Twin, answered: Callable[[], bool], pace: Pace | None) -> None:
-    """Let time pass until the twin has answered as much as the controller had at that point, or is idle."""
-    end_ns = twin.time_ns + round(PATIENCE_S * SECOND_NS)
-    while not answered() and twin.time_ns < end_ns and not twin.idle:
-        _run_until(twin, twin.time_ns + SLICE_NS, pace, lambda: twin.reply_waiting or twin.idle)
-
-
-def _reply_difference(twin: Twin, then: bytearray, now: bytearray) -> Difference:
-    index = next((i for i, (a, b) in enumerate(zip(then, now, strict=False)) if a != b), min(len(then), len(now)))
-    shown = [readable(bytes(data[index : index + 24])) or "nothing" for data in (then, now)]
-    return Difference(twin.time_ns, f"/host/received, byte {index}", *shown)

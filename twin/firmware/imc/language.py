@@ -1,4 +1,4 @@
-"""The iMC's language. Implements `isel_twin.language.Language`, `RetimesJobs` and
+"""The iMC's language. Implements `isel_twin.language.Language`, `RetimesJobs`, `TellsActs` and
 `WritesToolpaths`.
 
 It explains every command of commands.py and every reply code, and cuts both directions into messages.
@@ -29,11 +29,23 @@ from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import Toolpath
 from isel_twin.cam.writing import written
 from isel_twin.cam.written import MachineAxes, Written
-from isel_twin.firmware.imc import commands, grammar, replies, retiming
+from isel_twin.firmware.imc import acts, commands, grammar, replies, retiming
 from isel_twin.firmware.imc.profile import Profile, load_profile
 from isel_twin.firmware.imc.reading import LF, OK, AnswerForm, ReadingState
 from isel_twin.firmware.imc.wording import line_words
-from isel_twin.language import JobMove, Message, MoveSettings, Pieces, Ranges, check_ranges, encoded, integers, readable
+from isel_twin.language import (
+    Act,
+    FlashSetting,
+    JobMove,
+    Message,
+    MoveSettings,
+    Pieces,
+    Ranges,
+    check_ranges,
+    encoded,
+    integers,
+    readable,
+)
 
 CR = bytes([grammar.CR])
 
@@ -135,6 +147,21 @@ class ImcLanguage:
         """`@0IL` first, so that other unsaved values are not stored; then `@0Ij`, `@0IJ`, `@0IW` (4.2.3, 4.2.4,
         4.2.18)."""
         return ["@0IL", f"@0Ij{settings.start_stop_hz}", f"@0IJ{settings.acceleration_hz_per_ms}", "@0IW"]
+
+    # ---- what a session did: acts.py ---------------------------------------------------------------------------------
+
+    def act(self, sent: bytes) -> Act:
+        return acts.act(sent)
+
+    def counters(self, sent: bytes, reply: bytes) -> tuple[int, ...] | None:
+        return acts.counters(sent, reply)
+
+    @property
+    def flash_settings(self) -> Mapping[str, FlashSetting]:
+        return acts.flash_settings(self._profile)
+
+    def flash_lines(self, values: Mapping[str, int]) -> Sequence[str]:
+        return acts.flash_lines(self._profile, values)
 
     # ---- the line ---------------------------------------------------------------------------------------------------
 

@@ -1,0 +1,144 @@
+"""A session with a second machine that is other in one thing: it is found, and nothing else is."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from isel_twin.core.spec import TwinSpec
+from isel_twin.core.twin import Twin
+from isel_twin.many.learning.explain import explained
+from isel_twin.many.learning.learn import told_alone
+from isel_twin.many.learning.session import Session
+from isel_twin.recordings.compare import traffic
+from isel_twin.recordings.mcap import RecordingWriter
+from isel_twin.recordings.reading import read
+from isel_twin.recordings.recording import FileRecording
+from tests.in_process import isel_twin as cli
+
+HERE = TwinSpec(plant="kinematic", line_speed=True, start_mm=(5.0, 5.0, 5.0))
+COMMANDS = (
+    "@07",
+    "@0d5000,5000,5000",
+    "@0R7",
+    "@0P",
+    "@0A8000,5000,400,2000,0,30,0,30",
+    "@0B1,0",
+    "@0b1",
+    "@0M0,9000,0,9000,0,900,0,30",
+    "@0P",
+    "@0R7",
+    "@0M3200,9000,3200,9000,0,900,0,30",
+    "@0V",
+    "@0P",
+    "@0Id1,2,3,4",
+)
+
+
+def flash(*lines: str) -> bytes:
+    twin = Twin(plant="kinematic")
+    assert [twin.query(line) for line in (*lines, "@0IW")] == ["0"] * (len(lines) + 1)
+    assert twin.flash is not None
+    return twin.flash
+
+
+def recorded(path: Path, spec: TwinSpec, commands: tuple[str, ...] = COMMANDS) -> Path:
+    """What a tap would have recorded of this machine: bytes and their times."""
+    twin = spec.build(keep_motions=1)
+    recording = FileRecording(path.with_suffix(".twin.mcap"), twin, 100_000_000)
+    for command in commands:
+        twin.query(command)
+        twin.run(0.05)
+    recording.close()
+    with RecordingWriter(path, {"kind": "tap", "controller": "imc-s8"}) as writer:
+        for time_ns, data, by_host, _ in traffic(read(path.with_suffix(".twin.mcap"))):
+            (writer.sent if by_host else writer.received)(time_ns, data)
+    return path
+
+
+def session(path: Path) -> Session:
+    return Session(tuple(traffic(read(path))), "imc-s8")
+
+
+@pytest.mark.parametrize(
+    ("other", "name", "value"),
+    [
+        ({"flash": "@0IJ50"}, "acceleration", 50),
+        ({"flash": "@0Ij900"}, "start-stop frequency", 900),
+        ({"controller": "c142"}, "firmware", None),
+        ({"events": [{"at": 0.0, "set": {"limit_y2": "stuck_open"}}]}, "switch", None),
+        ({}, "", None),
+    ],
+)
+def test_what_is_other_at_the_second_machine_is_found(
+    other: dict[str, Any], name: str, value: int | None, tmp_path: Path
+) -> None:
+    there = HERE.with_(start_mm=(6.5, 4.0, 5.5))
+    if "events" in other:
+        there = there.with_events(other["events"])
+    elif "flash" in other:
+        there = there.with_(flash=flash(other["flash"]))
+    else:
+        there = there.with_(**other)
+    found = explained(session(recorded(tmp_path / "real.mcap", there)), HERE.with_(start_mm=None))
+    assert found.same, found.unexplained
+    assert [(cause.name, cause.value) for cause in found.causes] == ([(name, value)] if name else [])
+    assert found.alternatives == ((),) * len(found.causes)
+
+
+def test_play_is_found_in_later_reference_runs_by_physics(tmp_path: Path) -> None:
+    there = HERE.with_(plant="mujoco", overrides={"axes.x.backlash": 0.3})
+    path = recorded(tmp_path / "real.mcap", there, ("@01", "@0d5000", "@0R1", "@0A1600,5000", "@0R1", "@0P"))
+    found = explained(session(path), HERE.with_(plant="mujoco", start_mm=None))
+    (cause,) = found.causes
+    assert cause.name in ("backlash", "reference speed")
+    assert found.same
+
+
+def test_a_place_at_power_on_that_is_said_is_a_difference_that_is_named(tmp_path: Path) -> None:
+    path = recorded(tmp_path / "real.mcap", HERE.with_(start_mm=(20.0, 20.0, 20.0)))
+    found = explained(session(path), HERE, unknown_start=False)
+    assert [cause.name for cause in found.causes] == ["power-on position"]
+    assert found.same
+    assert found.causes[0].spec.start_mm == pytest.approx((29.5, 22.4, 10.5), abs=10.0)  # any place with that duration
+
+
+def test_what_the_bytes_alone_tell(tmp_path: Path) -> None:
+    """19200 baud, 8N1: 520.8 us a byte."""
+    told = {one.what: one.value for one in told_alone(session(recorded(tmp_path / "real.mcap", HERE)))}
+    assert told == {"axes": "X Y Z", "speeds": "30 to 9000 Hz", "line speed": "19200 baud"}
+
+
+def test_learn_writes_a_flash_with_which_the_twin_does_the_same(tmp_path: Path) -> None:
+    path = recorded(tmp_path / "real.mcap", HERE.with_(flash=flash("@0IJ50")))
+    image = tmp_path / "flash.bin"
+    done = cli("learn", path, "--plant", "kinematic", "-o", image)
+    assert done.returncode == 0, done.stderr
+    assert "acceleration 50 Hz/ms in its flash" in done.stdout
+    assert cli("compare", path, "--plant", "kinematic", "--flash", image).returncode == 0
+    assert cli("replay", path, "--plant", "kinematic", "--flash", image).returncode == 0
+    done = cli("compare", path, "--plant", "kinematic", "--report", tmp_path / "page.html", "--json")
+    assert done.returncode == 1
+    summary = json.loads(done.stdout.splitlines()[-1])
+    assert summary["verdict"].startswith("the same but for acceleration 50 Hz/ms in its flash (+- ")
+    assert summary["unexplained"] == []
+    assert "<svg" in (tmp_path / "page.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("compare", "--start", "1,2"), "--start '1,2': must be X,Y,Z in mm"),
+        (("replay", "--step-tolerance", "-1"), "--step-tolerance -1: must be a number of steps from 0"),
+        (("compare", "real.mcap", "--seed", "3"), "says itself what it was made with"),
+        (("learn", "--flash", "none.bin"), "none.bin: there is no such file"),
+    ],
+)
+def test_what_cannot_be_carried_out_is_one_line(arguments: tuple[str, ...], told: str, tmp_path: Path) -> None:
+    path = recorded(tmp_path / "real.mcap", HERE, ("@07",))
+    done = cli(arguments[0], path, *(str(path) if word == "real.mcap" else word for word in arguments[1:]))
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
+    assert told in done.stderr

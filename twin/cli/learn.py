@@ -1,0 +1,97 @@
+"""`isel-twin learn`: what a recorded session tells of the machine at the other end of the line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from isel_twin.base.errors import CallError, call_errors
+from isel_twin.cli import options, sessions
+from isel_twin.cli.options import DEFAULT_TWIN, MachineName, Overrides, PlantName, Seed
+from isel_twin.cli.outputs import say, say_json
+from isel_twin.core.spec import MACHINE, TwinSpec
+
+if TYPE_CHECKING:
+    from isel_twin.many.learning.explain import Explained
+    from isel_twin.many.learning.learn import Told
+    from isel_twin.recordings.judging import Limits
+
+
+def learn(
+    recording: Annotated[Path, Parameter(help="File that `tap`, or --record NAME.mcap, has made.")],
+    /,
+    *,
+    controller: Annotated[str, Parameter(help="Which one it has, if the recording does not say.")] = "",
+    machine: MachineName = MACHINE,
+    plant: PlantName = TwinSpec.plant,
+    seed: Seed = TwinSpec.seed,
+    flash: Annotated[Path | None, Parameter(help="The controller's flash memory; only read.")] = None,
+    scenario: options.ScenarioFile = None,
+    set: Overrides = (),
+    out: Annotated[Path | None, Parameter(name=("--out", "-o"), help="A flash memory with what was found.")] = None,
+    time_tolerance: sessions.TimeTolerance = None,
+    step_tolerance: sessions.StepTolerance = 1,
+    json: options.Json = False,
+) -> int:
+    """Tell what a session says of controller and machine, and what makes the twin answer as it does.
+
+    Axes, speeds and line come from the bytes alone. Ramps, start-stop frequency, reference speed, play, switches and
+    firmware are found by changing the twin of this call until its replies come as recorded; each is told with how sure
+    it is. Exit code 0 if the twin then does what the recording does, 1 if something is left.
+    """
+    from isel_twin.many.learning.explain import explained
+    from isel_twin.many.learning.learn import told_alone
+    from isel_twin.recordings.reading import read
+
+    limits: Limits = sessions.limits_of(time_tolerance, step_tolerance)
+    options.check_writable(out, kept=(recording, flash, scenario))
+    with call_errors(recording):
+        recorded = read(recording)
+    call = options.TwinOptions(machine, DEFAULT_TWIN.controller, plant, seed, flash, scenario, set)
+    spec = sessions.spec_for(recorded, call, controller, "")
+    session = sessions.session_of(recorded, spec.controller, limits)
+    told = told_alone(session)
+    with call_errors():
+        result = explained(session, spec)
+    image = result.spec.flash
+    if out is not None:
+        if not isinstance(image, bytes):
+            raise CallError(f"{out}: nothing was found that a flash memory holds; nothing is written")
+        from isel_twin.base.files import atomic_write
+
+        with call_errors(out):
+            atomic_write(out, image)
+    if json:
+        say_json(_as_json(told, result))
+    else:
+        if not recorded.whole:
+            say(f"{recording}: the recording has no end, it was cut off; it is used as far as it goes")
+        _print(told, result)
+    return 0 if result.same else 1
+
+
+def _print(told: list[Told], result: Explained) -> None:
+    for one in told:
+        print(f"{one.what}: {one.value} ({one.sure})")
+    start = ", ".join(f"{mm:.1f}" for mm in result.spec.start_mm or ())
+    print(f"power-on: as from {start} mm off the motor-end switches (the first reference run)")
+    for line in sessions.words(result.before, result if result.causes else None):
+        print(line)
+    if result.same and not result.causes:
+        print("the twin does the same: nothing else to learn")
+    elif result.same:
+        print("with that the twin does the same")
+    else:
+        print(sessions.verdict(result.before, result))
+
+
+def _as_json(told: list[Told], result: Explained) -> dict[str, Any]:
+    return {
+        "told": [{"what": one.what, "value": one.value, "sure": one.sure} for one in told],
+        "start_mm": [round(mm, 3) for mm in result.spec.start_mm or ()],
+        "causes": sessions.causes_as_json(result),
+        "unexplained": sessions.differences_as_json(result.unexplained),
+        "same": result.same,
+    }
