@@ -401,7 +401,6 @@ def test_a_shift_moves_nothing_and_does_not_add_up() -> None:
         case("bwo900-4.6-1", "G7"),
         case("bwo900-4.10-1", "G14"),
         case("bwo900-4.11-1", "G16"),
-        case("bwo900-5.1-1", "G69"),
         case("bwo900-4.29-1", "G170"),
     ],
 )

@@ -12,7 +12,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from numba.core import event
 
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.units import MILLISECOND_NS
-from isel_twin.controller import Compiles, create_controller, offers
+from isel_twin.controller import Compiles, PluginError, controller_names, create_controller, offers
 from isel_twin.drives.library import MOTORS
 from isel_twin.drives.stability import limit_rad_s
 from isel_twin.drives.stage import Stage
@@ -71,6 +71,17 @@ def warm_up(plant: str, tell: Callable[[str], None] = _log, controllers: Iterabl
             controller = create_controller(name)
             if offers(controller, Compiles):
                 controller.warm_up()
+
+
+def warm_up_all(tell: Callable[[str], None] = _log) -> None:
+    """Load or compile what twins with either plant and any installed controller that works need."""
+    working = []
+    for name in controller_names():
+        with suppress(PluginError):
+            create_controller(name)
+            working.append(name)
+    for plant in ("kinematic", "mujoco"):
+        warm_up(plant, tell, working)
 
 
 def kept_in() -> Path | None:

@@ -342,7 +342,7 @@ class Desk:
                     raise ProtocolError(f"terminal {terminal!r} is wired to {name!r}, a contact that no machine has")
 
     def _levels(self) -> dict[str, bool]:
-        contacts = self.cabinet.contacts()
+        contacts = dict(self.cabinet.contacts())
         contacts.update({contact: not struck for contact, struck in self._struck.items()})
         contacts.update(self._forced_contacts)
         levels = {fed: all(contacts.get(name, True) for name in names) for fed, names in self.terminals.items()}

@@ -109,7 +109,10 @@ class SafetyCabinet:
         self._user = dict.fromkeys(USER_INPUTS, False)
         self._mains = True
         self._operated = 0  # counts what people have done
-        self._shown: tuple[tuple[bool | int, ...], dict[str, bool]] = ((), {})  # `contacts`, and what they follow from
+        self._shown: tuple[tuple[bool | int, ...], Mapping[str, bool]] = (
+            (),
+            {},
+        )  # `contacts`, and what they follow from
 
     def operate(self, element: str, state: str) -> str:
         """A locked hood stays closed unless forced."""
@@ -194,7 +197,7 @@ class SafetyCabinet:
         """The hood lock holds: the hood is closed and the controller does not release it (wiring/2)."""
         return self.state["hood"] == "closed" and not self._outputs["hood_release"]
 
-    def contacts(self) -> dict[str, bool]:
+    def contacts(self) -> Mapping[str, bool]:
         state = (self._operated, self.stages_hot, self.spindle_runs, self.relay, self.touched)
         if state != self._shown[0]:
             self._shown = state, self._contacts()

@@ -27,6 +27,7 @@ from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, MOST_AXES, of_axis
 from isel_twin.firmware.bwo900.programs.lines import END, program_name
 from isel_twin.language import (
     SETTINGS_RANGES,
+    Example,
     LanguageError,
     Message,
     MoveSettings,
@@ -117,6 +118,9 @@ class Bwo900Language:
         self.defaults = retiming.DEFAULTS
         self._sent = Pieces(ends=b"\n\x04")
         self._received = Pieces(ends=b"\n\x04")
+
+    def example(self) -> Example:
+        return Example.kept(__package__, "square.nc", "4030-servo")
 
     def frame(self, text: str) -> bytes:
         return encoded(text) + END_OF_LINE
