@@ -30,6 +30,7 @@ from isel_twin.motion import StepRun, circle, line, trapezoid
 from isel_twin.motion.joined import joined
 from isel_twin.motion.pieces import chain, piece
 from isel_twin.plant import Plant, Threshold
+from isel_twin.plant.touch import TARGET, Felt
 
 
 def _log(text: str) -> None:
@@ -61,6 +62,7 @@ def warm_up(plant: str, tell: Callable[[str], None] = _log, controllers: Iterabl
             limit_rad_s(MOTORS["23HS32-4004S"], Stage(supply_v=48.0, current_a=4.2))
         machine.advance(2 * until_ns, np.array([2 * until_ns]), np.ones((1, 4), dtype=np.int32), lead_ns=until_ns)
         machine.watch_margin()
+        Felt(load_machine("4030"), np.zeros(0, TARGET), 0.0, 0.0).take(np.zeros(len(CARRIAGES)))  # without MuJoCo
         servos = _plant(plant, "4030-servo")
         servos.reset_drives()
         servos.current_fraction  # noqa: B018
