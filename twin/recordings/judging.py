@@ -2,9 +2,10 @@
 
     replies      by their meaning; counters in them within --step-tolerance
     durations    within what this session's own quick replies scatter by: `Jitter` (recordings/5). A busy computer is
-                 late now and then, and seldom twice: one duration alone has to differ by more than several; and many that differ
-                 by little count if they rank behind the quick replies beyond chance (Mann and Whitney's test). Delays
-                 only add: a real move that is shorter than that of a twin in virtual time differs, whatever the load
+                 late now and then, and seldom twice: one duration alone has to differ by more than several; and many
+                 that differ by little count if they rank behind the quick replies beyond chance (Mann and Whitney's
+                 test). Delays only add: a real move that is shorter than that of a twin in virtual time differs,
+                 whatever the load
     a stop       comes when the host sends it, which is not the same twice: what it broke off is timed from it, and the
                  counters may differ by what was travelled meanwhile, until a reference run or a counter says more
     reference    the first run of a session begins at an unknown place: set aside as a difference of its own kind
