@@ -63,10 +63,11 @@ class _AtOnce:
 
 
 def _warm_up() -> None:
+    from isel_twin.controller import controller_names
     from isel_twin.core.warm import warm_up
 
     for plant in ("kinematic", "mujoco"):
-        warm_up(plant)
+        warm_up(plant, controllers=controller_names())
 
 
 @pytest.fixture

@@ -26,7 +26,8 @@ from typing import Any, NoReturn
 PIPE = subprocess.PIPE
 REQUEST_BYTES = 1 << 18
 NUMBER = struct.Struct("i")
-PATIENCE_S = 120.0
+PATIENCE_S = 900.0
+"""Longest wait of a test for what must come, however busy the computer is: only what never comes takes that long."""
 
 
 def start(*words: object, **options: Any) -> Any:

@@ -286,7 +286,7 @@ def test_nobody_reads_on(tmp_path: Path) -> None:
         assert child.stderr is not None
         assert json.loads(child.stdout.readline())["number"] == 1
         child.stdout.close()
-        assert child.wait(timeout=60) != 0
+        assert child.wait(timeout=forked.PATIENCE_S) != 0
         assert "Traceback" not in child.stderr.read()
 
 
@@ -305,7 +305,7 @@ def test_ctrl_c_of_a_terminal_ends_the_repetitions_and_shows_what_has_been_done(
         assert any(line.startswith("all well") for line in command.stdout)
         time.sleep(0.5)  # amid a repetition, or in the start of the processes
         os.killpg(command.pid, signal.SIGINT)
-        out, err = command.communicate(timeout=60)
+        out, err = command.communicate(timeout=forked.PATIENCE_S)
     assert command.returncode == 130
     assert "Traceback" not in err
     assert re.search(r"job.txt: interrupted after \d+ of 1000 repetitions", err)
@@ -328,15 +328,14 @@ def test_a_repetition_in_progress_is_given_up() -> None:
 
 
 def test_other_processes_give_up_what_they_are_at() -> None:
-    """Two hours of moves each, which take a minute to compute."""
-    there, back = "@0A72000,10000,0,30,0,30,0,30\n", "@0A-72000,10000,0,30,0,30,0,30\n"
+    """Eight days of moves each, which take hours to compute."""
+    there, back = "@0A72000,100,0,30,0,30,0,30\n", "@0A-72000,100,0,30,0,30,0,30\n"
     lines = parse_job("@07\n@0R7\n" + (there + back) * 500, create_language("imc-s8"), "imc-s8")
     begin_s = time.monotonic()
     made = robust.repetitions(
-        TwinSpec(), lines, 2, timeout_s=60.0, crew=crew.local(2), stop=lambda: time.monotonic() > begin_s + 2.0
+        TwinSpec(), lines, 2, timeout_s=1e6, crew=crew.local(2), stop=lambda: time.monotonic() > begin_s + 2.0
     )
     assert list(made) == []
-    assert time.monotonic() < begin_s + 20.0
 
 
 # Refusals ---

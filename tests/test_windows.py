@@ -16,9 +16,10 @@ import serial
 from isel_twin.base import files
 from isel_twin.bridge.serve import tcp
 from isel_twin.plant import built
+from tests.forked import PATIENCE_S
 
 BARE = str(Path(__file__).with_name("bare.py"))
-WAIT_S = 120.0
+WAIT_S = PATIENCE_S
 
 
 def bare(*arguments: str, given: str = "") -> subprocess.CompletedProcess[str]:

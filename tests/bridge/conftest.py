@@ -17,13 +17,9 @@ from isel_twin.bridge.serve.borders import Endpoint
 from isel_twin.bridge.serve.pacing import Pacer
 from isel_twin.bridge.serve.server import Server
 from isel_twin.core.twin import Twin
-from tests.forked import start
+from tests.forked import PATIENCE_S, start
 
-START_S = 120.0
-"""Longest wait for a process to listen: the first one may have to compile."""
-STOP_S = 30.0
-REPLY_S = 60.0
-"""Longest wait for a reply; a healthy twin needs a small part of it."""
+START_S = STOP_S = REPLY_S = PATIENCE_S
 
 
 def until(true: Callable[[], object]) -> None:

@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.forked import PATIENCE_S
+
 PAGE = Path(__file__).parents[2] / "docs" / "bench.md"
 SECTION = "## A commissioning, step by step"
 PORT = "127.0.0.1:4002"
@@ -74,7 +76,7 @@ class Shell:
         assert self._bash.stdin is not None
         self._bash.stdin.write("kill %1 2>/dev/null; wait\n")
         self._bash.stdin.close()
-        self._bash.wait(30)
+        self._bash.wait(PATIENCE_S)
 
 
 @pytest.fixture
@@ -87,7 +89,6 @@ def shell(tmp_path: Path) -> Iterator[Shell]:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
 def test_the_commissioning_works_as_it_is_written(shell: Shell) -> None:
     typed = steps()
     assert len(typed) == 20

@@ -13,7 +13,7 @@ from lsprotocol import types
 
 from isel_twin.bridge.editor import shown
 from isel_twin.jobs.checks.live import Figures, LiveJob
-from tests.forked import PIPE, start
+from tests.forked import PATIENCE_S, PIPE, start
 
 JOB = "@07\n@0R7\n@0A1600,3000,0,30,0,30,0,30\n"
 
@@ -64,7 +64,7 @@ def editor(folder: Path) -> Iterator[Editor]:
         yield one
         assert one.ask("shutdown") is None
         one.tell("exit")
-        assert process.wait(60) == 0
+        assert process.wait(PATIENCE_S) == 0
 
 
 def test_a_job_is_judged_as_it_is_typed(tmp_path: Path) -> None:

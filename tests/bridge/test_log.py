@@ -17,6 +17,7 @@ import pytest
 from isel_twin.bridge.serve.log import QUEUE_LINES, SHOWN, PatientHandler, log_to
 from isel_twin.bridge.serve.tcp import TcpEndpoint, parse_address
 from tests.bridge.conftest import REPLY_S, until
+from tests.forked import PATIENCE_S
 
 log = logging.getLogger("tests.log")
 CONNECTED = "client %d connected"
@@ -72,7 +73,7 @@ def test_a_log_that_nobody_reads_stops_nothing(pipe):
         thread.start()
         until(lambda: log.info("still there") or b"are lost" in reader.data)
     os.close(writing)
-    thread.join(60)
+    thread.join(PATIENCE_S)
     lines = reader.data.decode().splitlines()
     assert any("lines of this log are lost" in line for line in lines)
     assert lines.count("x" * 200) >= QUEUE_LINES
@@ -167,5 +168,5 @@ def test_a_process_ends_while_its_log_waits_for_a_reader():
     process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert process.stdout is not None
     assert process.stdout.readline() == "done\n"
-    assert process.wait(60) == 0
+    assert process.wait(PATIENCE_S) == 0
     process.communicate()

@@ -12,6 +12,7 @@ from serial import PortNotOpenError, SerialException
 
 import isel_twin  # noqa: F401  (registers the scheme)
 from tests.bridge.conftest import ask
+from tests.forked import PATIENCE_S
 
 URL = "twin://imc-s8?machine=4030&plant=kinematic&speed=max"
 MOVE = "@0A 16000,8000,0,30,0,30,0,30"
@@ -100,14 +101,14 @@ def test_a_second_thread_is_refused_in_one_line_and_changes_nothing(port):
     def wait_inside(twin):
         if twin.time_ns > started_ns and not inside.is_set():
             inside.set()
-            assert tried.wait(60)
+            assert tried.wait(PATIENCE_S)
 
     port.twin.observe(wait_inside, 100_000_000)
     port.write(MOVE.encode() + b"\r")
     replies = []
     reader = threading.Thread(target=lambda: replies.append(port.read()))
     reader.start()
-    assert inside.wait(60)
+    assert inside.wait(PATIENCE_S)
     calls = [
         port.read,
         port.flush,
@@ -122,7 +123,7 @@ def test_a_second_thread_is_refused_in_one_line_and_changes_nothing(port):
                 call()
     finally:
         tried.set()
-        reader.join(60)
+        reader.join(PATIENCE_S)
     assert replies == [b"0"]
     assert ask(port, "@0P", 19) == "0003E80000000000000"  # and afterwards this thread is welcome
 

@@ -19,14 +19,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.forked import run, start
+from tests.forked import PATIENCE_S, run, start
 from tests.near import near_switches
 
 HOSTS = Path(__file__).parents[1] / "hosts"
 PROGRAMS = [["polling.py"], ["reader.py"], ["timer.py"]]
 REST_NS = 10_000_000
 """A gap in the step stream that is longer ends a stretch: the shortest command that moves is 14 ms on the line."""
-PATIENCE_S = 120.0
 
 
 @pytest.fixture(scope="module")

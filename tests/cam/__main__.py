@@ -41,12 +41,13 @@ def main() -> int:
         def made(path: list[Element]) -> None:
             check_made(controller, path)  # noqa: B023  (called within the loop)
 
+        verdict = "all within a step"
         try:
             made()
         except AssertionError:
-            wrong += 1
+            wrong, verdict = wrong + 1, "one is wrong"
             traceback.print_exc()
-        print(f"{controller}: {asked.number} toolpaths, {'one is wrong' if wrong else 'all within a step'}", flush=True)
+        print(f"{controller}: {asked.number} toolpaths, {verdict}", flush=True)
     return 1 if wrong else 0
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin import Twin
+from isel_twin.cam.arcs import NO_WAY_MM
 from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import Arc, Element, End, Line, Place, Point, Rapid
 from isel_twin.cam.written import MachineAxes, Written
@@ -121,7 +122,7 @@ def ideal_mm(path: Iterable[Element], settings: CamSettings = FAST, start: Point
             angle = cmath.phase((last / first) ** sense) % (2 * math.pi)
             angle = (
                 2 * math.pi * abs(element.turns)
-                if min(angle, 2 * math.pi - angle) < 1e-6
+                if min(angle, 2 * math.pi - angle) * abs(first) < NO_WAY_MM
                 else (angle + 2 * math.pi * (abs(element.turns) - 1))
             )
             begin, n = points[-1], math.ceil(math.degrees(angle) / 2)

@@ -13,10 +13,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from isel_twin.base.parameters import FileError, Place
-from isel_twin.cam.reader import LONGEST, text_lines
+from isel_twin.cam.reader import LONGEST, head_of, text_lines
 from isel_twin.cam.registry import reader_for, reader_named, reader_names
 from isel_twin.cam.settings import CamSettings, read_cam
 from isel_twin.cam.toolpath import CamError, Element, End
+from isel_twin.language import create_language
 from tests.cam.short import UP, told
 from tests.cam.test_gcode import PRODUCERS as GCODE
 from tests.cam.test_gcode import PROGRAMS
@@ -188,6 +189,40 @@ def test_any_bytes_are_read_or_refused_in_one_line(name: str, data: bytes) -> No
     else:
         assert "\n" not in str(error)
         assert error.place is not None
+
+
+@pytest.mark.parametrize(
+    ("data", "why"),
+    [
+        (b"\x1f\x8b\x08\x00", "is packed by gzip"),
+        (b"PK\x03\x04", "is a zip archive"),
+        (b"%PDF-1.4\n%", "is a PDF"),
+        ("G21\nG0 X1\n".encode("utf-16"), "is UTF-16"),
+        ("G21\nG0 X1\n".encode("utf-16-le"), "is no text, or UTF-16"),
+    ],
+)
+def test_what_is_no_text_says_what_it_is(data: bytes, why: str) -> None:
+    with pytest.raises(CamError, match=f"^line 1, column 1: the file {why}"):
+        head_of(data)
+
+
+def test_the_marks_of_editors_and_of_old_systems_are_no_text() -> None:
+    """A mark of UTF-8 before it, Ctrl-Z behind it; a 0 that pstoedit leaves in a remark."""
+    marked = b"\xef\xbb\xbfIMF_PBL\r\nVEL 9\r\n\x1a\x00\x00"
+    assert list(text_lines(io.BytesIO(marked))) == ["IMF_PBL\n", "VEL 9\n"]
+    assert list(text_lines(io.BytesIO(b"(by a program\0)\nG21\n"))) == ["(by a program\0)\n", "G21\n"]
+
+
+def test_a_file_is_known_behind_any_number_of_remarks() -> None:
+    for begins in (b"; a tool\n" * 3000, b"\n" * 3000, b" " * 300_000):
+        assert reader_for(head_of(begins + b"G21 G90\nG0 X1\n")).name == "gcode"
+
+
+def test_a_line_of_blanks_takes_no_longer_than_its_length() -> None:
+    """Expressions that look for what is optional behind blanks would take hours."""
+    language = create_language("bwo900")
+    assert not language.claims(" " * 300_000 + "G1 X1\n")
+    assert language.claims(" " * 300_000 + "\n" + " " * 300_000 + "N10 G1 X1\n")
 
 
 def test_settings_are_read_from_a_table() -> None:

@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from isel_twin.cli import main
 from isel_twin.jobs.decode import DecodeError, Piece, explain, marked, typed
 from isel_twin.language import create_language, language_names, readable
-from tests.forked import start_anew
+from tests.forked import PATIENCE_S, start_anew
 
 
 def call(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
@@ -183,7 +183,7 @@ def test_nobody_reads_any_more(tmp_path):
         process.stdout.readline()
         process.stdout.close()
         assert process.stderr.read() == ""
-        assert process.wait(60) == 1
+        assert process.wait(PATIENCE_S) == 1
 
 
 def test_marked_lines_say_which_line_is_wrong():

@@ -47,7 +47,7 @@ def start(*arguments: str | Path, **kwargs) -> Any:
 
 def execute(*arguments: str | Path, plant: str = "kinematic", **kwargs) -> subprocess.CompletedProcess[str]:
     process = start("--plant", plant, *arguments, **kwargs)
-    out, err = process.communicate(timeout=120)
+    out, err = process.communicate(timeout=forked.PATIENCE_S)
     return subprocess.CompletedProcess([], process.returncode, out, err)
 
 
@@ -189,7 +189,7 @@ def test_ctrl_c(loop, ending, code, out, host):
     assert process.stdout is not None
     assert process.stdout.readline() == "going\n"
     process.send_signal(signal.SIGINT)
-    rest, err = process.communicate(timeout=60)
+    rest, err = process.communicate(timeout=forked.PATIENCE_S)
     assert ("going\n" + rest, process.returncode) == (out, code), err
     assert ("KeyboardInterrupt" in err) is (code == 130)
 

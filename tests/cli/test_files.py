@@ -14,6 +14,7 @@ import pytest
 
 from isel_twin.base.files import Claim, atomic_write, replacing
 from isel_twin.core.flash import FLASH_BYTES, FlashFile, flash_file
+from tests.forked import PATIENCE_S
 
 
 class PowerCut(BaseException):
@@ -264,7 +265,7 @@ def test_many_who_want_one_thing_get_it_one_after_the_other(tmp_path):
     )
     arguments = [str(tmp_path / "thing"), str(tmp_path / "inside")]
     others = [subprocess.Popen([sys.executable, "-c", code, *arguments]) for _ in range(3)]
-    assert [other.wait(120) for other in others] == [0, 0, 0]
+    assert [other.wait(PATIENCE_S) for other in others] == [0, 0, 0]
     assert os.listdir(tmp_path) == []
 
 

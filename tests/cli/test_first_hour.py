@@ -9,16 +9,16 @@ from pathlib import Path
 
 import pytest
 
-from isel_twin.cli.init import SQUARES
-from isel_twin.controller import controller_names
+from isel_twin.controller import controller_names, offers
 from isel_twin.core import warm
+from isel_twin.language import HasExample, create_language
 from tests.in_process import isel_twin
 
 FAMILIES = ("imc-s8", "ismif", "gmi99", "bwo900")
 
 
 def test_there_is_a_project_for_every_controller_of_the_package() -> None:
-    assert set(SQUARES) == set(controller_names())
+    assert all(offers(create_language(name), HasExample) for name in controller_names())
 
 
 @pytest.fixture(scope="module", params=FAMILIES)
@@ -78,7 +78,7 @@ def test_a_file_in_the_way_is_one_line(tmp_path: Path) -> None:
 def test_a_controller_without_a_project_is_named(tmp_path: Path) -> None:
     done = isel_twin("init", tmp_path / "shop", "--controller", "imc-s9")
     assert done.returncode == 2
-    assert "imc-s9: no files to begin with; there are some for imc-s8" in done.stderr
+    assert done.stderr.startswith("isel-twin: unknown controller 'imc-s9'; installed: bwo900")
     assert not (tmp_path / "shop").exists()
 
 

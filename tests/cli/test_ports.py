@@ -13,10 +13,10 @@ import pytest
 import serial
 
 from isel_twin.bridge.serve import registry
-from tests.forked import run, start, start_anew
+from tests.forked import PATIENCE_S, run, start, start_anew
 from tests.in_process import isel_twin
 
-STOP_S = 60.0
+STOP_S = PATIENCE_S
 
 
 @pytest.fixture(autouse=True)

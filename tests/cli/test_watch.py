@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from tests.forked import start
+from tests.forked import PATIENCE_S, start
 from tests.in_process import isel_twin
 
 JOB = "@07\n@0R7\n@0A1600,3000,0,30,0,30,0,30\n"
@@ -49,7 +49,7 @@ def test_a_file_is_judged_as_it_changes(tmp_path: Path) -> None:
             pass
         assert [(each["rule"], each["line"]) for each in found_now["findings"]] == [("cycle", 3)]
         process.send_signal(signal.SIGINT)
-        assert process.wait(60) == 1
+        assert process.wait(PATIENCE_S) == 1
 
 
 @pytest.mark.parametrize("more", [("b.txt",), ("--workers", "2"), ("--junit", "x.xml"), ("--report", "pages")])

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from firmware.bwo900.run import Analysed
 
-from isel_twin.testing import Desk
+from isel_twin.testing import Desk, IdealDrives
 
 CARRIAGE = (20_000, 20_000, 20_000)
 T1 = {"p21000": 1.0, "p21020": 2.0, "p21030": 3.0, "p21011": 0.0, "p21031": 0.0}
@@ -106,9 +106,70 @@ class Lagging:
         self.speed = (0.0, 0.0, 0.0)
         self.on = (True, True, True)
         self.past_zero_pulse = (0, 0, 0)
+        self.spindle_rev_min: float | None = None
         self.fault = self.overloaded = (False, False, False)
         desk.controller.use_drives(self)
 
     @property
     def encoder(self) -> tuple[int, ...]:
         return tuple(round(c - lag) for c, lag in zip(self._desk.counts, self.lag, strict=True))
+
+
+class Turning(IdealDrives):
+    """Ideal axes, and a spindle that runs up in `ramp` 1/min a second to what its drive is told while A 0.0 is on."""
+
+    def __init__(self, desk: Desk, ramp: float = 10_000.0) -> None:
+        super().__init__(desk)
+        self._desk, self.ramp = desk, ramp
+        self.turns = self._speed = self._slip = 0.0
+        self._told = {"spindle": 0, "spindle_speed": 0}
+        self._seen, self._since_ns = 0, desk.time_ns
+
+    @property
+    def spindle_rev_min(self) -> float | None:
+        log = self._desk.output_log
+        for t_ns, name, level in log[self._seen :]:
+            if name in self._told:
+                self._turn_on(t_ns)
+                self._told[name] = level
+        self._seen = len(log)
+        self._turn_on(self._desk.time_ns)
+        return self._speed
+
+    @property
+    def slip(self) -> float:
+        """Part of the speed by which it gives way."""
+        return self._slip
+
+    @slip.setter
+    def slip(self, part: float) -> None:
+        _ = self.spindle_rev_min
+        self._slip = part
+
+    def _turn_on(self, t_ns: int) -> None:
+        goal = self._told["spindle_speed"] * (1.0 - self._slip) if self._told["spindle"] else 0.0
+        seconds = (t_ns - self._since_ns) / 1e9
+        before, most = self._speed, self.ramp * seconds
+        self._speed = before + min(max(goal - before, -most), most)
+        ramp_s = min(abs(self._speed - before) / self.ramp, seconds)
+        self.turns += ((before + self._speed) / 2.0 * ramp_s + self._speed * (seconds - ramp_s)) / 60.0
+        self._since_ns = t_ns
+
+
+def with_spindle(*programs: str, ramp: float = 10_000.0, **before: float) -> tuple[Desk, Turning]:
+    """A referenced control on a machine with a spindle."""
+    made: list[Turning] = []
+
+    def fitted(desk: Desk) -> Turning:
+        made.append(Turning(desk, ramp))
+        return made[-1]
+
+    desk = Desk.of("bwo900", carriage=CARRIAGE, drives=fitted)
+    for text in programs:
+        desk.send(file(*text.split("|")))
+    if before:
+        desk.send(parameters(**before))
+    desk.send(REFERENCE)
+    desk.finish()
+    desk.run(0.01)
+    return desk, made[0]

@@ -45,14 +45,13 @@ def markdown(record: Record) -> str:
     lines = [
         "# Conformance",
         "",
-        "| table | rows | hold | deviate | commands of the overview |",
-        "|---|---|---|---|---|",
+        "| table | rows | hold | deviate | not on this machine | commands of the overview |",
+        "|---|---|---|---|---|---|",
     ]
     for table in tables():
-        deviate = sum(row.status != "holds" for row in table.rows)
-        lines.append(
-            f"| {table.title} | {len(table.rows)} | {len(table.rows) - deviate} | {deviate} | {len(table.overview)} |"
-        )
+        counts = [sum(row.status.startswith(kind) for row in table.rows) for kind in ("holds", "deviates", "not on")]
+        columns = (table.title, len(table.rows), *counts, len(table.overview))
+        lines.append(f"| {' | '.join(map(str, columns))} |")
     for table in tables():
         lines += ["", f"## {table.title}", "", f"Source: {table.manual}."]
         for number, title in table.sections.items():

@@ -35,7 +35,8 @@ FOLDER = Path(__file__).parent
 
 @dataclass(frozen=True)
 class Row:
-    """A statement of the manual in our words; `status` is "holds" or "deviates: <decision>"."""
+    """A statement of the manual in our words; `status` is "holds", "deviates: <decision>", or "not on this machine:
+    <decision>" for axes, ports and units that a gantry of three axes has not: they are refused or have no effect."""
 
     id: str
     section: str

@@ -654,12 +654,9 @@ def test_all_programs_in_one_file() -> None:
     assert (mm(desk)[0], said(desk)) == (2.0, [])
 
 
-@shows("bwo900-2.8.4-3", "bwo900-2.8.4-4")
-def test_other_files_are_not_there() -> None:
+@shows("bwo900-2.8.4-3")
+def test_all_parameters_are_put_out_at_once() -> None:
     desk = fresh(referenced=False)
-    for kind in ("W", "N", "B"):
-        desk.send(file(kind, "K1:P20003: 5"))
-    assert said(desk) == [1110] * 3
     desk.send(parameters(p11181=0))
     assert len(put_out(desk)) > 50
 

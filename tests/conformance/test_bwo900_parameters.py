@@ -953,8 +953,6 @@ def test_m_functions_in_hand() -> None:
 
 
 @shows(
-    "bwo900-8.5-72",
-    "bwo900-8.5-73",
     "bwo900-8.5-74",
     "bwo900-8.5-75",
     "bwo900-8.7-21",
@@ -962,8 +960,8 @@ def test_m_functions_in_hand() -> None:
     "bwo900-8.7-23",
 )
 def test_what_the_plc_may_not_ask_for() -> None:
-    """Z89: kept, without effect."""
-    values = {"p8706": 0, "p8710": 1, "p8820": 1, "p8828": 1, "p8870": 1, "p12111": 5, "p12132": 1, "p12137": 1}
+    """Kept, without effect (bwo900/74)."""
+    values = {"p8828": 1, "p8870": 1, "p12111": 5, "p12132": 1, "p12137": 1}
     desk = fresh("P1|N10 G0 X5|N20 M30", **values)
     desk.run(1.0)
     assert mm(desk) == (0.0, 0.0, 0.0)

@@ -695,9 +695,6 @@ def test_units_of_feeds_and_speeds() -> None:
     "g",
     [
         case("bwo900-4.6-1", "G6"),
-        case("bwo900-4.18-1", "G51"),
-        case("bwo900-4.27-2", "G95"),
-        case("bwo900-4.28-2", "G96"),
         case("bwo900-4.29-1", "G171"),
     ],
 )

@@ -217,10 +217,25 @@ def test_an_axis_follows_a_lower_one_only(target: int, source: int) -> None:
 
 
 @shows("gmi99-3.1.1-71")
-def test_the_reduced_speed_of_one_axis_is_not_used() -> None:
-    """5000 Hz of axis 1 alone: without R of the leading axis it changes nothing."""
-    desk = prepared(command("R", 5000, 2), command("p", 11, 3, 0x40))
+@pytest.mark.parametrize(
+    ("reduced", "flags", "move", "seconds"),
+    [
+        (2, 0x40, command(0x82, 20_000), 4.1),  # axis 1 at 5000 Hz, with ramps of 50 Hz/ms
+        (2, 0x00, command(0x82, 20_000), 2.2),  # nobody asks for it
+        (2, 0x40, command(0x81, 20_000), 2.2),  # axis 0 keeps its 10000 Hz
+        (1, 0x40, command(0x82, 20_000), 2.2),
+    ],
+)
+def test_the_reduced_speed_of_one_axis(reduced: int, flags: int, move: bytes, seconds: float) -> None:
+    """3.1.1: P2 is the slot and one more; in force while the PLC asks for it (M3.6)."""
+    desk = prepared(command("R", 5000, reduced), command("p", 11, 3, flags))
     assert not desk.controller.fault
+    assert moved_s(desk, move) == seconds
+
+
+@shows("gmi99-3.1.1-71")
+def test_a_new_top_speed_forgets_the_reduced_one() -> None:
+    desk = prepared(command("R", 5000, 2), command("M", 10_000), command("p", 11, 3, 0x40))
     assert moved_s(desk, command(0x82, 20_000)) == 2.2
 
 

@@ -277,7 +277,7 @@ def test_pin_12_is_the_signal() -> None:
 
 @shows("ismif-7-5", "ismif-6.5-2")
 def test_clock_and_direction_are_in_the_stream() -> None:
-    """A clock pulse is a tick of an axis, its direction the sign; the lines themselves are not shown (ismif/6)."""
+    """A clock pulse is a tick of an axis, its direction the sign; the pins are in test_ismif_connector.py."""
     desk = referenced()
     assert job(desk, "T1") == ACK + DONE
     assert desk.outputs["clock_signals"] == 1

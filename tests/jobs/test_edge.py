@@ -72,6 +72,28 @@ def test_the_least_factor_is_found_to_one_per_cent(first: float, farthest: float
     assert found == pytest.approx(first, rel=0.01)
 
 
+def test_strides_end_where_single_steps_do() -> None:
+    for first in (1.43, 5.0, 9.99):
+        asked: list[float] = []
+
+        def lost(factor: float, first: float = first, asked: list[float] = asked) -> bool:
+            asked.append(factor)
+            return factor >= first
+
+        found = edge._least(lost, lost, 10.0, edge.STRIDE)
+        assert found == pytest.approx(first, rel=0.01)
+        assert len(asked) < 25  # forty by single steps
+
+
+def test_steps_that_a_reference_run_hides_are_lost() -> None:
+    """At 30 000 Hz the way is lost, and the carriage is at its reference again at the end."""
+    text = LONG.format(hz=20_000) + "@0R7\n"
+    lines = parse_job(text, create_language("imc-s8"), "imc-s8")
+    assert edge.losers(TwinSpec(), lines, "speed", ("x",), 1.5, seed=0) == {"x": 4}
+    assert edge.losers(TwinSpec(), lines, "speed", ("x", "y"), 1.5, seed=0) == {"x": 4}  # played to its end
+    assert edge.losers(TwinSpec(), lines, "speed", ("x",), 1.0, seed=0) == {}
+
+
 def test_what_never_loses_has_no_edge_and_other_seeds_may_lose_earlier() -> None:
     assert edge._least(lambda _: False, lambda _: False, 3.0) is None
     found = edge._least(lambda factor: factor > 1.5, lambda factor: factor > 1.45, 3.0)
@@ -110,7 +132,11 @@ def test_the_command_line_says_it_in_words_and_in_json(tmp_path: Path) -> None:
     done = isel_twin("run", tmp_path / "job.txt", "--edge", "--robust", "1", "--json")
     *_, last = (json.loads(line) for line in done.stdout.splitlines())
     assert done.returncode == 0, done
-    assert last["robust"]["of"] == 1
+    assert set(last["robust"]) == {"lost", "of", "at_most"}
+    assert last["lost_steps"] == [0, 0, 0, 0]
+    assert last["position_mm"][0] == pytest.approx(50.0, abs=0.1)
+    assert set(last["edge"]["x"]) == {"speed", "supply", "inductance", "load"}
+    assert last["edge_lines"]["x"]["speed"] == 4
     assert 1.3 < last["edge"]["x"]["speed"] < 2.5
     assert 0.3 < last["edge"]["x"]["supply"] < 0.8
     refused = isel_twin("run", tmp_path / "job.txt", "--edge", "--plant", "kinematic")

@@ -11,6 +11,7 @@ import pytest
 
 from isel_twin.cam.registry import reader_for
 from tests import forked
+from tests.forked import PATIENCE_S
 from tests.in_process import isel_twin
 from tests.smoke.test_every_command import JOBS
 
@@ -116,7 +117,7 @@ def test_convert_ends_when_nobody_reads_on(tmp_path: Path) -> None:
     with forked.start("convert", tmp_path / "long.nc") as child:
         assert child.stdout.readline() == "@07\n"
         child.stdout.close()
-        assert (child.wait(60), child.stderr.read()) == (1, "")
+        assert (child.wait(PATIENCE_S), child.stderr.read()) == (1, "")
 
 
 def test_convert_leaves_no_file_where_something_is_wrong(folder: Path) -> None:
@@ -187,7 +188,7 @@ def test_one_command_among_them_makes_it_a_job() -> None:
 @pytest.mark.parametrize("controller", CONTROLLERS)
 def test_the_example_of_the_readme_runs_everywhere(controller: str) -> None:
     """It ends where it began to go round: 1.5 mm outside the corner of the plate, 5 mm above it."""
-    plate = Path(__file__).parents[2] / "docs" / "examples" / "plate" / "plate.nc"
+    plate = Path(__file__).parents[2] / "twin" / "cli" / "starter" / "plate.nc"
     *_, summary = told(plate, "--controller", controller, "--machine", CONTROLLERS[controller])
     assert summary["ok"]
     assert summary["position_mm"] == pytest.approx([118.5, 98.5, 55.0], abs=0.02)

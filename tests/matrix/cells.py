@@ -24,6 +24,7 @@ from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs.job import parse_job
 from isel_twin.jobs.playing import played
 from isel_twin.language import create_language
+from tests.forked import PATIENCE_S
 from tests.in_process import isel_twin
 
 PLANTS = ("kinematic", "mujoco")
@@ -207,15 +208,15 @@ class Cell:
         thread = threading.Thread(target=server.run, daemon=True)
         thread.start()
         host, port = parse_address(endpoint.address)
-        with socket.create_connection((host, port), timeout=60) as line:
+        with socket.create_connection((host, port), timeout=PATIENCE_S) as line:
             for frame in parse_job(job, language, self.controller):
                 line.sendall(frame.sent)
-            deadline = time.monotonic() + 60
+            deadline = time.monotonic() + PATIENCE_S
             while twin.events_left and thread.is_alive() and time.monotonic() < deadline:
                 time.sleep(0.005)
         alive = thread.is_alive()
         server.stop()
-        thread.join(60)
+        thread.join(PATIENCE_S)
         well = alive and not thread.is_alive() and not twin.events_left
         return Outcome(0 if well else 1, "", "")
 

@@ -62,7 +62,7 @@ def test_switches_stand_at_the_ends_of_the_travel():
 
 
 def test_machines_of_the_package():
-    assert machine_names() == ["4030", "4030-portal", "4030-servo", "traverse"]
+    assert machine_names() == ["4030", "4030-hf", "4030-portal", "4030-servo", "4030-servo-hf", "traverse"]
     traverse = load_machine("traverse")
     assert {axis.travel_mm for axis in traverse.axes} == {1025.0}
     assert {switch.position_mm for switch in traverse.switches} == {0.0, 1025.0}
@@ -80,7 +80,7 @@ def test_description_has_a_row_with_source_and_grade_for_every_number(name):
         assert row.grade in ("measured", "datasheet", "estimate", "setting"), row
     values = {row.parameter: (row.value, row.unit, row.grade) for row in rows}
     assert values["axes.all.lead"] == (5.0, "mm", "setting")
-    if name == "4030-servo":
+    if name.startswith("4030-servo"):
         assert values["axes.all.drive"] == ("servo", "", "setting")
         assert values["axes.all.servo.supply"] == (60.0, "V", "estimate")
         assert not any(key.startswith(("axes.all.stage", "axes.all.motor", "axes.all.steps")) for key in values)
@@ -344,7 +344,7 @@ def test_a_wrong_value_is_named_with_file_key_and_what_is_allowed(tmp_path, line
 
 
 def test_unknown_machines_and_circles_are_named(tmp_path):
-    with pytest.raises(MachineError, match=r"unknown machine 'nope'.*4030, 4030-portal, 4030-servo, traverse"):
+    with pytest.raises(MachineError, match=r"unknown machine 'nope'.*4030, 4030-hf, .*4030-servo-hf, traverse"):
         load_machine("nope")
     (tmp_path / "machine.toml").write_text(f'based_on = "{tmp_path}"\n')
     with pytest.raises(MachineError, match="circle"):

@@ -55,7 +55,7 @@ def test_its_servo_machine_is_one(shop: Path) -> None:
 def test_its_fixtures_stand_on_a_table(shop: Path) -> None:
     machine = load_machine(shop.parent / "clamped")
     names = [fixture.name for fixture in machine.fixtures]
-    assert names == ["vise_jaw_left", "clamp", "plate", "blank"]
+    assert names == ["vise_jaw_left", "clamp", "plate", "blank", "length"]
     model = load_model(machine)
     assert [model.geom(f"fixture/{name}").name.partition("/")[2] for name in names] == names
     assert Twin(machine=machine, plant="kinematic").collisions == []

@@ -15,9 +15,10 @@ from isel_twin.bridge.operate.panel.guest import Panel
 from isel_twin.bridge.serve.pacing import Pacer
 from isel_twin.bridge.serve.server import Server
 from isel_twin.bridge.serve.tcp import TcpEndpoint
+from tests.forked import PATIENCE_S
 
 LOOPBACK = "127.0.0.1:0"
-WAIT_S = 60.0
+WAIT_S = PATIENCE_S
 """Longest wait for anything; a healthy panel needs a small part of it."""
 
 

@@ -19,9 +19,10 @@ from websockets.sync.client import connect
 
 from isel_twin.cli import main
 from tests import forked
+from tests.forked import PATIENCE_S
 from tests.panel.conftest import LOOPBACK, WAIT_S
 
-START_S = 120.0
+START_S = PATIENCE_S
 """Longest wait for a process to listen: the first one may have to compile."""
 
 

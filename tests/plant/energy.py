@@ -27,7 +27,7 @@ def mechanical_energy_j(built: Built) -> float:
     made = 0 if plant["frozen"] else int(plant["now"] % plant["window"])
     if made:
         forces_n = parts.push[0] + parts.push[1] / made
-        forces_n += np.array([cut["sum_x_n"], cut["sum_y_n"]]) @ parts.cut_joints / made
+        forces_n += np.array([cut["sum_x_n"], cut["sum_y_n"]]) @ parts.tip_joints[:2] / made
         forces_n[dof] += axes["sum_n"] / made
         went_s = 1e-9 * made * built.machine.timing.substep_ns
         scratch = np.empty((3, len(rates)))

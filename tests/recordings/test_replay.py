@@ -287,17 +287,23 @@ def test_a_recording_that_was_cut_off_replays_as_far_as_it_goes(tmp_path: Path) 
     twin = Twin(plant="kinematic", start_mm=(1.0, 1.0, 1.0), line_speed=True)
     path = tmp_path / "cut.mcap"
     recording = FileRecording(path, twin, INTERVAL_NS)
-    twin.query("@07")
-    twin.write(b"@0R7\r")
-    for part in range(20):
-        twin.run(0.1)
-        recording.flush()
-        cut = tmp_path / f"{part}.mcap"
-        cut.write_bytes(path.read_bytes())
+    sizes = []
+    for command, seconds in ((b"@07\r", 0.02), (b"@0R7\r", 0.3), (b"\xff", 0.02), (b"@0P\r", 0.04)):
+        twin.write(command)
+        for _ in range(round(seconds / 0.003)):  # a reply is on its way for longer
+            twin.run(0.003)
+            recording.flush()
+            sizes.append(path.stat().st_size)
+    recording.close()
+    whole, cut = path.read_bytes(), tmp_path / "part.mcap"
+    on_the_way = 0
+    for size in sorted({*sizes}):
+        cut.write_bytes(whole[:size])
         recorded = read(cut)
         assert not recorded.whole
         assert replay(recorded, rebuilt(recorded, tmp_path)) is None
-    recording.close()
+        on_the_way += any(entry.time_ns > recorded.end_ns for entry in recorded.of("/host/received"))
+    assert on_the_way >= 2
 
 
 def test_a_recording_cut_off_between_a_command_and_the_arrival_of_its_reply_replays(tmp_path: Path) -> None:

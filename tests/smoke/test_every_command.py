@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from isel_twin.cli import app
-from tests.forked import start
+from tests.forked import PATIENCE_S, start
 from tests.in_process import isel_twin
 
 JOB = "@07\n@0N7\n@0A1600,800,0,30,0,30,0,30\n"
@@ -109,4 +109,4 @@ def test_a_served_machine_is_operated_and_tapped(folder: Path) -> None:
     assert '"open"' in isel_twin("ctl", info["control"], "state").stdout
     for process in (tap, serve):
         process.send_signal(signal.SIGINT)
-        assert process.wait(60) == 0
+        assert process.wait(PATIENCE_S) == 0

@@ -4,17 +4,28 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import islice
 from typing import BinaryIO, Protocol
 
 from isel_twin.cam.settings import CamSettings
-from isel_twin.cam.toolpath import Arc, Caution, Element, End, Line, Place, Rapid, Toolpath
+from isel_twin.cam.toolpath import Arc, CamError, Caution, Element, End, Line, Place, Rapid, Toolpath
 
-HEAD_LINES = 200  # at the beginning of a file, by which it is recognised
+HEAD_LINES = 200  # that say something, by which a file is recognised
+HEAD_BYTES = 1 << 20  # at its beginning, in which they are looked for
 LONGEST = 65_536  # characters of a line that are read at once; a longer line comes in pieces of this length
 MOST = 1e6  # mm, mm/s, s, turns a minute: no number of a job for these machines is larger
 _COMMAND = re.compile(r"\s*(@\d|<\d)")
 _REMARK = re.compile(r"\s*([;#(].*)?$")
+_MARK = "\xef\xbb\xbf"  # of UTF-8 at the beginning of a file, read as Latin-1
+_END = "\x1a"  # of a text, where programs of old systems write one
+_NO_TEXT: Mapping[str, str] = {
+    "\x1f\x8b": "is packed by gzip; unpack it",
+    "PK\x03\x04": "is a zip archive; unpack it",
+    "%PDF": "is a PDF; save the text of the program",
+    "\xff\xfe": "is UTF-16; save it as UTF-8",
+    "\xfe\xff": "is UTF-16; save it as UTF-8",
+}
 
 
 class Reader(Protocol):
@@ -35,10 +46,18 @@ class Reader(Protocol):
 def statements(head: str) -> list[str]:
     """The first lines of a file that say something. None of a job of commands (jobs/3): one in which a line is a
     command of a controller, or that begins with a remark (# ...)."""
-    lines = [line for line in head.splitlines()[:HEAD_LINES] if not _REMARK.match(line)]
+    lines = list(islice((line for line in head.splitlines() if not _REMARK.match(line)), HEAD_LINES))
     if head.lstrip().startswith("#") or any(_COMMAND.match(line) for line in lines):
         return []
     return lines
+
+
+def head_of(data: bytes) -> str:
+    """The lines by which a file is recognised: its first one, and the first ones that say something, behind remarks of
+    any number. Raises CamError for what is no text."""
+    lines = (line for line in text_lines(io.BytesIO(data[:HEAD_BYTES])) if not line.isspace())
+    first = next(lines, "")
+    return "".join([first, *islice((line for line in lines if not _REMARK.match(line)), HEAD_LINES)])
 
 
 def mostly(head: str, pattern: re.Pattern[str]) -> bool:
@@ -49,11 +68,23 @@ def mostly(head: str, pattern: re.Pattern[str]) -> bool:
 
 def text_lines(file: BinaryIO) -> Iterator[str]:
     """Lines of a file of any size, with "\\n" at their ends: UTF-8, a line that is not is Latin-1 (cam/11). CR LF, LF
-    and CR alone end a line."""
+    and CR alone end a line, and Ctrl-Z the text. Raises CamError for what is no text."""
     text = io.TextIOWrapper(file, encoding="latin-1", newline=None)
     try:
-        while line := text.readline(LONGEST):
+        line = text.readline(LONGEST)
+        for begins, why in _NO_TEXT.items():
+            if line.startswith(begins):
+                raise CamError(f"the file {why}", Place(1))
+        if line.count("\0", 0, 64) > 1 or line.startswith("\0"):
+            raise CamError("the file is no text, or UTF-16; save it as UTF-8", Place(1))
+        line = line.removeprefix(_MARK) or text.readline(LONGEST)
+        while line:
+            if _END in line:
+                if rest := line[: line.index(_END)]:
+                    yield rest
+                return
             yield line if line.isascii() else _decoded(line)
+            line = text.readline(LONGEST)
     finally:
         if not file.closed:
             text.detach()

@@ -31,7 +31,7 @@ def reader_named(name: str) -> Reader:
 
 
 def reader_for(head: str, suffix: str = "") -> Reader | None:
-    """The reader of a file that begins like this (`reader.HEAD_LINES` lines are enough); None if it is a job of
+    """The reader of a file that begins like this (`reader.head_of`); None if it is a job of
     commands or in a format that is not installed.
 
     The content decides; the suffix of the file's name (".ncp"), where several formats claim the content, or none

@@ -53,7 +53,7 @@ def convert(
         axes = machine_axes(call.fitted())
         source = file.open("rb")
         reader = _reader(file, source, form or settings.format or None)
-    watched, told = Watched(settings), []
+    watched, told = Watched(settings, by_line=False), []
     with source, _output(out) as into:
         path = watched.through(reader.read(text_lines(source), settings))
         try:
@@ -70,13 +70,16 @@ def convert(
 
 def _reader(file: Path, source: IO[bytes], form: str | None) -> Reader:
     """The reader for this file, which stands at its beginning again."""
+    from isel_twin.cam.reader import HEAD_BYTES, head_of
     from isel_twin.cam.registry import reader_for, reader_named, reader_names
-    from isel_twin.jobs.toolpaths import HEAD_BYTES, head_of
 
     if form is not None:
         with call_errors(file):
             return reader_named(form)
-    reader = reader_for(head_of(source.read(HEAD_BYTES)), file.suffix)
+    try:
+        reader = reader_for(head_of(source.read(HEAD_BYTES)), file.suffix)
+    except ValueError as error:
+        raise CallError(f"{file}: {error}") from None
     source.seek(0)
     if reader is None:
         raise CallError(

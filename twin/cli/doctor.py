@@ -165,10 +165,11 @@ def _listed() -> Iterator[Finding]:
 def _job() -> Iterator[Finding]:
     """The whole chain once, with physics: reference run and a move of X."""
     from isel_twin import Twin
+    from isel_twin.core.spec import TwinSpec
     from isel_twin.language import MoveSettings, create_language, needed
 
     twin = Twin()
-    language = needed(create_language("imc-s8"), "imc-s8")
+    language = needed(create_language(TwinSpec.controller), TwinSpec.controller)
     steps = (1600, 0, 0)
     for data in (*language.reference(), *language.move(steps, MoveSettings(speed_hz=1000))):
         twin.write(data)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from importlib.resources import files
 from pathlib import Path
 from string import Template
@@ -14,16 +13,14 @@ from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import options
 from isel_twin.core.spec import MACHINE, TwinSpec
 
-# controller: its job in twin/cli/starter, and the machine that it drives
-_IMC = ("square.imc.txt", MACHINE)
-SQUARES = {
-    "imc-s8": _IMC,
-    "imc-m": _IMC,
-    "imc-mp": _IMC,
-    "c142": _IMC,
-    "ismif": ("square.ismif.txt", MACHINE),
-    "gmi99": ("square.gmi99.txt", "4030-servo"),
-    "bwo900": ("square.bwo900.nc", "4030-servo"),
+# files of twin/cli/starter, and where they go
+FILES = {
+    "plate.nc": "jobs/plate.nc",
+    "hood.toml": "hood.toml",
+    "isel-twin.toml": "isel-twin.toml",
+    "pytest.ini": "pytest.ini",
+    "test_machine.py": "test_machine.py",
+    "motion.yml": ".github/workflows/motion.yml",
 }
 
 
@@ -37,20 +34,29 @@ def init(
 
     Nothing is replaced: if one of the files exists, none is written.
     """
-    made = dict(_files(controller))
-    there = [name for name in made if (folder / name).exists()]
+    from isel_twin.controller import offers
+    from isel_twin.language import HasExample, create_language
+
+    with call_errors():
+        language = create_language(controller)
+    if not offers(language, HasExample):
+        raise CallError(f"{controller}: its language has no job to begin with (HasExample)")
+    example = language.example()
+    square = f"jobs/square{example.suffix}"
+    words = {"controller": controller, "machine": example.machine, "square": Path(square).name}
+    texts = {square: example.text} | {into: _text(source, words) for source, into in FILES.items()}
+    there = [name for name in texts if (folder / name).exists()]
     if there:
         raise CallError(f"{folder / there[0]}: exists already; name a folder without it, isel-twin init FOLDER")
-    for name, text in made.items():
+    for name, text in texts.items():
         path = folder / name
         with call_errors(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             with path.open("x", encoding="utf-8") as file:
                 file.write(text)
-    square, machine = next(iter(made)), SQUARES[controller][1]
     called = "" if controller == TwinSpec.controller else f" --controller {controller}"
-    called += "" if machine == MACHINE else f" --machine {machine}"
-    print(f"{len(made)} files in {folder.resolve()}: " + ", ".join(made))
+    called += "" if example.machine == MACHINE else f" --machine {example.machine}"
+    print(f"{len(texts)} files in {folder.resolve()}: " + ", ".join(texts))
     print("there:")
     for command, purpose in (
         (f"isel-twin run {square}{called}", "a job of the controller, and its verdict"),
@@ -63,21 +69,6 @@ def init(
     return 0
 
 
-def _files(controller: str) -> Iterator[tuple[str, str]]:
-    """Names of the files in the folder, and their texts."""
-    if controller not in SQUARES:
-        raise CallError(f"{controller}: no files to begin with; there are some for {', '.join(SQUARES)}")
-    square, machine = SQUARES[controller]
-    name = f"square{Path(square).suffix}"
-    words = {"controller": controller, "machine": machine, "square": name}
-    for source, into in {
-        square: f"jobs/{name}",
-        "plate.nc": "jobs/plate.nc",
-        "hood.toml": "hood.toml",
-        "isel-twin.toml": "isel-twin.toml",
-        "pytest.ini": "pytest.ini",
-        "test_machine.py": "test_machine.py",
-        "motion.yml": ".github/workflows/motion.yml",
-    }.items():
-        text = files("isel_twin.cli").joinpath("starter", source).read_text(encoding="utf-8")
-        yield into, Template(text).substitute(words) if "$" in text and source != square else text
+def _text(source: str, words: dict[str, str]) -> str:
+    """A file of twin/cli/starter with its $words."""
+    return Template(files("isel_twin.cli").joinpath("starter", source).read_text(encoding="utf-8")).substitute(words)

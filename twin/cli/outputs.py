@@ -136,10 +136,11 @@ class JobOutput(Protocol):
 
 
 class JsonOutput:
-    """One line a command and one for the summary; one line for each repetition and one for all."""
+    """One line a command and one for the summary; one line for each repetition. What is found out after the summary
+    comes in lines with all of the summary in them, too: the last one has everything."""
 
     def __init__(self) -> None:
-        self._told: dict[str, Any] = {}  # the edge, which the last line has, too
+        self._last: dict[str, Any] = {}  # what the last line has of those before
         self._source: dict[str, Any] = {}
 
     def result(self, result: Result) -> None:
@@ -165,13 +166,14 @@ class JsonOutput:
         }
 
     def verdict(self, verdict: Verdict, call: Mapping[str, Any]) -> None:
-        say_json({"summary": True, **verdict.summary(), **call, **self._source})
+        self._last = {**verdict.summary(), **call, **self._source}
+        say_json({"summary": True, **self._last})
 
     def edge(self, edges: Sequence[Edge]) -> None:
         from isel_twin.jobs.edge import told
 
-        self._told = {"edge": told(edges)}
-        say_json(self._told)
+        self._last |= told(edges)
+        say_json(self._last)
 
     def robust(self, verdict: Verdict, trials: Sequence[Repetition], wanted: int) -> bool:
         from isel_twin.jobs.robust import agree, at_most, separates
@@ -184,9 +186,8 @@ class JsonOutput:
         lost = sum(any(trial.verdict.lost) for trial in trials)
         frequency = {"lost": lost, "of": len(trials), "at_most": round(at_most(lost, len(trials)), 3)}
         sound = verdict.ok and not other and len(trials) == wanted
-        say_json(
-            {**self._told, "robust": frequency, "sound": sound, "other": len(other), "separates": separates(trials)}
-        )
+        rest = {"sound": sound, "other": len(other), "separates": separates(trials)}
+        say_json({**self._last, "robust": frequency, **rest})
         return not other
 
 
@@ -301,7 +302,11 @@ class TableOutput:
             self._print("edge: nothing that was tried loses a step, or no motor has turned")
         for axis in dict.fromkeys(edge.axis for edge in edges):
             own = [edge for edge in edges if edge.axis == axis]
-            at = [f"{edge.factor:.2f} times the {edge.quantity}" for edge in own if edge.factor is not None]
+            at = [
+                f"{edge.factor:.2f} times the {edge.quantity} (line {edge.line})"
+                for edge in own
+                if edge.factor is not None
+            ]
             never = [f"{FARTHEST[edge.quantity]:g} times the {edge.quantity}" for edge in own if edge.factor is None]
             what = "its drive switches itself off" if any(edge.closed_loop for edge in own) else "steps are lost"
             lost = [f"{what} at {', '.join(at)}"] if at else []

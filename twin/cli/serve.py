@@ -86,7 +86,7 @@ def serve(
         recording = None if record is None else begin(record, served, interval, {"speed": speed}, stack)
         if page is not None and recording is not None:
             page.recording = recording.path
-        warm_up(twin.plant)
+        warm_up(twin.plant, controllers=[twin.controller])
         taps: list[WireTap] = [WireLog(create_language(twin.controller))] if log == "wire" else []
         taps += [] if page is None else [page.monitor]
         guests: list[Guest] = [guest for guest in (port, page) if guest is not None]

@@ -24,6 +24,7 @@ from isel_twin.controller.registry import (
 )
 from isel_twin.controller.roles import (
     BYTES_AT_ONCE,
+    Compiles,
     DriveInput,
     Drives,
     EndsPrograms,
@@ -39,6 +40,7 @@ from isel_twin.controller.roles import (
 __all__ = [
     "BYTES_AT_ONCE",
     "OUTPUTS",
+    "Compiles",
     "Controller",
     "ControllerFactory",
     "CounterSet",

@@ -33,6 +33,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from isel_twin.base.units import SECOND_NS
@@ -56,7 +57,7 @@ class SerialFormat:
         """Bit times of a byte: start bit, data, parity, stop bits."""
         return 1 + self.data_bits + (self.parity != "N") + self.stop_bits
 
-    @property
+    @cached_property
     def byte_ns(self) -> int:
         return round(self.bits * SECOND_NS / self.baud)
 

@@ -29,7 +29,8 @@ class Output:
 
     `stages` (1: motor currents on), `power_request` (rising edge: close the safety relay), `current_lowering` (1: lower
     current at rest), `brake` (1: energised, that is, released), `moving` (1 during a motion: a hood opened then is an
-    emergency), `spindle`, `hood_release` (1: the hood may be opened), `analog` (0..255 for 0..10 V), `lamp_start`,
+    emergency), `spindle`, `hood_release` (1: the hood may be opened), `analog` (0..255 for 0..10 V), `spindle_speed`
+    (1/min, positive clockwise, of controls whose spindle drive takes a number in place of a voltage), `lamp_start`,
     `lamp_stop`, `lamp_fault`, `software_ok`, `user` (byte of user outputs), `flash_fault` (1: the flash image handed in
     cannot be read), `drive_reset` (rising edge: clear the faults of drives that have switched themselves off).
     """

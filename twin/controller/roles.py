@@ -58,6 +58,10 @@ class Drives(Protocol):
         """Measured speed of each axis in increments/s, in the sense of the counters."""
 
     @property
+    def spindle_rev_min(self) -> float | None:
+        """Measured speed of the spindle in rev/min, positive clockwise (M03); None if the machine file has none."""
+
+    @property
     def past_zero_pulse(self) -> tuple[int, ...]:
         """Increments of each encoder since its last zero pulse, one a revolution, rising in the sense of the counters.
 
@@ -147,6 +151,13 @@ class HoldsHost(Protocol):
 
 
 BYTES_AT_ONCE = 4096  # most bytes of one instant that a controller that `HoldsHost` gets in one piece
+
+
+class Compiles(Protocol):
+    """A controller with compiled functions of its own (base/compiling.py)."""
+
+    def warm_up(self) -> None:
+        """Call each of them once, without any effect: the first command need not wait until they are compiled."""
 
 
 class EndsPrograms(Protocol):

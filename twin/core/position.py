@@ -53,6 +53,8 @@ class Position:
         self._slip = np.zeros(len(controller.counts))
         self._forgotten = np.zeros(len(controller.counts))
         self._encoder_zero = np.zeros(len(controller.counts))
+        self.spindle_now: Callable[[], float | None] = lambda: None
+        """Speed of the spindle in rev/min at the present, None without one."""
         self.before_change: Callable[[], None] | None = None  # called before zeros or directions change
         self._turned = tuple(controller.direction)  # directions that the zeros belong to
         self._zero_mm = self._zeros()
@@ -203,6 +205,10 @@ class Position:
         beyond = _of_carriages(self._plant.told - self._direction * self.counts - self._slip)
         zero_mm: NDArray[np.float64] = self._start_mm + beyond * self.step_mm
         return zero_mm
+
+    @property
+    def spindle_rev_min(self) -> float | None:
+        return self.spindle_now()
 
     @property
     def _direction(self) -> NDArray[np.int64]:

@@ -50,6 +50,7 @@ class Saved:
     _observers: Observers[Any]
     _settling: bool
     _due_ns: int
+    _advanced_ns: int
 
     def _note(self, kind: str, what: Any) -> None:
         raise NotImplementedError
@@ -101,7 +102,7 @@ class Saved:
         for name, value in unpack(state.parts, self._parts, self._known).items():
             setattr(self, name, value)
         self._plant.restore(state.plant)
-        self.time_ns = state.time_ns
+        self.time_ns = self._advanced_ns = state.time_ns
         self.origin = replace(self.origin, **state.origin)
         if self._sampler is not None:
             self._sampler.begin_anew()
@@ -145,6 +146,7 @@ class Saved:
             "plant": self._plant,
             "machine": machine,
             "contacts": machine.contacts,
+            "spindle": machine.spindle,
             "switches": machine.switches,
             "heated": tuple(axis.stage for axis in machine.axes),
             "events": self._plans.events,

@@ -141,6 +141,19 @@ class Seen:
         return self._plant.supply_v
 
     @property
+    def spindle_rev_min(self) -> float:
+        """How fast the tool turns, rev/min, positive clockwise from above; nan if the machine file does not say how
+        (docs/machines.md)."""
+        turning = self._wiring.turning
+        return math.nan if turning is None else turning.speed_rev_min(self.time_ns)
+
+    @property
+    def spindle_turns(self) -> float:
+        """Turns of the tool since power-on, signed; nan like `spindle_rev_min`."""
+        turning = self._wiring.turning
+        return math.nan if turning is None else turning.turns(self.time_ns)
+
+    @property
     def forgotten_steps(self) -> NDArray[np.float64]:
         """float64 [axes], steps lost since power-on that `lost_steps` dropped when the counter was set."""
         return self._position.forgotten_steps

@@ -26,7 +26,8 @@ from isel_twin.machine import Machine
 from isel_twin.version import VERSION
 from isel_twin.wiring import ScenarioEvent
 
-_OUTSIDE = ("before_change", "on_reply", "on_lost", "on_event")  # attributes of the parts that are callbacks
+# attributes of the parts that are callbacks
+_OUTSIDE = ("before_change", "spindle_now", "on_reply", "on_lost", "on_event")
 
 BY_CHANCE = ("seed", "flash", "line_speed", "start_mm")  # fields of `TwinSpec` in which twins of one kind may differ
 

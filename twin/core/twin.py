@@ -194,6 +194,8 @@ class Twin(Operated, Saved, Seen):
         self._wiring = Wiring(
             self.machine, self._plant, self._line, controller.terminals(), drive_inputs, trips, bounces, schedule
         )
+        if self._wiring.turning is not None:
+            self._position.spindle_now = lambda: self.spindle_rev_min
         self._wiring.on_event = lambda event: self._note("scenario", event.content)
         self._restarts = 0  # of those that the wiring counts, as many have been followed
         self.restarts = 0
@@ -215,6 +217,7 @@ class Twin(Operated, Saved, Seen):
         self._due_ns = 0
         """The least `next_ns`, when the twin last settled."""
         self._untold = False  # the plant has advanced since the twin last settled
+        self._advanced_ns = 0  # to where the controller has been advanced
         self._settling = False
 
         self._told = Told(controller, self.flash, rebuilt=plans.new_controller is not None)
@@ -340,9 +343,11 @@ class Twin(Operated, Saved, Seen):
     def _next_due_ns(self) -> int:
         """When the twin has to settle next."""
         due_ns = _NEVER_NS
-        for source in (*self._sources, self._observers):
+        for source in self._sources:
             if (next_ns := source.next_ns) is not None and next_ns < due_ns:
                 due_ns = next_ns
+        if self._observers and (next_ns := self._observers.next_ns) is not None and next_ns < due_ns:
+            due_ns = next_ns
         if self.time_ns < self._line.quiet_ns < due_ns:
             due_ns = self._line.quiet_ns
         return due_ns
@@ -363,19 +368,26 @@ class Twin(Operated, Saved, Seen):
             if events != self._wiring.events_left:  # the number of events is finite
                 rounds, events = 0, self._wiring.events_left
             rounds += 1
-            self._told.advance(self.time_ns)
-            self._take_events()
+            if self._advanced_ns != self.time_ns or self._controller_is_due:
+                self._advanced_ns = self.time_ns
+                self._told.advance(self.time_ns)
+                self._take_events()
             if self._wiring.settle(self.time_ns) or self._restart():
                 continue
             if self._hand_over_bytes() or self._hand_over_levels() or self._hand_over_keys():
                 continue
-            if (next_ns := self._controller.next_ns) is None or next_ns > self.time_ns:
+            if not self._controller_is_due:
                 if self._observers:
                     changes = self._wiring.changes
                     self._observers.look(self, self._observers.inputs_changed(self, changes), changes)
                 self._due_ns = self._next_due_ns()
                 return
         raise RuntimeError(f"the controller does not come to an end at {self.time_ns} ns")
+
+    @property
+    def _controller_is_due(self) -> bool:
+        next_ns = self._controller.next_ns
+        return next_ns is not None and next_ns <= self.time_ns
 
     def _restart(self) -> bool:
         """Restart the controller with its flash, or without supply, if the wiring asks for it; return whether it did. A
@@ -434,21 +446,23 @@ class Twin(Operated, Saved, Seen):
         events = self._controller.take()
         if self._handshake is not None:
             self._line.clear_to_send(self.time_ns, self._handshake.clear_to_send)
-        if self._stream.follow(self._controller.run, self.time_ns):
-            self._note("motion", self._controller.run)
+        run = self._controller.run
+        if self._stream.follow(run, self.time_ns):
+            self._note("motion", run)
             direction = self._controller.direction  # it changes only between motions
             self._sense = None if min(direction) > 0 else np.array(direction, dtype=np.int8)
             self._position.follow_direction()
             self._wiring.motion(self._stream.moving)
         outputs_changed = False
         for event in events:
+            if isinstance(event, Output):
+                self._wiring.output(event.name, event.value)
+                outputs_changed = True
+                continue
             match event:
                 case Reply(data):
                     self._wiring.heard(data, sent=False)
                     self._line.from_controller(self.time_ns, data, self.serial_format.byte_ns)
-                case Output(name, value):
-                    self._wiring.output(name, value)
-                    outputs_changed = True
                 case CounterSet(axis, value):
                     self._position.counter_set(axis, value)
                     self._note("counter", event)

@@ -3,15 +3,15 @@
 numba compiles a function at its first call and caches the result beside the package: seconds on a new installation,
 later a fraction of one. `warm_up` calls every compiled function that a twin can use.
 
-The compiled code does not depend on machine or controller: ticks are int64 and int8, set points int32, and all drives
-are records of one type.
+The compiled code does not depend on the machine: ticks are int64 and int8, set points int32, and all drives are records
+of one type. tests/test_warm.py plays sessions with every controller that compile nothing more.
 """
 
 from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -21,11 +21,14 @@ from numba.core import event
 
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.units import MILLISECOND_NS
+from isel_twin.controller import Compiles, create_controller, offers
 from isel_twin.drives.library import MOTORS
 from isel_twin.drives.stability import limit_rad_s
 from isel_twin.drives.stage import Stage
-from isel_twin.machine import load_machine
+from isel_twin.machine import load_machine, with_overrides
 from isel_twin.motion import StepRun, circle, line, trapezoid
+from isel_twin.motion.joined import joined
+from isel_twin.motion.pieces import chain, piece
 from isel_twin.plant import Plant, Threshold
 
 
@@ -44,8 +47,8 @@ def told_of_compiling(tell: Callable[[str], None] = _log) -> Iterator[None]:
         tell(f"compiled in {listener.spent_s:.1f} s")
 
 
-def warm_up(plant: str, tell: Callable[[str], None] = _log) -> None:
-    """Load or compile everything a twin with this plant ("mujoco" or "kinematic") needs."""
+def warm_up(plant: str, tell: Callable[[str], None] = _log, controllers: Iterable[str] = ()) -> None:
+    """Load or compile all that a twin with this plant ("mujoco" or "kinematic") and one of these controllers needs."""
     with told_of_compiling(tell):
         time_law = trapezoid(2000, 10_000, 400, 100_000)  # its ramps have 499 ticks
         for path in (line((2000, 7, 0, 0)), circle(2000, 0, 250, 0, 1, 1, clockwise=False)):
@@ -57,6 +60,15 @@ def warm_up(plant: str, tell: Callable[[str], None] = _log) -> None:
         if plant == "mujoco":
             limit_rad_s(MOTORS["23HS32-4004S"], Stage(supply_v=48.0, current_a=4.2))
         machine.advance(2 * until_ns, np.array([2 * until_ns]), np.ones((1, 4), dtype=np.int32), lead_ns=until_ns)
+        machine.watch_margin()
+        servos = _plant(plant, "4030-servo")
+        servos.reset_drives()
+        servos.current_fraction  # noqa: B018
+        _join()
+        for name in controllers:
+            controller = create_controller(name)
+            if offers(controller, Compiles):
+                controller.warm_up()
 
 
 def kept_in() -> Path | None:
@@ -67,9 +79,19 @@ def kept_in() -> Path | None:
     return Path(path) if path and any(Path(path).glob("*.nbi")) else None
 
 
-def _plant(name: str) -> Plant:
-    """A plant with all kinds of thresholds."""
-    machine = load_machine("4030")
+def _join() -> None:
+    """Plan, sample, hold and go on along pieces that are joined (motion/joined.py)."""
+    single = piece((200.0, 0.0), 200.0, 2000.0, 50_000.0)  # one row, of which numpy calls the columns contiguous
+    for pieces in (single, chain([single, single])):
+        plan = joined(pieces, 4 * MILLISECOND_NS)
+        held = plan.replanned(plan.ticks // 2, hold=True)
+        held.replanned(held.ticks, hold=False).deltas(0, plan.ticks)
+        plan.speed(1)
+
+
+def _plant(name: str, machine_name: str = "4030") -> Plant:
+    """A plant with all kinds of thresholds, and screws that are not even."""
+    machine = with_overrides(load_machine(machine_name), {"imperfections.cyclic_error": True})
     thresholds = [Threshold(axis, "position", -1.0, -1, 0.1) for axis in range(len(CARRIAGES))]
     thresholds.append(Threshold(0, "lag", 1e6))
     start_mm = np.full(len(CARRIAGES), 50.0)

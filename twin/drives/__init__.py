@@ -8,6 +8,7 @@ servo.py         the sub-step of a servo drive; servo_drive.py: its data
 shaft.py         rotor, screw and nut, the same for both
 curves.py        pull-out torque and pull-in rate, measured on a virtual bench with it
 stability.py     whether a small swing of the rotor grows, and the speed from which on it does
+spindle.py       the working spindle: converter, rotor, load
 heat.py          temperatures of the stages
 report.py        the torque curve as a table and a picture; servo_report.py: that of a servo
 """

@@ -53,6 +53,9 @@ class _Stopping:
     reason: Unfinished | None = None
 
 
+_GOES_ON = _Stopping()
+
+
 class Executor:
     """Carries out one activity at a time."""
 
@@ -61,12 +64,13 @@ class Executor:
         self.parked: Parked | None = None
         self.motion: StepRun | None = None
         """The motion in execution."""
+        self.end_ns: int | None = None
+        """When the motion or pause in execution ends; None if only an input can change anything."""
         self.request: Request | None = None
         """What the activity in progress waits for; None at rest."""
         self._base: Displacement = (0,) * axes
         self._activity: Activity | None = None
         self._ended: EndedBy | None = None
-        self._pause_end_ns: int | None = None
         self._stopping: _Stopping | None = None
 
     @property
@@ -92,13 +96,11 @@ class Executor:
     @property
     def next_ns(self) -> int | None:
         """When something is due; None if only an input can change anything."""
-        end_ns = self._pause_end_ns if self.motion is None else self.motion.end_ns
-        return None if end_ns is None else max(end_ns, self.now_ns)
+        return None if self.end_ns is None else max(self.end_ns, self.now_ns)
 
     @property
     def due(self) -> bool:
-        next_ns = self.next_ns
-        return next_ns is not None and next_ns <= self.now_ns
+        return self.end_ns is not None and self.end_ns <= self.now_ns
 
     def set_counter(self, axis: int, value: int) -> None:
         """Set a counter without a tick; no motion is in execution."""
@@ -118,7 +120,7 @@ class Executor:
         if self.motion is None:
             self._go_on(None)
             return
-        stopping = self._stopping or _Stopping()
+        stopping = self._stopping or _GOES_ON
         result = Ended(self._end_motion(), stopping.by_event)
         if stopping.reason is not None:
             self._finish(stopping.reason)
@@ -141,8 +143,8 @@ class Executor:
             stopping = self._stop()
             if stopping.reason is None:
                 self._stopping = replace(stopping, park=parked)
-        elif self._pause_end_ns is not None:
-            self._set_aside(self._pause_end_ns - self.now_ns, parked)
+        elif self.end_ns is not None:
+            self._set_aside(self.end_ns - self.now_ns, parked)
         elif self._activity is not None:
             self._set_aside(None, parked)
 
@@ -170,7 +172,7 @@ class Executor:
     def cut(self) -> None:
         """As `event` without a ramp: no more ticks. A parked motion counts as ended by it, too."""
         if self.motion is not None:
-            self.motion = self.motion.cut(self.now_ns)
+            self._make(self.motion.cut(self.now_ns))
             self._stopping = replace(self._stopping or _Stopping(), by_event=True)
         elif self.parked is not None and isinstance(self.parked.result, Ended):
             self.parked = replace(self.parked, result=replace(self.parked.result, by_event=True))
@@ -200,7 +202,7 @@ class Executor:
     def _go_on(self, result: Ended | int | None) -> None:
         """Continue the activity with the result of its request, up to its next one that takes time."""
         while self._activity is not None:
-            self.request = self._pause_end_ns = self._stopping = None
+            self.request = self.end_ns = self._stopping = None
             try:
                 request = self._activity.send(result)
             except StopIteration:
@@ -212,19 +214,22 @@ class Executor:
             self.request = request
             match request:
                 case Pause(ns):
-                    self._pause_end_ns = self.now_ns + ns
+                    self.end_ns = self.now_ns + ns
                 case Travel(path, law, first):
                     if not law.ticks:
                         result = Ended(first)
                         continue
-                    self.motion = StepRun(path, law, self.now_ns, first)
+                    self._make(StepRun(path, law, self.now_ns, first))
             return
+
+    def _make(self, motion: StepRun) -> None:
+        self.motion, self.end_ns = motion, motion.end_ns
 
     def _stop(self) -> _Stopping:
         """Begin the stop ramp of the motion, once; return what follows it."""
         assert self.motion is not None
         if self._stopping is None:
-            self.motion = self.motion.stopped(self.now_ns)
+            self._make(self.motion.stopped(self.now_ns))
             self._stopping = _Stopping()
         return self._stopping
 
@@ -232,7 +237,7 @@ class Executor:
         """End the motion; return the number of its last tick made."""
         assert self.motion is not None
         ticks = self.motion.count(self.now_ns)
-        self._base, self.motion = self.counts, None
+        self._base, self.motion, self.end_ns = self.counts, None, None
         return ticks
 
     def _set_aside(self, result: Ended | int | None, parked: Callable[[], None]) -> None:
@@ -252,5 +257,5 @@ class Executor:
         """End the activity in progress without a callback; return it."""
         assert self._activity is not None
         activity = self._activity
-        self._activity = self._ended = self.request = self._pause_end_ns = self._stopping = None
+        self._activity = self._ended = self.request = self.end_ns = self._stopping = None
         return activity

@@ -6,20 +6,20 @@
     inductance   of the motor of one axis
     load         friction of guide and screw of one axis
 
-                 1.00   1.06   1.12   1.19         upwards until the first loss, by steps of 6 %,
-    holds         x      x      x      LOST        then halved to 1 %, each on several seeds: the edge is where the
-                               |--|                first of them loses
+                 1.00   1.06   1.12   1.19         upwards until the first loss, by steps of 6 % (the load, which has
+    holds         x      x      x      LOST        no resonances on its way, by 26 % before), then halved to 1 %, each
+                               |--|                on several seeds: the edge is where the first of them loses
 
 What is known without that is the speed from which on a motor swings (`Result.edge`): it lies below the edge of speed,
-steps are lost from 1.03 to 1.26 of it on.
+steps are lost from 1.03 to 1.26 of it on. `python -m tests.edges` holds edges against fresh seeds (docs/fidelity.md).
 """
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.base.crew import Crew, Stop, in_order
@@ -28,11 +28,16 @@ from isel_twin.base.quiet import quietly
 from isel_twin.controller import offers
 from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs.job import Line, parse_job
-from isel_twin.jobs.playing import played
+from isel_twin.jobs.playing import TIMEOUT_S, out_of_step, played
 from isel_twin.jobs.verdict import Verdict
 from isel_twin.language import RetimesJobs, create_language
 
+if TYPE_CHECKING:
+    from isel_twin.core.twin import Twin
+    from isel_twin.jobs.result import Result
+
 STEP = 1.06  # from factor to factor upwards
+STRIDE = STEP**4  # of the load
 PRECISION = 1.01
 SEEDS = 3  # machines of the same numbers: other places, rotor angles and scatter
 FARTHEST: Mapping[str, float] = {"speed": 3.0, "supply": 0.3, "inductance": 5.0, "load": 10.0}
@@ -45,14 +50,15 @@ class Edge:
 
     quantity: str
     axis: str
-    factor: float | None  # None: not up to FARTHEST
+    factor: float | None  # None: not up to FARTHEST, or another axis ends the job before
+    line: int | None = None  # the first after which steps are lost there
     closed_loop: bool = False
 
 
 @dataclass(frozen=True)
 class _Search:
     quantity: str
-    axis: str  # "" for the speed, which is that of all
+    axes: tuple[str, ...]  # whose edge is sought; the speed is that of all
 
 
 def check(call: TwinSpec) -> None:
@@ -74,20 +80,62 @@ def edges(
     """The edges of a job, whose verdict is well, for the axes that have moved; in a fixed order, with any crew. Those
     of what the controller's language cannot change are left out, and of servo axes all but that of speed."""
     moved = [name for name, edge in zip(AXIS_NAMES, verdict.edge, strict=False) if edge and name in CARRIAGES]
-    searches = [_Search(quantity, axis) for axis in moved for quantity in ("supply", "inductance", "load")]
+    searches = [_Search(quantity, (axis,)) for axis in moved for quantity in ("supply", "inductance", "load")]
     if offers(create_language(call.controller), RetimesJobs):
-        searches.insert(0, _Search("speed", ""))
+        every = [axis.name for axis in call.fitted().axes if axis.name in moved or axis.closed_loop]
+        searches.insert(0, _Search("speed", tuple(every)))
     find = functools.partial(_found, call, lines, timeout_s, flash)
     for found in in_order(find, searches, crew, stop):
         yield from found
 
 
-def told(found: Sequence[Edge]) -> dict[str, dict[str, float | None]]:
-    """In JSON's types: factors by axis and quantity; null: not up to FARTHEST."""
+def told(found: Sequence[Edge]) -> dict[str, Any]:
+    """In JSON's types: factors by axis and quantity, null where there is none; and the lines that lose there."""
     axes: dict[str, dict[str, float | None]] = {}
+    lines: dict[str, dict[str, int]] = {}
     for edge in found:
         axes.setdefault(edge.axis, {})[edge.quantity] = edge.factor
-    return axes
+        if edge.line is not None:
+            lines.setdefault(edge.axis, {})[edge.quantity] = edge.line
+    return {"edge": axes, "edge_lines": lines}
+
+
+class _Losses:
+    """A watcher that notes the first line after which each axis has lost steps, or its servo drive is off."""
+
+    def __init__(self, twin: Twin, wanted: Iterable[str]) -> None:
+        self.lines: dict[str, int] = {}
+        self._twin, self._wanted = twin, set(wanted)
+
+    def take(self, result: Result) -> None:
+        for axis in out_of_step(self._twin):
+            self.lines.setdefault(AXIS_NAMES[axis], result.number)
+
+    def stop(self) -> bool:
+        """True once nothing is left to be found; the rest of such a job has no meaning."""
+        return self._wanted <= self.lines.keys()
+
+
+def losers(
+    call: TwinSpec,
+    lines: Sequence[Line],
+    quantity: str,
+    axes: tuple[str, ...],
+    factor: float,
+    seed: int,
+    timeout_s: float = TIMEOUT_S,
+) -> Mapping[str, int]:
+    """The axes that lose steps on a seed with a quantity (of `axes`; the speed is that of all) times a factor, and the
+    line in which each does. The job ends when all of `axes` have lost."""
+    spec, changed = _changed(call, lines, _Search(quantity, axes), factor)
+    twin = spec.with_(seed=seed).build()
+    seen = _Losses(twin, axes)
+    with quietly():
+        verdict = played(twin, changed, [seen.take], timeout_s, seen.stop).verdict
+    for name, halfway in zip(AXIS_NAMES, verdict.halfway, strict=False):
+        if halfway:
+            seen.lines.setdefault(name, lines[-1].number)
+    return seen.lines
 
 
 def _found(
@@ -97,43 +145,57 @@ def _found(
     farthest = FARTHEST[search.quantity]
 
     @functools.cache
-    def losers(factor: float, seeds: int) -> tuple[str, ...]:
-        """Axes that lose steps on any of so many seeds."""
-        spec, changed = _changed(call, lines, search, factor)
-        lost: set[str] = set()
-        for seed in range(call.seed, call.seed + seeds):
-            with quietly():
-                verdict = played(spec.with_(seed=seed, flash=flash).build(), changed, timeout_s=timeout_s).verdict
-            lost |= {name for name, gone in zip(AXIS_NAMES, _out_of_step(verdict), strict=False) if gone}
-        return tuple(sorted(lost))
+    def lost(factor: float, seed: int) -> Mapping[str, int]:
+        return losers(call.with_(flash=flash), lines, search.quantity, search.axes, factor, seed, timeout_s)
 
-    factor = _least(lambda factor: bool(losers(factor, 1)), lambda factor: bool(losers(factor, SEEDS)), farthest)
-    told = None if factor is None else round(factor, 4)
-    if search.axis:
-        return (Edge(search.quantity, search.axis, told),)
+    def edge(axis: str) -> Edge:
+        def of_seeds(number: int, factor: float) -> list[int]:
+            """The first line in which each of so many seeds loses, of those that do."""
+            seeds = range(call.seed, call.seed + number)
+            return [found[axis] for seed in seeds if axis in (found := lost(factor, seed))]
+
+        def quick(factor: float) -> bool:
+            return bool(of_seeds(1, factor))
+
+        stride = STRIDE if search.quantity == "load" else STEP
+        factor = _least(quick, lambda factor: bool(of_seeds(SEEDS, factor)), farthest, stride)
+        if factor is None:
+            return Edge(search.quantity, axis, None, closed_loop=axis in servos)
+        return Edge(search.quantity, axis, round(factor, 4), min(of_seeds(SEEDS, factor)), axis in servos)
+
     servos = {axis.name for axis in call.fitted().axes if axis.closed_loop}
-    found = () if factor is None else losers(factor, SEEDS)
-    return tuple(Edge(search.quantity, axis, told, axis in servos) for axis in found)
+    found = [edge(axis) for axis in search.axes]
+    return tuple(each for each in found if each.factor is not None or not each.closed_loop)
 
 
-def _least(quick: Callable[[float], bool], sure: Callable[[float], bool], farthest: float) -> float | None:
-    """The least factor for which `sure` is true, looked for from 1 to `farthest` by `quick`; None if there is none."""
-    up = farthest > 1.0
-    low, high = 1.0, STEP if up else 1.0 / STEP
-    while not quick(high):
-        if high == farthest:
-            return None
-        low, high = high, min(high * STEP, farthest) if up else max(high / STEP, farthest)
-    low = low / STEP if up else low * STEP  # other seeds may lose earlier
+def _least(
+    quick: Callable[[float], bool], sure: Callable[[float], bool], farthest: float, stride: float = STEP
+) -> float | None:
+    """The least factor for which `sure` is true, looked for from 1 to `farthest` by `quick`; None if there is none.
+    stride: from factor to factor until the first, before which STEP is gone."""
+    sign = 1 if farthest > 1.0 else -1
+
+    def scanned(low: float, end: float, step: float) -> tuple[float, float] | None:
+        """The last factor that holds and the first that loses."""
+        while low != end:
+            high = low * step**sign
+            high = end if (high - end) * sign > -1e-9 else high
+            if quick(high):
+                return low, high
+            low = high
+        return None
+
+    there = scanned(1.0, farthest, stride)
+    if there is not None and stride != STEP:
+        there = scanned(*there, STEP)
+    if there is None:
+        return None
+    low, high = there
+    low = low / STEP**sign  # other seeds may lose earlier
     while max(high / low, low / high) > PRECISION:
         middle = (low * high) ** 0.5
         low, high = (low, middle) if sure(middle) else (middle, high)
     return high
-
-
-def _out_of_step(verdict: Verdict) -> list[bool]:
-    """Axes that have lost steps, or whose servo drive has switched itself off."""
-    return [any(each) for each in zip(verdict.lost, verdict.halfway, verdict.switched_off, strict=False)]
 
 
 def _changed(call: TwinSpec, lines: Sequence[Line], search: _Search, factor: float) -> tuple[TwinSpec, Sequence[Line]]:
@@ -141,7 +203,8 @@ def _changed(call: TwinSpec, lines: Sequence[Line], search: _Search, factor: flo
     if search.quantity == "speed":
         return call, _faster(call.controller, lines, factor)
     tree = call.fitted().tree
-    axis: Any = tree["axes"][search.axis]
+    (name,) = search.axes
+    axis: Any = tree["axes"][name]
     keys: Mapping[str, tuple[str, ...]] = {
         "supply": ("stage.supply",),
         "inductance": ("specimen.inductance",),
@@ -150,9 +213,9 @@ def _changed(call: TwinSpec, lines: Sequence[Line], search: _Search, factor: flo
     overrides = {}
     for key in keys[search.quantity]:
         entry = axis
-        for name in key.split("."):
-            entry = entry[name]
-        overrides[f"axes.{search.axis}.{key}"] = entry["value"] * factor
+        for part in key.split("."):
+            entry = entry[part]
+        overrides[f"axes.{name}.{key}"] = entry["value"] * factor
     return call.with_(overrides={**call.overrides, **overrides}), lines
 
 

@@ -112,10 +112,20 @@ class FirstLoss:
         return bool(self.why)
 
 
+def out_of_step(twin: Twin) -> tuple[int, ...]:
+    """Axes that have lost steps so far, or whose servo drive has switched itself off."""
+    off = {axis for axis, (number, _) in enumerate(twin.drive_faults) if number}
+    return tuple(sorted(off.union(_gone(twin))))
+
+
 def losses(twin: Twin) -> str:
     """What is lost so far, in words; a servo drive that has switched itself off counts as a loss."""
-    gone = lost(twin.lost_steps, twin.slip_steps) | (twin.forgotten_steps != 0.0)
     steps = np.abs(twin.lost_steps) + np.abs(twin.forgotten_steps)
-    found = [f"{AXIS_NAMES[axis].upper()} has lost {steps[axis]:.0f} steps" for axis in np.flatnonzero(gone)]
+    found = [f"{AXIS_NAMES[axis].upper()} has lost {steps[axis]:.0f} steps" for axis in _gone(twin)]
     found += [f"{name.upper()}: {why}" for name, (n, why) in zip(AXIS_NAMES, twin.drive_faults, strict=False) if n]
     return ", ".join(found)
+
+
+def _gone(twin: Twin) -> list[int]:
+    gone = lost(twin.lost_steps, twin.slip_steps) | (twin.forgotten_steps != 0.0)
+    return [int(axis) for axis in np.flatnonzero(gone)]

@@ -15,25 +15,23 @@ import io
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import islice
 from typing import TYPE_CHECKING
 
 from isel_twin.base.units import SECOND_NS
 from isel_twin.cam.estimate import Estimate
-from isel_twin.cam.reader import HEAD_LINES, Reader, text_lines
+from isel_twin.cam.reader import Reader, head_of, statements, text_lines
 from isel_twin.cam.registry import reader_for, reader_named
 from isel_twin.cam.settings import CamSettings
-from isel_twin.cam.toolpath import CamError, Caution, Element, Toolpath
+from isel_twin.cam.toolpath import CamError, Caution, Element, End, Toolpath
 from isel_twin.cam.written import MachineAxes, Written
 from isel_twin.controller import offers
 from isel_twin.jobs.job import JobError, Line, check_controller, decode_job, parse_job
 from isel_twin.jobs.result import Result
-from isel_twin.language import Language, LanguageError, RunsPrograms, WritesToolpaths, programs_for
+from isel_twin.language import Language, RunsPrograms, WritesToolpaths, programs_for
 
 if TYPE_CHECKING:
     from isel_twin.machine import Machine
 
-HEAD_BYTES = 1 << 20  # of a file by which it is recognised
 CAUTIONS = 20  # of a file that are kept
 
 
@@ -97,19 +95,16 @@ def source_of(
     try:
         return converted(data, reader, language, controller, machine_axes(machine()), settings)
     except JobError:
-        if named is not None or not _is_program(decode_job(data), language):
+        if named is not None or not _is_program(head_of(data), language):
             raise
         return None
 
 
-def _is_program(text: str, language: Language | None) -> bool:
+def _is_program(head: str, language: Language | None) -> bool:
     """May a text that looks like G-code be a program of this controller, or can it only be one of another?"""
     if not offers(language, RunsPrograms):
-        return bool(programs_for(text))
-    try:
-        return language.job(text) is not None
-    except LanguageError:
-        return True
+        return bool(programs_for(head))
+    return any(language.claims(line) for line in statements(head))
 
 
 def reader_of(data: bytes, suffix: str, language: Language | None, named: str | None = None) -> Reader | None:
@@ -123,11 +118,6 @@ def reader_of(data: bytes, suffix: str, language: Language | None, named: str | 
     if offers(language, RunsPrograms) and language.claims(head):
         return None
     return reader_for(head, suffix)
-
-
-def head_of(data: bytes) -> str:
-    """The lines by which a file is recognised."""
-    return "".join(islice(text_lines(io.BytesIO(data[:HEAD_BYTES])), HEAD_LINES))
 
 
 def written(
@@ -181,10 +171,11 @@ def _places(made: Sequence[Written]) -> tuple[int, ...]:
 
 
 class Watched:
-    """What passes on its way from reader to writer: times by line, and cautions."""
+    """What passes on its way from reader to writer: cautions, and times by line unless they are not asked for."""
 
-    def __init__(self, settings: CamSettings) -> None:
+    def __init__(self, settings: CamSettings, by_line: bool = True) -> None:
         self._sums = Estimate(settings)
+        self._by_line = by_line
         self.cautions: list[str] = []
         self.of_lines_s: dict[int, float] = defaultdict(float)
 
@@ -195,10 +186,13 @@ class Watched:
     def through(self, path: Toolpath) -> Iterator[Element]:
         before = 0.0
         for element in self._sums.watched(path):
+            if isinstance(element, End) and not before:
+                self.cautions.append("nothing in this file moves the tool")
             if isinstance(element, Caution) and len(self.cautions) < CAUTIONS:
                 self.cautions.append(f"line {element.place.line}: {element.text}")
             if self._sums.seconds > before:
-                self.of_lines_s[element.place.line] += self._sums.seconds - before
+                if self._by_line:
+                    self.of_lines_s[element.place.line] += self._sums.seconds - before
                 before = self._sums.seconds
             yield element
 

@@ -27,7 +27,9 @@ from isel_twin.language.registry import (
 )
 from isel_twin.language.roles import (
     Act,
+    Example,
     FlashSetting,
+    HasExample,
     JobMove,
     LoadsPlc,
     RetimesJobs,
@@ -40,7 +42,9 @@ from isel_twin.language.text import Pieces, encoded, integers, readable
 __all__ = [
     "SETTINGS_RANGES",
     "Act",
+    "Example",
     "FlashSetting",
+    "HasExample",
     "JobMove",
     "Language",
     "LanguageError",

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
 from typing import Protocol
 
 from isel_twin.cam.settings import CamSettings
@@ -51,6 +53,27 @@ class RetimesJobs(Language, Protocol):
     def permanent(self, settings: MoveSettings) -> Sequence[str]:
         """Lines that make acceleration and start-stop frequency the controller's own defaults, also after power-off;
         none if it forgets them."""
+
+
+@dataclass(frozen=True)
+class Example:
+    """A job to begin with: a square of 40 mm from X 20, Y 20 mm on."""
+
+    text: str
+    suffix: str  # of its file
+    machine: str  # of the package, on which it is well
+
+    @classmethod
+    def kept(cls, package: str, file: str, machine: str) -> Example:
+        """From a file of a package."""
+        return cls(files(package).joinpath(file).read_text(encoding="utf-8"), Path(file).suffix, machine)
+
+
+class HasExample(Protocol):
+    """A language with a job to begin with (`isel-twin init`)."""
+
+    def example(self) -> Example:
+        """The job, with comments for who sees such commands for the first time."""
 
 
 class RunsPrograms(Protocol):

@@ -21,6 +21,7 @@ from isel_twin.drives.library import MOTORS
 from isel_twin.drives.motor import Motor, Specimen
 from isel_twin.drives.screw import Rod, Screw
 from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
+from isel_twin.drives.spindle import Spindle
 from isel_twin.drives.stage import Stage
 from isel_twin.drives.supply import Supply, check_fit
 from isel_twin.machine.fixture import read_fixtures
@@ -28,15 +29,18 @@ from isel_twin.machine.schema import (
     CABINETS,
     Axis,
     Contact,
+    Feeler,
     Imperfections,
     Machine,
     MachineError,
     Mode,
+    Probe,
     Squareness,
     Timing,
 )
 
 T = TypeVar("T")
+F = TypeVar("F", bound=Feeler)
 
 _STEPS_PER_REV = Limits("1", 200.0, 51_200.0, whole=True)  # full steps of the motor times the stage's microsteps
 _KIND: Final = "fast"  # of a stage that does not say it (drives/14)
@@ -63,6 +67,7 @@ _TEXTS: Mapping[str, tuple[str, ...]] = {
 _FIXTURE: Final = "fixture"  # text: the MJCF file of what is clamped on the table; tables: its shapes
 _SECTIONS = ("axes", "masses", "payload", "structure", "switches", "contacts", "motors", "controller")
 _FIXED_SECTIONS = ("timing", "squareness", "imperfections")
+_OPTIONAL = ("supply", "spindle", "probe", "plate", "cam")
 
 
 def build(tree: dict[str, Any], file: Path, like: Machine | None = None) -> Machine:
@@ -70,10 +75,10 @@ def build(tree: dict[str, Any], file: Path, like: Machine | None = None) -> Mach
     objects. Raises MachineError."""
     place = Place(file, MachineError)
     _complete(tree)
-    allowed = (*_TEXTS, _FIXTURE, *_SECTIONS, *_FIXED_SECTIONS, "supply", "cam")
+    allowed = (*_TEXTS, _FIXTURE, *_SECTIONS, *_FIXED_SECTIONS, *_OPTIONAL)
     known(tree, allowed, place)
     for key in allowed:
-        if key not in (*tree, "motors", "controller", "supply", "cam"):
+        if key not in (*tree, "motors", "controller", *_OPTIONAL):
             raise place.at(key).wrong("missing")
     texts = {key: text(tree[key], place.at(key), choices) for key, choices in _TEXTS.items()}
     sections = {key: table(tree.get(key, {}), place.at(key)) for key in _SECTIONS}
@@ -91,6 +96,16 @@ def build(tree: dict[str, Any], file: Path, like: Machine | None = None) -> Mach
         return part(lambda m: getattr(m, name), lambda: section(cls, tree[name], place.at(name)), name)
 
     imperfections = fixed("imperfections", Imperfections)
+
+    def _feeler(name: str, cls: type[F]) -> F | None:
+        def read_it() -> F | None:
+            if name not in tree:
+                return None
+            found = section(cls, tree[name], place.at(name))
+            return found if imperfections.repeatability else dataclasses.replace(found, repeatability_mm=0.0)
+
+        return part(lambda m: getattr(m, name), read_it, name, "imperfections")
+
     motors = part(
         lambda m: m.motors,
         lambda: {key: section(Motor, value, place.at("motors").at(key)) for key, value in sections["motors"].items()},
@@ -119,6 +134,9 @@ def build(tree: dict[str, Any], file: Path, like: Machine | None = None) -> Mach
         timing=fixed("timing", Timing),
         axes=axes,
         supply=fixed("supply", Supply) if "supply" in tree else None,
+        spindle=fixed("spindle", Spindle) if "spindle" in tree else None,
+        probe=_feeler("probe", Probe),
+        plate=_feeler("plate", Feeler),
         masses_kg={
             key: quantity(value, _MASS_KG, place.at("masses").at(key)) for key, value in sections["masses"].items()
         },
@@ -305,8 +323,18 @@ def _check(machine: Machine, place: Place) -> None:
                 f"{axis.travel_mm:g} mm; allowed: up to {longest_mm[axis.name]:g} mm, "
                 f"where joint {axis.name} ends in {machine.model_file}"
             )
+    check_plates(machine)
     signals = [contact.name for contact in machine.contacts if contact.kind == "signal"]
     known(signals, CABINETS[machine.cabinet], place.at("contacts"))
+
+
+def check_plates(machine: Machine) -> None:
+    """Refuse a plate where the machine's file does not say how plates give way."""
+    for fixture in machine.fixtures:
+        if fixture.plate and machine.plate is None:
+            raise MachineError(
+                f"{fixture.shown}.plate: {machine.file} does not say how plates give way; allowed: with a [plate] there"
+            )
 
 
 def _lines(file: Path, key: str) -> LinePlace:

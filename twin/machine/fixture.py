@@ -2,14 +2,16 @@
 
     [[fixture]]
     name = "vise_jaw_left"
-    shape = "box"                    # box, cylinder (upright) or mesh (STL in mm; what counts is its convex hull)
-    size_mm = [100, 20, 40]          # along X, along Y, upwards; of a cylinder: diameter, height; of a mesh: nothing
+    shape = "box"                    # box, cylinder, ring (both upright) or mesh (STL in mm; its convex hull counts)
+    size_mm = [100, 20, 40]          # along X, along Y, upwards; of a cylinder: diameter, height; of a ring: outer and
+                                     # inner diameter, height; of a mesh: nothing
     at_mm = [197.5, 120, 0]          # X and Y, in machine coordinates, where the tool stands over the middle of its
                                      # foot, and how high that is above the table; of a mesh: where its origin is
     turn_deg = 0                     # about the vertical, from X towards Y
     file = "clamp.stl"               # of a mesh, as seen from this file
     may_touch = ["probe"]            # what may touch it, and is stopped by it
     stock = false                    # true: the cutter goes through it, and nothing is felt
+    plate = false                    # true: a plate for tool lengths; the cutter presses it down, and closes `probe`
 
 Whatever else it meets is a collision.
 """
@@ -25,9 +27,9 @@ from typing import Any
 
 from isel_twin.base.parameters import Limits, Place, boolean, known, plain, table, text
 
-SHAPES = {"box": 3, "cylinder": 2, "mesh": 0}
+SHAPES = {"box": 3, "cylinder": 2, "ring": 3, "mesh": 0}
 """Numbers of a size, by shape."""
-KEYS = ("name", "shape", "size_mm", "at_mm", "turn_deg", "file", "may_touch", "stock")
+KEYS = ("name", "shape", "size_mm", "at_mm", "turn_deg", "file", "may_touch", "stock", "plate")
 CUTTER = "cutter"  # name of what goes through stock
 _LENGTH_MM = Limits("mm", 0.01, 10_000.0)
 _PLACE_MM = Limits("mm", -10_000.0, 10_000.0)
@@ -47,6 +49,7 @@ class Fixture:
     file: Path | None = None
     may_touch: tuple[str, ...] = ()
     stock: bool = False
+    plate: bool = False
     place: str = field(default="", repr=False, compare=False)  # file, line and key of its table, for errors
 
     def __post_init__(self) -> None:
@@ -56,6 +59,10 @@ class Fixture:
             raise ValueError(f"fixture {self.name}: a {self.shape} has {SHAPES[self.shape]} numbers in size_mm")
         if (self.file is None) != (self.shape != "mesh"):
             raise ValueError(f"fixture {self.name}: a mesh has a file, and nothing else has one")
+        if self.shape == "ring" and self.size_mm[1] >= self.size_mm[0]:
+            raise ValueError(f"fixture {self.name}: the inner diameter of a ring is less than its outer one")
+        if self.plate and (self.stock or self.shape not in ("box", "cylinder")):
+            raise ValueError(f"fixture {self.name}: a plate is a box or a cylinder, and no stock")
         if len(self.at_mm) != 3 or not all(map(math.isfinite, (*self.size_mm, *self.at_mm, self.turn_deg))):
             raise ValueError(f"fixture {self.name}: at_mm must be three numbers, and all numbers finite")
 
@@ -67,7 +74,7 @@ class Fixture:
     @property
     def permitted(self) -> frozenset[str]:
         """Names of what may touch it."""
-        return frozenset((*self.may_touch, *([CUTTER] if self.stock else [])))
+        return frozenset((*self.may_touch, *([CUTTER] if self.stock or self.plate else [])))
 
 
 def read_fixtures(entries: Any, place: Place, folder: Path, taken: Sequence[str] = ()) -> tuple[Fixture, ...]:
@@ -89,6 +96,7 @@ def fixture_table(fixture: Fixture, file: str = "") -> dict[str, Any]:
     """The [[fixture]] table of a fixture; file: of its mesh, where the table is going to be read."""
     content: dict[str, Any] = {"name": fixture.name, "shape": fixture.shape, "at_mm": list(fixture.at_mm)}
     content |= {"size_mm": list(fixture.size_mm), "turn_deg": fixture.turn_deg, "stock": fixture.stock}
+    content |= {"plate": True} if fixture.plate else {}
     content |= {"may_touch": list(fixture.may_touch), **({"file": file or str(fixture.file)} if fixture.file else {})}
     return content
 
@@ -117,17 +125,13 @@ def _fixture(entry: Any, place: Place, folder: Path) -> Fixture:
     touching = content.get("may_touch", [])
     if not isinstance(touching, list) or not all(isinstance(one, str) for one in touching):
         raise place.at("may_touch").wrong(f"{touching!r}; allowed: a list of names, such as ['probe']")
-    return Fixture(
-        name,
-        shape,
-        size_mm,
-        (x, y, z),
-        plain(content.get("turn_deg", 0.0), _TURN_DEG, place.at("turn_deg")),
-        file,
-        tuple(touching),
-        boolean(content.get("stock", False), place.at("stock")),
-        str(place),
-    )
+    if shape == "ring" and size_mm[1] >= size_mm[0]:
+        raise place.at("size_mm").wrong(f"{list(size_mm)}; allowed: an inner diameter below the outer one")
+    stock, plate = (boolean(content.get(key, False), place.at(key)) for key in ("stock", "plate"))
+    if plate and (stock or shape not in ("box", "cylinder")):
+        raise place.at("plate").wrong("true; allowed: of a box or a cylinder that is no stock")
+    turn_deg = plain(content.get("turn_deg", 0.0), _TURN_DEG, place.at("turn_deg"))
+    return Fixture(name, shape, size_mm, (x, y, z), turn_deg, file, tuple(touching), stock, plate, str(place))
 
 
 def _numbers(value: Any, count: int, limits: Limits, place: Place, of: str) -> tuple[float, ...]:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.parameters import Place, Row, gather, keys, override, rows
-from isel_twin.machine.build import DEFAULT_DRIVE, DRIVES, build
+from isel_twin.machine.build import DEFAULT_DRIVE, DRIVES, build, check_plates
 from isel_twin.machine.fixture import Fixture
 from isel_twin.machine.schema import LEVELS, Imperfections, Machine, MachineError
 
@@ -54,7 +54,11 @@ def with_fixtures(machine: Machine, fixtures: Sequence[Fixture]) -> Machine:
             where = f"{fixture.shown}.name: {fixture.name!r} stands on the table of {machine.name} already"
             raise MachineError(f"{where}; allowed: a name of its own")
         taken.append(fixture.name)
-    return dataclasses.replace(machine, fixtures=(*machine.fixtures, *fixtures)) if fixtures else machine
+    if not fixtures:
+        return machine
+    result = dataclasses.replace(machine, fixtures=(*machine.fixtures, *fixtures))
+    check_plates(result)
+    return result
 
 
 def _changed(tree: Mapping[str, Any], key: str, value: Any, place: Place) -> Mapping[str, Any]:

@@ -23,6 +23,7 @@ from isel_twin.base.parameters import FileError, check, flag, number, word
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.screw import Screw
 from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
+from isel_twin.drives.spindle import Spindle
 from isel_twin.drives.stage import AnyStage
 from isel_twin.drives.supply import Supply
 from isel_twin.machine.fixture import Fixture
@@ -186,6 +187,42 @@ class Contact:
 
 
 @dataclass(frozen=True)
+class Feeler:
+    """What gives way where it is touched, and closes the contact `probe`: a plate for tool lengths on the table, or a
+    touch probe (isel_twin.plant.touch has its law)."""
+
+    # deflection at which the contact changes
+    pretravel_mm: float = number("um", 0.0, 500.0, key="pretravel", scale=1e-3)
+    # by which it has to be less for the contact to change back
+    hysteresis_mm: float = number("um", 0.0, 500.0, key="hysteresis", scale=1e-3)
+    # standard deviation of the deflection at which it changes, from touch to touch
+    repeatability_mm: float = number("um", 0.0, 100.0, key="repeatability", scale=1e-3)
+    force_n: float = number("N", 0.0, 100.0, key="force")  # at the pretravel, across the tool's axis
+    force_z_n: float = number("N", 0.0, 100.0, key="force_z")  # and along it
+    rate_n_per_m: float = number("N/mm", 0.0, 1000.0, key="rate", scale=1e3)  # by which it grows from there
+    overtravel_mm: float = number("mm", 0.1, 50.0, key="overtravel")  # deflection at which it breaks
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+@dataclass(frozen=True)
+class Probe(Feeler):
+    """A touch probe in the spindle, in place of the cutter of the model."""
+
+    enabled: bool = flag()
+    ball_mm: float = number("mm", 0.1, 50.0, key="ball")  # diameter
+    reach_mm: float = number("mm", 0.0, 300.0, key="reach")  # of the ball's lowest point below the model's tool
+    # the pretravel is that much more or less three times a turn, by the probe's three seats
+    lobing_mm: float = number("um", 0.0, 100.0, key="lobing", scale=1e-3)
+
+    def __post_init__(self) -> None:
+        check(self)
+        if self.lobing_mm > self.pretravel_mm:
+            raise ValueError("probe: lobing must not be more than pretravel")
+
+
+@dataclass(frozen=True)
 class Machine:
     """A machine as its folder describes it. It is shared: do not change its tables."""
 
@@ -203,6 +240,9 @@ class Machine:
     timing: Timing
     axes: tuple[Axis, Axis, Axis]
     supply: Supply | None  # common to all stages; None: the file has none
+    spindle: Spindle | None  # None: the contactor switches a spindle of which no more is known
+    probe: Probe | None  # None: the file has none
+    plate: Feeler | None  # what fixtures that are plates are; None: the file has none
     masses_kg: Mapping[str, float]  # by name of the body in the MuJoCo model
     payload_kg: float  # dead weight on the table
     structure: tuple[Mode, ...]
@@ -233,6 +273,13 @@ class Machine:
     def is_clamped(self) -> bool:
         """Something stands on the table."""
         return bool(self.fixtures) or self.fixture_file is not None
+
+    @property
+    def feeler(self) -> Feeler | None:
+        """What closes the contact `probe` by being touched: the probe in the spindle, or else plates on the table."""
+        if self.probe is not None and self.probe.enabled:
+            return self.probe
+        return self.plate if any(fixture.plate for fixture in self.fixtures) else None
 
     @property
     def switches(self) -> tuple[Contact, ...]:

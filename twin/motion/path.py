@@ -24,11 +24,11 @@ Displacement = tuple[int, ...]  # whole numbers of steps or increments, one an a
 
 
 def added(a: Sequence[int], b: Sequence[int]) -> Displacement:
-    return tuple(m + n for m, n in zip(a, b, strict=True))
+    return tuple([m + n for m, n in zip(a, b, strict=True)])
 
 
 def between(before: Sequence[int], now: Sequence[int]) -> Displacement:
-    return tuple(n - b for b, n in zip(before, now, strict=True))
+    return tuple([n - b for b, n in zip(before, now, strict=True)])
 
 
 class StepPath(Protocol):
@@ -52,9 +52,10 @@ def line(steps: Sequence[int]) -> StepLine:
 
     Raises ValueError unless there are one to eight numbers below 2^40.
     """
-    if not 1 <= len(steps) <= len(AXIS_NAMES) or any(abs(n) >= 1 << 40 for n in steps):
+    ticks = max(map(abs, steps), default=0)
+    if not 1 <= len(steps) <= len(AXIS_NAMES) or ticks >= 1 << 40:
         raise ValueError(f"a line needs 1 to {len(AXIS_NAMES)} step numbers below 2^40, got {tuple(steps)}")
-    return StepLine(tuple(int(n) for n in steps), int(max(abs(n) for n in steps)))
+    return StepLine(tuple(map(int, steps)), int(ticks))
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,17 +69,19 @@ class StepLine:
 
     def deltas(self, first: int, last: int) -> NDArray[np.int8]:
         check_range(first, last, self.ticks)
-        leading = np.array([(n == self.ticks) - (n == -self.ticks) for n in self.steps], dtype=np.int8)
-        rows = np.frombuffer(leading.tobytes() * (last - first), dtype=np.int8)  # the fastest way to equal rows
-        delta = rows.reshape(last - first, self.axes).copy()
+        leading = bytes([((n == self.ticks) - (n == -self.ticks)) & 0xFF for n in self.steps])
+        rows = np.frombuffer(bytearray(leading * (last - first)), dtype=np.int8)  # the fastest way to equal rows
+        delta = rows.reshape(last - first, self.axes)
         for axis, n in enumerate(self.steps):
-            if abs(n) != self.ticks:
+            if n and abs(n) != self.ticks:
                 fill_even(delta, axis, first, n, self.ticks)
         return delta
 
     def displacement(self, k: int) -> Displacement:
         if k == self.ticks:
             return self.steps
+        if k == 0:
+            return (0,) * self.axes
         check_range(0, k, self.ticks)
         return tuple([even(k, n, self.ticks) for n in self.steps])
 
@@ -101,11 +104,12 @@ def fill_even(delta: NDArray[np.int8], axis: int, first: int, n: int, ticks: int
 
     By the rule of `even`, step j falls at the first tick k with 2 k |n| + N >= 2 N j: at ceil((2 j - 1) N / (2 |n|)).
     """
-    if n:
-        two_n = 2 * abs(n)
-        done = (first * two_n + ticks) // (2 * ticks)
-        tick, rest = divmod((2 * done + 1) * ticks + two_n - 1, two_n)
-        _fill_even(delta, axis, tick - first - 1, rest, *divmod(2 * ticks, two_n), two_n, 1 if n > 0 else -1)
+    if not n:
+        return
+    two_n = 2 * abs(n)
+    done = (first * two_n + ticks) // (2 * ticks)
+    tick, rest = divmod((2 * done + 1) * ticks + two_n - 1, two_n)
+    _fill_even(delta, axis, tick - first - 1, rest, *divmod(2 * ticks, two_n), two_n, 1 if n > 0 else -1)
 
 
 @njit(nogil=True)

@@ -6,6 +6,7 @@ built.py       a machine put together for it: model.py (the MuJoCo model) and me
 reach.py       which shapes can meet; clamped.py: what is clamped on the table, and who must not meet whom
 contact.py     collisions and least distances, on both plants; collision.py: one as a value
 altered.py     what events change in the model while it works
+touch.py       a touch probe, or a plate for tool lengths
 kernel.py      the compiled loop: drives and MuJoCo together, up to the first threshold passed; in it
                lead.py (commands between set points), glide.py (MuJoCo's step between the stops), thread.py (uneven
                screws), feed.py (common supply), margin.py (distance from falling out of step), teeth.py (of a cut)
@@ -28,6 +29,7 @@ from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.drives.stage import AnyStage
 from isel_twin.plant.collision import Clearance, Collision
 from isel_twin.plant.cutting import Cut
+from isel_twin.plant.cutting import torque_nm as cutting_torque_nm
 
 __all__ = [
     "MOST_CLEARANCE_MM",
@@ -41,11 +43,12 @@ __all__ = [
     "Sampled",
     "Samples",
     "Threshold",
+    "cutting_torque_nm",
 ]
 
 PLACES: Mapping[str, str] = {"tool": "tool", "table": "table_top"}  # where a force can act: name, site of the model
 MOST_CLEARANCE_MM = 20.0  # two bodies that never come nearer are not looked at
-Quantity = Literal["position", "lag", "fault"]  # what a threshold watches
+Quantity = Literal["position", "lag", "fault", "touch"]  # what a threshold watches
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,7 @@ class Threshold:
         position   a switch: passed while sense * (carriage - limit) > 0, in mm of machine coordinates
         lag        following error: passed while |momentary command - rotor| > limit, in microsteps of the command
         fault      passed while the drive of the axis is faulty; limit, sense and hysteresis are not used
+        touch      passed while the machine's feeler (touch.py) is deflected by more than the limit in mm; without sense
 
     It stays passed until the quantity is back by at least the hysteresis. Raises ValueError for impossible values.
     """
@@ -130,9 +134,9 @@ class Plant(Protocol):
         """Stages on or off (open phases: motors go limp), holding brake, current lowered at rest or not."""
 
     def set_trip_point(self, threshold: int, position_mm: float) -> None:
-        """Move one threshold of a position (the repeatability of a switch, drawn by the wiring for each approach).
+        """Move one threshold of a position, or of a touch (its repeatability, drawn by the wiring for each approach).
 
-        ValueError if it is not one. A carriage that is now beyond the point is noticed when something moves next.
+        ValueError if it is neither. A carriage that is now beyond the point is noticed when something moves next.
         """
 
     def apply_force(self, axis: int, force_n: float, place: str = "") -> None:
@@ -146,6 +150,9 @@ class Plant(Protocol):
     def set_cut(self, cut: Cut | None) -> None:
         """Begin a cut (cutting.py) in place of the present one: it pushes the tool, and the table the other way, while
         the tool goes over the table. None ends it."""
+
+    def turn_cut(self, speed_rev_min: float) -> None:
+        """Turn the cutter of the present cut, if any, at another speed, more than 0."""
 
     def reset_drives(self) -> None:
         """Clear the faults of drives that have switched themselves off, as switching the stages on does."""

@@ -27,14 +27,14 @@ from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
 from isel_twin.drives.shaft import axis_states
 from isel_twin.drives.stage import Stage
 from isel_twin.machine import Axis, Machine, MachineError
-from isel_twin.plant import Threshold, kernel, memory
+from isel_twin.plant import Threshold, kernel, memory, touch
 from isel_twin.plant.cutting import CUT
 from isel_twin.plant.feed import supply_state
 from isel_twin.plant.glide import gliding
 from isel_twin.plant.lead import no_leads
 from isel_twin.plant.margin import SPEEDS, available_torque
 from isel_twin.plant.memory import Parts
-from isel_twin.plant.model import left_of_x, reach, tool_motion
+from isel_twin.plant.model import found_targets, left_of_x, reach, tool_motion
 from isel_twin.plant.thread import SCREW, feel
 
 REST_TIME_S = 0.025  # standstill before the plant is frozen; a swinging joint is never slow for this long
@@ -43,7 +43,7 @@ REST_TIME_S = 0.025  # standstill before the plant is frozen; a swinging joint i
 LARGEST_STEP_RATIO = 1.9
 NEAR_M = 1e-9  # distance from a position switch at which the loop begins to compare; rounding is far below
 _LEAST_V = 5.0  # least Stage.supply_v; below it a motor's torque is taken as at this voltage
-_QUANTITIES = {"position": memory.POSITION, "lag": memory.LAG, "fault": memory.FAULT}
+_QUANTITIES = {"position": memory.POSITION, "lag": memory.LAG, "fault": memory.FAULT, "touch": memory.TOUCH}
 _LIBRARIES = ("libmujoco.so*", "libmujoco*.dylib", "mujoco*.dll")  # on Linux, macOS and Windows
 
 
@@ -117,6 +117,7 @@ def build(
             switch["passed"] = switch["sense"] * (data.qpos[dof[switch["axis"]]] - switch["limit"]) > 0.0
     find_free(parts)
     kernel.begin_window(built.memory)
+    kernel.feel_now(built.memory)
     return built
 
 
@@ -129,9 +130,9 @@ def weigh(built: Built, data: mujoco.MjData) -> None:
     parts.axes["mobility_per_kg"] = np.diagonal(built.mobility)[dof]
     stiffness = model.jnt_stiffness[model.dof_jntid]
     parts.springs[:] = -np.stack([built.mobility[dof] * of for of in (stiffness, model.dof_damping)])
-    pulls = [built.split(way) for way in (built.reach["tool"] + built.reach["table"])[:2]]
+    pulls = [built.split(way) for way in built.reach["tool"] + built.reach["table"]]
     joints, nuts = (np.array(part) for part in zip(*pulls, strict=True))
-    parts.cut_joints[:], parts.cut_nuts[:] = joints, nuts
+    parts.tip_joints[:], parts.tip_nuts[:] = joints, nuts
 
 
 def find_available(built: Built, left: float) -> None:
@@ -183,8 +184,11 @@ def _parts(
         push=np.zeros((2, nv)),
         springs=np.zeros((2, memory.AXES, nv)),
         cut=np.zeros(1, CUT),
-        cut_nuts=np.zeros((2, memory.AXES)),
-        cut_joints=np.zeros((2, nv)),
+        tip_nuts=np.zeros((memory.AXES, memory.AXES)),
+        tip_joints=np.zeros((memory.AXES, nv)),
+        feeler=touch.feelers(machine),
+        targets=found_targets(machine, model, scratch),
+        shape=tool_motion(machine, model),
         supply=supply_state(machine.supply, [axis.stage for axis in machine.axes], step_s),
         before=data.qpos.copy(),
         rates=data.qvel.copy(),
@@ -307,7 +311,7 @@ def _threshold(threshold: Threshold) -> NDArray[np.void]:
     record["quantity"] = _QUANTITIES[threshold.quantity]
     record["axis"] = threshold.axis
     record["sense"] = threshold.sense
-    scale = 1e-3 if threshold.quantity == "position" else 1.0
+    scale = 1e-3 if threshold.quantity in ("position", "touch") else 1.0
     record["limit"] = threshold.limit * scale
     record["hysteresis"] = threshold.hysteresis * scale if threshold.quantity != "fault" else 0.0
     record["passed"] = threshold.quantity == "lag" and threshold.limit < 0.0

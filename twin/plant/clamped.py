@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.errors import one_line
 from isel_twin.base.parameters import hint
-from isel_twin.machine import Machine, MachineError
+from isel_twin.machine import Machine, MachineError, Probe
 from isel_twin.machine.fixture import CUTTER, Fixture
 from isel_twin.plant import MOST_CLEARANCE_MM, PLACES
 from isel_twin.plant.reach import can_meet, carried, collide, joint_bounds
@@ -40,10 +40,14 @@ EXACT_M = (
 PREFIX = "fixture/"  # of the names of what is clamped on the table, in the model
 _NAMELESS = "#"  # in the names of shapes that had none
 _SHAPE = "_contact"  # ends the names of a machine's shapes that are made for contacts
+TIP = "tool_contact"  # the cutter
+STYLUS = "stylus_contact"  # what is between the ball of a probe and the spindle
 _NAMES = {"tool": CUTTER}  # what people call them, where the model says it otherwise
 _FELT, _CUTS = 1 << 4, 1 << 3  # bits of contacts: a machine's shape, the cutter
 _HULL_GROUP = 4  # of what is only drawn: the hood
 _GREY = (0.45, 0.50, 0.55, 1.0)
+_WEDGES = 16  # of which a ring is made
+_RUBY = (0.75, 0.05, 0.15, 1.0)
 _WOOD = (0.76, 0.62, 0.42, 1.0)
 
 
@@ -67,9 +71,43 @@ def name_of(model: mujoco.MjModel, geom: int) -> str:
     name = model.geom(geom).name
     if name.endswith(_SHAPE):
         return _NAMES.get(stem := name.removesuffix(_SHAPE), stem)
-    if name.startswith(PREFIX) and _NAMELESS not in name:
-        return str(name.removeprefix(PREFIX))
+    if name.startswith(PREFIX) and (stem := _whole(name).removeprefix(PREFIX)):
+        return stem
     return str(model.body(model.geom_bodyid[geom]).name).removeprefix(PREFIX) or "fixture"
+
+
+def _whole(name: str) -> str:
+    """Name of the fixture of which a geom is a part; that of a geom without a name is nothing but PREFIX."""
+    return name.partition(_NAMELESS)[0]
+
+
+def put_probe(spec: mujoco.MjSpec, probe: Probe) -> None:
+    """Put a touch probe in place of the cutter. The ball is to be seen, and felt by touch.py; of the stylus the upper
+    half collides, the lower one gives way with the ball."""
+    site = spec.site(PLACES["tool"])
+    tool = site.parent
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    down = data.body(tool.name).xmat.reshape(3, 3).T @ _ways(model, data)[2]
+    like = next((geom for geom in tool.geoms if geom.name == TIP), None)
+    ball_m, point = 0.5e-3 * probe.ball_mm, np.array(site.pos)
+    middle = point + (1e-3 * probe.reach_mm - ball_m) * down
+    top = point if like is None else point - 2.0 * like.size[1] * down
+    made = {}
+    if like is not None:
+        made = {key: getattr(like, key) for key in ("contype", "conaffinity", "priority", "solref", "solimp")}
+        made = {key: np.copy(value) if isinstance(value, np.ndarray) else value for key, value in made.items()}
+        for geom in [geom for geom in tool.geoms if geom.name in (TIP, CUTTER)]:
+            spec.delete(geom)
+    seen = {"mass": 0.0, "contype": 0, "conaffinity": 0, "group": 1}
+    size = [0.3 * ball_m, 0.0, 0.0]
+    cylinder, sphere = mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_SPHERE
+    tool.add_geom(name="stylus", type=cylinder, fromto=[*top, *middle], size=size, rgba=_GREY, **seen)
+    tool.add_geom(name="ball", type=sphere, pos=middle, size=[ball_m, 0.0, 0.0], rgba=_RUBY, **seen)
+    tool.add_geom(
+        name=STYLUS, type=cylinder, fromto=[*top, *(0.5 * (top + middle))], size=size, **{**seen, "group": 3, **made}
+    )
 
 
 def may_meet(model: mujoco.MjModel) -> bool:
@@ -102,27 +140,42 @@ def lay(spec: mujoco.MjSpec, fixtures: Sequence[Fixture]) -> None:
         foot = below + ways[2] * (ways[2] @ (top.xpos - below)) - up_m * ways[2]
         turn = left * math.radians(fixture.turn_deg)
         turned = np.array([[math.cos(turn), -math.sin(turn), 0], [math.sin(turn), math.cos(turn), 0], [0, 0, 1]])
-        geom = table.add_geom(name=PREFIX + fixture.name, mass=0.0, group=1, rgba=_WOOD if fixture.stock else _GREY)
-        height_m = _shape(spec, geom, fixture)
-        quaternion = np.zeros(4)
-        mujoco.mju_mat2Quat(quaternion, (to_body @ frame @ turned).ravel())
-        geom.quat = quaternion
-        geom.pos = to_body @ (foot - 0.5 * height_m * ways[2] - body.xpos)
-        geom.contype, geom.conaffinity = 0, _FELT  # and what else can feel it: `let_meet`
+        for part in range(_WEDGES if fixture.shape == "ring" else 1):
+            name = f"{PREFIX}{fixture.name}" + (f"{_NAMELESS}{part}" if part else "")
+            geom = table.add_geom(name=name, mass=0.0, group=1, rgba=_WOOD if fixture.stock else _GREY)
+            height_m, beside_m = _shape(spec, geom, fixture)
+            angle = 2.0 * math.pi * part / _WEDGES
+            round_it = np.array(
+                [[math.cos(angle), -math.sin(angle), 0], [math.sin(angle), math.cos(angle), 0], [0, 0, 1]]
+            )
+            ahead = frame @ turned @ round_it
+            quaternion = np.zeros(4)
+            mujoco.mju_mat2Quat(quaternion, (to_body @ ahead).ravel())
+            geom.quat = quaternion
+            geom.pos = to_body @ (foot + beside_m * ahead[:, 0] - 0.5 * height_m * ways[2] - body.xpos)
+            geom.contype, geom.conaffinity = 0, _FELT  # and what else can feel it: `let_meet`
 
 
-def _shape(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, fixture: Fixture) -> float:
-    """Give a geom its shape; returns how far its middle is above its foot, times two, m."""
+def _shape(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, fixture: Fixture) -> tuple[float, float]:
+    """Give a geom its shape, or that of a wedge of a ring; returns how far its middle is above its foot, times two, and
+    beside the fixture's middle, m."""
     if fixture.file is not None:
         _add_mesh(spec, geom.name, fixture)
         geom.type, geom.meshname = mujoco.mjtGeom.mjGEOM_MESH, geom.name
-        return 0.0
+        return 0.0, 0.0
+    beside_m = 0.0
     if fixture.shape == "box":
         geom.type, geom.size = mujoco.mjtGeom.mjGEOM_BOX, 0.5e-3 * np.array(fixture.size_mm)
+    elif fixture.shape == "ring":  # its inner sides touch the bore: nothing that fits in there meets them
+        outer_mm, inner_mm, height_mm = fixture.size_mm
+        wide_m = 0.5e-3 * outer_mm * math.tan(math.pi / _WEDGES)
+        geom.type = mujoco.mjtGeom.mjGEOM_BOX
+        geom.size = [0.25e-3 * (outer_mm - inner_mm), wide_m, 0.5e-3 * height_mm]
+        beside_m = 0.25e-3 * (outer_mm + inner_mm)
     else:
         diameter_mm, height_mm = fixture.size_mm
         geom.type, geom.size = mujoco.mjtGeom.mjGEOM_CYLINDER, [0.5e-3 * diameter_mm, 0.5e-3 * height_mm, 0.0]
-    return 1e-3 * fixture.size_mm[-1]
+    return 1e-3 * fixture.size_mm[-1], beside_m
 
 
 def _add_mesh(spec: mujoco.MjSpec, name: str, fixture: Fixture) -> None:
@@ -168,10 +221,10 @@ def let_meet(machine: Machine, spec: mujoco.MjSpec, *, watched: bool) -> None:
     if slides:
         data.qpos[:] = bounds.mean(axis=0)
     mujoco.mj_kinematics(model, data)
-    stock = [PREFIX + one.name for one in machine.fixtures if one.stock]
+    yields = [PREFIX + one.name for one in machine.fixtures if one.stock or one.plate]  # to the cutter
     permitted = {PREFIX + one.name: one.permitted for one in machine.fixtures}
     moving = _tool_chain(model)
-    _check_names(machine, {name_of(model, geom) for geom in moving})
+    _check_names(machine, {CUTTER, *(name_of(model, geom) for geom in moving)})
     by_name = {geom.name: geom for geom in spec.geoms}
     for standing in range(model.ngeom):
         clamped = model.geom(standing).name.startswith(PREFIX)
@@ -190,9 +243,9 @@ def let_meet(machine: Machine, spec: mujoco.MjSpec, *, watched: bool) -> None:
             name = name_of(model, geom)
             if clamped:
                 shape.contype |= _CUTS if name == CUTTER else _FELT
-                body.conaffinity |= _FELT if body.name in stock else _FELT | _CUTS
+                body.conaffinity |= _FELT if _whole(body.name) in yields else _FELT | _CUTS
                 _firm(model, shape, made)
-            if watched and name not in permitted.get(body.name, ()):
+            if watched and name not in permitted.get(_whole(body.name), ()):
                 sensor = spec.add_sensor(name=f"{shape.name} {body.name}", type=mujoco.mjtSensor.mjSENS_CONTACT)
                 sensor.objtype = sensor.reftype = mujoco.mjtObj.mjOBJ_GEOM
                 sensor.objname, sensor.refname = shape.name, body.name

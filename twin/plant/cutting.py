@@ -25,8 +25,9 @@ v is that of the screws (rotor speed times lead), behind a first-order lag of T.
 the chip: the teeth force vibration, which never feeds itself (no chatter, plant/13). Below 1 um/s there is no chip, and
 none is thicker than the cutter's radius.
 
-Not modelled: removal of material (the event gives the depth), feed along Z, helix and edge radius, torque on the
-spindle, wear.
+On a machine with a spindle the teeth turn with it, and load it (`turn`, `torque_nm`).
+
+Not modelled: removal of material (the event gives the depth), feed along Z, helix and edge radius, wear.
 """
 
 from __future__ import annotations
@@ -68,6 +69,9 @@ CUT = np.dtype(
 )
 
 
+_CHORDS = 64  # of the arc of engagement, where the torque has no closed form: 1e-4 of it
+
+
 @dataclass(frozen=True)
 class Cut:
     """A cutter in the material. Raises ValueError for a number out of range and a width beyond the diameter."""
@@ -76,7 +80,8 @@ class Cut:
     flutes: int = number("1", 1.0, 12.0, key="flutes", whole=True)
     depth_mm: float = number("mm", 0.001, 100.0, key="depth")  # along the axis of the tool
     width_mm: float = number("mm", 0.001, 100.0, key="width")  # across the feed; the diameter is a slot
-    spindle_rpm: float = number("1/min", 60.0, 60_000.0, key="spindle")  # clockwise, seen from above
+    # clockwise, seen from above; without effect on a machine with a spindle, whose speed counts
+    spindle_rpm: float = number("1/min", 60.0, 60_000.0, key="spindle")
     # specific cutting force: of a chip of 1 mm, or with m = 0 of chips of this thickness
     kc_n_mm2: float = number("N/mm2", 0.1, 20_000.0, key="kc")
     radial: float = number("1", 0.0, 2.0, key="radial", optional=True, default=0.3)  # radial over tangential force
@@ -90,6 +95,36 @@ class Cut:
         check(self)
         if self.width_mm > self.diameter_mm:
             raise ValueError(f"cut: width must be at most the diameter, {self.diameter_mm:g} mm, not {self.width_mm!r}")
+
+
+def torque_nm(cut: Cut, feed_mm_s: float, turns_rev_min: float) -> float:
+    """Torque that the teeth take from the spindle, on the mean of a turn: z / 2 pi times the integral of F_t r."""
+    radius_mm = 0.5 * cut.diameter_mm
+    feed_mm = min(feed_mm_s * 60.0 / (turns_rev_min * cut.flutes), radius_mm)  # of a tooth
+    if feed_mm_s < 1e-3:
+        return 0.0
+    engaged = math.acos(1.0 - 2.0 * cut.width_mm / cut.diameter_mm)
+    if cut.m:
+        step = engaged / _CHORDS
+        chips = (feed_mm * math.sin((i + 0.5) * step) for i in range(_CHORDS))
+        chip = step * sum(h ** (1.0 - cut.m) for h in chips)
+    else:
+        chip = feed_mm * cut.width_mm / radius_mm  # 1 - cos, in closed form
+    force_n = cut.depth_mm * (cut.kc_n_mm2 * chip + cut.edge_n_mm * engaged)
+    return cut.flutes / (2.0 * math.pi) * force_n * 1e-3 * radius_mm
+
+
+def turn(cuts: NDArray[np.void], turns_rev_min: float, now: int, substep_s: float) -> None:
+    """Give the cutter of cuts[0] another speed; its teeth stay where they are, to half a sub-step."""
+    record = cuts[0]
+    turns_hz = turns_rev_min / 60.0
+    angle = math.fmod((now - record["start"]) * float(record["turns"]), 1.0)
+    ratio = turns_hz * substep_s / float(record["turns"])
+    record["most_m_s"] *= ratio
+    record["turns"] = turns_hz * substep_s
+    record["start"] = now - round(angle / (turns_hz * substep_s))
+    record["tooth_s"] = 1.0 / (turns_hz * record["flutes"])
+    record["gain"] = -math.expm1(-substep_s * turns_hz * record["flutes"])
 
 
 def set_cut(cuts: NDArray[np.void], cut: Cut | None, now: int, substep_s: float, left: float) -> None:

@@ -43,9 +43,9 @@ from isel_twin.drives import dynamics, servo, shaft, trigonometry
 from isel_twin.drives.dynamics import OPEN, stepper_torque
 from isel_twin.drives.servo import cool, servo_torque
 from isel_twin.drives.shaft import SERVO, at_rest, turn
-from isel_twin.plant import feed, glide, lead, margin, memory, teeth, thread
+from isel_twin.plant import feed, glide, lead, margin, memory, teeth, thread, touch
 from isel_twin.plant.lead import begin, behind, mean_behind
-from isel_twin.plant.memory import APART, AXES, FRESH, LAG, PARTED_MM, POSITION, parts_of
+from isel_twin.plant.memory import APART, AXES, FRESH, LAG, PARTED_MM, POSITION, TOUCH, parts_of
 
 REST_M_S = 5e-6  # speed below which a joint counts as at rest
 HELD_M_S2 = 1e-3  # constraint acceleration beyond friction that counts as a carriage held; rounding is far below
@@ -73,7 +73,7 @@ def _lower_at(axis):
 
 
 @njit(nogil=True, error_model="numpy")
-def _wake(plant, axes, drives, states, supply):
+def _wake(plant, axes, drives, states, supply, feeler):
     """Leave the frozen state; the elapsed part of the window gets the force that held the carriage."""
     if plant.frozen == 0:
         return
@@ -90,13 +90,15 @@ def _wake(plant, axes, drives, states, supply):
         axes[i].sum_n = axes[i].mean_n * over
         axes[i].sum_nm = axes[i].mean_nm * over
     supply.energy_j = supply.mean_j * over / plant.window
+    for i in range(AXES):
+        feeler.sum_n[i] = feeler.mean_n[i] * over
 
 
 @njit(nogil=True, error_model="numpy")
 def wake(memory):
     """Leave the frozen state, before a change from outside."""
     parts = parts_of(memory)
-    _wake(parts.plant[0], parts.axes, parts.drives, parts.states, parts.supply[0])
+    _wake(parts.plant[0], parts.axes, parts.drives, parts.states, parts.supply[0], parts.feeler[0])
 
 
 @njit(nogil=True, error_model="numpy")
@@ -141,7 +143,7 @@ def _leave_window(memory):
     parts = parts_of(memory)
     plant, axes, cut = parts.plant[0], parts.axes, parts.cut[0]
     qpos, qvel, qfrc, before, rates = parts.qpos, parts.qvel, parts.qfrc, parts.before, parts.rates
-    push, springs, cut_joints = parts.push, parts.springs, parts.cut_joints
+    push, springs, tip_joints, feeler = parts.push, parts.springs, parts.tip_joints, parts.feeler[0]
     quiet = plant.led_until_ns <= plant.now * plant.substep_ns and parts.supply[0].steady != 0
     for j in range(qfrc.shape[0]):
         qfrc[j] = push[0, j] + push[1, j] / plant.window
@@ -149,9 +151,15 @@ def _leave_window(memory):
     if cut.sum_x_n != 0.0 or cut.sum_y_n != 0.0:
         quiet = False
         for j in range(qfrc.shape[0]):
-            qfrc[j] += (cut_joints[0, j] * cut.sum_x_n + cut_joints[1, j] * cut.sum_y_n) / plant.window
+            qfrc[j] += (tip_joints[0, j] * cut.sum_x_n + tip_joints[1, j] * cut.sum_y_n) / plant.window
         cut.sum_x_n = 0.0
         cut.sum_y_n = 0.0
+    if feeler.on:
+        for i in range(AXES):
+            feeler.mean_n[i] = feeler.sum_n[i] / plant.window
+            feeler.sum_n[i] = 0.0
+            for j in range(qfrc.shape[0]):
+                qfrc[j] += tip_joints[i, j] * feeler.mean_n[i]
     for i in range(AXES):
         axis = axes[i]
         axis.mean_n = axis.sum_n / plant.window
@@ -272,6 +280,30 @@ def _take(parts, at):
 
 
 @njit(nogil=True, error_model="numpy")
+def _feel_tip(parts):
+    """Set deflection and push of the feeler by where the tool is over the table."""
+    x_m, y_m, z_m, shape = 0.0, 0.0, 0.0, parts.shape
+    for j in range(parts.qpos.shape[0]):
+        q = parts.qpos[j]
+        for i in range(AXES):
+            if parts.axes[i].dof == j:
+                q = parts.axes[i].x_m
+        x_m += shape[0, j] * q
+        y_m += shape[1, j] * q
+        z_m += shape[2, j] * q
+    touch.feel(parts.feeler[0], parts.targets, x_m, y_m, z_m)
+
+
+@njit(nogil=True, error_model="numpy")
+def feel_now(memory):
+    """Let the feeler, and thresholds of it, be as the machine stands."""
+    parts = parts_of(memory)
+    if parts.feeler[0].on:
+        _feel_tip(parts)
+        _pass(memory)
+
+
+@njit(nogil=True, error_model="numpy")
 def _pass(memory):
     """Compare with all thresholds at the end of a sub-step; True if one was passed or left."""
     parts = parts_of(memory)
@@ -283,6 +315,8 @@ def _pass(memory):
         i = threshold.axis
         if threshold.quantity == POSITION:
             beyond = threshold.sense * (axes[i].x_m - threshold.limit)
+        elif threshold.quantity == TOUCH:
+            beyond = parts.feeler[0].deflected_m - threshold.limit
         elif i >= AXES:
             continue  # no mechanics: no lag, no fault
         elif threshold.quantity == LAG:
@@ -308,8 +342,8 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
     """
     parts = parts_of(memory)
     plant, axes, drives, states = parts.plant[0], parts.axes, parts.drives, parts.states
-    commanded, leads, cut_nuts = parts.commanded, parts.leads, parts.cut_nuts
-    cut, supply = parts.cut[0], parts.supply[0]
+    commanded, leads, tip_nuts = parts.commanded, parts.leads, parts.tip_nuts
+    cut, supply, feeler = parts.cut[0], parts.supply[0], parts.feeler[0]
     qpos, before, place = parts.qpos, parts.before, parts.place
     plant.edge = 0
     plant.struck = 0
@@ -330,7 +364,7 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
                 plant.sample_at += ((plant.now - plant.sample_at) // plant.sample_every + 1) * plant.sample_every
             if plant.now == until:
                 break
-            _wake(plant, axes, drives, states, supply)
+            _wake(plant, axes, drives, states, supply, feeler)
 
         end_ns = (plant.now + 1) * dt_ns
         for i in range(AXES):
@@ -383,7 +417,10 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
                 a_a, b_a = states[i].current_a_a, states[i].current_b_a
                 supply.energy_j += dt_s * (work_w + axis.resistance_ohm * (a_a * a_a + b_a * b_a))
             if cut.on:
-                force_n += cut_nuts[0, i] * cut.x_n + cut_nuts[1, i] * cut.y_n
+                force_n += tip_nuts[0, i] * cut.x_n + tip_nuts[1, i] * cut.y_n
+            if feeler.on:
+                for k in range(AXES):
+                    force_n += tip_nuts[k, i] * feeler.push_n[k]
             axis.sum_n += force_n
             axis.sum_nm += states[i].torque_nm
             free_m_s = axis.v_m_s + dt_s * (axis.mobility_per_kg * force_n + axis.rest_m_s2)
@@ -392,6 +429,9 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
             axis.v_m_s = 0.0 if axis.held * free_m_s < 0.0 else free_m_s
             axis.x_m = x_mid_m + 0.5 * dt_s * axis.v_m_s
 
+        if feeler.on:
+            for i in range(AXES):
+                feeler.sum_n[i] += feeler.push_n[i]
         plant.now += 1
         if plant.now % plant.window == 0:
             for i in range(AXES):
@@ -406,6 +446,10 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
         if plant.now == plant.sample_at:
             _take(parts, plant.now)
             plant.sample_at += plant.sample_every
+        if feeler.on:
+            _feel_tip(parts)
+            if feeler.broken > 1:
+                plant.struck = 1
         near = plant.watched != 0
         for i in range(AXES):
             near = near or not axes[i].free_low_m < axes[i].x_m < axes[i].free_high_m
@@ -424,7 +468,7 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
 
 
 _DRIVES = dynamics, servo, shaft, trigonometry
-_PARTS = feed, glide, lead, margin, memory, teeth, thread
+_PARTS = feed, glide, lead, margin, memory, teeth, thread, touch
 # files whose code the compiled loop contains
 CONTAINED = tuple(str(module.__file__) for module in (isel_twin.plant, *_DRIVES, *_PARTS))
 dynamics.drop_stale_code(advance, *CONTAINED)

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,7 @@ from isel_twin.plant.settling import Settling
 
 if TYPE_CHECKING:
     from isel_twin.plant.contact import Along, Least
+    from isel_twin.plant.touch import Felt
 
 FAR = 1 << 62  # a count that no axis reaches
 
@@ -202,12 +203,29 @@ drop_stale_code(_lead, lead.__file__)
 drop_stale_code(_places, lead.__file__)
 
 
+class _Way(NamedTuple):
+    """Where the carriages go: times [n] and places [n, 3]; jumps: from one to the next, else straight on."""
+
+    times_ns: NDArray[np.int64]
+    places_mm: NDArray[np.float64]
+    jumps: bool
+
+
 def _look_out(machine: Machine) -> Along:
     """Only who has something on the table waits for MuJoCo."""
     from isel_twin.plant.contact import Along, Geometry
     from isel_twin.plant.model import load_model
 
     return Along(Geometry(load_model(machine, visual=False, watched=True)))
+
+
+def _feeler(machine: Machine, threshold: Threshold) -> Felt:
+    """Only who has a probe or a plate waits for MuJoCo."""
+    from isel_twin.plant.model import found_targets, load_model
+    from isel_twin.plant.touch import Felt
+
+    records = found_targets(machine, load_model(machine, visual=False))
+    return Felt(machine, records, threshold.limit, threshold.hysteresis)
 
 
 def _of_carriages(delta: NDArray[Any]) -> NDArray[Any]:
@@ -243,9 +261,14 @@ class KinematicPlant:
         self._collisions: tuple[Collision, ...] = ()
         if machine.is_clamped:
             self._along = _look_out(machine)
+        self._touch = next((n for n, t in enumerate(thresholds) if t.quantity == "touch"), None)
+        self._felt = None if self._touch is None else _feeler(machine, thresholds[self._touch])
+        self._machine = machine
 
         self._thresholds = tuple(thresholds)
         self._passed = np.array([t.quantity == "lag" and t.limit < 0.0 for t in thresholds], dtype=np.bool_)
+        if self._felt is not None and self._felt.take(self._start_mm):
+            self._passed[self._touch] = self._felt.touched
         self._places = np.flatnonzero([t.quantity == "position" for t in thresholds])  # of switches among thresholds
         switches = [self._thresholds[place] for place in self._places]
         self._strike = np.empty(len(switches))
@@ -265,12 +288,41 @@ class KinematicPlant:
         )
 
     def advance(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any], lead_ns: int = 0) -> int:
+        if self._felt is None:
+            return self._go(until_ns, t_ns, delta, lead_ns)
+        path, here_mm = self._along_path(until_ns, t_ns, delta, lead_ns), self.position_mm
+        found = self._felt.first(path.places_mm)
+        if found < len(path.places_mm):
+            before_ns = int(path.times_ns[found - 1]) if found else self.time_ns
+            ends_mm = np.array([path.places_mm[found - 1] if found else here_mm, path.places_mm[found]])
+            share = 1.0 if path.jumps else self._felt.share(ends_mm)
+            until_ns = before_ns + math.ceil(share * (int(path.times_ns[found]) - before_ns))
+            count = int(np.searchsorted(t_ns, until_ns, side="right"))
+            t_ns, delta = t_ns[:count], delta[:count]
+        reached = self._go(until_ns, t_ns, delta, lead_ns)
+        if self._felt.take(self.position_mm):
+            self.edge = True
+            self._passed[self._touch] = self._felt.touched
+            self._break()
+        return reached
+
+    def _break(self) -> None:
+        """Tell of the feeler if it has just given way too far."""
+        from isel_twin.plant.touch import NEWS, crash
+
+        assert self._felt is not None
+        feeler = self._felt.record
+        if feeler["broken"][0] == NEWS:
+            feeler["broken"] = 1
+            at, place_mm = int(feeler["at"][0]), self.position_mm
+            self._collisions += (crash(self._machine, at, place_mm, self.time_ns, math.nan),)
+
+    def _go(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any], lead_ns: int) -> int:
         if self._along is None:
             return self._move(until_ns, t_ns, delta, lead_ns)
         if not self._along.begun and self._meet(self.position_mm[None]):
             return self.time_ns
-        jumps = lead_ns == 0 and self._led_until_ns <= self.time_ns
-        times_ns, path_mm = (self._ticks if jumps else self._path)(until_ns, t_ns, delta, lead_ns)
+        times_ns, path_mm, jumps = self._along_path(until_ns, t_ns, delta, lead_ns)
         found = self._along.first(path_mm)
         meets = found < len(path_mm)
         if meets and not jumps and found > 0:
@@ -297,6 +349,10 @@ class KinematicPlant:
             self._collisions += (Collision(*names, (x, y, z), self.time_ns, math.nan, None),)
             self.edge = True
         return bool(who)
+
+    def _along_path(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any], lead_ns: int) -> _Way:
+        jumps = lead_ns == 0 and self._led_until_ns <= self.time_ns
+        return _Way(*(self._ticks if jumps else self._path)(until_ns, t_ns, delta, lead_ns), jumps)
 
     def _ticks(
         self, _: int, t_ns: NDArray[np.int64], delta: NDArray[Any], __: int
@@ -364,11 +420,14 @@ class KinematicPlant:
     def _no_effect(self, *_: Any, **__: Any) -> None:
         """For the methods of a plant with physics."""
 
-    apply_force = set_cut = reset_drives = set_phase_lost = watch_margin = _no_effect
+    apply_force = set_cut = turn_cut = reset_drives = set_phase_lost = watch_margin = _no_effect
     set_friction = set_obstacle = set_payload = set_undervoltage = _no_effect
 
     def set_trip_point(self, threshold: int, position_mm: float) -> None:
         switch = self._thresholds[threshold]
+        if switch.quantity == "touch" and self._felt is not None:
+            self._felt.limit_mm = position_mm
+            return
         if switch.quantity != "position":
             raise ValueError(f"threshold {threshold} is a {switch.quantity}, not a position")
         number = int(np.searchsorted(self._places, threshold))
@@ -472,6 +531,7 @@ class KinematicPlant:
             "arrays": [array.copy() for array in self._kept],
             "values": (self.time_ns, self.edge, self._led_until_ns, self._stages_on),
             "settling": self._settling.save(),
+            "felt": None if self._felt is None else (self._felt.record.copy(), self._felt.limit_mm, self._felt.touched),
             "contact": None if self._along is None else (self._along.begun, self._along.touching.copy()),
         }
 
@@ -480,6 +540,9 @@ class KinematicPlant:
             array[...] = saved
         self.time_ns, self.edge, self._led_until_ns, self._stages_on = state["values"]
         self._settling.restore(state["settling"])
+        if self._felt is not None:
+            record, self._felt.limit_mm, self._felt.touched = state["felt"]
+            self._felt.record[...] = record
         if self._along is not None:
             self._along.begun, touching = state["contact"]
             self._along.touching = touching.copy()

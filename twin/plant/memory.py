@@ -20,12 +20,13 @@ from isel_twin.base.compiling import njit
 from isel_twin.drives import shaft
 from isel_twin.drives.dynamics import drop_stale_code
 from isel_twin.drives.shaft import AXIS_PARAMETERS, AXIS_STATE
-from isel_twin.plant import MOST_SAMPLES, cutting, feed, glide, lead, thread
+from isel_twin.plant import MOST_SAMPLES, cutting, feed, glide, lead, thread, touch
 from isel_twin.plant.cutting import CUT
 from isel_twin.plant.feed import SUPPLY
 from isel_twin.plant.glide import JOINT
 from isel_twin.plant.lead import LEAD
 from isel_twin.plant.thread import SCREW
+from isel_twin.plant.touch import FEELER, TARGET
 
 AXES = 3  # with mechanics
 SAMPLES = MOST_SAMPLES  # samples that can wait to be read
@@ -99,7 +100,7 @@ AXIS = np.dtype(
 APART, TOUCHING, FRESH = 0, 1, 2  # of two shapes that must not meet; fresh: nobody has been told
 PARTED_MM = 0.5  # by which they have to part to be apart again (plant/20)
 
-POSITION, LAG, FAULT = 0, 1, 2  # quantities of thresholds
+POSITION, LAG, FAULT, TOUCH = 0, 1, 2, 3  # quantities of thresholds
 
 # passed when sense * (position - limit) > 0 or |lag| - limit > 0 or there is a fault, left hysteresis below that
 THRESHOLD = np.dtype(
@@ -132,8 +133,11 @@ class Parts(NamedTuple):
     push: Any  # [2, nv], forces on the joints beside `push_n`: now, and a correction of this window's sum
     springs: Any  # [2, 3, nv], acceleration of each carriage by deflection and speed of each joint on its spring
     cut: Any  # CUT [1]
-    cut_nuts: Any  # [2, 3], force on the nuts by a newton of the cut along X and Y
-    cut_joints: Any  # [2, nv], the rest of it on the joints
+    tip_nuts: Any  # [3, 3], force on the nuts by a newton between tool and table along X, Y and Z
+    tip_joints: Any  # [3, nv], the rest of it on the joints
+    feeler: Any  # FEELER [1], touch.py
+    targets: Any  # TARGET [t], what it can touch
+    shape: Any  # [3, nv], tool over table by the joints
     supply: Any  # SUPPLY [1]
     before: Any  # [nv], joint positions one window ago
     rates: Any  # [nv], joint velocities one window ago
@@ -149,12 +153,21 @@ class Parts(NamedTuple):
     qfrc: Any
 
 
-# Addresses and sizes of the parts: passing twenty-eight arrays would take longer than computing a millisecond of
+# Addresses and sizes of the parts: passing thirty arrays would take longer than computing a millisecond of
 # motion. Keep the arrays alive as long as this.
 MEMORY = np.dtype(
     [
         (name, "i8")
-        for name in (*Parts._fields, "joints", "number_of_thresholds", "commands", "speeds", "fields", "pairs")
+        for name in (
+            *Parts._fields,
+            "joints",
+            "number_of_thresholds",
+            "commands",
+            "speeds",
+            "fields",
+            "pairs",
+            "number_of_targets",
+        )
     ],
     align=True,
 )
@@ -190,8 +203,11 @@ def parts_of(memory):
         carray(at_address(at.push), (2, n), np.float64),
         carray(at_address(at.springs), (2, AXES, n), np.float64),
         carray(at_address(at.cut), (1,), CUT),
-        carray(at_address(at.cut_nuts), (2, AXES), np.float64),
-        carray(at_address(at.cut_joints), (2, n), np.float64),
+        carray(at_address(at.tip_nuts), (AXES, AXES), np.float64),
+        carray(at_address(at.tip_joints), (AXES, n), np.float64),
+        carray(at_address(at.feeler), (1,), FEELER),
+        carray(at_address(at.targets), (at.number_of_targets,), TARGET),
+        carray(at_address(at.shape), (AXES, n), np.float64),
         carray(at_address(at.supply), (1,), SUPPLY),
         carray(at_address(at.before), (n,), np.float64),
         carray(at_address(at.rates), (n,), np.float64),
@@ -220,10 +236,11 @@ def memory_of(parts: Parts) -> NDArray[np.void]:
     memory["commands"] = len(parts.commanded)
     memory["speeds"] = parts.available.shape[1]
     memory["pairs"] = len(parts.touching)
+    memory["number_of_targets"] = len(parts.targets)
     memory["fields"] = parts.samples.shape[1]
     return memory
 
 
 # The compiled code depends on the fields of the records and on their number.
-_RECORDS = isel_twin.plant, shaft, cutting, feed, glide, lead, thread
+_RECORDS = isel_twin.plant, shaft, cutting, feed, glide, lead, thread, touch
 drop_stale_code(parts_of, *(str(module.__file__) for module in _RECORDS))

@@ -32,7 +32,8 @@ from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.errors import one_line
 from isel_twin.machine import Machine, MachineError
 from isel_twin.plant import PLACES
-from isel_twin.plant.clamped import EXACT_M, PREFIX, lay, let_meet, may_meet, name_all
+from isel_twin.plant.clamped import EXACT_M, PREFIX, TIP, lay, let_meet, may_meet, name_all, put_probe
+from isel_twin.plant.touch import targets
 
 MODELS = 16  # the last that were compiled, some 100 kB each
 
@@ -69,6 +70,7 @@ def _bare(machine: Machine) -> Hashable:
     return (
         tuple(_written(file) for file in files if file is not None),
         repr(machine.fixtures),
+        machine.probe if machine.probe is not None and machine.probe.enabled else None,
         tuple(machine.masses_kg.items()),
         tuple((axis.name, axis.stop_margin_mm, axis.travel_mm) for axis in machine.axes),
         tuple(mode.joint for mode in machine.structure),
@@ -112,6 +114,8 @@ def _compiled(asked: _Asked) -> mujoco.MjModel:
                 spec.delete(sensor)
         except ValueError as error:
             raise MachineError(f"{machine.fixture_file}: {one_line(str(error))}") from None
+    if machine.probe is not None and machine.probe.enabled:
+        put_probe(spec, machine.probe)
     if machine.fixtures:
         lay(spec, machine.fixtures)
     for name, mass_kg in machine.masses_kg.items():
@@ -158,6 +162,17 @@ def _dress(machine: Machine, model: mujoco.MjModel) -> None:
     if machine.payload_kg > 0.0:  # at the table's centre of gravity: the table does not turn, so any place does
         model.body_mass[model.body("table").id] += machine.payload_kg
         mujoco.mj_setConst(model, mujoco.MjData(model))
+
+
+def found_targets(machine: Machine, model: mujoco.MjModel, scratch: mujoco.MjData | None = None) -> NDArray[np.void]:
+    """What the machine's feeler can touch (touch.targets)."""
+    down = _ways(machine, model, _jacobian(model, scratch))[2]
+    data = blank(model, scratch)
+    mujoco.mj_kinematics(model, data)
+    to_table_m = down @ (data.site(PLACES["table"]).xpos - data.site(PLACES["tool"]).xpos)
+    tips = [geom for geom in range(model.ngeom) if model.geom(geom).name == TIP]
+    radius_m = float(model.geom_size[tips[0], 0]) if tips else 0.0
+    return targets(machine, 1e3 * float(to_table_m), 1e3 * radius_m)
 
 
 def tool_motion(machine: Machine, model: mujoco.MjModel) -> NDArray[np.float64]:

@@ -19,12 +19,12 @@ from isel_twin.drives.dynamics import BOTH, OPEN
 from isel_twin.drives.servo import CAUSES, cool, forget
 from isel_twin.drives.stage import AnyStage
 from isel_twin.machine import Machine
-from isel_twin.plant import PLACES, Threshold, kernel, memory
+from isel_twin.plant import PLACES, Threshold, kernel, memory, touch
 from isel_twin.plant.altered import Alterations
 from isel_twin.plant.built import build, find_available, find_free
 from isel_twin.plant.collision import Collision
 from isel_twin.plant.contact import Geometry, Least, Sensed
-from isel_twin.plant.cutting import Cut, set_cut
+from isel_twin.plant.cutting import Cut, set_cut, turn
 from isel_twin.plant.lead import all_behind
 from isel_twin.plant.model import load_model
 from isel_twin.plant.samples import GRID, LoopSamples
@@ -145,6 +145,7 @@ class MujocoPlant(LoopSamples):
         if self.edge:
             if words.item(_STRUCK):
                 self._collisions += self._sensed.news(self.time_ns)
+                self._collisions += self._broken()
             find_free(self.parts)
             self._late = self._none
             return self.time_ns
@@ -169,6 +170,15 @@ class MujocoPlant(LoopSamples):
         taken, self._collisions = self._collisions, ()
         return taken
 
+    def _broken(self) -> tuple[Collision, ...]:
+        """The feeler, if it has just given way too far."""
+        feeler = self.parts.feeler
+        if feeler["broken"][0] != touch.NEWS:
+            return ()
+        feeler["broken"] = 1
+        place, speed = self.position_mm, float(np.linalg.norm(self.velocity_mm_s))
+        return (touch.crash(self.machine, int(feeler["at"][0]), place, self.time_ns, speed),)
+
     def watch_clearance(self) -> Least | None:
         """It has to be told of the path. None if no two bodies can meet."""
         geometry = Geometry(self.model_as_built())
@@ -178,8 +188,8 @@ class MujocoPlant(LoopSamples):
         return self.parts.thresholds["passed"] != 0
 
     def set_trip_point(self, threshold: int, position_mm: float) -> None:
-        if self.parts.thresholds["quantity"][threshold] != memory.POSITION:
-            raise ValueError(f"threshold {threshold} is not a position")
+        if self.parts.thresholds["quantity"][threshold] not in (memory.POSITION, memory.TOUCH):
+            raise ValueError(f"threshold {threshold} is neither a position nor a touch")
         self.parts.thresholds["limit"][threshold] = position_mm * 1e-3
         find_free(self.parts)
 
@@ -267,6 +277,10 @@ class MujocoPlant(LoopSamples):
     def set_cut(self, cut: Cut | None) -> None:
         kernel.wake(self._memory)
         set_cut(self.parts.cut, cut, int(self.parts.plant["now"][0]), self._substep_ns * 1e-9, self.built.left)
+
+    def turn_cut(self, speed_rev_min: float) -> None:
+        if self.parts.cut["on"][0]:
+            turn(self.parts.cut, speed_rev_min, int(self.parts.plant["now"][0]), self._substep_ns * 1e-9)
 
     # Places and speeds
 

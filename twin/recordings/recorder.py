@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.core.journal import in_words
-from isel_twin.core.snapshot import snapshot
 from isel_twin.core.told import StateError
 
 if TYPE_CHECKING:
@@ -111,15 +110,14 @@ class Recorder:
             self.events.append((time_ns, kind, in_words(what)))
 
     def _look(self, twin: Twin) -> None:
-        seen = snapshot(twin)
-        time_ns = seen.time_ns
+        time_ns = twin.time_ns
         again = self._buffered > 0 and self._buffer["time_ns"][self._buffered - 1] == time_ns
         if self.ended or (self._buffered == BUFFER and not again and not self._store()):
             return
         if not again:  # the last of several samples at one instant counts
             self._buffered += 1
-        self._buffer[self._buffered - 1] = (time_ns, seen.counts, seen.position_mm, seen.lost_steps)
-        for group, values in (("level", seen.levels), ("input", seen.inputs), ("output", seen.outputs)):
+        self._buffer[self._buffered - 1] = (time_ns, twin.counts, twin.position_mm, twin.lost_steps)
+        for group, values in (("level", twin.levels), ("input", twin.inputs), ("output", twin.outputs)):
             changed = changes(self._last[group], values)
             self.changes += [Change(time_ns, group, name, value) for name, value in changed.items()]
 

@@ -9,6 +9,8 @@
     scope input      hood_changed ...         the same as one bit, for viewers without text: 1, not as at the beginning
     scope output     stages, spindle ...      outputs of the controller and relays; one bit, if only 0 and 1
 
+    scope connector  pin2 .. pin7             the socket of an iSMIF with clock and direction signals (T1; ismif/6)
+
 A pulse rises at the time of its tick, one for each axis that the tick changes (a full step of a half-step stage is one
 pulse too), and is over before the next tick. Direction is stable before and after it, as power stages want it:
 
@@ -28,7 +30,9 @@ from __future__ import annotations
 
 import heapq
 import os
+from bisect import bisect_left
 from collections.abc import Iterator
+from operator import itemgetter
 from typing import Any
 
 from vcd import VCDWriter
@@ -40,6 +44,13 @@ from isel_twin.recordings.recorder import Change, Samples
 
 PULSE_NS = 5000  # longest high time of a step pulse
 SETUP_NS = 1000  # time by which a direction is set before its first pulse
+PINS = {
+    f"{signal}_{axis}": f"pin{2 + 2 * i + j}"
+    for i, axis in enumerate("xyz")
+    for j, signal in enumerate(("step", "dir"))
+}
+"""What the pins of the socket carry while the output CLOCK is on."""
+CLOCK = "clock_signals"
 CHUNK = 1 << 16  # ticks expanded at a time
 _Entry = tuple[int, str, int | float | str]  # (time in ns, name of the signal, new value)
 
@@ -79,11 +90,17 @@ def write_vcd(path: str | os.PathLike[str], steps: Steps, recorder: Samples) -> 
                 add(group, f"{key}_changed", "wire", "x", f"changed.{name}")
             else:
                 add(group, key, "integer" if (group, name) in wide else "wire", "x", f"{group}.{name}")
+        if ("output", CLOCK) in recorder.names():
+            for pin in PINS.values():
+                add("connector", pin, "wire", 0)
         streams = [_pulses(steps, doubled), _samples(recorder), _changes(recorder.changes, texts)]
         if led:
             streams.append(_commands(steps))
-        for time, name, value in heapq.merge(*streams, key=lambda entry: entry[0]):
-            writer.change(signals[name], time, value)
+        if ("output", CLOCK) in recorder.names():
+            streams.append(_connector(_pulses(steps, doubled), recorder.changes))
+        change = writer.change
+        for time, name, value in heapq.merge(*streams, key=itemgetter(0)):
+            change(signals[name], time, value)
 
 
 def _ticks(steps: Steps, every: bool) -> Iterator[tuple[int, list[int]]]:
@@ -129,6 +146,19 @@ def _pulses(steps: Steps, doubled: bool) -> Iterator[_Entry]:
         rose = time
     for axis in high:
         yield rose + PULSE_NS, f"step_{AXIS_NAMES[axis]}", 0
+
+
+def _connector(pulses: Iterator[_Entry], changes: list[Change]) -> Iterator[_Entry]:
+    """The pulses and directions that leave by the socket: those made while clock signals are chosen."""
+    switched = [(change.time_ns, change.value) for change in changes if change.name == CLOCK]
+    times = [time for time, _ in switched]
+    high: set[str] = set()
+    for time, name, value in pulses:
+        at = bisect_left(times, time) - 1  # a tick at that instant was made before
+        pin = PINS.get(name)
+        if pin is not None and (pin in high or (at >= 0 and switched[at][1])):
+            (high.add if value else high.discard)(pin)
+            yield time, pin, value
 
 
 def _commands(steps: Steps) -> Iterator[_Entry]:

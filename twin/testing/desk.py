@@ -16,6 +16,7 @@ from isel_twin.base.units import SECOND_NS
 from isel_twin.controller import (
     Controller,
     CounterSet,
+    Drives,
     FlashWrite,
     Output,
     Remark,
@@ -58,12 +59,14 @@ class Desk:
         position_switches: Iterable[PositionSwitch] | None = None,
         terminals: Mapping[str, tuple[str, ...]] | None = None,
         flash: bytes | None = None,
+        drives: Callable[[Desk], Drives] = IdealDrives,
         power: bool = True,
     ) -> None:
         """`factory(flash)` builds the controller.
 
         language: for `query` and `start`; None: only `send` can be used. carriage: positions of the axes at first
-        power-on, in steps (default 2000). terminals: instead of the controller's own.
+        power-on, in steps (default 2000). terminals: instead of the controller's own. drives: what a controller that
+        `UsesDrives` reads.
         """
         self.factory = factory
         self._language = language
@@ -85,6 +88,7 @@ class Desk:
         self.levels: dict[str, bool] = {}
         self.steps_without_stages = 0
         self._terminals_given = terminals
+        self._new_drives = drives
         self._chunks: list[tuple[NDArray[np.int64], NDArray[np.int8]]] = []
         self._unread = 0
         self._agenda: list[tuple[int, int, Callable[[], object]]] = []
@@ -112,7 +116,7 @@ class Desk:
         self._fed_by_drives: list[str] = []
         if offers(self.controller, UsesDrives):
             self._fed_by_drives = [fed.terminal for fed in self.controller.drive_inputs()]
-            self.controller.use_drives(IdealDrives(self))
+            self.controller.use_drives(self._new_drives(self))
         self.levels = self._levels()
         self._expected = [0] * len(self.counts)
         self.controller.power_on(self.time_ns, dict(self.levels))
@@ -338,7 +342,7 @@ class Desk:
                     raise ProtocolError(f"terminal {terminal!r} is wired to {name!r}, a contact that no machine has")
 
     def _levels(self) -> dict[str, bool]:
-        contacts = self.cabinet.contacts()
+        contacts = dict(self.cabinet.contacts())
         contacts.update({contact: not struck for contact, struck in self._struck.items()})
         contacts.update(self._forced_contacts)
         levels = {fed: all(contacts.get(name, True) for name in names) for fed, names in self.terminals.items()}

@@ -28,6 +28,8 @@ class IdealDrives:
 
     speed = lag
 
+    spindle_rev_min: float | None = None  # a test may set it
+
     @property
     def past_zero_pulse(self) -> tuple[int, ...]:
         return (0,) * len(self._desk.counts)

@@ -2,7 +2,7 @@
 
 wiring.py     all of it as one object
 contacts.py   contacts, series circuits, bounce, broken wires -> terminal levels
-cabinet.py    operator elements, hood, safety relay, spindle contactor
+cabinet.py    operator elements, hood, safety relay, spindle contactor; spindle.py: what it switches
 line.py       the serial line: byte times and noise
 acts.py       the table of all that an event can do
 event.py      an event as a value, read from a table

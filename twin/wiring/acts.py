@@ -57,6 +57,9 @@ class Site(Protocol):
     def set_mains(self, on: bool) -> None:
         """Switch the mains on or off."""
 
+    def begin_cut(self, cut: Cut | None) -> None:
+        """Begin a cut in place of the present one; None ends it."""
+
     def warm(self, axis: int, extra_k: float, t_ns: int) -> None:
         """Make the stage of an axis warmer by this from t_ns, the present, on."""
 
@@ -218,7 +221,7 @@ def _swap(site: Site, values: Any, _: Moment) -> None:
 
 
 def _begin_cut(site: Site, cut: Any, _: Moment) -> None:
-    site.plant.set_cut(cut if isinstance(cut, Cut) else None)
+    site.begin_cut(cut if isinstance(cut, Cut) else None)
 
 
 def _of_line(chance: Literal["noise", "dropped", "doubled"]) -> Deed:

@@ -81,11 +81,14 @@ class Cabinet(Protocol):
     def heat(self, hot: bool) -> None:
         """Tell whether a power stage has reached its thermal limit."""
 
+    def touch(self, touched: bool) -> None:
+        """Tell whether something touches the probe, or the plate for tool lengths."""
+
     def mains(self, on: bool) -> None:
         """Switch the mains; when it comes back, everything that people have not set is as at power-on."""
 
     def contacts(self) -> Mapping[str, bool]:
-        """Closed (True) or open, for each of `signals`."""
+        """Closed (True) or open, for each of `signals`; the same object while nothing changes."""
 
 
 class SafetyCabinet:
@@ -100,10 +103,16 @@ class SafetyCabinet:
         self._outputs = {"hood_release": 1, "spindle": 0, "moving": 0, "power_request": 0}
         self._estop_closed = True
         self.stages_hot = False  # a power stage has reached its thermal limit; set by `heat`
+        self.touched = False  # probe or plate
         self.spindle_runs = False  # spindle contactor on
         self._axes_move = False
         self._user = dict.fromkeys(USER_INPUTS, False)
         self._mains = True
+        self._operated = 0  # counts what people have done
+        self._shown: tuple[tuple[bool | int, ...], Mapping[str, bool]] = (
+            (),
+            {},
+        )  # `contacts`, and what they follow from
 
     def operate(self, element: str, state: str) -> str:
         """A locked hood stays closed unless forced."""
@@ -124,6 +133,7 @@ class SafetyCabinet:
             self.state[element] = "open" if state == "forced" else state
             if element in self._user:
                 self._user[element] = state == "high"
+        self._operated += 1
         if changes.get("power") == "on":
             self._close_relay()
         self._settle()
@@ -152,6 +162,9 @@ class SafetyCabinet:
         self.stages_hot = hot
         self._settle()
 
+    def touch(self, touched: bool) -> None:
+        self.touched = touched
+
     def mains(self, on: bool) -> None:
         """The relay closes as at power-on, if all conditions hold."""
         self._mains = on
@@ -166,8 +179,9 @@ class SafetyCabinet:
 
     @property
     def states(self) -> Mapping[str, str]:
-        """A hot stage shows as `overtemperature`."""
-        return self.state | ({"overtemperature": "hot"} if self.stages_hot else {})
+        """A hot stage shows as `overtemperature`, what the machine itself touches as `probe`."""
+        shown = {"overtemperature": "hot"} if self.stages_hot else {}
+        return self.state | shown | ({"probe": "touched"} if self.touched else {})
 
     @property
     def powered(self) -> bool:
@@ -183,7 +197,13 @@ class SafetyCabinet:
         """The hood lock holds: the hood is closed and the controller does not release it (wiring/2)."""
         return self.state["hood"] == "closed" and not self._outputs["hood_release"]
 
-    def contacts(self) -> dict[str, bool]:
+    def contacts(self) -> Mapping[str, bool]:
+        state = (self._operated, self.stages_hot, self.spindle_runs, self.relay, self.touched)
+        if state != self._shown[0]:
+            self._shown = state, self._contacts()
+        return self._shown[1]
+
+    def _contacts(self) -> dict[str, bool]:
         released = self.state["estop"] == "released"
         closed = self.state["hood"] == "closed"
         setup = self.state["key"] == "setup"
@@ -193,7 +213,7 @@ class SafetyCabinet:
             "overtemperature": self.cool,
             "start": self.state["start"] == "down",
             "stop": self.state["stop"] == "up",
-            "probe": self.state["probe"] == "touched",
+            "probe": self.states["probe"] == "touched",
             "spindle": self.spindle_runs,
             "power_ok": self.relay,
             "hood_automatic": closed and not setup,
@@ -210,11 +230,12 @@ class SafetyCabinet:
             self.relay = True
 
     def _settle(self) -> None:
-        hood_open_in_automatic = self.state["hood"] != "closed" and self.state["key"] == "automatic"
+        closed = self.state["hood"] == "closed"
+        hood_open_in_automatic = not closed and self.state["key"] == "automatic"
         dangerous = self._axes_move or self._outputs["moving"] or self.spindle_runs
         if not self._circuits_closed() or (hood_open_in_automatic and dangerous):
             self.relay = False
-        if not (self.relay and self._outputs["spindle"] and self.state["hood"] == "closed"):
+        if self.spindle_runs and not (self.relay and self._outputs["spindle"] and closed):
             self.spindle_runs = False
 
 

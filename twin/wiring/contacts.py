@@ -135,6 +135,8 @@ class Contacts:
     def advance(self, t_ns: int) -> bool:
         """Apply the bounces due at t_ns; return whether there were any."""
         due = False
+        if not self._worn and not self._pending:
+            return False
         for name in dict.fromkeys(self._worn):
             self._forget(name)
             changes = 2 * int(self._random.integers(_MAX_BOUNCES, _WORN_BOUNCES + 1))

@@ -57,13 +57,16 @@ class _Direction:
                 self.queue.append((arrival, data[number : number + 1]))
         elif data:
             size = at_once or len(data)
-            self.queue.extend((arrival, data[at : at + size]) for at in range(0, len(data), size))
+            for at in range(0, len(data), size):
+                self.queue.append((arrival, data[at : at + size]))
         self.due += len(data)
         self._free_ns = arrival
         return arrival
 
     def receive(self, t_ns: int, at_once: int | None = None) -> bytes:
         """Take at most at_once bytes of those that have arrived by t_ns."""
+        if not self.due:
+            return b""
         pieces, size = [], 0
         for queue in (self.landed, self.queue):
             while queue and queue[0][0] <= t_ns and (at_once is None or size + len(queue[0][1]) <= at_once):

@@ -85,6 +85,8 @@ class Schedule:
                 self._push(event.at_ns, place)
             else:
                 self._by_kind[event.when.kind].append(place)
+        self.of_states = bool(self._of("output") or self._of("input"))
+        self.of_messages = bool(self._of("sent") or self._of("replied"))
         self.left = sum(event.times if event.when is None else 1 for event in self.events)
         """Events that have not happened; each repeat of one with a time counts."""
         self._decoder = decoder
@@ -104,14 +106,6 @@ class Schedule:
     def positions(self) -> tuple[Trigger, ...]:
         """Conditions of positions, in the numbering of `passed`."""
         return tuple(self._condition(place) for place in self._of("position"))
-
-    @property
-    def of_states(self) -> bool:
-        return bool(self._of("output") or self._of("input"))
-
-    @property
-    def of_messages(self) -> bool:
-        return bool(self._of("sent") or self._of("replied"))
 
     def take(self, t_ns: int) -> ScenarioEvent | None:
         """Remove and return the next event due at t_ns; None if there is none."""

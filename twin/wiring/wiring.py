@@ -8,10 +8,11 @@ of the terminals. In between:
     people, outputs ----> cabinet ---> contacts           safety relay, hood, keys: cabinet.py
                              `-------> power of the stages and brakes
     stages -------------> heat ------> cabinet
+    contactor, command -> spindle ---> speed, teeth of a cut
     scenario -----------> all of them, at its times       scenario.py
 
-Order at one instant: changes of the plant, bounces, temperatures, one event of the scenario; repeated until nothing is
-due.
+Order at one instant: changes of the plant, bounces, spindle, temperatures, one event of the scenario; repeated until
+nothing is due.
 """
 
 from __future__ import annotations
@@ -23,8 +24,10 @@ import numpy as np
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.controller import OUTPUTS, DriveInput, KeyValue
 from isel_twin.drives.heat import StageHeat
+from isel_twin.drives.spindle import Turning
 from isel_twin.machine import Contact, Machine
-from isel_twin.plant import Plant, Threshold
+from isel_twin.plant import Cut, Plant, Threshold
+from isel_twin.wiring import spindle as of_spindle
 from isel_twin.wiring.acts import ACTS, Moment, Settable, check_input
 from isel_twin.wiring.cabinet import CABINETS
 from isel_twin.wiring.contacts import FAULTS, Contacts
@@ -47,15 +50,16 @@ def settable(machine: Machine) -> Settable:
 
 
 def outputs(machine: Machine) -> tuple[str, ...]:
-    """Outputs that every controller may use, and relays of the machine's cabinet."""
-    return (*OUTPUTS, *CABINETS[machine.cabinet]().relays)
+    """Outputs that every controller may use, relays of the machine's cabinet, and what a spindle shows."""
+    shown = () if machine.spindle is None else of_spindle.OUTPUTS
+    return (*OUTPUTS, *CABINETS[machine.cabinet]().relays, *shown)
 
 
 def thresholds(
     machine: Machine, drive_inputs: Sequence[DriveInput], schedule: Schedule | None = None
 ) -> list[Threshold]:
     """What the plant must watch: position switches, quantities of `drive_inputs`, positions that events wait for
-    (wiring/10)."""
+    (wiring/10), and the feeler, if the machine has one."""
     switches = [
         Threshold(CARRIAGES.index(s.axis), "position", s.position_mm, -1 if s.end == "motor" else 1, s.hysteresis_mm)
         for s in machine.switches
@@ -64,7 +68,9 @@ def thresholds(
         Threshold(CARRIAGES.index(wait.name), "position", float(wait.value), wait.sense, PASSED_MM)
         for wait in (schedule.positions if schedule is not None else ())
     ]
-    return switches + [Threshold(i.axis, i.quantity, i.limit, 1, i.hysteresis) for i in drive_inputs] + places
+    feeler = machine.feeler
+    touch = [] if feeler is None else [Threshold(0, "touch", feeler.pretravel_mm, 1, feeler.hysteresis_mm)]
+    return switches + [Threshold(i.axis, i.quantity, i.limit, 1, i.hysteresis) for i in drive_inputs] + places + touch
 
 
 class Wiring:
@@ -90,6 +96,7 @@ class Wiring:
         self._cabinet = CABINETS[machine.cabinet]()
         self.contacts = Contacts(machine.contacts, terminals, self._cabinet.signals, bounces)
         self._heat = StageHeat(plant.stages)
+        self._spindle = None if machine.spindle is None else of_spindle.RunningSpindle(machine.spindle)
         self.on_event: Callable[[ScenarioEvent], None] | None = None
         """Called with each event of the scenario just before it happens."""
         self.settable = settable(machine)
@@ -104,11 +111,15 @@ class Wiring:
         self.stages_powered = False
         self._outputs: dict[str, int] = {}
         self._shown: Mapping[str, bool] = {}
+        self._drives_told = False  # an output that drives follow has changed since the cabinet settled
         self._signals: Mapping[str, bool] = {}  # the cabinet's contacts at the last update of the terminals
         self._active = plant.trips()
+        self._feeler = machine.feeler
+        self._touch = len(self._active) - (self._feeler is not None)  # number of its threshold, if there is one
+        self._cabinet.touch(bool(self._active[self._touch :].any()))
         for switch, struck in zip(self._switches, self._active, strict=False):
             self.contacts.set_closed(switch.name, bool(struck) != (switch.type == "opener"))
-        for number, beyond in enumerate(self._active[self._places :]):
+        for number, beyond in enumerate(self._active[self._places : self._touch]):
             self._schedule.passed(number, bool(beyond))
         self._settle_cabinet()
 
@@ -117,16 +128,25 @@ class Wiring:
     @property
     def next_ns(self) -> int | None:
         """When `settle` must be called next."""
-        return min((t for t in (self.next_event_ns, self._heat.next_ns) if t is not None), default=None)
+        event_ns, heat_ns = self.next_event_ns, self._heat.next_ns
+        if event_ns is None or (heat_ns is not None and heat_ns < event_ns):
+            return heat_ns
+        return event_ns
 
     @property
     def next_event_ns(self) -> int | None:
         """`next_ns` without the regular check of the temperatures, which hardly ever changes anything."""
-        return min((t for t in (self.contacts.next_ns, self._schedule.next_ns) if t is not None), default=None)
+        due_ns, planned_ns = self.contacts.next_ns, self._schedule.next_ns
+        if due_ns is None or (planned_ns is not None and planned_ns < due_ns):
+            due_ns = planned_ns
+        turning_ns = None if self._spindle is None else self._spindle.next_ns
+        if due_ns is None or (turning_ns is not None and turning_ns < due_ns):
+            due_ns = turning_ns
+        return due_ns
 
     def settle(self, t_ns: int) -> bool:
         """Do what is due at t_ns, the present; return whether levels may have changed."""
-        if self._follow_plant(t_ns):
+        if self._follow_plant(t_ns) or self._follow_spindle(t_ns):
             return True
         if self._heat.next_ns is not None and self._heat.next_ns <= t_ns:
             self._heat.advance(self.plant.current_fraction.tolist())
@@ -188,6 +208,11 @@ class Wiring:
             self._cabinet.mains(on)
             self._settle_cabinet()
 
+    def begin_cut(self, cut: Cut | None) -> None:
+        self.plant.set_cut(cut)
+        if self._spindle is not None and self.plant.physics:
+            self._spindle.begin_cut(cut)
+
     def warm(self, axis: int, extra_k: float, t_ns: int) -> None:
         self._heat.warm(axis, extra_k, t_ns)
         self._cabinet.heat(self._heat.hot)
@@ -220,6 +245,7 @@ class Wiring:
         if name == "drive_reset" and value and not self._outputs.get(name):
             self.plant.reset_drives()
         self._outputs[name] = value
+        self._drives_told |= name in ("stages", "brake", "current_lowering")
         self._cabinet.output(name, value)
         self._look()
 
@@ -231,11 +257,11 @@ class Wiring:
 
     def outputs_changed(self) -> None:
         """Apply the outputs to contacts and drives."""
-        self._settle_cabinet()
+        self._settle_if_changed()
 
     def motion(self, moving: bool) -> None:
         self._cabinet.motion(moving)
-        self._settle_cabinet()
+        self._settle_if_changed()
 
     # State
 
@@ -266,22 +292,32 @@ class Wiring:
         return found | self._faults
 
     @property
+    def turning(self) -> Turning | None:
+        """Motion of the spindle; None if the machine file has none."""
+        return None if self._spindle is None else self._spindle.turning
+
+    @property
     def outputs(self) -> Mapping[str, int]:
-        """Outputs of the controller, and the relays of the cabinet that they act on."""
-        return {**self._outputs, **self._cabinet.relays}
+        """Outputs of the controller, the relays of the cabinet that they act on, and the spindle's speed."""
+        shown = {} if self._spindle is None else self._spindle.outputs
+        return {**self._outputs, **self._cabinet.relays, **shown}
 
     # Inside
 
     def _follow_plant(self, t_ns: int) -> bool:
         """Apply switches that the plant has struck or released, and the bounces due; return whether there were any."""
         active = self.plant.trips()
-        changed = (active != self._active).nonzero()[0].tolist()
+        changed = []
+        if active.tobytes() != self._active.tobytes():  # far faster than to look for which
+            changed = (active != self._active).nonzero()[0].tolist()
         self._active = active
         for number in changed:
             if number < len(self._switches):
                 self.contacts.strike(self._switches[number].name, bool(active[number]), t_ns)
                 if not active[number]:
                     self._draw_trip_point(number)
+            elif number == self._touch:
+                self._touched(bool(active[number]))
             elif number >= self._places:
                 self._schedule.passed(number - self._places, bool(active[number]))
         if changed:
@@ -292,6 +328,16 @@ class Wiring:
         acted = bounced or bool(changed)
         self.changes += acted
         return acted
+
+    def _follow_spindle(self, t_ns: int) -> bool:
+        """Let the spindle take contactor, command and load; return whether its shown speed has changed."""
+        spindle = self._spindle
+        live = bool(self._cabinet.relays.get("spindle_runs"))
+        if spindle is None or not spindle.follow(t_ns, self._outputs, live, self.plant):
+            return False
+        self.changes += 1
+        self._look()
+        return True
 
     @property
     def _places(self) -> int:
@@ -315,6 +361,15 @@ class Wiring:
             return self.contacts.fault(name) == "ok"
         return self.inputs.get(name) == value
 
+    def _touched(self, touched: bool) -> None:
+        """Let the feeler close or open its contact; from then on its next trip point counts."""
+        assert self._feeler is not None
+        self._cabinet.touch(touched)
+        if not touched and self._feeler.repeatability_mm > 0.0:
+            trip_mm = self._feeler.pretravel_mm + self._trips.normal(0.0, self._feeler.repeatability_mm)
+            self.plant.set_trip_point(self._touch, max(trip_mm, 0.0))
+        self._settle_cabinet()
+
     def _draw_trip_point(self, number: int) -> None:
         """Draw the next trip point of a switch that has just been released, not beyond the carriage (wiring/12)."""
         switch = self._switches[number]
@@ -326,8 +381,14 @@ class Wiring:
         self._trip_mm[number] = trip_mm
         self.plant.set_trip_point(number, trip_mm)
 
+    def _settle_if_changed(self) -> None:
+        """Settle the cabinet, unless neither it nor an output to the drives has changed since."""
+        if self._drives_told or self._cabinet.contacts() is not self._signals:
+            self._settle_cabinet()
+
     def _settle_cabinet(self) -> None:
         """Set contacts from the cabinet, let it read them as wired, and switch the power of the stages."""
+        self._drives_told = False
         self._follow_cabinet()
         self._cabinet.sense(self.contacts.closed)
         self._follow_cabinet()
@@ -342,7 +403,7 @@ class Wiring:
 
     def _follow_cabinet(self) -> None:
         signals = self._cabinet.contacts()
-        if signals != self._signals:
+        if signals is not self._signals:
             self._signals = signals
             for name, closed in signals.items():
                 self.contacts.set_closed(name, closed)

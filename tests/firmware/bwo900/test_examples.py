@@ -325,7 +325,7 @@ def test_tool_words() -> None:
         ("N10 G41 G1 F100 X10 M00", 1232),
         ("N10 G41 G1 F100 X10 M01", 1229),
         ("N10 T77", 1050),
-        ("N10 G95", 1232),
+        ("N10 G95", 1224),
     ],
 )
 def test_messages(text: str, number: int) -> None:

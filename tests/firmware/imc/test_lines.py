@@ -153,9 +153,36 @@ def test_other_device_numbers_are_not_ours() -> None:
 
 def test_assembler_keeps_no_more_than_a_line() -> None:
     assembler = LineAssembler(8)
-    assert [assembler.feed(b) for b in b"12345678\r"][-1] == b"12345678"
-    assert [assembler.feed(b) for b in b"123456789\r"][-1] == b""
-    assert all(assembler.feed(b) is None for b in b"\r\n\n\r  \r")
+    for runs, line in (
+        ((b"12345678",), b"12345678"),
+        ((b"1234", b"\n56\n", b"78\n"), b"12345678"),
+        ((b"123456789",), b""),
+        ((b"12345678", b"9"), b""),
+        ((), None),
+        ((b"\n\n",), None),
+        ((b"  ",), None),
+    ):
+        for run in runs:
+            assembler.feed(run)
+        assert assembler.end() == line
+
+
+def test_bytes_in_runs_act_as_one_by_one() -> None:
+    """Commands, control bytes, lines that are too long and programs that listen, several at an instant."""
+    parts = [b"@0P\r", MOVE.encode() + b"\r", b"@0b1\r\n", b"\xfd", b"\xff", b"\xfe@07\r", b"@0S\r", b"\r\n"]
+    parts += [b"@0k\r@0i\r1 65\r2 66,1\r9\r@0S\r", b"x", b"\nB", b"B", b"@0k\r", b"@07\r", b"9" * 300 + b"\r"]
+    chosen = random.Random(3)
+    runs, bytewise = ready(), ready()
+    for _ in range(200):
+        data = b"".join(chosen.choices(parts, k=chosen.randint(1, 4)))
+        runs.send(data)
+        for byte in data:
+            bytewise.send(bytes([byte]))
+        for desk in (runs, bytewise):
+            desk.advance_to(desk.time_ns + 40_000_000)
+    assert runs.replies == bytewise.replies
+    assert runs.counts == bytewise.counts
+    assert {reply for _, data in runs.replies for reply in data} >= set(b"05FA")  # A: from a program, before it listens
 
 
 # --- control bytes ---------------------------------------------------------------------------------------------------

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from isel_twin.cli import main
+from tests.forked import PATIENCE_S
 from tests.many.studies.conftest import COMMAND
 
 ROWS = 24
@@ -68,7 +69,7 @@ def test_a_cluster_of_two_of_which_one_is_killed(dask: tuple[str, list[int]], pl
     command = [*COMMAND, str(plan), "--cluster", address, "--json"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         rows = rows_while(process, ROWS // 2, pids)
-        assert process.wait(60) == 0
+        assert process.wait(PATIENCE_S) == 0
     assert len(pids) == 1, "one was killed, half-way"
     assert sorted(rows) == list(range(1, ROWS + 1)), "every row exactly once"
     assert (plans / "many.parquet").read_bytes() == expected(plan, plans / "here.parquet")
@@ -83,7 +84,7 @@ def test_processes_of_this_computer_of_which_one_is_killed(plans: Path) -> None:
         rows = [json.loads(process.stdout.readline())["row"]]
         os.kill(workers_of(process.pid)[0], signal.SIGKILL)
         rows += rows_while(process, 0, [])
-        assert process.wait(60) == 0
+        assert process.wait(PATIENCE_S) == 0
     assert sorted(rows) == list(range(1, ROWS // 2 + 1)), "every row exactly once"
 
 

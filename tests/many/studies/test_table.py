@@ -8,7 +8,6 @@ import re
 import shutil
 import signal
 import subprocess
-import time
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +21,7 @@ from isel_twin.many.studies.plan import load_plan
 from isel_twin.many.studies.points import points
 from isel_twin.many.studies.row import OUTCOMES
 from isel_twin.many.studies.table import Table, journal_of, read_rows
+from tests.forked import PATIENCE_S
 from tests.many.studies.conftest import COMMAND
 
 OUTCOME = {**dict.fromkeys(OUTCOMES), "ok": True, "cycle_s": 1.5}
@@ -226,11 +226,10 @@ def test_ctrl_c_ends_it_and_says_how_to_go_on(plans: Path, workers: str) -> None
         assert process.stdout is not None
         process.stdout.readline()
         os.kill(process.pid, signal.SIGINT)
-        began = time.monotonic()
-        out, err = process.communicate(timeout=30)
+        out, err = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130
-    assert time.monotonic() - began < 10.0
     rows = read_rows(file)
+    assert len(rows) < 400
     assert json.loads(out.splitlines()[-1])["rows"] == len(rows)
     assert err == (
         f"isel-twin: {file}: interrupted; {len(rows)} rows are in the table, {400 - len(rows)} are missing; "

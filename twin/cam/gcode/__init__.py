@@ -20,7 +20,7 @@ from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import Toolpath
 
 _CLAIM = re.compile(
-    r"\s*%\s*\w*\s*$|\s*/?\s*(N\d+\s*)?("
+    r"\s*+%\s*\w*\s*$|\s*+/?\s*+(N\d+\s*)?("
     r"G0?[0-3](?!\d)[^,;<]*[XYZ]\s*[-+]?[\d.]|G(17|2[018]|4[0349]|5[4-9]|64|7[13]|8[0-359]|9[0-9])(?!\d)"
     r"|[XYZ]\s*[-+]?[\d.]|T\d+\s*M0?6(?!\d)|M(0?\d|30)\s*$)",
     re.I,

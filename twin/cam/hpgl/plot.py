@@ -43,6 +43,9 @@ class Plot:
         place = Place(1)
         for told in instructions(lines):
             place = told.place
+            if self._corner is None and told.code in _POINTS and not told.odd:
+                yield from self.points(told)
+                continue
             if self._corner is not None and told.code != "PM":
                 if told.code in _IN_POLYGONS:
                     if len(self._polygon) >= MOST_POLYGON:
@@ -169,7 +172,7 @@ class Plot:
     def points(self, told: Instruction) -> Iterator[Element]:
         if told.code in ("PA", "PR"):
             self._relative = told.code == "PR"
-        elif told.first:
+        elif told.first and not (self._down and told.code == "PD"):
             yield from self._set_pen(told.code == "PD", told.place)
         if told.numbers:
             x, y = told.numbers
@@ -305,10 +308,11 @@ class Plot:
         yield from self._once(told.code, told.place, f"{told.code}: {what}")
 
 
-_IN_POLYGONS = frozenset(("PU", "PD", "PA", "PR", "AA", "AR", "AT", "RT", "CI"))
+_POINTS = frozenset(("PU", "PD", "PA", "PR"))
+_IN_POLYGONS = _POINTS | frozenset(("AA", "AR", "AT", "RT", "CI"))
 _INSTRUCTIONS: Mapping[str, Callable[[Plot, Instruction], Iterator[Element] | None]] = {
     **dict.fromkeys(("IN", "DF"), Plot.initialise),
-    **dict.fromkeys(("PU", "PD", "PA", "PR"), Plot.points),
+    **dict.fromkeys(_POINTS, Plot.points),
     "SP": Plot.select,
     **dict.fromkeys(("AA", "AR"), Plot.arc),
     **dict.fromkeys(("AT", "RT"), Plot.arc_by_points),

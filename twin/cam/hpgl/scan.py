@@ -15,6 +15,8 @@ _TOKEN = re.compile(
     r"(\x1b\.[()YZ]|\x1b\.[^:]{0,40}:|\x1b%-?[0-9]*[A-Z]|\x1bE)|(.)",
     re.I | re.A | re.S,
 )
+_PLAIN = r"([-+]?[0-9]{1,8}(?:\.[0-9]{0,8})?)"
+_PAIR = re.compile(rf"[\s,]*(?:(P[ADRU])[ \t]*)?{_PLAIN}[, ]{_PLAIN}(?=[;,\s])(;?)", re.I | re.A)  # most of a file
 _POINTS = frozenset(("PU", "PD", "PA", "PR"))
 _PLAIN_TEXT = {"LB": "\x03", "CO": ";", "BP": ";", "PE": ";"}  # what ends it; LB as DT says
 _MOST_NUMBERS = 16
@@ -66,6 +68,19 @@ class _Scanner:
                 if found < 0:
                     return
                 self._until, at = "", found + 1
+                continue
+            pair = _PAIR.match(text, at)
+            if pair is not None and (pair[1] or (self._code in _POINTS and not self._numbers)):
+                letters, x, y, ended = pair.groups()
+                if letters is not None:
+                    yield from self._ended()
+                    self._code, self._first = letters.upper(), True
+                at = pair.end()
+                place = Place(line, before + pair.start(2) + 1, self._code)
+                yield Instruction(place, self._code, (float(x), float(y)), self._first)
+                self._first = False
+                if ended:
+                    self._code = ""
                 continue
             match = _TOKEN.match(text, at)
             assert match is not None  # its last branch takes any character

@@ -18,10 +18,11 @@ from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.operating import Operating
 from isel_twin.firmware.bwo900.programs.stored import Store
 from isel_twin.firmware.bwo900.realtime import overrides
+from isel_twin.firmware.bwo900.realtime import spindle as of_spindle
 from isel_twin.firmware.bwo900.realtime.axes import AXES
 from isel_twin.firmware.bwo900.realtime.jog import step_on
 from isel_twin.firmware.bwo900.status import NUMBERS
-from isel_twin.firmware.bwo900.transfer import end_of_file, parameter_file
+from isel_twin.firmware.bwo900.transfer import end_of_file, parameter_file, table_file
 
 
 class Commands:
@@ -80,6 +81,8 @@ class Commands:
                 operating.lock()
             case Wish.FEED:
                 self._execution.channel.path.set_feed(given)
+            case Wish.EMERGENCY:
+                operating.call_emergency(int(given))
             case Wish.MAP:
                 p.write(P.MAP_Q, self._mapped(int(given)))
             case Wish.REFERENCE:
@@ -97,7 +100,8 @@ class Commands:
         p = self._parameters
         assert p.live is not None
         self._execution.rest()
-        for number, value in [(number, p.live(number)) for number in NUMBERS]:
+        numbers = (*NUMBERS, *(of_spindle.NUMBERS if p.has_spindle else ()))
+        for number, value in [(number, p.live(number)) for number in numbers]:
             p.write(number, value)
         self._reply(parameter_file(p, status=kind == 5))
 
@@ -108,6 +112,10 @@ class Commands:
             self._execution.say(message(Code.NO_PROGRAM, detail=names[0], effect=Effect.SHOWN))
         else:
             self._reply("".join(self._store[name].file for name in names))
+
+    def put_out_table(self, kind: str) -> None:
+        """Send the tool table (W) or the zero points (N) as a file."""
+        self._reply(table_file(self._parameters, kind))
 
     def _reply(self, text: str) -> None:
         file = text.encode("latin-1", errors="replace") + bytes([end_of_file(self._parameters)])

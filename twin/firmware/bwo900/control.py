@@ -34,7 +34,7 @@ class Control:
     """Implements isel_twin.controller.Controller, UsesDrives, NamesOutputs, HasKeys, EndsPrograms and HoldsHost."""
 
     direction = (1,) * AXES
-    output_names: Sequence[str] = (*MachinePlc.OUTPUTS, "drive_reset", "auto", "active", "message")
+    output_names: Sequence[str] = (*MachinePlc.OUTPUTS, "spindle_speed", "drive_reset", "auto", "active", "message")
 
     def __init__(self, flash: bytes | None, *, plc: str | None = None) -> None:
         """flash: stored programs and parameters. plc: STEP 5 text in place of the default program."""
@@ -79,7 +79,7 @@ class Control:
     @property
     def next_ns(self) -> int | None:
         times = [self._channel.next_ns, self._plc.next_ns, self._power_due_ns, self._hand.next_ns]
-        times.append(self._axes.next_look_ns)
+        times += [self._axes.next_look_ns, self._hardware.spindle.next_ns]
         if self.run is not None and self._channel.run is None and self._hand.move is None:
             times.append(self.run.end_ns)
         known = [t for t in times if t is not None]
@@ -119,6 +119,7 @@ class Control:
 
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
         self._axes.now_ns = t_ns
+        self._hardware.spindle.look_for()
         self._hardware.levels.clear()
         self._hardware.levels.update(levels)
         self._parameters.write(1, float(AXES), "q")
@@ -153,6 +154,9 @@ class Control:
         self.advance(t_ns)
         if name == keys.OUTPUT:
             self._commands.put_out_programs(int(value))
+            return
+        if name == keys.COPY:
+            self._commands.put_out_table(keys.COPIES[str(value)])
             return
         for number, wanted in keys.writes(name, value):
             self._parameters.write(number, wanted)
@@ -218,6 +222,8 @@ class Control:
             self._operating.lose(Code.LAG, NAMES[axis])
         for name, value in self._plc.take().items():
             self._outgoing.output(name, value)
+        if self._hardware.spindle.present:
+            self._outgoing.output("spindle_speed", self._hardware.spindle.wanted)
         if told := self._feeder.say():
             self._outgoing.add(Reply(told))
         self._show_status()

@@ -13,14 +13,15 @@ from isel_twin.firmware.bwo900.feeder import Feeder
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
 from isel_twin.firmware.bwo900.hardware import Hardware
 from isel_twin.firmware.bwo900.memory import Memory
-from isel_twin.firmware.bwo900.messages import Message, ProgramError, message
+from isel_twin.firmware.bwo900.messages import Code, Message, ProgramError, message
 from isel_twin.firmware.bwo900.modes import Mode
 from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.parameters import byte
 from isel_twin.firmware.bwo900.programs.stored import Store
 from isel_twin.firmware.bwo900.programs.words import Text
+from isel_twin.firmware.bwo900.realtime import spindle as of_spindle
 from isel_twin.firmware.bwo900.realtime.axes import AXES
-from isel_twin.firmware.bwo900.realtime.channel import Channel
+from isel_twin.firmware.bwo900.realtime.channel import Channel, State
 from isel_twin.firmware.bwo900.realtime.deletion import DeletionWatch
 from isel_twin.firmware.bwo900.realtime.executed import Executed
 from isel_twin.firmware.bwo900.transfer import POSITIONED
@@ -32,6 +33,7 @@ class Execution:
     def __init__(self, hardware: Hardware, store: Store, memory: Memory) -> None:
         self.hardware, self._store, self._memory = hardware, store, memory
         self.parameters, self.axes, self.plc = hardware.parameters, hardware.axes, hardware.plc
+        self.spindle = hardware.spindle
         self.parameters.live = self._value
         self.interpreter = Interpreter(self.parameters, store)
         self.interpreter.on_write = self._ask
@@ -101,6 +103,9 @@ class Execution:
             if self.channel.path.locked:
                 wanted = "its release (P8701, P8702)"
             return f"{program} N{number} waits for {wanted}"
+        if self.channel.state is State.SPINDLE:
+            program, number = self.executed.place
+            return f"{program} N{number} waits for the spindle, which turns at {self.spindle.measured:.0f} 1/min"
         return self._broken
 
     @property
@@ -114,10 +119,14 @@ class Execution:
         positioning = self.mode is Mode.POSITIONING
         name = POSITIONED if positioning else self.program
         block = None if positioning else int(p.get(P.START_BLOCK)) or None
+        emergency = self._emergency()
+        if emergency is not None:
+            name, block = emergency
+            self.forget_emergencies()
         self.hardware.outgoing.fault = False
         try:
-            again = bool(p.get(P.RESTART) and p.get(P.BROKEN_PROGRAM))
-            if not positioning:
+            again = bool(p.get(P.RESTART) and p.get(P.BROKEN_PROGRAM)) and emergency is None
+            if not positioning and emergency is None:
                 self.feeder.start(name, from_the_middle=again or block is not None)
             self._began_at = self._began_at if again else self.axes.position
             self.interpreter.begin(name, self._began_at, block, bool(p.get(P.SKIP)))
@@ -129,6 +138,29 @@ class Execution:
             return
         self._broken = ""
         self.channel.start()
+
+    def missing_emergency(self, which: int) -> Message | None:
+        """The message that an emergency program (0 or 1) is not in the memory, or nothing; then it is not called."""
+        name = f"P{int(self.parameters.get(P.EMERGENCY_PROGRAM + 2 * which))}"
+        if name in self._store:
+            return None
+        self.forget_emergencies()
+        return message(Code.NO_EMERGENCY_PROGRAM, program=name)
+
+    def forget_emergencies(self) -> None:
+        """No emergency program is called any more."""
+        for number in (P.EMERGENCY_1, P.EMERGENCY_2):
+            if self.parameters.get(number):
+                self.parameters.write(number, 0.0)
+
+    def _emergency(self) -> tuple[str, int | None] | None:
+        """Program and block of the emergency program that is called."""
+        p = self.parameters
+        for which in (0, 1):
+            if p.get(P.EMERGENCY_1 + which) == 1.0:
+                first = P.EMERGENCY_PROGRAM + 2 * which
+                return f"P{int(p.get(first))}", int(p.get(first + 1)) or None
+        return None
 
     def rest(self) -> None:
         """Set the coordinates of HAND without a program."""
@@ -148,4 +180,6 @@ class Execution:
         return name in (self.interpreter.stack.open if only_open else self.interpreter.stack.opened)
 
     def _value(self, number: int) -> float | None:
+        if number in of_spindle.NUMBERS:
+            return self.spindle.value(number)
         return status.value(number, self.interpreter, self.channel, self.axes)

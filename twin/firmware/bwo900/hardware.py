@@ -9,6 +9,7 @@ from isel_twin.firmware.bwo900.realtime.axes import Axes
 from isel_twin.firmware.bwo900.realtime.hand import Hand
 from isel_twin.firmware.bwo900.realtime.outgoing import Outgoing
 from isel_twin.firmware.bwo900.realtime.power import Power
+from isel_twin.firmware.bwo900.realtime.spindle import Spindle
 
 
 class Hardware:
@@ -20,6 +21,7 @@ class Hardware:
         self.levels: dict[str, bool] = {}  # of the inputs, by terminal
         self.outgoing = Outgoing(parameters)
         self.axes = Axes(parameters, self.levels)
+        self.spindle = Spindle(parameters, self.axes, self.plc)
         self.power = Power(self.levels, self.outgoing)
         self.hand = Hand(parameters, self.axes, self.outgoing)
 

@@ -13,6 +13,7 @@ axis           P8751            that moves in hand
 step           P8750, P8760     mm in hand; 0: as long as the key is held
 move           P8752            + and - move the axis in hand, off ends a move without steps
 output                          sends a program over the line, like the panel's copy key
+copy                            sends tool data (W) or zero points (N)
 """
 
 from __future__ import annotations
@@ -30,7 +31,8 @@ from isel_twin.firmware.bwo900.realtime.overrides import is_override
 MODES: Final[Mapping[str, int]] = {"hand": 1, "auto": 2, "single": 4, "positioning": 8}
 MOVES: Final[Mapping[str, int]] = {"off": 0, "+": 1, "-": 2}
 AXES: Final = ("z", "y", "x")  # in the order of a reference run of all axes
-OUTPUT: Final = "output"
+OUTPUT, COPY = "output", "copy"
+COPIES: Final[Mapping[str, str]] = {"tools": "W", "zero_points": "N"}  # identifiers of files
 HIGHEST_FUNCTION: Final = 999
 CONTINUOUS, BY_STEPS = 1.0, 2.0
 
@@ -51,6 +53,7 @@ KEYS: Final[Mapping[str, Key]] = {
     OUTPUT: Key(
         "put out a program over the line, by its number; 0: all of them", Limits("", 0, 9_999_999_999, whole=True)
     ),
+    COPY: Key("put out the tool table or the zero points over the line, as a file", tuple(COPIES)),
 }
 
 
@@ -91,6 +94,7 @@ class Wish(Enum):
     NEXT_STEP = "the next step of the table"
     LOCK = "the channel may not move, or may again"
     FEED = "of the block in execution, mm/min"
+    EMERGENCY = "an emergency program, 0 or 1"
     MAP = "say which q a P is"
     REFERENCE = "reference run of an axis, from 0"
 
@@ -121,6 +125,8 @@ def wish(number: int, value: float | None, axes: int) -> tuple[Wish, float] | No
             return Wish.LOCK, given
         case P.FEED_NOW:
             return Wish.FEED, value or 0.0
+        case P.EMERGENCY_1 | P.EMERGENCY_2 if given == 1:
+            return Wish.EMERGENCY, number - P.EMERGENCY_1
         case P.MAP_P:
             return Wish.MAP, given
     if is_override(number):

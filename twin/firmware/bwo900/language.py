@@ -27,6 +27,7 @@ from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, MOST_AXES, of_axis
 from isel_twin.firmware.bwo900.programs.lines import END, program_name
 from isel_twin.language import (
     SETTINGS_RANGES,
+    Example,
     LanguageError,
     Message,
     MoveSettings,
@@ -67,6 +68,7 @@ G_WORDS: Final[Mapping[int, str]] = {
     G.TAPPING: "tap", G.BORING: "bore", G.RAY: "ray of places", G.PERIMETER: "parallelogram of places",
     G.GRID: "grid of places", G.CIRCLE_OF_PLACES: "circle of places", G.ABSOLUTE: "absolute",
     G.INCREMENTAL: "incremental", G.SHIFT: "shift of zero", G.FEED_PER_MINUTE: "feed in mm/min",
+    G.FEED_PER_TURN: "feed in mm a revolution", G.CUTTING_SPEED: "constant cutting speed",
     G.TURNS_PER_MINUTE: "speed in 1/min", G.THREE_POINTS: "line or circle by three points",
     G.NO_TRANSFORMATION: "no transformation", G.NO_ZERO: "no zero point",
 }  # fmt: skip
@@ -86,17 +88,17 @@ KEPT: Final = 4 << 20  # most bytes of a program that is stored; a longer linear
 PIECE: Final = 1 << 16  # characters encoded at a time
 MARKS: Final = frozenset("PZD#%\x04")  # first characters of lines that may not be blocks
 _LINE = re.compile(r"[^\r\n]*(?:\r\n|\n|\r)|[^\r\n]+\Z")
-_ROW = re.compile(r"[^\r\n]*[^\s][^\r\n]*")  # not blank
-_ENDS = re.compile(r"[ \t]*(?:\r\n|\r|\n)(?:[ \t]*(?:\r\n|\r|\n))*")
-_BLOCK = re.compile(r"\s*/?\s*N\s*(\d+)")
+_ROW = re.compile(r"[^\r\n]+")  # may be blank
+_ENDS = re.compile(r"(?<![ \t])[ \t]*(?:\r\n|\r|\n)(?:[ \t]*(?:\r\n|\r|\n))*")
+_BLOCK = re.compile(r"\s*+/?\s*+N\s*(\d+)")
 # what makes a program not linear: M23, M24, M25, M29, jumps by comparison
 _LEADS_BACK = re.compile(r"M\s*0*2[3459](?!\d)|[<>=]")
 SURE: Final = 100  # lines examined to recognise a program
 SHOWN: Final = 40  # characters of a line quoted in an error
-_KNOWN = re.compile(r"\s*(?:/?\s*N\s*\d+\s*(?:[A-Za-z_!({/]|$)|;)")  # almost certainly a block or a remark
+_KNOWN = re.compile(r"\s*+(?:/?\s*+N\s*\d+\s*(?:[A-Za-z_!({/]|$)|;)")  # almost certainly a block or a remark
 _JOB = re.compile(r"\s*[<#!]")  # beginnings of a job file: bytes, a remark
 _PARAMETERS: Final = ("D", "D+")
-_PARAMETER = re.compile(r"\s*(?:K\d+\s*:?\s*)?([Pq])\s*(\d+)\s*:\s*(\S+)")
+_PARAMETER = re.compile(r"\s*+(?:K\d+\s*+:?\s*+)?([Pq])\s*(\d+)\s*:\s*(\S+)")
 
 
 def create(name: str) -> Bwo900Language:
@@ -116,6 +118,9 @@ class Bwo900Language:
         self.defaults = retiming.DEFAULTS
         self._sent = Pieces(ends=b"\n\x04")
         self._received = Pieces(ends=b"\n\x04")
+
+    def example(self) -> Example:
+        return Example.kept(__package__, "square.nc", "4030-servo")
 
     def frame(self, text: str) -> bytes:
         return encoded(text) + END_OF_LINE
@@ -234,8 +239,9 @@ def _significant(text: str) -> Iterator[re.Match[str]]:
     """Lines without blank ones and without remarks and tape marks (%) before the first program."""
     began = False
     for row in _ROW.finditer(text):
-        began = began or row[0].lstrip()[0] not in ";%"
-        if began:
+        word = row[0].lstrip()[:1]
+        began = began or word not in ("", ";", "%")
+        if began and word:
             yield row
 
 
@@ -351,7 +357,7 @@ def explain(text: str) -> str:
         return "a remark"
     if name := program_name(word):
         return f"{'program' if name[0] == 'P' else 'cycle'} {name[1:]}"
-    if (match := _PARAMETER.match(word)) is not None and not re.match(r"\s*/?\s*N", word):
+    if (match := _PARAMETER.match(word)) is not None and not re.match(r"\s*+/?\s*+N", word):
         number = int(match[2])
         known = KEYS.get(number, "") if match[1] == "P" else ""
         axis, offset = divmod(number - P.AXES_FIRST, AXIS_SIZE)

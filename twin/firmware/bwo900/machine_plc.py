@@ -159,6 +159,12 @@ class MachinePlc:
             self._hand_over(due)
             self._plc.begin_pass(due, self._memory)
 
+    @property
+    def spindle(self) -> int:
+        """+1 turns right, -1 left, 0 off: A 0.0 and A 0.1."""
+        a = self._memory.a[0]
+        return (-1 if a & 2 else 1) if a & 1 else 0
+
     def take(self) -> dict[str, int]:
         """Outputs that have changed since the last call, by name."""
         a = self._memory.a

@@ -40,6 +40,7 @@ class Operating:
             self._channel.abort()
             self._hardware.outgoing.clear()
             execution.interpreter.forget_in_hand()
+            execution.forget_emergencies()
         elif before is Mode.HAND:
             execution.interpreter.take_over_functions()
         self._hand.release(everything=True)
@@ -73,6 +74,21 @@ class Operating:
         if self._starts and free and self._power.until_ns is None:
             self._starts = False
             self._execution.begin()
+
+    def call_emergency(self, which: int) -> None:
+        """P8710, P8711: break off what runs, and start an emergency program (0, 1) in AUTO. M1310: it is not there."""
+        execution = self._execution
+        if (missing := execution.missing_emergency(which)) is not None:
+            self._channel.abort()
+            self._hardware.say(missing)
+            return
+        self.abort()
+        if execution.mode is Mode.POSITIONING:
+            self.set_mode(Mode.HAND)
+        if execution.mode is not Mode.AUTO:
+            self.set_mode(Mode.AUTO)
+        execution.parameters.write(P.EMERGENCY_1 + which, 1.0)
+        self.start()
 
     def stop(self) -> None:
         self._starts = False

@@ -132,6 +132,9 @@ class Parameters:
                 return q - begin + of_axis(axis)
         return None
 
+    has_spindle = False
+    """The machine has a spindle whose speed can be measured."""
+
     def get(self, number: int, default: float = 0.0, area: str = "P") -> float:
         return self._values.get(self.address(area, number), default)
 

@@ -25,7 +25,7 @@ AXES: Final = 3
 MM_MIN: Final = 0.06  # a Hz, at 1000 increments/mm
 RAPID_HZ: Final = 100_000.0  # P12004 as delivered: 6000 mm/min, the highest rapid
 RAMP_MS: Final = 250.0  # P12008 as delivered
-_BLOCK = re.compile(r"\s*/?\s*N\s*(\d+)")
+_BLOCK = re.compile(r"\s*+/?\s*+N\s*(\d+)")
 _SAID = re.compile(r"\{[^}]*\}?|!.*|^\s*;.*", re.DOTALL)  # remarks and texts for the screen
 _NUMBER = r"(\d+(?:\.\d*)?)(?![\d.]|\s*[-+*/])"
 _RAPID = re.compile(rf"(\bP\s*{P.RAPID}\s*[:=]\s*){_NUMBER}")

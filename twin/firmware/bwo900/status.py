@@ -39,8 +39,8 @@ MODAL: Final[Mapping[int, Callable[[Modal], int]]] = {
     Cell.MIRROR_SECOND: lambda m: G.MIRROR_SECOND if m.mirror_second else G.MIRROR_OFF,
     Cell.OVERRIDE: lambda m: m.override,
     Cell.DIMENSION: lambda m: m.dimension,
-    Cell.FEED_KIND: lambda m: G.FEED_PER_MINUTE,
-    Cell.SPEED_KIND: lambda m: G.TURNS_PER_MINUTE,
+    Cell.FEED_KIND: lambda m: m.feed,
+    Cell.SPEED_KIND: lambda m: m.speed,
 }
 PLANE: Final = (Cell.FIRST_AXIS, Cell.SECOND_AXIS, Cell.THIRD_AXIS)
 EXECUTED: Final = (
@@ -68,8 +68,8 @@ _KNOWN: Final = frozenset(NUMBERS)
 
 # deleted at power-on
 FORGOTTEN: Final = (
-    P.TRAVEL_RELEASE, P.SAFETY_HALT, P.HAND_PLANE, P.HAND_ZERO, P.HAND_COORDINATES, P.EXCHANGE, P.BLOCK_LOCK,
-    P.NOT_INTERPOLATING, P.WITHOUT_DYNAMICS,
+    P.BLOCK_RELEASE, P.TRAVEL_RELEASE, P.SAFETY_HALT, P.HAND_PLANE, P.HAND_ZERO, P.HAND_COORDINATES, P.EXCHANGE,
+    P.BLOCK_LOCK, P.EMERGENCY_1, P.EMERGENCY_2, P.NOT_INTERPOLATING, P.WITHOUT_DYNAMICS,
 )  # fmt: skip
 
 

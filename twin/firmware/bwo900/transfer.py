@@ -2,6 +2,7 @@
 
     CR LF  P1 CR LF  N10 ... CR LF  ...  # CR LF  04 CR LF          programs, Z: cycles
     CR LF  D  CR LF  K1:P 10: 1 S:$00000009 CR LF  q 3: 30000 ...   parameters; D+ with their status; a dash deletes
+    CR LF  W  CR LF  K1:P 21000: 1 ...                              the same of the tool table; N, B: of zero points
 
 Lines end in CR LF, CR or LF. A wrong line gives a message with its number, and the rest of the file is skipped.
 The control sends nothing by itself; files that it is asked for have the same form.
@@ -25,8 +26,11 @@ from isel_twin.firmware.bwo900.programs.stored import Builder, Store
 EOT: Final = 0x04  # end of a file, unless P11177 says otherwise
 PROTECTED: Final = 0x01  # bit of P11178: programs are not overwritten (M1107)
 LINE_MODE: Final = 0x01  # of q41, byte 1: blocks need no number (nc_line_mode, 3.9.2.2)
+TABLES: Final = {"W": "tool table", "N": "zero points", "B": "zero points"}
+PARAMETERS: Final = ("D", "D+", *TABLES)  # what files of parameters begin with
 POSITIONED: Final = "P0"  # program of the positioning block, which is typed at the panel and needs no number (2.6.2)
 # characters that are ignored at the ends of a line: blanks, and ends of files of another setting
+MOST_OF_TABLE: Final = 10_000
 BLANK: Final = "".join(chr(code) for code in range(33))
 HANDSHAKE: Final = b"\x11\x13"  # Xon and Xoff of a host, which are ignored
 _LINE = re.compile(
@@ -96,7 +100,7 @@ class Receiver:
             yield from self._begin(word)
         elif word == END:
             yield from self._end_of_file()
-        elif self._kind in ("D", "D+"):
+        elif self._kind in PARAMETERS:
             yield from self._parameter(word)
         elif self._builder is not None:
             try:
@@ -105,7 +109,7 @@ class Receiver:
                 yield self._skip(error.number, error.detail, error.infos)
 
     def _begin(self, word: str) -> Iterator[ProgramError]:
-        if word in ("D", "D+"):
+        if word in PARAMETERS:
             self._kind = word
         elif name := program_name(word):
             feed = self._store.feed
@@ -117,7 +121,8 @@ class Receiver:
                 self._kind, self._builder = name, Builder(name, numbered=not lines and name != POSITIONED)
         else:
             yield self._skip(
-                Code.WRONG_FILE, f"line {self._number}: {word[:20]!r}; a file begins with P or Z and a number, or D"
+                Code.WRONG_FILE,
+                f"line {self._number}: {word[:20]!r}; a file begins with P or Z and a number, D, W or N",
             )
 
     def _skip(self, number: int, detail: str, infos: tuple[float, ...] = ()) -> ProgramError:
@@ -174,6 +179,9 @@ class Receiver:
         if value is not None and not math.isfinite(value):
             yield self._wrong(f"{word[:40]!r} is too large a number")
             return
+        if self._kind in TABLES and (area, number) not in _table(self._parameters, self._kind):
+            yield self._wrong(f"{area}{number} is not of the {TABLES[self._kind]}")
+            return
         try:
             self._parameters.write(number, value, area, channel)
             if match["status"] is not None and self._kind == "D+":
@@ -196,6 +204,26 @@ def _ends(sign: int, other: int) -> re.Pattern[bytes]:
 def end_of_file(parameters: Parameters) -> int:
     """The character that a file ends with (P11177)."""
     return int(parameters.given(P.END_OF_FILE, float(EOT))) & 0xFF
+
+
+def table_file(parameters: Parameters, kind: str) -> str:
+    """The tool table (W) or the zero points (N) as a file: those of its parameters that have a value."""
+    p = parameters
+    numbers = [n for _, n in sorted(_table(p, kind)) if p.loaded(n)]
+    return "".join(f"{line}\r\n" for line in (kind, *(f"K1:P {n}: {p.get(n):.15g}" for n in numbers), END))
+
+
+def _table(parameters: Parameters, kind: str) -> frozenset[tuple[str, int]]:
+    """Area and numbers of the parameters of the tool table (W) or the zero points (N, B)."""
+    p = parameters
+    if kind == "W":
+        first = int(p.get(Q.TOOL_TABLE, 21_000, "q"))
+        count = int(p.get(Q.TOOLS, 0.0, "q")) * int(p.given(Q.TOOL_SIZE, 20.0, "q"))
+    else:
+        first = int(p.get(Q.ZERO_TABLE, 20_000, "q"))
+        points = (7 + 6 * int(p.get(Q.ZERO_MORE, 0.0, "q"))) * (int(p.get(Q.ZERO_GROUPS, 0.0, "q")) + 1)
+        count = points * int(p.given(Q.ZERO_SETS, 1.0, "q")) * int(p.given(Q.ZERO_AXES, 3.0, "q"))
+    return frozenset(("P", n) for n in range(first, first + min(count, MOST_OF_TABLE)))
 
 
 def parameter_file(parameters: Parameters, status: bool = True) -> str:

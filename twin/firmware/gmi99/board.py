@@ -177,6 +177,18 @@ class Board:
         return self.enable_missing or (flags.flag(places.STOP) and not flags.flag(places.STOP_SUPPRESSED))
 
     @property
+    def reduced_m_hz(self) -> tuple[int, ...]:
+        """M, and of each axis whose reduced speed is asked for, that (gmi99/30)."""
+        settings = self.settings
+        if not self._reduction_asked:
+            return settings.m_hz
+        single = zip(settings.m_hz[1:], settings.r_hz[1:], strict=True)
+        return (settings.m_hz[0], *(min(m, r) if r else m for m, r in single))
+
+    @property
     def reduced(self) -> bool:
-        asked = self.reduced_mode == 2 or (self.reduced_mode == 1 and self.images.flag(places.REDUCED))
-        return asked and self.settings.r_hz[0] > 0
+        return self._reduction_asked and self.settings.r_hz[0] > 0
+
+    @property
+    def _reduction_asked(self) -> bool:
+        return self.reduced_mode == 2 or (self.reduced_mode == 1 and self.images.flag(places.REDUCED))

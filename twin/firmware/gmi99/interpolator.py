@@ -186,9 +186,9 @@ class Interpolator:
 
     def rules(self) -> planner.Rules:
         """The rules for planning moves."""
-        settings = self._board.settings
+        board, settings = self._board, self._board.settings
         return planner.Rules(
-            speed_hz=settings.m_hz,
+            speed_hz=board.reduced_m_hz,
             acceleration_hz_per_ms=settings.b_hz_per_ms,
             ratio=settings.ratios,
             influence=tuple(not apart for apart in settings.no_influence),

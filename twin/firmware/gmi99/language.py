@@ -28,6 +28,7 @@ from isel_twin.firmware.gmi99.link import Frame, Receiver
 from isel_twin.firmware.gmi99.settings import HIGHEST, LOWEST
 from isel_twin.language import (
     SETTINGS_RANGES,
+    Example,
     LanguageError,
     Message,
     MoveSettings,
@@ -94,6 +95,9 @@ class Gmi99Language:
     def __init__(self) -> None:
         self.defaults = retiming.defaults()
         self._receivers = {True: Receiver(VARIANT, from_host=True), False: Receiver(VARIANT, from_host=False)}
+
+    def example(self) -> Example:
+        return Example.kept(__package__, "square.txt", "4030-servo")
 
     def frame(self, text: str) -> bytes:
         """One frame, or several between which | stands."""

@@ -14,8 +14,9 @@ it out and never refuses.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
+from types import GeneratorType
 from typing import Any
 
 from isel_twin.controller import CounterSet, Event, SerialFormat
@@ -31,6 +32,7 @@ from isel_twin.firmware.imc.supervisor import Supervisor, signal_error, watched
 from isel_twin.firmware.imc.waiting import WaitingLines
 from isel_twin.motion import Displacement, Motion
 
+SHOWN = ("moving", "lamp_start", "lamp_stop", "lamp_fault")  # outputs that show the state
 # the effect of an accepted line; returns the reply, or None if it comes later or never
 Effect = Callable[[], str | None]
 
@@ -52,7 +54,7 @@ class Imc:
         self._lines = WaitingLines(self._profile.input_bytes)
         self._assembler = grammar.LineAssembler(self._profile.line_bytes)
         self._recorder: Recorder | None = None
-        self._shown: dict[str, bool] = {}
+        self._shown: tuple[bool, ...] = ()  # what SHOWN show
         self._device = Device(self._profile, self._flash, self._inputs, self._events)
         self._device.executor.now_ns = now_ns
         self._supervisor = Supervisor(self._device)
@@ -109,8 +111,20 @@ class Imc:
 
     def receive(self, t_ns: int, data: bytes) -> None:
         self.advance(t_ns)
-        for byte in data:
-            if self._receive_byte(byte):
+        at = 0
+        while at < len(data):
+            end = grammar.run_end(data, at)
+            if at == end:
+                end += 1
+                effect = self._receive_end(data[at])
+            elif self._supervisor.listening:
+                end = at + 1
+                effect = self._hear(data[at])
+            else:
+                effect = False
+                self._assembler.feed(data[at:end])
+            at = end
+            if effect:
                 self._settle()
 
     def set_input(self, t_ns: int, terminal: str, level: bool) -> None:
@@ -129,11 +143,11 @@ class Imc:
 
     def advance(self, t_ns: int) -> None:
         self._device.executor.now_ns = t_ns
-        self._settle()
+        if self._supervisor.due:
+            self._settle()
 
     def take(self) -> list[Event]:
-        events = self._events[:]
-        self._events.clear()
+        events, self._events[:] = self._events[:], ()
         return events
 
     def terminals(self) -> Mapping[str, tuple[str, ...]]:
@@ -186,23 +200,30 @@ class Imc:
         """Set the outputs that show the state. A lamp the host has switched stays until its state changes."""
         supervisor = self._supervisor
         moving = supervisor.moving
-        shown = {
-            "moving": moving,
-            "lamp_start": moving or (supervisor.task is not None and supervisor.task.program),
-            "lamp_stop": supervisor.parked is not None,
-            "lamp_fault": self._device.safety is not State.OPERATING,
-        }
+        shown = (
+            moving,
+            moving or (supervisor.task is not None and supervisor.task.program),
+            supervisor.parked is not None,
+            self._device.safety is not State.OPERATING,
+        )
         if shown == self._shown:
             return
-        for name, on in shown.items():
-            if self._shown.get(name) != on:
+        for name, on, before in zip(SHOWN, shown, self._shown or (None,) * len(SHOWN), strict=True):
+            if on != before:
                 self._device.outputs[name] = int(on)
         self._shown = shown
 
     # ---- bytes and lines --------------------------------------------------------------------------------------------
 
-    def _receive_byte(self, byte: int) -> bool:
-        """Take a byte; return True if it has an effect now. A byte within a line has none."""
+    def _hear(self, byte: int) -> bool:
+        """Take a byte for a stored program that waits for one; return True if it has an effect now."""
+        if byte == grammar.LF:
+            return False
+        self._device.executor.hear(byte)
+        return True
+
+    def _receive_end(self, byte: int) -> bool:
+        """Take a CR or a control byte; return True if it has an effect now."""
         if byte == grammar.STOP:
             if self._supervisor.stop():
                 self._lines.hold()
@@ -211,10 +232,8 @@ class Imc:
             self._lines.hold()
         elif byte == grammar.RESET:
             self._reset()
-        elif self._supervisor.listening and byte not in (grammar.CR, grammar.LF):
-            self._device.executor.hear(byte)
         else:
-            line = self._assembler.feed(byte)
+            line = self._assembler.end()
             if line is None:
                 return False
             self._lines.put(line)
@@ -262,7 +281,7 @@ class Imc:
     def _carry_out(self, command: commands.Command, values: tuple[Any, ...], *, at_once: bool) -> str | None:
         """at_once: a command that takes time is acknowledged when it begins."""
         result = command.do(self._device, *values)
-        if not isinstance(result, Generator):
+        if not isinstance(result, GeneratorType):
             return result or OK
         self._supervisor.forget_parked()
         while self._answer_held():

@@ -138,15 +138,16 @@ class Device:
         counts = self.counts
         for leg in legs:
             counts = added(counts, leg)
-            if any(not -POSITION_LIMIT <= n < POSITION_LIMIT for n in counts):
+            if min(counts) < -POSITION_LIMIT or max(counts) >= POSITION_LIMIT:
                 raise Refusal(BAD_NUMBER)
         if not unreferenced:
-            self.require_reference(axis for leg in legs for axis in range(AXES) if leg[axis])
+            self.require_reference([axis for leg in legs for axis in range(AXES) if leg[axis]])
 
     def require_reference(self, axes: Iterable[int]) -> None:
         """Raise Refusal(R) unless these axes are referenced."""
-        if not all(self.referenced[axis] for axis in axes):
-            raise Refusal(NOT_REFERENCED)
+        for axis in axes:
+            if not self.referenced[axis]:
+                raise Refusal(NOT_REFERENCED)
 
     def energise(self) -> None:
         """Stages on, brake released."""

@@ -20,6 +20,8 @@ STOP, RESET, BREAK = 253, 254, 255  # control bytes (2.2.31)
 AXES_CODE = "axes"  # code given to `@0<number>`, the command without a letter
 
 _NUMBER = re.compile(r"([+-]?)(?:([0-9]+)(?:\.[0-9]*)?|\.[0-9]+)")
+_WHOLE_NUMBERS = re.compile(r"[+-]?[0-9]+(?:,[+-]?[0-9]+)*")
+_ENDS_RUN = re.compile(rb"[\r\xfd-\xff]")  # CR and the control bytes: what may have an effect of its own
 
 
 class LineAssembler:
@@ -30,21 +32,26 @@ class LineAssembler:
         self._line = bytearray()
         self._too_long = False
 
-    def feed(self, byte: int) -> bytes | None:
-        """Take one byte; return a line when this byte ends one. A line that was too long is returned empty."""
-        if byte == LF:
-            return None
-        if byte != CR:
-            if len(self._line) < self._limit:
-                self._line.append(byte)
-            else:
-                self._too_long = True
-            return None
+    def feed(self, run: bytes) -> None:
+        """Take bytes without a CR."""
+        room = self._limit - len(self._line)
+        run = run.replace(b"\n", b"")
+        self._line += run[:room]
+        self._too_long |= len(run) > room
+
+    def end(self) -> bytes | None:
+        """Take a CR; return the line that it ends, None for an empty one. One that was too long is returned empty."""
         line = b"" if self._too_long else bytes(self._line)
         complete = self._too_long or line.strip()
         self._line.clear()
         self._too_long = False
         return line if complete else None
+
+
+def run_end(data: bytes, start: int) -> int:
+    """Index of the next CR or control byte, or the length."""
+    found = _ENDS_RUN.search(data, start)
+    return len(data) if found is None else found.start()
 
 
 @dataclass(frozen=True)
@@ -101,8 +108,11 @@ def read_numbers(text: str, numbers: Sequence[Number]) -> tuple[int, ...]:
     fields = text.split(",") if text.strip(" ") else []
     if len(fields) != len(numbers):
         raise Refusal(PARAMETER_COUNT)
-    values = [read_number(field) for field in fields]
-    return tuple(number.check(value) for number, value in zip(numbers, values, strict=True))
+    values = tuple(map(int if _WHOLE_NUMBERS.fullmatch(text) else read_number, fields))
+    for number, value in zip(numbers, values, strict=True):
+        if not number.low <= value <= number.high:
+            raise Refusal(number.code)
+    return values
 
 
 def read_number(field: str) -> int:

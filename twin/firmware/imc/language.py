@@ -35,6 +35,7 @@ from isel_twin.firmware.imc.reading import LF, OK, AnswerForm, ReadingState
 from isel_twin.firmware.imc.wording import line_words
 from isel_twin.language import (
     Act,
+    Example,
     FlashSetting,
     JobMove,
     Message,
@@ -89,6 +90,9 @@ class ImcLanguage:
         self._form = AnswerForm()
 
     # ---- the host's side --------------------------------------------------------------------------------------------
+
+    def example(self) -> Example:
+        return Example.kept(__package__, "square.txt", "4030")
 
     def frame(self, text: str) -> bytes:
         return encoded(text) + CR

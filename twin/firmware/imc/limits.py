@@ -12,6 +12,7 @@ without exchanged switches can leave them (imc/20).
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.firmware.imc.ports import LIMIT_PORT, Inputs
@@ -30,10 +31,18 @@ class LimitSwitches:
 
     def active(self, bit: int) -> bool:
         """True if it is enabled (`@0IE`) and at its active level."""
-        axis, switch = divmod(bit, 2)
-        nibble = self._settings().limit_switches >> 4 * axis
-        enabled, low_active = nibble >> switch & 1, nibble >> 2 + switch & 1
-        return bool(enabled) and self._inputs.bit(LIMIT_PORT, bit) != bool(low_active)
+        return bool(self._active >> bit & 1)
+
+    @property
+    def any_struck(self) -> bool:
+        """True if any switch is active now."""
+        return bool(self._active)
+
+    @property
+    def _active(self) -> int:
+        """One bit a switch."""
+        enabled, low_active = _wanted(self._settings().limit_switches)
+        return enabled & (self._inputs.port(LIMIT_PORT) ^ low_active)
 
     def struck(self, axis: int) -> list[int]:
         """Switches of an axis that are active now."""
@@ -67,6 +76,14 @@ class LimitSwitches:
     def blocks(self, axis: int, direction: int) -> bool:
         """True if the axis would move towards a struck switch."""
         return any(self.lies(bit) == direction for bit in self.struck(axis))
+
+
+@cache
+def _wanted(setting: int) -> tuple[int, int]:
+    """Which switches `@0IE` enables, and which of all are low-active, one bit a switch: it has two of each an axis."""
+    pairs = [setting >> 2 * n & 3 for n in range(8)]  # enabled, low-active of X; of Y; ...
+    enabled, low_active = (sum(pair << 2 * axis for axis, pair in enumerate(pairs[n::2])) for n in (0, 1))
+    return enabled, low_active
 
 
 def switches_of(axis: int) -> tuple[int, int]:

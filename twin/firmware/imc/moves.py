@@ -12,16 +12,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 from isel_twin.firmware.activity import Activity, Ended, Request, Travel
 from isel_twin.firmware.imc.device import Device
 from isel_twin.firmware.imc.grammar import Number
 from isel_twin.firmware.imc.purpose import Reference, Until
 from isel_twin.firmware.imc.replies import BAD_AXES, BAD_NUMBER, BAD_SPEED, LIMIT_SWITCH, Refusal
+from isel_twin.firmware.imc.settings import AXES
 from isel_twin.motion import Displacement, StepPath, TimeLaw, circle, line
 
 XYZ = 7
 ANY_SPEED = Number(-(1 << 62), 1 << 62)  # a speed whose range is checked later, as it may be unused
+PAIRS = tuple((Number(), ANY_SPEED) * count for count in range(AXES + 1))  # steps and speed, so often
 
 
 @dataclass(frozen=True)
@@ -64,6 +67,8 @@ def set_off(device: Device, way: Travel) -> Generator[Request, Ended, Ended]:
 
 def _blocked(device: Device, way: Travel) -> bool:
     """True if this travel would drive an axis further onto its struck switch."""
+    if not device.limits.any_struck:
+        return False
     first, last = way.first, way.first + way.law.ticks
     # over the first ticks, as a curved path may turn later; over all if the axis rests in those
     spans = (first, min(first + 100, last)), (first, last)
@@ -85,8 +90,7 @@ def sense(path: StepPath, axis: int, *spans: tuple[int, int]) -> int:
 
 def move_parameters(device: Device) -> tuple[Number, ...]:
     """Pairs of steps and speed: one an axis, with X, Y and Z four (2.2.2)."""
-    pairs = 4 if device.axes == XYZ else len(device.axis_list)
-    return (Number(), ANY_SPEED) * pairs
+    return PAIRS[4 if device.axes == XYZ else len(device.axis_list)]
 
 
 def check_relative(device: Device, *values: int) -> None:
@@ -101,12 +105,18 @@ def check_absolute(device: Device, *values: int) -> None:
 
 
 def _check_speeds(device: Device, values: Sequence[int], count: int) -> None:
+    allowed = speed(device)
     for speed_hz in values[1 : 2 * count : 2]:
-        speed(device).check(speed_hz)
+        allowed.check(speed_hz)
 
 
 def speed(device: Device) -> Number:
-    return Number(device.profile.min_speed_hz, device.profile.max_speed_hz, BAD_SPEED)
+    return _speed(device.profile.min_speed_hz, device.profile.max_speed_hz)
+
+
+@cache
+def _speed(least_hz: int, most_hz: int) -> Number:
+    return Number(least_hz, most_hz, BAD_SPEED)
 
 
 # ---- linear moves --------------------------------------------------------------------------------------------------
@@ -148,10 +158,10 @@ def _plan_linear(
         ways += [({axis: n}, speed_of[axis]) for axis, n in steps.items() if axis >= 2]
         if second_z:
             ways.append(({2: second_z}, speeds[3]))
-    ways = [(way, speed_hz) for way, speed_hz in ways if any(way.values())]
-    device.require_room(*(as_steps(way) for way, _ in ways), unreferenced=unreferenced)
+    legs = [(as_steps(way), speed_hz) for way, speed_hz in ways if any(way.values())]
+    device.require_room(*[leg for leg, _ in legs], unreferenced=unreferenced)
     # a program's fourth pair may have been stored in 3D, where it does not matter, and be travelled in 2.5D
-    return ([straight_leg(device, as_steps(way), speed(device).check(speed_hz)) for way, speed_hz in ways],)
+    return ([straight_leg(device, leg, speed(device).check(speed_hz)) for leg, speed_hz in legs],)
 
 
 def as_steps(way: dict[int, int]) -> Displacement:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 
 from isel_twin.controller import Event, Output
 
@@ -28,6 +29,8 @@ SIGNALS: Mapping[str, tuple[int, int]] = {
     "setup": (2, 7),
 }
 
+_SIGNAL_AT = {place: signal for signal, place in SIGNALS.items()}
+
 # contacts of the machine that do not have the name of their signal
 CONTACTS = {"cool": "overtemperature", "stop_released": "stop", "setup": "key"}
 LIMIT_PORT = 3
@@ -45,6 +48,7 @@ class Inputs:
 
     def __init__(self, levels: Mapping[str, bool]) -> None:
         self._ports = [0] * 4
+        self._signals = dict.fromkeys(SIGNALS, False)
         for terminal, level in levels.items():
             self.set(terminal, level)
 
@@ -57,6 +61,8 @@ class Inputs:
         if bool(self._ports[port] >> bit & 1) == level:
             return None
         self._ports[port] ^= 1 << bit
+        if (signal := _SIGNAL_AT.get((port, bit))) is not None:
+            self._signals[signal] = level
         return port, bit
 
     def port(self, number: int) -> int:
@@ -66,7 +72,10 @@ class Inputs:
         return bool(self._ports[port] >> bit & 1)
 
     def __getitem__(self, signal: str) -> bool:
-        return self.bit(*SIGNALS[signal])
+        return self._signals[signal]
+
+    def all(self, *signals: str) -> bool:
+        return all(map(self._signals.__getitem__, signals))
 
 
 @dataclass(frozen=True)
@@ -103,6 +112,9 @@ POWER_ON_LEVELS: Mapping[str, int] = {
 }
 
 
+_event = cache(Output)  # an output has 256 levels at most
+
+
 class Outputs:
     """Levels of the outputs; every change, and all levels at the first `reset`, are noted in `events`."""
 
@@ -120,7 +132,7 @@ class Outputs:
     def __setitem__(self, name: str, value: int) -> None:
         if self._levels.get(name) != value:
             self._levels[name] = value
-            self._events.append(Output(name, value))
+            self._events.append(_event(name, value))
 
     def read(self, number: int) -> int:
         bits = OUTPUT_PORTS[number].bits

@@ -50,14 +50,17 @@ TRANSITIONS: Mapping[tuple[State, Event], State] = {
 }
 
 
+CIRCUITS = ("estop_1", "estop_2", "cool")
+
+
 def circuits_closed(inputs: Inputs) -> bool:
     """Both emergency stop circuits closed and the power stages cool."""
-    return inputs["estop_1"] and inputs["estop_2"] and inputs["cool"]
+    return inputs.all(*CIRCUITS)
 
 
 def powered(inputs: Inputs) -> bool:
     """True if the stages have power and may have it."""
-    return circuits_closed(inputs) and inputs["power_ok"]
+    return inputs.all(*CIRCUITS, "power_ok")
 
 
 def hood_safe(inputs: Inputs) -> bool:

@@ -15,6 +15,7 @@ import json
 import zlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
+from functools import cache
 from typing import Any
 
 from isel_twin.base.parameters import parse_json
@@ -28,6 +29,7 @@ Watch = tuple[int, int, int]  # port, mask, value of 4.2.11 to 4.2.14; mask 0 sw
 NO_WATCH: Watch = (0, 0, 0)
 
 
+@cache
 def axes_of(mask: int) -> tuple[int, ...]:
     """Axes of a mask, in the order X, Y, Z, A."""
     return tuple(axis for axis in range(AXES) if mask >> axis & 1)

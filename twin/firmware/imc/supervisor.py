@@ -96,15 +96,14 @@ class Supervisor:
 
     @property
     def next_ns(self) -> int | None:
-        next_ns, cycle_ns = self._executor.next_ns, self._cycle_ns
+        next_ns, cycle_ns = self._executor.end_ns, self._cycle_ns
         if cycle_ns is not None and (next_ns is None or cycle_ns < next_ns):
             next_ns = cycle_ns
-        return None if next_ns is None else max(next_ns, self._device.now_ns)
+        return None if next_ns is None else max(next_ns, self._executor.now_ns)
 
     @property
     def due(self) -> bool:
-        next_ns = self.next_ns
-        return next_ns is not None and next_ns <= self._device.now_ns
+        return self._executor.due or (self._cycle_ns is not None and self._cycle_ns <= self._executor.now_ns)
 
     @property
     def moving(self) -> bool:

@@ -27,6 +27,7 @@ from isel_twin.firmware.ismif import commands, retiming
 from isel_twin.firmware.ismif.commands import AXIS_LETTERS, LINE_LIMIT, SPEEDS_HZ, CommandError
 from isel_twin.language import (
     SETTINGS_RANGES,
+    Example,
     Message,
     MoveSettings,
     Pieces,
@@ -71,6 +72,9 @@ class IsmifLanguage:
         self.defaults = retiming.defaults()
         self._sent, self._received = Pieces(ends=CR + START), Pieces(ends=CR)
         self._begun = b""
+
+    def example(self) -> Example:
+        return Example.kept(__package__, "square.txt", "4030")
 
     def frame(self, text: str) -> bytes:
         """The text and CR; a text that ends in 01h starts the job, and the CR after it is an empty line."""

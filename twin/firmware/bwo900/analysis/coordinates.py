@@ -227,6 +227,8 @@ def start_state(p: Parameters) -> Iterator[int]:
         yield _known(zero, ZERO)
     if coordinates := int(p.get(P.START_COORDINATES)):
         yield _known(coordinates, COORDINATES)
+    if p.has_spindle and int(p.get(P.SPEED_KIND)) == G.CUTTING_SPEED:
+        yield G.CUTTING_SPEED
     for number in range(P.START_G_FIRST, P.START_G_LAST + 1):
         if not p.loaded(number):
             return

@@ -14,6 +14,7 @@ from typing import Final
 
 from isel_twin.firmware.bwo900.analysis.coordinates import Coordinates
 from isel_twin.firmware.bwo900.analysis.cycles.call import Call, CycleMove, Kind
+from isel_twin.firmware.bwo900.analysis.cycles.measuring import pointed
 from isel_twin.firmware.bwo900.analysis.cycles.moves import Moves
 from isel_twin.firmware.bwo900.analysis.functions import Functions
 from isel_twin.firmware.bwo900.analysis.reader import Reader
@@ -22,6 +23,7 @@ from isel_twin.firmware.bwo900.analysis.stack import Goal, Level
 from isel_twin.firmware.bwo900.analysis.targets import Targets
 from isel_twin.firmware.bwo900.analysis.tools import Tools
 from isel_twin.firmware.bwo900.geometry.blocks import BlockEnd, Correction, MFunction, Stop
+from isel_twin.firmware.bwo900.geometry.curves import Bent
 from isel_twin.firmware.bwo900.geometry.elements import Element
 from isel_twin.firmware.bwo900.geometry.groups import Modal
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
@@ -48,6 +50,11 @@ class Cycle:
     modal: Modal  # in force again at its end
     comes: bool  # its first move only leads to the pattern: pre functions come after it
     goal: Goal | None = None
+
+    @property
+    def measures(self) -> bool:
+        """Its moves wait for the probe."""
+        return G.MEASURING in self.said.cycles
 
 
 def chosen(numbers: Sequence[int], staying: int | None) -> tuple[int, int | None, int | None]:
@@ -79,9 +86,12 @@ def call_of(
     machining: int | None,
     *,
     bare: bool,
+    measures: bool,
 ) -> Call:
-    """The call of a cycle; bare: G66."""
+    """The call of a cycle; bare: G66, measures: G69."""
     loaded = {number: parameters.get(number) for number in CYCLE_PARAMETERS if parameters.loaded(number)}
+    if measures:
+        loaded |= pointed(parameters)
     fastest = max((parameters.axis(axis, Axis.SPEED, 0.0) for axis in range(len(coordinates.names))), default=0.0)
     return Call(
         parameters=loaded,
@@ -96,25 +106,35 @@ def call_of(
         tool_radius_mm=abs(tools.radius_mm),
         inner=machining,
         polar=coordinates.modal.polar == G.POLAR_ON,
+        coupled=parameters.has_spindle,
+        has_tool=bool(parameters.get(P.TOOL_PATH)),
     )
 
 
 def step(
-    move: CycleMove, said: Said, coordinates: Coordinates, targets: Targets, functions: Functions, programmed: int
-) -> tuple[tuple[Element, ...], dict[str, object]]:
-    """Elements of a move, and fields of its PathBlock that differ from its block's. programmed: 0 to 3, G00 to G03."""
+    move: CycleMove,
+    said: Said,
+    coordinates: Coordinates,
+    targets: Targets,
+    functions: Functions,
+    programmed: int,
+    *,
+    coupled: bool,
+) -> tuple[tuple[Element | Bent, ...], dict[str, object]]:
+    """Elements of a move, and fields of its PathBlock that differ from its block's. programmed: 0 to 3, G00 to G03;
+    coupled: tapping follows the measured speed of the spindle."""
     coordinates.g(MOTION.get(move.kind, programmed))
     said.feed, said.dwell_s = move.feed_mm_min, move.dwell_s
-    elements: tuple[Element, ...] = ()
+    elements: tuple[Element | Bent, ...] = ()
     if move.centre is not None:
         turn = 1 if move.kind is Kind.COUNTER_CLOCKWISE else -1
         elements = (targets.arc(said, move.target, move.centre, turn),)
     elif move.target:
         elements = targets.path(said, move.target)
     post = tuple(MFunction(code, (), functions.of(code).halt) for code in move.m)
-    changes: dict[str, object] = {"post": post, "main": False, "correction": Correction()}
+    changes: dict[str, object] = {"watched": move.watched, "post": post, "main": False, "correction": Correction()}
     if move.exact_stop or move.dwell_s is not None:
         changes["end"] = BlockEnd.EXACT_STOP
     if move.kind is Kind.TAP:
-        changes["override"] = False
+        changes |= {"override": False, "per_turn": coupled}
     return elements, changes

@@ -24,6 +24,7 @@ from isel_twin.firmware.bwo900.analysis.cycles.moves import Moves
 from isel_twin.firmware.bwo900.analysis.cycles.table import CYCLES
 from isel_twin.firmware.bwo900.analysis.handed import clear
 from isel_twin.firmware.bwo900.analysis.output import Output
+from isel_twin.firmware.bwo900.analysis.plain import Plain
 from isel_twin.firmware.bwo900.analysis.reader import Reader
 from isel_twin.firmware.bwo900.analysis.said import Said
 from isel_twin.firmware.bwo900.analysis.stack import Goal, Level, Stack
@@ -33,6 +34,7 @@ from isel_twin.firmware.bwo900.analysis.tools import Tools
 from isel_twin.firmware.bwo900.analysis.values import Values
 from isel_twin.firmware.bwo900.analysis.waiting import Renewal, Waiting
 from isel_twin.firmware.bwo900.geometry.blocks import MFunction, PathBlock, Stop
+from isel_twin.firmware.bwo900.geometry.curves import Bent
 from isel_twin.firmware.bwo900.geometry.elements import Element, Point
 from isel_twin.firmware.bwo900.geometry.frames import Frame
 from isel_twin.firmware.bwo900.geometry.groups import GROUPS, PLANE, ZERO_POINTS
@@ -60,6 +62,7 @@ class Interpreter:
         self._reader = Reader(parameters, store, self.stack, self._values, self._coordinates, self._tools, self._cycles)
         self._targets = Targets(parameters, self._values, self._coordinates)
         self._output = Output(parameters, self.stack, self._coordinates, self._targets, self._tools)
+        self._plain = Plain(parameters, self._coordinates, self._targets, self._tools, self._output)
         self._ready = self._output.ready
         self._supervision = Supervision(self._ready)
         self._reset((0.0, 0.0, 0.0))
@@ -71,6 +74,7 @@ class Interpreter:
         self._reader.clear()
         self._targets.clear()
         self._output.clear()
+        self._plain.forget()
         self._supervision.clear()
         self._cycle_now: Cycle | None = None
         self._waiting: Waiting | None = None
@@ -149,6 +153,17 @@ class Interpreter:
             self._waiting = None
             self._renewal, self._due = self._due, Renewal.NOTHING
 
+    def measured(self, place: Point | None) -> None:
+        """Where the axes were, machine coordinates, when a signal ended the executed block with M26; None: none did."""
+        if self._cycle_now is not None and self._cycle_now.measures:
+            frame = self._coordinates.frame
+            self._cycle_now.moves.answer(None if place is None else frame.program(place))
+
+    def pass_over(self) -> None:
+        """A search for a block measures nothing: what has been measured stands."""
+        if self._cycle_now is not None and self._cycle_now.measures:
+            self._cycle_now.moves.pass_over()
+
     def begun(self) -> None:
         """The path of the last block has begun."""
         if self._waiting is Waiting.BEGINNING:
@@ -193,6 +208,8 @@ class Interpreter:
         if self._renewal is not None:
             self._renew(self._renewal)
         if self._cycle_now is not None:
+            if self._cycle_now.measures and self._waiting is not None:
+                return self._waiting
             return self._next_of_cycle(self._cycle_now)
         if self._waiting is Waiting.CONDITION:
             self._waiting = None  # analyse the block again
@@ -203,6 +220,9 @@ class Interpreter:
         level = self.stack.top
         if level.over:
             return self._returned(level) if level.program.complete else Waiting.FEED
+        if (plain := self._plain.next(level)) is not None:
+            return plain
+        self._plain.forget()
         block = level.take()
         if block.skip and self._skips:
             return self._output.empty(block)
@@ -221,10 +241,17 @@ class Interpreter:
             self._waiting = Waiting.EXECUTION
         if self._supervision.keeping is ON and self._stays():
             return Waiting.PASS
-        return self._ready.popleft() if self._ready else self._output.empty(block)
+        if not self._ready:
+            return self._output.empty(block)
+        made = self._ready.popleft()
+        waits = self._ready or self._waiting is not None or self._watched
+        if not waits and self._supervision.keeping is OFF and self._reader.drilling is None:
+            self._plain.learn(level, block, made)
+        return made
 
     def _renew(self, renewal: Renewal) -> None:
         self._renewal = None
+        self._plain.forget()
         if renewal is Renewal.TOOL:
             self._tools.change()
         if renewal is not Renewal.NOTHING:
@@ -306,7 +333,7 @@ class Interpreter:
         self._emit(said, () if targets is None else self._targets.path(said, targets))
         self._after(said)
 
-    def _emit(self, said: Said, elements: tuple[Element, ...], **changes: object) -> None:
+    def _emit(self, said: Said, elements: tuple[Element | Bent, ...], **changes: object) -> None:
         """Make the block's PathBlock, and set what analysis waits for after it."""
         made = self._output.append(said, elements, **changes)
         self._watched = self._watched or made.watched
@@ -367,8 +394,16 @@ class Interpreter:
         after, stop = list(said.post), said.stop
         said.post, said.stop, said.watches = [], Stop.NONE, False
         here, bare = self._coordinates, G.BARE in said.blockwise
-        call = call_of(self._parameters, here, self._targets, self._reader, self._tools, targets, machining, bare=bare)
+        measures = first == G.MEASURING
+        if measures:
+            if self._supervision.on:
+                raise ProgramError(Code.NO_HALT_HERE, "G69 waits for the probe, in a block of supervision")
+            here.g(G.RADIUS_OFF)
+        given = self._parameters, here, self._targets, self._reader, self._tools, targets, machining
+        call = call_of(*given, bare=bare, measures=measures)
         moves, comes = Moves(self._cycles, first, call), comes_first(pattern, here, targets)
+        if measures and self._parameters.get(P.WITHOUT_MOVING):
+            moves.pass_over()
         self._cycle_now = Cycle(said, self.stack.top, moves, after, stop, here.modal, comes)
         self._go_on_with(self._cycle_now)
         while self._supervision.on and self._cycle_now is not None:
@@ -382,8 +417,11 @@ class Interpreter:
             pre: list[MFunction] = []
             if cycle.comes and cycle.moves.made == 1:
                 pre, said.pre = said.pre, []
+            for number, value in move.writes.items():
+                self._parameters.write(number, value)
             elements, changes = step(
-                move, said, self._coordinates, self._targets, self._reader.functions, cycle.modal.motion
+                *(move, said, self._coordinates, self._targets, self._reader.functions, cycle.modal.motion),
+                coupled=self._parameters.has_spindle,
             )
             self._emit(said, elements, **changes)
             said.pre, said.speeds, said.parameters, said.tool = pre, {}, [], None

@@ -11,6 +11,7 @@ from isel_twin.firmware.bwo900.analysis.stack import Stack
 from isel_twin.firmware.bwo900.analysis.targets import Targets
 from isel_twin.firmware.bwo900.analysis.tools import Tools
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock, Stop
+from isel_twin.firmware.bwo900.geometry.curves import Bent
 from isel_twin.firmware.bwo900.geometry.elements import Element
 from isel_twin.firmware.bwo900.geometry.in_force import AT_REST, InForce
 from isel_twin.firmware.bwo900.parameters import Parameters
@@ -45,7 +46,7 @@ class Output:
         fields |= {"correction": correction(here, self._tools)}
         return PathBlock(name, **fields)  # type: ignore[arg-type]
 
-    def append(self, said: Said, elements: tuple[Element, ...], **changes: object) -> PathBlock:
+    def append(self, said: Said, elements: tuple[Element | Bent, ...], **changes: object) -> PathBlock:
         """Append the block of a path, or of a cycle's move; changes: fields that differ from `said`."""
         told = self.in_force(said.cycles[0] if said.cycles else None)
         feed = self._targets.feed_mm_min

@@ -21,7 +21,16 @@ from isel_twin.firmware.bwo900.analysis.stack import Goal, Stack
 from isel_twin.firmware.bwo900.analysis.tools import Tools
 from isel_twin.firmware.bwo900.analysis.values import Values
 from isel_twin.firmware.bwo900.geometry.blocks import MFunction, Stop
-from isel_twin.firmware.bwo900.geometry.groups import BEYOND, BLOCKWISE, GROUPS, MIRROR, SHIFT, ZERO, ZERO_POINTS
+from isel_twin.firmware.bwo900.geometry.groups import (
+    BEYOND,
+    BLOCKWISE,
+    GROUPS,
+    MIRROR,
+    SHIFT,
+    TURNING,
+    ZERO,
+    ZERO_POINTS,
+)
 from isel_twin.firmware.bwo900.messages import MISSING, Code, ProgramError
 from isel_twin.firmware.bwo900.numbers import G, M, P, Q
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
@@ -91,7 +100,7 @@ class Reader:
 
     def _cycle_of_user(self, block: ProgramBlock) -> Called | None:
         for n in (g.number for g in block.g):
-            own = n in GROUPS or n in BLOCKWISE or n in BEYOND or n in self._cycles
+            own = n in GROUPS or n in BLOCKWISE or n in BEYOND or (n in self._cycles and n != G.MEASURING)
             if not own and n not in (G.DRILLING_OFF, G.DRILLING_WITH_DWELL) and f"Z{n}" in self._store:
                 return f"Z{n}", None, None
         return None
@@ -104,6 +113,8 @@ class Reader:
             self._of_group(number, group, said, column)
         elif number in BEYOND:
             raise ProgramError(Code.EXCLUDED, f"{MISSING}: G{number}, {BEYOND[number]}", column)
+        elif number == G.MEASURING and f"Z{number}" in self._store:
+            said.call = (f"Z{number}", None, None)
         elif number in self._cycles or number == G.DRILLING_WITH_DWELL:
             said.cycles.append(number)
             if number in DRILLING and self._drill_flags & STAYING:
@@ -119,6 +130,8 @@ class Reader:
         if group in said.groups and said.groups[group] != number and group != MIRROR:
             raise ProgramError(Code.EXCLUDED, f"G{said.groups[group]} and G{number}", column)
         said.groups[group] = number
+        if number in TURNING and not self._parameters.has_spindle:
+            raise ProgramError(Code.NO_SPINDLE, f"G{number} on a machine without one", column)
         additional = number in ZERO_POINTS and number >= G.ZERO_7
         if additional and number // 100 > int(self._parameters.get(Q.ZERO_MORE, 0.0, "q")):
             raise ProgramError(Code.EXCLUDED, f"G{number}: q174 allows no such zero point", column)

@@ -33,6 +33,7 @@ def find(
     for _ in range(MOST_BLOCKS):
         block = interpreter.next()
         if block is Waiting.EXECUTION:
+            interpreter.pass_over()
             interpreter.executed()
         elif block is Waiting.ACKNOWLEDGEMENT:
             interpreter.acknowledged(jumps=False)

@@ -15,7 +15,9 @@ from isel_twin.firmware.bwo900.analysis.stack import Goal
 from isel_twin.firmware.bwo900.analysis.tools import Tools
 from isel_twin.firmware.bwo900.analysis.values import Later
 from isel_twin.firmware.bwo900.geometry.blocks import BlockEnd, Correction, MFunction, PathBlock, Stop
+from isel_twin.firmware.bwo900.geometry.curves import Bent
 from isel_twin.firmware.bwo900.geometry.elements import Element
+from isel_twin.firmware.bwo900.geometry.groups import SPLINES
 from isel_twin.firmware.bwo900.geometry.in_force import InForce
 from isel_twin.firmware.bwo900.numbers import G, P
 from isel_twin.firmware.bwo900.parameters import Parameters
@@ -68,7 +70,7 @@ class Said:
 
 def path_block(
     said: Said,
-    elements: tuple[Element, ...],
+    elements: tuple[Element | Bent, ...],
     coordinates: Coordinates,
     feed_mm_min: float | None,
     tools: Tools,
@@ -89,12 +91,15 @@ def path_block(
         rapid=rapid,
         feed_mm_min=None if rapid else feed,
         end_feed_mm_min=said.end_feed,
+        per_turn=not rapid and coordinates.modal.feed == G.FEED_PER_TURN,
         override=coordinates.modal.override != G.OVERRIDE_FIXED,
         end=_end(said, coordinates, rapid, parameters),
         correction=Correction() if alone and elements and G.BARE in alone else correction(coordinates, tools),
         tool_mm=abs(tools.radius_mm) if elements and not rapid else 0.0,
         chamfer_mm=chamfer_mm,
         rounding_mm=rounding_mm,
+        spline=bool(elements) and coordinates.modal.motion in SPLINES,
+        contour_feed=coordinates.modal.motion == G.SPLINE_FEED,
         three_points=bool(alone) and G.THREE_POINTS in alone,
         pre=tuple(said.pre),
         post=tuple(said.post),

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from operator import add
 from typing import Final
 
 from isel_twin.firmware.bwo900.analysis.coordinates import Coordinates
@@ -17,14 +18,17 @@ from isel_twin.firmware.bwo900.analysis.reader import CENTRES
 from isel_twin.firmware.bwo900.analysis.said import Said
 from isel_twin.firmware.bwo900.analysis.values import Values
 from isel_twin.firmware.bwo900.geometry.circles import arc_by_centre, arc_by_radius
+from isel_twin.firmware.bwo900.geometry.curves import Bent, Cubic, Round
 from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Point, Straight
 from isel_twin.firmware.bwo900.geometry.frames import Frame, polar
-from isel_twin.firmware.bwo900.geometry.groups import CIRCLES, CORRECTION
-from isel_twin.firmware.bwo900.messages import MISSING, Code, Message, ProgramError, message
+from isel_twin.firmware.bwo900.geometry.groups import CIRCLES, CORRECTION, SPLINES
+from isel_twin.firmware.bwo900.messages import Code, Message, ProgramError, message
 from isel_twin.firmware.bwo900.numbers import G, P, Q
 from isel_twin.firmware.bwo900.parameters import Parameters
+from isel_twin.firmware.bwo900.programs.words import Word
 
 NEAR_MM: Final = 1e-9  # shorter paths are left out
+BENT: Final = (*SPLINES, G.POLYNOMIAL)
 
 
 class Targets:
@@ -75,7 +79,7 @@ class Targets:
                     here = 0.0 if modal.dimension == G.INCREMENTAL else coordinates.program_position[plane.first]
                     named.setdefault(plane.first, here)
             elif word.name in names:
-                named[names[word.name]] = self._values.of(word.value)
+                named[names[word.name]] = self._value_of(word, names[word.name])
             elif word.name in letters:
                 radial[letters[word.name]] = self._values.of(word.value)
             elif word.name[0] not in "FSTIJKRft":
@@ -94,6 +98,16 @@ class Targets:
                     radius, angle = abs(radius) + self._polar_correction[0], angle + self._polar_correction[1]
                 named[plane.first], named[plane.second] = polar(self._pole, radius, angle)
         return self._absolute(named, relative, said) if named else None
+
+    def _value_of(self, word: Word, axis: int) -> float:
+        """The target that an axis word names; of a polynomial V3 + V2 + V1 beyond the start."""
+        if not word.terms:
+            return self._values.of(word.value)
+        coordinates = self._coordinates
+        if coordinates.modal.motion != G.POLYNOMIAL:
+            raise ProgramError(Code.SYNTAX, f"{word.name}:[...] without G52", word.column)
+        way = sum(self._values.of(term) for term in word.terms)
+        return way if coordinates.modal.dimension == G.INCREMENTAL else coordinates.program_position[axis] + way
 
     def _polar_letters(self) -> dict[str, str]:
         """Letters of radius (r) and angle (a): q150 and q151."""
@@ -131,7 +145,7 @@ class Targets:
 
     # Elements
 
-    def path(self, said: Said, targets: Mapping[int, float]) -> tuple[Element, ...]:
+    def path(self, said: Said, targets: Mapping[int, float]) -> tuple[Element | Bent, ...]:
         """The elements to a target; the position moves there. Raises ProgramError: M1230 no feed, those of circles."""
         coordinates = self._coordinates
         frame, start, bare = self._frame_of(said)
@@ -140,8 +154,12 @@ class Targets:
             coordinates.g(G.LINE)
         motion = coordinates.modal.motion
         end = coordinates.machine(frame, goal, targets)
-        element: Element | None = None
-        if motion in CIRCLES and self._turns(targets):
+        element: Element | Bent | None = None
+        if motion in BENT:
+            self._without_correction(motion)
+        if motion == G.POLYNOMIAL:
+            element = self._polynomial(said, frame, start, goal, targets)
+        elif motion in CIRCLES and self._turns(targets):
             element = self._circle(said, frame, start, end)
         elif math.dist(coordinates.position, end) > NEAR_MM:
             element = Straight(coordinates.position, end)
@@ -180,7 +198,50 @@ class Targets:
         plane = self._coordinates.frame.plane
         return plane.first in targets or plane.second in targets or bool(self._centre or self._radius)
 
-    def _circle(self, said: Said, frame: Frame, start: Point, end: Point) -> Arc:
+    def _without_correction(self, motion: int) -> None:
+        if self._coordinates.modal.radius != G.RADIUS_OFF:
+            raise ProgramError(Code.EXCLUDED, f"G{motion} with radius correction; G40 comes first")
+
+    def _polynomial(
+        self, said: Said, frame: Frame, start: Point, goal: Point, targets: Mapping[int, float]
+    ) -> Cubic | None:
+        """G52: the cubic of words such as X:[V3,V2,V1]. start, goal: in program coordinates."""
+        coordinates = self._coordinates
+        terms = [[0.0] * len(start) for _ in range(3)]
+        for word in said.block.words:
+            if word.name in coordinates.names:
+                if not word.terms:
+                    raise ProgramError(Code.SYNTAX, f"G52 needs {word.name}:[V3,V2,V1]", word.column)
+                for term, value in zip(terms, word.terms, strict=True):
+                    term[coordinates.names[word.name]] = self._values.of(value)
+        here = coordinates.machine(frame, start, targets)
+        v3, v2, v1 = (
+            tuple(
+                b - a for a, b in zip(here, coordinates.machine(frame, tuple(map(add, start, t)), targets), strict=True)
+            )
+            for t in terms
+        )
+        cubic = Cubic(coordinates.position, v1, v2, v3)
+        return cubic if cubic.length_mm > NEAR_MM else None
+
+    def _in_space(self, said: Said, frame: Frame, end: Point) -> Round:
+        """The circle of a block with three axes and three centres: G02 the long arc, G03 the short one."""
+        coordinates = self._coordinates
+        self._without_correction(coordinates.modal.motion)
+        base = self._counted_from(said) if coordinates.modal.dimension == G.INCREMENTAL else (0.0,) * len(end)
+        given = tuple(b + self._centre[name] for b, name in zip(base, CENTRES, strict=False)) + base[len(CENTRES) :]
+        order = coordinates.frame.order
+        centre = frame.machine(tuple(given[order.index(axis)] for axis in range(len(end))))
+        try:
+            made = Round(coordinates.position, end, centre, coordinates.modal.motion == G.CIRCLE_CLOCKWISE)
+        except ValueError as error:
+            raise ProgramError(Code.CENTRE_OFF, str(error)) from None
+        if abs(made.radius_mm - made.end_radius_mm) > self._parameters.given(P.CENTRE_ERROR, 0.003):
+            radii = f"{made.radius_mm:.4f} mm at the start, {made.end_radius_mm:.4f} mm at the end"
+            raise ProgramError(Code.CENTRE_OFF, f"radius {radii}")
+        return made
+
+    def _circle(self, said: Said, frame: Frame, start: Point, end: Point) -> Arc | Round:
         """The arc to a target: by radius, or by centre I, J, K. start: in program coordinates."""
         coordinates, plane = self._coordinates, frame.plane
         turn = 1 if coordinates.modal.motion == G.CIRCLE_COUNTER_CLOCKWISE else -1
@@ -193,7 +254,7 @@ class Targets:
         if not self._centre:
             raise ProgramError(Code.CIRCLE_WITHOUT_CENTRE)
         if all(said.block.word(name) for name in (*CENTRES, *list(coordinates.names)[:3])):
-            raise ProgramError(Code.EXCLUDED, f"{MISSING}: circles in space")
+            return self._in_space(said, frame, end)
         letters = tuple(CENTRES[coordinates.logical(axis)] for axis in (plane.first, plane.second))
         here = plane.of(start if coordinates.modal.dimension == G.ABSOLUTE else self._counted_from(said))
         base = here if coordinates.modal.dimension == G.INCREMENTAL else (0.0, 0.0)

@@ -13,12 +13,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from isel_twin.firmware.bwo900.messages import Code, ProgramError
+from isel_twin.firmware.bwo900.messages import MISSING, Code, ProgramError
 from isel_twin.firmware.bwo900.numbers import P, Q
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
 
 SIZE: Final = 50
-GROUP, NUMBER, PLACE, LIFE_SET, LIFE, WORN, RADIUS, LENGTH = 0, 1, 2, 6, 7, 8, 10, 11
+GROUP, NUMBER, PLACE, KIND, LIFE_SET, LIFE, WORN, RADIUS, LENGTH = 0, 1, 2, 4, 6, 7, 8, 10, 11
+LATHE: Final = (500, 599)  # kinds of tools with two lengths
 RADIUS_CORRECTION, LENGTH_CORRECTION, QUADRANT = 12, 13, 14
 SUB_RECORDS: Final = 8  # where the sub records of an entry begin
 
@@ -71,7 +72,7 @@ class Tools:
 
     def find(self, group: int) -> int:
         """Place in the table, from 1, of a tool of this group that is not worn. Raises ProgramError: M1225 no table,
-        M1050 no such group, M1053 all its tools are worn."""
+        M1050 no such group, M1053 all its tools are worn, M1232 it is one for lathes."""
         p = self._parameters
         if not p.loaded(Q.TOOL_TABLE, "q") or not self._count:
             raise ProgramError(Code.NO_TOOL_TABLE)
@@ -81,6 +82,9 @@ class Tools:
             if p.loaded(first) and p.get(first) == group:
                 lives = not p.get(first + LIFE_SET) or p.get(first + LIFE) < p.get(first + LIFE_SET)
                 if lives and p.get(first + WORN) != 1.0:
+                    if LATHE[0] <= p.get(first + KIND) <= LATHE[1]:
+                        kind = f"T{group} is of type {p.get(first + KIND):g}"
+                        raise ProgramError(Code.EXCLUDED, f"{MISSING}: tools for lathes, and {kind}")
                     return number
                 worn = True
         raise ProgramError(Code.TOOL_WORN if worn else Code.NO_TOOL, f"T{group}")

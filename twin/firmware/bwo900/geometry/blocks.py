@@ -11,7 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
-from isel_twin.firmware.bwo900.geometry.elements import XY, Arc, Element, Plane, Point
+from isel_twin.firmware.bwo900.geometry.curves import Bent, Cubic, Round
+from isel_twin.firmware.bwo900.geometry.elements import XY, Arc, Element, Plane, Point, Straight
 from isel_twin.firmware.bwo900.geometry.in_force import AT_REST, InForce
 from isel_twin.firmware.bwo900.programs.words import Text
 
@@ -52,7 +53,7 @@ class MFunction:
     jump: bool = False  # its acknowledgement deletes the path, and the program goes on elsewhere
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class PathBlock:
     """One analysed block of a program or a cycle."""
 
@@ -60,17 +61,20 @@ class PathBlock:
     number: int  # of the block; of the block that called, within a cycle
     column: int = 0
     start: Point = (0.0, 0.0, 0.0)  # where it begins, in machine coordinates, before any radius correction
-    elements: tuple[Element, ...] = ()  # empty: no path
+    elements: tuple[Element | Bent, ...] = ()  # empty: no path
     plane: Plane = XY
     rapid: bool = False
     feed_mm_min: float | None = None  # path feed; None with rapid
     end_feed_mm_min: float | None = None  # feed that the block ends with (`f`)
+    per_turn: bool = False  # both feeds are in mm a revolution of the spindle
     override: bool = True  # False: G63, 100 %
     end: BlockEnd = BlockEnd.CONTINUOUS
     correction: Correction = Correction()
     tool_mm: float = 0.0  # radius of the cutting tool, for drawings; 0: unknown, or no cut
     chamfer_mm: float | None = None  # G12 with P70: at the corner to the next path
     rounding_mm: float | None = None  # G12 with P71
+    spline: bool = False  # G50, G51: its only element is a line, which becomes a cubic with the next path
+    contour_feed: bool = False  # G51
     three_points: bool = False  # G123: its only element is a line, which becomes an arc with the next one
     pre: tuple[MFunction, ...] = ()
     post: tuple[MFunction, ...] = ()
@@ -86,9 +90,25 @@ class PathBlock:
     target: Point = (0.0, 0.0, 0.0)  # where it ends, in the program's coordinates, mm
     in_force: InForce = AT_REST  # other modal state
 
+    def like(self, **changes: object) -> PathBlock:
+        """As `dataclasses.replace`, ten times as fast."""
+        made = object.__new__(PathBlock)
+        made.__dict__.update(self.__dict__, **changes)
+        return made
+
     @property
     def finish(self) -> Point:
         return self.elements[-1].end if self.elements else self.start
+
+    @property
+    def in_space(self) -> bool:
+        """True for splines, polynomials and circles in space, which no correction in a plane can follow."""
+        return self.spline or any(isinstance(element, Cubic | Round) for element in self.elements)
+
+    @property
+    def drawn(self) -> tuple[Element, ...]:
+        """Its lines and arcs; without curves in space."""
+        return tuple(element for element in self.elements if isinstance(element, Straight | Arc))
 
     @property
     def length_mm(self) -> float:
@@ -112,8 +132,8 @@ class PathBlock:
 
     @property
     def motion(self) -> float | None:
-        """0 to 3, for G00 to G03; None without a path."""
-        if not self.elements:
+        """0 to 3, for G00 to G03; None without a path, and on curves in space, which their G function tells."""
+        element = self.elements[0] if self.elements else None
+        if element is None or isinstance(element, Cubic | Round):
             return None
-        element = self.elements[0]
         return 0.0 if self.rapid else (2.0 if element.sweep_rad < 0.0 else 3.0) if isinstance(element, Arc) else 1.0

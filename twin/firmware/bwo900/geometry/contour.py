@@ -51,6 +51,9 @@ class Contour:
             self._between.append(block)
             return []
         between, self._between, self._first = self._between, [], None
+        if first.in_space or block.in_space:
+            error = ProgramError(Code.NO_CORNER, "a curve in space has no corner in a plane")
+            raise error.at(first.program, first.number, first.column)
         if first.three_points:
             done = self._pair(first, block)
             return [done[0], *between, *self._begin(replace(done[1], three_points=False))]
@@ -79,13 +82,13 @@ class Contour:
         return [block]
 
     def _pair(self, first: PathBlock, second: PathBlock) -> tuple[PathBlock, PathBlock]:
-        a, b = through(first.elements[-1], second.elements[0], first.plane)
+        a, b = through(first.drawn[-1], second.drawn[0], first.plane)
         return (replace(first, elements=(*first.elements[:-1], a)), replace(second, elements=(b, *second.elements[1:])))
 
 
 def _flat(block: PathBlock) -> bool:
     """True if it has a path in its plane."""
-    return any(flat_length(element, block.plane) > NEAR for element in block.elements)
+    return block.in_space or any(flat_length(element, block.plane) > NEAR for element in block.drawn)
 
 
 def _moved(block: PathBlock, place: UV) -> PathBlock:
@@ -98,7 +101,7 @@ def _moved(block: PathBlock, place: UV) -> PathBlock:
 
 def _corner(first: PathBlock, second: PathBlock) -> tuple[Element, Element, Element]:
     """The rest of the last element of one block, the inserted element, and the rest of the first of the other."""
-    a, b, plane = first.elements[-1], second.elements[0], first.plane
+    a, b, plane = first.drawn[-1], second.drawn[0], first.plane
     if first.rounding_mm is not None:
         return rounded(a, b, plane, abs(first.rounding_mm))
     assert first.chamfer_mm is not None

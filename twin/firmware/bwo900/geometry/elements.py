@@ -59,7 +59,7 @@ class Straight:
     @cached_property
     def _direction(self) -> Point:
         length = self.length_mm or 1.0
-        return tuple((b - a) / length for a, b in zip(self.start, self.end, strict=True))
+        return tuple([(b - a) / length for a, b in zip(self.start, self.end, strict=True)])
 
     def tangent(self, share: float = 0.0) -> Point:
         """Unit vector along it; zeros if it has no length."""
@@ -71,6 +71,13 @@ class Straight:
 
     def reversed(self) -> Straight:
         return Straight(self.end, self.start)
+
+
+def straight(start: Point, end: Point, length_mm: float) -> Straight:
+    """A line whose length is known."""
+    made = Straight(start, end)
+    made.__dict__["length_mm"] = length_mm
+    return made
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ MOTION, POLAR, TANGENT, TRANSFORMED, PLANE, EXACT, RADIUS, CORRECTION = range(8)
 ROTATION, COORDINATES, ZERO, MIRROR, OVERRIDE, DIMENSION, SHIFT, FEED, SPEED = range(8, 17)
 
 CIRCLES: Final = (G.CIRCLE_CLOCKWISE, G.CIRCLE_COUNTER_CLOCKWISE)
+SPLINES: Final = (G.SPLINE, G.SPLINE_FEED)
 # G53 to G59, G153, and G154 to G959
 ZERO_POINTS: Final = frozenset(
     (G.MACHINE_ZERO, G.NO_ZERO, *(100 * more + n for more in range(10) for n in range(G.ZERO_1, G.ZERO_6 + 1)))
@@ -23,7 +24,7 @@ ZERO_POINTS: Final = frozenset(
 
 # group of each modal G function that the twin knows
 GROUPS: Final[Mapping[int, int]] = {
-    **dict.fromkeys((G.RAPID, G.LINE, G.CIRCLE_CLOCKWISE, G.CIRCLE_COUNTER_CLOCKWISE), MOTION),
+    **dict.fromkeys((G.RAPID, G.LINE, *CIRCLES, *SPLINES, G.POLYNOMIAL), MOTION),
     **dict.fromkeys((G.POLAR_ON, G.POLAR_OFF), POLAR),
     **dict.fromkeys((G.TANGENT_OFF,), TANGENT),
     **dict.fromkeys((G.POLAR_TRANSFORMATION_OFF,), TRANSFORMED),
@@ -40,9 +41,11 @@ GROUPS: Final[Mapping[int, int]] = {
     **dict.fromkeys((G.OVERRIDE_FIXED, G.OVERRIDE_FREE), OVERRIDE),
     **dict.fromkeys((G.ABSOLUTE, G.INCREMENTAL), DIMENSION),
     **dict.fromkeys((G.SHIFT,), SHIFT),
-    **dict.fromkeys((G.FEED_PER_MINUTE,), FEED),
-    **dict.fromkeys((G.TURNS_PER_MINUTE,), SPEED),
+    **dict.fromkeys((G.FEED_PER_MINUTE, G.FEED_PER_TURN), FEED),
+    **dict.fromkeys((G.TURNS_PER_MINUTE, G.CUTTING_SPEED), SPEED),
 }
+
+TURNING: Final = frozenset((G.FEED_PER_TURN, G.CUTTING_SPEED))  # only where there is a spindle (M1224)
 
 # effective in their own block; G123 for its pairs of blocks
 BLOCKWISE: Final = frozenset((G.DWELL, G.EXACT_STOP_HERE, G.NO_EXACT_STOP_HERE, G.CORNER, G.BARE, G.THREE_POINTS))
@@ -50,9 +53,7 @@ BLOCKWISE: Final = frozenset((G.DWELL, G.EXACT_STOP_HERE, G.NO_EXACT_STOP_HERE, 
 # G functions of the manual that the twin refuses (M1232), and their purpose
 BEYOND: Final[Mapping[int, str]] = {
     G.ROTARY_POSITIVE: "rotary axes", G.ROTARY_NEGATIVE: "rotary axes", G.ROTARY_SHORTEST: "rotary axes",
-    G.TANGENT_ON: "a tangential axis", G.POLAR_TRANSFORMATION_ON: "the polar transformation", G.SPLINE: "splines",
-    G.SPLINE_FEED: "splines", G.POLYNOMIAL: "polynomials", G.MEASURING: "measuring cycles",
-    G.FEED_PER_TURN: "feed per revolution", G.CUTTING_SPEED: "constant cutting speed",
+    G.TANGENT_ON: "a tangential axis", G.POLAR_TRANSFORMATION_ON: "the polar transformation",
     G.WEIGHTING_1: "an undocumented function", G.WEIGHTING_2: "an undocumented function", G.INCH_OFF: "inches",
     G.INCH_METRIC: "inches",
 }  # fmt: skip
@@ -75,10 +76,13 @@ class Modal:
     mirror_second: bool = False
     override: int = G.OVERRIDE_FREE
     dimension: int = G.ABSOLUTE
+    feed: int = G.FEED_PER_MINUTE
+    speed: int = G.TURNS_PER_MINUTE
 
     _FIELDS: ClassVar = {
         MOTION: "motion", POLAR: "polar", PLANE: "plane", EXACT: "exact", RADIUS: "radius", CORRECTION: "correction",
         ROTATION: "rotation", COORDINATES: "coordinates", ZERO: "zero", OVERRIDE: "override", DIMENSION: "dimension",
+        FEED: "feed", SPEED: "speed",
     }  # fmt: skip
 
     def with_g(self, number: int) -> Modal:

@@ -98,9 +98,11 @@ class Offset:
     def push(self, block: PathBlock) -> list[PathBlock]:
         """Returns the blocks that are complete. Raises ProgramError."""
         on = bool(block.correction.side) and (block.correction.radius_mm > 0.0 or self._last is not None)
-        flat = any(flat_length(element, block.plane) > NEAR_MM for element in block.elements)
         if self._last is None and self._place is None and not on:
             return [block]
+        if block.in_space:
+            raise ProgramError(Code.NO_APPROACH, "a curve in space; a line switches the correction off")
+        flat = any(flat_length(element, block.plane) > NEAR_MM for element in block.drawn)
         if on and self._last is not None and block.plane != self._last.plane:
             raise ProgramError(Code.EXCLUDED, "another plane with radius correction")
         entry = _Open(block, len(block.elements))
@@ -111,7 +113,7 @@ class Offset:
             self._pathless(entry)
             return self._done()
         self._empty = 0
-        for element in block.elements:
+        for element in block.drawn:
             if flat_length(element, block.plane) <= NEAR_MM:
                 self._across(entry, element)
             elif on:
@@ -139,7 +141,7 @@ class Offset:
             self._empty += 1
             if self._empty > MOST_EMPTY:
                 raise ProgramError(Code.TOO_MANY_WITHOUT_PATH, f"more than {MOST_EMPTY} in a row")
-        for element in entry.block.elements:
+        for element in entry.block.drawn:
             self._across(entry, element)
 
     def _across(self, entry: _Open, element: Element) -> None:

@@ -69,8 +69,8 @@ class Feed:
     def __len__(self) -> int:
         return self._dropped + len(self._known)
 
-    def block(self, place: int) -> ProgramBlock:
-        """The block at a place, from 0; it and those before count as analysed. Raises ProgramError."""
+    def line(self, place: int) -> str:
+        """The text of the block at a place, from 0; it and those before count as analysed."""
         text, _ = self._known[place - self._dropped]
         if place >= self._analysed:
             self._analysed = place + 1
@@ -79,7 +79,11 @@ class Feed:
             while self._analysed - self._dropped > KEPT:
                 self._texts.pop(self._known.popleft()[1], None)
                 self._dropped += 1
-        return parse_block(text, place + 1)
+        return text
+
+    def block(self, place: int) -> ProgramBlock:
+        """The block at a place, as `line`. Raises ProgramError."""
+        return parse_block(self.line(place), place + 1)
 
     def number(self, place: int) -> int:
         return self._known[place - self._dropped][1] if self._dropped <= place < len(self) else -1

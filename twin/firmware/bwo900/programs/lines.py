@@ -11,7 +11,7 @@ END: Final = "#"  # after the last block of a file
 MOST_LINE: Final = 400  # characters of a line of a file (M1113)
 MOST_DIGITS: Final = 10  # of a block's number
 _NAME = re.compile(r"\s*([PZ])\s*(\d{1,10})\s*$")
-_NUMBER = re.compile(r"\s*/?\s*N\s*(\d+)")
+_NUMBER = re.compile(r"\s*+/?\s*+N\s*(\d+)")
 
 
 class Lines:

@@ -45,6 +45,9 @@ class Blocks(Protocol):
     def __len__(self) -> int:
         """Number of known blocks."""
 
+    def line(self, place: int) -> str:
+        """The text of the block at a place, from 0."""
+
     def block(self, place: int) -> ProgramBlock:
         """The block at a place, from 0. Raises ProgramError if it cannot be parsed."""
 

@@ -39,6 +39,7 @@ _PLAIN = re.compile(r"([A-FH-LOQ-Z])([-+]?\d+(?:\.\d*)?)(?=[\sA-Z;]|$)")  # most
 _INDEXED = re.compile(r"([A-Z])([1-8])\s*:(?![:=])")
 _G = re.compile(r"G\s*(\d+)")
 _M = re.compile(r"M\s*(\d+)")
+_TERMS = re.compile(r"\s*:?\s*\[([^\[\]]*)\]")
 _NUMBER = re.compile(r"\d+(?:[.,]\d*)?|[.,]\d+")
 _HEX = re.compile(r"\$([0-9A-Fa-f]+)\s*;")
 _NAME = re.compile(r"_[A-Za-z0-9_]*")
@@ -207,7 +208,18 @@ class _Parser:
             return Word(indexed[1] + indexed[2], self.expression(), column)
         name = self.text[self.at]
         self.at += 1
+        if (terms := _TERMS.match(self.text, self.at)) is not None:
+            return self._polynomial(name, terms, column)
         return Word(name, self._value(), column)
+
+    def _polynomial(self, name: str, terms: re.Match[str], column: int) -> Word:
+        """`X:[V3,V2,V1]`: three values; commas part them, so that decimals have points."""
+        parts = terms[1].split(",")
+        if len(parts) != 3 or not all(part.strip() for part in parts):
+            self.refuse(Code.SYNTAX, f"{name}:[...] has three values, V3, V2, V1")
+        values = tuple(self._part(part) for part in parts)
+        self.at = terms.end()
+        return Word(name, values[0], column, values)
 
     def _value(self) -> Expression:
         """A number, a bracket, or `:` and an expression."""

@@ -14,6 +14,7 @@ class Word:
     name: str
     value: Expression
     column: int = 0
+    terms: tuple[Expression, ...] = ()  # V3, V2, V1 of a polynomial, `X:[1,2,3]`; value is the first
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,6 @@
 """Analysis ahead of the real time: analysed blocks that wait for execution.
 
-    interpreter --> contour (G12, G123) --> radius correction (G41, G42) --> waiting blocks
+    interpreter --> contour (G12, G123) --> radius correction (G41, G42) --> splines (G50, G51) --> waiting blocks
                     each may hold blocks back until the next one comes, or until `flush`
 
 Analysis goes on until `AHEAD` blocks wait, the program ends, an error comes, or the interpreter itself waits: for a
@@ -20,6 +20,7 @@ from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter, Waiting
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock, Stop
 from isel_twin.firmware.bwo900.geometry.contour import Contour
 from isel_twin.firmware.bwo900.geometry.offset import Offset
+from isel_twin.firmware.bwo900.geometry.spline import Spline
 from isel_twin.firmware.bwo900.messages import Effect, Message, ProgramError, message
 from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.parameters import Parameters
@@ -27,6 +28,7 @@ from isel_twin.firmware.bwo900.realtime.surroundings import Surroundings
 
 BLOCK_NS: Final = 1_500_000  # block cycle time (manual: below 1.5 to 6 ms), of blocks without a path
 AHEAD: Final = 400  # blocks analysed ahead of the one in execution
+FILTERED: Final = (P.CORNER_ARC, P.SPLINE_BULGE)
 REFILL: Final = 200  # analysis goes on when at most this many wait
 
 
@@ -38,8 +40,9 @@ class Filter(Protocol):
 
 
 def filters(parameters: Parameters) -> list[Filter]:
-    """New filters, in their order: contour, radius correction (P8845)."""
-    return [Contour(), Offset(parameters.get(P.CORNER_ARC) if parameters.loaded(P.CORNER_ARC) else None)]
+    """New filters, in their order: contour, radius correction (P8845), splines (P8847)."""
+    arc, bulge = (parameters.get(number) if parameters.loaded(number) else None for number in FILTERED)
+    return [Contour(), Offset(arc), Spline(bulge or 0.0)]
 
 
 class Ahead:

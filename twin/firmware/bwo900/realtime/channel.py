@@ -6,7 +6,7 @@ Before a block's path come its parameters, S, T and pre functions, after it the 
 functions and stops. Blocks with only a path need no action while the stretch runs; others are handled in the tick in
 which they begin.
 
-    IDLE -> READY -> (PRE_FUNCTIONS) -> PATH -> SETTLE -> DWELL -> POST_FUNCTIONS -> READY ...
+    IDLE -> READY -> (PRE_FUNCTIONS) -> (SPINDLE) -> PATH -> SETTLE -> DWELL -> POST_FUNCTIONS -> READY ...
             EMPTY instead of READY after a block without a path
 
     Stop, M00, single block   HELD before a block, HELD_AT_PATH before its path, HELD_ON_PATH where the axes have braked
@@ -27,8 +27,9 @@ from isel_twin.firmware.bwo900.geometry.blocks import MFunction, PathBlock, Stop
 from isel_twin.firmware.bwo900.messages import Code, ProgramError, message
 from isel_twin.firmware.bwo900.realtime.ahead import BLOCK_NS, Ahead
 from isel_twin.firmware.bwo900.realtime.axes import NAMES
-from isel_twin.firmware.bwo900.realtime.joining import halts
+from isel_twin.firmware.bwo900.realtime.joining import halts, released
 from isel_twin.firmware.bwo900.realtime.path_run import Cut, PathRun, has_jump
+from isel_twin.firmware.bwo900.realtime.spindle import LOOK_NS, PATIENCE_NS
 from isel_twin.firmware.bwo900.realtime.stretch import PERIOD_NS
 from isel_twin.firmware.bwo900.realtime.surroundings import Surroundings, enter, mute, send, speak
 from isel_twin.motion import SetPointRun
@@ -42,6 +43,7 @@ class State(Enum):
     READY = "the next block begins"
     EMPTY = "a block without a path takes its time, or analysis has no block yet"
     PRE_FUNCTIONS = "functions with halt before a path wait for their acknowledgement"
+    SPINDLE = "a path with feed waits until the spindle has its speed"
     PATH = "set points are made"
     ABORTING = "the axes brake along the path; then the program is broken off"
     SETTLE = "exact stop: the following error is not within its window yet"
@@ -67,6 +69,7 @@ class Channel:
         self._current: PathBlock | None = None  # block whose path has ended, during the actions at its end
         self._due_ns: int | None = None  # when the state ends or is checked again; None: it waits for something else
         self._stands_ns = 0  # when the axes should be at rest
+        self._waits_ns = 0  # since when a path has waited for the spindle
         self._holds = False  # after Stop: hold as soon as the axes are at rest
 
     # ---- state ------------------------------------------------------------------------------------------------------
@@ -198,6 +201,11 @@ class Channel:
             case State.PRE_FUNCTIONS if self._plc.idle:
                 self.path.cut &= ~Cut.JUMP
                 self._begin_path()
+            case State.SPINDLE if due:
+                self._await_spindle()
+            case State.HELD_ON_PATH if due:
+                self._due_ns = now_ns + LOOK_NS
+                self._rescale()
             case State.POST_FUNCTIONS:
                 if self._plc.idle:
                     jumps = self._current is not None and has_jump(self._current) and not mute(self._around)
@@ -215,7 +223,7 @@ class Channel:
         if self._holds:
             self._enter(State.HELD)
             return
-        if not self._plc.room:
+        if not self._plc.room or not released(self._around):
             self._enter(State.EMPTY, self._axes.now_ns + BLOCK_NS)
             return
         if self._ahead.fill(0):
@@ -274,11 +282,31 @@ class Channel:
             self.path.delete()
             self._settle()
             return
+        if self._waits_for_spindle(block):
+            self._waits_ns = self._axes.now_ns
+            self._enter(State.SPINDLE, self._waits_ns + LOOK_NS)
+            return
         try:
             self.path.begin()
             self.state = State.PATH
         except ProgramError as error:
             self._break_off(error)
+
+    def _waits_for_spindle(self, block: PathBlock) -> bool:
+        spindle = self._around.spindle
+        return not block.rapid and (not spindle.ready or (block.per_turn and not spindle.wanted))
+
+    def _await_spindle(self) -> None:
+        """Look at the spindle again; a cycle does not wait for ever: M8303 (bwo900/81)."""
+        block, now_ns = self._ahead.blocks[0], self._axes.now_ns
+        if self._holds or not self._waits_for_spindle(block):
+            self._begin_path()
+        elif block.in_force.cycle is not None and now_ns - self._waits_ns >= PATIENCE_NS:
+            measured = self._around.spindle.measured
+            error = ProgramError(Code.SPEED_NOT_REACHED, f"it turns at {measured:.0f} 1/min")
+            self._break_off(error.at(block.program, block.number, block.column))
+        else:
+            self._due_ns = now_ns + LOOK_NS
 
     def _follow(self) -> None:
         """Follow the running stretch: pass from block to block, append analysed blocks, end."""
@@ -286,6 +314,7 @@ class Channel:
         if not path.stretch.runs or path.give_up():
             return
         path.pass_on()
+        path.follow_spindle()
         if path.over:
             self._path_ended()
             return
@@ -301,7 +330,8 @@ class Channel:
             return
         self._current = self.path.finish()
         if self._current is None:
-            self._enter(State.HELD_ON_PATH)
+            follows = self.path.per_turn and not self._holds
+            self._enter(State.HELD_ON_PATH, self._axes.now_ns + LOOK_NS if follows else None)
         elif self._current.stands:
             self._settle()
         else:
@@ -356,6 +386,8 @@ class Channel:
         if path.cut & Cut.SIGNAL:
             path.cut &= ~Cut.SIGNAL
             path.begin_anew()
+        if block.watched:
+            self._interpreter.measured(self._deletion.place)
         if block.stop is Stop.SYNCHRONISE or block.stop is Stop.MEASURING_STOP:
             self._interpreter.executed()
         if self._interpreter.waiting is Waiting.ACKNOWLEDGEMENT and not self._ahead.blocks:

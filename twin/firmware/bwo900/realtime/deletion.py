@@ -31,8 +31,11 @@ class DeletionWatch:
     def __init__(self, parameters: Parameters, levels: Mapping[str, bool], axes: Axes, executed: Executed) -> None:
         """levels: of the inputs, kept up to date by the caller."""
         self._parameters, self._levels, self._axes, self._executed = parameters, levels, axes, executed
+        self.place: tuple[float, ...] | None = None
+        """Where the axes were at the signal of the last block with M26, machine coordinates; None: there was none."""
 
     def begins(self) -> None:
+        self.place = None
         self._parameters.write(P.DELETED, -1.0)
         for axis in range(AXES):
             self._state(axis, taken=False)
@@ -42,6 +45,7 @@ class DeletionWatch:
         return bool(self._parameters.get(P.DELETE)) or self._probed(block)
 
     def deleted(self) -> None:
+        self.place = tuple(self._axes.actual_mm(axis) for axis in range(AXES))
         self._parameters.write(P.DELETED, float(self._executed.place[1]))
         self.keep()
 

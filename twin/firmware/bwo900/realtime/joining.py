@@ -7,9 +7,15 @@ from typing import Final
 
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
 from isel_twin.firmware.bwo900.numbers import P
+from isel_twin.firmware.bwo900.realtime.spindle import commands
 from isel_twin.firmware.bwo900.realtime.surroundings import Surroundings
 
 ONLY_REAL_TIME: Final = 0x1010  # of P8806 (byte 1, 2, bit 4): single block stops only after blocks with real-time work
+
+
+def released(around: Surroundings) -> bool:
+    """P8706: False while the PLC holds the change of blocks. Once it is set blocks do not join (bwo900/90)."""
+    return around.parameters.get(P.BLOCK_RELEASE, 1.0) != 0.0
 
 
 def halts(block: PathBlock, around: Surroundings) -> bool:
@@ -28,11 +34,20 @@ def breaks_after(block: PathBlock, around: Surroundings) -> bool:
 def joins(block: PathBlock, following: PathBlock, around: Surroundings) -> bool:
     """True if a block goes on in the stretch of the one before it."""
     return (
-        not breaks_after(block, around)
+        not around.parameters.loaded(P.BLOCK_RELEASE)
+        and not breaks_after(block, around)
         and not any(function.halt for function in following.pre)
         and following.override == block.override
+        and not (around.spindle.present and _waits_for_spindle(block, following))
         and not (not following.elements and breaks_after(following, around))
     )
+
+
+def _waits_for_spindle(block: PathBlock, following: PathBlock) -> bool:
+    """True if the spindle changes between two blocks, or the feed begins to count by its turns."""
+    before, after = block.in_force.modal.speed, following.in_force.modal.speed
+    other = before != after or following.per_turn != block.per_turn or (block.rapid and not following.rapid)
+    return other or commands((*block.post, *following.pre), following)
 
 
 def joining(waiting: deque[PathBlock], last: PathBlock | None, around: Surroundings) -> list[PathBlock]:

@@ -49,10 +49,11 @@ def written(parameters: Parameters, number: int) -> None:
 
 def factor(parameters: Parameters, axes: int) -> float:
     """The present factor of all path speeds: 1 is 100 %, also the default of an unset override."""
-    return min(_percent(parameters, int(parameters.axis(axis, Axis.OVERRIDE, 1.0))) for axis in range(axes)) / 100.0
+    return min(percent(parameters, int(parameters.axis(axis, Axis.OVERRIDE, 1.0))) for axis in range(axes)) / 100.0
 
 
-def _percent(parameters: Parameters, override: int) -> float:
+def percent(parameters: Parameters, override: int) -> float:
+    """Of an override 1 to 8, others are 1; 100 unless set."""
     first = P.OVERRIDE + SIZE * (override - 1 if 1 <= override <= COUNT else 0)
     return _limited(parameters, first, parameters.get(first, 100.0))
 

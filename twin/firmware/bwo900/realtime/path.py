@@ -21,17 +21,20 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby
+from operator import mul, sub
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.firmware.bwo900.geometry.blocks import BlockEnd, Correction, PathBlock
+from isel_twin.firmware.bwo900.geometry.curves import Bent, Round
 from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Point, Straight
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.numbers import Axis, P
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
-from isel_twin.motion.pieces import Pieces
+from isel_twin.motion.pieces import Curve, Pieces
 
 MINUTE_S: Final = 60.0
 FASTEST_MM_MIN: Final = 6_000.0  # P12004 if unset
@@ -41,6 +44,8 @@ FURTHEST: Final = 2.0**31  # increments from zero that a counter of 32 bits hold
 SHARE: Final = math.sqrt(0.5)  # of the acceleration, on circles: across the path and along it
 STRAIGHT: Final = 1e-9  # sine of an angle that counts as 0
 NO_CONTOUR_MM: Final = 1e-6  # radius of a contour that counts as a corner
+MANY: Final = 8  # blocks from which on columns are faster than rows
+CONTINUOUS: Final = BlockEnd.CONTINUOUS  # bound once: looking up a member takes 0.2 us
 SLOWEST: Final = 0.01  # least part of the feed left by P8848 and P8849
 
 
@@ -66,6 +71,15 @@ class MotionLimits:
     reference_mm: float = 0.0
     # P12010 of an axis: ramps are sin^2. They take as long as linear ones, and are pi/2 steeper in their middle.
     sine: bool = False
+    turns_s: float = 1.0  # revolutions a second that feeds in mm a revolution are reckoned with
+
+    def feed_mm_s(self, programmed_mm_min: float) -> float:
+        return self.test_feed or self.feed_share * programmed_mm_min / MINUTE_S
+
+    @property
+    def steeper(self) -> float:
+        """Factor of the acceleration in the middle of a ramp."""
+        return math.pi / 2.0 if self.sine else 1.0
 
     @classmethod
     def of(cls, parameters: Parameters, increments_per_mm: Sequence[float]) -> MotionLimits:
@@ -169,24 +183,92 @@ class PieceMaker:
 
     def pieces(self, blocks: Sequence[PathBlock]) -> tuple[Pieces, list[int]]:
         """The pieces of these blocks, and the number of each block. Raises ProgramError: M1230 no feed, M1237."""
+        ways: list[NDArray[np.float64]] = []
+        tables: list[NDArray[np.float64]] = []
+        curves: list[tuple[int, Curve]] = []
+        counts: list[int] = []
+        for plain, group in groupby(blocks, self._joins_by_a_line):
+            run = list(group)
+            lines = [element for block in run for element in block.elements if isinstance(element, Straight)]
+            made = self._lines(lines, run) if plain and len(run) >= MANY else None
+            if made is not None:
+                counts += [1] * len(run)
+            else:
+                made = self._one_by_one(run, sum(map(len, ways)), curves, counts)
+            ways.append(made[0])
+            tables.append(made[1])
+        way = np.concatenate(ways) if ways else np.empty((0, len(self._place)))
+        table = np.concatenate(tables, axis=1) if tables else np.empty((5, 0))
+        return Pieces(way, table[0], table[1], table[2], table[3], table[4], tuple(curves)), counts
+
+    def _joins_by_a_line(self, block: PathBlock) -> bool:
+        """True for one line with a feed that nothing stops."""
+        return (
+            len(block.elements) == 1
+            and type(block.elements[0]) is Straight
+            and not block.rapid
+            and not block.per_turn
+            and block.end is CONTINUOUS
+            and block.end_feed_mm_min is None
+            and (block.feed_mm_min or 0.0) > 0.0
+            and not self.limits.contour_mm
+        )
+
+    def _lines(
+        self, lines: Sequence[Straight], blocks: Sequence[PathBlock]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+        """As `_one_by_one`, to the bit, for many blocks that join by lines; None if one of them is left out there, or
+        has an error."""
+        limits = self.limits
+        start, end = np.array([line.start for line in lines]), np.array([line.end for line in lines])
+        length = np.array([line.length_mm for line in lines])
+        exact = end * np.array(limits.increments_per_mm)
+        if not (np.abs(exact) <= FURTHEST).all() or not (length > 0.0).all():
+            return None
+        places = np.rint(exact)
+        way = np.diff(places, axis=0, prepend=[self._place])
+        if not way.any(axis=1).all():
+            return None
+        direction = (end - start) / length[:, None]
+        share = np.abs(direction)
+        share[share == 0.0] = math.nan  # an axis that rests limits nothing
+        limit = np.fmin.reduce(np.array(limits.speed) / share, axis=1)
+        acceleration = np.fmin.reduce(np.array(limits.acceleration) / share, axis=1) * limits.steeper
+        wanted = np.array([limits.feed_mm_s(block.feed_mm_min or 0.0) for block in blocks])
+        speed = np.minimum(wanted, limit)
+        along = direction.tolist()
+        before, last = self._end or (along[0], 0.0)
+        cosines = [sum(map(mul, a, b)) for a, b in zip([before, *along], along, strict=False)]
+        factor = [corner_factor(cosine, limits.corner) for cosine in cosines]
+        entry = np.array(factor) * np.minimum(np.append(last, speed[:-1]), speed)
+        self._place = tuple(map(int, places[-1].tolist()))
+        self._end = tuple(along[-1]), float(speed[-1])
+        self._line = lines[-1].start, lines[-1].end
+        return way, np.stack([length, wanted, limit, acceleration, entry])
+
+    def _one_by_one(
+        self, blocks: Sequence[PathBlock], first: int, curves: list[tuple[int, Curve]], counts: list[int]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Displacements [n, axes] and the other columns [5, n] of n pieces. first: number of the first; adds to curves
+        and counts."""
         rows: list[Point] = []
         columns: list[tuple[float, float, float, float, float]] = []
-        curves: list[tuple[int, _Curve]] = []
-        counts = []
         for block in blocks:
             before = len(rows)
             for element in block.elements:
                 length = element.length_mm
                 end = self._increments(element.end)
-                way = tuple(b - a for a, b in zip(self._place, end, strict=True))
-                if length <= 0.0 or (not any(way) and not isinstance(element, Arc)):
+                way = tuple(map(sub, end, self._place))
+                if length <= 0.0 or (not any(way) and isinstance(element, Straight)):
                     continue
                 wanted, limit, acceleration = self._law(element, block)
                 if not block.rapid:
                     limit = min(limit, self._contour(element))
                 entry = self._entry(element, min(wanted, limit))
                 if isinstance(element, Arc):
-                    curves.append((len(rows), _Curve(element, self._place, self.limits.increments_per_mm)))
+                    curves.append((first + len(rows), _Curve(element, self._place, self.limits.increments_per_mm)))
+                elif not isinstance(element, Straight):
+                    curves.append((first + len(rows), _BentCurve(element, self._place, self.limits.increments_per_mm)))
                 rows.append(way)
                 columns.append((length, wanted, limit, acceleration, entry))
                 self._place = end
@@ -196,40 +278,45 @@ class PieceMaker:
             if block.end is not BlockEnd.CONTINUOUS:
                 self.stop()
             elif block.end_feed_mm_min is not None and self._end is not None:
-                self._end = self._end[0], min(self._end[1], block.end_feed_mm_min / MINUTE_S)
+                self._end = self._end[0], min(self._end[1], self._feed_mm_s(block, block.end_feed_mm_min))
             counts.append(len(rows) - before)
         table = np.array(columns, dtype=np.float64).reshape(len(rows), 5).T
-        ways = np.array(rows, dtype=np.float64).reshape(len(rows), len(self._place))
-        return Pieces(ways, table[0], table[1], table[2], table[3], table[4], tuple(curves)), counts
+        return np.array(rows, dtype=np.float64).reshape(len(rows), len(self._place)), table
 
     def stop(self) -> None:
         self._end = self._line = None
 
     def _increments(self, place: Point) -> tuple[int, ...]:
         exact = [x * per for x, per in zip(place, self.limits.increments_per_mm, strict=True)]
-        if not all(abs(value) <= FURTHEST for value in exact):
+        if not all([abs(value) <= FURTHEST for value in exact]):
             raise ProgramError(Code.TOO_LARGE, "a place that no counter holds")
-        return tuple(round(value) for value in exact)
+        return tuple(map(round, exact))
 
-    def _law(self, element: Element, block: PathBlock) -> tuple[float, float, float]:
+    def _law(self, element: Element | Bent, block: PathBlock) -> tuple[float, float, float]:
         """Wanted speed (bwo900/28), highest speed and acceleration of an element, mm/s and mm/s^2."""
         limits = self.limits
         able = limits.rapid_acceleration if block.rapid else limits.acceleration
         if isinstance(element, Arc):
             limit, acceleration = self._around(element, able)
             wanted = limit
+        elif not isinstance(element, Straight):
+            limit, acceleration = self._along(element, able)
+            wanted = limit
         else:
             direction = [abs(d) for d in element.tangent()]
-            limit = min(v / d for v, d in zip(limits.speed, direction, strict=True) if d > 0.0)
-            acceleration = min(a / d for a, d in zip(able, direction, strict=True) if d > 0.0)
+            limit = min([v / d for v, d in zip(limits.speed, direction, strict=True) if d > 0.0])
+            acceleration = min([a / d for a, d in zip(able, direction, strict=True) if d > 0.0])
             wanted = limits.rapid / max(direction)
         if not block.rapid:
             if block.feed_mm_min is None or block.feed_mm_min <= 0.0:
                 raise ProgramError(Code.NO_FEED)
-            wanted = limits.test_feed or limits.feed_share * block.feed_mm_min / MINUTE_S
+            wanted = limits.test_feed or limits.feed_share * self._feed_mm_s(block, block.feed_mm_min)
             if isinstance(element, Arc):
                 wanted *= feed_factor(element, block.correction, limits)
-        return wanted, limit, acceleration * (math.pi / 2.0 if limits.sine else 1.0)
+        return wanted, limit, acceleration * limits.steeper
+
+    def _feed_mm_s(self, block: PathBlock, feed: float) -> float:
+        return feed * self.limits.turns_s if block.per_turn else feed / MINUTE_S
 
     def _around(self, arc: Arc, able: Point) -> tuple[float, float]:
         limits, plane = self.limits, arc.plane
@@ -251,24 +338,40 @@ class PieceMaker:
             speed = min(speed, limits.kv * math.sqrt(2.0 * radius * limits.deviation_mm))
         return speed, acceleration
 
-    def _contour(self, element: Element) -> float:
+    def _along(self, curve: Bent, able: Point) -> tuple[float, float]:
+        """On a curve in space: as around a circle of its tightest radius, with each axis at its steepest."""
+        limits, radius = self.limits, curve.tightest_mm
+        moving = [(axis, share) for axis, share in enumerate(curve.steepest) if share > STRAIGHT]
+        speed = min(limits.speed[axis] / share for axis, share in moving)
+        across = SHARE * min(able[axis] for axis, _ in moving)
+        acceleration = SHARE * min(able[axis] / share for axis, share in moving)
+        speed = min(speed, math.sqrt(across * radius))
+        if limits.deviation_mm and isinstance(curve, Round):
+            if limits.deviation_mm > radius:
+                raise ProgramError(Code.CIRCLE_DYNAMICS, f"P8852 is {limits.deviation_mm:g}, the radius {radius:g} mm")
+            speed = min(speed, limits.kv * math.sqrt(2.0 * radius * limits.deviation_mm))
+        return speed, acceleration
+
+    def _contour(self, element: Element | Bent) -> float:
         """Highest speed by P8857: on an arc, or on a line by the circle through it and the line before."""
         limits = self.limits
         if not limits.contour_mm:
             return math.inf
         if isinstance(element, Arc):
             radius = min(element.radius_mm, element.end_radius_mm)
+        elif not isinstance(element, Straight):
+            radius = element.tightest_mm
         elif self._line is not None:
             radius = circumradius(*self._line, element.end)
         else:
             return math.inf
         return limits.kv * math.sqrt(2.0 * radius * limits.contour_mm)
 
-    def _entry(self, element: Element, speed: float) -> float:
+    def _entry(self, element: Element | Bent, speed: float) -> float:
         if self._end is None:
             return 0.0
         before, last = self._end
-        cosine = sum(a * b for a, b in zip(before, element.tangent(0.0), strict=True))
+        cosine = sum(map(mul, before, element.tangent(0.0)))
         return corner_factor(cosine, self.limits.corner) * min(last, speed)
 
 
@@ -288,5 +391,18 @@ class _Curve:
         points[:, arc.plane.first] = arc.centre[0] + radius * np.cos(angle)
         points[:, arc.plane.second] = arc.centre[1] + radius * np.sin(angle)
         way: NDArray[np.float64] = points * self._per_mm - self._begin
+        way[share <= 0.0] = 0.0
+        return way
+
+
+class _BentCurve:
+    """A curve in space as a `Curve` of a joined motion."""
+
+    def __init__(self, curve: Bent, begin: Sequence[int], per_mm: Sequence[float]) -> None:
+        self._curve, self._begin, self._per_mm = curve, np.array(begin, dtype=np.float64), np.array(per_mm)
+
+    def displacement(self, s: NDArray[np.float64]) -> NDArray[np.float64]:
+        share = s / self._curve.length_mm
+        way: NDArray[np.float64] = self._curve.points(share) * self._per_mm - self._begin
         way[share <= 0.0] = 0.0
         return way

@@ -6,15 +6,22 @@ waiting blocks (ahead.py) --> joining.py --> stretch.py --> set points
 
 from __future__ import annotations
 
+from dataclasses import replace
 from enum import Flag
+from typing import Final
 
 from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter, Waiting
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.realtime.ahead import REFILL, Ahead
 from isel_twin.firmware.bwo900.realtime.joining import breaks_after, joining
+from isel_twin.firmware.bwo900.realtime.path import MINUTE_S
+from isel_twin.firmware.bwo900.realtime.spindle import LOOK_NS
 from isel_twin.firmware.bwo900.realtime.stretch import Stretch
 from isel_twin.firmware.bwo900.realtime.surroundings import Surroundings, enter, mute, send, speak
+
+STANDS_S: Final = 1.0 / MINUTE_S  # revolutions a second below which a spindle stands
+FINENESS: Final = 1e-3  # part of its speed by which a spindle must change for the path to be planned anew
 
 
 class Cut(Flag):
@@ -35,12 +42,16 @@ class PathRun:
         self.cut = Cut.NONE
         self.override = 1.0
         self.locked = False  # P8701, P8702: the axes may not move
+        self._turns_s = 1.0  # revolutions a second that the feed of the stretch is reckoned with (G95)
+        self._followed = 0.0  # those that it follows now
 
     @property
     def next_ns(self) -> int:
         """Next due time while set points are made."""
         now_ns, poll_ns = self._axes.now_ns, self._ahead.poll_ns
         next_ns = self.stretch.next_ns(now_ns, None if self._ahead.ended else REFILL)
+        if self.per_turn:
+            next_ns = min(next_ns, now_ns + LOOK_NS)
         if poll_ns is not None and not self.stretch.held:  # analysis waits while the axes do
             next_ns = min(next_ns, poll_ns)
         return max(next_ns, now_ns)
@@ -56,12 +67,40 @@ class PathRun:
         return self._scale_of(self.stretch.first or (waiting[0] if waiting else None))
 
     def _scale_of(self, block: PathBlock | None) -> float:
-        return 0.0 if self.locked else 1.0 if block is not None and not block.override else self.override
+        scale = 0.0 if self.locked else 1.0 if block is not None and not block.override else self.override
+        if block is None or not block.per_turn or self._test_feed:
+            return scale
+        return scale * self._turning / self._turns_s
+
+    @property
+    def per_turn(self) -> bool:
+        """True if the feed of the present path counts by the turns of the spindle."""
+        first = self.stretch.first
+        return first is not None and first.per_turn
+
+    @property
+    def _test_feed(self) -> bool:
+        return self._axes.limits().test_feed is not None
+
+    @property
+    def _turning(self) -> float:
+        """Measured revolutions a second; 0 for a spindle that stands."""
+        turning = abs(self._around.spindle.measured) / MINUTE_S
+        return turning if turning >= STANDS_S else 0.0
+
+    def follow_spindle(self) -> None:
+        """G95, tapping: the feed follows the measured speed (bwo900/82, bwo900/84)."""
+        if self.per_turn and abs(self._turning - self._followed) > FINENESS * self._turns_s:
+            self._followed = self._turning
+            self.rescale()
 
     def begin(self) -> None:
         """A stretch begins with the first of the waiting blocks. Raises ProgramError, about that block."""
         limits = self._axes.limits()
         chosen = joining(self._ahead.blocks, None, self._around)
+        if chosen[0].per_turn:
+            self._turns_s, self._followed = max(abs(self._around.spindle.wanted) / MINUTE_S, STANDS_S), self._turning
+            limits = replace(limits, turns_s=self._turns_s)
         try:
             self.stretch.begin(chosen, limits, self._scale_of(chosen[0]), self._axes.now_ns)
         except ProgramError as error:
@@ -110,10 +149,11 @@ class PathRun:
         self.stretch.resume(self.scale, self._axes.now_ns)
 
     def set_feed(self, mm_min: float) -> None:
-        """P8817: another feed for the rest of the present block; 0 and less: none. Rapids have no feed."""
+        """P8817: another feed for the rest of the present block, in its unit; 0 and less: none. Rapids have no feed."""
         block = self.stretch.first
         if mm_min > 0.0 and block is not None and not block.rapid:
-            self.stretch.hasten(mm_min / 60.0, self._axes.now_ns)
+            speed = mm_min * self._turns_s if block.per_turn else mm_min / MINUTE_S
+            self.stretch.hasten(speed, self._axes.now_ns)
 
     def give_up(self) -> bool:
         """Check for signals that delete the present block's path; True: the channel has nothing else to do now."""

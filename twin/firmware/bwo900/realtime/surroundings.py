@@ -16,6 +16,7 @@ from isel_twin.firmware.bwo900.programs.words import Text
 from isel_twin.firmware.bwo900.realtime.axes import Axes
 from isel_twin.firmware.bwo900.realtime.deletion import DeletionWatch
 from isel_twin.firmware.bwo900.realtime.executed import Executed
+from isel_twin.firmware.bwo900.realtime.spindle import Spindle
 
 
 class Surroundings(Protocol):
@@ -26,6 +27,7 @@ class Surroundings(Protocol):
     axes: Axes
     executed: Executed
     deletion: DeletionWatch
+    spindle: Spindle
 
     @property
     def single(self) -> bool:
@@ -53,6 +55,7 @@ def send(around: Surroundings, functions: tuple[MFunction, ...]) -> None:
 
 def enter(around: Surroundings, block: PathBlock, t_ns: int) -> None:
     """Take the beginning of a block at t_ns."""
+    around.spindle.take(block)
     if around.executed.enter(block):
         around.begun(t_ns, block)
 

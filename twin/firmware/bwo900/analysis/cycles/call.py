@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import TypeAlias
 
 from isel_twin.firmware.bwo900.geometry.elements import Plane, Point
 from isel_twin.firmware.bwo900.messages import ProgramError, invalid
@@ -17,8 +18,12 @@ class Kind(Enum):
     LINE = "G01"
     CLOCKWISE = "G02"
     COUNTER_CLOCKWISE = "G03"
-    TAP = "G01, coupled with the spindle: feed = speed times pitch, override 100 %"
+    TAP = "G01, coupled with the spindle: feed = its speed times pitch, override 100 %"
     PROGRAMMED = "as the block says: G02 or G03 with its radius or centre, and F"
+
+
+Answer: TypeAlias = Point | None
+"""To a watched move: where the axes stood at the signal, in program coordinates, mm; None: there was none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +43,8 @@ class CycleMove:
     m: tuple[int, ...] = ()
     exact_stop: bool = False
     cycle: int | None = None  # in a pattern: the machining cycle to call at the target
+    watched: bool = False  # the probe ends its path, or its dwell; the cycle waits and is sent an `Answer`
+    writes: Mapping[int, float] = field(default_factory=dict)  # parameters P, when analysis gets there
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +55,8 @@ class Call:
     block. words: axis words of the block, absolute program coordinates by axis number; empty: none. feed: F in force,
     mm/min, None: none. speed: S in force in 1/min, None: none. turning: +1 M03, -1 M04, 0 spindle off. motion: 0, 1, 2,
     3, of the G00 group. inner: number of the machining cycle that stands in the block of a pattern cycle. polar: the
-    words are polar coordinates.
+    words are polar coordinates. coupled: there is a spindle whose speed can be measured. has_tool: T has called one for
+    the path.
     """
 
     parameters: Mapping[int, float]
@@ -63,6 +71,8 @@ class Call:
     tool_radius_mm: float = 0.0
     inner: int | None = None
     polar: bool = False
+    coupled: bool = False
+    has_tool: bool = False
 
     def get(self, number: int) -> float | None:
         """None if it is deleted."""

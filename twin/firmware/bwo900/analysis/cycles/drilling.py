@@ -87,12 +87,12 @@ def strokes(call: Call, depth: float, approach: float) -> list[float]:
 
 
 def tapping(call: Call) -> Iterator[CycleMove]:
-    """G84: down with the spindle (feed = speed times pitch), it turns round, and back."""
+    """G84: down with the spindle (feed = pitch times its measured speed, or S), it turns round, and back."""
     if not call.words:
         return
     depth, approach, pitch = _planes(call)
     left = int(call.get(P.THREAD) or 0) == M.SPINDLE_LEFT or (not call.get(P.THREAD) and call.turning < 0)
-    feed = (call.speed_rpm or 0.0) * pitch
+    feed = pitch if call.coupled else (call.speed_rpm or 0.0) * pitch
     yield from _begin(call, approach, M.SPINDLE_LEFT if left else M.SPINDLE_RIGHT)
     yield _to(call, Kind.TAP, depth, feed, exact_stop=True, m=(M.SPINDLE_RIGHT if left else M.SPINDLE_LEFT,))
     if (dwell := call.given(P.HOLE_DWELL)) is not None:

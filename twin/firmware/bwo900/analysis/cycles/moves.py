@@ -2,34 +2,52 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping
 from dataclasses import replace
-from itertools import islice
 
-from isel_twin.firmware.bwo900.analysis.cycles.call import Call, CycleMove
+from isel_twin.firmware.bwo900.analysis.cycles.call import Answer, Call, CycleMove
+from isel_twin.firmware.bwo900.numbers import G
 
 
 class Moves(Iterator[CycleMove]):
-    """Moves of a cycle. Cycles are pure functions: a copy restarts the cycle and skips the moves made."""
+    """Moves of a cycle. Cycles depend on their call and on the answers alone: a copy restarts the cycle and skips the
+    moves made."""
 
     def __init__(self, cycles: Mapping[int, object], number: int, call: Call) -> None:
         """cycles: functions by G number, `Call -> Iterator[CycleMove]`; number: the one called."""
         self._cycles, self._number, self._call = cycles, number, call
         self.made = 0
-        self._rest: Iterator[CycleMove] | None = None
+        self._over = False
+        self._answers: dict[int, Answer] = {}  # by the number of the move, from 1
+        self._rest: Generator[CycleMove, Answer, None] | None = None
+
+    def answer(self, answer: Answer) -> None:
+        """Answer to the last move, a watched one."""
+        self._answers[self.made] = answer
+
+    def pass_over(self) -> None:
+        """Make no further move."""
+        self._over = True
 
     def __next__(self) -> CycleMove:
+        if self._over:
+            raise StopIteration
         if self._rest is None:
-            self._rest = islice(self._all(), self.made, None)
-        move = next(self._rest)
+            self._rest = self._all()
+            for number in range(self.made):
+                self._rest.send(self._answers.get(number))
+        move = self._rest.send(self._answers.get(self.made))
         self.made += 1
         return move
 
     def __getstate__(self) -> dict[str, object]:
         return {**self.__dict__, "_rest": None}
 
-    def _all(self) -> Iterator[CycleMove]:
+    def _all(self) -> Generator[CycleMove, Answer, None]:
         call = self._call
+        if self._number == G.MEASURING:
+            yield from self._cycles[self._number](call)  # type: ignore[operator]
+            return
         place = call.position
         for move in self._cycles[self._number](call):  # type: ignore[operator]
             yield move

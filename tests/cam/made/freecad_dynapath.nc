@@ -1,0 +1,60 @@
+(Exported by FreeCAD)
+(Post Processor: PathScripts.post.dynapath_post)
+(Output Time:2026-11-24 14:48:15.452637)
+(begin preamble)
+G17
+G90
+;G90.1 ;needed for simulation only
+G80
+G40
+G21
+(begin operation: TC: Default Tool)
+(Path: TC: Default Tool)
+(TC: Default Tool)
+(begin toolchange)
+M6 T1.000
+M3 S9000.000
+(finish operation: TC: Default Tool)
+(begin operation: Profile)
+(Path: Profile)
+(Profile)
+(Compensated Tool Path. Diameter: 5.0)
+G0 Z14.000
+G0 X40.301 Y30.302
+G0 Z12.000
+G1 X40.301 Y30.302 Z4.000 F120.000
+G2 X42.495 Y25.151 Z4.000 I-5.306 J-5.304 F600.000
+G1 X42.500 Y5.000 Z4.000 F600.000
+G2 X35.151 Y-2.495 Z4.000 I-7.502 J0.005 F600.000
+G1 X5.000 Y-2.500 Z4.000 F600.000
+G2 X-2.495 Y4.849 Z4.000 I0.005 J7.502 F600.000
+G1 X-2.500 Y25.000 Z4.000 F600.000
+G2 X4.849 Y32.495 Z4.000 I7.502 J-0.005 F600.000
+G1 X35.000 Y32.500 Z4.000 F600.000
+G2 X40.301 Y30.302 Z4.000 I-0.005 J-7.502 F600.000
+G1 X40.301 Y30.302 Z-1.000 F120.000
+G2 X42.495 Y25.151 Z-1.000 I-5.306 J-5.304 F600.000
+G1 X42.500 Y5.000 Z-1.000 F600.000
+G2 X35.151 Y-2.495 Z-1.000 I-7.502 J0.005 F600.000
+G1 X5.000 Y-2.500 Z-1.000 F600.000
+G2 X-2.495 Y4.849 Z-1.000 I0.005 J7.502 F600.000
+G1 X-2.500 Y25.000 Z-1.000 F600.000
+G2 X4.849 Y32.495 Z-1.000 I7.502 J-0.005 F600.000
+G1 X35.000 Y32.500 Z-1.000 F600.000
+G2 X40.301 Y30.302 Z-1.000 I-0.005 J-7.502 F600.000
+G0 Z14.000
+G0 Z14.000
+(finish operation: Profile)
+(begin operation: Drill)
+(Path: Drill)
+(Drill)
+G0 Z14.000
+(finish operation: Drill)
+(begin postamble)
+M09
+M05
+G80
+G40
+G17
+G90
+M30

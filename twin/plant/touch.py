@@ -1,0 +1,249 @@
+"""What gives way where it is touched: a touch probe in the spindle, or a plate for tool lengths on the table.
+
+Goal: the contact changes at the sub-step in which the deflection says so, from whatever side it was touched.
+
+    d        distance of the ball (of the cutter's end, over a plate) from the nearest target, < 0: deflected by -d
+    n        where that distance grows fastest: the way in which the tool is pushed
+
+    deflection u = -d          contact changes at u > pretravel + lobing cos 3 phi, back below that less the hysteresis
+    force      F = f u / pretravel,  beyond it  f + rate (u - pretravel)        f = |(force nx, force ny, force_z nz)|
+    u > overtravel             it breaks: a collision; the contact stays closed, and nothing pushes any more
+
+phi: of n, about the vertical. Distances are exact (closed forms): of a ball from boxes, cylinders, rings and the
+table's surface. A stylus weighs a few grams, so its spring pushes on the tool as it stands, and back on the table; the
+forces go to MuJoCo's joints like those of a cut. The shapes are MuJoCo's, too: they are seen, and the stem collides.
+
+On the kinematic plant the same without forces: `Felt` searches the path.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.base.compiling import njit
+from isel_twin.machine import Machine, Probe
+from isel_twin.machine.fixture import CUTTER, Fixture
+from isel_twin.plant.collision import Collision
+
+FEELER = np.dtype(
+    [
+        ("on", "i8"),
+        ("broken", "i8"),  # 1: it gave way too far; 2: and nobody has been told
+        ("at", "i8"),  # the nearest target
+        ("radius_m", "f8"),  # of the ball
+        ("below_m", "f8"),  # of its middle under the tool of the model
+        ("pretravel_m", "f8"),
+        ("lobing_m", "f8"),
+        ("over_m", "f8"),
+        ("force_n", "f8"),
+        ("force_z_n", "f8"),
+        ("rate_n_per_m", "f8"),
+        ("deflected_m", "f8"),  # less what it is more by the lobing in this direction
+        ("push_n", "f8", (3,)),  # on the tool, machine coordinates
+        ("sum_n", "f8", (3,)),  # of this window
+        ("mean_n", "f8", (3,)),  # in the window before
+    ],
+    align=True,
+)
+BOX, CYLINDER, RING, PLANE = 0, 1, 2, 3
+_KINDS = {"box": BOX, "cylinder": CYLINDER, "ring": RING}
+TARGET = np.dtype(
+    [
+        ("kind", "i8"),
+        ("x_m", "f8"),  # of its middle, in machine coordinates of the tool's point
+        ("y_m", "f8"),
+        ("z_m", "f8"),
+        ("a_m", "f8"),  # box: half sizes; others: outer radius, inner radius, half the height
+        ("b_m", "f8"),
+        ("c_m", "f8"),
+        ("cosine", "f8"),
+        ("sine", "f8"),
+    ],
+    align=True,
+)
+FAR_M = 1.0
+NEWS = 2  # of `broken`
+EXACT_MM = 1e-6  # to which a place between two others is found
+
+
+@njit(nogil=True, error_model="numpy")
+def distance(target, x_m, y_m, z_m):
+    """Distance of a point from a target, and its gradient in x, y, z. Inside it is negative."""
+    dx, dy, dz = x_m - target.x_m, y_m - target.y_m, z_m - target.z_m
+    if target.kind == PLANE:
+        return -dz, 0.0, 0.0, -1.0
+    up = abs(dz) - target.c_m
+    up_z = math.copysign(1.0, dz)
+    if target.kind == BOX:
+        u = target.cosine * dx + target.sine * dy
+        v = target.cosine * dy - target.sine * dx
+        au, av = abs(u) - target.a_m, abs(v) - target.b_m
+        if au > 0.0 and av > 0.0:
+            side = math.hypot(au, av)
+            nu, nv = au / side, av / side
+        elif au > av:
+            side, nu, nv = au, 1.0, 0.0
+        else:
+            side, nu, nv = av, 0.0, 1.0
+        nu, nv = math.copysign(nu, u), math.copysign(nv, v)
+        nx, ny = target.cosine * nu - target.sine * nv, target.sine * nu + target.cosine * nv
+    else:
+        rho = math.hypot(dx, dy)
+        side = rho - target.a_m
+        outwards = 1.0
+        if target.kind == RING and target.b_m - rho > side:
+            side = target.b_m - rho
+            outwards = -1.0
+        nx, ny = (outwards * dx / rho, outwards * dy / rho) if rho > 0.0 else (outwards, 0.0)
+    if side > 0.0 and up > 0.0:
+        far = math.hypot(side, up)
+        return far, nx * side / far, ny * side / far, up_z * up / far
+    if side > up:
+        return side, nx, ny, 0.0
+    return up, 0.0, 0.0, up_z
+
+
+@njit(nogil=True, error_model="numpy")
+def feel(feeler, targets, x_m, y_m, z_m):
+    """Set deflection and push of a feeler with the tool's point at this place."""
+    feeler.push_n[0] = 0.0
+    feeler.push_n[1] = 0.0
+    feeler.push_n[2] = 0.0
+    if feeler.broken:
+        return
+    least_m, nx, ny, nz, at = FAR_M, 0.0, 0.0, 0.0, 0
+    for k in range(targets.shape[0]):
+        d_m, kx, ky, kz = distance(targets[k], x_m, y_m, z_m + feeler.below_m)
+        if d_m < least_m:
+            least_m, nx, ny, nz, at = d_m, kx, ky, kz, k
+    deflection_m = feeler.radius_m - least_m
+    feeler.at = at
+    feeler.deflected_m = deflection_m
+    if deflection_m <= 0.0:
+        return
+    across = math.hypot(nx, ny)
+    if across > 0.0:
+        cosine = nx / across
+        feeler.deflected_m -= feeler.lobing_m * across * cosine * (4.0 * cosine * cosine - 3.0)
+    if deflection_m > feeler.over_m:
+        feeler.broken = NEWS
+        feeler.deflected_m = FAR_M
+        return
+    force_n = math.hypot(feeler.force_n * across, feeler.force_z_n * nz)
+    if deflection_m < feeler.pretravel_m:
+        force_n *= deflection_m / feeler.pretravel_m
+    else:
+        force_n += feeler.rate_n_per_m * (deflection_m - feeler.pretravel_m)
+    feeler.push_n[0] = force_n * nx
+    feeler.push_n[1] = force_n * ny
+    feeler.push_n[2] = force_n * nz
+
+
+@njit(nogil=True, error_model="numpy")
+def _first(feeler, targets, path_mm, threshold_m, touched):
+    """The first place of a path [n, 3] at which the contact changes or the feeler breaks; n: none. The feeler is then
+    as it is there. Places nearer to one that was looked at than the targets were are not looked at."""
+    x_mm, y_mm, z_mm, free_mm = 0.0, 0.0, 0.0, 0.0
+    for k in range(path_mm.shape[0]):
+        dx, dy, dz = path_mm[k, 0] - x_mm, path_mm[k, 1] - y_mm, path_mm[k, 2] - z_mm
+        if not touched and dx * dx + dy * dy + dz * dz < free_mm * free_mm:
+            continue
+        x_mm, y_mm, z_mm = path_mm[k, 0], path_mm[k, 1], path_mm[k, 2]
+        feel(feeler, targets, 1e-3 * x_mm, 1e-3 * y_mm, 1e-3 * z_mm)
+        free_mm = max(0.0, -1e3 * feeler.deflected_m)
+        if feeler.broken == NEWS or (feeler.deflected_m > threshold_m) != touched:
+            return k
+    return path_mm.shape[0]
+
+
+def feelers(machine: Machine) -> NDArray[np.void]:
+    """FEELER [1] of a machine; off if nothing on it feels."""
+    record, law = np.zeros(1, FEELER), machine.feeler
+    if law is None:
+        return record
+    record["on"] = 1
+    if isinstance(law, Probe):
+        record["radius_m"] = 0.5e-3 * law.ball_mm
+        record["below_m"] = 1e-3 * law.reach_mm - record["radius_m"]
+        record["lobing_m"] = 1e-3 * law.lobing_mm
+    record["pretravel_m"], record["over_m"] = 1e-3 * law.pretravel_mm, 1e-3 * law.overtravel_mm
+    record["force_n"], record["force_z_n"], record["rate_n_per_m"] = law.force_n, law.force_z_n, law.rate_n_per_m
+    return record
+
+
+def felt(machine: Machine) -> tuple[Fixture | None, ...]:
+    """What the feeler of a machine can touch: fixtures that are no meshes, None for the table."""
+    if isinstance(machine.feeler, Probe):
+        return (*(one for one in machine.fixtures if one.shape in _KINDS), None)
+    return tuple(one for one in machine.fixtures if one.plate and machine.feeler is not None)
+
+
+def targets(machine: Machine, table_mm: float, cutter_mm: float) -> NDArray[np.void]:
+    """TARGET [n] in the order of `felt`. table_mm: Z of the tool's point on the table, machine coordinates; cutter_mm:
+    radius of the cutter, whose end touches plates."""
+    found = felt(machine)
+    wider_m = 0.0 if isinstance(machine.feeler, Probe) else 1e-3 * cutter_mm
+    records = np.zeros(len(found), TARGET)
+    for record, one in zip(records, found, strict=True):
+        record["cosine"], record["z_m"] = 1.0, 1e-3 * table_mm
+        if one is None:
+            record["kind"] = PLANE
+            continue
+        record["kind"] = _KINDS[one.shape]
+        record["x_m"], record["y_m"] = 1e-3 * one.at_mm[0], 1e-3 * one.at_mm[1]
+        record["c_m"] = 0.5e-3 * one.size_mm[-1]
+        record["z_m"] -= 1e-3 * one.at_mm[2] + record["c_m"]
+        record["a_m"] = 0.5e-3 * one.size_mm[0] + wider_m
+        record["b_m"] = 0.5e-3 * one.size_mm[1] + wider_m
+        turn = math.radians(one.turn_deg)
+        record["cosine"], record["sine"] = math.cos(turn), math.sin(turn)
+    return records
+
+
+def crash(machine: Machine, at: int, place_mm: NDArray[np.float64], time_ns: int, speed_mm_s: float) -> Collision:
+    """The feeler breaks at the target of that number. Its force is not known: it was made for less."""
+    target = felt(machine)[at]
+    names = "probe" if isinstance(machine.feeler, Probe) else CUTTER, "table" if target is None else target.name
+    x, y, z = place_mm.tolist()
+    return Collision(*names, (x, y, z), time_ns, speed_mm_s, None)
+
+
+class Felt:
+    """The feeler of a machine whose carriages go where they are told."""
+
+    def __init__(self, machine: Machine, records: NDArray[np.void], limit_mm: float, hysteresis_mm: float) -> None:
+        """records: TARGET [n]; limit_mm, hysteresis_mm: of the contact, as a threshold has them."""
+        self.record, self._targets = feelers(machine), records
+        self.limit_mm, self._hysteresis_mm = limit_mm, hysteresis_mm
+        self.touched = False
+
+    def first(self, path_mm: NDArray[np.float64]) -> int:
+        """The first place of a path [n, 3] at which the contact changes or the feeler breaks; n: none."""
+        return int(self._first(self.record.copy(), path_mm))
+
+    def take(self, place_mm: NDArray[np.float64]) -> bool:
+        """Be at this place [3]; return whether the contact has changed, or the feeler has just broken."""
+        if self._first(self.record, place_mm[None]) == 1:
+            return False
+        self.touched = bool(self.record["deflected_m"][0] > self._threshold_m)
+        return True
+
+    def share(self, ends_mm: NDArray[np.float64]) -> float:
+        """Which part of a straight way [2, 3] is over when that happens, which happens on it."""
+        before, after = 0.0, 1.0
+        while (after - before) * np.linalg.norm(ends_mm[1] - ends_mm[0]) > EXACT_MM:
+            middle = 0.5 * (before + after)
+            changed = self.first((ends_mm[0] + middle * (ends_mm[1] - ends_mm[0]))[None]) == 0
+            before, after = (before, middle) if changed else (middle, after)
+        return after
+
+    @property
+    def _threshold_m(self) -> float:
+        return 1e-3 * (self.limit_mm - (self._hysteresis_mm if self.touched else 0.0))
+
+    def _first(self, record: NDArray[np.void], path_mm: NDArray[np.float64]) -> Any:
+        return _first(record[0], self._targets, path_mm, self._threshold_m, self.touched)
