@@ -338,7 +338,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         self._lanes["origin_mm"] = self._plant.position_mm + off_mm
         for name in ("counter", "fraction", "rate_hz"):
             self._lanes[name] = 0
-        for name in ("piece", "way_mm", *REWARDS):
+        for name in ("piece", "way_mm", "led_mm", *REWARDS):
             self._track[name] = 0
         self._track["began_ns"] = self._track["until_ns"] = _SETTLING_NS
         self._bind()
@@ -351,16 +351,24 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         """Set up a machine with the options of this episode, at rest at the start of its path."""
         start_mm = self._start_mm(self._points)
         stands = (*(self._options.get(name) for name in VARIATIONS), *start_mm)
-        if stands != self._stands:
-            machine = varied(self.machine, self._options)
-            plant = MujocoPlant(machine, (), start_mm, 3, load_model(machine, visual=False))
-            plant.set_power(stages=True, brake_released=True, lowering=False)
-            plant.advance(_SETTLING_NS, np.empty(0, np.int64), np.empty((0, 3), np.int32))
-            plant.watch_margin()
-            self._plant, self._stands, self._settled = plant, stands, plant.save()
-            self._shape_mm = np.ascontiguousarray(plant.shape_mm)
-        assert self._plant is not None
-        self._plant.restore(self._settled)
+        again = stands == self._stands
+        if again and self._settled:
+            assert self._plant is not None
+            self._plant.restore(self._settled)
+            return
+        self._stands, self._settled = (), {}
+        machine = varied(self.machine, self._options)
+        if self._plant is None:
+            self._plant = MujocoPlant(machine, (), start_mm, 3, load_model(machine, visual=False))
+        else:
+            self._plant.become(machine, start_mm)
+        self._plant.set_power(stages=True, brake_released=True, lowering=False)
+        self._plant.advance(_SETTLING_NS, np.empty(0, np.int64), np.empty((0, 3), np.int32))
+        self._plant.watch_margin()
+        self._shape_mm = self._plant.shape_mm
+        self._stands = stands
+        if again:  # who comes twice will come again
+            self._settled = self._plant.save()
 
     def _bind(self) -> None:
         assert self._plant is not None
@@ -383,6 +391,16 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
 
     def _info(self) -> dict[str, Any]:
         return {name: float(value) for name, value in infos(self._now).items()}
+
+    def aim(self, asked: NDArray[np.float64], feed_mm_s: float, offset_mm: float) -> NDArray[np.float32]:
+        """float32 [3], the action that leads the counters along the path (`tracking.aim`). Raises ResetNeeded before
+        the first reset."""
+        if not self.at_work:
+            raise gymnasium.error.ResetNeeded("there is no machine yet; call reset() before step()")
+        action = np.empty(3, np.float32)
+        _, tracks, lanes, _, path, *_ = self.at_work
+        tracking.aim(tracks, lanes, path, feed_mm_s, offset_mm, asked, action)
+        return action
 
     # For vectors of environments (track_vector.py)
 

@@ -29,8 +29,8 @@ from isel_twin.base.compiling import njit
 from isel_twin.drives.dynamics import drop_stale_code
 from isel_twin.envs import tracking
 from isel_twin.envs.track import TrackPath, ended, infos
-from isel_twin.envs.tracking import LANE, SIZE, TRACK, take_step
-from isel_twin.envs.wrappers import Randomised
+from isel_twin.envs.tracking import LANE, SIZE, TRACK, aim, take_step
+from isel_twin.envs.wrappers import AlongPath, Randomised
 from isel_twin.plant import kernel
 from isel_twin.plant.memory import AXES, MEMORY, at_address
 
@@ -43,21 +43,27 @@ _IDLE = -2  # instead of a result of `take_step`: this environment makes no step
 
 
 @njit(nogil=True, error_model="numpy")
-def take_steps(places, no_leads, actions, observations, overs, first, last):
+def take_steps(places, no_leads, along, asked, actions, observations, overs, first, last):
     """`take_step` for the environments first .. last - 1, except those whose `overs` is _IDLE.
 
-    places [n] PLACE, actions float64 [n, 3], observations float64 [n, SIZE], overs int64 [n]: what each returns.
+    places [n] PLACE, actions float64 [n, 3], observations float64 [n, SIZE], overs int64 [n]: what each returns. along
+    [2]: `feed_mm_s` and `offset_mm` of `aim`, which fills in the actions from asked [n, 4] unless the feed is 0.
     """
     for k in range(first, last):
         if overs[k] == _IDLE:
             continue
         place = places[k]
+        track = carray(at_address(place.track), (1,), TRACK)
+        lanes = carray(at_address(place.lanes), (AXES,), LANE)
+        path = carray(at_address(place.path), (place.points, 4), np.float64)
+        if along[0] > 0.0:
+            aim(track, lanes, path, along[0], along[1], asked[k], actions[k])
         overs[k] = take_step(
             carray(at_address(place.memory), (1,), MEMORY),
-            carray(at_address(place.track), (1,), TRACK),
-            carray(at_address(place.lanes), (AXES,), LANE),
+            track,
+            lanes,
             carray(at_address(place.shape_mm), (AXES, place.joints), np.float64),
-            carray(at_address(place.path), (place.points, 4), np.float64),
+            path,
             carray(at_address(place.t_ns), (place.pulses,), np.int64),
             carray(at_address(place.delta), (place.pulses, AXES), np.int32),
             no_leads,
@@ -77,11 +83,13 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
         num_envs: int = 1,
         workers: int | None = None,
         randomised: Mapping[str, Sequence[float]] | None = None,
+        along: Mapping[str, float] | None = None,
         **options: Any,
     ) -> None:
         """options: those of TrackPath. workers: threads, None: the number of processors.
 
-        randomised: ranges for the wrapper Randomised. Raises ValueError with one line for a wrong argument.
+        randomised, along: arguments of the wrappers Randomised and AlongPath, {} for its defaults; None: without it.
+        Raises ValueError with one line for a wrong argument.
         """
         super().__init__()
         if num_envs < 1:
@@ -89,12 +97,19 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
         if workers is not None and workers < 1:
             raise ValueError(f"workers is {workers}; give at least 1")
         tracks = [TrackPath(**options) for _ in range(num_envs)]
-        envs = (Randomised(track, **randomised) if randomised else track for track in tracks)
-        self.envs: tuple[gymnasium.Env[Any, Any], ...] = tuple(envs)  # for inspection; do not step them
+        envs: list[gymnasium.Env[Any, Any]] = list(tracks)
+        if randomised:
+            envs = [Randomised(env, **randomised) for env in envs]
+        self._along = np.zeros(2)
+        if along is not None:
+            led = [AlongPath(env, **along) for env in envs]
+            self._along[:] = led[0].feed_mm_s, led[0].offset_mm
+            envs = list(led)
+        self.envs = tuple(envs)  # for inspection; do not step them
         self._tracks = tracks
         self.num_envs = num_envs
         self.single_observation_space = tracks[0].observation_space
-        self.single_action_space = tracks[0].action_space
+        self.single_action_space = envs[0].action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.metadata = {**tracks[0].metadata, "autoreset_mode": AutoresetMode.NEXT_STEP}
@@ -128,18 +143,19 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
         return observations, self._infos(np.zeros(self.num_envs, np.int64))
 
     def step(
-        self, actions: ArrayLike
+        self, asked: ArrayLike
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         """Make a step in each. Raises ResetNeeded before the first reset, ValueError for invalid actions."""
         if not self._begun:
             raise gymnasium.error.ResetNeeded("call reset() before step()")
-        values = np.ascontiguousarray(actions, np.float64)
-        if values.shape != (self.num_envs, AXES) or not np.isfinite(values).all():
-            raise ValueError(f"actions must be finite numbers, shape ({self.num_envs}, {AXES})")
+        values = np.ascontiguousarray(asked, np.float64)
+        if values.shape != self.action_space.shape or not np.isfinite(values).all():
+            raise ValueError(f"actions must be finite numbers, shape {self.action_space.shape}")
         observations = np.empty((self.num_envs, SIZE))
         idle = self._left == 0
         overs = np.where(idle, _IDLE, 0)
-        arguments: tuple[Any, ...] = (self._places, _NO_LEADS, values, observations, overs)
+        actions = np.empty((self.num_envs, AXES)) if self._along[0] > 0.0 else values
+        arguments: tuple[Any, ...] = (self._places, _NO_LEADS, self._along, values, actions, observations, overs)
         if self._pool is None:
             take_steps(*arguments, 0, self.num_envs)
         else:

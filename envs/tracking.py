@@ -43,6 +43,7 @@ TRACK = np.dtype(  # settings and state of an episode
         ("began_ns", "i8"),
         ("piece", "i8"),  # piece of the path nearest to the tool
         ("way_mm", "f8"),  # s
+        ("led_mm", "f8"),  # of the point that `aim` leads along the path
         ("deviation_mm", "f8"),
         *((name, "f8") for name in REWARDS),
     ],
@@ -178,6 +179,29 @@ def look(memory, track, lanes, shape_mm, path, observation):
     observation[SIZE - 2] = 1.0 - track.way_mm / path[path.shape[0] - 1, 3]
     left_s = track.time_limit_s - 1e-9 * (track.until_ns - track.began_ns)
     observation[SIZE - 1] = _within(max(left_s / track.time_limit_s, 0.0))
+
+
+@njit(nogil=True, error_model="numpy")
+def aim(tracks, lanes, path, feed_mm_s, offset_mm, asked, action):
+    """Fill in the action [3] that brings the counters, by the end of the step, to a point that moves along the path, or
+    beside it. asked [4] in -1 .. 1: its feed from 0 to feed_mm_s, its offset over offset_mm. Others: `take_step`."""
+    track, last = tracks[0], path.shape[0] - 1
+    step_s = 1e-9 * track.step_ns
+    ahead_mm = 0.5 * (1.0 + _within(asked[0])) * feed_mm_s * step_s
+    track.led_mm = min(path[last, 3], track.led_mm + ahead_mm)
+    j, beyond = 1, last  # the first point behind the led one
+    while j < beyond:
+        middle = (j + beyond) // 2
+        if path[middle, 3] > track.led_mm:
+            beyond = middle
+        else:
+            j = middle + 1
+    share = (track.led_mm - path[j - 1, 3]) / (path[j, 3] - path[j - 1, 3])
+    for i in range(AXES):
+        lane = lanes[i]
+        aim_mm = path[j - 1, i] + share * (path[j, i] - path[j - 1, i]) + offset_mm * _within(asked[1 + i])
+        speed_mm_s = (aim_mm - lane.counter / lane.steps_per_mm) / step_s
+        action[i] = np.float32(speed_mm_s / (lane.highest_hz / lane.steps_per_mm))  # as the action space has it
 
 
 @njit(nogil=True, error_model="numpy")

@@ -140,26 +140,12 @@ class AlongPath(gymnasium.Wrapper[NDArray[np.float64], NDArray[np.float32], NDAr
             if not 0.0 < value <= 1e3:
                 raise ValueError(f"{name} is {value!r}; allowed: more than 0, up to 1000")
         self._track = track
-        self._feed_mm_s, self._offset_mm = feed_mm_s, offset_mm
-        self._way_mm = 0.0
+        self.feed_mm_s, self.offset_mm = feed_mm_s, offset_mm
         self.action_space = Box(-1.0, 1.0, (4,), np.float32)
-
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[NDArray[np.float64], dict[str, Any]]:
-        self._way_mm = 0.0
-        return self.env.reset(seed=seed, options=options)
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float64], Any, bool, bool, dict[str, Any]]:
         """Make a step. Raises ValueError for anything but four finite numbers."""
         values = np.asarray(action, dtype=np.float64)
         if values.shape != (4,) or not np.isfinite(values).all():
             raise ValueError(f"action is {action!r}; it must be four finite numbers from -1 to 1")
-        values = values.clip(-1.0, 1.0)
-        track, path = self._track, self._track.path_mm
-        self._way_mm = min(path[-1, 3], self._way_mm + 0.5 * (1.0 + values[0]) * self._feed_mm_s * track.step_s)
-        j = min(int(np.searchsorted(path[:, 3], self._way_mm, side="right")), len(path) - 1)
-        share = (self._way_mm - path[j - 1, 3]) / (path[j, 3] - path[j - 1, 3])
-        aim_mm = path[j - 1, :3] + share * (path[j, :3] - path[j - 1, :3]) + self._offset_mm * values[1:]
-        speed_mm_s = (aim_mm - track.counter_mm) / track.step_s
-        return self.env.step((speed_mm_s / track.highest_mm_s).astype(np.float32))
+        return self.env.step(self._track.aim(values, self.feed_mm_s, self.offset_mm))

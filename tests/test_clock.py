@@ -538,7 +538,7 @@ def test_where_nothing_is_due_nobody_is_called_and_counters_are_right_when_asked
     assert controller.calls[-1] == Call("advance", 10_500_000)
     twin.run(0.0005)
     twin.write(b"x")
-    assert [(call.what, call.t_ns) for call in controller.calls[-3:]][:2] == [
+    assert [(call.what, call.t_ns) for call in controller.calls[-2:]] == [
         ("advance", 11_000_000),
         ("receive", 11_000_000),
     ]

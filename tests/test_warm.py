@@ -27,7 +27,7 @@ for plant in plants:
     for controller in controllers:
         language = create_language(controller)
         machine = "4030-servo" if controller in ("gmi99", "bwo900") else "4030"
-        uneven = {"imperfections.cyclic_error": machine == "4030"}
+        uneven = {"imperfections.cyclic_error": machine == "4030", "probe.enabled": plant == "kinematic"}
         twin = Twin(machine, controller=controller, plant=plant, start_mm=(1.0, 1.0, 1.0), overrides=uneven)
         twin.watch_margin()
         for command in (*language.reference(), *language.move((400, 200, 100), MoveSettings(speed_hz=2000))):

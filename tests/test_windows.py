@@ -15,7 +15,7 @@ import serial
 
 from isel_twin.base import files
 from isel_twin.bridge.serve import tcp
-from isel_twin.plant import built
+from isel_twin.plant import native
 from tests.forked import PATIENCE_S
 
 BARE = str(Path(__file__).with_name("bare.py"))
@@ -108,9 +108,9 @@ def test_the_library_of_mujoco_is_found_by_its_name_on_each_system(tmp_path):
         folder.mkdir()
         (folder / "_structs.cp311-win_amd64.pyd").touch()
         (folder / name).touch()
-        assert built.library(folder) == folder / name
+        assert native.library(folder) == folder / name
     with pytest.raises(FileNotFoundError, match=r"no library of MuJoCo here .*mujoco\*\.dll"):
-        built.library(tmp_path)
+        native.library(tmp_path)
 
 
 def test_a_file_is_replaced_where_folders_cannot_be_opened_and_only_what_is_writable_is_flushed(monkeypatch, tmp_path):

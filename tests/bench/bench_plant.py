@@ -21,10 +21,11 @@ from numpy.typing import NDArray
 
 from isel_twin.machine import Machine, load_machine, with_overrides
 from isel_twin.motion import line, trapezoid
-from isel_twin.plant import Threshold, kernel
+from isel_twin.plant import Threshold
 from isel_twin.plant.kinematic import KinematicPlant
 from isel_twin.plant.model import load_model
 from isel_twin.plant.mujoco import MujocoPlant
+from isel_twin.plant.native import call_mj_step
 
 START_MM = np.array([100.0, 100.0, 30.0])
 STEPS = 20_000
@@ -73,7 +74,7 @@ def there_and_back(plant: Any, led: bool = False) -> Callable[[], None]:
 @njit(nogil=True)
 def _steps(function: int, model: int, data: int, n: int) -> None:  # type: ignore[no-untyped-def]
     for _ in range(n):
-        kernel._call_mj_step(function, model, data)
+        call_mj_step(function, model, data)
 
 
 def bare(plant: MujocoPlant, model: mujoco.MjModel) -> Callable[[], None]:

@@ -4,9 +4,14 @@ refused; what CAM programs write."""
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from isel_twin.cam.gcode import create
+from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import CamError
 from tests.cam.short import UP, cautions, told
 
@@ -286,3 +291,33 @@ def test_z_downwards_mirrors_points_cycles_and_senses() -> None:
         "arc 11 0 5 about 6 5 XZ ccw F1",
         "end",
     ]
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from(["G2", "G03", "G1", "G0", ""]),
+            *[st.one_of(st.none(), st.integers(-40, 40)) for _ in range(3)],
+            st.sampled_from(["I10 J0", "I0 J-10", "I-7.5", "J5", "R10", "R-12.5", "R10 I0", "", "I10 J0 K0"]),
+            st.sampled_from(["", "", "F900", "F0"]),
+        ),
+        max_size=12,
+    ),
+    st.sampled_from(["G21 G90 G17 F600", "G20 G90 F30", "G21 G91 F600", "G21 G18 F600", "G21 G90.1 F600", "G90 F600"]),
+)
+def test_a_line_is_read_alike_with_and_without_a_remark(rows: list[tuple[Any, ...]], head: str) -> None:
+    """A line with a remark becomes a block; plain moves and arcs are matched as a whole."""
+    lines = [head, "G0 X0 Y0 Z5"]
+    for g, x, y, z, centre, feed in rows:
+        words = [f"{letter}{value}" for letter, value in zip("XYZ", (x, y, z), strict=True) if value is not None]
+        lines.append(" ".join(filter(None, [g, *words, centre if g not in ("G1", "G0") else "", feed])))
+
+    def outcome(remark: str) -> list[Any]:
+        found: list[Any] = []
+        try:
+            found.extend(create("gcode").read([f"{line}{remark}\n" for line in [*lines, "M2"]], CamSettings()))
+        except CamError as error:
+            found.append(str(error))
+        return found
+
+    assert outcome("") == outcome(" (a)")

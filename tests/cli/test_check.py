@@ -186,7 +186,7 @@ def test_wrong_bounds_are_one_line(tmp_path: Path, text: str, error: str, capsys
         ((), "name the jobs"),
         (("none.txt",), "none.txt: there is no such file"),
         (("empty.txt",), "empty.txt: there is no command in it"),
-        (("binary.txt",), "binary.txt: is UTF-16 or no text at all"),
+        (("binary.txt",), "binary.txt: line 1, column 1: the file is no text, or UTF-16"),
         (("long.txt",), "long.txt: is longer than 16 MiB; cut it into several"),
         (("-",), "bounds stand beside a job"),
         ((".",), "is a folder"),

@@ -5,11 +5,13 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from drives.published import CURVE_C, CURVE_D, DRIVE_C, DRIVE_D, POINTS, dm542t
 
+from isel_twin.drives import curves as module
 from isel_twin.drives.curves import (
     pull_in_rate,
     pull_out_envelope,
@@ -258,3 +260,24 @@ def test_a_speed_that_makes_no_sense_is_refused(speed_rpm: float) -> None:
 def test_a_rate_that_makes_no_sense_is_refused(rate_hz: float) -> None:
     with pytest.raises(ValueError, match="rate_hz"):
         starts_in_step(NEMA23, dm542t(48), rate_hz)
+
+
+class Floats(list[float]):
+    """Numbers of Python's own, whose squares are Python's; [n] as arrays have it."""
+
+    @property
+    def shape(self) -> tuple[int]:
+        return (len(self),)
+
+
+@pytest.mark.parametrize("stage", [Stage(48.0, 4.2), Stage(24.0, 2.0, microsteps=2), Stage(80.0, 3.0, microsteps=1)])
+def test_compiled_the_closed_form_has_the_bits_of_python(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    rpm = np.linspace(0.0, 4900.0, 400)
+    motor = replace(NEMA23, iron_loss_ohm=31.7, iron_knee_rad_s=8.3)
+    compiled = module.pull_out_predictions(motor, stage, rpm)
+    iron = module.iron_torques(motor, rpm)
+    assert iron.tolist() == [motor.iron_torque_nm(speed) for speed in rpm.tolist()]
+    assert compiled.max() > 0.3
+    monkeypatch.setattr(module, "_highest", module._highest.py_func)
+    monkeypatch.setattr(module, "_predict", module._predict.py_func)
+    assert module.pull_out_predictions(motor, stage, Floats(rpm.tolist())).tolist() == compiled.tolist()  # type: ignore

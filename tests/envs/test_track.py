@@ -377,11 +377,11 @@ def test_a_random_path_does_not_move_the_machine() -> None:
     """So nothing has to be settled anew for it; one that has no room in the middle does."""
     env = make(path="random")
     env.reset(seed=0)
-    plant = env._plant
+    stands = env._stands
     env.reset(seed=1)
-    assert env._plant is plant
+    assert env._stands == stands
     env.reset(options={"path": [(0, 0), (300, 0)]})
-    assert env._plant is not plant
+    assert env._stands != stands
 
 
 def test_a_window_needs_a_screen(monkeypatch: pytest.MonkeyPatch) -> None:

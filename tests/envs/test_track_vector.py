@@ -10,7 +10,7 @@ import pytest
 from gymnasium.vector import SyncVectorEnv
 
 from isel_twin.envs.track_vector import TrackVector
-from isel_twin.envs.wrappers import Randomised
+from isel_twin.envs.wrappers import AlongPath, Randomised
 
 ID = "isel_twin.envs:isel_twin/TrackPath-v0"
 SHORT: dict[str, Any] = {"path": "random", "time_limit_s": 0.1, "tolerance_mm": 0.03, "reference_mm": 0.005}
@@ -46,6 +46,28 @@ def test_machines_by_lot_are_those_of_the_wrapper() -> None:
     assert ours[0] == own[0]
 
 
+def led(envs: Any) -> list[Any]:
+    """All that is said where feed and offset are drawn, past the ends of episodes."""
+    draw = np.random.default_rng(1)
+    seen = [envs.reset(seed=5)[0].tobytes()]
+    for _ in range(55):
+        observations, rewards, terminated, truncated, _ = envs.step(draw.uniform(-1.2, 1.2, (3, 4)).astype(np.float32))
+        seen += [observations.tobytes(), rewards.tobytes(), terminated.tolist(), truncated.tolist()]
+    envs.close()
+    return seen
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+def test_along_the_path_each_is_what_the_wrapper_makes_of_it(workers: int) -> None:
+    how = {"feed_mm_s": 30.0, "offset_mm": 0.02}
+    track = lambda: Randomised(gymnasium.make(ID, **SHORT), **RANGES)  # noqa: E731
+    own = led(SyncVectorEnv([lambda: AlongPath(track(), **how)] * 3))
+    assert any(seen is True for row in own if isinstance(row, list) for seen in row)
+    ours = TrackVector(3, workers=workers, randomised=RANGES, along=how, **SHORT)
+    assert ours.action_space.shape == (3, 4)
+    assert led(ours) == own
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -53,6 +75,7 @@ def test_machines_by_lot_are_those_of_the_wrapper() -> None:
         (lambda: TrackVector(1, workers=0), "workers is 0; give at least 1"),
         (lambda: TrackVector(1).reset(seed=[1, 2]), "2 seeds for 1 environments"),
         (lambda: TrackVector(1).step(np.zeros((1, 3))), "call reset"),
+        (lambda: TrackVector(1, along={"feed_mm_s": -1.0}), "feed_mm_s is -1.0; allowed: more than 0, up to 1000"),
     ],
 )
 def test_what_is_wrong_is_one_clear_line(make: Any, message: str) -> None:
@@ -66,3 +89,16 @@ def test_actions_that_are_none_are_refused() -> None:
     for actions in (np.zeros((2, 2)), np.full((2, 3), np.nan)):
         with pytest.raises(ValueError, match=r"actions must be finite numbers, shape \(2, 3\)"):
             envs.step(actions)
+    envs = TrackVector(2, along={})
+    envs.reset(seed=0)
+    with pytest.raises(ValueError, match=r"actions must be finite numbers, shape \(2, 4\)"):
+        envs.step(np.zeros((2, 3)))
+
+
+def test_a_machine_that_is_refused_ends_its_episode_alone_and_harms_nothing() -> None:
+    envs = TrackVector(2, workers=1)
+    envs.reset(seed=0)
+    with pytest.raises(ValueError, match="option payload_kg is 30"):
+        envs.reset(seed=0, options={"payload_kg": 30.0})
+    observations, *_ = envs.step(np.zeros((2, 3)))
+    assert np.isfinite(observations).all()

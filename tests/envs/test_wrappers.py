@@ -113,6 +113,25 @@ def test_along_the_path_an_agent_that_does_nothing_arrives() -> None:
     assert info["time_s"] == pytest.approx(np.pi, abs=0.02)
 
 
+def test_the_counters_are_sent_to_the_point_that_is_led() -> None:
+    """By numpy: the point at the way that feeds have made, beside it the offset, and there at the end of a step."""
+    env = AlongPath(gymnasium.make(TRACK, path="circle", tolerance_mm=5.0), feed_mm_s=10.0, offset_mm=0.002)
+    env.reset(seed=0)
+    track = env.unwrapped
+    assert isinstance(track, TrackPath)
+    sent = []
+    track.step, step = lambda action: sent.append(action) or step(action), track.step  # type: ignore[method-assign]
+    way_mm, draw = 0.0, np.random.default_rng(2)
+    for _ in range(40):
+        asked, before_mm = draw.uniform(-0.5, 0.5, 4).astype(np.float32), track.counter_mm
+        env.step(asked)
+        feed, *offset = asked.astype(np.float64)
+        way_mm += 0.5 * (1.0 + feed) * 10.0 * 0.002
+        at_mm = [np.interp(way_mm, track.path_mm[:, 3], track.path_mm[:, i]) for i in range(3)]
+        expected = (np.array(at_mm) + 0.002 * np.array(offset) - before_mm) / 0.002 / 50.0
+        np.testing.assert_allclose(sent[-1], expected, rtol=1e-6, atol=1e-7)
+
+
 def test_the_offset_moves_the_counters_off_the_path() -> None:
     env = AlongPath(gymnasium.make(TRACK), offset_mm=0.02)
     env.reset(seed=0)

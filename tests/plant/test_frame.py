@@ -73,7 +73,7 @@ def test_static_give_is_the_sum_of_the_compliances(tmp_path, bench, name, axis, 
     before = b.plant.position_mm
     b.plant.apply_force(axis, PUSH_N, place)
     b.wait(4000)
-    name = name.removesuffix("-servo")  # the same gantry
+    name = name.removesuffix("-hf").removesuffix("-servo")  # the same gantry
     carries_tool = not (name == "4030" and axis == 1)
     loaded = STRUCTURE.get((name, axis, place))
     if loaded is None:

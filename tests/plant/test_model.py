@@ -21,11 +21,11 @@ SIZES = ("body_mass", "body_subtreemass", "dof_frictionloss", "dof_damping", "do
 
 
 def compiled() -> int:
-    return module._compiled.cache_info().misses
+    return module.compiled.cache_info().misses
 
 
 def fresh(machine: Any, **how: bool) -> mujoco.MjModel:
-    module._compiled.cache_clear()
+    module.compiled.cache_clear()
     return load_model(machine, **how)
 
 
@@ -72,12 +72,14 @@ def test_another_body_is_compiled_anew(overrides: dict[str, float]) -> None:
     assert not same(load_model(MACHINE), expected)
 
 
-def test_what_stands_on_the_table_and_who_looks_are_others() -> None:
+def test_what_stands_on_the_table_a_probe_and_who_looks_are_others() -> None:
     jaw = Fixture("jaw", "box", (10.0, 10.0, 10.0), (100.0, 100.0, 0.0))
     clamped = replace(MACHINE, fixtures=(jaw,))
     moved = replace(MACHINE, fixtures=(replace(jaw, at_mm=(90.0, 100.0, 0.0)),))
+    probed, longer = (with_overrides(MACHINE, {"probe.enabled": True, "probe.reach": reach}) for reach in (40.0, 50.0))
     calls: list[tuple[Any, dict[str, bool]]] = [
-        (MACHINE, {}), (MACHINE, {"visual": False}), (clamped, {}), (moved, {}), (clamped, {"watched": True})
+        (MACHINE, {}), (MACHINE, {"visual": False}), (clamped, {}), (moved, {}), (clamped, {"watched": True}),
+        (probed, {}), (longer, {}),
     ]  # fmt: skip
     models = [load_model(machine, **how) for machine, how in calls]
     expected = [fresh(machine, **how) for machine, how in calls]

@@ -115,27 +115,34 @@ def flag(default: Any = MISSING) -> Any:
 def check(instance: Any) -> None:
     """Raise ValueError if a number or word of a dataclass is outside what its field allows."""
     kind: Any = type(instance)
-    what = kind.__name__.lower()
-    for item, rule in _rules(kind):
-        value = getattr(instance, item.name)
-        if isinstance(rule, tuple) and rule and value not in rule:
-            raise ValueError(f"{what}: {item.name} must be one of {_listed(rule)}, not {value!r}")
-        if isinstance(rule, Limits) and not _same(value, item.default):
-            low, high = rule.low * rule.scale, rule.high * rule.scale
-            if not low <= value <= high:
-                raise ValueError(f"{what}: {item.name} must lie in {low:g} .. {high:g}, not {value!r}")
-            if rule.whole and value != int(value):
-                raise ValueError(f"{what}: {item.name} must be a whole number, not {value!r}")
+    for name, default, rule, low, high in _checks(kind):
+        value = getattr(instance, name)
+        if low is None:
+            if value not in rule:
+                raise ValueError(f"{kind.__name__.lower()}: {name} must be one of {_listed(rule)}, not {value!r}")
+        elif (low <= value <= high and not rule.whole) or value == default or (value != value and default != default):
+            continue
+        elif not low <= value <= high:
+            raise ValueError(f"{kind.__name__.lower()}: {name} must lie in {low:g} .. {high:g}, not {value!r}")
+        elif value != int(value):
+            raise ValueError(f"{kind.__name__.lower()}: {name} must be a whole number, not {value!r}")
+
+
+@lru_cache(128)
+def _checks(cls: Any) -> tuple[tuple[str, Any, Any, float | None, float | None], ...]:
+    """Of each field with limits or choices: name, default, rule, and the limits in the field's own unit."""
+    found: list[tuple[str, Any, Any, float | None, float | None]] = []
+    for item, rule in _rules(cls):
+        if isinstance(rule, Limits):
+            found.append((item.name, item.default, rule, rule.low * rule.scale, rule.high * rule.scale))
+        elif isinstance(rule, tuple) and rule:
+            found.append((item.name, item.default, rule, None, None))
+    return tuple(found)
 
 
 @lru_cache(128)
 def _rules(cls: Any) -> tuple[tuple[dataclasses.Field[Any], Any], ...]:
     return tuple((item, item.metadata["rule"]) for item in dataclasses.fields(cls) if "rule" in item.metadata)
-
-
-def _same(value: Any, default: Any) -> bool:
-    """Equal, or both not a number."""
-    return bool(value == default or (value != value and default != default))
 
 
 # Sections: dataclasses from tables -----------------------------------------------------------------------------------

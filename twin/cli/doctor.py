@@ -105,11 +105,10 @@ def _extras() -> Iterator[Finding]:
 
 
 def _compiled() -> Iterator[Finding]:
-    from isel_twin.core.warm import kept_in, warm_up
+    from isel_twin.core.warm import kept_in, warm_up_all
 
     told: list[str] = []
-    warm_up("mujoco", told.append)
-    warm_up("kinematic", told.append)
+    warm_up_all(told.append)
     folder = kept_in()
     if folder is None:
         remedy = "name a folder for it by NUMBA_CACHE_DIR"

@@ -13,11 +13,10 @@ def warm(*, json: Json = False) -> int:
     NUMBA_CPU_NAME=generic and an empty NUMBA_CPU_FEATURES.
     """
     from isel_twin.cli.outputs import say_json
-    from isel_twin.core.warm import kept_in, warm_up
+    from isel_twin.core.warm import kept_in, warm_up_all
 
     told: list[str] = []
-    for plant in ("kinematic", "mujoco"):
-        warm_up(plant, told.append)
+    warm_up_all(told.append)
     folder = kept_in()
     if json:
         say_json({"compiled": bool(told), "folder": folder and str(folder)})

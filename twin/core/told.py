@@ -62,6 +62,7 @@ class Told:
         self.controller.power_on(t_ns, levels)
 
     def receive(self, t_ns: int, data: bytes) -> None:
+        self._keep_short()  # who only asks makes no time pass, and nothing is advanced
         self._note(("receive", t_ns, data))
         self._bytes += len(data)
         self.controller.receive(t_ns, data)
@@ -79,8 +80,7 @@ class Told:
         return True
 
     def advance(self, t_ns: int) -> None:
-        if len(self._calls) >= self._try_at or self._bytes > MOST_BYTES:
-            self._shorten_or_drop()
+        self._keep_short()
         self._calls.append(("advance", t_ns, None))
         self.controller.advance(t_ns)
 
@@ -131,7 +131,10 @@ class Told:
     def _note(self, call: tuple[str, Any, Any]) -> None:
         self._calls.append(call)
 
-    def _shorten_or_drop(self) -> None:
+    def _keep_short(self) -> None:
+        """To be called when the controller's events have been taken."""
+        if len(self._calls) < self._try_at and self._bytes <= MOST_BYTES:
+            return
         if self.controller.idle and self._shorten():
             self._try_at = len(self._calls) + OFTEN
         if len(self._calls) >= MOST or self._bytes > MOST_BYTES:

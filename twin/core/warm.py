@@ -12,7 +12,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from numba.core import event
 
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.units import MILLISECOND_NS
-from isel_twin.controller import Compiles, create_controller, offers
+from isel_twin.controller import Compiles, PluginError, controller_names, create_controller, offers
 from isel_twin.drives.library import MOTORS
 from isel_twin.drives.stability import limit_rad_s
 from isel_twin.drives.stage import Stage
@@ -30,6 +30,8 @@ from isel_twin.motion import StepRun, circle, line, trapezoid
 from isel_twin.motion.joined import joined
 from isel_twin.motion.pieces import chain, piece
 from isel_twin.plant import Plant, Threshold
+from isel_twin.plant.lead import no_leads
+from isel_twin.plant.touch import TARGET, Felt
 
 
 def _log(text: str) -> None:
@@ -61,6 +63,12 @@ def warm_up(plant: str, tell: Callable[[str], None] = _log, controllers: Iterabl
             limit_rad_s(MOTORS["23HS32-4004S"], Stage(supply_v=48.0, current_a=4.2))
         machine.advance(2 * until_ns, np.array([2 * until_ns]), np.ones((1, 4), dtype=np.int32), lead_ns=until_ns)
         machine.watch_margin()
+        Felt(load_machine("4030"), np.zeros(0, TARGET), 0.0, 0.0).take(np.zeros(len(CARRIAGES)))  # without MuJoCo
+        if plant == "kinematic":
+            from isel_twin.plant.kinematic import places_on_the_way
+
+            wide = np.zeros((len(t_ns), 4), np.int32)
+            places_on_the_way(0, until_ns, until_ns, t_ns, wide, np.zeros(4, np.int64), no_leads(4))
         servos = _plant(plant, "4030-servo")
         servos.reset_drives()
         servos.current_fraction  # noqa: B018
@@ -69,6 +77,17 @@ def warm_up(plant: str, tell: Callable[[str], None] = _log, controllers: Iterabl
             controller = create_controller(name)
             if offers(controller, Compiles):
                 controller.warm_up()
+
+
+def warm_up_all(tell: Callable[[str], None] = _log) -> None:
+    """Load or compile what twins with either plant and any installed controller that works need."""
+    working = []
+    for name in controller_names():
+        with suppress(PluginError):
+            create_controller(name)
+            working.append(name)
+    for plant in ("kinematic", "mujoco"):
+        warm_up(plant, tell, working)
 
 
 def kept_in() -> Path | None:

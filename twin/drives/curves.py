@@ -198,22 +198,54 @@ def pull_out_envelope(motor: Motor, stage: Stage, speed_rpm: float) -> float:
 
 def pull_out_prediction(motor: Motor, stage: Stage, speed_rpm: float) -> float:
     """Predicted pull-out torque in Nm (second closed form), 0 or more."""
+    found: float = pull_out_predictions(motor, stage, np.array([speed_rpm])).item()
+    return found
+
+
+def pull_out_predictions(motor: Motor, stage: Stage, speed_rpm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The same for each of these speeds [n]."""
     motor = motor.at_current(stage.vector_a)
-    omega = speed_rpm * 2.0 * math.pi / 60.0
-    electrical = motor.pole_pairs * omega
-    impedance = complex(motor.resistance_ohm + stage.extra_resistance_ohm, electrical * motor.inductance_h)
-    centre = -1j * omega * motor.torque_constant_nm_per_a / impedance
-    current = _fundamental(stage) * stage.current_a
-    radius = 0.5 * (stage.drive_v + stage.supply_v) / abs(impedance)
-    best = _highest(current, centre, radius)
-    if 0.0 < abs(best) < current * (1.0 - 1e-9):
-        excess = current / abs(best)
-        clipped = 2.0 / math.pi * (excess * math.asin(1.0 / excess) + math.sqrt(1.0 - 1.0 / excess**2))
-        best = _highest(current, centre, radius * clipped)
-    return max(0.0, motor.torque_constant_nm_per_a * best.imag - motor.iron_torque_nm(omega))
+    torque_nm = np.empty(len(speed_rpm))
+    _predict(
+        speed_rpm, motor.pole_pairs, motor.resistance_ohm + stage.extra_resistance_ohm, motor.inductance_h,
+        motor.torque_constant_nm_per_a, motor.iron_drag_nm_s_per_rad, motor.iron_knee_rad_s,
+        _fundamental(stage) * stage.current_a, 0.5 * (stage.drive_v + stage.supply_v), 2.0, torque_nm,
+    )  # fmt: skip
+    return torque_nm
 
 
-def _highest(current: float, centre: complex, radius: float) -> complex:
+@njit(nogil=True, error_model="numpy")
+def _predict(rpm, pole_pairs, resistance, inductance, km, iron_drag, iron_knee, current, half_v, two, torque_nm):
+    """Fill in torque_nm [n]. two: 2.0, told at run time: squares are then those of Python's `**`, to the last bit."""
+    for k in range(rpm.shape[0]):
+        omega = rpm[k] * 2.0 * math.pi / 60.0
+        impedance = complex(resistance, pole_pairs * omega * inductance)
+        centre = -1j * omega * km / impedance
+        radius = half_v / abs(impedance)
+        best = _highest(current, centre, radius, two)
+        if 0.0 < abs(best) < current * (1.0 - 1e-9):
+            excess = current / abs(best)
+            clipped = 2.0 / math.pi * (excess * math.asin(1.0 / excess) + math.sqrt(1.0 - 1.0 / excess**two))
+            best = _highest(current, centre, radius * clipped, two)
+        iron_nm = iron_drag * omega / (1.0 + (omega / iron_knee) ** two)
+        torque_nm[k] = max(0.0, km * best.imag - iron_nm)
+
+
+def iron_torques(motor: Motor, omega_rad_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """`Motor.iron_torque_nm` at each of these speeds [n]."""
+    torque_nm = np.empty(len(omega_rad_s))
+    _iron(omega_rad_s, motor.iron_drag_nm_s_per_rad, motor.iron_knee_rad_s, 2.0, torque_nm)
+    return torque_nm
+
+
+@njit(nogil=True, error_model="numpy")
+def _iron(omega, drag, knee, two, torque_nm):
+    for k in range(omega.shape[0]):
+        torque_nm[k] = drag * omega[k] / (1.0 + (omega[k] / knee) ** two)
+
+
+@njit(nogil=True, error_model="numpy")
+def _highest(current, centre, radius, two):
     """The point of largest imaginary part in |i| <= current and |i - centre| <= radius; 0 if they do not meet."""
     if abs(1j * current - centre) <= radius:
         return 1j * current
@@ -221,11 +253,13 @@ def _highest(current: float, centre: complex, radius: float) -> complex:
     if abs(top) <= current:
         return top
     distance = abs(centre)
-    along = (current**2 - radius**2 + distance**2) / (2.0 * distance)
+    along = (current**two - radius**two + distance**two) / (2.0 * distance)
     if along >= current:
         return 0j
-    across = math.sqrt(current**2 - along**2)
-    return max((centre / distance * complex(along, side) for side in (across, -across)), key=lambda i: i.imag)
+    across = math.sqrt(current**two - along**two)
+    left = centre / distance * complex(along, across)
+    right = centre / distance * complex(along, -across)
+    return right if right.imag > left.imag else left
 
 
 def _fundamental(stage: Stage) -> float:

@@ -53,13 +53,16 @@ SMOOTHING = 5.0  # corner of the smoothed command over that of the damping, so t
 SETTLED_RAD = 1e-12  # electrical load-angle swing below which damping does nothing, so that a drive comes to rest
 
 
-def axis_parameters(motor: Motor, stage: Stage, screw: Screw, dt_s: float) -> NDArray[np.void]:
+def axis_parameters(
+    motor: Motor, stage: Stage, screw: Screw, dt_s: float, stiffness_n_per_m: float | None = None
+) -> NDArray[np.void]:
     """Constants of a drive for sub-steps of dt_s: one record, shape [1]; concatenate for several axes.
+    stiffness_n_per_m: of the screw where the nut is; None: the stated one.
 
     Raises ValueError if the sub-step is too long for the nut spring on this shaft.
     """
     motor = motor.at_current(stage.vector_a)
-    p = shaft_parameters(screw, motor.rotor_inertia_kgm2, dt_s)
+    p = shaft_parameters(screw, motor.rotor_inertia_kgm2, dt_s, stiffness_n_per_m)
     resistance = motor.resistance_ohm + stage.extra_resistance_ohm
     gain = -math.expm1(-resistance * dt_s / motor.inductance_h) / resistance
     p["kind"] = STEPPER

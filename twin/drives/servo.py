@@ -41,10 +41,12 @@ VOLTAGE_FAULT = 2  # `fault`: the common supply had too little voltage while the
 CAUSES: Mapping[int, str] = {0: "", LAG_FAULT: "following error exceeded", VOLTAGE_FAULT: "too little supply voltage"}
 
 
-def servo_parameters(motor: ServoMotor, drive: ServoDrive, screw: Screw, dt_s: float) -> NDArray[np.void]:
-    """Constants of a servo drive: one record of AXIS_PARAMETERS, shape [1]. Raises ValueError if the sub-step dt_s is
-    too long for the nut spring, or the loop period is not whole sub-steps."""
-    p = shaft_parameters(screw, motor.rotor_inertia_kgm2, dt_s)
+def servo_parameters(
+    motor: ServoMotor, drive: ServoDrive, screw: Screw, dt_s: float, stiffness_n_per_m: float | None = None
+) -> NDArray[np.void]:
+    """Constants of a servo drive: one record of AXIS_PARAMETERS, shape [1]; arguments: `axis_parameters`. Raises
+    ValueError if the sub-step dt_s is too long for the nut spring, or the loop period is not whole sub-steps."""
+    p = shaft_parameters(screw, motor.rotor_inertia_kgm2, dt_s, stiffness_n_per_m)
     loop = round(drive.loop_period_s / dt_s)
     if loop < 1 or abs(loop * dt_s - drive.loop_period_s) > 1e-9 * drive.loop_period_s:
         raise ValueError(

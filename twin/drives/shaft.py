@@ -122,14 +122,17 @@ AXIS_STATE = np.dtype(
 )
 
 
-def shaft_parameters(screw: Screw, rotor_inertia_kgm2: float, dt_s: float) -> NDArray[np.void]:
-    """Constants of all but the motor: one record, shape [1]. Raises ValueError if the sub-step dt_s is too long for the
-    nut spring on this shaft."""
+def shaft_parameters(
+    screw: Screw, rotor_inertia_kgm2: float, dt_s: float, stiffness_n_per_m: float | None = None
+) -> NDArray[np.void]:
+    """Constants of all but the motor: one record, shape [1]. stiffness_n_per_m: where the nut is; None: the stated one.
+    Raises ValueError if the sub-step dt_s is too long for the nut spring on this shaft."""
     if not 0.0 < dt_s <= 1e-3:
         raise ValueError(f"drive: the sub-step must lie in 0 .. 1 ms, not {dt_s!r} s")
     inertia = rotor_inertia_kgm2 + screw.inertia_kgm2
     travel = screw.travel_m_per_rad
-    if screw.stiffness_n_per_m * travel**2 * dt_s**2 > inertia:
+    stiffness = screw.stiffness_n_per_m if stiffness_n_per_m is None else stiffness_n_per_m
+    if stiffness * travel**2 * dt_s**2 > inertia:
         raise ValueError(
             f"drive: sub-step {dt_s:g} s is too long for this stiffness and inertia; shorten it or soften it"
         )
@@ -143,7 +146,7 @@ def shaft_parameters(screw: Screw, rotor_inertia_kgm2: float, dt_s: float) -> ND
     p["stribeck_rad_s"] = screw.stribeck_rad_s
     p["travel_m_per_rad"] = travel
     p["half_backlash_m"] = 0.5e-3 * screw.backlash_mm
-    p["stiffness_n_per_m"] = screw.stiffness_n_per_m
+    p["stiffness_n_per_m"] = stiffness
     p["damping_n_s_per_m"] = screw.damping_n_s_per_m
     p["forward_loss"] = 1.0 / screw.efficiency - 1.0
     p["backward_loss"] = 1.0 - screw.backdrive_efficiency

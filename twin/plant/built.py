@@ -1,6 +1,7 @@
 """A machine as numbers for the compiled loop: its MuJoCo model, and the arrays of memory.py filled for it.
 
     Machine, thresholds, start --- build ---> Built: model, data, Parts and what it takes to change them later
+    Machine, start ------------- rebuild ---> the same arrays with other numbers, to the bit what `build` would give
 
 Nut and carriage start in balance: an axis pulled by gravity rests on the flank of its backlash from the beginning
 (plant/8).
@@ -8,12 +9,10 @@ Nut and carriage start in balance: an axis pulled by gravity rests on the flank 
 
 from __future__ import annotations
 
-import ctypes
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
-from pathlib import Path
+from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -24,17 +23,18 @@ from isel_twin.drives.dynamics import OPEN, axis_parameters
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.servo import servo_parameters
 from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
-from isel_twin.drives.shaft import axis_states
+from isel_twin.drives.shaft import AXIS_PARAMETERS, axis_states
 from isel_twin.drives.stage import Stage
 from isel_twin.machine import Axis, Machine, MachineError
 from isel_twin.plant import Threshold, kernel, memory, touch
 from isel_twin.plant.cutting import CUT
-from isel_twin.plant.feed import supply_state
-from isel_twin.plant.glide import gliding
+from isel_twin.plant.feed import SUPPLY, supply_state
+from isel_twin.plant.glide import JOINT, gliding, stands_alone
 from isel_twin.plant.lead import no_leads
 from isel_twin.plant.margin import SPEEDS, available_torque
 from isel_twin.plant.memory import Parts
-from isel_twin.plant.model import found_targets, left_of_x, reach, tool_motion
+from isel_twin.plant.model import MODELS, Asked, asked_of, compiled, found_targets, left_of_x, reach, tool_motion
+from isel_twin.plant.native import mj_step_address
 from isel_twin.plant.thread import SCREW, feel
 
 REST_TIME_S = 0.025  # standstill before the plant is frozen; a swinging joint is never slow for this long
@@ -44,7 +44,6 @@ LARGEST_STEP_RATIO = 1.9
 NEAR_M = 1e-9  # distance from a position switch at which the loop begins to compare; rounding is far below
 _LEAST_V = 5.0  # least Stage.supply_v; below it a motor's torque is taken as at this voltage
 _QUANTITIES = {"position": memory.POSITION, "lag": memory.LAG, "fault": memory.FAULT, "touch": memory.TOUCH}
-_LIBRARIES = ("libmujoco.so*", "libmujoco*.dylib", "mujoco*.dll")  # on Linux, macOS and Windows
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +59,9 @@ class Built:
     shape_mm: NDArray[np.float64]  # [3, nv], mm of tool over table by a metre of each joint
     reach: Mapping[str, NDArray[np.float64]]  # by place (model.py)
     left: float  # `left_of_x` of model.py
+    alone: bool  # `stands_alone` of glide.py
+    targets: NDArray[np.void]  # TARGET [t], as they were found
+    thresholds: NDArray[np.void]  # THRESHOLD [k], as they were given
     closed: NDArray[np.bool_]  # [3], which axes have servo drives
     coulomb_nm: NDArray[np.float64]  # [3], dry friction of each shaft with its brake released
     brake_nm: NDArray[np.float64]  # [3], what the brake adds when it holds (plant/9)
@@ -76,39 +78,92 @@ class Built:
         return joints_n, nuts_n
 
 
-def build(
-    machine: Machine, thresholds: Sequence[Threshold], start_mm: NDArray[np.float64], axes: int, model: mujoco.MjModel
-) -> Built:
-    """Arguments and errors: `MujocoPlant`."""
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION  # the motors are those of the drives
+@dataclass(frozen=True)
+class _Frame:
+    """What follows from the bodies of a model, whatever they weigh."""
+
+    reach: Mapping[str, NDArray[np.float64]]
+    left: float
+    alone: bool
+    targets: NDArray[np.void]
+
+
+@lru_cache(MODELS)
+def _frame(asked: Asked) -> _Frame:
+    model = compiled(asked)
     data = mujoco.MjData(model)
-    dof = np.array([model.joint(name).dofadr[0] for name in CARRIAGES])
-    drives = np.concatenate([_drive(machine, axis, machine.timing.substep_ns * 1e-9) for axis in machine.axes])
-    data.qpos[dof] = np.asarray(start_mm) * 1e-3
-    mujoco.mj_forward(model, data)
-    scratch = mujoco.MjData(model)
-    parts = _parts(machine, model, data, drives, thresholds, max(axes, memory.AXES), scratch)
+    found = reach(asked.machine, model, data)
+    targets = found_targets(asked.machine, model, data)
+    for kept in (*found.values(), targets):
+        kept.flags.writeable = False
+    return _Frame(found, left_of_x(asked.machine, model, data), stands_alone(model, data), targets)
+
+
+def build(
+    machine: Machine,
+    thresholds: Sequence[Threshold],
+    start_mm: NDArray[np.float64],
+    axes: int,
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+) -> Built:
+    """data: of the model. Other arguments and errors: `MujocoPlant`."""
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION  # the motors are those of the drives
+    nv, frame = model.nv, _frame(asked_of(machine, visual=False, watched=model.nsensor > 0))
+    laid = np.concatenate([np.zeros(0, memory.THRESHOLD), *map(_threshold, thresholds)])
+    parts = _parts(model, data, laid, max(axes, memory.AXES), len(frame.targets))
     built = Built(
         machine=machine,
         model=model,
         data=data,
         parts=parts,
         memory=memory.memory_of(parts),
-        dof=dof,
-        shape_mm=1e3 * tool_motion(machine, model),
-        reach=reach(machine, model, scratch),
-        left=left_of_x(machine, model, scratch),
-        closed=np.array([axis.closed_loop for axis in machine.axes]),
-        coulomb_nm=drives["coulomb_nm"].copy(),
-        brake_nm=np.array([axis.brake_n for axis in machine.axes]) * drives["travel_m_per_rad"],
-        inertia=np.zeros((model.nv, model.nv)),
-        mobility=np.zeros((model.nv, model.nv)),
-        weight=np.zeros(model.nv),
+        dof=np.array([model.joint(name).dofadr[0] for name in CARRIAGES]),
+        shape_mm=np.zeros((len(CARRIAGES), nv)),
+        reach=frame.reach,
+        left=frame.left,
+        alone=frame.alone,
+        targets=frame.targets,
+        thresholds=laid.copy(),
+        closed=np.zeros(memory.AXES, np.bool_),
+        coulomb_nm=np.zeros(memory.AXES),
+        brake_nm=np.zeros(memory.AXES),
+        inertia=np.zeros((nv, nv)),
+        mobility=np.zeros((nv, nv)),
+        weight=np.zeros(nv),
     )
+    _fill(built, start_mm)
+    return built
+
+
+def rebuild(built: Built, machine: Machine, start_mm: NDArray[np.float64]) -> Built:
+    """The same arrays, at power-on, for another machine, whose numbers the model already has. Errors: `build`."""
+    built = replace(built, machine=machine)
+    _fill(built, start_mm)
+    return built
+
+
+def _fill(built: Built, start_mm: NDArray[np.float64]) -> None:
+    """All numbers of the machine, at power-on, whatever was there before."""
+    machine, model, data, parts, dof = built.machine, built.model, built.data, built.parts, built.dof
+    substep_s = machine.timing.substep_ns * 1e-9
+    for i, axis in enumerate(machine.axes):
+        parts.drives[i] = _drive(machine, axis, substep_s)[0]
+    parts.joints_law[:], parts.mobility[:] = gliding(model, data, built.alone)
+    mujoco.mj_resetData(model, data)
+    data.qpos[dof] = np.asarray(start_mm) * 1e-3
+    mujoco.mj_forward(model, data)
+    _power_on(machine, built)
+    parts.shape[:] = tool_motion(machine, model)
+    built.shape_mm[:] = 1e3 * parts.shape
+    built.closed[:] = [axis.closed_loop for axis in machine.axes]
+    built.coulomb_nm[:] = parts.drives["coulomb_nm"]
+    built.brake_nm[:] = [axis.brake_n for axis in machine.axes]
+    built.brake_nm[:] *= parts.drives["travel_m_per_rad"]
     _fill_axes(machine, parts.axes, dof)
     weigh(built, data)
     pull_n = -built.weight[dof].round(6)
-    parts.axes["zero_m"] = data.qpos[dof] - np.sign(pull_n) * drives["half_backlash_m"]
+    parts.axes["zero_m"] = data.qpos[dof] - np.sign(pull_n) * parts.drives["half_backlash_m"]
     parts.plant["uneven"] = _lay_screws(machine, parts)
     _check_steps(built)
     find_available(built, 1.0)
@@ -118,7 +173,6 @@ def build(
     find_free(parts)
     kernel.begin_window(built.memory)
     kernel.feel_now(built.memory)
-    return built
 
 
 def weigh(built: Built, data: mujoco.MjData) -> None:
@@ -158,62 +212,70 @@ def find_free(parts: Parts) -> None:
 
 
 def _parts(
-    machine: Machine,
-    model: mujoco.MjModel,
-    data: mujoco.MjData,
-    drives: NDArray[np.void],
-    thresholds: Sequence[Threshold],
-    commands: int,
-    scratch: mujoco.MjData,
+    model: mujoco.MjModel, data: mujoco.MjData, thresholds: NDArray[np.void], commands: int, targets: int
 ) -> Parts:
-    """All arrays of the loop; the axes and all that follows from the masses are filled later."""
-    nv, step_s = model.nv, machine.timing.mujoco_step_ns * 1e-9
-    joints_law, mobility = gliding(model, scratch)
-    parts = Parts(
+    """All arrays of the loop; the numbers come later."""
+    nv, pairs = model.nv, len(data.sensordata)
+    return Parts(
         plant=np.zeros(1, memory.PLANT),
         axes=np.zeros(memory.AXES, memory.AXIS),
-        drives=drives,
+        drives=np.zeros(memory.AXES, AXIS_PARAMETERS),
         screws=np.zeros(memory.AXES, SCREW),
         states=axis_states(memory.AXES),
-        thresholds=np.concatenate([np.zeros(0, memory.THRESHOLD), *map(_threshold, thresholds)]),
+        thresholds=thresholds,
         commanded=np.zeros(commands, dtype=np.int64),
         leads=no_leads(commands),
         available=np.zeros((memory.AXES, SPEEDS)),
-        joints_law=joints_law,
-        mobility=mobility,
+        joints_law=np.zeros(nv, JOINT),
+        mobility=np.zeros((nv, nv)),
         push=np.zeros((2, nv)),
         springs=np.zeros((2, memory.AXES, nv)),
         cut=np.zeros(1, CUT),
         tip_nuts=np.zeros((memory.AXES, memory.AXES)),
         tip_joints=np.zeros((memory.AXES, nv)),
-        feeler=touch.feelers(machine),
-        targets=found_targets(machine, model, scratch),
-        shape=tool_motion(machine, model),
-        supply=supply_state(machine.supply, [axis.stage for axis in machine.axes], step_s),
-        before=data.qpos.copy(),
-        rates=data.qvel.copy(),
-        touching=np.zeros(len(data.sensordata), dtype=np.int64),
-        touched_m=np.zeros((len(data.sensordata), memory.AXES)),
+        feeler=np.zeros(1, touch.FEELER),
+        targets=np.zeros(targets, touch.TARGET),
+        shape=np.zeros((memory.AXES, nv)),
+        supply=np.zeros(1, SUPPLY),
+        before=np.zeros(nv),
+        rates=np.zeros(nv),
+        touching=np.zeros(pairs, dtype=np.int64),
+        touched_m=np.zeros((pairs, memory.AXES)),
         found=data.sensordata,
         samples=np.zeros((memory.SAMPLES, 2 + 2 * (nv + commands + memory.AXES))),
-        place=data.qpos.copy(),
+        place=np.zeros(nv),
         qpos=data.qpos,
         qvel=data.qvel,
         qacc=data.qacc,
         qacc_smooth=data.qacc_smooth,
         qfrc=data.qfrc_applied,
     )
-    plant = parts.plant
+
+
+def _power_on(machine: Machine, built: Built) -> None:
+    """The state of the loop at power-on; MuJoCo's is there already."""
+    model, data, parts, plant = built.model, built.data, built.parts, built.parts.plant
+    step_s = machine.timing.mujoco_step_ns * 1e-9
+    for part in (plant, parts.axes, parts.screws, parts.commanded, parts.push, parts.cut, parts.touching):
+        part.view(np.uint8).fill(0)
+    parts.touched_m.fill(0.0)
+    parts.states[:] = axis_states(memory.AXES)
+    parts.leads[:] = no_leads(len(parts.commanded))
+    parts.thresholds[:] = built.thresholds
+    parts.targets[:] = built.targets
+    parts.feeler[:] = touch.feelers(machine)
+    parts.supply[:] = supply_state(machine.supply, [axis.stage for axis in machine.axes], step_s)
+    parts.before[:] = parts.place[:] = data.qpos
+    parts.rates[:] = data.qvel
     plant["substep_ns"] = machine.timing.substep_ns
     plant["window"] = machine.timing.mujoco_step_ns // machine.timing.substep_ns
     plant["rest_windows"] = math.ceil(REST_TIME_S / step_s)
-    plant["mj_step"] = _mj_step_address()
+    plant["mj_step"] = mj_step_address()
     plant["model"] = model._address
     plant["data"] = data._address
     plant["lost_dof"] = -1
     plant["sample_at"] = kernel.NEVER
     plant["watched"] = (parts.thresholds["quantity"] != memory.POSITION).any()
-    return parts
 
 
 def _fill_axes(machine: Machine, axes: NDArray[np.void], dof: NDArray[np.int64]) -> None:
@@ -292,14 +354,12 @@ def _stiffest_n_per_m(axis: Axis) -> float:
 
 def _drive(machine: Machine, axis: Axis, substep_s: float) -> NDArray[np.void]:
     """One record of AXIS_PARAMETERS, shape [1], with the screw where it is stiffest. Raises MachineError."""
-    stiffest = replace(
-        axis.screw, stiffness_n_per_m=_stiffest_n_per_m(axis), rod_n=math.inf, free_length_m=0.0, middle_m=0.0
-    )
+    stiffest = _stiffest_n_per_m(axis)
     try:
         if isinstance(axis.stage, ServoDrive) and isinstance(axis.motor, ServoMotor):
-            return servo_parameters(axis.motor, axis.stage, stiffest, substep_s)
+            return servo_parameters(axis.motor, axis.stage, axis.screw, substep_s, stiffest)
         if isinstance(axis.stage, Stage) and isinstance(axis.motor, Motor):
-            return axis_parameters(axis.motor, axis.stage, stiffest, substep_s)
+            return axis_parameters(axis.motor, axis.stage, axis.screw, substep_s, stiffest)
         raise ValueError("motor and stage of two kinds")
     except ValueError as error:
         raise MachineError(f"{machine.file}: axes.{axis.name}: {error}") from None
@@ -316,18 +376,3 @@ def _threshold(threshold: Threshold) -> NDArray[np.void]:
     record["hysteresis"] = threshold.hysteresis * scale if threshold.quantity != "fault" else 0.0
     record["passed"] = threshold.quantity == "lag" and threshold.limit < 0.0
     return record
-
-
-def library(folder: Path) -> Path:
-    """The library in the folder of the mujoco package. Raises FileNotFoundError if there is none."""
-    for pattern in _LIBRARIES:
-        for path in sorted(folder.glob(pattern)):
-            return path
-    raise FileNotFoundError(f"{folder}: no library of MuJoCo here ({', '.join(_LIBRARIES)})")
-
-
-@cache
-def _mj_step_address() -> int:
-    """Address of mj_step in the library that the mujoco package has loaded."""
-    found = library(Path(mujoco.__file__).parent)
-    return ctypes.cast(ctypes.CDLL(str(found)).mj_step, ctypes.c_void_p).value or 0

@@ -23,7 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.compiling import njit
+from isel_twin.drives.dynamics import drop_stale_code
+from isel_twin.plant import native
 from isel_twin.plant.model import blank
+from isel_twin.plant.native import call_mj_step, mj_step_address
 from isel_twin.plant.reach import can_meet, collide, joint_bounds
 
 AGREE_M_S = 1e-9  # largest difference to MuJoCo's speed after a step; its solver stops at a tenth of that
@@ -77,21 +80,24 @@ def glide(joints, mobility, h_s, qpos, qvel, qacc, qacc_smooth, qfrc):
 
 
 def gliding(
-    model: mujoco.MjModel, scratch: mujoco.MjData | None = None
+    model: mujoco.MjModel, data: mujoco.MjData | None = None, alone: bool | None = None
 ) -> tuple[NDArray[np.void], NDArray[np.float64]]:
-    """JOINT [nv] and mobility M^-1 [nv, nv] of a model; bounds are nan if MuJoCo must make every step."""
+    """JOINT [nv] and mobility M^-1 [nv, nv] of a model; bounds are nan if MuJoCo must make every step.
+
+    data: of the model, for scratch. alone: what `stands_alone` says, if it has been asked.
+    """
     joints = np.zeros(model.nv, JOINT)
     joints["low_m"] = joints["high_m"] = np.nan
+    data = blank(model, data)
+    if alone is None:
+        alone = stands_alone(model, data)
     mobility = np.zeros((model.nv, model.nv))
-    special = model.neq or model.ntendon or model.nflex or model.nplugin or model.npair
-    if special or (model.jnt_type != mujoco.mjtJoint.mjJNT_SLIDE).any():
+    if not alone:
         return joints, mobility
     bounds = joint_bounds(model)
-    data = blank(model, scratch)
+    data = blank(model, data)
     data.qpos[:] = bounds.mean(axis=0)
     mujoco.mj_forward(model, data)
-    if (data.efc_type != mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF).any() or _can_meet(model, data, bounds):
-        return joints, mobility
     inertia = np.zeros_like(mobility)
     mujoco.mj_fullM(model, data, inertia)
     mobility = np.linalg.inv(inertia)
@@ -103,36 +109,52 @@ def gliding(
     joints["creep_per_s"][dof] = data.efc_KBIP[:, 1]
     joints["stuck_kg"][dof] = 1.0 / (np.diagonal(mobility)[dof] + data.efc_R)
     joints["low_m"], joints["high_m"] = bounds
-    if not _agrees(model, blank(model, data), joints, mobility, bounds):
+    blank(model, data)
+    state = data.qpos, data.qvel, data.qfrc_applied, np.zeros((4, model.nv))
+    step = mj_step_address(), model._address, data._address
+    if not _agrees(joints, mobility, model.opt.timestep, *step, bounds, *state):
         joints["low_m"] = joints["high_m"] = np.nan
     return joints, mobility
 
 
-def _agrees(
-    model: mujoco.MjModel,
-    data: mujoco.MjData,
-    joints: NDArray[np.void],
-    mobility: NDArray[np.float64],
-    bounds: NDArray[np.float64],
-) -> bool:
-    """True if steps equal MuJoCo's at both ends of the bounds and between, at rest, creeping, moving, and pushed."""
-    one = np.where(np.arange(model.nv) % 2, 1.0, -1.0)
-    for share in (0.01, 0.5, 0.99):
-        for speed_m_s in (0.0, 1e-6, -0.1, 0.3):
-            for push_n in (0.0, 10.0, -200.0):
-                data.qpos[:] = (1.0 - share) * bounds[0] + share * bounds[1]
-                data.qvel[:] = speed_m_s * one
-                data.qfrc_applied[:] = push_n
-                q, v = data.qpos.copy(), data.qvel.copy()
-                glide(joints, mobility, model.opt.timestep, q, v, q.copy(), q.copy(), data.qfrc_applied)
-                mujoco.mj_step(model, data)
-                if not np.abs(v - data.qvel).max() < AGREE_M_S:
-                    return False
+def stands_alone(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
+    """Whether a model has slides alone, between whose stops nothing but dry friction acts on them. It does not depend
+    on masses, springs and friction. data: for scratch."""
+    special = model.neq or model.ntendon or model.nflex or model.nplugin or model.npair
+    if special or (model.jnt_type != mujoco.mjtJoint.mjJNT_SLIDE).any():
+        return False
+    bounds = joint_bounds(model)
+    data = blank(model, data)
+    data.qpos[:] = bounds.mean(axis=0)
+    mujoco.mj_forward(model, data)
+    other = (data.efc_type != mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF).any()
+    return not other and not any(
+        collide(model, a, b) and can_meet(model, data, bounds, a, b) for a in range(model.ngeom) for b in range(a)
+    )
+
+
+@njit(nogil=True, error_model="numpy")
+def _agrees(joints, mobility, h_s, mj_step, model, data, bounds, qpos, qvel, qfrc, scratch):
+    """True if steps equal MuJoCo's: at rest, creeping, moving, each unpushed and pushed, at one end of the bounds, the
+    other or between. scratch [4, nv]."""
+    n = qpos.shape[0]
+    for case in range(12):
+        share = 0.01 if case % 3 == 0 else 0.5 if case % 3 == 1 else 0.99
+        speed_m_s = 0.0 if case < 3 else 1e-6 if case < 6 else -0.1 if case < 9 else 0.3
+        turned = (case + case // 3) % 3  # each push at each place, and with each speed
+        push_n = 0.0 if turned == 0 else 10.0 if turned == 1 else -200.0
+        for j in range(n):
+            qpos[j] = (1.0 - share) * bounds[0, j] + share * bounds[1, j]
+            qvel[j] = speed_m_s if j % 2 else -speed_m_s
+            qfrc[j] = push_n
+            scratch[0, j] = qpos[j]
+            scratch[1, j] = qvel[j]
+        glide(joints, mobility, h_s, scratch[0], scratch[1], scratch[2], scratch[3], qfrc)
+        call_mj_step(mj_step, model, data)  # type: ignore[call-arg]
+        for j in range(n):
+            if not abs(scratch[1, j] - qvel[j]) < AGREE_M_S:
+                return False
     return True
 
 
-def _can_meet(model: mujoco.MjModel, data: mujoco.MjData, bounds: NDArray[np.float64]) -> bool:
-    """True if two geoms that may collide can meet with all joints within bounds [2, nv]."""
-    return any(
-        collide(model, a, b) and can_meet(model, data, bounds, a, b) for a in range(model.ngeom) for b in range(a)
-    )
+drop_stale_code(_agrees, str(native.__file__))

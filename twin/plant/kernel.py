@@ -26,16 +26,13 @@ the sub-step that follows it, less the mean of the rest of the leads (lead.py).
 Rest: after `rest_windows` windows of standstill without leads the plant is frozen: all sub-steps up to the next tick or
 change of current are skipped (plant/6).
 
-MuJoCo is called by the address of `mj_step`, an integer, so that the compiled code can be cached. Between the stops,
-without contact, its step is written out instead (glide.py).
+MuJoCo's step is called by its address (native.py). Between the stops, without contact, it is written out instead
+(glide.py).
 """
 
 import math
 
 import numpy as np
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
 
 import isel_twin.plant
 from isel_twin.base.compiling import njit
@@ -43,25 +40,15 @@ from isel_twin.drives import dynamics, servo, shaft, trigonometry
 from isel_twin.drives.dynamics import OPEN, stepper_torque
 from isel_twin.drives.servo import cool, servo_torque
 from isel_twin.drives.shaft import SERVO, at_rest, turn
-from isel_twin.plant import feed, glide, lead, margin, memory, teeth, thread, touch
+from isel_twin.plant import feed, glide, lead, margin, memory, native, teeth, thread, touch
 from isel_twin.plant.lead import begin, behind, mean_behind
 from isel_twin.plant.memory import APART, AXES, FRESH, LAG, PARTED_MM, POSITION, TOUCH, parts_of
+from isel_twin.plant.native import call_mj_step
 
 REST_M_S = 5e-6  # speed below which a joint counts as at rest
 HELD_M_S2 = 1e-3  # constraint acceleration beyond friction that counts as a carriage held; rounding is far below
 FAR_M = 1e3  # a joint beyond this has run away
 NEVER = np.iinfo(np.int64).max
-
-
-@intrinsic
-def _call_mj_step(typingctx, address, model, data):
-    def build(context, builder, signature, arguments):
-        word = ir.IntType(64)
-        function = ir.FunctionType(ir.VoidType(), [word, word])
-        builder.call(builder.inttoptr(arguments[0], function.as_pointer()), arguments[1:])
-        return context.get_dummy_value()
-
-    return types.void(types.int64, types.int64, types.int64), build
 
 
 @njit(nogil=True, error_model="numpy")
@@ -173,7 +160,7 @@ def _leave_window(memory):
         rates[j] = qvel[j]
     window_s = 1e-9 * plant.substep_ns * plant.window
     if not glide.glide(parts.joints_law, parts.mobility, window_s, qpos, qvel, parts.qacc, parts.qacc_smooth, qfrc):
-        _call_mj_step(plant.mj_step, plant.model, plant.data)  # type: ignore[call-arg]
+        call_mj_step(plant.mj_step, plant.model, plant.data)  # type: ignore[call-arg]
         _feel(plant, axes, parts.touching, parts.touched_m, parts.found)
     for i in range(AXES):
         axis = axes[i]
@@ -468,7 +455,7 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
 
 
 _DRIVES = dynamics, servo, shaft, trigonometry
-_PARTS = feed, glide, lead, margin, memory, teeth, thread, touch
+_PARTS = feed, glide, lead, margin, memory, native, teeth, thread, touch
 # files whose code the compiled loop contains
 CONTAINED = tuple(str(module.__file__) for module in (isel_twin.plant, *_DRIVES, *_PARTS))
 dynamics.drop_stale_code(advance, *CONTAINED)

@@ -163,7 +163,7 @@ def _lead(start_ns, until_ns, lead_ns, t_ns, delta, commanded, leads, axis, sens
 
 
 @njit()
-def _places(start_ns, until_ns, lead_ns, t_ns, delta, commanded, leads):
+def places_on_the_way(start_ns, until_ns, lead_ns, t_ns, delta, commanded, leads):
     """Where the path has its corners up to until_ns, what is led included: times and counts, before and after each
     change. commanded, leads: copies, which change."""
     axes = leads.shape[0]
@@ -200,7 +200,7 @@ def _places(start_ns, until_ns, lead_ns, t_ns, delta, commanded, leads):
 
 
 drop_stale_code(_lead, lead.__file__)
-drop_stale_code(_places, lead.__file__)
+drop_stale_code(places_on_the_way, lead.__file__)
 
 
 class _Way(NamedTuple):
@@ -367,7 +367,7 @@ class KinematicPlant:
         """The same so near to each other that they stand for all that is between them."""
         from isel_twin.plant.contact import fine
 
-        times_ns, places = _places(
+        times_ns, places = places_on_the_way(
             *(self.time_ns, until_ns, lead_ns, t_ns.astype(np.int64), delta.astype(np.int32)),
             *(self._commanded.copy(), self._leads.copy()),
         )

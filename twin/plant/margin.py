@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.compiling import njit
-from isel_twin.drives.curves import pull_out_prediction
+from isel_twin.drives.curves import iron_torques, pull_out_predictions
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.stage import Stage
 
@@ -37,10 +37,9 @@ _LEAST_NM = 1e-6  # less counts as no torque
 def available_torque(motor: Motor, stage: Stage) -> NDArray[np.float64]:
     """float64 [SPEEDS], largest mean torque of the currents in N m at 0, SPEED_STEP_RAD_S, ... of the shaft; read-only.
     The first is the torque of a current vector at rest, without losses of single steps."""
-    omega = SPEED_STEP_RAD_S * np.arange(SPEEDS)
-    net = np.array([pull_out_prediction(motor, stage, w * 60.0 / (2.0 * math.pi)) for w in omega])
-    iron = np.array([motor.iron_torque_nm(w) for w in omega])
-    return np.where(net > 0.0, net + iron, 0.0)
+    omega: NDArray[np.float64] = SPEED_STEP_RAD_S * np.arange(SPEEDS, dtype=np.float64)
+    net = pull_out_predictions(motor, stage, omega * 60.0 / (2.0 * math.pi))
+    return np.where(net > 0.0, net + iron_torques(motor, omega), 0.0)
 
 
 @njit(nogil=True, error_model="numpy")

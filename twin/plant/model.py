@@ -42,20 +42,24 @@ def load_model(machine: Machine, *, visual: bool = True, watched: bool = False) 
     """The model with what machine.toml says about it. visual: keep geoms that are only for display; a step takes a
     third longer. watched: with a sensor for each two shapes that must not meet (clamped.py).
 
-    It is compiled once for machines that differ only in guide friction, payload and structure (plant/23).
+    It is compiled once for machines that differ only in masses, guide friction, payload and structure (plant/23).
 
     Raises MachineError if model or fixture cannot be read, a joint or body that the machine names is missing, or a
     joint does not have exactly one coordinate.
     """
-    model = copy.copy(_compiled(_Asked(_bare(machine), visual, watched, machine)))
-    for axis in machine.axes:
-        model.dof_frictionloss[model.joint(axis.name).dofadr] = axis.guide_friction_n
-    _dress(machine, model)
-    return model
+    return load(machine, visual=visual, watched=watched)[0]
+
+
+def load(machine: Machine, *, visual: bool, watched: bool) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    """As `load_model`, with data for it in some state."""
+    model = copy.copy(compiled(asked_of(machine, visual=visual, watched=watched)))
+    data = mujoco.MjData(model)
+    dress(machine, model, data)
+    return model, data
 
 
 @dataclass(frozen=True)
-class _Asked:
+class Asked:
     """A model to compile; equal to another if the same would come out."""
 
     bare: Hashable
@@ -64,14 +68,22 @@ class _Asked:
     machine: Machine = field(compare=False)
 
 
+def asked_of(machine: Machine, *, visual: bool, watched: bool) -> Asked:
+    return Asked(_bare(machine), visual, watched, machine)
+
+
 def _bare(machine: Machine) -> Hashable:
-    """All of a machine that `_compiled` looks at, and when its files were written."""
+    """All of a machine that `compiled` looks at, and when its files were written."""
     files = [machine.model_file, machine.fixture_file, *(fixture.file for fixture in machine.fixtures)]
+    return tuple(_written(file) for file in files if file is not None), repr(machine.fixtures), _tree(machine)
+
+
+def _tree(machine: Machine) -> Hashable:
+    """The same without the files."""
+    probe = machine.probe
     return (
-        tuple(_written(file) for file in files if file is not None),
-        repr(machine.fixtures),
-        machine.probe if machine.probe is not None and machine.probe.enabled else None,
-        tuple(machine.masses_kg.items()),
+        (probe.ball_mm, probe.reach_mm) if probe is not None and probe.enabled else None,
+        tuple(machine.masses_kg),
         tuple((axis.name, axis.stop_margin_mm, axis.travel_mm) for axis in machine.axes),
         tuple(mode.joint for mode in machine.structure),
         machine.imperfections.structure,
@@ -88,8 +100,8 @@ def _written(file: Path) -> Hashable:
 
 
 @lru_cache(MODELS)
-def _compiled(asked: _Asked) -> mujoco.MjModel:
-    """The model without springs of the structure and payload. Errors: `load_model`."""
+def compiled(asked: Asked) -> mujoco.MjModel:
+    """The model with the masses of its file, without springs of the structure and payload. Errors: `load_model`."""
     machine, visual, watched = asked.machine, asked.visual, asked.watched
     try:
         spec = mujoco.MjSpec.from_file(str(machine.model_file))
@@ -118,10 +130,6 @@ def _compiled(asked: _Asked) -> mujoco.MjModel:
         put_probe(spec, machine.probe)
     if machine.fixtures:
         lay(spec, machine.fixtures)
-    for name, mass_kg in machine.masses_kg.items():
-        body = spec.body(name)
-        body.inertia = body.inertia * (mass_kg / body.mass)
-        body.mass = mass_kg
     spec.option.timestep = machine.timing.mujoco_step_ns * 1e-9
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     for axis in machine.axes:
@@ -152,7 +160,35 @@ def _compiled(asked: _Asked) -> mujoco.MjModel:
     return model
 
 
-def _dress(machine: Machine, model: mujoco.MjModel) -> None:
+def same_model(machine: Machine, other: Machine) -> bool:
+    """Whether the models of two machines differ in nothing but what `dress` puts on them."""
+    one, two = ((each.model_file, each.fixture_file, each.fixtures, _tree(each)) for each in (machine, other))
+    return one == two
+
+
+def redress(machine: Machine, worn: Machine, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Put the numbers of a machine on a model of `load_model`, watched or not visual, in place of those of the machine
+    it was loaded for: the result is what `load_model` gives. Both have the `same_model`. data: of it, for scratch."""
+    bare = compiled(asked_of(worn, visual=False, watched=model.nsensor > 0))
+    for name in ("body_mass", "body_inertia", "dof_M0", "jnt_stiffness", "dof_damping"):
+        getattr(model, name)[...] = getattr(bare, name)
+    model.stat.meaninertia, model.stat.meanmass = bare.stat.meaninertia, bare.stat.meanmass
+    dress(machine, model, data)
+
+
+def dress(machine: Machine, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Put guide friction, masses, springs of the structure and payload of a machine on a model as `compiled` left it.
+    data: of the model, for scratch."""
+    for axis in machine.axes:
+        model.dof_frictionloss[model.joint(axis.name).dofadr] = axis.guide_friction_n
+    stated = _means(model) != (model.stat.meaninertia, model.stat.meanmass)  # by the file, not computed
+    for name, mass_kg in machine.masses_kg.items():
+        body = model.body(name).id
+        model.body_inertia[body] *= mass_kg / model.body_mass[body]
+        model.body_mass[body] = mass_kg
+    mujoco.mj_setConst(model, data)
+    if not stated:  # MuJoCo computes them when it compiles, and its solver asks for one
+        model.stat.meaninertia, model.stat.meanmass = _means(model)
     if machine.imperfections.structure:
         for mode in machine.structure:
             joint = model.joint(mode.joint)
@@ -161,7 +197,12 @@ def _dress(machine: Machine, model: mujoco.MjModel) -> None:
             model.dof_damping[joint.dofadr] = 2.0 * mode.damping_ratio * math.sqrt(mode.stiffness_n_per_m * mass_kg)
     if machine.payload_kg > 0.0:  # at the table's centre of gravity: the table does not turn, so any place does
         model.body_mass[model.body("table").id] += machine.payload_kg
-        mujoco.mj_setConst(model, mujoco.MjData(model))
+        mujoco.mj_setConst(model, data)
+
+
+def _means(model: mujoco.MjModel) -> tuple[float, float]:
+    """Mean inertia of the joints and mean mass of the bodies, as MuJoCo's compiler computes them."""
+    return sum(model.dof_M0.tolist()) / model.nv, sum(model.body_mass.tolist()) / (model.nbody - 1)
 
 
 def found_targets(machine: Machine, model: mujoco.MjModel, scratch: mujoco.MjData | None = None) -> NDArray[np.void]:

@@ -18,15 +18,15 @@ from isel_twin.base.axes import CARRIAGES
 from isel_twin.drives.dynamics import BOTH, OPEN
 from isel_twin.drives.servo import CAUSES, cool, forget
 from isel_twin.drives.stage import AnyStage
-from isel_twin.machine import Machine
+from isel_twin.machine import Machine, MachineError
 from isel_twin.plant import PLACES, Threshold, kernel, memory, touch
 from isel_twin.plant.altered import Alterations
-from isel_twin.plant.built import build, find_available, find_free
+from isel_twin.plant.built import Built, build, find_available, find_free, rebuild
 from isel_twin.plant.collision import Collision
 from isel_twin.plant.contact import Geometry, Least, Sensed
 from isel_twin.plant.cutting import Cut, set_cut, turn
 from isel_twin.plant.lead import all_behind
-from isel_twin.plant.model import load_model
+from isel_twin.plant.model import load, load_model, redress, same_model
 from isel_twin.plant.samples import GRID, LoopSamples
 
 _PHASES = {"": BOTH, "a": BOTH & ~1, "b": BOTH & ~2, "ab": OPEN}  # remaining phases, by the interrupted ones
@@ -62,26 +62,54 @@ class MujocoPlant(LoopSamples):
 
         Raises MachineError if the model does not fit the machine or its time steps are too long for its stiffness.
         """
-        model = load_model(machine, visual=False, watched=True) if model is None else model
-        self.built = build(machine, thresholds, start_mm, axes, model)
-        super().__init__(self.built, axes)
-        self.machine = machine
-        self.model = model
-        self.data = self.built.data
-        self.parts = self.built.parts
-        self._memory = self.built.memory
+        if model is None:
+            model, data = load(machine, visual=False, watched=True)
+        else:
+            data = mujoco.MjData(model)
+        self._start(build(machine, thresholds, start_mm, axes, model, data), axes)
+
+    def _start(self, built: Built, axes: int) -> None:
+        """At power-on, with the numbers of a machine."""
+        super().__init__(built, axes)
+        self.machine = built.machine
+        self.model = built.model
+        self.data = built.data
+        self.parts = built.parts
+        self._memory = built.memory
         self.time_ns = 0
         self.edge = False
-        self._altered = Alterations(self.built)
-        self._sensed = Sensed(model, self.data, self.parts, self.built.shape_mm)
+        self._altered = Alterations(built)
+        self._sensed = Sensed(built.model, built.data, built.parts, built.shape_mm)
         self._collisions: tuple[Collision, ...] = ()
         self.set_friction = self._altered.set_friction
         self.set_obstacle = self._altered.set_obstacle
-        self._pushes = np.zeros((memory.AXES, model.nv))  # [3, nv], forces on the joints by the push along each axis
+        # [3, nv], forces on the joints by the push along each axis
+        self._pushes = np.zeros((memory.AXES, built.model.nv))
         self._lost = [""] * memory.AXES  # interrupted phases of each motor
         self._power = (False, False, False)  # arguments of the last `set_power`
         self._none = np.empty(0, dtype=np.int64), np.empty((0, axes), dtype=np.int32), np.empty(0, dtype=np.int64)
         self._late = self._none  # times, changes and leads of the ticks after the last whole sub-step
+
+    def become(self, machine: Machine, start_mm: NDArray[np.float64]) -> None:
+        """Begin anew, at power-on, as another machine: to the bit what a new plant would be, in half the time.
+        Thresholds and axes stay.
+
+        Raises ValueError for a machine with other bodies, travel or time step, whose model is another one, and
+        MachineError as a new plant does; then it stands at power-on as the machine it was.
+        """
+        if not same_model(machine, self.machine):
+            raise ValueError(
+                f"{machine.file}: its model is another one than that of {self.machine.name}; build a new plant"
+            )
+        before, before_mm = self.machine, self.parts.place[self.built.dof] * 1e3
+        self._altered.restore(None)
+        try:
+            redress(machine, before, self.model, self.data)
+            self._start(rebuild(self.built, machine, start_mm), self._count)
+        except MachineError:
+            redress(before, before, self.model, self.data)
+            self._start(rebuild(self.built, before, before_mm), self._count)
+            raise
 
     def __reduce_ex__(self, protocol: object) -> NoReturn:
         """Refuse copy and pickle: the kernel would use the memory of this one, by its address."""

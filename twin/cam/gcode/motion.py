@@ -48,7 +48,7 @@ class Motion:
         self._to_start = not settings.strict  # G98 (cam/17)
         self._cycle = Cycle()
         self._homes: dict[int, Point] = {}  # of G28, G30: machine points
-        self.plain = False
+        self.plain = self.flat = False  # may lines, may arcs be read without a block
 
     def _program(self, machine: Point) -> Point:
         x, y, z = self.offsets.base
@@ -250,7 +250,9 @@ class Motion:
             yield from self._made(block, code, values)
         elif block.g.get(codes.ONCE) == 530:
             raise CamError("G53 wants X, Y or Z, with G0 or G1", block.at("G", 530))
-        self.plain = self._absolute and self._unit_given and not self._inverse and self.code in (0, 10)
+        self.plain = self._absolute and self._unit_given and not self._inverse and self.code in (0, 10, 20, 30)
+        offsets = not (self._centre_absolute or self._told_din or self._settings.dialect == "din")
+        self.flat = self.plain and self._plane == 170 and offsets
 
     def _made(self, block: Block, code: int, values: dict[int, float]) -> Iterator[Element]:
         place = block.at("G", code) if codes.name("G", code) in block.places else block.place

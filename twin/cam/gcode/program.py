@@ -1,7 +1,8 @@
 """What a G-code program does, block by block, in the order of LinuxCNC's interpreter.
 
-Most lines are plain moves, G0 or G1 with X Y Z F: they are matched as a whole. All others become a block, and
-`Program.block` carries out what it says in the order of its lines, whatever the order of the words.
+Most lines are plain moves, G0 or G1 with X Y Z F, or plain arcs, G2 or G3 with X Y Z, I J or R, F: they are matched as
+a whole. All others become a block, and `Program._block` carries out what it says in the order of its lines, whatever
+the order of the words.
 """
 
 from __future__ import annotations
@@ -9,12 +10,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 
-from isel_twin.cam.gcode import codes
+from isel_twin.cam.gcode import arcs, codes
 from isel_twin.cam.gcode.motion import Motion
 from isel_twin.cam.gcode.words import Block, Lines
 from isel_twin.cam.reader import Once
 from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import (
+    Arc,
     CamError,
     Coolant,
     Dwell,
@@ -35,6 +37,12 @@ _MOVE = re.compile(
     rf"[ \t]*(?:N[0-9]{{1,9}}[ \t]*)?(?=([A-Z][-+.0-9]*))(?:G0?([01])(?![0-9.])[ \t]*)?"
     rf"(?:F{_NUMBER}[ \t]*)?(?:X{_NUMBER}[ \t]*)?(?:Y{_NUMBER}[ \t]*)?(?:Z{_NUMBER}[ \t]*)?"
     rf"(?:F{_NUMBER}[ \t]*)?[\r\n]*\Z",
+    re.I | re.A,
+)
+_ARC = re.compile(
+    rf"[ \t]*(?:N[0-9]{{1,9}}[ \t]*)?(?=([A-Z][-+.0-9]*))(?:G0?([23])(?![0-9.])[ \t]*)?"
+    rf"(?:X{_NUMBER}[ \t]*)?(?:Y{_NUMBER}[ \t]*)?(?:Z{_NUMBER}[ \t]*)?"
+    rf"(?:I{_NUMBER}[ \t]*)?(?:J{_NUMBER}[ \t]*)?(?:R{_NUMBER}[ \t]*)?(?:F{_NUMBER}[ \t]*)?[\r\n]*\Z",
     re.I | re.A,
 )
 _LONG_DWELL_S = 60.0
@@ -59,7 +67,8 @@ class Program:
         number, begun = 0, False
         for number, line in enumerate(lines, 1):
             match = _MOVE.match(line)
-            if match is not None and motion.plain and (match[3] is None or match[7] is None):
+            straight = match is not None and (match[2] is not None or motion.code in (0, 10))
+            if match is not None and straight and motion.plain and (match[3] is None or match[7] is None):
                 word, code, before, x, y, z, f = match.groups()
                 f = f or before
                 if f is not None:
@@ -88,6 +97,9 @@ class Program:
                     else:
                         yield Rapid(place, (ax + bx, ay + by, az + bz))
                 continue
+            if motion.flat and (match := _ARC.match(line)) is not None and (arc := self._plain_arc(match, number)):
+                yield arc
+                continue
             text = line.rstrip("\r\n")
             first = text.lstrip()[:1]
             if not first:
@@ -114,6 +126,37 @@ class Program:
         if not self._percent:
             yield from self._once("end", place, "the file ends without M2, M30 or %; it may be cut off")
         yield End(place)
+
+    def _plain_arc(self, match: re.Match[str], number: int) -> Arc | None:
+        """An arc in G17 with offsets of its centre or a radius; None, and nothing is changed, if it must become a
+        block, which also finds what is wrong with it."""
+        motion = self._motion
+        word, code, x, y, z, i, j, r, f = match.groups()
+        kind = motion.code if code is None else 10 * int(code)
+        feed = motion.feed if f is None else float(f) * motion.unit / 60.0
+        if kind not in (20, 30) or feed <= 0.0 or (r is None) == (i is None and j is None):
+            return None
+        unit, at = motion.unit, motion.at
+        to = (
+            at[0] if x is None else float(x) * unit,
+            at[1] if y is None else float(y) * unit,
+            at[2] if z is None else float(z) * motion.unit_z,
+        )
+        start, end = at[:2], to[:2]
+        if r is None:
+            centre = at[0] + float(i or 0.0) * unit, at[1] + float(j or 0.0) * unit
+            if not arcs.fits(start, end, centre):
+                return None
+        else:
+            try:
+                centre = arcs.by_radius(start, end, float(r) * unit, kind == 20)
+            except ValueError:
+                return None
+        motion.code, motion.feed, motion.at = kind, feed, to
+        bx, by, bz = motion.offsets.base
+        place = Place(number, match.start(1) + 1, word)
+        middle = (centre[0] + bx, centre[1] + by, at[2] + bz)
+        return Arc(place, (to[0] + bx, to[1] + by, to[2] + bz), middle, 2, -1 if kind == 20 else 1, feed)
 
     def _at_percent(self, text: str, number: int, begun: bool) -> Iterator[Element]:
         place = Place(number, text.index("%") + 1, "%")
