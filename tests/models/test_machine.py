@@ -91,6 +91,20 @@ def test_description_has_a_row_with_source_and_grade_for_every_number(name):
     assert values["contacts.start.type"] == ("closer", "", "setting")
 
 
+def test_a_setting_that_the_file_leaves_to_the_manual_can_be_set():
+    machine = load_machine("4030")
+    assert "extra_values" not in machine.controller
+    changed = with_overrides(machine, {"controller.extra_values": True})
+    assert changed.controller == {**machine.controller, "extra_values": True}
+    assert {r.parameter: (r.value, r.grade) for r in describe(changed)}["controller.extra_values"] == (True, "setting")
+    for name, value, message in (
+        ("extra_valus", True, "did you mean 'extra_values'"),
+        ("extra_values", 7, "true, false"),
+    ):
+        with pytest.raises(MachineError, match=message):
+            with_overrides(machine, {f"controller.{name}": value})
+
+
 def test_overrides_are_in_the_units_of_the_file():
     machine = with_overrides(
         load_machine("4030"),

@@ -70,6 +70,9 @@ def _changed(tree: Mapping[str, Any], key: str, value: Any, place: Place) -> Map
         if value not in LEVELS:
             raise MachineError(f"imperfections: unknown level {value!r}; allowed: {', '.join(LEVELS)}")
         return {**tree, "imperfections": {name: name in LEVELS[value] for name in keys(Imperfections)}}
+    section, _, setting = key.partition(".")
+    if section == "controller" and setting and setting not in tree["controller"]:  # its manual's default until now
+        return {**tree, "controller": {**tree["controller"], setting: value}}
     if not key.startswith("axes.all."):
         return override(tree, key, value, place)
     for axis in CARRIAGES:
