@@ -404,7 +404,7 @@ def test_a_host_that_only_looks_at_the_clock_is_over_at_its_limit(twin, capsys):
     """Each look takes a microsecond."""
     program = "import time\nfor _ in range(20_000): time.time()\nprint('after')"
     done = run_host(twin, ["python", "-c", program], "COM4", limit_s=0.01)
-    assert (done.ending, printed(capsys)) == ("timeout", [])
+    assert (done.ending, done.ended_ns, printed(capsys)) == ("timeout", 10_000_000, [])
 
 
 def test_a_main_thread_that_never_yields_is_given_up(twin, capsys):
