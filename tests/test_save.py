@@ -6,6 +6,7 @@ import pickle
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import FrozenInstanceError
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -237,6 +238,59 @@ def test_a_controller_that_was_handed_in_and_cannot_be_pickled_cannot_be_saved()
     twin.restore(twin.save())
 
 
+class Diary:
+    """A controller with keys that writes down what it is told, and that no pickle can take."""
+
+    idle = False
+
+    def __init__(self) -> None:
+        self.keys: dict[str, Any] = {}
+        self.key_values: dict[str, Any] = {}
+        self.told: list[tuple[Any, ...]] = []
+        self._closed = lambda: None
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in ("power_on", "receive", "set_input", "press", "advance"):
+            raise AttributeError(name)
+        return lambda *values: self.told.append((name, *values))
+
+    def take(self) -> list[Any]:
+        return []
+
+
+def test_a_controller_that_cannot_be_pickled_is_told_its_life_again() -> None:
+    """Every call, and those after a restored state too."""
+    lives: list[Any] = [Told(Diary(), None, rebuilt=True) for _ in range(3)]
+    lives[0].power_on(0, {"estop": True})
+    lives[0].receive(1, b"@07")
+    lives[0].set_input(2, "hood", False)
+    assert lives[0].press(3, "mode", "auto")
+    lives[0].advance(4)
+    lives[1].restore(lives[0].save(), lambda flash: Diary(), None)
+    lives[1].receive(5, b"\r")
+    lives[2].restore(lives[1].save(), lambda flash: Diary(), None)
+    assert lives[2].controller.told == [
+        ("power_on", 0, {"estop": True}),
+        ("receive", 1, b"@07"),
+        ("set_input", 2, "hood", False),
+        ("press", 3, "mode", "auto"),
+        ("advance", 4),
+        ("receive", 5, b"\r"),
+    ]
+
+
+def test_a_controller_without_keys_is_not_pressed() -> None:
+    assert not Told(Card6(), None, rebuilt=True).press(0, "mode", "auto")
+
+
+def test_calls_with_more_bytes_than_are_kept_are_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(told, "MOST_BYTES", 20)
+    life: Any = Told(Diary(), None, rebuilt=True)
+    life.receive(0, bytes(21))
+    life.advance(1)
+    assert life._calls == [("advance", 1, None)]
+
+
 def test_a_pickle_is_tried_once_in_so_many_calls(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each takes time, and here it is in vain."""
     tried = [0]
@@ -277,6 +331,13 @@ def test_a_state_of_another_kind_is_one_line() -> None:
             twin.restore(state)
         assert "\n" not in str(error.value)
         assert (twin.time_ns, twin.counts.tolist(), twin.position_mm.tolist()) == before
+
+
+def test_a_state_never_changes() -> None:
+    state: Any = Twin(plant="kinematic").save()
+    for part, name in ((state, "time_ns"), (state.kind, "digest")):
+        with pytest.raises(FrozenInstanceError):
+            setattr(part, name, getattr(part, name))
 
 
 def test_what_of_a_twin_cannot_be_pickled_is_one_line() -> None:

@@ -265,6 +265,7 @@ class Turns:
 
     def _check(self, task: HostThread) -> None:
         if self._limit_ns is not None and self.now_ns >= self._limit_ns:
+            self.fetch()  # the twin runs on for the looks up to here
             self._end_late()
         if self.ending is None or (self._exempt and task is self._main):
             return

@@ -400,6 +400,13 @@ def test_a_host_is_over_at_its_limit_and_not_after_it(twin, capsys):
     assert (done.ending, done.ended_ns, printed(capsys)) == ("timeout", 10_000_000_000, [])
 
 
+def test_a_host_that_only_looks_at_the_clock_is_over_at_its_limit(twin, capsys):
+    """Each look takes a microsecond."""
+    program = "import time\nfor _ in range(20_000): time.time()\nprint('after')"
+    done = run_host(twin, ["python", "-c", program], "COM4", limit_s=0.01)
+    assert (done.ending, done.ended_ns, printed(capsys)) == ("timeout", 10_000_000, [])
+
+
 def test_a_main_thread_that_never_yields_is_given_up(twin, capsys):
     """It catches all that is to end it, 3^4 times."""
     given_up = []
@@ -441,6 +448,15 @@ def test_a_deadlock_is_one_line_with_who_waits_where(host, no_thread_left: None)
     assert "MainThread in read of COM4 (host.py:5)" in done.reason
     assert "worker in Lock.acquire (host.py:4)" in done.reason
     assert done.reason.index("MainThread in ") < done.reason.index("worker in "), "the main one first"
+
+
+def test_a_deadlock_of_threads_is_told_at_once(tmp_path):
+    """Without waiting for the stop button, which gives nobody his lock."""
+    scenario = tmp_path / "stop.toml"
+    scenario.write_text('[[event]]\nat = 600.0\nset = { estop = "pressed" }\n')
+    twin = Twin(plant="kinematic", scenario=scenario)
+    done = run_host(twin, ["python", "-c", "import threading\nthreading.Event().wait()"], "COM4")
+    assert (done.ending, done.ended_ns) == ("deadlock", 0)
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from isel_twin import Twin
 from isel_twin.jobs.checks.watched import Watched
 
@@ -50,3 +52,28 @@ def test_a_command_after_a_restored_state_is_no_part_of_one_that_is_forgotten() 
     watched.twin.restore(moving)
     watched.twin.write(b"@0P\r")
     assert [str(command) for command in watched.commands] == [MOVE.decode().strip(), "@0P"]
+    assert watched.samples()[0].max() <= watched.twin.time_ns
+
+
+def test_the_machine_comes_to_rest_once() -> None:
+    """Half a second, and none if it just did."""
+    watched = ready()
+    begin_ns = watched.twin.time_ns
+    watched.rest()
+    watched.rest()
+    assert watched.twin.time_ns - begin_ns == 500_000_000
+
+
+def test_a_command_is_the_one_of_its_first_instant() -> None:
+    watched = ready()
+    for command in ("@0A10,1000,0,30,0,30,0,30", "@0P"):
+        watched.twin.query(command)
+    first, second = watched.commands
+    assert watched.command_at(second.begin_ns) is second
+    assert watched.command_at(second.begin_ns - 1) is first
+
+
+def test_what_is_wrong_with_a_job_is_seen_at_the_line_of_the_test(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError) as caught:
+        ready().play(tmp_path / "none.txt")
+    assert [entry.path for entry in caught.traceback.filter(caught)] == [Path(__file__)]
