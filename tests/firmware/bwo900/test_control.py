@@ -208,7 +208,7 @@ def test_programs_and_parameters_survive_the_mains() -> None:
     [
         (
             ("X5", "N10"),
-            "M1110: wrong identifier of a file (line 1: 'X5'; a file begins with P or Z and a number, or D)",
+            "M1110: wrong identifier of a file (line 1: 'X5'; a file begins with P or Z and a number, D, W or N)",
         ),
         (("P1", "N20 X1", "N10 X2"), "M1290: block numbers do not rise (N10 after N20, line 3)"),
         (("D", "P1 = 5"), "M1111: a line that has been read makes no sense (line 2: 'P1 = 5')"),
