@@ -1,5 +1,5 @@
-"""Job files: 200 000 lines to a toolpath, beside the cheapest look at each line: one regular expression; toolpaths to the
-lines of a controller, beside an empty loop over their elements.
+"""Job files: 200 000 lines to a toolpath, beside the cheapest look at each line: one regular expression; toolpaths to
+the lines of a controller, beside an empty loop over their elements.
 
 Target (docs/performance.md): a typical line costs at most 25 such looks, one that needs the whole interpreter 250.
 `extra_info` holds lines per second of the file, or elements of the toolpath, and lines written (from the median).

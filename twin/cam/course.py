@@ -159,8 +159,8 @@ class Course:
         """Raise CamError for an arc that leaves the travel; one that ends on its border is within half a count."""
         (a_low, a_high), (b_low, b_high) = self._range[of.a], self._range[of.b]
         (ca, cb), r = turn.centre, max(of.start_radius, of.end_radius) * turn.per_mm
-        least, most = self._range[of.third]
-        level = least <= turn.to[of.third] <= most
+        lowest, highest = self._range[of.third]
+        level = lowest <= turn.to[of.third] <= highest
         if level and a_low <= ca - r and ca + r <= a_high and b_low <= cb - r and cb + r <= b_high:
             return  # so does the whole circle, as nearly all do
         low, high = list(self.point), list(self.point)
