@@ -81,6 +81,7 @@ def at_power_on() -> Iterator[tuple[int, float | None]]:
     yield from ((number, None) for number in FORGOTTEN)
     for axis in range(AXES):
         yield of_axis(axis, Axis.SLOPE), None
+        yield of_axis(axis, Axis.BARRED), None
         yield of_axis(axis, Axis.CHANNEL), 1.0
         yield of_axis(axis, Axis.LOGICAL), axis + 1.0
 
