@@ -92,7 +92,8 @@ def value(number: int, interpreter: Interpreter, channel: Channel, axes: Axes) -
         return None
     if number >= P.AXES_FIRST:
         axis, offset = divmod(number - P.AXES_FIRST, AXIS_SIZE)
-        return _axis(axis, offset, channel.executed, axes)
+        shown = offset == Axis.SHOWN_PLACE and channel.unmoved
+        return _axis(axis, Axis.PROGRAMMED_PLACE if shown else offset, channel.executed, axes)
     if number == P.M_WAITS:
         return float(channel.halted)
     if number >= P.SHIFT_ANALYSED:

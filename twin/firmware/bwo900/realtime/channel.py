@@ -32,7 +32,7 @@ from isel_twin.firmware.bwo900.realtime.length import add_length
 from isel_twin.firmware.bwo900.realtime.path_run import Cut, PathRun, has_jump
 from isel_twin.firmware.bwo900.realtime.spindle import LOOK_NS, PATIENCE_NS
 from isel_twin.firmware.bwo900.realtime.stretch import PERIOD_NS
-from isel_twin.firmware.bwo900.realtime.surroundings import Surroundings, enter, mute, send, speak
+from isel_twin.firmware.bwo900.realtime.surroundings import Surroundings, enter, mute, send, speak, unmoved
 from isel_twin.motion import SetPointRun
 
 # time that an M function with a jump and without a path waits for its acknowledgement
@@ -92,6 +92,11 @@ class Channel:
     @property
     def next_ns(self) -> int | None:
         return self.path.next_ns if self.state in MOVING else self._due_ns
+
+    @property
+    def unmoved(self) -> bool:
+        """True if a program runs without moving."""
+        return self.active and unmoved(self._around)
 
     @property
     def halted(self) -> bool:
