@@ -216,3 +216,13 @@ def test_m16_for_the_plc(definition: int, sent: list[int]) -> None:
     """P11054 defines M16 in byte 1."""
     done = analysed("N10 T2 M16|N20 M30", p11054=definition, **T1)
     assert [function.code for block in done.blocks for function in block.pre] == sent
+
+
+@shows("bwo900-7.1-37")
+def test_records_of_other_channels_are_not_there() -> None:
+    """P8042 and P8045 = 3 are kept, and change no record."""
+    desk = fresh(**T1, p8050=2)
+    desk.send(parameters(p8042=2, p8045=3))
+    desk.finish()
+    assert [value(desk, n) for n in (8_042, 8_045, 8_050, 8_100, 8_150)] == [2.0, 3.0, 2.0, 0.0, 0.0]
+    assert said(desk) == []
