@@ -221,7 +221,7 @@ def test_m16_for_the_plc(definition: int, sent: list[int]) -> None:
 @shows("bwo900-7.1-37")
 def test_records_of_other_channels_are_not_there() -> None:
     """P8042 and P8045 = 3 are kept, and change no record."""
-    desk = fresh(**T1, p8050=2)
+    desk = fresh(**T1, p8050=2, p8100=0, p8150=0)
     desk.send(parameters(p8042=2, p8045=3))
     desk.finish()
     assert [value(desk, n) for n in (8_042, 8_045, 8_050, 8_100, 8_150)] == [2.0, 3.0, 2.0, 0.0, 0.0]
