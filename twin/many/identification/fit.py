@@ -1,6 +1,7 @@
 """Least squares over several sessions: identifiability, estimates, and prediction of held-back data.
 
     r(u) = (measured - predicted(u)) / sigma          less the weighted mean within a group that shares a zero
+           of a bound, a speed that held or lost:     r^2 = -2 ln P(that outcome | predicted(u)), the normal P
     cost = |r(u)|^2 + |u|^2                           u: standard deviations from the prior (unknowns.py)
     J    = dr/du                                      by finite differences of large steps, below
 
@@ -44,6 +45,7 @@ WEAK = 0.5  # and from which it is known only roughly
 NORMAL_95 = 1.96
 TOLD = 0.3  # a parameter with at least this part of a direction is named in it
 ENOUGH = 0.01  # relative change of cost and point at which the search ends: below the scatter of the model
+HALF = 2.0 * math.log(2.0)  # r^2 of a bound that is what is predicted
 MOST_CALLS = 8  # evaluations in the search, without those for Jacobians
 
 Floats = NDArray[np.float64]
@@ -75,8 +77,7 @@ class Model:
         self._kinds = self._alike(lambda item: True)
         self._batches = self._alike(lambda item: item.scatter > 0.0)
         self._groups = self._alike(lambda item: bool(item.group))
-        # degrees of freedom: data less zeros less parameters
-        self.freedom = max(1, len(self.data) - len(self._groups) - len(self.unknowns))
+        self._side = np.array([item.side for item in self.data])
 
     def _alike(self, counts: Callable[[Datum], bool]) -> list[NDArray[np.int64]]:
         """Indices of the selected data, by group or, without one, by kind."""
@@ -118,7 +119,24 @@ class Model:
             if len(own):
                 difference[own] -= np.average(difference[own], weights=weight[own])
         found = np.where(np.isfinite(difference), difference / self._sigma, MISSED)
+        bounds = self._side != 0
+        if bounds.any():
+            from scipy.special import log_ndtr
+
+            side = self._side[bounds]
+            found[bounds] = side * np.sqrt(-2.0 * log_ndtr(-side * found[bounds]))
         return np.clip(found, -MISSED, MISSED)
+
+    def freedom(self, residuals: Floats) -> int:
+        """Data less zeros less parameters, at least 1, and the bounds that are missed."""
+        values = int((self._side == 0).sum()) - len(self._groups) - len(self.unknowns)
+        return max(1, values) + int(((self._side != 0) & (residuals**2 > HALF)).sum())
+
+    def chi2(self, residuals: Floats) -> float:
+        """Per degree of freedom; a bound adds what it costs beyond a prediction that is the bound."""
+        squares = np.clip(residuals, -50.0, 50.0) ** 2
+        squares[self._side != 0] = np.maximum(0.0, squares[self._side != 0] - HALF)
+        return float(squares.sum()) / self.freedom(residuals)
 
     def residuals_at(self, u: Floats) -> Floats:
         return self.residuals(self.predictions([u])[0])
@@ -292,7 +310,7 @@ def fit(
     u = np.asarray(solved.x, dtype=np.float64)
     last = model.jacobian(u, steps, central=True)
     after = model.residuals_at(u)
-    chi2 = float((np.clip(after, -50.0, 50.0) ** 2).sum() / model.freedom)
+    chi2 = model.chi2(after)
     covariance: Floats = np.asarray(np.linalg.inv(last.T @ last + np.eye(count)) * max(1.0, chi2), dtype=np.float64)
     deviation = np.sqrt(np.diag(covariance))
     estimates = []

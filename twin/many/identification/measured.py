@@ -28,7 +28,7 @@
     to_mm = 60.0
     acceleration_hz_per_ms = 400
     start_stop_hz = 300
-    held_hz = 24000                         # fastest speed at which no step was lost
+    held_hz = 24000                         # fastest speed at which no step was lost; left out: the first one lost
     lost_hz = 25000                         # the next one, at which steps were lost; left out: it never stalled
     supply_v = 36.0                         # of the stages meanwhile, measured; left out: as always
 
@@ -106,10 +106,17 @@ class Stall:
     to_mm: float
     acceleration_hz_per_ms: int
     start_stop_hz: int
-    held_hz: float
+    held_hz: float  # 0: none held, the first speed lost steps
     lost_hz: float  # inf: it never stalled
     command: int | None = None
     supply_v: float | None = None  # of the stages during the series; None: as always
+
+    @property
+    def middle_hz(self) -> float:
+        """Where it stalled, or the speed that is known of a series with one outcome only."""
+        if self.held_hz == 0.0:
+            return self.lost_hz
+        return self.held_hz if self.lost_hz == math.inf else math.sqrt(self.held_hz * self.lost_hz)
 
 
 @dataclass(frozen=True)
@@ -205,7 +212,7 @@ def _measured(tree: dict[str, Any], place: Place) -> Measured:
     stalls = [_stall(item, at) for item, at in _entries(tree, "stall", place)]
     repeats = [_repeats(item, at) for item, at in _entries(tree, "repeats", place)]
     read = tuple(item for item in readings if not math.isnan(item.mm) and not math.isnan(item.counter_mm or 0.0))
-    done = tuple(item for item in stalls if not math.isnan(item.held_hz))
+    done = tuple(item for item in stalls if not math.isnan(item.held_hz + item.lost_hz))
     again = tuple(item for item in repeats if len(item.mm) >= 2 and not any(map(math.isnan, item.mm)))
     unread = len(readings) + len(stalls) + len(repeats) - len(read) - len(done) - len(again)
     return Measured(read, tuple(acts), done, again, time_sigma_s, sigma_mm, unread)
@@ -265,10 +272,14 @@ def _act(item: dict[str, Any], place: Place) -> Act:
 
 def _stall(item: dict[str, Any], place: Place) -> Stall:
     known(item, _STALL, place)
-    _need(item, [key for key in _STALL if key not in ("command", "lost_hz", "supply_v")], place)
-    held_hz, lost_hz = _plain(item, "held_hz", _HZ, place), math.inf
+    _need(item, [key for key in _STALL if key not in ("command", "held_hz", "lost_hz", "supply_v")], place)
+    held_hz, lost_hz = 0.0, math.inf
+    if "held_hz" in item and item["held_hz"] != 0:
+        held_hz = _plain(item, "held_hz", _HZ, place)
     if "lost_hz" in item and item["lost_hz"] != math.inf:
         lost_hz = _plain(item, "lost_hz", _HZ, place)
+    if held_hz == 0.0 and lost_hz == math.inf:
+        raise place.wrong("has neither held_hz nor lost_hz; allowed: one of them, or both")
     if lost_hz <= held_hz:
         raise place.at("lost_hz").wrong(f"{lost_hz:g}; allowed: more than held_hz, {held_hz:g} Hz")
     return Stall(
@@ -279,7 +290,7 @@ def _stall(item: dict[str, Any], place: Place) -> Stall:
         acceleration_hz_per_ms=int(plain(item["acceleration_hz_per_ms"], _HZ, place.at("acceleration_hz_per_ms"))),
         start_stop_hz=int(plain(item["start_stop_hz"], _HZ, place.at("start_stop_hz"))),
         held_hz=held_hz,
-        lost_hz=math.nan if math.isnan(held_hz) else lost_hz,
+        lost_hz=lost_hz,
         command=_command(item, place) if "command" in item else None,
         supply_v=plain(item["supply_v"], _V, place.at("supply_v")) if "supply_v" in item else None,
     )

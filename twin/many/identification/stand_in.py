@@ -90,7 +90,7 @@ def _stalled(stall: Stall, machine: Machine, controller: str, seed: int) -> Stal
     language = needed(create_language(controller), controller)
     for command in language.reference():
         converse(twin, command)
-    held: float = math.nan
+    held = 0.0
     for speed in series_hz(stall, language):
         if stalls(twin, stall, speed):
             return replace(stall, held_hz=held, lost_hz=float(speed))
