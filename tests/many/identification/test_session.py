@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from isel_twin.machine import MachineError, load_machine, with_overrides
-from isel_twin.many.identification.fit import Model
 from isel_twin.many.identification.measured import Measured, Reading, Repeats
+from isel_twin.many.identification.model import Model
 from isel_twin.many.identification.session import model_twin, predict, session_of, stand_alone
 from isel_twin.many.identification.unknowns import unknown
 from isel_twin.recordings.reading import Entry, Recorded, RecordingError

@@ -19,8 +19,9 @@ from isel_twin.language import create_language, needed
 from isel_twin.machine import Machine, load_machine, with_overrides
 from isel_twin.many.identification import session as session_module
 from isel_twin.many.identification.experiment import series_hz
-from isel_twin.many.identification.fit import Fit, Model, fit
+from isel_twin.many.identification.fit import Fit, fit
 from isel_twin.many.identification.measured import Measured, MeasuredError, Stall, read_measured, written
+from isel_twin.many.identification.model import Model
 from isel_twin.many.identification.session import STALL_SCATTER, predict, stand_alone
 from isel_twin.many.identification.stand_in import _stalled as stalled
 from isel_twin.many.identification.unknowns import unknown
@@ -31,7 +32,7 @@ NEVER = replace(STALL, lost_hz=math.inf)
 AT_ONCE = replace(STALL, held_hz=0.0)
 DAMPING, IRON = 1.5e-3, 0.5
 HIDDEN = with_overrides(MACHINE, {"axes.x.shaft_viscous": DAMPING, "axes.x.specimen.iron_loss": IRON})
-UNKNOWNS = [unknown(MACHINE, "damping.x", (3e-4, 4e-3)), unknown(MACHINE, "iron_loss.x", (0.25, 4.0))]
+UNKNOWNS = [unknown(MACHINE, "damping.x", (3e-4, 4e-3)), unknown(MACHINE, "iron_loss.x", (0.3, 3.0))]
 
 
 def balance_hz(machine: Machine, stall: Stall) -> float:
@@ -161,3 +162,11 @@ def test_a_file_keeps_what_was_seen_from_one_side(tmp_path: Path) -> None:
     file.write_text(written(Measured(stalls=(replace(NEVER, held_hz=0.0),))))
     with pytest.raises(MeasuredError, match="stall 1: has neither held_hz nor lost_hz"):
         read_measured(file)
+
+
+def test_a_foreign_motor_is_refused_and_the_series_that_misfit_are_named(by_balance: None) -> None:
+    """Another winding holds less and keeps it longer; damping and iron loss cannot imitate that at three supplies."""
+    result = fit_series(series(with_overrides(MACHINE, {"axes.x.motor": "QSH6018-86-28-310"})))
+    assert not result.explains
+    assert result.misfits
+    assert all(item.label in result.doubts[-1] for item, _ in result.misfits)

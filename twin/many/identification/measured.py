@@ -9,7 +9,8 @@
     axis = "x"
     mm = 19.993                             # rising in the direction of the counter; nan: not read yet
     gauge = "a"                             # readings of one mounting of the gauge share an unknown zero
-    push_n = 150.0                          # force at the tool along the axis meanwhile; left out: none
+    push_n = 150.0                          # force along the axis meanwhile; left out: none
+    push_at = "table"                       # where it acts; left out: at the tool
     counter_mm = 20.0                       # the counter at that time, if it is random (an emergency stop)
     at_s = 0.35                             # in motion, at this time after the command was sent; left out: at rest
     sigma_mm = 0.02
@@ -58,6 +59,7 @@ from isel_twin.base.toml import toml_line
 from isel_twin.wiring import EVENT_KEYS
 
 GAUGE_SIGMA_MM = 0.005
+PUSHED_AT = ("tool", "table")
 TIME_SIGMA_S = 0.005  # USB adapters hold bytes for 1 to 16 ms, and hosts are sometimes busy
 
 _MM = Limits("mm", -1e5, 1e5)
@@ -86,6 +88,7 @@ class Reading:
     push_n: float = 0.0
     at_s: float | None = None
     counter_mm: float | None = None
+    push_at: str = PUSHED_AT[0]
 
 
 @dataclass(frozen=True)
@@ -198,7 +201,7 @@ def _from_csv(line: Mapping[str | None, Any], place: Place) -> dict[str, Any]:
     return found
 
 
-_READING = ("recording", "command", "axis", "mm", "sigma_mm", "gauge", "push_n", "at_s", "counter_mm")
+_READING = ("recording", "command", "axis", "mm", "sigma_mm", "gauge", "push_n", "push_at", "at_s", "counter_mm")
 _SERIES = ("from_mm", "to_mm", "acceleration_hz_per_ms", "start_stop_hz", "held_hz", "lost_hz")
 _STALL = ("recording", "command", "axis", *_SERIES, "supply_v")
 
@@ -257,6 +260,7 @@ def _reading(item: dict[str, Any], sigma_mm: float, place: Place) -> Reading:
         push_n=plain(item.get("push_n", 0.0), _N, place.at("push_n")),
         at_s=None if "at_s" not in item else plain(item["at_s"], _S, place.at("at_s")),
         counter_mm=None if "counter_mm" not in item else _plain(item, "counter_mm", _MM, place),
+        push_at=text(item.get("push_at", PUSHED_AT[0]), place.at("push_at"), PUSHED_AT),
     )
 
 
@@ -323,5 +327,5 @@ def written(measured: Measured, comments: Mapping[int, str] | None = None) -> st
 
 def _lines(item: Any, keys: Sequence[str]) -> list[str]:
     values = {key: getattr(item, key) for key in keys}
-    left_out: dict[str, Any] = {"push_n": 0.0, "gauge": ""}
+    left_out: dict[str, Any] = {"push_n": 0.0, "gauge": "", "push_at": PUSHED_AT[0]}
     return [toml_line(key, value) for key, value in values.items() if value != left_out.get(key)]

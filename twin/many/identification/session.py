@@ -109,7 +109,7 @@ class Session:
                     found.append(Datum("duration", label, self.name, seconds, sigma, "s", f"{self.name}/line", scatter))
         for reading in self.measured.readings:
             value = reading.mm - (reading.counter_mm or 0.0)
-            push = f", {reading.push_n:g} N" if reading.push_n else ""
+            push = f", {reading.push_n:g} N at the {reading.push_at}" if reading.push_n else ""
             when = "" if reading.at_s is None else f", {reading.at_s:g} s"
             label = f"{reading.command}: {reading.axis}{push}{when}"
             group = f"{self.name}/{reading.axis}/{reading.gauge}"
@@ -295,7 +295,7 @@ class Player:
                 continue
             axis = CARRIAGES.index(reading.axis)
             if reading.push_n or axis in pushed:
-                twin.apply_force(axis, reading.push_n, "tool")
+                twin.apply_force(axis, reading.push_n, reading.push_at)
                 pushed.add(axis)
             twin.run(SETTLE_S)
             found[reading] = self._position_mm(reading)
