@@ -32,7 +32,7 @@ from isel_twin.many.identification.reach import OutOfReach, out_of_reach
 from isel_twin.many.identification.session import Datum, Session
 from isel_twin.many.identification.unknowns import Unknown
 
-WEAK = 0.5  # and from which it is known only roughly
+WEAK = 0.5  # standard deviation over that of the prior from which a parameter is known only roughly
 NORMAL_95 = 1.96
 FITS = 0.999  # part of all fits of a true model whose chi-square is below the limit
 MISFIT, MOST_MISFITS = 2.0, 5  # residual from which a datum is named, and how many are

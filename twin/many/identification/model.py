@@ -28,7 +28,7 @@ STEP = 0.8  # step of the differences, in standard deviations of the prior
 CLIFF = 5.0  # largest ratio of the differences of a step up and a step down; beyond it one of them is no slope
 CHANCE = 4.0  # standard deviations by which the sum of squares of differences must exceed the scatter to count
 BOUND = 3.0  # limit of the search, in standard deviations of the prior
-NOT_IDENTIFIED = 0.9  # standard deviation over that of the prior from which a parameter is not identified,
+NOT_IDENTIFIED = 0.9  # standard deviation over that of the prior from which a parameter is not identified
 HALF = 2.0 * math.log(2.0)  # r^2 of a bound that is what is predicted
 
 Floats = NDArray[np.float64]
