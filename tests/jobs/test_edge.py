@@ -123,6 +123,17 @@ def test_five_per_cent_nearer_holds_and_farther_loses(bands: list[tuple[float, f
     assert told == pytest.approx(nearest, rel=0.052)
 
 
+@pytest.mark.parametrize(
+    ("inductance", "farthest"), [(1.0, 5.0 / 1.06), (3.0, 1.5), (4.9, 1.0)], ids=["sheet", "three times", "at its end"]
+)
+def test_nothing_is_tried_that_the_machine_file_does_not_allow(inductance: float, farthest: float) -> None:
+    """It allows a specimen 0.2 to 5 times the inductance of its sheet."""
+    call = TwinSpec(overrides={"axes.x.specimen.inductance": inductance})
+    found = edge._farthest(call, [], edge._Search("inductance", ("x",)))
+    assert found == pytest.approx(farthest, rel=0.06)
+    assert inductance * found * edge.FARTHER <= 5.0 or found == 1.0
+
+
 def test_a_band_that_the_scan_has_passed_over_is_found() -> None:
     def lost(factor: float) -> bool:
         return 1.38 <= factor <= 1.40 or factor >= 1.46

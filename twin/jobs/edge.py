@@ -54,7 +54,7 @@ class Edge:
 
     quantity: str
     axis: str
-    factor: float | None  # None: not up to FARTHEST, or another axis ends the job before
+    factor: float | None  # None: not up to FARTHEST or the range of the machine file, or another axis ends the job
     line: int | None = None  # the first after which steps are lost there
     closed_loop: bool = False
 
@@ -146,7 +146,7 @@ def _found(
     call: TwinSpec, lines: Sequence[Line], timeout_s: float, flash: bytes | None, search: _Search
 ) -> tuple[Edge, ...]:
     """Depends only on its arguments, so that it can run in another process."""
-    farthest = FARTHEST[search.quantity]
+    farthest = _farthest(call, lines, search)
 
     @functools.cache
     def lost(factor: float, seed: int) -> Mapping[str, int]:
@@ -165,7 +165,7 @@ def _found(
         first = _least(quick, some, farthest, STRIDE if search.quantity == "load" else STEP)
         if first is None:
             return Edge(search.quantity, axis, None, closed_loop=axis in servos)
-        sign = 1 if farthest > 1.0 else -1
+        sign = 1 if FARTHEST[search.quantity] > 1.0 else -1
         first = _before_bands(some, first, sign)
         factor = _between_sure(some, every, first, sign)
         lines_lost = [found[axis] for seed in seeds if axis in (found := lost(first, seed))]
@@ -225,6 +225,22 @@ def _between_sure(some: Callable[[float], bool], every: Callable[[float], bool],
         if every(factor * FARTHER**sign) and not some(factor * NEARER**sign):
             return factor
     return round(first, 4)
+
+
+def _farthest(call: TwinSpec, lines: Sequence[Line], search: _Search) -> float:
+    """FARTHEST, or less: the machine file's range of a quantity goes FARTHER than that. 1 if it ends at once."""
+    farthest = FARTHEST[search.quantity]
+    if search.quantity == "speed":
+        return farthest
+    sign = 1 if farthest > 1.0 else -1
+    while (farthest - 1.0) * sign > 0.0:
+        try:
+            _changed(call, lines, search, farthest * FARTHER**sign)[0].fitted()
+        except ValueError:
+            farthest /= STEP**sign
+        else:
+            return farthest
+    return 1.0
 
 
 def _changed(call: TwinSpec, lines: Sequence[Line], search: _Search, factor: float) -> tuple[TwinSpec, Sequence[Line]]:
