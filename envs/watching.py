@@ -9,8 +9,8 @@ to looks to the bit: positions are of the exact nanosecond, and a counter is
 
     counter(t) = counter at the last whole sub-step + ticks from there to t
 
-where the ticks, a pulse or two, are those of the twin's record. Without physics there are no sub-steps, and counters are of
-the exact nanosecond, too.
+where the ticks, a pulse or two, are those of the twin's record. Without physics there are no sub-steps, and
+counters are of the exact nanosecond, too.
 """
 
 from __future__ import annotations

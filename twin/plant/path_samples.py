@@ -1,7 +1,7 @@
 """Samples of a plant without physics: taken of each stretch of the path when it has been made, in one compiled call.
 
-    ticks    | || |  | | ||     |        before           the state before the stretch
-    samples     x        x        x      time_ns <= t     all ticks up to a time of the grid have been made at it
+ticks    | || |  | | ||     |        before           the state before the stretch
+samples     x        x        x      time_ns <= t     all ticks up to a time of the grid have been made at it
 """
 
 from __future__ import annotations
@@ -125,10 +125,13 @@ class PathSamples:
         """Take the samples of a stretch that has been made to the present; ticks after that are not looked at."""
         if self._sample_ns > self.time_ns:
             return
-        times_ns = np.arange(self._sample_ns, self.time_ns + 1, self._every_ns, dtype=np.int64)
-        self._sample_ns = int(times_ns[-1]) + self._every_ns
-        if not len(t_ns) and int(before[1]["end_ns"].max()) <= times_ns[0]:
-            times_ns = times_ns[:1]
+        every_ns, first_ns = self._every_ns, self._sample_ns
+        moves_until_ns = int(before[1]["end_ns"].max())
+        if len(t_ns):
+            moves_until_ns = max(moves_until_ns, int(t_ns[-1]) + lead_ns)
+        rest_ns = first_ns + max(-((first_ns - moves_until_ns) // every_ns), 0) * every_ns  # first of the grid at rest
+        times_ns = np.arange(first_ns, min(self.time_ns, rest_ns) + 1, every_ns, dtype=np.int64)
+        self._sample_ns += ((self.time_ns - first_ns) // every_ns + 1) * every_ns
         wide = delta.astype(np.int32)  # one compiled function for all kinds of ticks
         found = commands_at(times_ns, lead_ns, t_ns.astype(np.int64), wide, *before)
         rows = np.concatenate(found, axis=1)
