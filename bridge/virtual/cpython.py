@@ -17,18 +17,11 @@ from typing import Any
 
 _STARTERS = ("_start_joinable_thread", "_start_new_thread")  # called by `Thread.start` from Python 3.13 on; before it
 
-# Functions below `subprocess` and `asyncio` that a host must not reach, by module.
+# Functions below `subprocess` that a host must not reach, by module.
 PRIVATE_FUNCTIONS: dict[str, tuple[str, ...]] = {
     "_winapi" if os.name == "nt" else "_posixsubprocess": ("CreateProcess" if os.name == "nt" else "fork_exec",),
-    **({} if os.name == "nt" else {"_socket": ("socketpair",)}),
 }
 
-SELECTOR = ("selectors", "_BaseSelectorImpl")  # module and class that all selectors are derived from
-# of an asyncio loop, overridden by one that needs no pipe to wake itself
-LOOP, LOOP_METHODS = (
-    "asyncio.SelectorEventLoop",
-    ("_make_self_pipe", "_close_self_pipe", "_write_to_self"),
-)
 CONDITION_WANTS = ("_is_owned", "_release_save", "_acquire_restore")  # of an RLock, so a virtual one has them
 
 
@@ -41,8 +34,6 @@ def _check() -> None:
         ("sys", "_current_frames"),
         ("concurrent.futures.thread", "_threads_queues"),
         ("concurrent.futures.thread", "_shutdown"),
-        SELECTOR,
-        *((LOOP, name) for name in LOOP_METHODS),
         *((module, name) for module, names in PRIVATE_FUNCTIONS.items() for name in names),
     ]
     missing = [f"{module}.{name}" for module, name in places if not hasattr(_found(module), name)]

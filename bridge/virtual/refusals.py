@@ -4,6 +4,7 @@ one line that names place, function and alternative.
 
 from __future__ import annotations
 
+import ctypes.util
 import importlib
 import sys
 import typing
@@ -12,7 +13,7 @@ from collections.abc import Callable, Iterator
 from types import FrameType
 from typing import Any
 
-from isel_twin.bridge.virtual.cpython import PRIVATE_FUNCTIONS, SELECTOR, calling_frame
+from isel_twin.bridge.virtual.cpython import PRIVATE_FUNCTIONS, calling_frame
 from isel_twin.bridge.virtual.host_code import host_line
 from isel_twin.bridge.virtual.host_thread import HostEnded
 from isel_twin.bridge.virtual.stand_in import StandIn
@@ -57,14 +58,12 @@ def _refused(what: str) -> Callable[..., Any]:
 
 _REFUSED: dict[str, tuple[str, ...]] = {
     "os": ("fork", "forkpty", "system", "posix_spawn", "posix_spawnp", "execv", "execve", "startfile"),
-    "select": ("poll", "epoll", "kqueue", "devpoll"),
+    "select": ("epoll", "kqueue", "devpoll"),
     "signal": ("setitimer", "alarm", "pause", "sigwait", "sigwaitinfo", "sigtimedwait"),
     **PRIVATE_FUNCTIONS,
 }
 
 _REFUSED_METHODS: dict[tuple[str, str], tuple[str, ...]] = {
-    ("socket", "socket"): ("connect", "connect_ex", "accept", "bind", "listen", "recv", "recvfrom", "sendto"),
-    SELECTOR: ("__init__",),
     ("asyncio.base_events", "BaseEventLoop"): ("__new__",),
 }
 
@@ -82,11 +81,15 @@ def _method(real: Callable[..., Any], what: str) -> Callable[..., Any]:
 
 
 def stand_ins() -> list[tuple[Any, Any]]:
+    find = ctypes.util.find_library  # asks ldconfig and compilers, which take no time of the machine
     return [
-        (real, StandIn(real, _refused(f"{module.lstrip('_')}.{name}")))
-        for module, names in _REFUSED.items()
-        for name in names
-        if (real := getattr(sys.modules.get(module), name, None)) is not None
+        (find, StandIn(find, lambda active, name: active.in_real_time(find, name))),
+        *(
+            (real, StandIn(real, _refused(f"{module.lstrip('_')}.{name}")))
+            for module, names in _REFUSED.items()
+            for name in names
+            if (real := getattr(sys.modules.get(module), name, None)) is not None
+        ),
     ]
 
 

@@ -3,7 +3,8 @@
     time.sleep, time.time, ...        -->  Turns.wait, .look        for a thread of the host       clocks.py, locks.py
                                       -->  the real function              for any other thread, and for the twin
     asyncio.new_event_loop            -->  a loop in the turns of the host's threads            loops.py
-    os.fork, a socket, tkinter.Tk ... -->  the host ends with a reason                          refusals.py, windows.py
+    socket.socket, select.select, ... -->  sockets between the host's own threads               sockets.py, waiting.py
+    os.fork, tkinter.Tk, ...          -->  the host ends with a reason                          refusals.py, windows.py
 
 A stand-in checks at each call whether its thread is one of the host (`here`), so it is harmless in modules that have
 imported it by name (`from time import sleep`). Names are replaced in all modules loaded when the host begins, except
@@ -15,7 +16,6 @@ from __future__ import annotations
 import _thread
 import atexit
 import datetime
-import select
 import signal
 import sys
 import threading
@@ -26,44 +26,16 @@ from typing import Any
 
 from serial import serialutil
 
-from isel_twin.bridge.virtual import clocks, locks, loops, refusals, windows
+from isel_twin.bridge.virtual import clocks, locks, loops, refusals, sockets, waiting, windows
 from isel_twin.bridge.virtual.cpython import calling_frame
 from isel_twin.bridge.virtual.host_code import LIBRARIES
 from isel_twin.bridge.virtual.stand_in import StandIn
 from isel_twin.bridge.virtual.turns import Turns
-from isel_twin.bridge.virtual.virtual_serial import VirtualSerial
 
 _real_monotonic = time.monotonic
-_real_select = select.select
 _real_signal, _real_getsignal = signal.signal, signal.getsignal
 _real_register, _real_unregister = atexit.register, atexit.unregister
 _ABSENT = object()  # marks an inherited attribute
-
-
-def _select(active: Turns, r: Any, w: Any, x: Any, timeout: float | None = None, /) -> Any:
-    def port_of(item: Any) -> VirtualSerial | None:
-        port = active.ports.open
-        return port if port is not None and (item is port or item == port._fd) else None
-
-    reading, writing, other = list(r), list(w), list(x)
-    real = [item for item in (*reading, *writing, *other) if port_of(item) is None]
-
-    def look() -> tuple[list[Any], list[Any], list[Any]]:
-        files = [[item for item in items if port_of(item) is None] for items in (reading, writing, other)]
-        found = _real_select(files[0], files[1], files[2], 0) if real else ([], [], [])
-        come = [item for item in reading if port_of(item) is not None and active.inbox]
-        free = [item for item in writing if port_of(item) is not None]
-        return found[0] + come, found[1] + free, found[2]
-
-    if timeout is None and real:
-        refusals.refuse("select.select without timeout on something else than the port", refusals.SERVE)
-    active.fetch()
-    if timeout == 0:
-        active.look()
-    elif not any(look()):
-        hears = any(port_of(item) is not None for item in reading)
-        active.wait(lambda: hears and bool(active.inbox), active.deadline(timeout), "select", hears=hears)
-    return look()
 
 
 def _signal(active: Turns, number: int, handler: Any, /) -> Any:
@@ -91,7 +63,6 @@ def _unregister(active: Turns, function: Callable[..., Any]) -> None:
 
 
 _OWN: dict[Any, Callable[..., Any]] = {
-    _real_select: _select,
     _real_signal: _signal,
     _real_getsignal: _getsignal,
     _real_register: _register,
@@ -106,7 +77,8 @@ def replace_all(active: Turns, more: Sequence[tuple[Any, Any]] = ()) -> Callable
     """Install the stand-ins and `more` pairs (real, stand-in); return a function that undoes it."""
     refused = [*refusals.methods(), *loops.methods()]  # imports the modules in which they are
     own = [(real, StandIn(real, virtual)) for real, virtual in _OWN.items()]
-    pairs = [*clocks.stand_ins(), *locks.stand_ins(), *loops.stand_ins(), *refusals.stand_ins(), *own, *more]
+    rooms = (clocks, locks, loops, sockets, waiting, refusals)
+    pairs = [*(pair for room in rooms for pair in room.stand_ins()), *own, *more]
     table = {id(real): (real, stand_in) for real, stand_in in pairs}
     undo: list[tuple[Any, str, Any]] = []
 

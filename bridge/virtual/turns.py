@@ -65,6 +65,7 @@ class Turns:
     """
 
     ports: Any  # `isel_twin.bridge.virtual.virtual_serial.Ports`
+    network: Any  # `isel_twin.bridge.virtual.sockets.Network`
 
     def __init__(self, twin: Twin, wire: WireTap | None, limit_s: float | None) -> None:
         self.twin, self._wire, self._limit_s = twin, wire, limit_s
@@ -170,6 +171,14 @@ class Turns:
             if deadline_ns is not None and self.now_ns >= deadline_ns:
                 return False
             # otherwise a signal was handled, and the wait goes on
+
+    def in_real_time(self, call: Callable[..., Any], *args: Any) -> Any:
+        """Make a call of a library with the real functions, while virtual time stands still."""
+        self._inside = True
+        try:
+            return call(*args)
+        finally:
+            self._inside = False
 
     def end(self, kind: str, reason: str) -> None:
         """End the host: HostEnded is raised in all its threads, in the calling one at its next wait."""

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from isel_twin.bridge.serve.borders import WireTap
+from isel_twin.bridge.virtual.sockets import Network
 from isel_twin.bridge.virtual.stand_ins import replace_all
 from isel_twin.bridge.virtual.turns import Turns
 from isel_twin.bridge.virtual.virtual_serial import Ports, stand_ins
@@ -29,6 +30,7 @@ class VirtualTime(Turns):
     ) -> None:
         super().__init__(twin, wire, limit_s)
         self.ports = Ports(self, port)
+        self.network = Network()
 
     def _replace(self) -> Callable[[], None]:
         return replace_all(self, stand_ins(self.ports))

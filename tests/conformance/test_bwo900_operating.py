@@ -298,11 +298,16 @@ def test_no_graphic() -> None:
 
 
 @shows("bwo900-2.5.1-11")
-def test_without_moving_nothing_is_seen_to_move() -> None:
-    desk = fresh(LONG, p8812=1)
+def test_without_moving_the_display_moves() -> None:
+    """P12154 shows where the block ends, the machine position stands; so does the display behind the end."""
+    desk = fresh("P1|N10 G0 X7 Y3|N20 G1 F600 X12 M00|N30 M30", p8812=1)
     start(desk)
     desk.run(0.5)
-    assert (value(desk, 12_154), mm(desk)) == (0.0, (0.0, 0.0, 0.0))
+    assert [value(desk, n) for n in (12_154, 12_354, 12_150)] == [12.0, 3.0, 0.0]
+    assert mm(desk) == (0.0, 0.0, 0.0)
+    desk.send(parameters(p8684=1))
+    desk.finish()
+    assert value(desk, 12_154) == 0.0
 
 
 @pytest.mark.parametrize("text", ["0", "--"])

@@ -92,6 +92,8 @@ def identify(
         say_json(as_json(result, names, held_names))
     else:
         _print(result)
+    for line in result.doubts:
+        say(line)
     if result.worse:
         what = f"{result.after['all']:.2f} instead of {result.before['all']:.2f} standard deviations"
         say(f"refused: the fit predicts {', '.join(held_names)} worse than before, {what}")

@@ -309,14 +309,19 @@ class _Judge:
         return [(pair.later_ns or 0) - self.jitter.median_ns for pair in quick]
 
     def _moves(self, timed: Sequence[_Timed], sign: float) -> list[_Timed]:
-        """Moves that are later by little (sign: or earlier), if they are so beyond chance."""
+        """Moves that are later by little (sign: or earlier), if they are so beyond chance.
+
+        A busy server is late with quick replies and catches up while a move lasts. So a move that is shorter on the
+        side with delays may lack the usual delay, by as much as delays scatter.
+        """
+        exact = self._limits.exact_b if sign > 0 else self._limits.exact_a
+        lacking_ns = min(abs(self.jitter.median_ns), self.jitter.largest_ns) if exact else 0.0
         plain = [one for one in timed if one.extra_ns == 0.0]
+        late = [sign * one.late_ns - lacking_ns for one in plain]
         least = max(0.5 * EXACT_NS, MEDIANS * self.jitter.spread_ns)
-        if not plain or sign * median(one.late_ns for one in plain) < least:
+        if not plain or median(late) < least or _chance(late, [sign * ns for ns in self._quick_ns()]) > SURE:
             return []
-        if _chance([sign * one.late_ns for one in plain], [sign * ns for ns in self._quick_ns()]) > SURE:
-            return []
-        return [one for one in plain if sign * one.late_ns > least]
+        return [one for one, ns in zip(plain, late, strict=True) if ns > least]
 
     def _too_short(self, timed: Sequence[_Timed], sign: float) -> list[_Timed]:
         """Commands that are shorter on the side with delays than its shortest delays let expect."""
@@ -324,7 +329,9 @@ class _Judge:
         quick = self._quick_ns()
         if not exact or len(quick) < FEW or (self._limits.exact_a and self._limits.exact_b):
             return []
-        least = max(sign * ns for ns in quick) + FLOOR_NS
+        most = max(sign * ns for ns in quick)
+        lacking_ns = min(max(abs(self.jitter.median_ns) - most, 0.0), self.jitter.largest_ns)  # as in `_moves`
+        least = most + lacking_ns + FLOOR_NS
         return [
             one
             for one in timed

@@ -12,7 +12,8 @@ import pytest
 
 from isel_twin.base.crew import here
 from isel_twin.machine import load_machine
-from isel_twin.many.identification.fit import Fit, Model, Prospect, fit, prospect
+from isel_twin.many.identification.fit import Fit, Prospect, fit, prospect
+from isel_twin.many.identification.model import Model
 from isel_twin.many.identification.page import page
 from isel_twin.many.identification.patch import as_json, patch
 from isel_twin.many.identification.session import Session, predict

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from isel_twin.machine import MachineError, load_machine, with_overrides
-from isel_twin.many.identification.fit import Model
 from isel_twin.many.identification.measured import Measured, Reading, Repeats
+from isel_twin.many.identification.model import Model
 from isel_twin.many.identification.session import model_twin, predict, session_of, stand_alone
 from isel_twin.many.identification.unknowns import unknown
 from isel_twin.recordings.reading import Entry, Recorded, RecordingError
@@ -45,7 +45,7 @@ def test_the_first_that_was_measured_behind_the_end_is_named() -> None:
 def test_there_is_a_degree_of_freedom_at_least() -> None:
     """One number measured, one looked for: chi-square is over 1, not over 0."""
     scatter = stand_alone("day", Measured(repeats=(Repeats("day", "x", (0.0, 0.1)),)), "imc-s8")
-    assert Model(MACHINE, [unknown(MACHINE, "backlash.x")], [scatter]).freedom == 1
+    assert Model(MACHINE, [unknown(MACHINE, "backlash.x")], [scatter]).freedom(np.ones(1)) == 1
 
 
 def test_repeats_scatter_as_switch_and_gauge_do() -> None:

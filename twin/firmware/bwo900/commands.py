@@ -85,6 +85,10 @@ class Commands:
                 operating.call_emergency(int(given))
             case Wish.MAP:
                 p.write(P.MAP_Q, self._mapped(int(given)))
+            case Wish.LENGTH:
+                p.write(P.LENGTH, 0.0)
+            case Wish.CHANGE:
+                operating.change_tool(int(given))
             case Wish.REFERENCE:
                 operating.refer(int(given))
 

@@ -5,6 +5,8 @@ Start --> begin: feeder.py, interpreter, restart --> channel --> ended: place of
 
 from __future__ import annotations
 
+from typing import Final
+
 from isel_twin.controller import FlashWrite, Remark, Step
 from isel_twin.firmware.bwo900 import keys, status
 from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter
@@ -13,7 +15,7 @@ from isel_twin.firmware.bwo900.feeder import Feeder
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
 from isel_twin.firmware.bwo900.hardware import Hardware
 from isel_twin.firmware.bwo900.memory import Memory
-from isel_twin.firmware.bwo900.messages import Code, Message, ProgramError, message
+from isel_twin.firmware.bwo900.messages import MISSING, Code, Effect, Message, ProgramError, message
 from isel_twin.firmware.bwo900.modes import Mode
 from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.parameters import byte
@@ -25,6 +27,8 @@ from isel_twin.firmware.bwo900.realtime.channel import Channel, State
 from isel_twin.firmware.bwo900.realtime.deletion import DeletionWatch
 from isel_twin.firmware.bwo900.realtime.executed import Executed
 from isel_twin.firmware.bwo900.transfer import POSITIONED
+
+TOOL_CHANGE: Final = "Z6"  # the cycle that changes tools
 
 
 class Execution:
@@ -45,6 +49,7 @@ class Execution:
         self.asked: list[tuple[int, float | None]] = []
         """Parameters that the program has written, and that are keys: they act once the channel has come to rest."""
         self._began_at: tuple[float, ...] = (0.0,) * AXES  # positions of the axes at the last start, mm
+        self.changes_tool = False  # Z6 is the program: a tool is changed in HAND (P8043)
         self._broken = ""  # where the last program was interrupted, for people; empty: it was not
 
     @property
@@ -76,6 +81,9 @@ class Execution:
         self.feeder.end()
         if p.get(P.RESTART_STATE):
             p.write(P.RESTART_STATE, 0.0)
+        if self.changes_tool and broken is None:
+            self.asked.append((P.MODE_TO_PLC, float(Mode.HAND)))
+        self.changes_tool = False
         self.rest()
         name, block = broken or ("", 0)
         self._broken = f"{name} N{block} is broken off" if broken else ""
@@ -120,6 +128,8 @@ class Execution:
         name = POSITIONED if positioning else self.program
         block = None if positioning else int(p.get(P.START_BLOCK)) or None
         emergency = self._emergency()
+        if self.changes_tool:
+            emergency = TOOL_CHANGE, None
         if emergency is not None:
             name, block = emergency
             self.forget_emergencies()
@@ -138,6 +148,19 @@ class Execution:
             return
         self._broken = ""
         self.channel.start()
+
+    def request_tool(self, group: int) -> Message | None:
+        """P8043: the data of a tool go to the records of PLC and real time, and Z6, if there is one, is the next
+        program; or the message that it cannot be."""
+        p = self.parameters
+        try:
+            if p.get(P.HAND_SUB_RECORD) > 1.0:
+                raise ProgramError(Code.EXCLUDED, f"{MISSING}: sub records of tools, and P8044 is not 0 or 1")
+            self.interpreter.request_tool(group)
+        except ProgramError as error:
+            return message(error.number, detail=error.detail, effect=Effect.SHOWN)
+        self.changes_tool = TOOL_CHANGE in self._store
+        return None
 
     def missing_emergency(self, which: int) -> Message | None:
         """The message that an emergency program (0 or 1) is not in the memory, or nothing; then it is not called."""

@@ -96,6 +96,8 @@ class Wish(Enum):
     FEED = "of the block in execution, mm/min"
     EMERGENCY = "an emergency program, 0 or 1"
     MAP = "say which q a P is"
+    LENGTH = "length of paths counts from 0"
+    CHANGE = "a tool, in HAND"
     REFERENCE = "reference run of an axis, from 0"
 
 
@@ -127,6 +129,10 @@ def wish(number: int, value: float | None, axes: int) -> tuple[Wish, float] | No
             return Wish.FEED, value or 0.0
         case P.EMERGENCY_1 | P.EMERGENCY_2 if given == 1:
             return Wish.EMERGENCY, number - P.EMERGENCY_1
+        case P.LENGTH_AXES:
+            return Wish.LENGTH, given
+        case P.HAND_CHANGE if value is not None:
+            return Wish.CHANGE, given
         case P.MAP_P:
             return Wish.MAP, given
     if is_override(number):
@@ -136,6 +142,8 @@ def wish(number: int, value: float | None, axes: int) -> tuple[Wish, float] | No
         return None
     if offset == Axis.OVERRIDE:
         return Wish.OVERRIDE, number
+    if offset == Axis.BARRED:
+        return Wish.LOCK, given
     return (Wish.REFERENCE, axis) if offset == Axis.REFERENCE_RUN and given else None
 
 

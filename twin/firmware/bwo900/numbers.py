@@ -88,6 +88,7 @@ class P:
     BLOCK_2, BLOCK_3 = 20_000, 30_000
     # tools (8.5)
     TOOL_LOCK = 8_040  # 1: a block with T waits
+    HAND_CHANGE_LOCKED, HAND_CHANGE, HAND_SUB_RECORD = 8_041, 8_043, 8_044
     TOOL_TAKE, TOOL_COPY, TOOL_PUT_BACK = 8_045, 8_046, 8_047
     TOOL_ASKED, TOOL_INFO = 8_048, 8_049  # T of an executed block; of a block with T: 6 with M06, 16 with M16
     # first parameters of records: requested by T, in the spindle, of the path, executed T
@@ -134,6 +135,7 @@ class P:
     WITHOUT_MOVING, WITHOUT_M, SINGLE_EVERY = 8_812, 8_813, 8_814
     TEST_FEED, RAPID, FEED_NOW, FEED_SHARE = 8_815, 8_816, 8_817, 8_818
     EMERGENCY_PROGRAM = 8_820  # and its block; those of the second one follow
+    M_MODIFIED = 8_828
     START_ZERO = 8_830
     # what controls programs (8.5)
     FREE_PLANE_1, FREE_PLANE_2, FREE_PLANE_3 = 8_840, 8_841, 8_842
@@ -145,6 +147,7 @@ class P:
     START_COORDINATES = 8_853
     MEASURED_DISPLAY = 8_855
     CONTOUR_DYNAMICS, RAPID_END, ROTATION_ORDER = 8_857, 8_858, 8_859
+    LENGTH_AXES, LENGTH = 8_870, 8_871
     EXCHANGE, EXCHANGE_FIRST, EXCHANGE_LAST = 8_880, 8_881, 8_889
     BLOCK_LOCK, MIRRORED, NOT_INTERPOLATING, WITHOUT_DYNAMICS, KEEP_MASK = 8_891, 8_892, 8_893, 8_894, 8_895
     # status (8.5)
@@ -202,7 +205,7 @@ class Axis:
     HAND_SPEED = 120
     OVERRIDE = 125
     REFERENCE_RUN = 130
-    STRUCK, SLOPE = 135, 136
+    STRUCK, SLOPE, BARRED = 135, 136, 137
     MACHINE_PLACE, SET_PLACE, ACTUAL_PLACE, MEASURED_PLACE = 150, 151, 152, 153
     SHOWN_PLACE, PROGRAMMED_PLACE, DELTA_PLACE, SHOWN_SHIFT = 154, 155, 156, 157
     LAG = 160

@@ -11,7 +11,7 @@ from isel_twin.firmware.bwo900 import keys
 from isel_twin.firmware.bwo900.execution import Execution
 from isel_twin.firmware.bwo900.messages import Code, Effect, message
 from isel_twin.firmware.bwo900.modes import Mode
-from isel_twin.firmware.bwo900.numbers import P
+from isel_twin.firmware.bwo900.numbers import M, P
 from isel_twin.firmware.bwo900.realtime import overrides
 from isel_twin.firmware.bwo900.realtime.axes import AXES, NAMES
 from isel_twin.firmware.bwo900.realtime.channel import State
@@ -112,6 +112,7 @@ class Operating:
         if locked:
             self._hand.release(everything=True)
         self._channel.lock(locked)
+        self.override_changed()
 
     def move(self, key: int) -> None:
         """P8752, a key of an axis: 1 +, 2 -, 0 is released."""
@@ -121,6 +122,24 @@ class Operating:
             self._hand.begin_jog()
         else:
             self._power.request(self._axes.now_ns)
+
+    def change_tool(self, group: int) -> None:
+        """P8043: a tool is changed in HAND, by Z6 in AUTO, or by M06 to the PLC where there is no Z6 (bwo900/65)."""
+        execution = self._execution
+        if execution.parameters.get(P.HAND_CHANGE_LOCKED):
+            return
+        if not execution.hand_is_free or self._hand.move is not None:
+            self._hardware.say(message(Code.NOT_IN_HAND, detail="a change of tools"))
+        elif (refused := execution.request_tool(group)) is not None:
+            self._hardware.say(refused)
+        elif execution.changes_tool:
+            self.set_mode(Mode.AUTO)
+            self.start()
+            execution.changes_tool = self._starts or self._channel.active
+            if not execution.changes_tool:
+                self.set_mode(Mode.HAND)
+        else:
+            self._hardware.plc.function(self._axes.now_ns, M.TOOL_CHANGE)
 
     def refer(self, axis: int) -> None:
         """P12130: a reference run of an axis, from 0."""

@@ -81,6 +81,7 @@ def at_power_on() -> Iterator[tuple[int, float | None]]:
     yield from ((number, None) for number in FORGOTTEN)
     for axis in range(AXES):
         yield of_axis(axis, Axis.SLOPE), None
+        yield of_axis(axis, Axis.BARRED), None
         yield of_axis(axis, Axis.CHANNEL), 1.0
         yield of_axis(axis, Axis.LOGICAL), axis + 1.0
 
@@ -91,7 +92,8 @@ def value(number: int, interpreter: Interpreter, channel: Channel, axes: Axes) -
         return None
     if number >= P.AXES_FIRST:
         axis, offset = divmod(number - P.AXES_FIRST, AXIS_SIZE)
-        return _axis(axis, offset, channel.executed, axes)
+        shown = offset == Axis.SHOWN_PLACE and channel.unmoved
+        return _axis(axis, Axis.PROGRAMMED_PLACE if shown else offset, channel.executed, axes)
     if number == P.M_WAITS:
         return float(channel.halted)
     if number >= P.SHIFT_ANALYSED:

@@ -12,7 +12,9 @@
     unknowns.py     named parameters, the keys they stand for, prior ranges
     measured.py     the file of measurements
     session.py      a recording with its measurements, and their prediction by a candidate machine
-    fit.py          sensitivity, rank, least squares, intervals; fitted and held back
+    model.py        predictions on candidates, residuals, their differences
+    fit.py          sensitivity, rank, least squares, intervals, chi-square; fitted and held back
+    reach.py        which numbers behind a common factor no datum moves
     patch.py        the result as a machine, as JSON
     page.py         the result as a page
     experiment.py   informative moves as a job, and a file to fill in

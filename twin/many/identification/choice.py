@@ -1,6 +1,6 @@
 """Chooses the most informative blocks of moves, one after the other.
 
-The information of a block is its Jacobian J_b (fit.py) on the machine as it is believed to be, in standard deviations
+The information of a block is its Jacobian J_b (model.py) on the machine as it is believed to be, in standard deviations
 of the data. A greedy choice takes the block that, with those before it, leaves the least uncertainty:
 
     C <- (C^-1 + J_b' J_b)^-1        D: least det C        E: least largest eigenvalue of C
@@ -22,7 +22,7 @@ from isel_twin.base.crew import Crew
 from isel_twin.language import create_language, needed
 from isel_twin.machine import Machine
 from isel_twin.many.identification.experiment import Block, assemble
-from isel_twin.many.identification.fit import STEP, Model
+from isel_twin.many.identification.model import STEP, Model
 from isel_twin.many.identification.session import session_of
 from isel_twin.many.identification.stand_in import carry_out
 from isel_twin.many.identification.unknowns import Unknown

@@ -3,7 +3,8 @@
 A block is a short piece of a job with measurements; it begins and ends at rest, referenced:
 
     reversal   to a place from below, read; from above, read            backlash, friction
-    push       at rest, tool pulled in both directions, read          stiffness, backlash
+    push       at rest, tool pulled in both directions, read          stiffness, backlash; where the table
+               carries the axis, the table as well: a pull at the tool never loads that screw
     coast      emergency stop at speed, read the overrun         friction, mass
     stall      the same move ever faster until steps are lost                   supply, mass, friction
     far        a place near the motor and one far away, by a scale              lead error
@@ -19,6 +20,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -26,7 +28,7 @@ from isel_twin.base.axes import CARRIAGES
 from isel_twin.controller import create_controller
 from isel_twin.language import Language, MoveSettings, create_language, needed
 from isel_twin.machine import Machine
-from isel_twin.many.identification.measured import Act, Measured, Reading, Stall
+from isel_twin.many.identification.measured import PUSHED_AT, Act, Measured, Reading, Stall
 from isel_twin.many.identification.session import referenced, stall_speed_hz, with_supply
 from isel_twin.many.identification.unknowns import Unknown
 
@@ -112,7 +114,9 @@ def blocks(
         reach_mm = min(axis.travel_mm - 10.0, 120.0)
         place_mm = float(round(draw.uniform(0.2, 0.5) * reach_mm))
         found.append(_reversal(tell, place_mm))
-        found.append(_push(tell, place_mm + 5.0, PUSH_N * float(draw.choice([0.8, 1.0, 1.2]))))
+        force_n = PUSH_N * float(draw.choice([0.8, 1.0, 1.2]))
+        pushed_at = PUSHED_AT if machine.kinematics == "table" and name == "y" else PUSHED_AT[:1]
+        found += [_push(tell, place_mm + 5.0, force_n, at) for at in pushed_at]
         fastest = min(language.ranges["speed_hz"][1], (axis.travel_mm - 20.0) * axis.steps_per_mm / COAST_S)
         for speed in (6000.0, 10_000.0, 16_000.0) if notices_stop else ():
             found.append(_coast(tell, machine, language, round(min(speed * draw.uniform(0.85, 1.15), fastest))))
@@ -144,7 +148,7 @@ class _Teller:
         step = Step(last, readings)
         return (*(Step(data) for data in before), replace(step, **of_last))  # type: ignore[arg-type]
 
-    def reading(self, gauge: str, **more: float) -> Reading:
+    def reading(self, gauge: str, **more: Any) -> Reading:
         return Reading("", 1, self.axis, math.nan, gauge=gauge, **more)
 
 
@@ -160,14 +164,14 @@ def _reversal(tell: _Teller, mm: float) -> Block:
     return Block(name, f"{tell.axis}: to {mm:g} mm and on from both sides, dial gauge between tool and table", steps)
 
 
-def _push(tell: _Teller, mm: float, force_n: float) -> Block:
-    name = f"push {tell.axis} {force_n:g}"
+def _push(tell: _Teller, mm: float, force_n: float, at: str) -> Block:
+    name = f"push {tell.axis} {force_n:g} at the {at}"
     ways = (force_n, -force_n, 0.5 * force_n, -0.5 * force_n) * PULLS
-    readings = tuple(tell.reading(name, push_n=way) for way in ways)
+    readings = tuple(tell.reading(name, push_n=way, push_at=at) for way in ways)
     pulls = f"{force_n:g} N up, down, half of it up, down, all again"
-    comment = f"pull at the tool along {tell.axis}: {pulls}; read at each"
+    comment = f"pull at the {at} along {tell.axis}: {pulls}; read at each"
     steps = tell.move(mm - APPROACH_MM) + tell.move(mm, readings=readings, comment=comment)
-    return Block(name, f"{tell.axis}: pulled with {force_n:g} N both ways, dial gauge", steps)
+    return Block(name, f"{tell.axis}: pulled at the {at} with {force_n:g} N both ways, dial gauge", steps)
 
 
 def _coast(tell: _Teller, machine: Machine, language: Language, speed_hz: int) -> Block:

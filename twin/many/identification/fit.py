@@ -1,21 +1,17 @@
 """Least squares over several sessions: identifiability, estimates, and prediction of held-back data.
 
-    r(u) = (measured - predicted(u)) / sigma          less the weighted mean within a group that shares a zero
     cost = |r(u)|^2 + |u|^2                           u: standard deviations from the prior (unknowns.py)
-    J    = dr/du                                      by finite differences of large steps, below
+    J    = dr/du                                      residuals r and their differences: model.py
 
 **Before the fit**: the singular values of J at the prior. A direction of u with singular value s has 1/sqrt(1 + s^2) of
 its prior standard deviation afterwards; for s < 1 the data say less than the prior. So the rank is the number of s >=
 1, and a parameter counts as not identified if its interval stays wider than NOT_IDENTIFIED of the prior's.
 
-**Steps of the differences.** On a small scale the model is not smooth: counters are whole steps of 3 um, the backlash
-is a dead zone, dry friction lets a carriage rest anywhere in 1 to 3 um, stall occurs in bands of speed. A step of 1e-8
-would measure these corners, and 2 % still their scatter, which exceeds the effect of any parameter. So the step is
-always STEP of the prior's standard deviation, some 30 % of an estimate. The first and the last Jacobian use central
-differences, free of the curvature; those between only give the direction of descent, and are one-sided (many/9).
-
-**After it**: cov = (J'J + 1)^-1, times chi^2 per degree of freedom if that is above 1, so that a bad fit does not claim
-precision; 95 % intervals are in u, so never negative for a positive value.
+**After it**: cov = (J'J / max(1, chi^2) + 1)^-1 with chi^2 per degree of freedom: a bad fit claims no precision, and no
+fit is less sure than the prior. 95 % intervals are in u, so never negative for a positive value. A chi^2 beyond the
+quantile FITS of its distribution says that the model does not explain the data: then no number is `measured`, whatever
+its interval, and the data that misfit most are named (many/15). Numbers behind a common factor that no datum moves are
+found as well (reach.py).
 
 **Held back**: the root mean square of r over recordings that are not fitted, before (at the prior) and after. If it
 grows, the result is refused.
@@ -28,142 +24,21 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from isel_twin.base.crew import Crew, in_order
+from isel_twin.base.crew import Crew
 from isel_twin.machine import Machine
-from isel_twin.many.identification.session import MISSED, Datum, Session, predict
-from isel_twin.many.identification.unknowns import Unknown, candidate
+from isel_twin.many.identification.model import BOUND, NOT_IDENTIFIED, STEP, Floats, Model
+from isel_twin.many.identification.reach import OutOfReach, out_of_reach
+from isel_twin.many.identification.session import Datum, Session
+from isel_twin.many.identification.unknowns import Unknown
 
-STEP = 0.8  # step of the differences, in standard deviations of the prior
-CLIFF = 5.0  # largest ratio of the differences of a step up and a step down; beyond it one of them is no slope
-CHANCE = 4.0  # standard deviations by which the sum of squares of differences must exceed the scatter to count
-BOUND = 3.0  # limit of the search, in standard deviations of the prior
-NOT_IDENTIFIED = 0.9  # standard deviation over that of the prior from which a parameter is not identified,
-WEAK = 0.5  # and from which it is known only roughly
+WEAK = 0.5  # standard deviation over that of the prior from which a parameter is known only roughly
 NORMAL_95 = 1.96
+FITS = 0.999  # part of all fits of a true model whose chi-square is below the limit
+MISFIT, MOST_MISFITS = 2.0, 5  # residual from which a datum is named, and how many are
 TOLD = 0.3  # a parameter with at least this part of a direction is named in it
 ENOUGH = 0.01  # relative change of cost and point at which the search ends: below the scatter of the model
 MOST_CALLS = 8  # evaluations in the search, without those for Jacobians
-
-Floats = NDArray[np.float64]
-
-
-class Model:
-    """Predictions of all sessions on candidate machines, cached."""
-
-    def __init__(
-        self,
-        machine: Machine,
-        unknowns: Sequence[Unknown],
-        sessions: Sequence[Session],
-        crew: Crew | None = None,
-        progress: Callable[[int], None] | None = None,
-    ) -> None:
-        """crew: for the replays; None: this process. progress: called with the number of replays."""
-        self.machine = machine
-        self.unknowns = tuple(unknowns)
-        self.sessions = tuple(sessions)
-        self.data: tuple[Datum, ...] = tuple(item for session in sessions for item in session.data)
-        self._crew = crew
-        self._progress = progress
-        self._known: dict[tuple[float, ...], Floats] = {}
-        self.replays = 0
-        self._value = np.array([item.value for item in self.data])
-        self._sigma = np.array([item.sigma for item in self.data])
-        self._scatter = np.array([item.scatter for item in self.data])
-        self._kinds = self._alike(lambda item: True)
-        self._batches = self._alike(lambda item: item.scatter > 0.0)
-        self._groups = self._alike(lambda item: bool(item.group))
-        # degrees of freedom: data less zeros less parameters
-        self.freedom = max(1, len(self.data) - len(self._groups) - len(self.unknowns))
-
-    def _alike(self, counts: Callable[[Datum], bool]) -> list[NDArray[np.int64]]:
-        """Indices of the selected data, by group or, without one, by kind."""
-        found: dict[str, list[int]] = {}
-        for index, item in enumerate(self.data):
-            if counts(item):
-                found.setdefault(item.group or item.kind, []).append(index)
-        return [np.array(indices) for indices in found.values()]
-
-    def values(self, u: Floats) -> list[float]:
-        return [item.value(float(one)) for item, one in zip(self.unknowns, u, strict=True)]
-
-    def predictions(self, points: Sequence[Floats]) -> list[Floats]:
-        """float64 [data] for each of several u."""
-        keys = [tuple(np.round(point, 12).tolist()) for point in points]
-        new = list(dict.fromkeys(key for key in keys if key not in self._known))
-        calls = [
-            (session, self.machine, self.unknowns, self.values(np.array(key)))
-            for key in new
-            for session in self.sessions
-        ]
-        pieces = []
-        for piece in in_order(_predict, calls, self._crew):
-            pieces.append(piece)
-            self.replays += 1
-            if self._progress is not None:
-                self._progress(self.replays)
-        count = len(self.sessions)
-        for index, key in enumerate(new):
-            self._known[key] = np.concatenate([np.zeros(0), *pieces[index * count : (index + 1) * count]])
-        return [self._known[key] for key in keys]
-
-    def residuals(self, predicted: Floats) -> Floats:
-        """r [data], without the zeros of gauges (many/10)."""
-        difference = self._value - predicted
-        weight = 1.0 / self._sigma**2
-        for indices in self._groups:
-            own = indices[np.isfinite(difference[indices])]
-            if len(own):
-                difference[own] -= np.average(difference[own], weights=weight[own])
-        found = np.where(np.isfinite(difference), difference / self._sigma, MISSED)
-        return np.clip(found, -MISSED, MISSED)
-
-    def residuals_at(self, u: Floats) -> Floats:
-        return self.residuals(self.predictions([u])[0])
-
-    def jacobian(self, u: Floats, steps: Floats, central: bool) -> Floats:
-        """dr/du [data, n] by differences of steps [n]."""
-        points: list[Floats] = []
-        for index, step in enumerate(steps):
-            away = np.zeros(len(u))
-            away[index] = step if u[index] + step <= BOUND else -step
-            points += [u + away, u - away] if central else [u + away]
-        here, *found = [self.residuals(one) for one in self.predictions([u, *points])]
-        columns = []
-        for index in range(len(u)):
-            if central:
-                way = points[2 * index][index] - u[index]
-                columns.append(self._between(found[2 * index] - here, here - found[2 * index + 1]) / way)
-            else:
-                columns.append(self._told(found[index] - here) / (points[index][index] - u[index]))
-        return np.array(columns).T.reshape(len(self.data), len(u))
-
-    def _between(self, ahead: Floats, back: Floats) -> Floats:
-        """The mean of the differences [data] of two steps. In a batch where they differ much (CLIFF) one candidate has
-        lost steps and the other has not: then the smaller one."""
-        mean = self._told(ahead + back) / 2.0
-        for indices in self._kinds:
-            one, two = float(np.linalg.norm(ahead[indices])), float(np.linalg.norm(back[indices]))
-            if max(one, two) > CLIFF * max(min(one, two), 1.0):
-                mean[indices] = self._told(ahead if one < two else back)[indices]
-        return mean
-
-    def _told(self, difference: Floats) -> Floats:
-        """Differences [data] of two residuals, 0 in a batch in which they are within the scatter of the model."""
-        told = difference.copy()
-        for indices in self._batches:
-            by_chance = 2.0 * float(((self._scatter[indices] / self._sigma[indices]) ** 2).sum())
-            if float((told[indices] ** 2).sum()) <= by_chance * (1.0 + CHANCE * math.sqrt(2.0 / len(indices))):
-                told[indices] = 0.0
-        return told
-
-
-def _predict(call: tuple[Session, Machine, tuple[Unknown, ...], list[float]]) -> Floats:
-    """One session on one candidate, for worker processes."""
-    session, machine, unknowns, values = call
-    return predict(session, candidate(machine, unknowns, values))
 
 
 @dataclass(frozen=True)
@@ -245,6 +120,26 @@ class Fit:
     fitted_after: Mapping[str, float]
     held: tuple[tuple[Datum, float, float], ...]  # held back: prediction before and after, without zeros of gauges
     replays: int
+    chi2_limit: float = math.inf  # quantile FITS of chi2
+    misfits: tuple[tuple[Datum, float], ...] = ()  # fitted data of the largest residuals beyond MISFIT, and these
+    unreached: tuple[OutOfReach, ...] = ()
+
+    @property
+    def explains(self) -> bool:
+        """False if the data differ from the fitted model by more than their noise."""
+        return self.chi2 <= self.chi2_limit
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What must be said of this result, a line each."""
+        lines = [one.line for one in self.unreached]
+        if not self.explains:
+            worst = "; ".join(f"{item.recording} {item.label} ({r:+.1f})" for item, r in self.misfits)
+            lines.append(
+                f"the model does not explain these data: chi-square {self.chi2:.1f} per degree of freedom, by chance "
+                f"at most {self.chi2_limit:.1f}; no number is measured by this. Largest residuals: {worst}"
+            )
+        return tuple(lines)
 
     @property
     def worse(self) -> bool:
@@ -269,6 +164,7 @@ def fit(
 ) -> Fit:
     """Fit and validate. told: called with the identifiability before the fit. Raises ImportError without SciPy."""
     from scipy.optimize import least_squares
+    from scipy.stats import chi2 as chi2_of
 
     model = Model(machine, unknowns, fitted, crew, progress)
     count = len(unknowns)
@@ -292,8 +188,10 @@ def fit(
     u = np.asarray(solved.x, dtype=np.float64)
     last = model.jacobian(u, steps, central=True)
     after = model.residuals_at(u)
-    chi2 = float((np.clip(after, -50.0, 50.0) ** 2).sum() / model.freedom)
-    covariance: Floats = np.asarray(np.linalg.inv(last.T @ last + np.eye(count)) * max(1.0, chi2), dtype=np.float64)
+    chi2 = model.chi2(after)
+    freedom = model.freedom(after)
+    unreached, replays = out_of_reach(machine, unknowns, fitted, u, crew)
+    covariance: Floats = np.asarray(np.linalg.inv(last.T @ last / max(1.0, chi2) + np.eye(count)), dtype=np.float64)
     deviation = np.sqrt(np.diag(covariance))
     estimates = []
     for index, item in enumerate(unknowns):
@@ -317,8 +215,16 @@ def fit(
             (item, item.value - item.sigma * one, item.value - item.sigma * two)
             for item, one, two in zip(other.data, before_held.tolist(), after_held.tolist(), strict=True)
         ),
-        model.replays + other.replays,
+        model.replays + other.replays + replays,
+        float(chi2_of.ppf(FITS, freedom)) / freedom,
+        _misfits(model.data, after),
+        unreached,
     )
+
+
+def _misfits(data: Sequence[Datum], residuals: Floats) -> tuple[tuple[Datum, float], ...]:
+    worst = np.argsort(-np.abs(residuals))[:MOST_MISFITS]
+    return tuple((data[index], float(residuals[index])) for index in worst if abs(residuals[index]) > MISFIT)
 
 
 def by_kind(data: Sequence[Datum], residuals: Floats) -> dict[str, float]:

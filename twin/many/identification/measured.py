@@ -9,7 +9,8 @@
     axis = "x"
     mm = 19.993                             # rising in the direction of the counter; nan: not read yet
     gauge = "a"                             # readings of one mounting of the gauge share an unknown zero
-    push_n = 150.0                          # force at the tool along the axis meanwhile; left out: none
+    push_n = 150.0                          # force along the axis meanwhile; left out: none
+    push_at = "table"                       # where it acts; left out: at the tool
     counter_mm = 20.0                       # the counter at that time, if it is random (an emergency stop)
     at_s = 0.35                             # in motion, at this time after the command was sent; left out: at rest
     sigma_mm = 0.02
@@ -28,7 +29,7 @@
     to_mm = 60.0
     acceleration_hz_per_ms = 400
     start_stop_hz = 300
-    held_hz = 24000                         # fastest speed at which no step was lost
+    held_hz = 24000                         # fastest speed at which no step was lost; left out: the first one lost
     lost_hz = 25000                         # the next one, at which steps were lost; left out: it never stalled
     supply_v = 36.0                         # of the stages meanwhile, measured; left out: as always
 
@@ -58,6 +59,7 @@ from isel_twin.base.toml import toml_line
 from isel_twin.wiring import EVENT_KEYS
 
 GAUGE_SIGMA_MM = 0.005
+PUSHED_AT = ("tool", "table")
 TIME_SIGMA_S = 0.005  # USB adapters hold bytes for 1 to 16 ms, and hosts are sometimes busy
 
 _MM = Limits("mm", -1e5, 1e5)
@@ -86,6 +88,7 @@ class Reading:
     push_n: float = 0.0
     at_s: float | None = None
     counter_mm: float | None = None
+    push_at: str = PUSHED_AT[0]
 
 
 @dataclass(frozen=True)
@@ -106,10 +109,17 @@ class Stall:
     to_mm: float
     acceleration_hz_per_ms: int
     start_stop_hz: int
-    held_hz: float
+    held_hz: float  # 0: none held, the first speed lost steps
     lost_hz: float  # inf: it never stalled
     command: int | None = None
     supply_v: float | None = None  # of the stages during the series; None: as always
+
+    @property
+    def middle_hz(self) -> float:
+        """Where it stalled, or the speed that is known of a series with one outcome only."""
+        if self.held_hz == 0.0:
+            return self.lost_hz
+        return self.held_hz if self.lost_hz == math.inf else math.sqrt(self.held_hz * self.lost_hz)
 
 
 @dataclass(frozen=True)
@@ -191,7 +201,7 @@ def _from_csv(line: Mapping[str | None, Any], place: Place) -> dict[str, Any]:
     return found
 
 
-_READING = ("recording", "command", "axis", "mm", "sigma_mm", "gauge", "push_n", "at_s", "counter_mm")
+_READING = ("recording", "command", "axis", "mm", "sigma_mm", "gauge", "push_n", "push_at", "at_s", "counter_mm")
 _SERIES = ("from_mm", "to_mm", "acceleration_hz_per_ms", "start_stop_hz", "held_hz", "lost_hz")
 _STALL = ("recording", "command", "axis", *_SERIES, "supply_v")
 
@@ -205,7 +215,7 @@ def _measured(tree: dict[str, Any], place: Place) -> Measured:
     stalls = [_stall(item, at) for item, at in _entries(tree, "stall", place)]
     repeats = [_repeats(item, at) for item, at in _entries(tree, "repeats", place)]
     read = tuple(item for item in readings if not math.isnan(item.mm) and not math.isnan(item.counter_mm or 0.0))
-    done = tuple(item for item in stalls if not math.isnan(item.held_hz))
+    done = tuple(item for item in stalls if not math.isnan(item.held_hz + item.lost_hz))
     again = tuple(item for item in repeats if len(item.mm) >= 2 and not any(map(math.isnan, item.mm)))
     unread = len(readings) + len(stalls) + len(repeats) - len(read) - len(done) - len(again)
     return Measured(read, tuple(acts), done, again, time_sigma_s, sigma_mm, unread)
@@ -250,6 +260,7 @@ def _reading(item: dict[str, Any], sigma_mm: float, place: Place) -> Reading:
         push_n=plain(item.get("push_n", 0.0), _N, place.at("push_n")),
         at_s=None if "at_s" not in item else plain(item["at_s"], _S, place.at("at_s")),
         counter_mm=None if "counter_mm" not in item else _plain(item, "counter_mm", _MM, place),
+        push_at=text(item.get("push_at", PUSHED_AT[0]), place.at("push_at"), PUSHED_AT),
     )
 
 
@@ -265,10 +276,14 @@ def _act(item: dict[str, Any], place: Place) -> Act:
 
 def _stall(item: dict[str, Any], place: Place) -> Stall:
     known(item, _STALL, place)
-    _need(item, [key for key in _STALL if key not in ("command", "lost_hz", "supply_v")], place)
-    held_hz, lost_hz = _plain(item, "held_hz", _HZ, place), math.inf
+    _need(item, [key for key in _STALL if key not in ("command", "held_hz", "lost_hz", "supply_v")], place)
+    held_hz, lost_hz = 0.0, math.inf
+    if "held_hz" in item and item["held_hz"] != 0:
+        held_hz = _plain(item, "held_hz", _HZ, place)
     if "lost_hz" in item and item["lost_hz"] != math.inf:
         lost_hz = _plain(item, "lost_hz", _HZ, place)
+    if held_hz == 0.0 and lost_hz == math.inf:
+        raise place.wrong("has neither held_hz nor lost_hz; allowed: one of them, or both")
     if lost_hz <= held_hz:
         raise place.at("lost_hz").wrong(f"{lost_hz:g}; allowed: more than held_hz, {held_hz:g} Hz")
     return Stall(
@@ -279,7 +294,7 @@ def _stall(item: dict[str, Any], place: Place) -> Stall:
         acceleration_hz_per_ms=int(plain(item["acceleration_hz_per_ms"], _HZ, place.at("acceleration_hz_per_ms"))),
         start_stop_hz=int(plain(item["start_stop_hz"], _HZ, place.at("start_stop_hz"))),
         held_hz=held_hz,
-        lost_hz=math.nan if math.isnan(held_hz) else lost_hz,
+        lost_hz=lost_hz,
         command=_command(item, place) if "command" in item else None,
         supply_v=plain(item["supply_v"], _V, place.at("supply_v")) if "supply_v" in item else None,
     )
@@ -312,5 +327,5 @@ def written(measured: Measured, comments: Mapping[int, str] | None = None) -> st
 
 def _lines(item: Any, keys: Sequence[str]) -> list[str]:
     values = {key: getattr(item, key) for key in keys}
-    left_out: dict[str, Any] = {"push_n": 0.0, "gauge": ""}
+    left_out: dict[str, Any] = {"push_n": 0.0, "gauge": "", "push_at": PUSHED_AT[0]}
     return [toml_line(key, value) for key, value in values.items() if value != left_out.get(key)]

@@ -26,11 +26,15 @@ def page(title: str, result: Fit, fitted: Sequence[str], held: Sequence[str]) ->
         verdict = f"held back: predicted {result.times:.1f} times better than before"
     else:
         verdict = "nothing was held back: not judged"
+    if not result.explains:
+        verdict += "; the model does not explain what was fitted, so no number is measured"
     body = [
         f"<header><h1>{escape(title)}</h1>",
-        f"<p class='verdict {'bad' if result.worse else 'good'}'>{escape(verdict)}</p>",
+        f"<p class='verdict {'good' if result.explains and not result.worse else 'bad'}'>{escape(verdict)}</p>",
         f"<p>Fitted: {escape(', '.join(fitted))}. Held back: {escape(', '.join(held) or 'none')}. "
-        f"Chi squared per degree of freedom: {result.chi2:.2f}. {result.replays} replays.</p></header><main>",
+        f"Chi squared per degree of freedom: {result.chi2:.2f}, by chance at most {result.chi2_limit:.2f}. "
+        f"{result.replays} replays.</p></header><main>",
+        *(f"<p class='wrong'>{escape(line)}</p>" for line in result.doubts),
         "<section><h2>Before the fit: what these data can tell</h2><ul>",
         *(f"<li>{escape(line)}</li>" for line in result.prospect.lines),
         "</ul></section>",

@@ -6,8 +6,9 @@
     [axes.x]
     backlash = { value = 0.0312, unit = "mm", grade = "measured", source = "identified from a: 95 % 0.027 .. 0.036" }
 
-Only identified numbers are in it. Their grade is `measured` if recordings were held back and are predicted better;
-without any, or if a number is known only roughly, it is `estimate`.
+Only identified numbers are in it, and of a common factor only those that a datum moves. Their grade is `measured` if
+recordings were held back and are predicted better and the model explains what was fitted; without that, or if a number
+is known only roughly, it is `estimate`.
 """
 
 from __future__ import annotations
@@ -36,18 +37,21 @@ def patch(
     """The text of the machine.toml. base: from `based_on`. controller: any that moves it. fitted, held: recordings."""
     tables: dict[str, list[str]] = {}
     flags: dict[str, None] = {}
+    kept = {one.key for one in result.unreached}
     units = {row.parameter: row.unit for row in rows(machine.tree)}
     for estimate in result.estimates:
         item = estimate.unknown
         if not estimate.identified:
             continue
-        grade = "measured" if held and estimate.remaining < WEAK else "estimate"
+        grade = "measured" if held and result.explains and estimate.remaining < WEAK else "estimate"
         if item.flag:
             flags[item.flag] = None
         span = f"{estimate.low:.4g} .. {estimate.high:.4g} {item.unit if item.unit != '1' else ''}".strip()
         of = "factor " if item.factor else ""
         source = f"identified from {', '.join(fitted)}: 95 % {of}{span}"
         for key, value in changes(machine, [item], [estimate.value]).items():
+            if key in kept:
+                continue
             table, _, last = key.rpartition(".")
             number = value if item.whole else float(f"{value:.6g}")
             entry = {"value": number, "unit": units.get(key, item.unit), "grade": grade, "source": source}
@@ -107,6 +111,14 @@ def as_json(result: Fit, fitted: Sequence[str], held: Sequence[str]) -> dict[str
         "singular_values": list(result.prospect.singular),
         "before_the_fit": list(result.prospect.lines),
         "chi2": result.chi2,
+        "chi2_limit": result.chi2_limit,
+        "explains": result.explains,
+        "doubts": list(result.doubts),
+        "unreached": [one.key for one in result.unreached],
+        "misfits": [
+            {"recording": item.recording, "kind": item.kind, "datum": item.label, "residual": r}
+            for item, r in result.misfits
+        ],
         "fitted": {"recordings": list(fitted), "before": result.fitted_before, "after": result.fitted_after},
         "held_out": {"recordings": list(held), "before": result.before, "after": result.after},
         "times_better": result.times if held else None,

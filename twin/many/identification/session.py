@@ -12,6 +12,7 @@ Measured and predicted numbers are compared one by one (`Datum`):
                  of the first reference run of an axis, whose start is unknown, nor while an act interferes
     reading      position at rest or in motion; less the counter where the file has it
     stall        logarithm of the speed at which loss of steps begins, found as at the machine, by increasing the speed
+    bound        the same of a series that never lost steps, or lost them at its first speed: known from one side
     scatter      logarithm of the standard deviation over reference runs
 
 The model is deterministic: one seed, switches without scatter. Only the data have noise, so two candidates differ by
@@ -48,7 +49,8 @@ SETTLE_S = 0.3  # from the reply or the change of a push until a gauge is read
 # in narrow bands of speed
 STALL_SCATTER = 0.03
 START_MM = 3.0  # model's carriages at power-on: near the switch, so that the first reference run is short
-STALL_LOW, STALL_HIGH = 0.6, 1.7  # range of the search, over the measured speed
+STALL_LOW, STALL_HIGH = 0.6, 1.7  # range of the search, over the measured speed,
+STALL_HELD = 1.1  # and its upper end for a series that never lost: three deviations above, all is as likely
 # ratio of successive speeds: until steps are lost, then again from the last that held
 STALL_COARSE, STALL_FINE = 1.06, 1.02
 # standard deviation of a place of rest, beside the gauge's: dry friction lets rotor and carriage rest anywhere in a
@@ -64,7 +66,7 @@ _PATIENCE_S = 3600.0
 class Datum:
     """One measured number."""
 
-    kind: str  # duration, reading, stall, scatter
+    kind: str  # duration, reading, stall, bound, scatter
     label: str
     recording: str
     value: float
@@ -72,6 +74,7 @@ class Datum:
     unit: str
     group: str = ""  # readings of a group share an unknown zero, durations an unknown delay of line, adapter and host
     scatter: float = 0.0  # standard deviation of the model's own value; part of sigma
+    side: int = 0  # 1: what was measured is this value or more, -1: or less, 0: is this value
 
 
 @dataclass(frozen=True)
@@ -93,11 +96,6 @@ class Session:
         return min((stall.command - 1 for stall in self.measured.stalls if stall.command is not None), default=math.inf)
 
     @property
-    def stalls(self) -> tuple[Stall, ...]:
-        """Series that did stall: a fit cannot use a speed that held."""
-        return tuple(stall for stall in self.measured.stalls if stall.lost_hz < math.inf)
-
-    @property
     def data(self) -> tuple[Datum, ...]:
         """The measured data, in the order of `predict`."""
         found = []
@@ -111,16 +109,13 @@ class Session:
                     found.append(Datum("duration", label, self.name, seconds, sigma, "s", f"{self.name}/line", scatter))
         for reading in self.measured.readings:
             value = reading.mm - (reading.counter_mm or 0.0)
-            push = f", {reading.push_n:g} N" if reading.push_n else ""
+            push = f", {reading.push_n:g} N at the {reading.push_at}" if reading.push_n else ""
             when = "" if reading.at_s is None else f", {reading.at_s:g} s"
             label = f"{reading.command}: {reading.axis}{push}{when}"
             group = f"{self.name}/{reading.axis}/{reading.gauge}"
             sigma = math.hypot(reading.sigma_mm, REST_SIGMA_MM)
             found.append(Datum("reading", label, self.name, value, sigma, "mm", group, REST_SIGMA_MM))
-        for stall in self.stalls:
-            value, sigma = _log_speed(stall)
-            label = f"{stall.axis}, {stall.acceleration_hz_per_ms} Hz/ms"
-            found.append(Datum("stall", label, self.name, value, sigma, "ln Hz", "", STALL_SCATTER))
+        found += [_stall_datum(stall, self.name) for stall in self.measured.stalls]
         for repeats in self.measured.repeats:
             values = np.array(repeats.mm)
             sigma = 1.0 / math.sqrt(2.0 * (len(values) - 1))
@@ -134,10 +129,16 @@ class Session:
         return number <= self.last and not acts and number not in self.unknown_start
 
 
-def _log_speed(stall: Stall) -> tuple[float, float]:
-    """ln of the stall speed in Hz, uniform between the two speeds, and its standard deviation."""
-    low, high = math.log(stall.held_hz), math.log(stall.lost_hz)
-    return 0.5 * (low + high), math.hypot((high - low) / math.sqrt(12.0), STALL_SCATTER)
+def _stall_datum(stall: Stall, name: str) -> Datum:
+    """ln of the stall speed in Hz: uniform between the two speeds, or beyond the only one."""
+    label = f"{stall.axis}, {stall.acceleration_hz_per_ms} Hz/ms"
+    label += "" if stall.supply_v is None else f", {stall.supply_v:g} V"
+    value = math.log(stall.middle_hz)
+    if stall.held_hz == 0.0 or stall.lost_hz == math.inf:
+        side = -1 if stall.held_hz == 0.0 else 1
+        return Datum("bound", label, name, value, STALL_SCATTER, "ln Hz", "", STALL_SCATTER, side)
+    sigma = math.hypot(math.log(stall.lost_hz / stall.held_hz) / math.sqrt(12.0), STALL_SCATTER)
+    return Datum("stall", label, name, value, sigma, "ln Hz", "", STALL_SCATTER)
 
 
 def _language(controller: str) -> Language:
@@ -185,7 +186,7 @@ def predict(session: Session, machine: Machine) -> NDArray[np.float64]:
                 ns = durations.get(int(item.label.partition(":")[0]))
                 found.append(math.nan if ns is None else ns / SECOND_NS)
         found += player.readings
-    for supply_v, stalls_there in itertools.groupby(session.stalls, key=lambda stall: stall.supply_v):
+    for supply_v, stalls_there in itertools.groupby(session.measured.stalls, key=lambda stall: stall.supply_v):
         twin = referenced(session.controller, with_supply(machine, supply_v))
         found += [math.log(stall_speed_hz(twin, stall)) for stall in stalls_there]
     scatter = machine.tree["switches"]["repeatability"]["value"]
@@ -294,7 +295,7 @@ class Player:
                 continue
             axis = CARRIAGES.index(reading.axis)
             if reading.push_n or axis in pushed:
-                twin.apply_force(axis, reading.push_n, "tool")
+                twin.apply_force(axis, reading.push_n, reading.push_at)
                 pushed.add(axis)
             twin.run(SETTLE_S)
             found[reading] = self._position_mm(reading)
@@ -354,8 +355,9 @@ def stall_speed_hz(twin: Twin, stall: Stall) -> float:
     """
     language = needed(twin.language, twin.controller_name)
     lowest, highest = language.ranges["speed_hz"]
-    middle = math.sqrt(stall.held_hz * stall.lost_hz)
-    held, top = max(float(lowest), STALL_LOW * middle), min(float(highest), STALL_HIGH * middle)
+    middle = stall.middle_hz
+    beyond = STALL_HELD if stall.lost_hz == math.inf else STALL_HIGH
+    held, top = max(float(lowest), STALL_LOW * middle), min(float(highest), beyond * middle)
     for factor in (STALL_COARSE, STALL_FINE):
         while held < top:
             faster = min(held * factor, top)

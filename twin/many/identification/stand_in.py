@@ -60,7 +60,7 @@ def carry_out(
         wanted = [reading for reading in template.readings if reading.command == command]
         for reading in wanted:
             axis = CARRIAGES.index(reading.axis)
-            twin.apply_force(axis, reading.push_n, "tool")
+            twin.apply_force(axis, reading.push_n, reading.push_at)
             twin.run(SETTLE_S)
             zero = zeros.setdefault(reading.gauge, float(draw.uniform(0.0, PLACE)))
             mm = float(twin.position_mm[axis]) - zero + float(draw.normal(0.0, 1.0)) * noise_mm
@@ -90,7 +90,7 @@ def _stalled(stall: Stall, machine: Machine, controller: str, seed: int) -> Stal
     language = needed(create_language(controller), controller)
     for command in language.reference():
         converse(twin, command)
-    held: float = math.nan
+    held = 0.0
     for speed in series_hz(stall, language):
         if stalls(twin, stall, speed):
             return replace(stall, held_hz=held, lost_hz=float(speed))

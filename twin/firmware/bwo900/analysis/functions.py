@@ -54,6 +54,11 @@ class Functions:
             if bits := p.get((P.M_TABLE_COMMON if in_system else P.M_TABLE) + place):
                 self._bits[place] = bits
 
+    def defined(self, number: int) -> bool:
+        """True if the table has a definition of an M function."""
+        place, part = divmod(number, 4)
+        return bool(byte(self._bits.get(place, 0.0), part + 1))
+
     def of(self, number: int) -> Definition:
         """The definition of an M function; without one it goes before the path, without halt."""
         place, part = divmod(number, 4)

@@ -306,6 +306,12 @@ class Interpreter:
         if self.on_write is not None:
             self.on_write(number, value)
 
+    def request_tool(self, group: int) -> None:
+        """A tool is called in HAND: its record goes to that of the PLC and that of the real time. Raises as `find`."""
+        self._tools.request(group)
+        for number, value in self._tools.requested():
+            self._parameters.write(number, value)
+
     def command(self, number: int, value: float | None, *, in_hand: bool) -> None:
         """Take a parameter P written by the line: it may copy tool records, or exchange or reverse axes."""
         self._tools.command(number, value, in_hand=in_hand)

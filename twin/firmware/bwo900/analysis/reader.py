@@ -224,6 +224,8 @@ class Reader:
                 said.returns = True
             case M.TOOL_DATA:
                 said.activates = True
+                if self.functions.defined(m.number):
+                    self._machine_function(m, values, said)
             case M.JUMP:
                 goal = self._goal(values, m)
                 said.goal = said.goal or goal  # the first one wins, as for comparisons

@@ -24,7 +24,7 @@ from isel_twin.firmware.bwo900.geometry.spline import Spline
 from isel_twin.firmware.bwo900.messages import Effect, Message, ProgramError, message
 from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.parameters import Parameters
-from isel_twin.firmware.bwo900.realtime.surroundings import Surroundings
+from isel_twin.firmware.bwo900.realtime.surroundings import Surroundings, unmoved
 
 BLOCK_NS: Final = 1_500_000  # block cycle time (manual: below 1.5 to 6 ms), of blocks without a path
 AHEAD: Final = 400  # blocks analysed ahead of the one in execution
@@ -98,7 +98,7 @@ class Ahead:
                     self.poll_ns = now_ns + BLOCK_NS
                 self._flush()
                 break
-            if int(self._around.parameters.get(P.WITHOUT_MOVING)):
+            if unmoved(self._around):
                 block = replace(block, elements=())
             self._through([block], 0)
             if block.stop is Stop.END:

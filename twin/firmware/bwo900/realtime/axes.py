@@ -17,7 +17,7 @@ from isel_twin.controller import Drives
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.numbers import Axis
-from isel_twin.firmware.bwo900.parameters import Parameters, of_axis
+from isel_twin.firmware.bwo900.parameters import Parameters, byte, of_axis
 from isel_twin.firmware.bwo900.realtime.lag import LagWatch, window_mm
 from isel_twin.firmware.bwo900.realtime.path import MotionLimits, positive
 from isel_twin.firmware.bwo900.realtime.stretch import PERIOD_NS
@@ -44,6 +44,7 @@ class Axes:
         self._watch = LagWatch(parameters)
         # the counts last worked out: run, base and time, and the counts; those of now are asked for many times
         self._counted: tuple[object, object, int, tuple[int, ...]] = None, None, 0, ()
+        self._locks: tuple[int, list[tuple[int, int]]] = (-1, [])  # revision, and the directions locked at it
         self._known: tuple[int, MotionLimits] | None = None
         """The limits, and the revision of the parameters they were made from."""
 
@@ -169,6 +170,30 @@ class Axes:
     def struck(self, axis: int, end: int) -> bool:
         """True if the switch at the motor's end (1) or the far end (2) of an axis is struck."""
         return not self._levels.get(f"limit_{'xyz'[axis]}{end}", True)
+
+    def barred(self, axis: int, sign: int) -> bool:
+        """True if P12137 locks that direction of an axis: byte 1 +, byte 2 -."""
+        return (axis, sign) in self._barred()
+
+    def _barred(self) -> list[tuple[int, int]]:
+        revision = self._parameters.revision
+        if self._locks[0] != revision:
+            given = [self._parameters.axis(axis, Axis.BARRED, 0.0) for axis in range(AXES)]
+            self._locks = (
+                revision,
+                [(a, sign) for a, bits in enumerate(given) for n, sign in ((1, 1), (2, -1)) if byte(bits, n)],
+            )
+        return self._locks[1]
+
+    def bars(self, block: PathBlock) -> bool:
+        """True if a block goes in a direction that is locked."""
+        for axis, sign in self._barred():
+            for element in block.elements:
+                low, high = element.extent(axis)
+                here, there = element.start[axis], element.end[axis]
+                if (high > here or there > low) if sign > 0 else (low < here or there < high):
+                    return True
+        return False
 
     def obstacle(self, block: PathBlock) -> ProgramError | None:
         """The error that forbids the path of a block: a software limit (P12030, P12031) or a struck switch

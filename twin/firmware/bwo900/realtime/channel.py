@@ -27,11 +27,12 @@ from isel_twin.firmware.bwo900.geometry.blocks import MFunction, PathBlock, Stop
 from isel_twin.firmware.bwo900.messages import Code, ProgramError, message
 from isel_twin.firmware.bwo900.realtime.ahead import BLOCK_NS, Ahead
 from isel_twin.firmware.bwo900.realtime.axes import NAMES
-from isel_twin.firmware.bwo900.realtime.joining import halts, released
+from isel_twin.firmware.bwo900.realtime.joining import released, waits_for_start
+from isel_twin.firmware.bwo900.realtime.length import add_length
 from isel_twin.firmware.bwo900.realtime.path_run import Cut, PathRun, has_jump
 from isel_twin.firmware.bwo900.realtime.spindle import LOOK_NS, PATIENCE_NS
 from isel_twin.firmware.bwo900.realtime.stretch import PERIOD_NS
-from isel_twin.firmware.bwo900.realtime.surroundings import Surroundings, enter, mute, send, speak
+from isel_twin.firmware.bwo900.realtime.surroundings import Surroundings, enter, mute, send, speak, unmoved
 from isel_twin.motion import SetPointRun
 
 # time that an M function with a jump and without a path waits for its acknowledgement
@@ -91,6 +92,11 @@ class Channel:
     @property
     def next_ns(self) -> int | None:
         return self.path.next_ns if self.state in MOVING else self._due_ns
+
+    @property
+    def unmoved(self) -> bool:
+        """True if a program runs without moving."""
+        return self.active and unmoved(self._around)
 
     @property
     def halted(self) -> bool:
@@ -232,6 +238,9 @@ class Channel:
             self._nothing()
             return
         block = self._ahead.blocks[0]
+        if self._axes.bars(block):
+            self._enter(State.EMPTY, self._axes.now_ns + BLOCK_NS)
+            return
         enter(self._around, block, self._axes.now_ns)
         if (obstacle := self._axes.obstacle(block)) is not None:
             self._break_off(obstacle.at(block.program, block.number, block.column))
@@ -332,7 +341,10 @@ class Channel:
         if self._current is None:
             follows = self.path.per_turn and not self._holds
             self._enter(State.HELD_ON_PATH, self._axes.now_ns + LOOK_NS if follows else None)
-        elif self._current.stands:
+            return
+        if not self.path.cut:
+            add_length(self._around.parameters, self._current)
+        if self._current.stands:
             self._settle()
         else:
             self._post()
@@ -404,7 +416,7 @@ class Channel:
             path.cut &= ~Cut.JUMP
         if block.stop is Stop.END:
             self._end(aborted=False)
-        elif block.stop is Stop.MEASURING_STOP or self._holds or halts(block, self._around):
+        elif self._holds or waits_for_start(block, self._around):
             self._holds = True
             self._enter(State.HELD)
         elif block.elements:

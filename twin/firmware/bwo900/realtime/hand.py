@@ -61,7 +61,7 @@ class Hand:
 
     def scale(self, override: float) -> None:
         if self.jog is not None:
-            self.jog.scale(override)
+            self.jog.scale(self._free(self.jog) * override)
 
     def press(self, key: int, *, free: bool) -> bool:
         """P8752: 1 and 2 begin a move, 0 ends it. free: mode and program allow it. True if a move is to begin."""
@@ -80,7 +80,7 @@ class Hand:
         sign, self.direction = self.direction, 0
         axes = self._axes
         try:
-            jog = Jog(self._parameters, axes, sign, overrides.factor(self._parameters, AXES))
+            jog = Jog(self._parameters, axes, sign)
         except ProgramError as error:
             self._say(message(error.number, detail=error.detail, effect=Effect.SHOWN))
             return
@@ -89,7 +89,12 @@ class Hand:
             self._say(message(number, detail=NAMES[jog.axis]))
             return
         self.jog = jog
+        self.scale(overrides.factor(self._parameters, AXES))
         axes.follow(jog.run)
+
+    def _free(self, jog: Jog) -> float:
+        """0 if the axis may not move that way (P12137), else 1."""
+        return float(not self._axes.barred(jog.axis, jog.sign))
 
     def refer(self, axis: int, *, free: bool) -> bool:
         """Request a reference run; free: mode and program allow it. True if it is to begin."""

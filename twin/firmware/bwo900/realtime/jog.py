@@ -46,8 +46,8 @@ def step_on(parameters: Parameters) -> None:
 
 
 class Jog:
-    def __init__(self, parameters: Parameters, axes: Axes, sign: int, override: float) -> None:
-        """sign: +1, -1. override: of the speed; 0: it waits. Raises ProgramError: M1216 no such axis, M1321 no such
+    def __init__(self, parameters: Parameters, axes: Axes, sign: int) -> None:
+        """sign: +1, -1; `scale` begins it. Raises ProgramError: M1216 no such axis, M1321 no such
         kind, M2103, M2104 a step would leave the limits."""
         p, limits, counts = parameters, axes.limits(), axes.counts
         axis = int(p.given(P.HAND_AXIS, 1.0)) - 1
@@ -64,7 +64,7 @@ class Jog:
         if sign * (here + way) > sign * far or (sign * way <= 0.0 and kind == CONTINUOUS):
             raise ProgramError(Code.SOFTWARE_LIMIT_HIGH if sign > 0 else Code.SOFTWARE_LIMIT_LOW, NAMES[axis])
         fastest = min(p.given(P.HAND_FASTEST, limits.hand[axis] * 60.0) / 60.0, limits.hand[axis])
-        self.axis, self._kind = axis, kind
+        self.axis, self.sign, self._kind = axis, sign, kind
         self._parameters, self._axes, self._per_mm = p, axes, per_mm
         self._speed_mm_s = min(p.given(P.HAND_FEED, SPEED_MM_MIN) / 60.0, fastest)
         self._acceleration = limits.rapid_acceleration[axis] * per_mm
@@ -73,7 +73,6 @@ class Jog:
         self._released = False  # the key is released, the axis brakes
         self.over = False
         self.run: SetPointRun | None = None
-        self.scale(override)
 
     @property
     def next_ns(self) -> int | None:

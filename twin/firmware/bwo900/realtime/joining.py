@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from typing import Final
 
-from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
+from isel_twin.firmware.bwo900.geometry.blocks import PathBlock, Stop
 from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.realtime.spindle import commands
 from isel_twin.firmware.bwo900.realtime.surroundings import Surroundings
@@ -24,6 +24,12 @@ def halts(block: PathBlock, around: Surroundings) -> bool:
     if not around.single or not (block.main or int(p.get(P.SINGLE_EVERY))):
         return False
     return not int(p.get(P.START_FLAGS_1)) & ONLY_REAL_TIME or block.in_real_time
+
+
+def waits_for_start(block: PathBlock, around: Surroundings) -> bool:
+    """True if Start has to go on after it: M00, unless the PLC decides that by a stop (P8828), or single block."""
+    by_plc = int(around.parameters.get(P.M_MODIFIED)) & 1
+    return (block.stop is Stop.MEASURING_STOP and not by_plc) or halts(block, around)
 
 
 def breaks_after(block: PathBlock, around: Surroundings) -> bool:
@@ -55,7 +61,12 @@ def joining(waiting: deque[PathBlock], last: PathBlock | None, around: Surroundi
     chosen: list[PathBlock] = []
     while waiting:
         block = waiting[0]
-        if last and (not joins(last, block, around) or around.axes.obstacle(block) or not around.plc.room):
+        if last and (
+            not joins(last, block, around)
+            or around.axes.obstacle(block)
+            or around.axes.bars(block)
+            or not around.plc.room
+        ):
             break
         chosen.append(waiting.popleft())
         last = block

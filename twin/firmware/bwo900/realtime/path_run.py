@@ -15,6 +15,7 @@ from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.realtime.ahead import REFILL, Ahead
 from isel_twin.firmware.bwo900.realtime.joining import breaks_after, joining
+from isel_twin.firmware.bwo900.realtime.length import add_length
 from isel_twin.firmware.bwo900.realtime.path import MINUTE_S
 from isel_twin.firmware.bwo900.realtime.spindle import LOOK_NS
 from isel_twin.firmware.bwo900.realtime.stretch import Stretch
@@ -63,6 +64,8 @@ class PathRun:
     @property
     def scale(self) -> float:
         """The override for the present or the next path."""
+        if any(map(self._axes.bars, self.stretch.blocks)):
+            return 0.0
         waiting = self._ahead.blocks
         return self._scale_of(self.stretch.first or (waiting[0] if waiting else None))
 
@@ -109,6 +112,7 @@ class PathRun:
     def pass_on(self) -> None:
         """Finish blocks whose path has been made, and begin the next ones."""
         for over, block, began_ns in self.stretch.passed(self._axes.now_ns):
+            add_length(self._around.parameters, over)
             send(self._around, over.post)
             enter(self._around, block, began_ns)
             speak(self._around, block)

@@ -60,6 +60,11 @@ class Stretch:
         return self._entries[-1].block if self._entries else None
 
     @property
+    def blocks(self) -> Iterator[PathBlock]:
+        """The blocks that are not over."""
+        return (entry.block for entry in self._entries)
+
+    @property
     def runs(self) -> bool:
         return self.run is not None and self._plan is not None
 

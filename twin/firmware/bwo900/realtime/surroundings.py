@@ -46,6 +46,11 @@ def mute(around: Surroundings) -> bool:
     return bool(int(around.parameters.get(P.WITHOUT_M)))
 
 
+def unmoved(around: Surroundings) -> bool:
+    """P8812: True if programs run without moving."""
+    return bool(int(around.parameters.get(P.WITHOUT_MOVING)))
+
+
 def send(around: Surroundings, functions: tuple[MFunction, ...]) -> None:
     """Send M functions to the PLC, unless `mute`."""
     if functions and not mute(around):

@@ -1,0 +1,90 @@
+"""What a fit must not claim: numbers that no datum moves, and numbers of a model that does not explain the data."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+
+import pytest
+
+from isel_twin.language import create_language, needed
+from isel_twin.machine import Machine, load_machine, with_overrides
+from isel_twin.many.identification.experiment import assemble, blocks
+from isel_twin.many.identification.fit import Fit, fit
+from isel_twin.many.identification.page import page
+from isel_twin.many.identification.patch import as_json, patch
+from isel_twin.many.identification.session import Session, session_of
+from isel_twin.many.identification.stand_in import carry_out
+from isel_twin.many.identification.unknowns import unknown
+from tests.near import near_switches
+
+CONTROLLER = "imc-s8"
+SCREW, BEAM, TABLE = "axes.y.stiffness", "structure.nod_y.stiffness", "structure.flex_y.stiffness"
+
+
+@pytest.fixture(scope="module")
+def near(tmp_path_factory: pytest.TempPathFactory) -> Machine:
+    return load_machine(near_switches(tmp_path_factory.mktemp("near"), 2.0))
+
+
+def pushed(near: Machine, place: str) -> Session:
+    """Y pushed there, on a machine whose Y screw and what is below the table are half as stiff as believed."""
+    hidden = with_overrides(near, {SCREW: 15.0, TABLE: 4.0})
+    every = blocks(near, CONTROLLER, ["y"], [], seed=0)
+    language = needed(create_language(CONTROLLER), CONTROLLER)
+    chosen = [block for block in every if block.name.startswith("push") and block.name.endswith(place)]
+    recorded, measured = carry_out(
+        assemble("day", chosen, language), hidden, CONTROLLER, seed=1, noise_mm=0.002, time_noise_s=0.0005
+    )
+    return session_of(recorded, measured, CONTROLLER, near)
+
+
+@pytest.fixture(scope="module")
+def at_the_tool(near: Machine) -> Fit:
+    return fit(near, [unknown(near, "stiffness.y")], [pushed(near, "tool")], [])
+
+
+def test_a_screw_that_no_push_loads_is_untouched_and_said(at_the_tool: Fit, near: Machine, tmp_path: Path) -> None:
+    """Where the table moves a pull at the tool bends the beam alone; the screw keeps value and grade."""
+    assert [one.key for one in at_the_tool.unreached] == [SCREW, TABLE]
+    said, _ = at_the_tool.doubts
+    assert said.startswith("axes.y.stiffness: no datum moves it")
+    assert "a push along y at what this axis moves" in said
+    (tmp_path / "machine.toml").write_text(patch(at_the_tool, near, "4030", "found", CONTROLLER, ["day"], ["other"]))
+    found = load_machine(tmp_path)
+    assert found.tree["axes"]["y"]["stiffness"] == near.tree["axes"]["y"]["stiffness"]
+    assert found.tree["structure"]["nod_y"]["stiffness"]["source"].startswith("identified")
+    assert said in page("found", at_the_tool, ["day"], [])
+    assert as_json(at_the_tool, ["day"], [])["unreached"] == [SCREW, TABLE]
+
+
+def test_a_push_at_the_table_finds_the_screw(near: Machine) -> None:
+    result = fit(near, [unknown(near, "stiffness.y")], [pushed(near, "table")], [])
+    assert [one.key for one in result.unreached] == [BEAM]
+    assert result.estimates[0].low <= 0.5 <= result.estimates[0].high
+    assert result.estimates[0].remaining < 0.5
+
+
+def test_a_model_that_does_not_explain_measures_nothing(at_the_tool: Fit, near: Machine) -> None:
+    """Chi-square beyond its quantile: the readings are named, the grade is an estimate."""
+    datum = at_the_tool.misfits[0][0] if at_the_tool.misfits else None
+    assert at_the_tool.explains, datum
+    wrong = dataclasses.replace(at_the_tool, chi2=4.2, chi2_limit=1.8)
+    for result, grade in ((at_the_tool, "measured"), (wrong, "estimate")):
+        text = patch(result, near, "4030", "found", CONTROLLER, ["day"], ["other"])
+        assert f'grade = "{grade}", source = "identified' in text
+    assert "chi-square 4.2 per degree of freedom, by chance at most 1.8" in wrong.doubts[-1]
+    assert "does not explain" in page("found", wrong, ["day"], [])
+
+
+def test_the_limit_of_chi_square_is_its_quantile(at_the_tool: Fit) -> None:
+    """Wilson and Hilferty: chi2/n at 99.9 % is (1 - 2/9n + 3.09 sqrt(2/9n))^3, within 1 %."""
+    count = len(at_the_tool.prospect.singular)
+    for freedom in range(1, 200):
+        part = 2.0 / (9.0 * freedom)
+        if (1.0 - part + 3.0902 * math.sqrt(part)) ** 3 == pytest.approx(at_the_tool.chi2_limit, rel=0.01):
+            break
+    else:
+        pytest.fail(f"no degree of freedom has the limit {at_the_tool.chi2_limit}")
+    assert count == 1

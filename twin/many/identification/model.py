@@ -1,0 +1,167 @@
+"""Predictions of several sessions by a candidate machine, their residuals, and how these change.
+
+    r(u) = (measured - predicted(u)) / sigma          less the weighted mean within a group that shares a zero
+           of a bound, a speed that held or lost:     r^2 = -2 ln P(that outcome | predicted(u)), the normal P
+    J    = dr/du                                      by finite differences of large steps
+
+**Steps of the differences.** On a small scale the model is not smooth: counters are whole steps of 3 um, the backlash
+is a dead zone, dry friction lets a carriage rest anywhere in 1 to 3 um, stall occurs in bands of speed. A step of 1e-8
+would measure these corners, and 2 % still their scatter, which exceeds the effect of any parameter. So the step is
+always STEP of the prior's standard deviation, some 30 % of an estimate. The first and the last Jacobian use central
+differences, free of the curvature; those between only give the direction of descent, and are one-sided (many/9).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.base.crew import Crew, in_order
+from isel_twin.machine import Machine
+from isel_twin.many.identification.session import MISSED, Datum, Session, predict
+from isel_twin.many.identification.unknowns import Unknown, candidate
+
+STEP = 0.8  # step of the differences, in standard deviations of the prior
+CLIFF = 5.0  # largest ratio of the differences of a step up and a step down; beyond it one of them is no slope
+CHANCE = 4.0  # standard deviations by which the sum of squares of differences must exceed the scatter to count
+BOUND = 3.0  # limit of the search, in standard deviations of the prior
+NOT_IDENTIFIED = 0.9  # standard deviation over that of the prior from which a parameter is not identified
+HALF = 2.0 * math.log(2.0)  # r^2 of a bound that is what is predicted
+
+Floats = NDArray[np.float64]
+
+
+class Model:
+    """Predictions of all sessions on candidate machines, cached."""
+
+    def __init__(
+        self,
+        machine: Machine,
+        unknowns: Sequence[Unknown],
+        sessions: Sequence[Session],
+        crew: Crew | None = None,
+        progress: Callable[[int], None] | None = None,
+    ) -> None:
+        """crew: for the replays; None: this process. progress: called with the number of replays."""
+        self.machine = machine
+        self.unknowns = tuple(unknowns)
+        self.sessions = tuple(sessions)
+        self.data: tuple[Datum, ...] = tuple(item for session in sessions for item in session.data)
+        self._crew = crew
+        self._progress = progress
+        self._known: dict[tuple[float, ...], Floats] = {}
+        self.replays = 0
+        self._value = np.array([item.value for item in self.data])
+        self._sigma = np.array([item.sigma for item in self.data])
+        self._scatter = np.array([item.scatter for item in self.data])
+        self._kinds = self._alike(lambda item: True)
+        self._batches = self._alike(lambda item: item.scatter > 0.0)
+        self._groups = self._alike(lambda item: bool(item.group))
+        self._side = np.array([item.side for item in self.data])
+
+    def _alike(self, counts: Callable[[Datum], bool]) -> list[NDArray[np.int64]]:
+        """Indices of the selected data, by group or, without one, by kind."""
+        found: dict[str, list[int]] = {}
+        for index, item in enumerate(self.data):
+            if counts(item):
+                found.setdefault(item.group or item.kind, []).append(index)
+        return [np.array(indices) for indices in found.values()]
+
+    def values(self, u: Floats) -> list[float]:
+        return [item.value(float(one)) for item, one in zip(self.unknowns, u, strict=True)]
+
+    def predictions(self, points: Sequence[Floats]) -> list[Floats]:
+        """float64 [data] for each of several u."""
+        keys = [tuple(np.round(point, 12).tolist()) for point in points]
+        new = list(dict.fromkeys(key for key in keys if key not in self._known))
+        calls = [
+            (session, self.machine, self.unknowns, self.values(np.array(key)))
+            for key in new
+            for session in self.sessions
+        ]
+        pieces = []
+        for piece in in_order(_predict, calls, self._crew):
+            pieces.append(piece)
+            self.replays += 1
+            if self._progress is not None:
+                self._progress(self.replays)
+        count = len(self.sessions)
+        for index, key in enumerate(new):
+            self._known[key] = np.concatenate([np.zeros(0), *pieces[index * count : (index + 1) * count]])
+        return [self._known[key] for key in keys]
+
+    def residuals(self, predicted: Floats) -> Floats:
+        """r [data], without the zeros of gauges (many/10)."""
+        difference = self._value - predicted
+        weight = 1.0 / self._sigma**2
+        for indices in self._groups:
+            own = indices[np.isfinite(difference[indices])]
+            if len(own):
+                difference[own] -= np.average(difference[own], weights=weight[own])
+        found = np.where(np.isfinite(difference), difference / self._sigma, MISSED)
+        bounds = self._side != 0
+        if bounds.any():
+            from scipy.special import log_ndtr
+
+            side = self._side[bounds]
+            found[bounds] = side * np.sqrt(-2.0 * log_ndtr(-side * found[bounds]))
+        return np.clip(found, -MISSED, MISSED)
+
+    def freedom(self, residuals: Floats) -> int:
+        """Data less zeros less parameters, at least 1, and the bounds that are missed."""
+        values = int((self._side == 0).sum()) - len(self._groups) - len(self.unknowns)
+        return max(1, values) + int(((self._side != 0) & (residuals**2 > HALF)).sum())
+
+    def chi2(self, residuals: Floats) -> float:
+        """Per degree of freedom; a bound adds what it costs beyond a prediction that is the bound."""
+        squares = np.clip(residuals, -50.0, 50.0) ** 2
+        squares[self._side != 0] = np.maximum(0.0, squares[self._side != 0] - HALF)
+        return float(squares.sum()) / self.freedom(residuals)
+
+    def residuals_at(self, u: Floats) -> Floats:
+        return self.residuals(self.predictions([u])[0])
+
+    def jacobian(self, u: Floats, steps: Floats, central: bool) -> Floats:
+        """dr/du [data, n] by differences of steps [n]."""
+        points: list[Floats] = []
+        for index, step in enumerate(steps):
+            away = np.zeros(len(u))
+            away[index] = step if u[index] + step <= BOUND else -step
+            points += [u + away, u - away] if central else [u + away]
+        here, *found = [self.residuals(one) for one in self.predictions([u, *points])]
+        columns = []
+        for index in range(len(u)):
+            if central:
+                way = points[2 * index][index] - u[index]
+                columns.append(self._between(found[2 * index] - here, here - found[2 * index + 1]) / way)
+            else:
+                columns.append(self.told(found[index] - here) / (points[index][index] - u[index]))
+        return np.array(columns).T.reshape(len(self.data), len(u))
+
+    def _between(self, ahead: Floats, back: Floats) -> Floats:
+        """The mean of the differences [data] of two steps. In a batch where they differ much (CLIFF) one candidate has
+        lost steps and the other has not: then the smaller one."""
+        mean = self.told(ahead + back) / 2.0
+        for indices in self._kinds:
+            one, two = float(np.linalg.norm(ahead[indices])), float(np.linalg.norm(back[indices]))
+            if max(one, two) > CLIFF * max(min(one, two), 1.0):
+                mean[indices] = self.told(ahead if one < two else back)[indices]
+        return mean
+
+    def told(self, difference: Floats) -> Floats:
+        """Differences [data] of two residuals, 0 in a batch in which they are within the scatter of the model."""
+        told = difference.copy()
+        for indices in self._batches:
+            by_chance = 2.0 * float(((self._scatter[indices] / self._sigma[indices]) ** 2).sum())
+            if float((told[indices] ** 2).sum()) <= by_chance * (1.0 + CHANCE * math.sqrt(2.0 / len(indices))):
+                told[indices] = 0.0
+        return told
+
+
+def _predict(call: tuple[Session, Machine, tuple[Unknown, ...], list[float]]) -> Floats:
+    """One session on one candidate, for worker processes."""
+    session, machine, unknowns, values = call
+    return predict(session, candidate(machine, unknowns, values))
