@@ -59,8 +59,8 @@ def kinematic(world: World) -> Seen:
 
 
 def physical(world: World) -> Seen:
-    """What is true follows from where the machine went, step by step of MuJoCo where they should meet: motors swing, and
-    a step is not a place."""
+    """What is true follows from where the machine went, step by step of MuJoCo where they should meet: motors swing,
+    and a step is not a place."""
     plant = MujocoPlant(with_fixtures(load_machine("4030"), (world.fixture,)), [], np.array(world.start_mm))
     plant.set_power(True, True, False)
     t_ns, delta = ticks(world)
