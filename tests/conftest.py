@@ -5,6 +5,9 @@ from __future__ import annotations
 import gc
 import os
 import signal
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
@@ -28,7 +31,10 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     if getattr(session.config.option, "numprocesses", None):
         if session.config.getoption("--update-golden"):
             raise pytest.UsageError("--update-golden writes whole files: not with --numprocesses")
+        rewriting = _rewriting(session.config.args)
         _warm_up()
+        if rewriting is not None:
+            rewriting.wait()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -44,7 +50,8 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     """
     gc.collect()
     gc.freeze()
-    if len(session.items) >= MANY and not hasattr(session.config, "workerinput"):
+    config = session.config
+    if len(session.items) >= MANY and not hasattr(config, "workerinput") and not config.option.collectonly:
         _warm_up()
 
 
@@ -60,6 +67,16 @@ class _AtOnce:
             crash = getattr(report.longrepr, "reprcrash", None)
             reason, *_ = (crash.message if crash else report.longreprtext).splitlines() or [""]
             self._terminal.write_line(f"\nFAILED {report.nodeid} ({report.when}): {reason}", red=True)
+
+
+def _rewriting(places: list[str]) -> subprocess.Popen[bytes] | None:
+    """On a clean checkout each worker would rewrite all asserts, which takes longer than many a test: one does it while
+    code is compiled."""
+    here = Path(__file__).parent
+    if sys.dont_write_bytecode or any(here.glob("__pycache__/test_*-pytest-*.pyc")):
+        return None
+    command = [sys.executable, "-m", "pytest", "--collect-only", "-qq", "-p", "no:cacheprovider", *places]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL)
 
 
 def _warm_up() -> None:
