@@ -10,6 +10,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+settings.register_profile("isel-twin", deadline=None)  # an example may take as long as a busy computer needs
+settings.load_profile("isel-twin")
 
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # begun in the background: what tests start would be deaf to it
     signal.signal(signal.SIGINT, signal.default_int_handler)
