@@ -128,8 +128,9 @@ def _os_errors() -> Iterator[None]:
         yield
     except OSError as error:
         raise OSError(error.errno, _plain(error)) from error
-    except Exception as error:
-        raise OSError(str(error)) from error
+    except Exception as error:  # termios.error has the arguments of an OSError, and is none
+        numbered = len(error.args) == 2 and isinstance(error.args[0], int)
+        raise OSError(*(error.args if numbered else (str(error),))) from error
 
 
 _PLAIN = {  # plain words for parts of pySerial's messages

@@ -13,6 +13,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+import serial
 
 from isel_twin.bridge.tap.real_job import unfit
 from isel_twin.cli import main
@@ -139,6 +140,21 @@ def test_a_port_that_is_not_there_or_in_use(judge: Judge, served: dict[str, Serv
         code, out, err = judge("@07\n")
     assert (code, out, len(err.splitlines())) == (2, "", 1)
     assert "in use by another program" in err
+
+
+def test_a_pseudo_terminal_has_no_parity(judge: Judge) -> None:
+    """Linux refuses settings of which none can be made; the way out is named."""
+    master, slave = os.openpty()
+    serial.Serial(os.ttyname(slave), 38_400).close()
+    try:
+        words = ("--machine", "4030-servo")
+        code, out, err = judge("<01>\n", *words, controller="gmi99", port=os.ttyname(slave))
+    finally:
+        os.close(master)
+        os.close(slave)
+    assert (code, out, len(err.splitlines())) == (2, "", 1)
+    assert "Invalid argument; a pseudo terminal has no parity" in err
+    assert "rfc2217://" in err
 
 
 def test_nobody_answers(judge: Judge) -> None:

@@ -286,6 +286,7 @@ def test_a_reader_stops_at_the_end_of_the_program() -> None:
         (b"%!PS-Adobe-3.0 EPSF-3.0\n", "PostScript"),
         (b"G04 a board*\n%FSLAX46Y46*%\n%MOMM*%\n", "a Gerber drawing"),
         (b"M48\nINCH\nT01C0.035\n%\n", "an Excellon drill file; gerbv -x idrill"),
+        (b"M48\n;by hand\nMETRIC,TZ\nT1C0.8\n%\n", "an Excellon drill file; gerbv -x idrill"),
         (b"P1\nG90 G0 X1\nM30\n", "a program of the BWO 900 without numbers of blocks"),
         (b"\x89PNG\r\n\x1a\n", "a picture"),
         (b"G1 X\x01\x02\x04\x05\x06\x07\x10", "no text"),
@@ -296,6 +297,16 @@ def test_what_is_no_job_is_named(content: bytes, what: str) -> None:
         head_of(content)
 
 
-@pytest.mark.parametrize("content", [b"<0.5s>\n<64>@07\n", b"P1\nN10 G0 X1\n", b"\x1b%0BIN;LBa\x03;PU;\n", b"PU1,1;\n"])
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"<0.5s>\n<64>@07\n",
+        b"P1\nN10 G0 X1\n",
+        b"\x1b%0BIN;LBa\x03;PU;\n",
+        b"PU1,1;\n",
+        b"M48\nG21 G90\nG0 X1\nM2\n",  # LinuxCNC: overrides count
+        b"M48\nT1 M6\nG0 X1\nM2\n",
+    ],
+)
 def test_jobs_are_not_taken_for_drawings(content: bytes) -> None:
     assert head_of(content)

@@ -40,7 +40,7 @@ _NO_JOB = {  # by the first lines of a text
         r"%!PS": f"PostScript: {_DRAWN}, or with pstoedit",
         r"(G04[^\n]*\*\s*)*%(FS[LT][AI]|MO(MM|IN)\*|TF\.)": "a Gerber drawing; pcb2gcode makes toolpaths of it",
         r"P\d+\s*\n\s*[GMXYZ]": "a program of the BWO 900 without numbers of blocks (N10 ...); for G-code leave P out",
-        r"M48\s*\n": "an Excellon drill file; gerbv -x idrill makes an NCP file of it",
+        r"M48\s+(INCH|METRIC|FMAT|VER|T\d+[CF])": "an Excellon drill file; gerbv -x idrill makes an NCP file of it",
     }.items()
 }
 _BINARY = 4  # control characters that texts have not, in the first _BEGIN bytes

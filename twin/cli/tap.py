@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import re
 import sys
 from contextlib import ExitStack
@@ -125,6 +126,8 @@ def refusal(device: str, error: OSError | ValueError) -> str:
         return f"{reason}; ask for the group of serial ports (dialout, uucp), or try as root"
     if "://" in device:
         return f"{reason}; is something listening there?"
+    if getattr(error, "errno", None) == errno.EINVAL:
+        return f"{reason}; a pseudo terminal has no parity: let the twin serve --rfc2217, and give rfc2217://HOST:PORT"
     if "in use" in reason:
         return f"{reason}; close that one first"
     from serial.tools.list_ports import comports
