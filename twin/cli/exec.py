@@ -15,6 +15,8 @@ from isel_twin.cli import options, outputs
 from isel_twin.cli.files import RecordPath, begin, check_record, keep
 
 if TYPE_CHECKING:
+    import logging
+
     from isel_twin.bridge.serve.wire_log import WireLog
     from isel_twin.bridge.virtual.virtual_host import HostRun
     from isel_twin.bridge.virtual.virtual_time import VirtualTime
@@ -103,13 +105,20 @@ def _wire_log(controller: str, stack: ExitStack) -> WireLog:
     handler = logging.StreamHandler()
     handler.setFormatter(logging.Formatter("isel-twin: %(message)s"))
     logger = logging.getLogger("isel_twin.wire")
+    before = logger.level, logger.propagate
     logger.setLevel(logging.INFO)
     logger.addHandler(handler)
     logger.propagate = False
     wire = WireLog(create_language(controller))
+    stack.callback(_as_before, logger, *before)
     stack.callback(logger.removeHandler, handler)
     stack.callback(wire.close)
     return wire
+
+
+def _as_before(logger: logging.Logger, level: int, propagate: bool) -> None:
+    logger.setLevel(level)
+    logger.propagate = propagate
 
 
 def _give_up(time: VirtualTime) -> None:

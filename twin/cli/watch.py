@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from isel_twin.base.crew import GivenUp
 from isel_twin.base.errors import CallError
+from isel_twin.base.quiet import quietly
 from isel_twin.cli.interruption import interruption
 from isel_twin.cli.outputs import console, many
 
@@ -63,8 +64,7 @@ def watch(job: Path, settings: Path | None, asked: dict[str, Any], json: bool) -
 
     live = LiveJob(job, settings, asked)
     files, screen, ok = _Files(live), console(), False
-    logging.getLogger("isel_twin").setLevel(logging.ERROR)  # what the verdict says need not be said at each change
-    with interruption() as stopped:
+    with quietly(logging.ERROR), interruption() as stopped:  # what the verdict says need not be said at each change
         while not stopped:
             began_s = time.monotonic()
             told: Report | str
