@@ -321,3 +321,12 @@ def test_a_line_is_read_alike_with_and_without_a_remark(rows: list[tuple[Any, ..
         return found
 
     assert outcome("") == outcome(" (a)")
+
+
+@pytest.mark.parametrize("line", ["G0 G80 X5", "G80 G0 X5"])
+def test_g80_beside_a_motion_says_nothing_more(line: str) -> None:
+    series = f"G21\nG81 X1 Y0 Z-1 R1 F60\n{line}\nX7\n"
+    assert told("gcode", series)[-4:-2] == ["rapid 5 0 1", "rapid 7 0 1"]
+    for refused, settings in ((f"G21\n{line}\n", STRICT), ("G21\nG80 G81 X1 Z-1 R1 F60\n", UP)):
+        with pytest.raises(CamError, match="exclude each other in one line"):
+            told("gcode", refused, settings)

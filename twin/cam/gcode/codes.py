@@ -42,6 +42,7 @@ G_GROUPS: Mapping[int, str] = {
     80: LATHE,
 }
 SYSTEMS = {code: number for number, code in enumerate((540, 550, 560, 570, 580, 590, 591, 592, 593), 1)}
+STRAIGHT_OR_ARC = frozenset((0, 10, 20, 30))
 CYCLES = frozenset((730, 810, 820, 830, 850, 890))
 TAKES_AXES = frozenset((100, 280, 300, 520, 920))  # of the one-shot codes
 
@@ -62,9 +63,11 @@ G_REFUSED: Mapping[int, str] = {
     **dict.fromkeys((330, 331, 740, 760, 840), _TAPPING),
     **dict.fromkeys((860, 870, 880), "this boring cycle is not made; write G85 or G89"),
     **dict.fromkeys((382, 383, 384, 385), "probing is not made; take it out"),
-    **dict.fromkeys((50, 51, 52, 53), "splines are not made; let the CAM program write lines and arcs"),
+    **dict.fromkeys((50, 52, 53), "splines are not made; let the CAM program write lines and arcs"),
+    51: "splines are not made; if it is the look-ahead of a Fanuc, leave it out: moves are joined anyhow",
     **dict.fromkeys((171, 181, 191), "this machine has no axes U V W; write G17, G18 or G19"),
     **dict.fromkeys((431, 432), "write G43 H with the length of the tool in tool_length_mm"),
+    1870: "smoothing is a Haas's own; leave it out, controllers join moves as they can",
     70: "diameters are for lathes; write G8 and radii",
     720: "it is a cycle of lathes",
     950: "feed per turn is not made; write G94 and F per minute",
