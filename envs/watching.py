@@ -9,7 +9,8 @@ to looks to the bit: positions are of the exact nanosecond, and a counter is
 
     counter(t) = counter at the last whole sub-step + ticks from there to t
 
-where the ticks, a pulse or two, are those of the twin's record.
+where the ticks, a pulse or two, are those of the twin's record. Without physics there are no sub-steps, and
+counters are of the exact nanosecond, too.
 """
 
 from __future__ import annotations
@@ -59,8 +60,8 @@ class Watch:
         row = np.searchsorted(taken_ns, times_ns, side="right") - 1  # while nothing moves there is only one sample
         position_mm = np.concatenate([part.position_mm for part in self._samples])[row]
         counts = np.concatenate([part.counts for part in self._samples])[row]
-        counts = counts[:, :3] + self._ticks_since_substep(times_ns)
-        return position_mm - counts / self._steps_per_mm
+        since = self._ticks_since_substep(times_ns) if twin.physics else 0
+        return position_mm - (counts[:, :3] + since) / self._steps_per_mm
 
     def _ticks_since_substep(self, times_ns: NDArray[np.int64]) -> NDArray[np.int64]:
         """int64 [n, 3], changes of the counters after the last whole sub-step before each time."""

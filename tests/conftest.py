@@ -5,8 +5,15 @@ from __future__ import annotations
 import gc
 import os
 import signal
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+settings.register_profile("isel-twin", deadline=None)  # an example may take as long as a busy computer needs
+settings.load_profile("isel-twin")
 
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # begun in the background: what tests start would be deaf to it
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -28,7 +35,10 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     if getattr(session.config.option, "numprocesses", None):
         if session.config.getoption("--update-golden"):
             raise pytest.UsageError("--update-golden writes whole files: not with --numprocesses")
+        rewriting = _rewriting(session.config.args)
         _warm_up()
+        if rewriting is not None:
+            rewriting.wait()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -44,7 +54,8 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     """
     gc.collect()
     gc.freeze()
-    if len(session.items) >= MANY and not hasattr(session.config, "workerinput"):
+    config = session.config
+    if len(session.items) >= MANY and not hasattr(config, "workerinput") and not config.option.collectonly:
         _warm_up()
 
 
@@ -60,6 +71,16 @@ class _AtOnce:
             crash = getattr(report.longrepr, "reprcrash", None)
             reason, *_ = (crash.message if crash else report.longreprtext).splitlines() or [""]
             self._terminal.write_line(f"\nFAILED {report.nodeid} ({report.when}): {reason}", red=True)
+
+
+def _rewriting(places: list[str]) -> subprocess.Popen[bytes] | None:
+    """On a clean checkout each worker would rewrite all asserts, which takes longer than many a test: one does it while
+    code is compiled."""
+    here = Path(__file__).parent
+    if sys.dont_write_bytecode or any(here.glob("__pycache__/test_*-pytest-*.pyc")):
+        return None
+    command = [sys.executable, "-m", "pytest", "--collect-only", "-qq", "-p", "no:cacheprovider", *places]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL)
 
 
 def _warm_up() -> None:

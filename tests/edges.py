@@ -35,7 +35,6 @@ MOTORS = {"23HS32-4004S": 4.2, "57HS56-2804": 2.8, "QSH6018-65-28-210": 3.96}  #
 SUPPLIES_V = (48.0, 36.0)
 QUANTITIES = ("speed", "supply", "load")
 SEEDS = range(1000, 1020)  # none that an edge was found on
-NEARER, FARTHER = 0.95, 1.05
 LOSING = 15  # least number of SEEDS
 
 
@@ -71,7 +70,7 @@ def held(spec: TwinSpec, lines: Sequence[Line], quantities: Sequence[str] = QUAN
     for quantity in quantities:
         own = [each for each in found if each.quantity == quantity]
         nearest += sorted(own, key=lambda each: max(each.factor or 1.0, 1.0 / (each.factor or 1.0)))[:1]
-    return [Held(each, *(_lost(spec, lines, each, share) for share in (NEARER, FARTHER))) for each in nearest]
+    return [Held(each, *(_lost(spec, lines, each, share) for share in (edge.NEARER, edge.FARTHER))) for each in nearest]
 
 
 def _lost(spec: TwinSpec, lines: Sequence[Line], told: edge.Edge, share: float) -> int:

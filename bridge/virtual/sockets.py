@@ -40,7 +40,7 @@ class _Pipe:
 
     def __init__(self) -> None:
         self.data = bytearray()
-        self.ended = False  # the sender sends no more
+        self.ended = False  # no more is sent: the sender has ended it, or the receiver is deaf
         self.deaf = False  # the receiver reads no more
 
 
@@ -307,8 +307,8 @@ class VirtualSocket(Real):
         pipe = self._out
         if pipe is None:
             _error(errno.ENOTCONN)
-        self._wait(lambda: len(pipe.data) < ROOM or pipe.ended or pipe.deaf, "send")
-        if pipe.deaf or pipe.ended:
+        self._wait(lambda: len(pipe.data) < ROOM or pipe.ended, "send")
+        if pipe.ended:  # by either side
             _error(errno.EPIPE)
         with memoryview(data).cast("B") as view:
             sent = bytes(view[: ROOM - len(pipe.data)])

@@ -43,3 +43,32 @@ def test_an_hour(benchmark: BenchmarkFixture, tmp_path: Path, names: tuple[str, 
     hour = benchmark.pedantic(peak_mb, (tmp_path, 88, *names), rounds=1)
     benchmark.extra_info |= {"peak_mb": hour, "peak_mb_of_a_minute": minute}
     assert hour < MOST_MB
+
+
+MOVES = "@0M80000,20000,40000,20000,0,30,0,30\n@0M0,20000,0,20000,0,30,0,30\n"
+CPU = """
+import sys, time
+from isel_twin.cli import main
+try:
+    main(sys.argv[1:])
+finally:
+    print("cpu", time.process_time(), file=sys.stderr)
+"""
+
+
+@pytest.mark.benchmark(group="cost of outputs")
+@pytest.mark.parametrize("plant", ["kinematic", "mujoco"])
+@pytest.mark.parametrize("name", ["trace.parquet", "dump.vcd", "report.html"])
+def test_outputs(benchmark: BenchmarkFixture, tmp_path: Path, name: str, plant: str) -> None:
+    """CPU time that an output adds to a run of ten moves, over that of the run without it, start included."""
+    (tmp_path / "job.txt").write_text("@07\n@0R7\n" + MOVES * 5)
+    option = f"--{Path(name).suffix[1:].replace('parquet', 'trace').replace('html', 'report')}"
+
+    def cpu_s(*options: str) -> float:
+        command = [sys.executable, "-c", CPU, "run", str(tmp_path / "job.txt"), "--plant", plant, *options]
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        return float(done.stderr.split("cpu")[1])
+
+    ratios = [cpu_s(option, str(tmp_path / name)) / cpu_s() - 1.0 for _ in range(3)]
+    benchmark.extra_info["added, over the run"] = sorted(ratios)[1]
+    benchmark.pedantic(cpu_s, (option, str(tmp_path / name)), rounds=1)

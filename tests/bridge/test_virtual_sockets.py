@@ -203,6 +203,24 @@ def test_a_sender_waits_for_room_and_the_end_is_heard(host: Host, capsys: pytest
     assert shown(host, capsys, text) == ["1.00", "131072", "nobody reads", "nothing yet"]
 
 
+def test_who_reads_no_more_is_sent_nothing(host: Host, capsys: pytest.CaptureFixture[str]) -> None:
+    """By its own `shutdown`, though it stays open; and nothing is sent after the end that one has told oneself."""
+    text = """
+        import socket
+
+        for reader in (0, 1):
+            pair = socket.socketpair()
+            pair[1].shutdown(socket.SHUT_RD) if reader else pair[0].shutdown(socket.SHUT_WR)
+            try:
+                pair[0].send(b"x")
+            except BrokenPipeError:
+                print("nobody reads")
+            pair[1].send(b"y")
+            print(pair[0].recv(1))
+    """
+    assert shown(host, capsys, text) == ["nobody reads", "b'y'"] * 2
+
+
 def test_refusals_are_those_of_a_computer_without_a_network(host: Host, capsys: pytest.CaptureFixture[str]) -> None:
     """A discovery by broadcast finds nobody; a port nobody listens at, or somebody has, is answered as everywhere."""
     text = """

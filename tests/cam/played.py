@@ -6,7 +6,6 @@ import cmath
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import Arc, Element, End, Line, Place, Point, Rapid
 from isel_twin.cam.written import MachineAxes, Written
 from isel_twin.controller import offers
+from isel_twin.jobs.job import Line as JobLine
 from isel_twin.jobs.job import parse_job, play
 from isel_twin.language import WritesToolpaths, create_language
 
@@ -24,6 +24,7 @@ Points = NDArray[np.float64]  # [points, 3], mm
 TRAVEL = ((0.0, 395.0), (0.0, 300.0), (0.0, 140.0))  # of the 4030
 MACHINES = {"imc-s8": "4030", "imc-m": "4030", "imc-mp": "4030", "c142": "4030", "ismif": "4030"}
 STEPS_MM = {"ismif": 80.0, "gmi99": 1000.0, "bwo900": 1000.0}  # others: 320
+REFERENCE = ("@0R", "$H", "Q3", "Q4", "reference")  # how commands of a reference run begin
 FAST = CamSettings(rapid_mm_s=30.0)
 P = Place(1)
 
@@ -69,41 +70,61 @@ class Played:
         return float(self.t_ns[-1] - self.t_ns[0]) / 1e9
 
 
+class Player:
+    """A twin that plays toolpaths one after the other, each a job of its own; only the first has the reference run.
+    Those behind it must begin with a rapid of all axes, as a job takes it that the tool stands at the zero."""
+
+    def __init__(self, controller: str) -> None:
+        machine = MACHINES.get(controller, "4030-servo")
+        self.controller = controller
+        self.steps_mm = STEPS_MM.get(controller, 320.0)
+        self.twin = Twin(machine=machine, controller=controller, plant="kinematic", seed=1)
+        self.start: Point = (0.0, 0.0, 0.0)  # as the counters show it
+        self._homed_ns = 0
+
+    def play(self, path: Iterable[Element], settings: CamSettings = FAST) -> Played:
+        twin = self.twin
+        lines = lines_of(self.controller, path, settings)
+        job = parse_job("\n".join(texts(lines)), twin.language, self.controller)
+        begin = twin.time_ns
+        results, spindle = [], []
+        for result in play(twin, [each for each in job if not (self._homed_ns and _homes(each))], timeout_s=3000.0):
+            results.append(result)
+            spindle.append(twin.outputs.get("spindle", 0))
+        assert [(r.command, r.reply, r.why) for r in results if not r.ok] == []
+        assert not twin.fault
+        if not self._homed_ns:
+            begin = self._homed_ns = max(r.end_ns for r in results if r.command.startswith(REFERENCE))
+        steps = twin.steps
+        t_ns = np.asarray(steps.t_ns)
+        first = int(np.searchsorted(t_ns, begin, side="right"))
+        delta = np.asarray(steps.delta)[first:, :3].astype(np.int64)
+        end = np.asarray(twin.counts)[:3].astype(np.int64)
+        counts = np.vstack([end - np.cumsum(delta[::-1], axis=0)[::-1], end])
+        x, y, z = (end / self.steps_mm).tolist()
+        self.start = x, y, z
+        return Played(twin, lines, begin, t_ns[first:], counts, self.steps_mm, spindle)
+
+
+def _homes(line: JobLine) -> bool:
+    return line.command.startswith(REFERENCE)
+
+
 def played(controller: str, path: Iterable[Element], settings: CamSettings = FAST) -> Played:
-    lines = lines_of(controller, path, settings)
-    twin = Twin(machine=MACHINES.get(controller, "4030-servo"), controller=controller, plant="kinematic", seed=1)
-    results, spindle = [], []
-    text = "\n".join(texts(lines))
-    for result in play(twin, parse_job(text, twin.language, controller), timeout_s=3000.0):
-        results.append(result)
-        spindle.append(twin.outputs.get("spindle", 0))
-    assert [(r.command, r.reply, r.why) for r in results if not r.ok] == []
-    assert not twin.fault
-    steps = twin.steps
-    t_ns = np.asarray(steps.t_ns)
-    delta = np.asarray(steps.delta)[:, :3].astype(np.int64)
-    after = np.cumsum(delta[::-1], axis=0)[::-1]
-    end = np.asarray(twin.counts)[:3].astype(np.int64)
-    counts = np.vstack([end - after, end])
-    begin = _homed(results, twin)
-    first = int(np.searchsorted(t_ns, begin, side="right"))
-    return Played(twin, lines, begin, t_ns[first:], counts[first:], STEPS_MM.get(controller, 320.0), spindle)
-
-
-def _homed(results: Sequence[object], twin: Twin) -> int:
-    """When the reference run was over."""
-    commands = ("@0R", "$H", "Q3", "reference")
-    return max(r.end_ns for r in results if r.command.startswith(commands))
+    return Player(controller).play(path, settings)
 
 
 def distance_mm(points: NDArray[np.float64], corners: NDArray[np.float64]) -> float:
     """Largest distance of these points from the polyline."""
+    ways = np.diff(corners, axis=0)
+    squares = np.maximum((ways**2).sum(axis=1), 1e-30)
     least = np.full(len(points), np.inf)
-    for a, b in pairwise(corners):
-        way = b - a
-        part = np.clip((points - a) @ way / max(float(way @ way), 1e-30), 0.0, 1.0)
-        least = np.minimum(least, np.linalg.norm(points - (a + part[:, None] * way), axis=1))
-    return float(least.max())
+    for first in range(0, len(ways), 64):  # so much at once that it stays in the cache
+        to, way = points[:, None] - corners[first : first + 64][: len(ways) - first], ways[first : first + 64]
+        part = np.clip((to * way).sum(axis=2) / squares[first : first + 64], 0.0, 1.0)
+        apart = to - part[:, :, None] * way
+        least = np.minimum(least, (apart**2).sum(axis=2).min(axis=1))
+    return math.sqrt(least.max())
 
 
 def ideal_mm(path: Iterable[Element], settings: CamSettings = FAST, start: Point = (0.0, 0.0, 0.0)) -> Points:
@@ -138,17 +159,21 @@ def ideal_mm(path: Iterable[Element], settings: CamSettings = FAST, start: Point
 
 
 def check_made(controller: str, path: Sequence[Element], settings: CamSettings = FAST) -> Played:
+    return check_played(Player(controller), path, settings)
+
+
+def check_played(player: Player, path: Sequence[Element], settings: CamSettings = FAST, points: int = 4000) -> Played:
     """Play it and hold it against the path: the end within a step, every place within the tolerance and a step, and
     every place of the path within that and what passes between two set points of it."""
-    run = played(controller, path, settings)
+    start = settings.machine_point(player.start)
+    run = player.play(path, settings)
     step = 1.0 / run.steps_mm
-    wanted = ideal_mm(path, settings)
+    wanted = ideal_mm(path, settings, start)
     assert np.abs(run.mm[-1] - wanted[-1]).max() <= step
     chord = 20.0 * (1.0 - math.cos(math.radians(1.0)))  # of the wanted path itself, radii up to 20 mm
     near = settings.tolerance_mm + step + chord
-    some = np.unique(np.linspace(0, len(run.mm) - 1, 4000).astype(int))
-    assert distance_mm(run.mm[some], wanted) <= near
-    corners = run.mm[np.unique(np.linspace(0, len(run.mm) - 1, 4000).astype(int))]
+    corners = run.mm[np.unique(np.linspace(0, len(run.mm) - 1, points).astype(int))]
+    assert distance_mm(corners, wanted) <= near
     apart = float(np.linalg.norm(np.diff(corners, axis=0), axis=1).max()) / 2.0
     assert distance_mm(wanted, corners) <= near + apart
     length = float(np.linalg.norm(np.diff(wanted, axis=0), axis=1).sum())

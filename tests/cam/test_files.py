@@ -272,3 +272,30 @@ def test_a_reader_stops_at_the_end_of_the_program() -> None:
     endless = iter(["G21\n", "M2\n", "never read"])
     assert told("gcode", endless, UP) == ["end"]
     assert next(endless) == "never read"
+
+
+@pytest.mark.parametrize(
+    ("content", "what"),
+    [
+        (b"  0\r\nSECTION\r\n  2\r\nHEADER\r\n", "a DXF drawing"),
+        (b"999\ndxfrw 0.6.3\n  0\nSECTION\n", "a DXF drawing"),
+        (b'<?xml version="1.0"?>\n<!-- made by Inkscape -->\n<svg width="10">\n', "an SVG drawing"),
+        (b"<!DOCTYPE html>\n<html>\n", "XML or HTML"),
+        (b"solid cube\nfacet normal 0 0 1\n", "an STL body"),
+        (b"ISO-10303-21;\nHEADER;\n", "a STEP body"),
+        (b"%!PS-Adobe-3.0 EPSF-3.0\n", "PostScript"),
+        (b"G04 a board*\n%FSLAX46Y46*%\n%MOMM*%\n", "a Gerber drawing"),
+        (b"M48\nINCH\nT01C0.035\n%\n", "an Excellon drill file; gerbv -x idrill"),
+        (b"P1\nG90 G0 X1\nM30\n", "a program of the BWO 900 without numbers of blocks"),
+        (b"\x89PNG\r\n\x1a\n", "a picture"),
+        (b"G1 X\x01\x02\x04\x05\x06\x07\x10", "no text"),
+    ],
+)
+def test_what_is_no_job_is_named(content: bytes, what: str) -> None:
+    with pytest.raises(CamError, match=f"the file is {what}"):
+        head_of(content)
+
+
+@pytest.mark.parametrize("content", [b"<0.5s>\n<64>@07\n", b"P1\nN10 G0 X1\n", b"\x1b%0BIN;LBa\x03;PU;\n", b"PU1,1;\n"])
+def test_jobs_are_not_taken_for_drawings(content: bytes) -> None:
+    assert head_of(content)

@@ -9,6 +9,7 @@ from itertools import islice, pairwise
 
 import numpy as np
 import pytest
+from cam.__main__ import checked
 from cam.played import END, FAST, P, arc, axes_of, check_made, distance_mm, line, lines_of, played, rapid
 from cam.random_paths import paths
 from hypothesis import given
@@ -54,6 +55,12 @@ def test_four_controllers_make_the_same_path() -> None:
 @hypothesis_settings(max_examples=2, deadline=None)
 def test_four_controllers_make_any_path_alike(path: list[Element]) -> None:
     check_alike(path)
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_short_toolpaths_are_made_one_after_the_other(controller: str) -> None:
+    """The first of those that `python -m tests.cam` plays by the thousand."""
+    assert checked(controller, range(4)) == []
 
 
 @pytest.mark.parametrize("controller", ["imc-s8", "imc-m", "ismif", "gmi99"])

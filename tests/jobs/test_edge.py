@@ -100,6 +100,53 @@ def test_what_never_loses_has_no_edge_and_other_seeds_may_lose_earlier() -> None
     assert found == pytest.approx(1.45, rel=0.01)
 
 
+@pytest.mark.parametrize(
+    ("bands", "farthest"),
+    [
+        ([(1.38, 1.40), (1.46, 9.0)], 3.0),  # the scan stands at 1.338 and at 1.419
+        ([(1.45, 1.46), (1.60, 9.0)], 3.0),  # narrower than 5 %
+        ([(1.45, 9.0)], 3.0),
+        ([(0.62, 0.63), (0.0, 0.45)], 0.3),
+        ([(0.0, 0.45)], 0.3),
+    ],
+)
+def test_five_per_cent_nearer_holds_and_farther_loses(bands: list[tuple[float, float]], farthest: float) -> None:
+    def lost(factor: float) -> bool:
+        return any(low <= factor <= high for low, high in bands)
+
+    sign = 1 if farthest > 1.0 else -1
+    nearest = bands[0][0] if sign > 0 else bands[0][1]
+    first = edge._before_bands(lost, nearest, sign)
+    told = edge._between_sure(lost, lost, first, sign)
+    assert not lost(told * 0.95**sign)
+    assert lost(told * 1.05**sign)
+    assert told == pytest.approx(nearest, rel=0.052)
+
+
+@pytest.mark.parametrize(
+    ("inductance", "farthest"), [(1.0, 5.0 / 1.06), (3.0, 1.5), (4.9, 1.0)], ids=["sheet", "three times", "at its end"]
+)
+def test_nothing_is_tried_that_the_machine_file_does_not_allow(inductance: float, farthest: float) -> None:
+    """It allows a specimen 0.2 to 5 times the inductance of its sheet."""
+    call = TwinSpec(overrides={"axes.x.specimen.inductance": inductance})
+    found = edge._farthest(call, [], edge._Search("inductance", ("x",)))
+    assert found == pytest.approx(farthest, rel=0.06)
+    assert inductance * found * edge.FARTHER <= 5.0 or found == 1.0
+
+
+def test_a_band_that_the_scan_has_passed_over_is_found() -> None:
+    def lost(factor: float) -> bool:
+        return 1.38 <= factor <= 1.40 or factor >= 1.46
+
+    first = edge._least(lost, lost, 3.0)
+    assert first == pytest.approx(1.46, rel=0.01)
+    assert edge._before_bands(lost, first, 1) == pytest.approx(1.38, rel=0.01)
+
+
+def test_where_seeds_differ_everywhere_the_first_loss_is_told() -> None:
+    assert edge._between_sure(lambda factor: factor > 1.4, lambda _: False, 1.41, 1) == 1.41
+
+
 def test_speeds_of_straight_moves_are_scaled_and_nothing_else() -> None:
     lines = ["@0J60", "@0A1600,800,0,30,0,30,0,30", "! x == 5 +- 1 mm", "@0M1,2000,0,900,0,900,0,900", "@0P", "<1s>"]
     assert faster(lines, 1.5) == [

@@ -89,6 +89,17 @@ def test_what_is_other_at_the_second_machine_is_found(
     assert found.alternatives == ((),) * len(found.causes)
 
 
+def test_the_usual_value_is_named_only_if_the_twin_has_it(tmp_path: Path) -> None:
+    """With a flash of its own the twin's value is another one than that of a controller as it was delivered, 100."""
+    path = recorded(tmp_path / "real.mcap", HERE.with_(flash=flash("@0IJ50")))
+    told = []
+    for here in (HERE, HERE.with_(flash=flash("@0IJ200"))):
+        (cause,) = explained(session(path), here.with_(start_mm=None)).causes
+        assert cause.value == 50
+        told.append(cause.told.rpartition("not ")[2])
+    assert told == ["100", "what the twin has in its own"]
+
+
 def test_play_is_found_in_later_reference_runs_by_physics(tmp_path: Path) -> None:
     there = HERE.with_(plant="mujoco", overrides={"axes.x.backlash": 0.3})
     path = recorded(tmp_path / "real.mcap", there, ("@01", "@0d5000", "@0R1", "@0A1600,5000", "@0R1", "@0P"))

@@ -49,6 +49,9 @@ class Bench:
     def position_error_mm(self):
         return np.zeros(3)
 
+    def sample(self, take, interval_ns):
+        """It is looked at: no plant takes samples."""
+
     def observe(self, callback, interval_ns):
         self._look = callback
         callback(self)

@@ -10,7 +10,7 @@ the path (language/1); a wrong place is refused, a speed is clipped (language/4)
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple, Protocol
 
 from isel_twin.cam import arcs
@@ -118,13 +118,15 @@ class Course:
         of = arcs.shape(arc, start)
         turn = self._turn(arc, of)
         if turn is not None and (counted := self._limits.turn_counts(turn)) is not None:
-            self._check_bounds(arc.place, of)
-            ways = [0.0, 0.0, 0.0]
-            ways[of.a] = ways[of.b] = of.length
-            x, y, z = ways
-            speed = self._limited(arc.place, arc.feed_mm_s, of.length, counted, (x, y, z), rapid=False)
+            self._check_bounds(turn, of)
+            limits = self._limits
+            if self._axes.top_mm_s or not limits.low_hz <= arc.feed_mm_s * counted / of.length <= limits.high_hz:
+                ways = [0.0, 0.0, 0.0]
+                ways[of.a] = ways[of.b] = of.length
+                speed = self._limited(arc.place, arc.feed_mm_s, of.length, counted, ways, rapid=False)
+                turn = turn._replace(speed_mm_s=speed)
             self.point, self._counts = arc.to, turn.to
-            yield turn._replace(speed_mm_s=speed)
+            yield turn
             return
         for to in arcs.chords(arc, start, of, self._tolerance):
             if (move := self.line(arc.place, to, arc.feed_mm_s)) is not None:
@@ -153,8 +155,14 @@ class Course:
             speed_mm_s=arc.feed_mm_s,
         )
 
-    def _check_bounds(self, place: Place, of: arcs.Shape) -> None:
+    def _check_bounds(self, turn: Turn, of: arcs.Shape) -> None:
         """Raise CamError for an arc that leaves the travel; one that ends on its border is within half a count."""
+        (a_low, a_high), (b_low, b_high) = self._range[of.a], self._range[of.b]
+        (ca, cb), r = turn.centre, max(of.start_radius, of.end_radius) * turn.per_mm
+        lowest, highest = self._range[of.third]
+        level = lowest <= turn.to[of.third] <= highest
+        if level and a_low <= ca - r and ca + r <= a_high and b_low <= cb - r and cb + r <= b_high:
+            return  # so does the whole circle, as nearly all do
         low, high = list(self.point), list(self.point)
         for axis, (least, greatest) in zip((of.a, of.b), arcs.bounds(of), strict=True):
             low[axis], high[axis] = least, greatest
@@ -162,10 +170,10 @@ class Course:
         for corner in (low, high):
             x, y, z = (round(mm * per) for mm, per in zip(corner, self._per_mm, strict=True))
             if not all(least <= at <= most for at, (least, most) in zip((x, y, z), self._range, strict=True)):
-                raise self._beyond(place, (x, y, z))
+                raise self._beyond(turn.place, (x, y, z))
 
     def _limited(
-        self, place: Place, speed: float, length: float, counted: float, ways: tuple[float, ...], rapid: bool
+        self, place: Place, speed: float, length: float, counted: float, ways: Sequence[float], rapid: bool
     ) -> float:
         """The speed within what controller and axes make. ways: of each axis, mm."""
         limits = self._limits
@@ -199,6 +207,8 @@ class Course:
 def halves(turn: Turn) -> list[Counts]:
     """Ends of equal parts of at most half a turn; the last is the end of the arc."""
     n = math.ceil(abs(turn.sweep) / math.pi - CLOSE)
+    if n == 1:
+        return [turn.to]
     (ca, cb), a, b = turn.centre, turn.a, turn.b
     u, v = turn.start[a] - ca, turn.start[b] - cb
     radius, angle = math.hypot(u, v), math.atan2(v, u)

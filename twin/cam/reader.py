@@ -23,9 +23,29 @@ _NO_TEXT: Mapping[str, str] = {
     "\x1f\x8b": "is packed by gzip; unpack it",
     "PK\x03\x04": "is a zip archive; unpack it",
     "%PDF": "is a PDF; save the text of the program",
+    "\x89PNG": "is a picture; make toolpaths of it with a CAM program",
+    "\xff\xd8\xff": "is a picture; make toolpaths of it with a CAM program",
     "\xff\xfe": "is UTF-16; save it as UTF-8",
     "\xfe\xff": "is UTF-16; save it as UTF-8",
 }
+_DRAWN = "it has shapes, no way of a tool; make toolpaths of it with a CAM program"
+_NO_JOB = {  # by the first lines of a text
+    rf"\s*{pattern}": f"is {what}"
+    for pattern, what in {
+        r"(999\s[^\n]*\n\s*)*0\s+SECTION\b": f"a DXF drawing: {_DRAWN}",
+        r"(<\?xml[^>]*>\s*)?(<!--[^>]*>\s*|<!DOCTYPE[^>]*>\s*)*<svg\b": f"an SVG drawing: {_DRAWN}",
+        r"<[?!]?[a-z]{3,}": "XML or HTML, no job of a machine",
+        r"solid\b[^\n]*\n\s*facet\b": f"an STL body: {_DRAWN}",
+        r"ISO-10303-21;": f"a STEP body: {_DRAWN}",
+        r"%!PS": f"PostScript: {_DRAWN}, or with pstoedit",
+        r"(G04[^\n]*\*\s*)*%(FS[LT][AI]|MO(MM|IN)\*|TF\.)": "a Gerber drawing; pcb2gcode makes toolpaths of it",
+        r"P\d+\s*\n\s*[GMXYZ]": "a program of the BWO 900 without numbers of blocks (N10 ...); for G-code leave P out",
+        r"M48\s*\n": "an Excellon drill file; gerbv -x idrill makes an NCP file of it",
+    }.items()
+}
+_BINARY = 4  # control characters that texts have not, in the first _BEGIN bytes
+_BEGIN = 512
+_CONTROLS = bytes({*range(32)} - {3, 9, 10, 11, 12, 13, 26, 27})  # ETX and ESC are in HPGL, 26 ends a text
 
 
 class Reader(Protocol):
@@ -54,10 +74,17 @@ def statements(head: str) -> list[str]:
 
 def head_of(data: bytes) -> str:
     """The lines by which a file is recognised: its first one, and the first ones that say something, behind remarks of
-    any number. Raises CamError for what is no text."""
+    any number. Raises CamError for what is no text, and for drawings and bodies that CAM programs begin with."""
+    begin = data[:_BEGIN]
     lines = (line for line in text_lines(io.BytesIO(data[:HEAD_BYTES])) if not line.isspace())
     first = next(lines, "")
-    return "".join([first, *islice((line for line in lines if not _REMARK.match(line)), HEAD_LINES)])
+    head = "".join([first, *islice((line for line in lines if not _REMARK.match(line)), HEAD_LINES)])
+    for pattern, why in _NO_JOB.items():
+        if re.match(pattern, head, re.IGNORECASE):
+            raise CamError(f"the file {why}")
+    if len(begin) - len(begin.translate(None, _CONTROLS)) > _BINARY:
+        raise CamError("the file is no text")
+    return head
 
 
 def mostly(head: str, pattern: re.Pattern[str]) -> bool:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+import sys
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,8 +20,10 @@ from isel_twin.cli.options import Whole
 from isel_twin.cli.outputs import many, put_off, tell
 
 if TYPE_CHECKING:
+    from isel_twin.bridge.tap.real_job import RealReport
     from isel_twin.core.twin import Twin
     from isel_twin.jobs.checks import Report
+    from isel_twin.jobs.checks.formats import Told
     from isel_twin.jobs.checks.settings import Task
 
 INTERVAL_NS = 10_000_000  # sampling interval of the pages
@@ -54,6 +58,9 @@ def check(
     sarif: Annotated[Path | None, Parameter(help="Write the findings as SARIF 2.1.0.")] = None,
     report: Annotated[Path | None, Parameter(help="Folder for a page about each job (HTML).")] = None,
     json: Annotated[bool, Parameter(help="One line of JSON a job, or a judgement.")] = False,
+    isel_port: Annotated[
+        str | None, Parameter(help="Send the jobs to the real controller at this port: /dev/ttyUSB0, COM3, tcp://H:P.")
+    ] = None,
     watch: Annotated[bool, Parameter(help="Judge the job again after each change of its file, until Ctrl-C.")] = False,
 ) -> int:
     """Play jobs and report what is wrong: refused commands, lost steps, struck switches, margins, tolerances, time.
@@ -64,6 +71,9 @@ def check(
     Exit code 0 if nothing is wrong, 1 if something is, 2 for a call that cannot be carried out. In a workflow of
     GITHUB_ACTIONS the findings are also annotations. With --watch the code is that of the last verdict, and what comes
     before a changed line is not played again.
+
+    With --isel-port the machine is a real one, and is moved by the jobs: replies and times are judged, what needs a
+    look inside is named as not looked at. Ctrl-C breaks the motion off.
     """
     asked: dict[str, Any] = {
         "machine": machine, "controller": controller, "plant": plant, "seed": seed, "scenario": scenario,
@@ -74,6 +84,10 @@ def check(
     if may_strike is not None:
         asked["may_strike"] = tuple(name for name in may_strike.split(",") if name)
     _check_options(asked, workers)
+    if isel_port is not None:
+        inside = {"set": set, "may-strike": may_strike, "report": report, "watch": watch}
+        _check_outside(asked, inside, workers)
+        asked |= {"plant": "kinematic", "golden": False}  # of the twin that only knows names
     if watch:
         if len(jobs) != 1 or options.is_standard_input(jobs[0]) or junit or sarif or report or workers != 1:
             raise CallError("watch: names one job, and goes without junit, sarif, report and workers", option=True)
@@ -88,8 +102,9 @@ def check(
     from isel_twin.jobs.checks.formats import junit as as_junit
     from isel_twin.jobs.checks.formats import sarif as as_sarif
 
-    reports = []
-    for made in in_order(perform, list(zip(tasks, pages, strict=True)), options.crew_of(min(workers, len(tasks)))):
+    reports: list[Told] = []
+    crew = options.crew_of(min(workers, len(tasks)))
+    for made in _real(tasks, isel_port) if isel_port else in_order(perform, list(zip(tasks, pages, strict=True)), crew):
         reports.append(made)
         print(as_json(made) if json else as_words(made), flush=True)
     if os.environ.get("GITHUB_ACTIONS") == "true":
@@ -163,6 +178,56 @@ def _tasks(jobs: Sequence[Path], settings: Path | None, asked: dict[str, Any]) -
         demanded.check_switches(task.bounds, twin.machine)
         check_names(task.job, read_job(task.job, task.call, task.form), twin)
     return tasks
+
+
+def _check_outside(asked: dict[str, Any], others: dict[str, Any], workers: int) -> None:
+    """Raise CallError for an option that only a twin can satisfy."""
+    names = "plant seed scenario margin edge deviation_mm contour_mm clearance robust golden".split()  # noqa: SIM905
+    given = {name.replace("_", "-"): asked[name] for name in names} | others | {"workers": workers > 1 or None}
+    for option, value in given.items():
+        if value is not None and value is not False and value != ():
+            raise CallError(
+                f"{option}: needs the twin, of which isel-port has no use; leave one of them out", option=True
+            )
+
+
+def _real(tasks: Sequence[Task], port: str) -> Iterator[RealReport]:
+    """The jobs one after the other at a real controller. Raises CallError if there is none."""
+    from isel_twin.bridge.tap import real_job
+    from isel_twin.cli.interruption import interruption
+    from isel_twin.cli.tap import refusal
+    from isel_twin.jobs.playing import TIMEOUT_S
+
+    every = [read_job(task.job, task.call, task.form) for task in tasks]
+    for task, lines in zip(tasks, every, strict=True):
+        if why := real_job.unfit(lines, task.call.controller):
+            raise CallError(f"{task.job}: {why}")
+    with interruption() as stopped:
+        for task, lines in zip(tasks, every, strict=True):
+            bounds = task.bounds
+            if bounds.timeout_s == TIMEOUT_S:  # nobody asked for another one
+                bounds = replace(bounds, timeout_s=real_job.TIMEOUT_S)
+            form = task.call.build().serial_format
+            try:
+                real = real_job.RealController(port, task.call.controller, form)
+            except (OSError, ValueError) as error:
+                raise CallError(refusal(port, error)) from None
+            try:
+                made = real_job.check_real(
+                    str(task.job), lines, task.call.controller, real, bounds, lambda: bool(stopped)
+                )
+            except real_job.SilentError as error:
+                raise CallError(str(error)) from None
+            finally:
+                real.close()
+            if made.stopped:
+                why = "interrupted" if stopped else "the job has ended early"
+                print(
+                    f"isel-twin: {why}: {made.stopped} was sent to {port}, which breaks a motion off", file=sys.stderr
+                )
+            yield made
+            if stopped:
+                return
 
 
 def _pages(tasks: Sequence[Task], folder: Path | None) -> list[Path | None]:

@@ -64,7 +64,7 @@ def tap(
         try:
             between = Tap(device, endpoints, form, wire=wire)
         except (OSError, ValueError) as error:
-            raise CallError(_refusal(device, error)) from None
+            raise CallError(refusal(device, error)) from None
         stack.callback(between.close)
         stack.enter_context(on_signals(between.stop))
         writer = _book_writer(record, device, controller, form) if record is not None else None
@@ -118,7 +118,7 @@ def _book_writer(record: Path, device: str, controller: str, form: SerialFormat)
         return BookWriter(RecordingWriter(record, metadata, language=create_language(controller)))
 
 
-def _refusal(device: str, error: OSError | ValueError) -> str:
+def refusal(device: str, error: OSError | ValueError) -> str:
     """Why the controller's port cannot be opened, and the ports there are."""
     reason = f"{device}: {getattr(error, 'strerror', None) or error}"
     if isinstance(error, PermissionError) or "Permission denied" in reason:

@@ -29,7 +29,7 @@ from isel_twin.machine import load_machine, with_overrides
 from isel_twin.motion import StepRun, circle, line, trapezoid
 from isel_twin.motion.joined import joined
 from isel_twin.motion.pieces import chain, piece
-from isel_twin.plant import Plant, Threshold
+from isel_twin.plant import Plant, Sampled, Threshold
 from isel_twin.plant.lead import no_leads
 from isel_twin.plant.touch import TARGET, Felt
 
@@ -58,6 +58,8 @@ def warm_up(plant: str, tell: Callable[[str], None] = _log, controllers: Iterabl
         machine = _plant(plant)
         machine.set_power(stages=True, brake_released=True, lowering=True)
         until_ns = 2 * MILLISECOND_NS
+        if isinstance(machine, Sampled):
+            machine.sample_every(MILLISECOND_NS)
         machine.advance(until_ns, *_up_to(until_ns, t_ns, delta))
         if plant == "mujoco":
             limit_rad_s(MOTORS["23HS32-4004S"], Stage(supply_v=48.0, current_a=4.2))

@@ -22,10 +22,10 @@ from __future__ import annotations
 import codecs
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
 from dataclasses import dataclass
 from itertools import takewhile
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.base.crew import Stop
@@ -215,7 +215,7 @@ def play(
             yield look(twin, line, line.condition, last)
             continue
         sent = Sent(twin, line)
-        complete = _converse(twin, line, timeout_s, stop)
+        complete = converse(twin, line, timeout_s, stop)
         last = sent.result(complete, twin.read(), timeout_s)
         yield last
         if ends_job(line, last):
@@ -364,7 +364,37 @@ class Wait:
     for_ns: int | None = None
 
 
-def conversation(twin: Twin, line: Line) -> Iterator[bytes | int | Wait]:
+class Partner(Protocol):
+    """What lines are sent to: a twin, in virtual time, or a real controller, in real time."""
+
+    @property
+    def time_ns(self) -> int: ...
+
+    @property
+    def idle(self) -> bool:
+        """True if everything sent is answered and nothing more is under way."""
+
+    @property
+    def commands_due(self) -> int: ...
+
+    @property
+    def fault(self) -> bool: ...
+
+    @property
+    def steps_made(self) -> Sized: ...
+
+    @property
+    def unfinished(self) -> str: ...
+
+    @property
+    def events_left(self) -> int: ...
+
+    def write(self, data: bytes) -> None: ...
+
+    def run_until(self, time_ns: int, stop: Stop | None = None) -> None: ...
+
+
+def conversation(twin: Partner, line: Line) -> Iterator[bytes | int | Wait]:
     """What is to be done for a line, each when the one before is over: bytes to send, nanoseconds to let pass, waits.
     If one of these ends in vain, the line is not over, and no more is done for it."""
     end_ns = None
@@ -383,7 +413,7 @@ def conversation(twin: Twin, line: Line) -> Iterator[bytes | int | Wait]:
         yield Wait(lambda: twin.idle, lambda: twin.idle)
 
 
-def _converse(twin: Twin, line: Line, timeout_s: float, stop: Stop | None) -> bool:
+def converse(twin: Partner, line: Line, timeout_s: float, stop: Stop | None) -> bool:
     """Send a line and wait until it is over; return whether it is."""
 
     def stopped() -> bool:
@@ -404,11 +434,11 @@ def _converse(twin: Twin, line: Line, timeout_s: float, stop: Stop | None) -> bo
     return True
 
 
-def _over(twin: Twin) -> bool:
+def _over(twin: Partner) -> bool:
     """True if a program that this line has started must end now."""
     return twin.fault or not twin.steps_made or not twin.unfinished
 
 
-def _stands(twin: Twin) -> bool:
+def _stands(twin: Partner) -> bool:
     """True if it waits and nothing can continue it, such as a later scenario event that presses Start (bwo900/76)."""
     return not _over(twin) and not twin.events_left

@@ -92,17 +92,28 @@ def squared_radius(d: int, xs: int, ys: int, rx: int, ry: int) -> int:
     rounding down a point of the circle can move it.
     """
     x, y, y_slip = xs + (rx - ry) // 2, ys + (rx + ry) // 2, ys + (rx - ry) // 2
-    printed, slipped = (rx * ry * (2 * d + rx * abs(x) * (x + 1) - ry * abs(n) * (n + 1)) for n in (y, y_slip))
-    meant = rx * ry * (2 * d + rx * x * (abs(x) + 1) - ry * y * (abs(y) + 1))
+    sense, twice, along_x = rx * ry, 2 * d, rx * abs(x) * (x + 1)
     start = math.hypot(xs, ys)
     radii = []
-    for r2, handicap in ((printed, 0.0), (meant, HANDICAP), (slipped, HANDICAP)):
-        n = math.isqrt(max(r2 + 1, 0))
-        if abs(n * n - r2) <= 1 and _rounds_to(n, xs, ys):
-            radii.append((abs(n - start) + handicap, n))
+    printed = sense * (twice + along_x - ry * abs(y) * (y + 1))
+    if (n := _whole_root(printed)) is not None and _rounds_to(n, xs, ys):
+        if abs(n - start) < HANDICAP:
+            return n * n  # no other one is nearer
+        radii.append((abs(n - start), n))
+    meant = sense * (twice + rx * x * (abs(x) + 1) - ry * y * (abs(y) + 1))
+    slipped = sense * (twice + along_x - ry * abs(y_slip) * (y_slip + 1))
+    for r2 in (meant, slipped):
+        if (n := _whole_root(r2)) is not None and _rounds_to(n, xs, ys):
+            radii.append((abs(n - start) + HANDICAP, n))
     if radii:
         return min(radii)[1] ** 2
     return min(max(meant, math.floor(max(start - 1.5, 0.0) ** 2)), math.ceil((start + 1.5) ** 2))
+
+
+def _whole_root(square: int) -> int | None:
+    """The whole number whose square this misses by 1 at most."""
+    n = math.isqrt(max(square + 1, 0))
+    return n if abs(n * n - square) <= 1 else None
 
 
 def _rounds_to(radius: int, x: int, y: int) -> bool:

@@ -28,6 +28,7 @@ from isel_twin.drives.stage import AnyStage
 from isel_twin.machine import Machine
 from isel_twin.plant import Collision, Threshold, lead
 from isel_twin.plant.lead import all_behind, begin, behind, no_leads
+from isel_twin.plant.path_samples import PathSamples
 from isel_twin.plant.settling import Settling
 
 if TYPE_CHECKING:
@@ -234,7 +235,7 @@ def _of_carriages(delta: NDArray[Any]) -> NDArray[Any]:
     return np.pad(delta, ((0, 0), (0, missing))) if missing > 0 else delta[:, : len(CARRIAGES)]
 
 
-class KinematicPlant:
+class KinematicPlant(PathSamples):
     """Implements `isel_twin.plant.Plant` without physics: nothing lags, forces, brake and phases have no effect."""
 
     physics = False
@@ -243,6 +244,7 @@ class KinematicPlant:
         self, machine: Machine, thresholds: Sequence[Threshold], start_mm: NDArray[np.float64], axes: int = 4
     ) -> None:
         """start_mm [3]: carriages, in machine coordinates. axes: number of the controller's axes."""
+        super().__init__()
         self.time_ns = 0
         self.edge = False
         self._start_mm = np.array(start_mm, dtype=np.float64)
@@ -288,6 +290,14 @@ class KinematicPlant:
         )
 
     def advance(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any], lead_ns: int = 0) -> int:
+        if self._sample_ns > until_ns:
+            return self._advance(until_ns, t_ns, delta, lead_ns)
+        before = self._before()
+        reached = self._advance(until_ns, t_ns, delta, lead_ns)
+        self._sample(before, t_ns, delta, lead_ns)
+        return reached
+
+    def _advance(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any], lead_ns: int) -> int:
         if self._felt is None:
             return self._go(until_ns, t_ns, delta, lead_ns)
         path, here_mm = self._along_path(until_ns, t_ns, delta, lead_ns), self.position_mm
@@ -546,6 +556,7 @@ class KinematicPlant:
         if self._along is not None:
             self._along.begun, touching = state["contact"]
             self._along.touching = touching.copy()
+        self._aim()
 
     @property
     def _kept(self) -> tuple[NDArray[Any], ...]:

@@ -74,5 +74,5 @@ def _held(time_ns: NDArray[np.int64], changes: Sequence[Change]) -> pa.Array:
     last = np.searchsorted(np.array([change.time_ns for change in changes]), time_ns, side="right") - 1
     text = any(isinstance(change.value, str) for change in changes)
     values: list[Any] = [str(change.value) if text else change.value for change in changes]
-    held = [values[index] if index >= 0 else None for index in last.tolist()]
-    return pa.array(held, type=pa.string() if text else pa.int64())
+    known = pa.array(values, type=pa.string() if text else pa.int64())
+    return known.take(pa.array(last, mask=last < 0))

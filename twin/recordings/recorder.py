@@ -5,6 +5,9 @@ is full, the recording ends and the machine goes on.
     time    0      1 ms    2 ms         3 ms
     sample  |       |       |    |       |
                                  limit_x2 struck
+
+The plant takes the samples of the grid (twin/core/sampling.py). It takes none while nothing moves: the last one is
+written again for each time of the grid.
 """
 
 from __future__ import annotations
@@ -23,9 +26,12 @@ from isel_twin.core.journal import in_words
 from isel_twin.core.told import StateError
 
 if TYPE_CHECKING:
+    from isel_twin.core.sampling import TwinSamples
     from isel_twin.core.twin import Twin
 
 BUFFER = 4096  # samples kept before they go to the file
+PIECE = 65_536  # samples that are made of one that is held, at a time
+MOST_LOOKS = 100  # most samples at changes that wait for those of the grid, to be put in order together
 log = logging.getLogger("isel_twin")
 
 
@@ -74,16 +80,21 @@ class Recorder:
         self.changes: list[Change] = []
         self.axes = len(twin.counts)
         self.dtype = sample_dtype(self.axes)
-        self.ended = False  # True after a full disk: nothing more is recorded
+        self._ended = False
         self.counters_set_ns: list[int] = []  # times at which counters were set: the jump of positions is no motion
         self.events: list[tuple[int, str, str]] = []
         """(time in ns, kind, in words) of what a scenario or somebody did, and remarks."""
         self._last: dict[str, dict[str, int | str]] = {"level": {}, "input": {}, "output": {}}
-        self._buffer = np.empty(BUFFER, dtype=self.dtype)
-        self._buffered = self._stored = 0
+        self._twin, self._interval_ns = twin, interval_ns
+        self._kept = [np.empty(0, dtype=self.dtype)]  # samples that are not in the file
+        self._buffered = self._stored = 0  # samples kept and in the file
         self._file = tempfile.TemporaryFile()  # noqa: SIM115  (closed by close())
+        self._looks: list[tuple[Any, ...]] = []  # samples at changes, since the last ones of the grid
+        self._held = np.array([self._now()], dtype=self.dtype)  # the last one that the plant took
+        self._grid_ns = (twin.time_ns // interval_ns + 1) * interval_ns  # the next time of the grid
         twin.listen(self._hear)
-        twin.observe(self._look, interval_ns)
+        self._sampler = twin.sample(self._take, interval_ns)
+        twin.observe(self._look, interval_ns if self._sampler is None else None)
 
     def __enter__(self) -> Recorder:
         return self
@@ -92,15 +103,27 @@ class Recorder:
         self.close()
 
     def close(self) -> None:
+        if self._sampler is not None:
+            self._twin.sample_no_more(self._take)
+            self._sampler = None
         self._file.close()
 
+    @property
+    def ended(self) -> bool:
+        """True after a full disk: nothing more is recorded."""
+        self._catch_up()
+        return self._ended
+
     def __len__(self) -> int:
+        self._catch_up()
         return self._stored + self._buffered
 
     def _hear(self, time_ns: int, kind: str, what: Any) -> None:
         if kind == "counter":
             if not self.counters_set_ns or self.counters_set_ns[-1] != time_ns:
                 self.counters_set_ns.append(time_ns)
+            if self._sampler is not None and time_ns % self._interval_ns == 0 and not self._ended:
+                self._looks.append(self._now())  # the plant took its sample in the old zero
         elif kind == "restored" and not self._file.closed:
             raise StateError("a twin that is being recorded cannot go to another time; close its recording before")
         elif kind == "collision":
@@ -109,33 +132,85 @@ class Recorder:
         elif kind in ("scenario", "operated", "remark") and what != {"watch_margin": True}:
             self.events.append((time_ns, kind, in_words(what)))
 
+    def _now(self) -> tuple[Any, ...]:
+        twin = self._twin
+        return twin.time_ns, twin.counts, twin.position_mm, twin.lost_steps
+
     def _look(self, twin: Twin) -> None:
-        time_ns = twin.time_ns
-        again = self._buffered > 0 and self._buffer["time_ns"][self._buffered - 1] == time_ns
-        if self.ended or (self._buffered == BUFFER and not again and not self._store()):
+        if self._ended:
             return
-        if not again:  # the last of several samples at one instant counts
-            self._buffered += 1
-        self._buffer[self._buffered - 1] = (time_ns, twin.counts, twin.position_mm, twin.lost_steps)
+        self._looks.append(self._now())
+        if len(self._looks) >= MOST_LOOKS:
+            self._catch_up()
         for group, values in (("level", twin.levels), ("input", twin.inputs), ("output", twin.outputs)):
             changed = changes(self._last[group], values)
-            self.changes += [Change(time_ns, group, name, value) for name, value in changed.items()]
+            self.changes += [Change(twin.time_ns, group, name, value) for name, value in changed.items()]
 
-    def _store(self) -> bool:
-        """Move the buffer to the file. False if there is no room for it, which ends the recording."""
+    def _take(self, samples: TwinSamples) -> None:
+        rows = np.empty(len(samples.time_ns), dtype=self.dtype)
+        for name in self.dtype.names or ():
+            rows[name] = getattr(samples, name)
+        self._go_on(rows)
+
+    def _catch_up(self) -> None:
+        """Keep all samples to the present."""
+        if self._sampler is not None:
+            self._sampler.hand_on()
+        self._go_on(self._held[:0])
+
+    def _go_on(self, taken: NDArray[np.void]) -> None:
+        """Keep the samples of the grid to the present, of which the plant has taken these, and those at changes."""
+        known = np.concatenate([self._held, taken])
+        self._held = known[-1:]
+        looks, self._looks = np.array(self._looks, dtype=self.dtype), []
+        now_ns, every = self._twin.time_ns, self._interval_ns
+        while not self._ended:
+            last_ns = min(now_ns, self._grid_ns + (PIECE - 1) * every)
+            rows = looks[:0]
+            if self._sampler is not None and self._grid_ns <= last_ns:
+                grid_ns = np.arange(self._grid_ns, last_ns + 1, every, dtype=np.int64)
+                self._grid_ns = int(grid_ns[-1]) + every
+                rows = known[np.searchsorted(known["time_ns"], grid_ns, side="right") - 1]
+                rows["time_ns"] = grid_ns
+            else:
+                last_ns = now_ns
+            due = int(np.searchsorted(looks["time_ns"], last_ns, side="right"))
+            self._keep(np.concatenate([rows, looks[:due]]))
+            looks = looks[due:]
+            if last_ns == now_ns:
+                return
+
+    def _keep(self, rows: NDArray[np.void]) -> None:
+        """Keep rows in the order of time; the last of several samples at one instant counts."""
+        if not len(rows):
+            return
+        rows = np.concatenate([self._kept[-1][-1:], rows])
+        self._kept[-1] = self._kept[-1][:-1]
+        rows = rows[np.argsort(rows["time_ns"], kind="stable")]
+        rows = rows[np.append(np.diff(rows["time_ns"]) != 0, True)]
+        self._kept.append(rows)
+        self._buffered = sum(len(part) for part in self._kept)
+        if self._buffered > BUFFER:
+            self._store()
+
+    def _store(self) -> None:
+        """Move what is kept to the file, but for the last sample. No room for it ends the recording."""
+        rows = np.concatenate(self._kept)
         try:
-            self._buffer.tofile(self._file)
+            rows[:-1].tofile(self._file)
         except OSError:  # numpy does not give the reason
-            self.ended = True
-            now_s, folder = self._buffer["time_ns"][-1] / 1e9, tempfile.gettempdir()
+            self._ended = True
+            rows = rows[:BUFFER]
+            self._kept, self._buffered = [rows], len(rows)
+            now_s, folder = rows["time_ns"][-1] / 1e9, tempfile.gettempdir()
             log.error("the recording ends at %.3f s: no room for it in %s", now_s, folder)
-            return False
-        self._stored += BUFFER
-        self._buffered = 0
-        return True
+            return
+        self._stored += len(rows) - 1
+        self._kept, self._buffered = [rows[-1:].copy()], 1
 
     def samples(self, size: int = 65_536) -> Iterator[NDArray[np.void]]:
         """All samples so far in pieces of at most `size`, dtype `sample_dtype(axes)`, in the order of time."""
+        self._catch_up()
         self._file.seek(0)
         remaining = self._stored
         while remaining:
@@ -143,8 +218,9 @@ class Recorder:
             remaining -= len(piece)
             yield piece
         self._file.seek(0, 2)
-        for first in range(0, self._buffered, size):
-            yield self._buffer[first : min(first + size, self._buffered)].copy()
+        kept = np.concatenate(self._kept)
+        for first in range(0, len(kept), size):
+            yield kept[first : first + size]
 
     def names(self) -> list[tuple[str, str]]:
         """(group, name) of everything that had a value, group by group."""

@@ -29,12 +29,15 @@ drive reaches the value shown during the time after it.
 from __future__ import annotations
 
 import heapq
+import itertools
 import os
 from bisect import bisect_left
 from collections.abc import Iterator
 from operator import itemgetter
-from typing import Any
+from typing import IO, Any
 
+import numpy as np
+from numpy.typing import NDArray
 from vcd import VCDWriter
 
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
@@ -53,6 +56,7 @@ PINS = {
 CLOCK = "clock_signals"
 CHUNK = 1 << 16  # ticks expanded at a time
 _Entry = tuple[int, str, int | float | str]  # (time in ns, name of the signal, new value)
+_Edges = tuple[NDArray[np.int64], NDArray[np.int64]]  # times in ns, rising, and what changes, as in `_edge_names`
 
 
 def write_vcd(path: str | os.PathLike[str], steps: Steps, recorder: Samples) -> None:
@@ -93,23 +97,55 @@ def write_vcd(path: str | os.PathLike[str], steps: Steps, recorder: Samples) -> 
         if ("output", CLOCK) in recorder.names():
             for pin in PINS.values():
                 add("connector", pin, "wire", 0)
-        streams = [_pulses(steps, doubled), _samples(recorder), _changes(recorder.changes, texts)]
+        streams = [_samples(recorder), _changes(recorder.changes, texts)]
         if led:
             streams.append(_commands(steps))
         if ("output", CLOCK) in recorder.names():
-            streams.append(_connector(_pulses(steps, doubled), recorder.changes))
-        change = writer.change
-        for time, name, value in heapq.merge(*streams, key=itemgetter(0)):
-            change(signals[name], time, value)
+            streams.append(_connector(_pulses(steps, doubled), steps.axes, recorder.changes))
+        _write(file, writer, signals, _pulses(steps, doubled), steps.axes, heapq.merge(*streams, key=itemgetter(0)))
 
 
-def _ticks(steps: Steps, every: bool) -> Iterator[tuple[int, list[int]]]:
-    """Time and changes of each tick; those of set points only if `every`."""
-    for motion in steps.motions:
-        if every or not motion.lead_ns:
-            for k in range(motion.first, motion.last, CHUNK):
-                t_ns, delta = motion.window(k, min(k + CHUNK, motion.last))
-                yield from zip(t_ns.tolist(), delta.tolist(), strict=True)
+def _write(
+    file: IO[str],
+    writer: VCDWriter,
+    signals: dict[str, Any],
+    pulses: Iterator[_Edges],
+    axes: int,
+    others: Iterator[_Entry],
+) -> None:
+    """Write edges, of which there are millions, block by block, and all else between them.
+
+    The library writes the head and formats values; its check of each change would take most of the time.
+    """
+    entry = next(others, None)
+    while entry is not None and entry[0] <= 0:  # the values at power-on stand in the head
+        writer.change(signals[entry[1]], entry[0], entry[2])
+        entry = next(others, None)
+    writer.flush()
+    kinds = [signals.get(name) for name in _edge_names(axes)]
+    lines = np.array([kind and kind.format_value(value) for kind in kinds for value in (0, 1)], dtype=object)
+    written_ns = 0
+    nothing = np.empty(0, dtype=np.int64)
+    for edge_ns, codes in itertools.chain(pulses, [(nothing, nothing)]):
+        until_ns = int(edge_ns[-1]) if len(edge_ns) else None  # the next block may begin at that time
+        times: list[int] = []
+        texts: list[str] = []
+        while entry is not None and (until_ns is None or entry[0] < until_ns):
+            time_ns, name, value = entry
+            signal = signals[name]
+            if value != signal.value:
+                signal.value = value
+                times.append(time_ns)
+                texts.append(signal.format_value(value))
+            entry = next(others, None)
+        all_ns = np.concatenate([edge_ns, np.array(times, dtype=np.int64)])
+        order = np.argsort(all_ns, kind="stable")
+        all_ns = all_ns[order]
+        new = np.diff(all_ns, prepend=written_ns) != 0
+        text = np.concatenate([lines[codes], np.array(texts, dtype=object)])[order]
+        rows = zip(all_ns.tolist(), text.tolist(), new.tolist(), strict=True)
+        file.writelines([f"#{time_ns}\n{line}\n" if first else f"{line}\n" for time_ns, line, first in rows])
+        written_ns = int(all_ns[-1]) if len(all_ns) else written_ns
 
 
 def _doubled(steps: Steps) -> bool:
@@ -118,44 +154,71 @@ def _doubled(steps: Steps) -> bool:
     return any(bool((abs(delta) > 1).any()) for chunks in pieces for _, delta in chunks)
 
 
-def _pulses(steps: Steps, doubled: bool) -> Iterator[_Entry]:
+def _edge_names(axes: int) -> list[str]:
+    """Signals of edges; edge 2 k sets signal k to 0, edge 2 k + 1 sets it to 1."""
+    return [f"{kind}_{axis}" for kind in ("step", "dir", "full") for axis in AXIS_NAMES[:axes]]
+
+
+def _pulses(steps: Steps, doubled: bool) -> Iterator[_Edges]:
     """Rising and falling edges of step, with the direction before them and, if `doubled`, the steps of a pulse."""
-    minus = [False] * steps.axes
-    full = [False] * steps.axes
-    high: list[int] = []
-    rose = 0
-    for time, changes in _ticks(steps, every=False):
-        new = [axis for axis, change in enumerate(changes) if change]
-        room = time - rose >= 2
-        middle = (rose + time) // 2 if room else time
-        kept = [] if room else [axis for axis in high if axis in new or time == rose]
-        for axis in high:
-            if axis not in kept:
-                yield min(rose + PULSE_NS, middle), f"step_{AXIS_NAMES[axis]}", 0
-        for axis in new:
-            if minus[axis] != (changes[axis] < 0):
-                minus[axis] = changes[axis] < 0
-                yield max(time - SETUP_NS, middle), f"dir_{AXIS_NAMES[axis]}", int(minus[axis])
-            if doubled and full[axis] != (abs(changes[axis]) > 1):
-                full[axis] = not full[axis]
-                yield max(time - SETUP_NS, middle), f"full_{AXIS_NAMES[axis]}", int(full[axis])
-        for axis in new:
-            if axis not in kept:
-                yield time, f"step_{AXIS_NAMES[axis]}", 1
-        high = new + [axis for axis in kept if axis not in new]
-        rose = time
-    for axis in high:
-        yield rose + PULSE_NS, f"step_{AXIS_NAMES[axis]}", 0
+    axes = steps.axes
+    minus, full, high = (np.zeros(axes, dtype=np.bool_) for _ in range(3))  # as the tick before left them
+    rose_ns = 0
+    step, direction, width = (2 * (np.arange(axes) + k * axes) for k in range(3))
+    for t_ns, delta in _windows(steps):
+        new = delta != 0
+        before_ns = np.concatenate([[rose_ns], t_ns[:-1]])
+        room = t_ns - before_ns >= 2
+        middle_ns = np.where(room, (before_ns + t_ns) // 2, t_ns)
+        set_ns = np.maximum(t_ns - SETUP_NS, middle_ns)
+        fall_ns = np.minimum(before_ns + PULSE_NS, middle_ns)
+        is_high, kept = np.concatenate([high[None], new]), np.zeros_like(new)
+        for k in np.flatnonzero(~room):
+            kept[k] = is_high[k] & (new[k] | (t_ns[k] == before_ns[k]))
+            is_high[k + 1] |= kept[k]
+        is_minus, is_full = _last(delta < 0, new, minus), _last(np.abs(delta) > 1, new, full)
+        turns, widens = is_minus[1:] != is_minus[:-1], is_full[1:] != is_full[:-1]
+        shape = (len(t_ns), axes)
+        columns = (
+            (is_high[:-1] & ~kept, fall_ns, np.broadcast_to(step, shape)),
+            (turns, set_ns, direction + is_minus[1:]),
+            (widens if doubled else np.zeros_like(widens), set_ns, width + is_full[1:]),
+            (new & ~kept, t_ns, np.broadcast_to(step + 1, shape)),
+        )
+        there = np.concatenate([happens for happens, _, _ in columns], axis=1)
+        times_ns = np.concatenate([np.broadcast_to(at_ns[:, None], shape) for _, at_ns, _ in columns], axis=1)
+        yield times_ns[there], np.concatenate([codes for _, _, codes in columns], axis=1)[there]
+        minus, full, high, rose_ns = is_minus[-1], is_full[-1], is_high[-1], int(t_ns[-1])
+    falling = step[high]
+    if len(falling):
+        yield np.full(len(falling), rose_ns + PULSE_NS), falling
 
 
-def _connector(pulses: Iterator[_Entry], changes: list[Change]) -> Iterator[_Entry]:
+def _windows(steps: Steps) -> Iterator[tuple[NDArray[np.int64], NDArray[Any]]]:
+    """Times and changes of ticks that are pulses."""
+    for motion in steps.motions:
+        if not motion.lead_ns:
+            for k in range(motion.first, motion.last, CHUNK):
+                yield motion.window(k, min(k + CHUNK, motion.last))
+
+
+def _last(values: NDArray[np.bool_], told: NDArray[np.bool_], first: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """bool [n + 1, axes], the last value of each axis that was told before, or the first one."""
+    row = np.maximum.accumulate(np.where(told, np.arange(1, len(told) + 1)[:, None], 0), axis=0)
+    held = np.take_along_axis(np.concatenate([first[None], values]), row, axis=0)
+    return np.concatenate([first[None], held])
+
+
+def _connector(pulses: Iterator[_Edges], axes: int, changes: list[Change]) -> Iterator[_Entry]:
     """The pulses and directions that leave by the socket: those made while clock signals are chosen."""
+    names = _edge_names(axes)
     switched = [(change.time_ns, change.value) for change in changes if change.name == CLOCK]
     times = [time for time, _ in switched]
     high: set[str] = set()
-    for time, name, value in pulses:
+    edges = (edge for block in pulses for edge in zip(*(part.tolist() for part in block), strict=True))
+    for time, code in edges:
         at = bisect_left(times, time) - 1  # a tick at that instant was made before
-        pin = PINS.get(name)
+        pin, value = PINS.get(names[code // 2]), code % 2
         if pin is not None and (pin in high or (at >= 0 and switched[at][1])):
             (high.add if value else high.discard)(pin)
             yield time, pin, value
@@ -163,22 +226,29 @@ def _connector(pulses: Iterator[_Entry], changes: list[Change]) -> Iterator[_Ent
 
 def _commands(steps: Steps) -> Iterator[_Entry]:
     command = [0] * steps.axes
-    for time, changes in _ticks(steps, every=True):
-        for axis, change in enumerate(changes):
-            if change:
-                command[axis] += change
-                yield time, f"command_{AXIS_NAMES[axis]}", command[axis]
+    for t_ns, delta in steps.chunks(CHUNK):
+        for time, changes in zip(t_ns.tolist(), delta.tolist(), strict=True):
+            for axis, change in enumerate(changes):
+                if change:
+                    command[axis] += change
+                    yield time, f"command_{AXIS_NAMES[axis]}", command[axis]
 
 
 def _samples(recorder: Samples) -> Iterator[_Entry]:
+    """Values of samples that are not those of the sample before."""
+    axes = AXIS_NAMES[: recorder.axes]
+    names = [name for axis in axes for name in (f"count_{axis}", f"lost_{axis}_steps")]
+    names += [f"position_{axis}_mm" for axis in CARRIAGES]
     for piece in recorder.samples():
-        columns = (piece[name].tolist() for name in ("time_ns", "counts", "position_mm", "lost_steps"))
-        for time, counts, position_mm, lost_steps in zip(*columns, strict=True):
-            for axis, count, lost in zip(AXIS_NAMES, counts, lost_steps, strict=False):
-                yield time, f"count_{axis}", count
-                yield time, f"lost_{axis}_steps", lost
-            for axis, position in zip(CARRIAGES, position_mm, strict=True):
-                yield time, f"position_{axis}_mm", position
+        columns = [piece[field][:, i] for i in range(len(axes)) for field in ("counts", "lost_steps")]
+        columns += list(piece["position_mm"].T)
+        changed = np.ones((len(piece), len(columns)), dtype=np.bool_)
+        for k, column in enumerate(columns):
+            changed[1:, k] = column[1:] != column[:-1]
+        rows, signals = np.nonzero(changed)
+        times, values = piece["time_ns"].tolist(), [column.tolist() for column in columns]
+        for row, k in zip(rows.tolist(), signals.tolist(), strict=True):
+            yield times[row], names[k], values[k][row]
 
 
 def _changes(changes: list[Change], texts: set[tuple[str, str]]) -> Iterator[_Entry]:

@@ -84,10 +84,10 @@ def test_a_failing_job_leaves_the_next_one_alone() -> None:
 
 @pytest.mark.parametrize("waits_for_room", [True, False])
 def test_the_rest_of_a_failing_job_that_a_full_memory_has_started_is_discarded(waits_for_room: bool) -> None:
-    """81 KB: the second vector fails while the rest waits for room in the memory, or before it is sent."""
+    """84 KB: the second vector fails while the rest waits for room in the memory, or before it is sent."""
     desk = referenced("#R0")
     mark, replies = desk.ticks, []
-    for command in ["L1,x5", "L1,x8388607"] + ["L1,x1,y1"] * 9000:
+    for command in ["L1,x5", "L1,x8388607"] + ["L1,x1,y1".ljust(27)] * 3000:
         desk.start(command)
         replies.append(desk.read())
         if waits_for_room and replies[-1] == FULL:
@@ -97,7 +97,7 @@ def test_the_rest_of_a_failing_job_that_a_full_memory_has_started_is_discarded(w
     replies.append(desk.finish())
     text = "".join(replies)
     assert desk.steps_since(mark).total == (5, 0, 0, 0)
-    assert (text.count("\x02"), text.endswith(DONE), len(text.replace(DONE, "").replace(FULL, ACK))) == (2, True, 9003)
+    assert (text.count("\x02"), text.endswith(DONE), len(text.replace(DONE, "").replace(FULL, ACK))) == (2, True, 3003)
     assert status(desk) == "001000"
     assert moved(desk, "L1,z10").total == (0, 0, 10, 0)
 
@@ -155,9 +155,9 @@ def test_a_job_queued_behind_a_running_one() -> None:
 
 @pytest.mark.parametrize("waits_for_answers", [True, False])
 def test_nothing_is_lost_when_the_host_sends_more_than_the_memory_holds(waits_for_answers: bool) -> None:
-    """12000 commands of 7 bytes, 84 KB. A rude host does not wait for answers; each is given once, in order."""
+    """3000 commands of 28 bytes, 84 KB. A rude host does not wait for answers; each is given once, in order."""
     desk = referenced("#R0", "#E1,5000")
-    mark, replies, commands = desk.ticks, [], [f"L1,x{k % 2}" for k in range(12_000)]
+    mark, replies, commands = desk.ticks, [], [f"L1,x{k % 2}".ljust(27) for k in range(3000)]
     for command in commands:
         desk.start(command)
         if waits_for_answers:
@@ -167,7 +167,7 @@ def test_nothing_is_lost_when_the_host_sends_more_than_the_memory_holds(waits_fo
     desk.send(b"\x01")
     replies.append(desk.finish())
     text = "".join(replies)
-    assert desk.steps_since(mark).total == (6000, 0, 0, 0)
+    assert desk.steps_since(mark).total == (1500, 0, 0, 0)
     assert FULL in text
     assert text.endswith(DONE)
     assert text.replace(DONE, "").replace(FULL, ACK) == ACK * len(commands)
@@ -198,21 +198,21 @@ def test_a_pause_counts_as_idle_whatever_waits() -> None:
 
 
 def test_lines_beyond_the_receive_queue_are_lost_with_their_job() -> None:
-    """64 KB of memory and 64 KB of queue hold at most 21845 commands of 6 bytes; those after them leave no trace."""
+    """64 KB of memory and 64 KB of queue hold at most 4096 commands of 32 bytes; those after them leave no trace."""
     desk = referenced("#R0", "#E1,5000")
-    mark = desk.ticks
+    mark, line = desk.ticks, b"L1,x1" + b" " * 26 + b"\r"
     desk.start("@A")
     desk.read()
-    desk.send(b"L1,x1\r" * 21_700)
+    desk.send(line * 4070)
     assert not desk.controller.fault
-    desk.send(b"L1,x1\r" * 20_000)
+    desk.send(line * 3750)
     assert desk.controller.fault
     desk.send(b"L1,y1\r" * 1000 + b"L1,y1\x01")
     desk.start("@C")
     answers = desk.finish().replace(DONE, "").replace(FULL, ACK)
-    assert 21_700 < len(answers) - len(ACK) <= 21_845  # one is that of @C
+    assert 4070 < len(answers) - len(ACK) <= 4096  # one is that of @C
     assert desk.steps_since(mark).total[1:] == (0, 0, 0)
-    assert 65_536 // 6 - 128 // 6 - 1 <= desk.ticks - mark <= 21_845  # what full memories have started is made
+    assert 65_536 // 32 - 128 // 32 - 1 <= desk.ticks - mark <= 4096  # what full memories have started is made
     desk.send(b"L1,y9\x01")
     assert desk.finish() == ACK + DONE
     assert desk.steps_since(mark).total[1:] == (0, 0, 0)  # the loss took the 01h too: this was still the same job

@@ -47,7 +47,8 @@ class Bwo900Commands:
         self._outputs = outputs
         self._number = 0
         self._plane: int = G.PLANE_XY
-        self._feed = ""
+        self._mm_s = 0.0
+        self._feed = ""  # as it is written: small changes are none
         self._cooled: set[int] = set()
 
     def _block(self, words: str) -> str:
@@ -67,6 +68,9 @@ class Bwo900Commands:
         return words + f" Z{_number(to[2] / self._z)}" if steps[2] else words
 
     def _fed(self, mm_s: float) -> str:
+        if mm_s == self._mm_s:
+            return ""
+        self._mm_s = mm_s
         feed = _number(mm_s * MINUTE_S)
         if feed == self._feed:
             return ""

@@ -139,7 +139,8 @@ def _parameters(turn: Turn) -> tuple[int, ...] | None:
     rx, ry = _senses(xs, ys * sign)
     ry *= sign
     mean = (turn.radius_mm + turn.spread_mm / 2.0) * turn.per_mm
-    for r in sorted({math.floor(mean), math.ceil(mean), round(math.hypot(xs, ys))}, key=lambda r: abs(r - mean)):
+    near = round(mean)
+    for r in (near, math.floor(mean) + math.ceil(mean) - near, round(math.hypot(xs, ys))):
         d = (rx * ry * (r * r - xs * (xs + rx) - ys * (ys + ry))) // 2
         read = squared_radius(d, xs, ys, rx, ry) if sign > 0 else squared_radius(d, ys, xs, ry, rx)
         if read == r * r:

@@ -13,12 +13,11 @@ import json
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 from urllib.parse import quote
 from xml.etree import ElementTree
 
 from isel_twin.base.units import SECOND_NS
-from isel_twin.jobs.checks.job import Report
 from isel_twin.jobs.checks.rules import RULES, Finding
 from isel_twin.version import VERSION
 
@@ -26,12 +25,47 @@ from isel_twin.version import VERSION
 _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
+class Outcome(Protocol):
+    """What the formats tell of a verdict."""
+
+    @property
+    def commands(self) -> int: ...
+
+    @property
+    def cycle_s(self) -> float: ...
+
+    @property
+    def least_margin(self) -> float | None: ...
+
+    def summary(self) -> dict[str, Any]: ...
+
+
+class Told(Protocol):
+    """A report on a job: of a twin (job.py), or of a real controller (bridge/tap/real_job.py)."""
+
+    @property
+    def job(self) -> str: ...
+
+    @property
+    def ok(self) -> bool: ...
+
+    @property
+    def findings(self) -> Sequence[Finding]: ...
+
+    @property
+    def verdict(self) -> Outcome: ...
+
+    @property
+    def unseen(self) -> Sequence[str]:
+        """Rules and conditions that were not looked at."""
+
+
 def where(finding: Finding) -> str:
     time = "" if finding.time_ns is None else f"at {finding.time_ns / SECOND_NS:.3f} s"
     return ", ".join(part for part in (finding.place, time) if part)
 
 
-def as_words(report: Report) -> str:
+def as_words(report: Told) -> str:
     """For the terminal: the verdict in a line, and a line for each finding."""
     verdict = report.verdict
     least = verdict.least_margin
@@ -41,7 +75,13 @@ def as_words(report: Report) -> str:
     for finding in report.findings:
         warning, place = "warning " if finding.warning else "", where(finding)
         rows.append(f"  {warning}{finding.rule:<10} {f'{place}: ' if place else ''}{finding.message}")
+    if report.unseen:
+        rows.append(f"  {_unseen(report)}")
     return "\n".join(rows)
+
+
+def _unseen(report: Told) -> str:
+    return f"not looked at: {', '.join(report.unseen)}"
 
 
 def _in_words(finding: Finding) -> str:
@@ -49,7 +89,7 @@ def _in_words(finding: Finding) -> str:
     return f"{finding.rule}: {finding.message}{f' ({place})' if place else ''}"
 
 
-def junit(reports: Sequence[Report]) -> str:
+def junit(reports: Sequence[Told]) -> str:
     """JUnit XML. Times are those of the machine, from the first command to the end of the last one."""
     failures = sum(not report.ok for report in reports)
     time_s = f"{sum(report.verdict.cycle_s for report in reports):.3f}"
@@ -63,8 +103,9 @@ def junit(reports: Sequence[Report]) -> str:
         if wrong := [finding for finding in report.findings if not finding.warning]:
             failure = {"type": wrong[0].rule, "message": _xml(_in_words(wrong[0]))}
             ElementTree.SubElement(case, "failure", failure).text = _xml("\n".join(map(_in_words, wrong)))
-        if warnings := [finding for finding in report.findings if finding.warning]:
-            ElementTree.SubElement(case, "system-out").text = _xml("\n".join(map(_in_words, warnings)))
+        notes = [_in_words(finding) for finding in report.findings if finding.warning]
+        if notes := [*notes, *([_unseen(report)] if report.unseen else [])]:
+            ElementTree.SubElement(case, "system-out").text = _xml("\n".join(notes))
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
 
@@ -73,7 +114,7 @@ def _xml(text: str) -> str:
     return _NO_XML.sub("?", text)
 
 
-def sarif(reports: Sequence[Report]) -> str:
+def sarif(reports: Sequence[Told]) -> str:
     """SARIF 2.1.0. Paths are those of the call; relative ones start at the root of the sources."""
     rules = [{"id": rule, "shortDescription": {"text": text}} for rule, text in RULES.items()]
     names = list(RULES)
@@ -102,7 +143,7 @@ def _semantic(version: str) -> str:
     return match[0] if match else "0.0.0"
 
 
-def _location(report: Report, finding: Finding) -> dict[str, Any]:
+def _location(report: Told, finding: Finding) -> dict[str, Any]:
     path = Path(report.job)
     uri = path.absolute().as_uri() if path.is_absolute() else quote(path.as_posix())
     line, column = finding.at or (finding.line or 1, 0)
@@ -110,7 +151,7 @@ def _location(report: Report, finding: Finding) -> dict[str, Any]:
     return {"artifactLocation": {"uri": uri}, "region": region}
 
 
-def as_json(report: Report) -> str:
+def as_json(report: Told) -> str:
     """One line: job, ok, findings, and the verdict as `isel-twin run --json` has it."""
     findings = [
         {
@@ -123,10 +164,11 @@ def as_json(report: Report) -> str:
         for finding in report.findings
     ]
     told = {"job": report.job, "ok": report.ok, "cycle_s": report.verdict.cycle_s, "findings": findings}
+    told |= {"not_looked_at": list(report.unseen)} if report.unseen else {}
     return json.dumps({**told, "verdict": report.verdict.summary()})
 
 
-def as_annotations(reports: Iterable[Report]) -> Iterator[str]:
+def as_annotations(reports: Iterable[Told]) -> Iterator[str]:
     """Commands for the log of a GitHub-style runner."""
     for report in reports:
         for finding in report.findings:

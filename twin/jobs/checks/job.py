@@ -46,6 +46,7 @@ class Report:
     findings: tuple[Finding, ...]
     verdict: Verdict
     golden: Golden  # the run, without its call
+    unseen: tuple[str, ...] = ()  # nothing: all of a twin can be seen
 
     @property
     def ok(self) -> bool:
@@ -197,7 +198,7 @@ class Inspection:
     def take(self, result: Result) -> None:
         twin, bounds = self.twin, self.bounds
         self.results.append(result)
-        self._findings += _of_answer(result, bounds)
+        self._findings += of_answer(result, bounds)
         unpowered = int(twin.unpowered_steps.sum())
         if unpowered > self._unpowered:
             made = f"{unpowered - self._unpowered} steps are made while the stages have no power"
@@ -307,7 +308,8 @@ def _placed(finding: Finding, results: Sequence[Result]) -> Finding:
     return replace(finding, at=found[0].at) if found else finding
 
 
-def _of_answer(result: Result, bounds: Bounds) -> list[Finding]:
+def of_answer(result: Result, bounds: Bounds) -> list[Finding]:
+    """What is wrong with the reply to a line, or with a condition."""
     if not result.complete:
         stands = result.why if result.expected is None else ""
         what = f"{result.command}: {stands or f'no complete reply within {bounds.timeout_s:g} s'}"
@@ -341,6 +343,19 @@ def _of_edge(result: Result, bounds: Bounds) -> list[Finding]:
     ]
 
 
+def of_cycle(cycle_s: float, bounds: Bounds, line: int | None, time_ns: int) -> list[Finding]:
+    if bounds.cycle_s is None or cycle_s <= bounds.cycle_s:
+        return []
+    return [Finding("cycle", f"takes {cycle_s:.3f} s; at most {bounds.cycle_s:g} s", line, time_ns)]
+
+
+def of_unsent(unsent: int, line: int | None, time_ns: int) -> list[Finding]:
+    if not unsent:
+        return []
+    many = f"{unsent} line{'s are' if unsent > 1 else ' is'}"
+    return [Finding("unfinished", f"{many} not sent any more", line, time_ns)]
+
+
 def _of_verdict(verdict: Verdict, gone: NDArray[np.bool_], results: Sequence[Result], bounds: Bounds) -> list[Finding]:
     last = results[-1].number if results else None
     found = [
@@ -367,13 +382,9 @@ def _of_verdict(verdict: Verdict, gone: NDArray[np.bool_], results: Sequence[Res
         found.append(Finding("fault", "the flash memory has not kept what was stored"))
     if verdict.flash_fault:
         found.append(Finding("fault", "the flash memory could not be read"))
-    if bounds.cycle_s is not None and verdict.cycle_s > bounds.cycle_s:
-        takes = f"takes {verdict.cycle_s:.3f} s; at most {bounds.cycle_s:g} s"
-        found.append(Finding("cycle", takes, last, verdict.ended_ns))
+    found += of_cycle(verdict.cycle_s, bounds, last, verdict.ended_ns)
     found += [Finding("odd", what, line) for line, what in verdict.odd]
-    if verdict.unsent:
-        many = f"{verdict.unsent} line{'s are' if verdict.unsent > 1 else ' is'}"
-        found.append(Finding("unfinished", f"{many} not sent any more", last, verdict.ended_ns))
+    found += of_unsent(verdict.unsent, last, verdict.ended_ns)
     asked = (("margin", bounds.margin), ("edge", bounds.edge), ("deviation_mm", bounds.deviation_mm))
     if in_vain := [] if verdict.physics else [name for name, bound in asked if bound is not None]:
         found.append(Finding("effect", f"without physics nobody can judge {', '.join(in_vain)}: the plant mujoco does"))

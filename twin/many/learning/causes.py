@@ -104,7 +104,8 @@ def _flash(session: Session, spec: TwinSpec, found: Comparison, *, of_references
         if (solved := search.solve(setting.usual, 0.7 * setting.usual)) is None:
             continue
         value, sigma = search.nearest(round(solved[0])), solved[1]
-        told = f"{name} {value} {setting.unit} in its flash (+- {sigma:.2g}), not {setting.usual}"
+        has = str(setting.usual) if spec.flash is None else "what the twin has in its own"
+        told = f"{name} {value} {setting.unit} in its flash (+- {sigma:.2g}), not {has}"
         line = setting.command.format(value)
         yield Cause(name, told, line, with_value(value), value, sigma, search.evidence)
 

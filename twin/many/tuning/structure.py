@@ -10,7 +10,10 @@ and N follows from one trial. What holds is known only where it has been tried, 
        |  o . . x x      slower in all three than something that held: holds as well, and takes longer
        |  o o o * x      between: the margins of what held say how far it is, by
        +------------ V       torque   1 - m = (c + b a (1 + (f/f_b)^2)) / T(V)      T: closed form of the weakest axis
-                             speed    1 - m = s V / V_lim                         s: Problem.speed_share
+                             speed    1 - m = s V / (V_lim q)                     s: Problem.speed_share
+
+q, which is 1 within a per cent, says how far a rotor swings beyond the top speed at the end of its ramp. That goes up
+and down with the ramp, so it is kriged: near a trial it is what the trial showed, elsewhere the mean of all.
 
 A trial is the place, on a grid of all three, where (time that would be saved) times (chance that it keeps the wanted
 margin) is greatest; each further one of a batch is chosen as if those before had held. (many/11)
@@ -39,7 +42,10 @@ WORTH = 2e-4  # least chance of saving, over the time of the job, for which a tr
 APART = (0.03, 0.12, 0.8)  # logarithm of a setting over another's in the same batch
 FAR = 0.03  # logarithm of a setting over the best one's, below which nothing is gained by halving
 BETWEEN = 3  # most trials of halving in a batch
-HEDGES = (0.5, 1.0, 2.0, 4.0)  # on the torque for acceleration while nothing is known of it
+SWING = 0.005  # standard deviation of q
+ALIKE = (0.02, 0.12, 0.8)  # logarithm of a setting over another's beyond which q is another
+NEAR_MISS = 0.02  # of margin by speed, up to which a trial does not say that more of anything misses as well
+HEDGES = (0.5, 1.0, 2.0, 4.0)  # on the torque for acceleration while no ramp was too steep
 START_HZ = 2000.0  # start-stop frequency at which a start needs twice the torque, before anything is known of it
 
 Grid = NDArray[np.float64]  # [..., 3]: speed_hz, acceleration_hz_per_ms, start_stop_hz
@@ -125,10 +131,12 @@ class Structure:
         points = np.array([self.place(each.values) for each in tried])
         margins = np.array([each.judgement.margin if each.judgement.good else 0.0 for each in tried])
         limit_hz = 0.999 * self._shown_limit_hz(points, margins)  # speeds are whole numbers, margins just kept
-        fastest_hz = {
-            wanted: (1.0 - wanted) / self.problem.speed_share * limit_hz for wanted in (least, least + SURPLUS)
-        }
-        grid = self._grid([*fastest_hz.values()])
+        by_speed_hz = limit_hz / self.problem.speed_share
+        fastest_hz = {wanted: (1.0 - wanted) * by_speed_hz for wanted in (least, least + SURPLUS)}
+        grid = self._grid([hz * (1.0 - below * SWING) for hz in fastest_hz.values() for below in range(4)])
+        by_speed = (margins > 0.0) & ~self._by_torque(points, margins, limit_hz)
+        shown_hz = points[by_speed, 0] * self.problem.speed_share / (1.0 - margins[by_speed])
+        swung, unsure = _swings(grid, points[by_speed], shown_hz / limit_hz)
         time_s, (c, b), known = self._times(grid, good[0]), *self._fitted(points, margins, limit_hz)
         torque = self._torque(grid[:, 0, 0, 0])[:, None, None]
         best = {wanted: _best(good, wanted) for wanted in fastest_hz}
@@ -138,9 +146,10 @@ class Structure:
             wanted = least + SURPLUS * (number % 3 == 2)
             hedge = 1.0 if known else HEDGES[number % len(HEDGES)]
             by_torque = 1.0 - (c + hedge * b * _pull(grid)) / torque
-            chance = 0.5 * (1.0 + _erf((by_torque - wanted) / (UNSURE * math.sqrt(2.0))))
-            chance[grid[..., 0] > fastest_hz[wanted]] = 0.0
-            for point in points[(margins < wanted) | (margins == 0.0)]:
+            beyond = grid[..., 0] / fastest_hz[wanted]
+            chance = _chance((by_torque - wanted) / UNSURE) * _chance((swung - beyond) / unsure)
+            chance[beyond > 1.0] = 0.0
+            for point in points[(margins < wanted) & ~(by_speed & (margins > wanted - NEAR_MISS))]:
                 chance[np.all(grid >= point, axis=-1)] = 0.0
             for point in points[margins >= wanted]:
                 chance[np.all(grid <= point, axis=-1)] = 0.0
@@ -164,8 +173,13 @@ class Structure:
         lost = [self.place(each.values) for each in tried if each.judgement.margin < least or not each.judgement.good]
         halfway = [np.sqrt(best * np.maximum(point, best)) for point in lost]
         far = [point for point in halfway if np.log(point / best).max() > FAR]
-        values = [self._values(np.floor(point)) for point in sorted(far, key=lambda point: point[0])]
-        return [each for n, each in enumerate(values) if each not in values[:n]][:BETWEEN]
+        known = [each.values for each in tried]
+        found: list[dict[str, int]] = []
+        for point in sorted(far, key=lambda point: point[0]):
+            values = self._values(np.floor(point))
+            if values not in known and values not in found:
+                found.append(values)
+        return found[:BETWEEN]
 
     def _values(self, point: NDArray[np.float64]) -> dict[str, int]:
         values = dict(zip(SETTINGS, point.tolist(), strict=True))
@@ -198,20 +212,57 @@ class Structure:
             return min(self._limit_hz, shown_hz)
         return min(self._limit_hz, max(shown_hz, 0.85 * self._limit_hz))
 
+    def _by_torque(
+        self, points: NDArray[np.float64], margins: NDArray[np.float64], limit_hz: float
+    ) -> NDArray[np.bool_]:
+        """Of which trials that lost nothing the margin is that of torque."""
+        share = self.problem.speed_share * points[:, 0] / limit_hz
+        return (margins > 0.0) & (1.0 - margins > 1.02 * share)
+
     def _fitted(
         self, points: NDArray[np.float64], margins: NDArray[np.float64], limit_hz: float
     ) -> tuple[tuple[float, float], bool]:
-        """c and b of the torque that is used, and whether any trial has told of them."""
+        """c and b of the torque that is used, and whether the steepest ramp has told of them."""
         good = margins > 0.0
         needs = np.stack([np.ones(len(points)), _pull(points)], axis=-1) / self._torque(points[:, 0])[:, None]
-        by_torque = good & (1.0 - margins > 1.02 * self.problem.speed_share * points[:, 0] / limit_hz)
-        c, b = _fit(needs[by_torque], 1.0 - margins[by_torque])
+        told = self._by_torque(points, margins, limit_hz)
+        c, b = _fit(needs[told], 1.0 - margins[told])
+        # what lost steps below the limit of speed needed all of the torque, or more
+        short = ~good & (points[:, 0] < limit_hz) & (needs @ (c, b) < 1.0)
+        if short.any():
+            told |= short
+            c, b = _fit(needs[told], np.where(short, 1.0, 1.0 - margins)[told])
         # what was limited by speed says that no more torque was used
         most = float(np.min((1.0 - margins[good]) / (needs[good] @ (c, b)), initial=1.0))
-        return (c * most, b * most), bool(by_torque.any())
+        steepest = points[:, 1].max()
+        return (c * most, b * most), bool((points[told | ~good, 1] == steepest).any())
 
 
 _erf = np.vectorize(math.erf, otypes=[float])
+
+
+def _chance(sigmas: NDArray[np.float64]) -> NDArray[np.float64]:
+    """That what is so many standard deviations above what is wanted is enough."""
+    chance: NDArray[np.float64] = 0.5 * (1.0 + _erf(sigmas / math.sqrt(2.0)))
+    return chance
+
+
+def _swings(
+    grid: Grid, known: NDArray[np.float64], shown: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """q at each place of a grid, and its standard deviation, from what some points have shown."""
+    mean = (1.0 + shown.sum()) / (1.0 + len(shown))
+    near = _alike(grid.reshape(-1, 3), known)
+    weights = np.linalg.solve(_alike(known, known) + 0.05 * np.eye(len(known)), near.T)
+    spread = SWING * np.sqrt(np.maximum(1.0 - np.sum(near.T * weights, axis=0), 0.01))
+    return (mean + (shown - mean) @ weights).reshape(grid.shape[:-1]), spread.reshape(grid.shape[:-1])
+
+
+def _alike(points: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Correlation [n, m] of q at n and m points."""
+    away = np.log(points[:, None, :] / others[None, :, :]) / ALIKE
+    alike: NDArray[np.float64] = np.exp(-0.5 * np.sum(away**2, axis=-1))
+    return alike
 
 
 def _best(good: Sequence[Tried], wanted: float) -> float:

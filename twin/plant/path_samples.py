@@ -1,0 +1,146 @@
+"""Samples of a plant without physics: taken of each stretch of the path when it has been made, in one compiled call.
+
+ticks    | || |  | | ||     |        before           the state before the stretch
+samples     x        x        x      time_ns <= t     all ticks up to a time of the grid have been made at it
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.base.axes import CARRIAGES
+from isel_twin.base.compiling import njit
+from isel_twin.base.units import SECOND_NS
+from isel_twin.drives.dynamics import drop_stale_code
+from isel_twin.plant import MOST_SAMPLES, Samples, lead
+from isel_twin.plant.lead import begin, behind
+
+_NEVER_NS = 1 << 62
+
+
+@njit()
+def commands_at(times_ns, lead_ns, t_ns, delta, commanded, leads):
+    """Counts int64 [n, axes], and float64 [n, axes]: what is behind them, speeds in microsteps/s; at rising times.
+
+    commanded, leads: copies of the state before the first tick, which change.
+    """
+    rows, axes = times_ns.shape[0], leads.shape[0]
+    counts = np.empty((rows, axes), dtype=np.int64)
+    left = np.empty((rows, axes))
+    speeds = np.empty((rows, axes))
+    made = 0
+    for n in range(rows):
+        now_ns = times_ns[n]
+        while made < t_ns.shape[0] and t_ns[made] <= now_ns:
+            for i in range(delta.shape[1]):
+                change = delta[made, i]
+                commanded[i] += change
+                if lead_ns > 0 and change != 0:
+                    begin(leads[i], t_ns[made], change, lead_ns)
+            made += 1
+        for i in range(axes):
+            counts[n, i] = commanded[i]
+            left[n, i] = behind(leads[i], now_ns)
+            speeds[n, i] = leads[i].pending * SECOND_NS / leads[i].lead_ns if leads[i].end_ns > now_ns else 0.0
+    return counts, left, speeds
+
+
+drop_stale_code(commands_at, lead.__file__)
+
+
+class PathSamples:
+    """Implements `isel_twin.plant.Sampled` for a plant that is always at its command; it has no grid of its own, so
+    that any interval fits and counts are of the exact nanosecond, too."""
+
+    time_ns: int
+    _count: int  # axes of the controller
+    _start_mm: NDArray[np.float64]
+    _step_mm: NDArray[np.float64]
+    _commanded: NDArray[np.int64]
+    _leads: NDArray[np.void]
+
+    def __init__(self) -> None:
+        self._every_ns = 0
+        self._sample_ns = _NEVER_NS  # when the next one is taken
+        self._taken: list[tuple[NDArray[Any], ...]] = []  # (times, counts, what is behind, speeds)
+        self._waiting = 0
+        self._latest: NDArray[np.float64] | None = None  # counts, behind and speeds of the last sample
+
+    def fits(self, interval_ns: int) -> bool:
+        return interval_ns > 0
+
+    def sample_every(self, interval_ns: int, from_ns: int = 0) -> None:
+        if interval_ns < 0:
+            raise ValueError(f"samples every {interval_ns} ns; allowed: 1 and more, or 0 for none")
+        self._every_ns, self._sample_ns = interval_ns, from_ns
+        self._aim()
+
+    def sample_again(self) -> None:
+        self._latest = None
+
+    @property
+    def samples_waiting(self) -> int:
+        return self._waiting
+
+    def take_samples(self) -> Samples:
+        width = len(self._leads)
+        nothing = np.empty(0, np.int64), np.empty((0, width), np.int64), np.empty((0, width)), np.empty((0, width))
+        columns = zip(nothing, *self._taken, strict=True)
+        time_ns, counts, left, speeds = (np.concatenate(column) for column in columns)
+        self._taken, self._waiting = [], 0
+        commands, rows, carriages = counts - left, len(time_ns), len(CARRIAGES)
+        return Samples(
+            time_ns=time_ns,
+            position_mm=self._start_mm + commands[:, :carriages] * self._step_mm,
+            velocity_mm_s=speeds[:, :carriages] * self._step_mm,
+            commanded=counts[:, : self._count],
+            rotor=commands[:, : self._count],
+            current_fraction=np.empty((rows, 0)),
+            margin=np.full((rows, self._count), np.nan),
+            supply_v=np.full(rows, np.nan),
+        )
+
+    def _aim(self) -> None:
+        """Drop unread samples; the next one is the first of the grid after now."""
+        self._taken, self._waiting, self._latest = [], 0, None
+        if self._every_ns:
+            self._sample_ns = self.time_ns + 1 + (self._sample_ns - self.time_ns - 1) % self._every_ns
+        else:
+            self._sample_ns = _NEVER_NS
+
+    def _before(self) -> tuple[NDArray[np.int64], NDArray[np.void]]:
+        """What `_sample` is to be given of the state before a stretch."""
+        return self._commanded.copy(), self._leads.copy()
+
+    def _sample(
+        self,
+        before: tuple[NDArray[np.int64], NDArray[np.void]],
+        t_ns: NDArray[np.int64],
+        delta: NDArray[Any],
+        lead_ns: int,
+    ) -> None:
+        """Take the samples of a stretch that has been made to the present; ticks after that are not looked at."""
+        if self._sample_ns > self.time_ns:
+            return
+        every_ns, first_ns = self._every_ns, self._sample_ns
+        moves_until_ns = int(before[1]["end_ns"].max())
+        if len(t_ns):
+            moves_until_ns = max(moves_until_ns, int(t_ns[-1]) + lead_ns)
+        rest_ns = first_ns + max(-((first_ns - moves_until_ns) // every_ns), 0) * every_ns  # first of the grid at rest
+        times_ns = np.arange(first_ns, min(self.time_ns, rest_ns) + 1, every_ns, dtype=np.int64)
+        self._sample_ns += ((self.time_ns - first_ns) // every_ns + 1) * every_ns
+        wide = delta.astype(np.int32)  # one compiled function for all kinds of ticks
+        found = commands_at(times_ns, lead_ns, t_ns.astype(np.int64), wide, *before)
+        rows = np.concatenate(found, axis=1)
+        changed = np.ones(len(rows), dtype=np.bool_)
+        changed[1:] = (rows[1:] != rows[:-1]).any(axis=1)
+        if self._latest is not None:
+            changed[0] = bool((rows[0] != self._latest).any())
+        changed &= np.cumsum(changed) <= MOST_SAMPLES - self._waiting
+        self._latest = rows[-1]
+        if changed.any():
+            self._taken.append((times_ns[changed], *(part[changed] for part in found)))
+            self._waiting += int(changed.sum())
