@@ -138,7 +138,7 @@ class Fit:
     @property
     def doubts(self) -> tuple[str, ...]:
         """What must be said of this result, a line each."""
-        lines = [one.line for one in (*self.unreached, *self.alike)]
+        lines = [*(one.line for one in self.unreached), *(one.line for one in self.alike)]
         if not self.explains:
             worst = "; ".join(f"{item.recording} {item.label} ({r:+.1f})" for item, r in self.misfits)
             lines.append(

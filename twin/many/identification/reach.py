@@ -65,8 +65,7 @@ class Alike:
         *some, last = self.remaining
         return (
             f"{self.unknown}: {', '.join(some)} and {last} cannot be told apart by these data; one factor for them is "
-            f"an assumption, so none is measured, and each alone is known to {max(self.remaining.values()):.0%} of its "
-            f"prior range"
+            f"an assumption, so none is measured; alone the worst keeps {max(self.remaining.values()):.0%} of its prior"
         )
 
 
