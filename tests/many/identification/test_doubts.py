@@ -6,15 +6,18 @@ import dataclasses
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from isel_twin.language import create_language, needed
 from isel_twin.machine import Machine, load_machine, with_overrides
+from isel_twin.many.identification import model as model_module
 from isel_twin.many.identification.experiment import assemble, blocks
 from isel_twin.many.identification.fit import Fit, fit
+from isel_twin.many.identification.measured import Measured, Reading
 from isel_twin.many.identification.page import page
 from isel_twin.many.identification.patch import as_json, patch
-from isel_twin.many.identification.session import Session, session_of
+from isel_twin.many.identification.session import Session, session_of, stand_alone
 from isel_twin.many.identification.stand_in import carry_out
 from isel_twin.many.identification.unknowns import unknown
 from tests.near import near_switches
@@ -88,3 +91,66 @@ def test_the_limit_of_chi_square_is_its_quantile(at_the_tool: Fit) -> None:
     else:
         pytest.fail(f"no degree of freedom has the limit {at_the_tool.chi2_limit}")
     assert count == 1
+
+
+SPEEDS_MM_S = (20.0, 30.0, 40.0, 50.0, 60.0, 80.0, 100.0, 120.0)
+
+
+def coasted_mm(machine: Machine) -> list[float]:
+    """Overrun of X without power, m dv/dt = -(F + c v): d = m/c (v - F/c ln(1 + c v/F)). Guide and nut only add up."""
+    axis = machine.axes[0]
+    per_m = 2.0 * math.pi / (1e-3 * axis.screw.lead_mm)
+    mass = 40.0 + (axis.motor.rotor_inertia_kgm2 + axis.screw.inertia_kgm2) * per_m**2
+    dry_n = axis.guide_friction_n + axis.screw.coulomb_nm * per_m
+    viscous = axis.screw.viscous_nm_s_per_rad * per_m**2
+    speeds = (1e-3 * speed for speed in SPEEDS_MM_S)
+    return [1e3 * mass / viscous * (v - dry_n / viscous * math.log1p(viscous * v / dry_n)) for v in speeds]
+
+
+def test_guide_and_screw_friction_that_differ_are_called_inseparable(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Coasts see the sum of both. It is found, chi-square is content, and neither number is measured."""
+    machine = load_machine("4030")
+    guide, screw = machine.axes[0].guide_friction_n, machine.axes[0].screw.coulomb_nm
+    hidden = with_overrides(machine, {"axes.x.guide_friction": 0.6 * guide, "axes.x.shaft_coulomb": 1.1 * screw})
+    monkeypatch.setattr(model_module, "predict", lambda session, one: np.array(coasted_mm(one)))
+    draw = np.random.default_rng(2)
+    overruns = [mm + draw.normal(0.0, 0.005) for mm in coasted_mm(hidden)]
+    readings = tuple(Reading("day", n, "x", mm, sigma_mm=0.005) for n, mm in enumerate(overruns, 1))
+    day = stand_alone("day", Measured(readings), CONTROLLER)
+    result = fit(machine, [unknown(machine, "friction.x")], [day], [])
+    assert result.explains
+    (alike,) = result.alike
+    assert set(alike.remaining) >= {"axes.x.guide_friction", "axes.x.shaft_coulomb"}
+    assert "cannot be told apart by these data" in result.doubts[0]
+    assert result.doubts[0] in page("found", result, ["day"], [])
+    (told,) = as_json(result, ["day"], [])["not_told_apart"]
+    assert told["name"] == "friction.x"
+    (tmp_path / "machine.toml").write_text(patch(result, machine, "4030", "found", CONTROLLER, ["day"], ["other"]))
+    content = load_machine(tmp_path).tree["axes"]["x"]
+    for key, factor in (("guide_friction", 0.6), ("shaft_coulomb", 1.1)):
+        entry = content[key]
+        assert entry["grade"] == "estimate"
+        low, _, high = entry["source"].partition("factor ")[2].partition(",")[0].partition(" .. ")
+        assert float(low) <= factor <= float(high), entry["source"]
+
+
+def test_two_numbers_that_data_see_apart_are_not_called_alike(near: Machine) -> None:
+    """Each of two readings loads one spring alone."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(
+            model_module,
+            "predict",
+            lambda session, one: np.array(
+                [0.0, *(1.0 / one.tree[a][b]["stiffness"]["value"] for a, b in (("axes", "y"), ("structure", "nod_y")))]
+            ),
+        )
+        stiff = dataclasses.replace(unknown(near, "stiffness.y"), keys=(SCREW, BEAM))
+        screw, beam = (1.0 / near.tree[a][b]["stiffness"]["value"] for a, b in (("axes", "y"), ("structure", "nod_y")))
+        values = (0.0, screw, beam)
+        readings = tuple(Reading("day", n, "y", mm, sigma_mm=2e-3 * screw) for n, mm in enumerate(values, 1))
+        patched.setattr("isel_twin.many.identification.session.REST_SIGMA_MM", 0.0)
+        result = fit(near, [stiff], [stand_alone("day", Measured(readings), CONTROLLER)], [])
+    assert not result.alike
+    assert not result.unreached

@@ -30,11 +30,13 @@ def fitted(found: Found) -> tuple[Fit, list[Prospect]]:
 
 @pytest.mark.slow
 def test_each_number_is_found_within_a_tenth_or_its_interval_says_why_not(fitted: tuple[Fit, list[Prospect]]) -> None:
+    """Of four 95 % intervals one misses in every fifth draw of the noise; all four hold at 1 - 0.05 / 4, 2.50 sigma."""
     for estimate, true in zip(fitted[0].estimates, TRUE, strict=True):
         off = abs(estimate.value / true - 1.0)
         wide = 0.5 * (estimate.high - estimate.low) / true
         assert estimate.identified
-        assert off <= 0.1 or (wide > 0.1 and estimate.low <= true <= estimate.high), estimate
+        sigmas = abs(estimate.unknown.at(true) - estimate.unknown.at(estimate.value)) / estimate.remaining
+        assert off <= 0.1 or (wide > 0.1 and sigmas <= 2.50), estimate
 
 
 @pytest.mark.slow
@@ -85,8 +87,8 @@ def test_page_and_json_say_it(fitted: tuple[Fit, list[Prospect]]) -> None:
 @pytest.mark.slow
 def test_predictions_of_what_was_held_back_are_told(fitted: tuple[Fit, list[Prospect]], found: Found) -> None:
     """Of data without an unknown zero they are what a replay on either machine gives."""
-    values = [estimate.value for estimate in fitted[0].estimates]
-    machines = found.believed, candidate(found.believed, found.unknowns, values)
+    values = [item.prior for item in found.unknowns], [estimate.value for estimate in fitted[0].estimates]
+    machines = [candidate(found.believed, found.unknowns, one) for one in values]
     replayed = [predict(found.sessions[1], machine) for machine in machines]
     own = [at for at, (item, _, _) in enumerate(fitted[0].held) if not item.group]
     assert own

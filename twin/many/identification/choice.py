@@ -22,7 +22,7 @@ from isel_twin.base.crew import Crew
 from isel_twin.language import create_language, needed
 from isel_twin.machine import Machine
 from isel_twin.many.identification.experiment import Block, assemble
-from isel_twin.many.identification.model import STEP, Model
+from isel_twin.many.identification.model import Model
 from isel_twin.many.identification.session import session_of
 from isel_twin.many.identification.stand_in import carry_out
 from isel_twin.many.identification.unknowns import Unknown
@@ -54,7 +54,7 @@ def choose(
         recorded, measured = carry_out(experiment, machine, controller, seed=0, noise_mm=0.0, time_noise_s=0.0)
         session = session_of(recorded, measured, controller, machine)
         model = Model(machine, unknowns, [session], crew)
-        jacobian = model.jacobian(np.zeros(len(unknowns)), np.full(len(unknowns), STEP), central=False)
+        jacobian = model.jacobian(np.zeros(len(unknowns)), central=False)
         told.append(jacobian.T @ jacobian)
     chosen, left = [], []
     for _ in range(count):

@@ -10,8 +10,12 @@ its prior standard deviation afterwards; for s < 1 the data say less than the pr
 **After it**: cov = (J'J / max(1, chi^2) + 1)^-1 with chi^2 per degree of freedom: a bad fit claims no precision, and no
 fit is less sure than the prior. 95 % intervals are in u, so never negative for a positive value. A chi^2 beyond the
 quantile FITS of its distribution says that the model does not explain the data: then no number is `measured`, whatever
-its interval, and the data that misfit most are named (many/15). Numbers behind a common factor that no datum moves are
-found as well (reach.py).
+its interval, and the data that misfit most are named (many/15). Numbers behind a common factor that no datum moves, or
+that the data do not tell apart, are found as well (reach.py).
+
+**The search** asks for a Jacobian by differences at its start only, as each costs 2 n replays; on its way it is
+corrected by the steps taken. Where the search ends another one starts, until one ends near its start. Bounds have a
+kink, which such corrections do not see: with them every step asks for differences.
 
 **Held back**: the root mean square of r over recordings that are not fitted, before (at the prior) and after. If it
 grows, the result is refused.
@@ -27,18 +31,19 @@ import numpy as np
 
 from isel_twin.base.crew import Crew
 from isel_twin.machine import Machine
-from isel_twin.many.identification.model import BOUND, NOT_IDENTIFIED, STEP, Floats, Model
-from isel_twin.many.identification.reach import OutOfReach, out_of_reach
+from isel_twin.many.identification.model import BOUND, NOT_IDENTIFIED, WEAK, Floats, Model
+from isel_twin.many.identification.reach import Alike, OutOfReach, behind_factors
 from isel_twin.many.identification.session import Datum, Session
 from isel_twin.many.identification.unknowns import Unknown
 
-WEAK = 0.5  # standard deviation over that of the prior from which a parameter is known only roughly
 NORMAL_95 = 1.96
 FITS = 0.999  # part of all fits of a true model whose chi-square is below the limit
 MISFIT, MOST_MISFITS = 2.0, 5  # residual from which a datum is named, and how many are
 TOLD = 0.3  # a parameter with at least this part of a direction is named in it
 ENOUGH = 0.01  # relative change of cost and point at which the search ends: below the scatter of the model
-MOST_CALLS = 8  # evaluations in the search, without those for Jacobians
+MOST_CALLS = 12  # evaluations in the search, each a replay of what is fitted
+NEAR = 0.25  # way of a search, in standard deviations of the prior, over which a Jacobian stays that of its start
+MOST_SEARCHES = 3
 
 
 @dataclass(frozen=True)
@@ -123,6 +128,7 @@ class Fit:
     chi2_limit: float = math.inf  # quantile FITS of chi2
     misfits: tuple[tuple[Datum, float], ...] = ()  # fitted data of the largest residuals beyond MISFIT, and these
     unreached: tuple[OutOfReach, ...] = ()
+    alike: tuple[Alike, ...] = ()
 
     @property
     def explains(self) -> bool:
@@ -132,7 +138,7 @@ class Fit:
     @property
     def doubts(self) -> tuple[str, ...]:
         """What must be said of this result, a line each."""
-        lines = [one.line for one in self.unreached]
+        lines = [*(one.line for one in self.unreached), *(one.line for one in self.alike)]
         if not self.explains:
             worst = "; ".join(f"{item.recording} {item.label} ({r:+.1f})" for item, r in self.misfits)
             lines.append(
@@ -169,28 +175,34 @@ def fit(
     model = Model(machine, unknowns, fitted, crew, progress)
     count = len(unknowns)
     zero = np.zeros(count)
-    steps = np.full(count, STEP)
-    first = model.jacobian(zero, steps, central=True)
-    expected = prospect(unknowns, first)
+    last = model.jacobian(zero)
+    expected = prospect(unknowns, last)
     if told is not None:
         told(expected)
 
     def residuals(u: Floats) -> Floats:
         return np.concatenate((model.residuals_at(u), u))
 
-    def slope(u: Floats) -> Floats:
-        jacobian = first if not u.any() else model.jacobian(u, steps, central=False)
-        return np.concatenate((jacobian, np.eye(count)))
+    def differences(u: Floats) -> Floats:
+        return np.concatenate((model.jacobian(u, central=not u.any()), np.eye(count)))
 
-    solved = least_squares(
-        residuals, zero, jac=slope, bounds=(-BOUND, BOUND), ftol=ENOUGH, xtol=ENOUGH, max_nfev=MOST_CALLS
-    )
-    u = np.asarray(solved.x, dtype=np.float64)
-    last = model.jacobian(u, steps, central=True)
+    bounded = any(item.side for item in model.data)
+    u = zero
+    for _ in range(MOST_SEARCHES):
+        start = u
+        secants = _Secants(residuals, u, np.concatenate((last, np.eye(count))))
+        slope = differences if bounded else secants
+        solved = least_squares(
+            residuals, start, jac=slope, bounds=(-BOUND, BOUND), ftol=ENOUGH, xtol=ENOUGH, max_nfev=MOST_CALLS
+        )
+        u = np.round(solved.x, 12)  # as predictions are known by
+        if float(np.abs(u - start).max(initial=0.0)) < NEAR:
+            break
+        last = model.jacobian(u)
     after = model.residuals_at(u)
     chi2 = model.chi2(after)
     freedom = model.freedom(after)
-    unreached, replays = out_of_reach(machine, unknowns, fitted, u, crew)
+    unreached, alike, replays = behind_factors(model, u, last, chi2, crew)
     covariance: Floats = np.asarray(np.linalg.inv(last.T @ last / max(1.0, chi2) + np.eye(count)), dtype=np.float64)
     deviation = np.sqrt(np.diag(covariance))
     estimates = []
@@ -219,7 +231,26 @@ def fit(
         float(chi2_of.ppf(FITS, freedom)) / freedom,
         _misfits(model.data, after),
         unreached,
+        alike,
     )
+
+
+class _Secants:
+    """A Jacobian for the search that costs no replay: that of the start, corrected by each step that was taken.
+
+    Broyden (1965): J += (dr - J du) du' / |du|^2, so that J explains the last step exactly.
+    """
+
+    def __init__(self, residuals: Callable[[Floats], Floats], u: Floats, jacobian: Floats) -> None:
+        self._residuals, self._u, self._jacobian = residuals, u, jacobian
+
+    def __call__(self, u: Floats) -> Floats:
+        du = u - self._u
+        if du.any():
+            dr = self._residuals(u) - self._residuals(self._u)
+            self._jacobian = self._jacobian + np.outer(dr - self._jacobian @ du, du) / float(du @ du)
+            self._u = u.copy()
+        return self._jacobian
 
 
 def _misfits(data: Sequence[Datum], residuals: Floats) -> tuple[tuple[Datum, float], ...]:

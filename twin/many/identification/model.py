@@ -7,8 +7,8 @@
 **Steps of the differences.** On a small scale the model is not smooth: counters are whole steps of 3 um, the backlash
 is a dead zone, dry friction lets a carriage rest anywhere in 1 to 3 um, stall occurs in bands of speed. A step of 1e-8
 would measure these corners, and 2 % still their scatter, which exceeds the effect of any parameter. So the step is
-always STEP of the prior's standard deviation, some 30 % of an estimate. The first and the last Jacobian use central
-differences, free of the curvature; those between only give the direction of descent, and are one-sided (many/9).
+always STEP of the prior's standard deviation, some 30 % of an estimate, and differences are central, free of the
+curvature (many/9).
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ CLIFF = 5.0  # largest ratio of the differences of a step up and a step down; be
 CHANCE = 4.0  # standard deviations by which the sum of squares of differences must exceed the scatter to count
 BOUND = 3.0  # limit of the search, in standard deviations of the prior
 NOT_IDENTIFIED = 0.9  # standard deviation over that of the prior from which a parameter is not identified
+WEAK = 0.5  # the same from which it is known only roughly
 HALF = 2.0 * math.log(2.0)  # r^2 of a bound that is what is predicted
 
 Floats = NDArray[np.float64]
@@ -124,21 +125,16 @@ class Model:
     def residuals_at(self, u: Floats) -> Floats:
         return self.residuals(self.predictions([u])[0])
 
-    def jacobian(self, u: Floats, steps: Floats, central: bool) -> Floats:
-        """dr/du [data, n] by differences of steps [n]."""
-        points: list[Floats] = []
-        for index, step in enumerate(steps):
-            away = np.zeros(len(u))
-            away[index] = step if u[index] + step <= BOUND else -step
-            points += [u + away, u - away] if central else [u + away]
+    def jacobian(self, u: Floats, *, central: bool = True) -> Floats:
+        """dr/du [data, n] by differences of STEP; not central: upwards only, for a first look at half the cost."""
+        away = STEP * np.eye(len(u))
+        points = [one for step in away for one in ((u + step, u - step) if central else (u + step,))]
         here, *found = [self.residuals(one) for one in self.predictions([u, *points])]
-        columns = []
-        for index in range(len(u)):
-            if central:
-                way = points[2 * index][index] - u[index]
-                columns.append(self._between(found[2 * index] - here, here - found[2 * index + 1]) / way)
-            else:
-                columns.append(self.told(found[index] - here) / (points[index][index] - u[index]))
+        if central:
+            pairs = zip(found[::2], found[1::2], strict=True)
+            columns = [self._between(ahead - here, here - back) / STEP for ahead, back in pairs]
+        else:
+            columns = [self.told(ahead - here) / STEP for ahead in found]
         return np.array(columns).T.reshape(len(self.data), len(u))
 
     def _between(self, ahead: Floats, back: Floats) -> Floats:

@@ -8,7 +8,7 @@
 
 Only identified numbers are in it, and of a common factor only those that a datum moves. Their grade is `measured` if
 recordings were held back and are predicted better and the model explains what was fitted; without that, or if a number
-is known only roughly, it is `estimate`.
+is known only roughly or not told apart from others of its factor, it is `estimate`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ from typing import Any
 from isel_twin.base.parameters import rows
 from isel_twin.base.toml import toml_line
 from isel_twin.machine import Machine
-from isel_twin.many.identification.fit import WEAK, Fit
+from isel_twin.many.identification.fit import NORMAL_95, Fit
+from isel_twin.many.identification.model import WEAK
 from isel_twin.many.identification.unknowns import candidate, changes
 from isel_twin.models import machine_names
 
@@ -38,6 +39,7 @@ def patch(
     tables: dict[str, list[str]] = {}
     flags: dict[str, None] = {}
     kept = {one.key for one in result.unreached}
+    alone = {key: left for one in result.alike for key, left in one.remaining.items()}
     units = {row.parameter: row.unit for row in rows(machine.tree)}
     for estimate in result.estimates:
         item = estimate.unknown
@@ -46,15 +48,20 @@ def patch(
         grade = "measured" if held and result.explains and estimate.remaining < WEAK else "estimate"
         if item.flag:
             flags[item.flag] = None
-        span = f"{estimate.low:.4g} .. {estimate.high:.4g} {item.unit if item.unit != '1' else ''}".strip()
+        unit = "" if item.unit == "1" else f" {item.unit}"
         of = "factor " if item.factor else ""
-        source = f"identified from {', '.join(fitted)}: 95 % {of}{span}"
         for key, value in changes(machine, [item], [estimate.value]).items():
             if key in kept:
                 continue
             table, _, last = key.rpartition(".")
             number = value if item.whole else float(f"{value:.6g}")
-            entry = {"value": number, "unit": units.get(key, item.unit), "grade": grade, "source": source}
+            low, high, apart = estimate.low, estimate.high, ""
+            if key in alone:
+                half, middle = NORMAL_95 * alone[key], item.at(estimate.value)
+                low, high, apart = item.value(middle - half), item.value(middle + half), ", not told apart"
+            source = f"identified from {', '.join(fitted)}: 95 % {of}{low:.4g} .. {high:.4g}{unit}{apart}"
+            own = "estimate" if apart else grade
+            entry = {"value": number, "unit": units.get(key, item.unit), "grade": own, "source": source}
             tables.setdefault(table, []).append(toml_line(last, entry))
     step_ms = _step_ms(result, machine, controller)
     if step_ms is not None:
@@ -115,6 +122,7 @@ def as_json(result: Fit, fitted: Sequence[str], held: Sequence[str]) -> dict[str
         "explains": result.explains,
         "doubts": list(result.doubts),
         "unreached": [one.key for one in result.unreached],
+        "not_told_apart": [{"name": one.unknown, "of_prior": one.remaining} for one in result.alike],
         "misfits": [
             {"recording": item.recording, "kind": item.kind, "datum": item.label, "residual": r}
             for item, r in result.misfits

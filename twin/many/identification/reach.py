@@ -1,28 +1,31 @@
-"""Which of the numbers behind a common factor the data reach.
+"""What a common factor hides: numbers behind it that no datum moves, and numbers that the data cannot tell apart.
 
 A factor such as `stiffness.y` multiplies several numbers. The data may depend on one of them alone: a push at the tool
-of a machine whose table moves along Y bends the frame and never loads the screw. The factor is found all the same, and
-says nothing of the screw. So after the fit each number is moved alone, by twice the step of model.py and to the side
-where it is less, which data of softer, lighter and smoother machines show better:
+of a machine whose table moves along Y bends the frame and never loads the screw. Or they depend on a sum: guides and
+shaft both brake a coast. The factor is found all the same, and says nothing of the screw, and little of either
+friction. So after the fit each number is moved alone, by twice the step of model.py and to the side where it is less,
+which data of softer, lighter and smoother machines show better:
 
-    s = |r(number moved) - r| / WIDE       over the data; 0 if within the scatter of the model
+    J_k = (r - r(number moved)) / WIDE          0 if within the scatter of the model
+    s   = |J_k|
 
-A number is out of reach if s leaves it NOT_IDENTIFIED of its prior and it has less than SHARE of the largest effect
+A number is **out of reach** if s leaves it NOT_IDENTIFIED of its prior and it has less than SHARE of the largest effect
 among its factor's numbers. It keeps its value and grade, and the remedy is named (many/14).
+
+The others are **not told apart** if, each free of its own with the factor's prior, one of them keeps WEAK of that prior
+or more: the diagonal of (J'J / max(1, chi^2) + 1)^-1 with the J_k in place of the factor's column. Then the fit took
+for granted that they are off by one factor; no datum says so, their grade is an estimate, and their interval is that of
+the free numbers (many/16).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from isel_twin.base.crew import Crew
-from isel_twin.machine import Machine
-from isel_twin.many.identification.model import NOT_IDENTIFIED, STEP, Floats, Model
-from isel_twin.many.identification.session import Session
-from isel_twin.many.identification.unknowns import Unknown
+from isel_twin.many.identification.model import NOT_IDENTIFIED, STEP, WEAK, Floats, Model
 
 SHARE = 0.2
 WIDE = 2.0 * STEP
@@ -50,26 +53,56 @@ class OutOfReach:
         return f"{self.key}: no datum moves it, so it keeps its value and grade; {remedy} would reach it"
 
 
-def out_of_reach(
-    machine: Machine, unknowns: Sequence[Unknown], sessions: Sequence[Session], u: Floats, crew: Crew | None = None
-) -> tuple[tuple[OutOfReach, ...], int]:
-    """Numbers behind the factors among the unknowns that the data do not reach at u, and how many replays that took."""
+@dataclass(frozen=True)
+class Alike:
+    """Numbers behind a fitted factor that the data do not tell apart."""
+
+    unknown: str  # name of the factor
+    remaining: dict[str, float]  # by key: standard deviation of the number alone over that of the factor's prior
+
+    @property
+    def line(self) -> str:
+        *some, last = self.remaining
+        return (
+            f"{self.unknown}: {', '.join(some)} and {last} cannot be told apart by these data; one factor for them is "
+            f"an assumption, so none is measured; alone the worst keeps {max(self.remaining.values()):.0%} of its prior"
+        )
+
+
+def behind_factors(
+    model: Model, u: Floats, jacobian: Floats, chi2: float, crew: Crew | None = None
+) -> tuple[tuple[OutOfReach, ...], tuple[Alike, ...], int]:
+    """What the data do not reach, and do not tell apart, at u, and how many replays that took. jacobian: there."""
+    unknowns = model.unknowns
     factors = [(at, item) for at, item in enumerate(unknowns) if item.factor and len(item.keys) > 1]
     if not factors:
-        return (), 0
+        return (), (), 0
     single = [(at, replace(item, keys=(key,))) for at, item in factors for key in item.keys]
-    model = Model(machine, [*unknowns, *(item for _, item in single)], sessions, crew)
+    wider = Model(model.machine, [*unknowns, *(item for _, item in single)], model.sessions, crew)
     base = np.concatenate((u, [u[at] for at, _ in single]))
     points = [base - WIDE * np.eye(len(base))[len(u) + index] for index in range(len(single))]
-    here, *moved = [model.residuals(one) for one in model.predictions([base, *points])]
-    effect = [float(np.linalg.norm(model.told(one - here))) / WIDE for one in moved]
-    found = []
+    here = model.residuals_at(u)
+    columns = [wider.told(here - wider.residuals(one)) / WIDE for one in wider.predictions(points)]
+    unreached: list[OutOfReach] = []
+    reached: list[int] = []
     for at, factor in factors:
-        own = [(item.keys[0], size) for (other, item), size in zip(single, effect, strict=True) if other == at]
-        most = max(size for _, size in own)
-        found += [
-            OutOfReach(factor.name, key)
-            for key, size in own
-            if size < SHARE * most and 1.0 / np.sqrt(1.0 + size**2) >= NOT_IDENTIFIED
-        ]
-    return tuple(found), model.replays
+        own = [index for index, (other, _) in enumerate(single) if other == at]
+        size = {index: float(np.linalg.norm(columns[index])) for index in own}
+        for index in own:
+            if size[index] < SHARE * max(size.values()) and 1.0 / np.sqrt(1.0 + size[index] ** 2) >= NOT_IDENTIFIED:
+                unreached.append(OutOfReach(factor.name, single[index][1].keys[0]))
+            else:
+                reached.append(index)
+    whole = [at for at in range(len(unknowns)) if at not in {at for at, _ in factors}]
+    free = np.column_stack([jacobian[:, whole], *(columns[index] for index in reached)])
+    left = np.sqrt(np.diag(np.linalg.inv(free.T @ free / max(1.0, chi2) + np.eye(free.shape[1]))))[len(whole) :]
+    alike: list[Alike] = []
+    for at, factor in factors:
+        own_left = {
+            single[index][1].keys[0]: float(one)
+            for index, one in zip(reached, left, strict=True)
+            if single[index][0] == at
+        }
+        if len(own_left) > 1 and max(own_left.values()) >= WEAK:
+            alike.append(Alike(factor.name, own_left))
+    return tuple(unreached), tuple(alike), wider.replays

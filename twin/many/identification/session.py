@@ -52,7 +52,7 @@ START_MM = 3.0  # model's carriages at power-on: near the switch, so that the fi
 STALL_LOW, STALL_HIGH = 0.6, 1.7  # range of the search, over the measured speed,
 STALL_HELD = 1.1  # and its upper end for a series that never lost: three deviations above, all is as likely
 # ratio of successive speeds: until steps are lost, then again from the last that held
-STALL_COARSE, STALL_FINE = 1.06, 1.02
+STALL_COARSE, STALL_FINE = 1.1, 1.02
 # standard deviation of a place of rest, beside the gauge's: dry friction lets rotor and carriage rest anywhere in a
 # narrow band (0.7 to 1.5 um on the 4030, over forty places)
 REST_SIGMA_MM = 0.001
@@ -379,6 +379,8 @@ def stalls(twin: Twin, stall: Stall, speed_hz: int) -> bool:
     for mm, how in ((stall.from_mm, gentle), (stall.to_mm, settings), (stall.from_mm, settings)):
         before = twin.lost_steps[axis]
         target = [int(count) for count in twin.counts[: len(CARRIAGES)]]
+        if how is gentle and target[axis] == round(mm / float(twin.step_mm[axis])):
+            continue  # the move before has ended there
         target[axis] = round(mm / float(twin.step_mm[axis]))
         for data in language.move(target, how):
             converse(twin, data)
