@@ -24,6 +24,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from isel_twin.controller import create_controller
+from isel_twin.firmware.ismif.memory import QUEUE_SIZE, ReceiveQueue
 
 # --- S1: wrong commands -------------------------------------------------------------------------------------------
 
@@ -217,6 +218,13 @@ def test_lines_beyond_the_receive_queue_are_lost_with_their_job() -> None:
     assert desk.finish() == ACK + DONE
     assert desk.steps_since(mark).total[1:] == (0, 0, 0)  # the loss took the 01h too: this was still the same job
     assert moved(desk, "L1,z10").total == (0, 0, 10, 0)
+
+
+def test_the_end_of_each_line_takes_a_byte_of_the_queue() -> None:
+    queue = ReceiveQueue()
+    assert queue.append(b"x" * (QUEUE_SIZE - 2), False)
+    assert queue.append(b"", False)
+    assert not queue.append(b"", False)
 
 
 def test_a_host_that_ignores_everything_fills_no_memory() -> None:

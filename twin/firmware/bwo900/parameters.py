@@ -138,6 +138,12 @@ class Parameters:
     def get(self, number: int, default: float = 0.0, area: str = "P") -> float:
         return self._values.get(self.address(area, number), default)
 
+    def row(self, number: int, count: int) -> list[float]:
+        """The values of `count` P, 0 for deleted ones. All of them in P7000 to P9999 or in P11000 to P11999, where q
+        follows q."""
+        q = self.address("P", number)
+        return [self._values.get(at, 0.0) for at in range(q, q + count)]
+
     def given(self, number: int, default: float, area: str = "P") -> float:
         """The value, `default` if it is deleted or 0: the manual's "0 or --"."""
         return self._values.get(self.address(area, number)) or default

@@ -8,6 +8,7 @@ Four of them share a parameter, the lowest number in byte 1. Bits of a byte, as 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
@@ -46,13 +47,12 @@ class Functions:
     def take_over(self) -> None:
         """Read the table again."""
         p = self._parameters
-        in_channel = bool(p.get(Q.M_IN_CHANNEL, 0.0, "q"))
-        self._bits: dict[int, float] = {}
+        words = p.row(P.M_TABLE, HIGHEST // 4 + 1)
+        if not p.get(Q.M_IN_CHANNEL, 0.0, "q"):
+            in_system = math.ceil(IN_SYSTEM / 4)
+            words[:in_system] = p.row(P.M_TABLE_COMMON, in_system)
+        self._bits = {place: bits for place, bits in enumerate(words) if bits}
         """Four definitions each, by their lowest number / 4; without empty places."""
-        for place in range(HIGHEST // 4 + 1):
-            in_system = 4 * place < IN_SYSTEM and not in_channel
-            if bits := p.get((P.M_TABLE_COMMON if in_system else P.M_TABLE) + place):
-                self._bits[place] = bits
 
     def defined(self, number: int) -> bool:
         """True if the table has a definition of an M function."""
