@@ -14,7 +14,7 @@ from typing import Final
 
 from isel_twin.firmware.bwo900.geometry.elements import XY, YZ, ZX, Plane, Point
 from isel_twin.firmware.bwo900.geometry.frames import Frame, Rotation
-from isel_twin.firmware.bwo900.geometry.groups import COORDINATES, GROUPS, START, ZERO, Modal
+from isel_twin.firmware.bwo900.geometry.groups import COORDINATES, GROUPS, PLANE, START, ZERO, ZERO_POINTS, Modal
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.numbers import G, P, Q
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
@@ -93,8 +93,25 @@ class Coordinates:
         self._length = length_mm
         self.renew()
 
-    def without_program(self, zero: int, plane: int, length_mm: float, position: Point) -> None:
-        """HAND: only a zero point, a plane and the tool's length. Raises ProgramError M1240, M1302."""
+    def hand(self, length_mm: float, position: Point) -> None:
+        """HAND: only its zero point (P8758), its plane (P8757) and the tool's length."""
+        zero, plane = int(self._parameters.get(P.HAND_ZERO)), int(self._parameters.get(P.HAND_PLANE))
+        plane = plane if GROUPS.get(plane) == PLANE else G.PLANE_XY
+        try:
+            self._without_program(zero if zero in ZERO_POINTS else G.NO_ZERO, plane, length_mm, position)
+        except ProgramError:  # the table of zero points is at a wrong address
+            self._without_program(G.NO_ZERO, plane, length_mm, position)
+
+    def forget_in_hand(self) -> None:
+        """HAND: end the reversal of axes (P8892), and their exchange if P8880 = 2."""
+        p = self._parameters
+        for number in (P.MIRRORED, *((P.EXCHANGE,) if p.get(P.EXCHANGE) == 2.0 else ())):
+            if p.loaded(number):
+                p.write(number, None)
+                self.renew()
+
+    def _without_program(self, zero: int, plane: int, length_mm: float, position: Point) -> None:
+        """Raises ProgramError M1240, M1302."""
         nothing = (0.0,) * len(self.names)
         self.modal = START.with_g(zero).with_g(plane)
         self.rotation, self.shift, self.correction = Rotation(), nothing, nothing

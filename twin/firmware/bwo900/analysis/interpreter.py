@@ -37,7 +37,6 @@ from isel_twin.firmware.bwo900.geometry.blocks import MFunction, PathBlock, Stop
 from isel_twin.firmware.bwo900.geometry.curves import Bent
 from isel_twin.firmware.bwo900.geometry.elements import Element, Point
 from isel_twin.firmware.bwo900.geometry.frames import Frame
-from isel_twin.firmware.bwo900.geometry.groups import GROUPS, PLANE, ZERO_POINTS
 from isel_twin.firmware.bwo900.geometry.in_force import AT_REST, InForce
 from isel_twin.firmware.bwo900.messages import Code, Message, ProgramError
 from isel_twin.firmware.bwo900.numbers import G, P
@@ -190,13 +189,7 @@ class Interpreter:
 
     def hand(self, position: Point) -> None:
         """HAND: take its zero point (P8758) and plane (P8757) for the display. position: of the axes, mm."""
-        zero, plane = int(self._parameters.get(P.HAND_ZERO)), int(self._parameters.get(P.HAND_PLANE))
-        plane = plane if GROUPS.get(plane) == PLANE else G.PLANE_XY
-        length = self._tools.length_mm
-        try:
-            self._coordinates.without_program(zero if zero in ZERO_POINTS else G.NO_ZERO, plane, length, position)
-        except ProgramError:  # the table of zero points is at a wrong address
-            self._coordinates.without_program(G.NO_ZERO, plane, length, position)
+        self._coordinates.hand(self._tools.length_mm, position)
 
     # Analysis
 
@@ -308,9 +301,7 @@ class Interpreter:
 
     def request_tool(self, group: int) -> None:
         """A tool is called in HAND: its record goes to that of the PLC and that of the real time. Raises as `find`."""
-        self._tools.request(group)
-        for number, value in self._tools.requested():
-            self._parameters.write(number, value)
+        self._tools.request_in_hand(group)
 
     def command(self, number: int, value: float | None, *, in_hand: bool) -> None:
         """Take a parameter P written by the line: it may copy tool records, or exchange or reverse axes."""
@@ -320,11 +311,7 @@ class Interpreter:
 
     def forget_in_hand(self) -> None:
         """HAND: end the reversal of axes (P8892), and their exchange if P8880 = 2."""
-        p = self._parameters
-        for number in (P.MIRRORED, *((P.EXCHANGE,) if p.get(P.EXCHANGE) == 2.0 else ())):
-            if p.loaded(number):
-                p.write(number, None)
-                self._coordinates.renew()
+        self._coordinates.forget_in_hand()
 
     def _words(self, said: Said) -> None:
         self._reader.select_tool(said)
@@ -460,8 +447,7 @@ class Interpreter:
             block = self.stack.top.program.block(self.stack.top.place)
         except ProgramError:  # reported when it is analysed
             return False
-        moves = block.g or any(word.name[0] not in "FSTft" for word in block.words)
-        return not moves and (self._supervision.on or bool(block.calls))
+        return not block.may_move and (self._supervision.on or bool(block.calls))
 
     def _stays(self) -> bool:
         """True if the blocks of supervision are kept; False if analysis waits for something."""

@@ -108,6 +108,12 @@ class Tools:
         values = (p.get(P.TOOL_REQUESTED + n) if p.loaded(P.TOOL_REQUESTED + n) else None for n in range(SIZE))
         return [(P.TOOL_REAL_TIME + n, value) for n, value in enumerate(values)]
 
+    def request_in_hand(self, group: int) -> None:
+        """P8043: `request`, and the record goes to that of the real time, too."""
+        self.request(group)
+        for number, value in self.requested():
+            self._parameters.write(number, value)
+
     def reckon(self, group: int) -> None:
         """T with M16: the entry goes to the path's record. Raises as `find` does."""
         if group == 0:

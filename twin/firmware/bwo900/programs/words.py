@@ -106,5 +106,10 @@ class ProgramBlock:
             return axis
         return min([*(g.column for g in self.g), *(m.column for m in self.m)], default=1)
 
+    @property
+    def may_move(self) -> bool:
+        """True if it has G functions, or words other than feed, speed and tool."""
+        return bool(self.g) or any(word.name[0] not in "FSTft" for word in self.words)
+
     def word(self, name: str) -> Word | None:
         return next((word for word in self.words if word.name == name), None)
