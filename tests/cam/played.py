@@ -95,10 +95,10 @@ class Player:
         assert not twin.fault
         if not self._homed_ns:
             begin = self._homed_ns = max(r.end_ns for r in results if r.command.startswith(REFERENCE))
-        steps = twin.steps
-        t_ns = np.asarray(steps.t_ns)
+        chunks = [motion.window(motion.first, motion.last) for motion in twin.steps.motions if motion.end_ns > begin]
+        t_ns = np.concatenate([times for times, _ in chunks] or [np.empty(0, np.int64)])
         first = int(np.searchsorted(t_ns, begin, side="right"))
-        delta = np.asarray(steps.delta)[first:, :3].astype(np.int64)
+        delta = np.vstack([deltas[:, :3] for _, deltas in chunks] or [np.empty((0, 3))])[first:].astype(np.int64)
         end = np.asarray(twin.counts)[:3].astype(np.int64)
         counts = np.vstack([end - np.cumsum(delta[::-1], axis=0)[::-1], end])
         x, y, z = (end / self.steps_mm).tolist()
@@ -114,17 +114,21 @@ def played(controller: str, path: Iterable[Element], settings: CamSettings = FAS
     return Player(controller).play(path, settings)
 
 
-def distance_mm(points: NDArray[np.float64], corners: NDArray[np.float64]) -> float:
+def distance_mm(points: Points, corners: Points) -> float:
     """Largest distance of these points from the polyline."""
-    ways = np.diff(corners, axis=0)
+    centre = corners.mean(axis=0)  # near it products lose no digits
+    points, corners = points - centre, corners - centre
+    begins, ways = corners[:-1], np.diff(corners, axis=0)
     squares = np.maximum((ways**2).sum(axis=1), 1e-30)
+    lengths = (points**2).sum(axis=1)
     least = np.full(len(points), np.inf)
-    for first in range(0, len(ways), 64):  # so much at once that it stays in the cache
-        to, way = points[:, None] - corners[first : first + 64][: len(ways) - first], ways[first : first + 64]
-        part = np.clip((to * way).sum(axis=2) / squares[first : first + 64], 0.0, 1.0)
-        apart = to - part[:, :, None] * way
-        least = np.minimum(least, (apart**2).sum(axis=2).min(axis=1))
-    return math.sqrt(least.max())
+    for first in range(0, len(ways), 256):  # so much at once that it stays in the cache
+        begin, way, square = begins[first : first + 256], ways[first : first + 256], squares[first : first + 256]
+        along = points @ way.T - (begin * way).sum(axis=1)
+        apart = lengths[:, None] - 2.0 * (points @ begin.T) + (begin**2).sum(axis=1)  # squared, from its begin
+        part = np.clip(along / square, 0.0, 1.0)
+        least = np.minimum(least, (apart - part * (2.0 * along - part * square)).min(axis=1))
+    return math.sqrt(max(least.max(), 0.0))
 
 
 def ideal_mm(path: Iterable[Element], settings: CamSettings = FAST, start: Point = (0.0, 0.0, 0.0)) -> Points:
@@ -163,15 +167,16 @@ def check_made(controller: str, path: Sequence[Element], settings: CamSettings =
 
 
 def check_played(player: Player, path: Sequence[Element], settings: CamSettings = FAST, points: int = 4000) -> Played:
-    """Play it and hold it against the path: the end within a step, every place within the tolerance and a step, and
-    every place of the path within that and what passes between two set points of it."""
+    """Play it and hold it against the path: the end within a step, every place within the tolerance and a step of each
+    axis (half of it is rounding, half the steps of a line), and every place of the path within that and what passes
+    between two set points of it."""
     start = settings.machine_point(player.start)
     run = player.play(path, settings)
     step = 1.0 / run.steps_mm
     wanted = ideal_mm(path, settings, start)
     assert np.abs(run.mm[-1] - wanted[-1]).max() <= step
-    chord = 20.0 * (1.0 - math.cos(math.radians(1.0)))  # of the wanted path itself, radii up to 20 mm
-    near = settings.tolerance_mm + step + chord
+    chord = largest_radius_mm(path) * (1.0 - math.cos(math.radians(1.0)))  # of the wanted path itself
+    near = settings.tolerance_mm + math.sqrt(3.0) * step + chord
     corners = run.mm[np.unique(np.linspace(0, len(run.mm) - 1, points).astype(int))]
     assert distance_mm(corners, wanted) <= near
     apart = float(np.linalg.norm(np.diff(corners, axis=0), axis=1).max()) / 2.0
@@ -179,6 +184,15 @@ def check_played(player: Player, path: Sequence[Element], settings: CamSettings 
     length = float(np.linalg.norm(np.diff(wanted, axis=0), axis=1).sum())
     assert np.abs(swept_mm2(corners) - swept_mm2(wanted)).max() <= 2.0 * near * (length + 1.0) + apart * length
     return run
+
+
+def largest_radius_mm(path: Iterable[Element]) -> float:
+    arcs = (element for element in path if isinstance(element, Arc))
+    return max((math.dist(_flat(each.to, each.plane), _flat(each.centre, each.plane)) for each in arcs), default=0.0)
+
+
+def _flat(point: Point, plane: int) -> Sequence[float]:
+    return [*point[:plane], *point[plane + 1 :]]
 
 
 def swept_mm2(points: Points) -> Points:
