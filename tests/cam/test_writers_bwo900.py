@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 from cam.played import END, FAST, P, arc, check_made, line, lines_of, played, rapid, texts
 from cam.random_paths import paths
@@ -75,6 +76,13 @@ def test_a_short_arc_is_not_a_full_circle() -> None:
     run = check_made("bwo900", [rapid(50, 50, -20), arc((50, 50.0004, -20), (30, 50, 0)), line(50, 51, -20), END])
     assert run.mm[:, 0].min() >= 0
     assert run.seconds < 10
+
+
+def test_a_helix_of_no_way_in_its_plane_is_no_full_turn() -> None:
+    """It ends half a micrometre beside its start, 0.4 mm higher: the same digits in the plane."""
+    run = check_made("bwo900", [rapid(50, 50, -20), arc((50.4, 50, -19.9995), (0, 51, -20), -1, plane=0), END])
+    assert np.abs(run.mm[-1] - (50.4, 50.0, 19.9995)).max() < 0.001
+    assert np.ptp(run.mm[run.mm[:, 0] >= 50.0], axis=0).max() < 0.5
 
 
 def test_functions() -> None:

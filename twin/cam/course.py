@@ -49,6 +49,11 @@ class Turn(NamedTuple):
     length_mm: float
     speed_mm_s: float
 
+    @property
+    def flat_mm(self) -> float:
+        """Its length in its plane. Where that is no count, a controller may take it for a full circle."""
+        return self.radius_mm * abs(self.sweep)
+
 
 class Limits(Protocol):
     """What a controller makes."""

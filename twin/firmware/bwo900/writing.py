@@ -85,7 +85,7 @@ class Bwo900Commands:
         return (Written(self._block(f"G1{stop}{words}{self._fed(move.speed_mm_s)}"), move.place),)
 
     def turn_counts(self, turn: Turn) -> float | None:
-        sized = min(turn.radius_mm, turn.length_mm) >= LEAST_ARC_MM and turn.radius_mm <= MOST_ARC_MM
+        sized = min(turn.radius_mm, turn.flat_mm) >= LEAST_ARC_MM and turn.radius_mm <= MOST_ARC_MM
         counts = turn.length_mm * min(self._x, self._y, self._z)
         return counts if sized and abs(turn.spread_mm) <= ROUND_MM else None
 

@@ -77,9 +77,7 @@ class Gmi99Commands:
     def turn_counts(self, turn: Turn) -> float | None:
         """Neither a helix, of which the manual says nothing, nor a spiral."""
         flat = all(turn.start[axis] == turn.to[axis] for axis in range(3) if axis not in (turn.a, turn.b))
-        sized = (
-            min(turn.radius_mm, turn.length_mm) * turn.per_mm >= LEAST_ARC and turn.radius_mm * turn.per_mm <= HIGHEST
-        )
+        sized = min(turn.radius_mm, turn.flat_mm) * turn.per_mm >= LEAST_ARC and turn.radius_mm * turn.per_mm <= HIGHEST
         return turn.length_mm * self._per_mm if flat and sized and abs(turn.spread_mm) * turn.per_mm <= ROUND else None
 
     def turn(self, turn: Turn) -> Iterable[Written]:
