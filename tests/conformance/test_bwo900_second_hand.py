@@ -80,6 +80,25 @@ def machine() -> Twin:
     return twin
 
 
+@shows("bwo900-2.3-8")
+@pytest.mark.parametrize(("contact", "off", "on"), [("estop", "pressed", "released"), ("power", "off", "on")])
+def test_reference_points_after_an_emergency_stop(contact: str, off: str, on: str) -> None:
+    """2.3 asks for reference runs after switching on: with drives back a program begins where the axes are known."""
+    desk = fresh("P1|N10 G1 F600 X20|N20 M30")
+    start(desk)
+    desk.run(0.6)
+    desk.set(contact, off)
+    desk.run(0.5)
+    held = mm(desk)[0]
+    desk.set(contact, on)
+    assert [value(desk, n) for n in (8579, 12_180, 12_380, 12_580)] == [1.0] * 4
+    desk.send(parameters(p8683=1, p8508=1))
+    start(desk)
+    desk.finish()
+    assert 0.0 < held < 20.0
+    assert (mm(desk)[0], len(said(desk))) == (20.0, 1)
+
+
 def test_a_change_in_hand_goes_on_after_save_and_ends_with_an_emergency_stop() -> None:
     """Saved in the middle of Z6: the copy makes the same move. E-stop: it is over, nothing
     moves after the release, and the next change is whole."""
