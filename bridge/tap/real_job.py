@@ -144,13 +144,18 @@ class RealReport:
     job: str
     findings: tuple[Finding, ...]
     verdict: RealVerdict
-    unseen: tuple[str, ...]  # rules and conditions that nobody could look at
+    conditions_unseen: tuple[str, ...]  # that nobody could look at
     results: tuple[Result, ...]
     stopped: str = ""  # what was sent to break a motion off
 
     @property
     def ok(self) -> bool:
         return not self.findings
+
+    @property
+    def unseen(self) -> tuple[str, ...]:
+        """Rules and conditions that nobody could look at."""
+        return (*(rule for rule in RULES if rule not in SEEN), *self.conditions_unseen)
 
 
 def unfit(lines: Sequence[Line], controller: str) -> str:
@@ -204,8 +209,7 @@ def check_real(
     found = [finding for result in results for finding in of_answer(result, bounds)]
     found += [*of_cycle(cycle_s, bounds, number, end_ns), *of_unsent(left, number, over_ns)]
     verdict = RealVerdict(len(sent), cycle_s, real.address, controller, left, stop() and not whole)
-    rules = [rule for rule in RULES if rule not in SEEN]
-    return RealReport(job, few(found), verdict, (*rules, *unseen), tuple(results), halted)
+    return RealReport(job, few(found), verdict, tuple(unseen), tuple(results), halted)
 
 
 def _sent(line: Line, real: RealController, timeout_s: float, stop: Stop) -> Result:

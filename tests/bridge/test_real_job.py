@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 
 import pytest
 import serial
+from sarif_pydantic import Sarif
 
 from isel_twin.bridge.tap.real_job import unfit
 from isel_twin.cli import main
@@ -72,8 +73,15 @@ def test_replies_counters_and_times_are_judged_and_the_rest_is_named(judge: Judg
     noted = ElementTree.parse(tmp_path / "report.xml").find("testsuite/testcase/system-out")
     assert noted is not None
     assert "not looked at: " in str(noted.text)
-    code, out, _ = judge(SQUARE)
+    code, out, _ = judge(SQUARE, "--sarif", str(tmp_path / "report.sarif"))
     assert code == 0
+    text = (tmp_path / "report.sarif").read_text()
+    Sarif.model_validate_json(text)
+    (invocation,) = json.loads(text)["runs"][0]["invocations"]  # 2.1.0, 3.20.21
+    (note,) = invocation["toolExecutionNotifications"]
+    assert (note["level"], invocation["executionSuccessful"]) == ("note", True)
+    assert note["message"]["text"].endswith("line 4 (! lost == 0)")
+    assert note["locations"][0]["physicalLocation"]["artifactLocation"]["uri"].endswith("job.txt")
     assert "job.txt: ok (4 commands" in out
     assert "  not looked at: restart, " in out
 

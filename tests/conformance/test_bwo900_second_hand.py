@@ -198,6 +198,21 @@ def test_each_byte_locks_its_direction_of_its_axis_in_hand(lock: dict[str, float
 
 
 @shows("bwo900-8.7-23")
+@pytest.mark.parametrize(("lock", "g"), [(1, 3), (256, 3), (1, 2), (256, 2)])
+@pytest.mark.parametrize("turns_in", ["X", "Y"])
+def test_half_a_circle_goes_in_both_directions(lock: int, g: int, turns_in: str) -> None:
+    """There and back in the axis in which it bulges; X and Y of the start are those of the end but for the diameter."""
+    end, centre = ("X10 Y20", "I10 J15") if turns_in == "X" else ("X20 Y10", "I15 J10")
+    desk = fresh(f"P1|N10 G0 X10 Y10|N20 M00|N30 G{g} F6000 {end} {centre}|N40 M30")
+    start(desk)
+    desk.finish()
+    desk.send(parameters(**{"p12137" if turns_in == "X" else "p12337": float(lock)}))
+    desk.send(parameters(p8684=1))
+    desk.run(3.0)
+    assert (mm(desk)[:2], value(desk, 8687), said(desk)) == ((10.0, 10.0), 1.0, [])
+
+
+@shows("bwo900-8.7-23")
 def test_locks_of_y_and_z_are_theirs() -> None:
     """P12337 and P12537 are those of the second and third axis: 200 parameters each (8.7)."""
     for lock, waits in (({"p12337": 1}, "N20 Y5"), ({"p12537": 1}, "N20 Z5")):
