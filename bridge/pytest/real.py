@@ -1,7 +1,7 @@
 """`pytest --isel-port`: the fixture `watched` at a real controller.
 
     watched.play(job) --- check_real (bridge/tap/real_job.py) ---> the controller moves the machine, replies are judged
-    assertions        --- of replies and times: asked           --- that look inside: `unseen`, in the report (bridge/27)
+    assertions        --- of replies and times: asked       --- that look inside: `unseen`, in the report (bridge/27)
 
 One port, one machine: it is opened for a test, and keeps its state from test to test.
 """
