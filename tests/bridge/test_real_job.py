@@ -112,6 +112,9 @@ def test_another_family(judge: Judge) -> None:
     code, out, _ = judge("$HZXY<1>\n#E1,1200\nL1,X80<1>\n@LX\n", "--json", controller="ismif")
     told = json.loads(out)
     assert (code, told["findings"], told["verdict"]["commands"]) == (0, [], 4)
+    code, out, _ = judge("@LY\n! count.y == 0\n! count.x == 0\n", "--json", controller="ismif")
+    assert (code, json.loads(out)["findings"]) == (0, [])
+    assert json.loads(out)["not_looked_at"][-1] == "line 3 (! count.x == 0)"
     code, out, _ = judge("@LX => 17\n", "--json", controller="ismif")
     assert (code, json.loads(out)["findings"][0]["rule"]) == (1, "refused")
 

@@ -127,7 +127,7 @@ def test_its_language_reads_the_short_answer() -> None:
     assert [one.text for one in told] == ["0", "0000384", "0000384", "0"]
     assert told[1].explanation == "position X 900"
     assert offers(language, TellsActs)
-    assert language.counters(b"@0P\r", b"0FFFF9C") == (-100,)
+    assert language.counters(b"@0P\r", b"0FFFF9C") == ({0: -100}, b"0")
 
 
 @pytest.mark.parametrize("value", [0, -1, "many", 1.5, True])

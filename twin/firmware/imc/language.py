@@ -157,7 +157,7 @@ class ImcLanguage:
     def act(self, sent: bytes) -> Act:
         return acts.act(sent)
 
-    def counters(self, sent: bytes, reply: bytes) -> tuple[int, ...] | None:
+    def counters(self, sent: bytes, reply: bytes) -> tuple[Mapping[int, int], bytes] | None:
         return acts.counters(sent, reply)
 
     @property
