@@ -56,6 +56,28 @@ class _Kept:
             self.causes.clear()
 
 
+def called(call: Mapping[str, Any], *, line_speed: bool = False) -> TwinSpec:
+    """What the keys of a marker ask for."""
+    names = {field.name for field in fields(TwinSpec)}
+    known = {key: value for key, value in call.items() if key in names}
+    known |= {key: Path(value) for key, value in known.items() if key == "scenario" and value is not None}
+    known |= {key: str(value) for key, value in known.items() if key in ("machine", "controller", "plant")}
+    return TwinSpec(**known, line_speed=line_speed)
+
+
+def built(wanted: TwinSpec) -> Twin:
+    """The twin. A wrong call fails the test with one line."""
+    import pytest
+
+    try:
+        twin, wrong = wanted.build(), ""
+    except (CallError, TypeError, AttributeError) as error:
+        twin, wrong = None, one_line(str(error))
+    if twin is None:  # outside of the `except`, which would add a traceback
+        pytest.fail(f"twin: {wrong}", pytrace=False)
+    return twin
+
+
 class KeptTwins:
     """All twins of a session."""
 
@@ -68,19 +90,8 @@ class KeptTwins:
 
     def build(self, node: Any, call: Mapping[str, Any], *, line_speed: bool = False) -> Twin:
         """A twin for a node, switched on. A wrong call fails the test with one line."""
-        import pytest
-
-        names = {field.name for field in fields(TwinSpec)}
-        known = {key: value for key, value in call.items() if key in names}
-        known |= {key: Path(value) for key, value in known.items() if key == "scenario" and value is not None}
-        known |= {key: str(value) for key, value in known.items() if key in ("machine", "controller", "plant")}
-        wanted = TwinSpec(**known, line_speed=line_speed)
-        try:
-            twin, wrong = wanted.build(), ""
-        except (CallError, TypeError, AttributeError) as error:
-            twin, wrong = None, one_line(str(error))
-        if twin is None:  # outside of the `except`, which would add a traceback
-            pytest.fail(f"twin: {wrong}", pytrace=False)
+        wanted = called(call, line_speed=line_speed)
+        twin = built(wanted)
         kept = _Kept(twin, node, wanted)
         twin.listen(kept.note)
         self._kept.append(kept)

@@ -5,6 +5,8 @@
     a test fails ---> the twin is built again and repeats its run, now recorded (bridge/pytest/kept.py)
                       ---> recording, picture and command to repeat it, in the report of the test
 
+With --isel-port `watched` is a real controller's, and the other fixtures skip their tests (real.py).
+
 pytest imports this at every start, in any project, so other imports are local. A wrong key or value gives one line: in
 the marker at each test that has it, in an ini key before any test (bridge/21).
 """
@@ -14,14 +16,17 @@ from __future__ import annotations
 import itertools
 import os
 from collections.abc import Callable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import pytest
+
+from isel_twin.bridge.pytest.without import NoTwin, no_twin
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from isel_twin.bridge.pytest.kept import KeptTwins, ServedTwin
+    from isel_twin.bridge.pytest.real import RealWatched
     from isel_twin.bridge.virtual.protocol_twin import Serial
     from isel_twin.bridge.virtual.virtual_host import HostRun
     from isel_twin.core.twin import Twin
@@ -47,18 +52,25 @@ MARKER = (
 )
 
 _kept = pytest.StashKey["KeptTwins"]()
+_overlooked = pytest.StashKey[dict[str, list[str]]]()  # by test, what nobody could look at at a real controller
 
 
 # The project's defaults
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
+    help_text = "send the jobs of `watched` to the real controller at this port: /dev/ttyUSB0, COM3, tcp://HOST:PORT"
+    parser.getgroup("isel-twin").addoption("--isel-port", metavar="PORT", default=None, help=help_text)
     for key, meaning in INI.items():
         parser.addini(f"isel_twin_{key}", f"isel-twin: {meaning}", default="")
 
 
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", MARKER)
+    if "--isel-port" in config.invocation_params.args:  # pytest has already looked for its ini file at that "folder"
+        raise pytest.UsageError("--isel-port: write --isel-port=PORT; behind a blank pytest takes it for a test folder")
+    if _port(config) and getattr(config.option, "numprocesses", None):
+        raise pytest.UsageError("--isel-port: there is one machine; leave -n (--numprocesses) out")
     if (seed := config.getini("isel_twin_seed")) and not (seed.isascii() and seed.isdigit()):
         raise pytest.UsageError(f"isel_twin_seed = {seed}: must be a whole number from 0")
     if (plant := config.getini("isel_twin_plant")) and plant not in ("mujoco", "kinematic"):
@@ -70,6 +82,12 @@ def _defaults(config: pytest.Config) -> dict[str, Any]:
     if "seed" in call:
         call["seed"] = int(call["seed"])
     return {key: _seen_from(_folder(config), key, value) for key, value in call.items()}
+
+
+def _port(config: pytest.Config) -> str | None:
+    """The port of a real controller."""
+    port: str | None = config.getoption("--isel-port", None)
+    return port
 
 
 def _folder(config: pytest.Config) -> Path:
@@ -121,7 +139,8 @@ def _wrong(line: str) -> None:
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """A list in the marker makes a test of each entry, two lists a test of each pair."""
+    """A list in the marker makes a test of each entry, two lists a test of each pair; at a real controller the first
+    alone."""
     if "twin_call" not in metafunc.fixturenames:
         return
     lists: dict[str, list[Any]] = {}
@@ -133,12 +152,24 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     if not lists:
         return
     choices = [dict(zip(lists, values, strict=True)) for values in itertools.product(*lists.values())]
+    choices = choices[:1] if _port(metafunc.config) else choices
     ids = ["-".join(_id(key, value) for key, value in choice.items()) for choice in choices]
     metafunc.parametrize("twin_call", choices, indirect=True, ids=ids)
 
 
 def _id(key: str, value: Any) -> str:
     return f"seed{value}" if key == "seed" else str(getattr(value, "name", value)).rpartition("/")[2]
+
+
+# At a real controller
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    """What nobody could look at, test by test."""
+    if overlooked := config.stash.get(_overlooked, None):
+        terminalreporter.section(f"isel-twin at {_port(config)}: not looked at")
+        for test, what in overlooked.items():
+            terminalreporter.line(f"{test}: {', '.join(what)}")
 
 
 # Fixtures
@@ -190,6 +221,8 @@ def twin_factory(_twins: KeptTwins) -> Callable[..., Twin]:
     """
 
     def make(request: pytest.FixtureRequest, **changes: Any) -> Twin:
+        if _port(request.config):
+            no_twin("twin_factory")
         twin = _twins.build(request.node, _call(request, changes, "twin_factory"))
         request.addfinalizer(lambda: _twins.forget(twin))
         return twin
@@ -201,17 +234,43 @@ def twin_factory(_twins: KeptTwins) -> Callable[..., Twin]:
 def twin(request: pytest.FixtureRequest, twin_call: dict[str, Any], _twins: KeptTwins) -> Iterator[Twin]:
     """A twin in this process, in virtual time, switched on."""
     given = _parameter(request)
+    if _port(request.config):
+        yield cast("Twin", NoTwin())
+        return
     made = _twins.build(request.node, _call(request, {**twin_call, **given}, "twin") if given else twin_call)
     yield made
     _twins.forget(made)
 
 
 @pytest.fixture
-def watched(twin: Twin) -> Watched:
-    """The same twin under observation, for the assertions of `isel_twin.jobs.checks.asserts`; it plays jobs, too."""
-    from isel_twin.jobs.checks.watched import Watched
+def watched(request: pytest.FixtureRequest, twin: Twin, twin_call: dict[str, Any]) -> Iterator[Watched | RealWatched]:
+    """The same twin under observation, for the assertions of `isel_twin.jobs.checks.asserts`; it plays jobs, too. With
+    --isel-port a real controller, of which replies and times are known."""
+    if (port := _port(request.config)) is None:
+        from isel_twin.jobs.checks.watched import Watched
 
-    return Watched(twin)
+        yield Watched(twin)
+        return
+    from isel_twin.base.errors import CallError
+    from isel_twin.bridge.pytest.kept import built, called
+    from isel_twin.bridge.pytest.real import RealWatched
+
+    if twin_call.get("scenario"):
+        no_twin("its scenario")
+    names = built(called({**twin_call, "plant": "kinematic"}))
+    real, wrong = None, ""
+    try:
+        real = RealWatched(port, names)
+    except CallError as error:
+        wrong = str(error)
+    if real is None:  # outside of the `except`, which would make more than a line of it
+        _wrong(f"--isel-port: {wrong}")
+        return
+    yield real
+    real.close()
+    if real.unseen:
+        request.config.stash.setdefault(_overlooked, {})[request.node.nodeid] = list(real.unseen)
+        request.node.user_properties.append(("isel_twin_not_looked_at", ", ".join(real.unseen)))
 
 
 @pytest.fixture
@@ -229,6 +288,8 @@ def twin_server(request: pytest.FixtureRequest, twin_call: dict[str, Any], _twin
     """A twin served on a free port for a host in any language, and operated by `ask`. As fast as possible."""
     from isel_twin.bridge.pytest.kept import ServedTwin
 
+    if _port(request.config):
+        no_twin("twin_server")
     call = dict(twin_call)
     endpoint, speed = call.pop("endpoint", "tcp"), call.pop("speed", "max")
     made = _twins.build(request.node, call, line_speed=str(speed) != "max")
@@ -256,6 +317,8 @@ def virtual_host(twin: Twin) -> Callable[..., HostRun]:
     """
 
     def run(argv: Any, port: str | None = None, **options: Any) -> HostRun:
+        if isinstance(twin, NoTwin):
+            no_twin("virtual_host")
         from isel_twin.bridge.virtual.virtual_host import run_host
 
         twin.line_speed = True

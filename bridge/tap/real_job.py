@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
 
@@ -29,7 +29,7 @@ from isel_twin.jobs.checks.job import of_answer, of_cycle, of_unsent
 from isel_twin.jobs.checks.rules import RULES, Bounds, Finding, few
 from isel_twin.jobs.job import Line, converse
 from isel_twin.jobs.result import Result
-from isel_twin.language import RunsPrograms, TellsActs, create_language, needed, readable
+from isel_twin.language import RunsPrograms, TellsCounters, create_language, needed, readable
 
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
@@ -144,13 +144,18 @@ class RealReport:
     job: str
     findings: tuple[Finding, ...]
     verdict: RealVerdict
-    unseen: tuple[str, ...]  # rules and conditions that nobody could look at
+    conditions_unseen: tuple[str, ...]  # that nobody could look at
     results: tuple[Result, ...]
     stopped: str = ""  # what was sent to break a motion off
 
     @property
     def ok(self) -> bool:
         return not self.findings
+
+    @property
+    def unseen(self) -> tuple[str, ...]:
+        """Rules and conditions that nobody could look at."""
+        return (*(rule for rule in RULES if rule not in SEEN), *self.conditions_unseen)
 
 
 def unfit(lines: Sequence[Line], controller: str) -> str:
@@ -168,7 +173,7 @@ def check_real(
     ends the job. Raises SilentError if the controller has never said anything, or its port has gone."""
     results: list[Result] = []
     unseen: list[str] = []
-    counts: tuple[int, ...] | None = None
+    counts: Mapping[int, int] = {}
     last: Result | None = None
     halted = ""
     left = len(lines)
@@ -184,7 +189,7 @@ def check_real(
                     continue
             else:
                 result = last = _sent(line, real, bounds.timeout_s, stop)
-                counts = real.language.counters(line.sent, real.reply) if offers(real.language, TellsActs) else None
+                counts = _told(real, line)
             results.append(result)
             if not result.ok:
                 break
@@ -204,8 +209,7 @@ def check_real(
     found = [finding for result in results for finding in of_answer(result, bounds)]
     found += [*of_cycle(cycle_s, bounds, number, end_ns), *of_unsent(left, number, over_ns)]
     verdict = RealVerdict(len(sent), cycle_s, real.address, controller, left, stop() and not whole)
-    rules = [rule for rule in RULES if rule not in SEEN]
-    return RealReport(job, few(found), verdict, (*rules, *unseen), tuple(results), halted)
+    return RealReport(job, few(found), verdict, tuple(unseen), tuple(results), halted)
 
 
 def _sent(line: Line, real: RealController, timeout_s: float, stop: Stop) -> Result:
@@ -225,15 +229,24 @@ def _sent(line: Line, real: RealController, timeout_s: float, stop: Stop) -> Res
     return Result(line.number, line.command, text, ok, begin_ns, end_ns, (), (), (), (), complete, expected, why)
 
 
-def _look(line: Line, real: RealController, counts: tuple[int, ...] | None, last: Result | None) -> Result | None:
+def _told(real: RealController, line: Line) -> Mapping[int, int]:
+    """The counters in the reply to this line, by axis."""
+    language = real.language
+    found = language.counters(line.sent, real.reply) if offers(language, TellsCounters) else None
+    return {} if found is None else found[0]
+
+
+def _look(line: Line, real: RealController, counts: Mapping[int, int], last: Result | None) -> Result | None:
     """The condition, if it is on the last command's duration, or on counters that its reply told; else None."""
     condition = line.condition
     assert condition is not None
     name, _, axis = condition.name.partition(".")
-    told = name == "count" and counts is not None and axis in AXIS_NAMES[: len(counts)]
+    told = name == "count" and axis in [AXIS_NAMES[known] for known in counts]
     if not told and name != "time":
         return None
-    found = condition.look(cast("Twin", _Counters(np.array(counts or ()))), last)
+    found = condition.look(
+        cast("Twin", _Counters(np.array([counts.get(known, 0) for known in range(len(AXIS_NAMES))]))), last
+    )
     why = "" if found.met else f"is {found.value}"
     now = real.time_ns
     return Result(

@@ -15,6 +15,7 @@ Settings keep their order among the bytes: earlier bytes have left the computer 
 
 from __future__ import annotations
 
+import errno
 import logging
 import re
 import socket
@@ -304,3 +305,20 @@ class RealPort:
                     self._changed.notify_all()
                 if full and not self.full:
                     self._wake()
+
+
+def refusal(device: str, error: OSError | ValueError) -> str:
+    """Why the controller's port cannot be opened, and the ports there are."""
+    reason = f"{device}: {getattr(error, 'strerror', None) or error}"
+    if isinstance(error, PermissionError) or "Permission denied" in reason:
+        return f"{reason}; ask for the group of serial ports (dialout, uucp), or try as root"
+    if "://" in device:
+        return f"{reason}; is something listening there?"
+    if getattr(error, "errno", None) == errno.EINVAL:
+        return f"{reason}; a pseudo terminal has no parity: let the twin serve --rfc2217, and give rfc2217://HOST:PORT"
+    if "in use" in reason:
+        return f"{reason}; close that one first"
+    from serial.tools.list_ports import comports
+
+    known = ", ".join(sorted(port.device for port in comports()))
+    return f"{reason}; serial ports here: {known or 'none; is it plugged in?'}"

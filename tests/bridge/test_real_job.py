@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 
 import pytest
 import serial
+from sarif_pydantic import Sarif
 
 from isel_twin.bridge.tap.real_job import unfit
 from isel_twin.cli import main
@@ -72,8 +73,15 @@ def test_replies_counters_and_times_are_judged_and_the_rest_is_named(judge: Judg
     noted = ElementTree.parse(tmp_path / "report.xml").find("testsuite/testcase/system-out")
     assert noted is not None
     assert "not looked at: " in str(noted.text)
-    code, out, _ = judge(SQUARE)
+    code, out, _ = judge(SQUARE, "--sarif", str(tmp_path / "report.sarif"))
     assert code == 0
+    text = (tmp_path / "report.sarif").read_text()
+    Sarif.model_validate_json(text)
+    (invocation,) = json.loads(text)["runs"][0]["invocations"]  # 2.1.0, 3.20.21
+    (note,) = invocation["toolExecutionNotifications"]
+    assert (note["level"], invocation["executionSuccessful"]) == ("note", True)
+    assert note["message"]["text"].endswith("line 4 (! lost == 0)")
+    assert note["locations"][0]["physicalLocation"]["artifactLocation"]["uri"].endswith("job.txt")
     assert "job.txt: ok (4 commands" in out
     assert "  not looked at: restart, " in out
 
@@ -104,6 +112,9 @@ def test_another_family(judge: Judge) -> None:
     code, out, _ = judge("$HZXY<1>\n#E1,1200\nL1,X80<1>\n@LX\n", "--json", controller="ismif")
     told = json.loads(out)
     assert (code, told["findings"], told["verdict"]["commands"]) == (0, [], 4)
+    code, out, _ = judge("@LY\n! count.y == 0\n! count.x == 0\n", "--json", controller="ismif")
+    assert (code, json.loads(out)["findings"]) == (0, [])
+    assert json.loads(out)["not_looked_at"][-1] == "line 3 (! count.x == 0)"
     code, out, _ = judge("@LX => 17\n", "--json", controller="ismif")
     assert (code, json.loads(out)["findings"][0]["rule"]) == (1, "refused")
 

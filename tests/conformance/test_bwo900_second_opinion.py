@@ -4,7 +4,9 @@ other places and sizes than its printed examples, and together with what else ca
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +15,9 @@ from conformance.rows import shows
 
 from isel_twin import Twin
 from isel_twin.machine import Fixture
+from isel_twin.recordings.reading import read
+from isel_twin.recordings.recording import FileRecording
+from isel_twin.recordings.replay import rebuilt, replay
 
 BALL_MM, STATED_MM = 3.0, 0.003
 CYCLE = "N30 P141:2 P143:60 P144:1 P147:500 P504:4 P149:510"
@@ -134,6 +139,16 @@ def trigger_points() -> tuple[float, ...]:
     return tuple(bench("kinematic").values(510, 4))
 
 
+def measuring(machine: Machine) -> tuple[str, ...]:
+    """Begin to measure the bore of 45.5 mm, up to the first touch; the blocks of it."""
+    names = " ".join(f"P{510 + n}:{value}" for n, value in enumerate(trigger_points()))
+    cycle = ("N25 G1 Z-87 F3000", CYCLE, f"N40 P140:60 P152:45.5 P154:530 {names} P530:-1 P531:-1", "N50 G69")
+    machine.begin(*cycle)
+    while machine.twin.inputs["probe"] == "free":
+        machine.twin.run(0.05)
+    return cycle
+
+
 @shows("bwo900-5.1-5", "bwo900-5.1-8")
 @pytest.mark.parametrize("plant", ["kinematic", "mujoco"])
 def test_a_bore_of_another_size_in_another_place(plant: str) -> None:
@@ -171,11 +186,7 @@ def test_a_machine_without_a_probe_finds_nothing() -> None:
 def test_emergency_stop_and_power_loss_in_the_middle_of_a_cycle() -> None:
     """Nothing has been measured; after a reset and reference runs the same cycle measures."""
     machine = Machine(bored(119.1, 91.3, 45.5))
-    names = " ".join(f"P{510 + n}:{value}" for n, value in enumerate(trigger_points()))
-    cycle = ("N25 G1 Z-87 F3000", CYCLE, f"N40 P140:60 P152:45.5 P154:530 {names} P530:-1 P531:-1", "N50 G69")
-    machine.begin(*cycle)
-    while machine.twin.inputs["probe"] == "free":
-        machine.twin.run(0.05)
+    cycle = measuring(machine)
     machine.twin.set_input("estop", "pressed")
     machine.twin.run(0.5)
     assert machine.said() == [3001]
@@ -188,14 +199,57 @@ def test_emergency_stop_and_power_loss_in_the_middle_of_a_cycle() -> None:
     assert machine.values(530, 2) == pytest.approx([119.1, 91.3], abs=STATED_MM)
 
 
+def test_abort_in_the_middle_of_a_measurement() -> None:
+    """Nothing has been measured and nothing moves on; the next start measures, without a reference run."""
+    machine = Machine(bored(119.1, 91.3, 45.5))
+    cycle = measuring(machine)
+    machine.twin.write(parameters(p8705=1))
+    machine.twin.run(1.0)
+    held = tuple(machine.twin.machine_position_mm)
+    machine.twin.run(2.0)
+    assert (tuple(machine.twin.machine_position_mm), machine.said()) == (held, [])
+    assert machine.values(530, 2) == [-1.0, -1.0]
+    assert machine.run(*cycle) == []
+    assert machine.values(530, 2) == pytest.approx([119.1, 91.3], abs=STATED_MM)
+
+
+@pytest.mark.parametrize(("key", "said"), [("automatic", [3002]), ("setup", [])])
+def test_the_hood_opens_in_the_middle_of_a_measurement(key: str, said: list[int]) -> None:
+    """The safety chain takes the power from the drives, and nothing has been measured; in setup it stays closed."""
+    machine = Machine(bored(119.1, 91.3, 45.5))
+    machine.twin.set_input("key", key)
+    measuring(machine)
+    machine.twin.set_input("hood", "forced")
+    machine.twin.run_until_idle(120.0)
+    assert machine.said() == said
+    expected = [-1.0, -1.0] if said else [119.1, 91.3]
+    assert machine.values(530, 2) == pytest.approx(expected, abs=STATED_MM)
+
+
+def test_a_recorded_measurement_replays_to_the_bit(tmp_path: Path) -> None:
+    machine = Machine(bored(119.1, 91.3, 45.5))
+    twin = Twin.of(replace(machine.twin.origin, flash=machine.twin.flash))
+    recording = FileRecording(tmp_path / "bore.mcap", twin, 50_000_000)
+    machine.twin = twin
+    twin.write(parameters(p21000=1, p21010=BALL_MM, p21011=0) + REFERENCE)
+    twin.run_until_idle(60.0)
+    measuring(machine)
+    twin.run_until_idle(120.0)
+    assert recording.close()
+    recorded = read(tmp_path / "bore.mcap")
+    again = rebuilt(recorded, tmp_path)
+    assert replay(recorded, again) is None
+    assert (again.flash, again.time_ns) == (twin.flash, twin.time_ns)
+
+
 # 5.3, G84
 
 
 TAP = "P1|N10 S600 M3 G0 Z4|N20 G84 Z4 P31:-- P32:1 P33:14 P34:5 P35:3|N30 M30"
 
 
-def test_emergency_stop_while_tapping() -> None:
-    """The axis ends, the spindle runs out, and neither goes on after a release and reference runs."""
+def tapped() -> Twin:
+    """A machine in the middle of a long thread, on its way down."""
     twin = Twin(controller="bwo900", machine="4030-servo-hf", plant="kinematic", start_mm=(30, 30, 30), seed=2)
     twin.write(REFERENCE)
     twin.run_until_idle(60.0)
@@ -203,6 +257,12 @@ def test_emergency_stop_while_tapping() -> None:
     twin.write(parameters(p8800=1, p8683=2, p8684=1))
     while twin.machine_position_mm[2] < 30.0:
         twin.run(0.02)
+    return twin
+
+
+def test_emergency_stop_while_tapping() -> None:
+    """The axis ends, the spindle runs out, and neither goes on after a release and reference runs."""
+    twin = tapped()
     assert twin.spindle_rev_min == pytest.approx(6000.0, rel=0.05)
     twin.set_input("estop", "pressed")
     twin.run(5.0)
@@ -216,6 +276,45 @@ def test_emergency_stop_while_tapping() -> None:
     twin.write(REFERENCE)
     twin.run_until_idle(60.0)
     assert (twin.spindle_rev_min, round(twin.machine_position_mm[2], 2)) == (0.0, 5.0)
+
+
+def test_saved_in_the_middle_of_a_thread() -> None:
+    """The copy ends at the same instant with as many turns as pitches: 1 mm each, on the way down and up."""
+    twin = tapped()
+    saved = twin.save()
+    ends = []
+    for _ in range(2):
+        twin.run_until_idle(60.0)
+        ends.append((twin.time_ns, tuple(twin.counts), twin.spindle_turns, twin.fault))
+        twin.restore(saved)
+    assert ends[0] == ends[1]
+    assert (ends[0][1][2], ends[0][3]) == (3_000, False)
+
+
+def test_abort_in_the_middle_of_a_thread() -> None:
+    """The tap stands in the hole, the next program begins where it is; abort is no fault."""
+    twin = tapped()
+    twin.write(parameters(p8705=1))
+    twin.run(2.0)
+    held = twin.counts[2]
+    assert 25_000 < held < 45_000
+    twin.write(file("P2", "N10 G0 Z20", "N20 M30") + parameters(p8683=1, p8508=1))
+    twin.write(parameters(p8800=2, p8683=2, p8684=1))
+    twin.run_until_idle(30.0)
+    assert (twin.counts[2], twin.fault, twin.unfinished) == (20_000, False, "")
+
+
+def test_a_machine_without_a_spindle_taps_nothing() -> None:
+    """G84 on the plain machine: its feed is that of S and the pitch, as no spindle can be followed (5.3)."""
+    twin = Twin(controller="bwo900", machine="4030-servo", plant="kinematic", start_mm=(30, 30, 30), seed=2)
+    twin.write(REFERENCE)
+    twin.run_until_idle(60.0)
+    twin.write(file(*TAP.split("|")) + parameters(p8800=1, p8683=2, p8684=1))
+    deepest = 0
+    while not twin.idle:
+        twin.run(0.05)
+        deepest = max(deepest, int(twin.counts[2]))
+    assert (deepest, twin.counts[2], twin.fault) == (14_000, 3_000, False)
 
 
 @shows("bwo900-5.3-20")

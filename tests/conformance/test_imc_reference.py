@@ -8,6 +8,8 @@ from conformance.closed_forms import hex24, pulse_times_ns
 from conformance.imc_desk import MIDDLE, TRAVEL, XYZA, fresh, initialised, made, ready, stored
 from conformance.rows import case, shows
 
+from isel_twin.testing import Desk
+
 AXES_NAMED = {1: (0,), 2: (1,), 3: (0, 1), 4: (2,), 5: (0, 2), 6: (1, 2), 7: (0, 1, 2), 8: (3,)}
 MOVE_OUT = "@0A100,900,100,900,100,900,100,900"
 
@@ -124,6 +126,13 @@ def test_printed_position_of_three_axes() -> None:
     desk = ready(position_switches=())
     assert desk.query("@0M256,40000,131087,40000,-2,900,0,900") == "0"
     assert desk.query("@0P") == "0" + "000100" + "02000F" + "FFFFFE"
+
+
+@shows("imc-2.2.21-9")
+def test_position_of_a_one_axis_controller() -> None:
+    """In the form of 2.2.21, of X alone: the first six digits of the printed example."""
+    desk = Desk.of("it116", carriage=MIDDLE)
+    assert [desk.query(text) for text in ("@01", "@0N1", "@0M256,900", "@0P")] == ["0", "0", "0", "0" + "000100"]
 
 
 @shows("imc-2.2.21-2", "imc-2.2.21-4")

@@ -25,9 +25,9 @@ from golden.session import Session, digest_of, play
 
 FILE = FOLDER / "sessions.txt"
 CONTROLLERS = ("c142", "imc-m", "imc-mp", "imc-s8", "ismif")
-SERVO = ("bwo900", "gmi99")
+FEWER = ("bwo900", "gmi99", "it116")
 RANDOM = {"kinematic": 200, "mujoco": 12}
-"""Random sessions of every controller on each plant; of those in SERVO a fifth."""
+"""Random sessions of every controller on each plant; of those in FEWER a fifth."""
 CHUNK = 20
 """Sessions in one test."""
 FIRST_TICKS = 20
@@ -36,7 +36,7 @@ FIRST_TICKS = 20
 def names(plant: str = "kinematic") -> list[str]:
     """Names of all sessions on a plant: controller/plant/number, and fixed/plant/name."""
     fixed = [f"fixed/{plant}/{name}" for name in SCRIPTS]
-    count = {**dict.fromkeys(CONTROLLERS, RANDOM[plant]), **dict.fromkeys(SERVO, RANDOM[plant] // 5)}
+    count = {**dict.fromkeys(CONTROLLERS, RANDOM[plant]), **dict.fromkeys(FEWER, RANDOM[plant] // 5)}
     return fixed + [f"{controller}/{plant}/{number:03}" for controller in count for number in range(count[controller])]
 
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import pytest
 
+from isel_twin.firmware.gmi99.link import long_record
 from isel_twin.language import create_language, needed
 from isel_twin.recordings.compare import Exchange, matched, paired
 from isel_twin.recordings.judging import Comparison, Kind, Limits, _chance, judge
@@ -126,6 +127,62 @@ def test_positions_are_compared_with_a_tolerance_in_steps(steps: int, same: bool
     a, b = (session(*QUICK, ("@0P", 12.0, position(1000, at, -5))) for at in (0, steps))
     assert judged(a, b).same == same
     assert judged(a, b, steps=2).same
+
+
+CARD = {  # question for the position of X, of Y, and how each is answered
+    "ismif": (b"@LX\r", b"@LY\r", lambda axis, n: b"@L" + b"XY"[axis : axis + 1] + b"%d\r" % n),
+    "gmi99": (
+        create_language("gmi99").frame("T0;0"),  # type: ignore[union-attr]
+        create_language("gmi99").frame("T0;1"),  # type: ignore[union-attr]
+        lambda axis, n: long_record("E", 224, b"@" + n.to_bytes(3, "little", signed=True), from_card=True),
+    ),
+}
+"""iSMIF 6.4; GMI99 3.1.1 (`T0`: three bytes, two's complement)."""
+
+
+@pytest.mark.parametrize(("steps", "same"), [(0, True), (1, True), (-2, False), (2, False)])
+@pytest.mark.parametrize("controller", CARD)
+def test_positions_told_one_by_one_have_the_same_tolerance(controller: str, steps: int, same: bool) -> None:
+    """Each axis by itself: Y is off, X is not, and what is told again is not off again."""
+    ask_x, ask_y, answer = CARD[controller]
+
+    def told(y: int) -> Comparison:
+        def side(y: int) -> list[Exchange]:
+            pieces, now_ns = [], 0
+            for sent, reply in (
+                (ask_x, answer(0, 800)),
+                (ask_y, answer(1, y)),
+                (ask_x, answer(0, 0)),
+                (ask_y, answer(1, y)),
+            ):
+                pieces += [(now_ns, sent, True, 0), (now_ns + 5 * MS, reply, False, 0)]
+                now_ns += 50 * MS
+            return paired(pieces, needed(create_language(controller), controller))
+
+        return judge(matched(side(-40), side(y)), needed(create_language(controller), controller))
+
+    found = told(-40 + steps)
+    assert found.same is same
+    assert kinds(found) == ([] if same else [(2, "position")])
+
+
+def test_places_in_a_file_of_parameters_have_a_tolerance_and_the_rest_has_none() -> None:
+    """BWO 900, P11181: P12151 of X, Y, Z are q2151, q2351, q2551, in mm; P12160, the following error, is measured."""
+    language = needed(create_language("bwo900"), "bwo900")
+
+    def side(y: str, lag: str = "0.001", other: str = "5") -> list[Exchange]:
+        lines = ("q2151: 10.000", f"q2160: {lag}", f"q2351: {y}", "q2551: -3.000", f"q10500: {other}", "\x04")
+        sent = b"\r\nD\r\nK1:P 11181: 0\r\n#\r\n\x04\r\n"
+        return paired([(0, sent, True, 0), (9 * MS, "\r\n".join(lines).encode() + b"\r\n", False, 0)], language)
+
+    def told(b: list[Exchange]) -> list[str]:
+        return [one.kind.value for one in judge(matched(side("7.000"), b), language).differences]
+
+    assert told(side("7.000", lag="-0.007")) == told(side("7.001")) == []
+    assert told(side("7.002")) == ["position"]
+    assert told(side("7.000", other="6")) == ["reply"]
+    (one,) = judge(matched(side("7.000"), side("7.001", other="6")), language).differences
+    assert one.text == "q10500: 5 / q10500: 6"
 
 
 def test_replies_are_compared_by_meaning() -> None:

@@ -194,8 +194,8 @@ def _check_outside(asked: dict[str, Any], others: dict[str, Any], workers: int) 
 def _real(tasks: Sequence[Task], port: str) -> Iterator[RealReport]:
     """The jobs one after the other at a real controller. Raises CallError if there is none."""
     from isel_twin.bridge.tap import real_job
+    from isel_twin.bridge.tap.real_port import refusal
     from isel_twin.cli.interruption import interruption
-    from isel_twin.cli.tap import refusal
     from isel_twin.jobs.playing import TIMEOUT_S
 
     every = [read_job(task.job, task.call, task.form) for task in tasks]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import re
 import sys
 from contextlib import ExitStack
@@ -48,6 +47,7 @@ def tap(
     from isel_twin.bridge.serve.loop import on_signals
     from isel_twin.bridge.serve.registry import registered
     from isel_twin.bridge.serve.wire_log import WireLog
+    from isel_twin.bridge.tap.real_port import refusal
     from isel_twin.bridge.tap.tap import Tap
     from isel_twin.cli.outputs import say_json
     from isel_twin.cli.serve import file_number
@@ -117,20 +117,3 @@ def _book_writer(record: Path, device: str, controller: str, form: SerialFormat)
     metadata = {"kind": "tap", "controller": controller, "device": device, "line": str(form), "began": began}
     with call_errors(record):
         return BookWriter(RecordingWriter(record, metadata, language=create_language(controller)))
-
-
-def refusal(device: str, error: OSError | ValueError) -> str:
-    """Why the controller's port cannot be opened, and the ports there are."""
-    reason = f"{device}: {getattr(error, 'strerror', None) or error}"
-    if isinstance(error, PermissionError) or "Permission denied" in reason:
-        return f"{reason}; ask for the group of serial ports (dialout, uucp), or try as root"
-    if "://" in device:
-        return f"{reason}; is something listening there?"
-    if getattr(error, "errno", None) == errno.EINVAL:
-        return f"{reason}; a pseudo terminal has no parity: let the twin serve --rfc2217, and give rfc2217://HOST:PORT"
-    if "in use" in reason:
-        return f"{reason}; close that one first"
-    from serial.tools.list_ports import comports
-
-    known = ", ".join(sorted(port.device for port in comports()))
-    return f"{reason}; serial ports here: {known or 'none; is it plugged in?'}"

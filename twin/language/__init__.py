@@ -35,6 +35,7 @@ from isel_twin.language.roles import (
     RetimesJobs,
     RunsPrograms,
     TellsActs,
+    TellsCounters,
     WritesToolpaths,
 )
 from isel_twin.language.text import Pieces, encoded, integers, readable
@@ -57,6 +58,7 @@ __all__ = [
     "RetimesJobs",
     "RunsPrograms",
     "TellsActs",
+    "TellsCounters",
     "WritesToolpaths",
     "check_ranges",
     "create_language",

@@ -136,13 +136,18 @@ class FlashSetting:
     of_references: bool = False  # shows in reference runs; otherwise in moves
 
 
-class TellsActs(Language, Protocol):
+class TellsCounters(Language, Protocol):
+    """A language that can read counters out of replies."""
+
+    def counters(self, sent: bytes, reply: bytes) -> tuple[Mapping[int, int], bytes] | None:
+        """The counters in the reply to this command, by axis from 0, and what else the reply says, without anything
+        that follows from counters; None if it tells none."""
+
+
+class TellsActs(TellsCounters, Protocol):
     """A language that can tell from the bytes of a session what the machine was made to do."""
 
     def act(self, sent: bytes) -> Act: ...
-
-    def counters(self, sent: bytes, reply: bytes) -> tuple[int, ...] | None:
-        """The counters of the axes in the reply to this command; None if it tells none."""
 
     @property
     def flash_settings(self) -> Mapping[str, FlashSetting]:

@@ -18,14 +18,14 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from statistics import median
 
 from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.controller.roles import offers
-from isel_twin.language import Act, Language, TellsActs
+from isel_twin.language import Act, Language, TellsActs, TellsCounters, readable
 from isel_twin.recordings.compare import Exchange, Matched, Pair, exchanges, matched
 from isel_twin.recordings.reading import Recorded
 
@@ -43,6 +43,7 @@ REFERENCE_NS = 100 * MILLISECOND_NS
 SURE = 1e-3  # chance that moves without a difference rank so far behind the quick replies, or before them
 CRYSTAL = 2e-4  # by which the clocks of two controllers may differ
 MOST_EXACT = 2000  # product of the numbers up to which the test is exact
+MOST_TOLD = 3  # axes of a controller that tells one counter at a time
 MEDIANS = 3.0  # and their median differs by so many spreads
 
 
@@ -189,7 +190,8 @@ class _Judge:
         self.tolerance_ns = self.jitter.tolerance_ns if limits.tolerance_ns is None else limits.tolerance_ns
         self._found: list[Difference] = []
         self._slack_steps = 0.0  # that counters may differ by since the last stop
-        self._off: tuple[int, ...] = ()  # B less A when counters were last told
+        self._off: dict[int, int] = {}  # B less A when the counter of an axis was last told
+        self._told: set[int] = set()  # axes whose counters were told since the last stop
         self._referenced = 0  # axes with a reference run before, a mask
         self._nowhere = False  # the last reference run has failed, on both sides alike
         self._timed: list[_Timed] = []
@@ -234,33 +236,40 @@ class _Judge:
     def _reply(self, pair: Pair) -> None:
         a, b = pair.a, pair.b
         if self._acts[pair.number].references and a.reply == b.reply:
-            self._slack_steps, self._off = 0.0, ()
+            self._slack_steps, self._off = 0.0, {}
             self._nowhere = not self._language.accepted(a.command, a.reply)
         places = (
             [self._language.counters(side.command, side.reply) for side in (a, b)]
-            if offers(self._language, TellsActs)
+            if offers(self._language, TellsCounters)
             else [None, None]
         )
-        if places[0] is not None and places[1] is not None and len(places[0]) == len(places[1]):
-            self._place(pair, places[0], places[1])
+        there, other = places
+        if there is not None and other is not None and there[0].keys() == other[0].keys() and there[1] == other[1]:
+            self._place(pair, there[0], other[0])
         elif a.reply != b.reply and (a.meaning != b.meaning or not a.meaning):
             told = [side.meaning or "no reply" for side in (a, b)]
+            if there is not None and other is not None:  # which may be a file of thousands of lines
+                lines = itertools.zip_longest(there[1].splitlines(), other[1].splitlines(), fillvalue=b"no line")
+                told = next(([readable(x), readable(y)] for x, y in lines if x != y), told)
             self._differ(Kind.REPLY, pair, f"{told[0]} / {told[1]}", 1.0)
         if None not in (a.counts, b.counts) and a.counts != b.counts and self._slack_steps == 0.0:
             self._differ(Kind.COUNTERS, pair, f"counters {list(a.counts or ())} / {list(b.counts or ())}", 1.0)
 
-    def _place(self, pair: Pair, a: tuple[int, ...], b: tuple[int, ...]) -> None:
-        off = tuple(there - here for here, there in zip(a, b, strict=True))
-        known = self._off or (0,) * len(off)
+    def _place(self, pair: Pair, a: Mapping[int, int], b: Mapping[int, int]) -> None:
+        off = {axis: b[axis] - a[axis] for axis in a}
         allowed = self._limits.steps + self._slack_steps
-        both = zip(off, known, strict=True)
+        both = [(steps, self._off.get(axis, 0)) for axis, steps in off.items()]
         beyond = [abs(steps) for steps, before in both if min(abs(steps), abs(steps - before)) > allowed]
         if beyond:
             # after a reference run that failed counters tell where the machine stood at power-on
-            unlike = not self._nowhere or any((not here) != (not there) for here, there in zip(a, b, strict=True))
+            unlike = not self._nowhere or any((not a[axis]) != (not b[axis]) for axis in a)
             kind = Kind.POSITION if unlike else Kind.START
-            self._differ(kind, pair, f"counters {list(a)} / {list(b)}", max(beyond))
-        self._off, self._slack_steps = off, float(max(map(abs, off), default=0))
+            self._differ(kind, pair, f"counters {list(a.values())} / {list(b.values())}", max(beyond))
+        self._off |= off
+        self._told |= off.keys()
+        known = float(max(map(abs, self._off.values()), default=0))
+        # what may have been travelled since a stop is known when every axis has been told again
+        self._slack_steps = known if len(off) > 1 or len(self._told) >= MOST_TOLD else max(known, self._slack_steps)
 
     def _time(self, pair: Pair) -> float:
         """How much later B is than the model has it, in ns; nan if that says nothing."""
@@ -276,6 +285,7 @@ class _Judge:
             apart_ns = (stop_b - b.sent_ns) - (stop_a - a.sent_ns)
             later -= apart_ns
             fastest_hz = max(act.speeds_hz or (0,), default=0)
+            self._told = set()
             self._slack_steps += math.ceil((abs(apart_ns) + self.tolerance_ns) * fastest_hz / SECOND_NS)
         elif act.references:
             extra = REFERENCE_NS if self._limits.tolerance_ns is None else 0.0

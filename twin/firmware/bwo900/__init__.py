@@ -11,7 +11,7 @@
         |
     programs/       stored.py, feed.py: blocks as text        syntax.py, expressions.py: blocks read
         |
-    analysis/       interpreter.py: blocks of a program to blocks of a path: stack.py (calls, loops), values.py,
+    analysis/       interpreter.py: blocks of a program to blocks of a path: stack.py, flow.py (calls), values.py,
         |           reader.py (G, M: said.py), targets.py (axes, circles), coordinates.py, tools.py, cycles/
         |
     geometry/       elements.py, blocks.py: elements of a path; frames.py; contour.py (G12, G123), offset.py (G41)

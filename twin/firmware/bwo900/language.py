@@ -1,4 +1,4 @@
-"""The control's language. Implements `isel_twin.language.Language`.
+"""The control's language. Implements `isel_twin.language.Language` and `TellsCounters`.
 
 A host sends lines of files (transfer.py); the control never answers. A program file is a job: it is transferred, the
 axes are referenced, the program is started; a long one is fed while it is executed (feed.py):
@@ -22,7 +22,7 @@ from isel_twin.cam.written import MachineAxes, Written
 from isel_twin.firmware.bwo900 import retiming
 from isel_twin.firmware.bwo900.geometry.groups import BEYOND
 from isel_twin.firmware.bwo900.messages import ProgramError
-from isel_twin.firmware.bwo900.numbers import Axis, G, M, P
+from isel_twin.firmware.bwo900.numbers import Axis, G, M, P, Q
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, MOST_AXES, of_axis
 from isel_twin.firmware.bwo900.programs.lines import END, program_name
 from isel_twin.language import (
@@ -49,6 +49,13 @@ PER_MM: Final = 1000.0
 MOVE: Final = 9_999  # the program that `move` starts
 WORDS: Final = (4_990, 4_991, 4_992, 4_993)  # parameters that hold its feed in mm/min, and X, Y, Z in mm
 NUMBER: Final = 1  # program number of a file without one
+
+_PUT_OUT: Final = re.compile(rb"q(\d+): *(-?[\d.]+)")
+# of an axis: where it is, and what follows from that
+_MEASURED: Final = frozenset((
+    Axis.MACHINE_PLACE, Axis.SET_PLACE, Axis.ACTUAL_PLACE, Axis.SHOWN_PLACE, Axis.DELTA_PLACE, Axis.LAG,
+    Axis.ACTUAL_SPEED, Axis.SPEED_NOW,
+))  # fmt: skip
 
 G_WORDS: Final[Mapping[int, str]] = {
     G.RAPID: "rapid", G.LINE: "line", G.CIRCLE_CLOCKWISE: "circle clockwise",
@@ -136,6 +143,20 @@ class Bwo900Language:
         from isel_twin.firmware.bwo900.writing import Bwo900Commands
 
         return written(path, axes, settings, Bwo900Commands(axes, settings.outputs, settings.rapid_mm_s))
+
+    def counters(self, sent: bytes, reply: bytes) -> tuple[Mapping[int, int], bytes] | None:
+        """Of a file with all parameters (P11181): P12151 of each axis, in 0.001 mm; without the places, following
+        errors and speeds that are measured, which differ with it."""
+        found: dict[int, int] = {}
+        rest = []
+        for line in reply.split(b"\r\n"):
+            match = _PUT_OUT.match(line)
+            axis, offset = divmod(int(match[1]) - Q.AXES_FIRST, AXIS_SIZE) if match else (-1, 0)
+            if match is None or not 0 <= axis < len(AXES) or offset not in _MEASURED:
+                rest.append(line)
+            elif offset == Axis.SET_PLACE:
+                found[axis] = round(float(match[2]) * PER_MM)
+        return (found, b"\r\n".join(rest)) if found else None
 
     def messages(self, data: bytes, sent: bool) -> Iterator[Message]:
         for piece in (self._sent if sent else self._received).cut(data):

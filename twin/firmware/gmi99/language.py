@@ -1,5 +1,6 @@
 """The language of the GMI99: frames as text in the manual's notation, and explanations. Implements
-`isel_twin.language.Language`, `RetimesJobs`, `LoadsPlc` and `WritesToolpaths`.
+`isel_twin.language.Language`, `RetimesJobs`, `LoadsPlc`, `TellsCounters` and
+`WritesToolpaths`.
 
     p3;100;0      a letter and its parameters             68 0B 0B 68 E0 70 03 ... 16
     81h 238       a move: its code, one number an axis    68 05 05 68 E0 81 EE 00 00 4F 16
@@ -171,6 +172,20 @@ class Gmi99Language:
         from isel_twin.firmware.gmi99.writing import Gmi99Commands
 
         return written(path, axes, settings, Gmi99Commands(axes, settings.outputs, settings.rapid_mm_s))
+
+    def counters(self, sent: bytes, reply: bytes) -> tuple[Mapping[int, int], bytes] | None:
+        """Of `T0;axis`: one axis, and the other frames of the reply."""
+        asked = Receiver(VARIANT, from_host=True).take(sent)
+        frame = asked[0] if len(asked) == 1 else b""
+        instruction = None if isinstance(frame, bytes) else parse(frame.command, frame.content)
+        if instruction is None or instruction.code != ord("T") or instruction.values[0] != 0:
+            return None
+        answers = Receiver(VARIANT, from_host=False).take(reply)
+        told = [one for one in answers if isinstance(one, Frame) and not one.short and one.command == ord("@")]
+        if len(told) != 1 or not told[0].content:
+            return None
+        rest = b"".join(one if isinstance(one, bytes) else one.data for one in answers if one is not told[0])
+        return {instruction.values[1]: int.from_bytes(told[0].content, "little", signed=True)}, rest
 
     def messages(self, data: bytes, sent: bool) -> Iterator[Message]:
         pieces = self._receivers[sent].take(data)

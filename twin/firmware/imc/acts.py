@@ -28,7 +28,7 @@ def act(sent: bytes) -> Act:
     return Act(() if code in OTHER_MOTIONS else None)
 
 
-def counters(sent: bytes, reply: bytes) -> tuple[int, ...] | None:
+def counters(sent: bytes, reply: bytes) -> tuple[Mapping[int, int], bytes] | None:
     parts = ReadingState().split(sent.replace(b"\n", b"").removesuffix(b"\r"))
     if parts is None or parts[0] != "P" or len(reply) < 1 + DIGITS:
         return None
@@ -37,7 +37,7 @@ def counters(sent: bytes, reply: bytes) -> tuple[int, ...] | None:
     except ValueError:
         return None
     half = 1 << 4 * DIGITS - 1
-    return tuple((word ^ half) - half for word in words)
+    return {axis: (word ^ half) - half for axis, word in enumerate(words)}, reply[:1]
 
 
 def flash_settings(profile: Profile) -> Mapping[str, FlashSetting]:

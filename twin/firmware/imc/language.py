@@ -84,7 +84,7 @@ class ImcLanguage:
         self._pieces = Pieces(ends=CR, alone=bytes(CONTROL), longest=LONGEST)
         self._begun = b""
         self._unanswered: deque[bytes] = deque(maxlen=MOST_UNANSWERED)
-        self._told, self._ahead = ReadingState(), ReadingState()
+        self._told, self._ahead = self._unread(), self._unread()
         self._answer = bytearray()
         self._answered = b""
         self._form = AnswerForm()
@@ -157,7 +157,7 @@ class ImcLanguage:
     def act(self, sent: bytes) -> Act:
         return acts.act(sent)
 
-    def counters(self, sent: bytes, reply: bytes) -> tuple[int, ...] | None:
+    def counters(self, sent: bytes, reply: bytes) -> tuple[Mapping[int, int], bytes] | None:
         return acts.counters(sent, reply)
 
     @property
@@ -199,11 +199,14 @@ class ImcLanguage:
         self._ahead.follow(line, accepted=True)
         return words
 
+    def _unread(self) -> ReadingState:
+        return ReadingState(self._profile.set_axes_only)
+
     def _reset(self) -> None:
         """Lines sent before get no answer any more; no axes are set, the device number is 0."""
         self._begun = b""
         self._unanswered.clear()
-        self._told, self._ahead = ReadingState(), ReadingState()
+        self._told, self._ahead = self._unread(), self._unread()
 
     def _answers(self, data: bytes) -> list[Message]:
         messages = []

@@ -44,6 +44,7 @@ class Profile:
     unknown_commands: tuple[str, ...]
     extra_values: bool
     relative_unreferenced: bool
+    set_axes_only: bool
 
 
 def settings() -> Mapping[str, Setting]:

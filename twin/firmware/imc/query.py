@@ -15,9 +15,17 @@ END = "\r\n"
 
 
 def position(device: Device) -> str:
-    """`@0P`: 24 bits an axis, two's complement, hexadecimal; three axes, or four if A is set (2.2.21, imc/4)."""
-    axes = 4 if device.axes & 8 else 3
-    return OK + "".join(f"{count & 0xFFFFFF:06X}" for count in device.counts[:axes])
+    """`@0P`: 24 bits an axis, two's complement, hexadecimal (2.2.21, imc/4)."""
+    told = positions(device.axes, set_axes_only=device.profile.set_axes_only)
+    return OK + "".join(f"{device.counts[axis] & 0xFFFFFF:06X}" for axis in told)
+
+
+def positions(axes: int, *, set_axes_only: bool) -> tuple[int, ...]:
+    """The axes whose positions `@0P` tells: X Y Z, and A if it is set; set_axes_only: of the profile, those of the mask
+    `axes`, or X before any are set."""
+    if set_axes_only:
+        return tuple(axis for axis in range(AXES) if axes >> axis & 1) or (0,)
+    return tuple(range(4 if axes & 8 else 3))
 
 
 def read_port(device: Device, port: int) -> str:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from isel_twin.firmware.imc import commands, grammar, replies
-from isel_twin.firmware.imc.query import AXIS_NAMES, END
+from isel_twin.firmware.imc.query import AXIS_NAMES, END, positions
 from isel_twin.language import readable
 
 OK = replies.OK.encode()
@@ -40,8 +41,10 @@ class AnswerForm:
 
 @dataclass
 class ReadingState:
-    """State for reading lines: axes set (a mask, 0: unknown), device number, data field begun."""
+    """State for reading lines: axes set (a mask, 0: unknown), device number, data field begun. set_axes_only: of the
+    profile."""
 
+    set_axes_only: bool = False
     axes: int = 0
     number: int = 0
     storing: bool = False
@@ -62,7 +65,8 @@ class ReadingState:
         if parts is None:
             return None
         if parts[0] == "P":
-            return AnswerForm(digits=6 * (4 if self.axes & 8 else 3), words=_position_words)
+            told = positions(self.axes, set_axes_only=self.set_axes_only)
+            return AnswerForm(digits=6 * len(told), words=partial(_position_words, told))
         return QUERIES.get(parts[0], AnswerForm())
 
     def follow(self, line: bytes, *, accepted: bool) -> None:
@@ -100,10 +104,10 @@ def plain(text: str) -> str:
     return readable(text.strip(" ").encode("latin-1"))
 
 
-def _position_words(answer: str, text: str) -> str:
+def _position_words(told: Sequence[int], answer: str, text: str) -> str:
     """24 bits an axis, two's complement (2.2.21)."""
     counts = [(int(answer[at : at + 6], 16) ^ 1 << 23) - (1 << 23) for at in range(0, len(answer), 6)]
-    return "position " + " ".join(f"{name} {count}" for name, count in zip(AXIS_NAMES, counts, strict=False))
+    return "position " + " ".join(f"{AXIS_NAMES[axis]} {count}" for axis, count in zip(told, counts, strict=False))
 
 
 def _byte_words(about: str) -> Callable[[str, str], str]:

@@ -1,4 +1,5 @@
-"""The iSMIF's language. Implements `isel_twin.language.Language`, `RetimesJobs` and `WritesToolpaths`.
+"""The iSMIF's language. Implements `isel_twin.language.Language`, `RetimesJobs`, `TellsCounters` and
+`WritesToolpaths`.
 
     sent      a line ends with CR, or with 01h, which also starts the job
     received  a line ends with CR and identifies itself
@@ -17,6 +18,7 @@ and `move` uses the end speed at INDEX of the table, which reference runs do not
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 
 from isel_twin.cam.settings import CamSettings
@@ -54,6 +56,8 @@ RANGES: Ranges = {
     "acceleration_hz_per_ms": SETTINGS_RANGES["acceleration_hz_per_ms"],
     "start_stop_hz": (SPEEDS_HZ[0], min(SPEEDS_HZ[-1], SETTINGS_RANGES["start_stop_hz"][1])),
 }
+
+_POSITION = re.compile(rb"@L([XYZ])(-?\d+)\r")
 
 # meaning of a 1 at each place of the status (6.3)
 STATUS = ("moving", "waiting time", "error", "not referenced", "reference run", "job in progress")
@@ -118,6 +122,13 @@ class IsmifLanguage:
         from isel_twin.firmware.ismif.writing import IsmifCommands
 
         return written(path, axes, settings, IsmifCommands(axes, settings.outputs))
+
+    def counters(self, sent: bytes, reply: bytes) -> tuple[Mapping[int, int], bytes] | None:
+        """Of `@LX`, `@LY`, `@LZ` (6.4): one axis."""
+        if (found := _POSITION.search(reply)) is None:
+            return None
+        rest = reply[: found.start()] + reply[found.end() :]
+        return {AXIS_LETTERS.index(found[1].decode()): int(found[2])}, rest
 
     def messages(self, data: bytes, sent: bool) -> Iterator[Message]:
         pieces = (self._sent if sent else self._received).cut(data)

@@ -12,8 +12,10 @@
       axis:     x
       command:  line 7: @0M16000,9000,...
 
-They take a `Watched` (isel_twin.jobs.checks.watched; jobs/6), in pytest the fixture `watched`. Each returns None or
-raises MotionError, an AssertionError; what cannot be asserted, such as an axis that does not exist, is a ValueError.
+They take a `Watched` (isel_twin.jobs.checks.watched; jobs/6), in pytest the fixture `watched`. At a real controller
+(`pytest --isel-port`) those of replies and times look at it, and the others are noted as not looked at. Each returns
+None or raises MotionError, an AssertionError; what cannot be asserted, such as an axis that does not exist, is a
+ValueError.
 """
 
 from __future__ import annotations
@@ -21,15 +23,18 @@ from __future__ import annotations
 import itertools
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import wraps
 from pathlib import Path
+from typing import Concatenate, ParamSpec, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.base.units import SECOND_NS
-from isel_twin.jobs.checks.watched import Command, JobRun, Watched
+from isel_twin.jobs.checks.paths import arc, from_path, since_left
+from isel_twin.jobs.checks.watched import Command, Heard, JobRun, Watched
 from isel_twin.jobs.golden import Golden, GoldenError, called, differences, dumps, golden_file, load
 from isel_twin.jobs.verdict import halfway
 
@@ -73,6 +78,22 @@ class MotionError(AssertionError):
         super().__init__("\n".join([what, *(f"  {name + ':':<9} {text}" for name, text in rows)]))
 
 
+P = ParamSpec("P")
+
+
+def _inside(check: Callable[Concatenate[Watched, P], None]) -> Callable[Concatenate[Heard, P], None]:
+    """Of an assertion that looks inside the machine: at a real one it looks at nothing, which is noted."""
+
+    @wraps(check)
+    def assertion(seen: Heard, /, *args: P.args, **kwargs: P.kwargs) -> None:
+        __tracebackhide__ = True
+        if not seen.overlook(check.__name__):
+            check(cast("Watched", seen), *args, **kwargs)
+
+    return assertion
+
+
+@_inside
 def assert_no_step_lost(seen: Watched) -> None:
     """Since power-on no axis has lost steps or rests halfway between two stable places, and no servo drive has switched
     itself off. Lets the machine come to rest first. Fails if the controller is still busy."""
@@ -107,6 +128,7 @@ def assert_no_step_lost(seen: Watched) -> None:
         )
 
 
+@_inside
 def assert_no_collision(seen: Watched) -> None:
     """Nothing has met what it must not, since `begin`."""
     __tracebackhide__ = True
@@ -122,12 +144,12 @@ def assert_no_collision(seen: Watched) -> None:
             )
 
 
-def assert_accepted(seen: Watched) -> None:
+def assert_accepted(seen: Heard) -> None:
     """Every command since `begin` was answered and not refused; in a job, every expectation was met."""
     __tracebackhide__ = True
     seen.rest()
-    if seen.run is not None and seen.run.verdict.began_ns >= seen.begin_ns:
-        for result in seen.run.results:
+    if seen.job is not None:
+        for result in seen.job[0]:
             if not result.ok:
                 asked = result.expected is not None or not result.reply
                 raise MotionError(
@@ -138,9 +160,8 @@ def assert_accepted(seen: Watched) -> None:
                     command=Command(result.time_ns, result.number, text=result.command),
                 )
         return
-    language = seen.twin.language
     for command in seen.commands:
-        if language is not None and not language.accepted(command.sent, command.reply):
+        if not seen.accepts(command):
             raise MotionError(
                 "a command was refused",
                 expected="a command that is accepted",
@@ -150,7 +171,7 @@ def assert_accepted(seen: Watched) -> None:
             )
 
 
-def assert_replies(seen: Watched, expected: Sequence[str]) -> None:
+def assert_replies(seen: Heard, expected: Sequence[str]) -> None:
     """The commands since `begin` had these replies, in this order; "" for none."""
     __tracebackhide__ = True
     commands = seen.commands
@@ -164,11 +185,12 @@ def assert_replies(seen: Watched, expected: Sequence[str]) -> None:
             "another number of commands",
             expected=f"{len(expected)} replies",
             was=f"{len(commands)} command{'' if len(commands) == 1 else 's'}",
-            time_ns=seen.twin.time_ns,
+            time_ns=seen.now_ns,
             command=commands[-1] if commands else None,
         )
 
 
+@_inside
 def assert_ends_at(
     seen: Watched, position_mm: Sequence[float | None] | Mapping[str, float], tolerance_mm: float = 0.05
 ) -> None:
@@ -193,6 +215,7 @@ def assert_ends_at(
             )
 
 
+@_inside
 def assert_on_path(seen: Watched, points_mm: ArrayLike, tolerance_mm: float) -> None:
     """Since `begin`, no sample of the position was farther from the path than the tolerance.
 
@@ -206,7 +229,7 @@ def assert_on_path(seen: Watched, points_mm: ArrayLike, tolerance_mm: float) -> 
     time_ns, position_mm, _ = seen.samples()
     if not len(time_ns):
         raise ValueError("there was no look at the machine since `begin`: no time has passed")
-    distance_mm, nearest = _from_path(position_mm[:, : points.shape[1]], points)
+    distance_mm, nearest = from_path(position_mm[:, : points.shape[1]], points)
     worst = int(np.argmax(distance_mm))
     if not distance_mm[worst] <= tolerance_mm:
         first = int(np.flatnonzero(~(distance_mm <= tolerance_mm))[0])
@@ -222,15 +245,15 @@ def assert_on_path(seen: Watched, points_mm: ArrayLike, tolerance_mm: float) -> 
         )
 
 
-def assert_cycle_time(seen: Watched, most_s: float, least_s: float = 0.0) -> None:
+def assert_cycle_time(seen: Heard, most_s: float, least_s: float = 0.0) -> None:
     """The time from the first command since `begin` to the last reply, or the end of the last line of a job."""
     __tracebackhide__ = True
     commands = seen.commands
     if not commands:
         raise ValueError("there was no command since `begin`")
     begin_ns, end_ns = commands[0].begin_ns, max(command.end_ns for command in commands)
-    if seen.run is not None and seen.run.verdict.began_ns >= seen.begin_ns:
-        end_ns = max(end_ns, seen.run.verdict.ended_ns)
+    if seen.job is not None:
+        end_ns = max(end_ns, seen.job[1])
     took_s = (end_ns - begin_ns) / SECOND_NS
     if not least_s <= took_s <= most_s:
         slowest = max(commands, key=lambda command: command.end_ns - command.begin_ns)
@@ -244,6 +267,7 @@ def assert_cycle_time(seen: Watched, most_s: float, least_s: float = 0.0) -> Non
         )
 
 
+@_inside
 def assert_switch_margin(seen: Watched, least_mm: float) -> None:
     """Since `begin`, every carriage kept that distance from the nominal trip point of each of its end switches.
     Commands that set a counter, such as reference runs, may come nearer. As they end near a switch, a carriage may then
@@ -263,7 +287,7 @@ def assert_switch_margin(seen: Watched, least_mm: float) -> None:
             continue
         way_mm = machine_mm[:, CARRIAGES.index(switch.axis)] - switch.position_mm
         away_mm = -way_mm if switch.end == "far" else way_mm
-        near = free & (away_mm < least_mm) & (_since_left(free, away_mm >= least_mm) | (away_mm < 0.0))
+        near = free & (away_mm < least_mm) & (since_left(free, away_mm >= least_mm) | (away_mm < 0.0))
         if near.any():
             k = int(np.flatnonzero(near)[np.argmin(away_mm[near])])
             found.append((float(away_mm[k]), int(time_ns[k]), switch.axis, switch.name))
@@ -279,6 +303,7 @@ def assert_switch_margin(seen: Watched, least_mm: float) -> None:
         )
 
 
+@_inside
 def assert_torque_margin(seen: Watched, least: float) -> None:
     """In every command since `begin` each motor kept that pull-out margin (1 without load, 0 at the limit). Raises
     ValueError for a plant without physics, which has no margin."""
@@ -303,6 +328,7 @@ def assert_torque_margin(seen: Watched, least: float) -> None:
         )
 
 
+@_inside
 def assert_outputs(seen: Watched, **values: int) -> None:
     """Outputs of the controller and relays have these values now: spindle=1."""
     __tracebackhide__ = True
@@ -322,6 +348,7 @@ def assert_outputs(seen: Watched, **values: int) -> None:
             )
 
 
+@_inside
 def assert_golden(seen: Watched, file: str | os.PathLike[str] | None = None, *, update: bool = False) -> None:
     """The job of `Watched.play` equals its golden run (`isel-twin golden record`), to the tick. file: None for the one
     beside the job. update: write it instead. Raises GoldenError for a wrong file."""
@@ -356,17 +383,6 @@ def assert_golden(seen: Watched, file: str | os.PathLike[str] | None = None, *, 
         )
 
 
-def arc(
-    centre_mm: Sequence[float], radius_mm: float, begin_deg: float = 0.0, end_deg: float = 360.0, chords: int = 720
-) -> NDArray[np.float64]:
-    """float64 [chords + 1, 2], an arc in XY as corners of a path; angles from +X towards +Y.
-
-    A chord is at most radius (1 - cos(angle / 2)) inside the arc: 0.1 um at 10 mm with the whole circle in 720.
-    """
-    angle = np.radians(np.linspace(begin_deg, end_deg, chords + 1))
-    return np.asarray(centre_mm, dtype=np.float64)[:2] + radius_mm * np.column_stack([np.cos(angle), np.sin(angle)])
-
-
 def _at_rest(seen: Watched, what: str) -> None:
     __tracebackhide__ = True
     seen.rest()
@@ -389,31 +405,6 @@ def _by_axis(position_mm: Sequence[float | None] | Mapping[str, float]) -> dict[
     if len(position_mm) > len(CARRIAGES):
         raise ValueError(f"position_mm has {len(position_mm)} values; there are: {', '.join(CARRIAGES)}")
     return {axis: float(mm) for axis, mm in zip(CARRIAGES, position_mm, strict=False) if mm is not None}
-
-
-def _from_path(where_mm: NDArray[np.float64], points_mm: NDArray[np.float64]) -> tuple[NDArray, NDArray]:
-    """Distance [n] of places from a path, and the nearest points [n, axes] of it."""
-    distance = np.full(len(where_mm), np.inf)
-    nearest = np.empty_like(where_mm)
-    ends = points_mm[1:] if len(points_mm) > 1 else points_mm
-    for a, b in zip(points_mm, ends, strict=False):
-        along = b - a
-        square = float(along @ along)
-        part = np.clip((where_mm - a) @ along / square, 0.0, 1.0) if square > 0.0 else np.zeros(len(where_mm))
-        foot = a + part[:, None] * along
-        away = np.linalg.norm(where_mm - foot, axis=1)
-        nearer = away < distance
-        distance[nearer], nearest[nearer] = away[nearer], foot[nearer]
-    return distance, nearest
-
-
-def _since_left(free: NDArray[np.bool_], far: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """bool [n], True after a far sample in the same stretch of free ones."""
-    left = np.zeros(len(free), dtype=np.bool_)
-    edges = np.flatnonzero(np.diff(free.astype(np.int8), prepend=0, append=0))
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
-        left[begin:end] = np.maximum.accumulate(far[begin:end])
-    return left
 
 
 def _divergence(was: Golden, now: Golden, run: JobRun) -> tuple[int | None, str | None]:

@@ -2,7 +2,8 @@
 
 words    a line for the verdict and one for each finding
 JUnit    one suite, one case a job; its findings as one failure, warnings in system-out
-SARIF    2.1.0, one result a finding, with the line of the job, for code scanning and editors
+SARIF    2.1.0, one result a finding, with the line of the job, for code scanning and editors; one note a job of what
+         was not looked at
 JSON     one object a job
 ::error  commands in the log of a GitHub-style runner, which shows them at the line
 """
@@ -130,11 +131,14 @@ def sarif(reports: Sequence[Told]) -> str:
         for finding in report.findings
     ]
     driver = {"name": "isel-twin", "semanticVersion": _semantic(VERSION), "rules": rules}
-    log = {
-        "$schema": "https://json.schemastore.org/sarif-2.1.0.json",
-        "version": "2.1.0",
-        "runs": [{"tool": {"driver": driver}, "results": results}],
-    }
+    notes = [
+        {"level": "note", "message": {"text": _unseen(report)}, "locations": [{"physicalLocation": _place(report)}]}
+        for report in reports
+        if report.unseen
+    ]
+    told = {"executionSuccessful": True, "toolExecutionNotifications": notes}
+    run = {"tool": {"driver": driver}, "results": results, **({"invocations": [told]} if notes else {})}
+    log = {"$schema": "https://json.schemastore.org/sarif-2.1.0.json", "version": "2.1.0", "runs": [run]}
     return json.dumps(log, indent=2) + "\n"
 
 
@@ -144,11 +148,15 @@ def _semantic(version: str) -> str:
 
 
 def _location(report: Told, finding: Finding) -> dict[str, Any]:
-    path = Path(report.job)
-    uri = path.absolute().as_uri() if path.is_absolute() else quote(path.as_posix())
     line, column = finding.at or (finding.line or 1, 0)
     region = {"startLine": line, **({"startColumn": column} if column else {})}
-    return {"artifactLocation": {"uri": uri}, "region": region}
+    return {**_place(report), "region": region}
+
+
+def _place(report: Told) -> dict[str, Any]:
+    path = Path(report.job)
+    uri = path.absolute().as_uri() if path.is_absolute() else quote(path.as_posix())
+    return {"artifactLocation": {"uri": uri}}
 
 
 def as_json(report: Told) -> str:

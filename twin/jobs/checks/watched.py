@@ -14,10 +14,10 @@ from __future__ import annotations
 import math
 import os
 from array import array
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,6 +67,55 @@ class JobRun(Played):
     golden: Golden  # the run, without its call
 
 
+class Heard(Protocol):
+    """What can be heard of a controller, a twin's (`Watched`) or a real one, for the assertions that need no more."""
+
+    begin_ns: int  # what was before is ignored
+
+    @property
+    def commands(self) -> list[Command]:
+        """All commands since `begin`, in their order."""
+
+    def reply_text(self, command: Command) -> str:
+        """Its reply as text."""
+
+    def accepts(self, command: Command) -> bool:
+        """True if it was answered and not refused."""
+
+    @property
+    def job(self) -> tuple[Sequence[Result], int] | None:
+        """The results of the job played since `begin`, and when its last line was over; None: there was no job."""
+
+    def rest(self) -> None:
+        """Let the machine come to rest."""
+
+    @property
+    def now_ns(self) -> int: ...
+
+    def overlook(self, what: str) -> bool:
+        """True if nobody can look inside the machine; then `what` is noted as not looked at."""
+
+
+def lines_of_job(job: str | os.PathLike[str], twin: Twin) -> Sequence[Line]:
+    """The lines of a job file, for this twin. Raises JobError (ValueError) for a job that cannot be played, OSError."""
+    __tracebackhide__ = True
+    path = Path(job)
+    try:
+        settings, data = cam(find(path), twin.machine), path.read_bytes()
+        language, controller = twin.language, twin.controller_name
+        source = source_of(data, path.suffix, language, controller, lambda: twin.machine, settings)
+        lines = lines_of(source, data, language, controller)
+        check_conditions(lines, twin)
+    except JobError as error:
+        told = "\n".join([f"{path}: {error}", *([error.excerpt] if error.excerpt else [])])
+        raise JobError(told, error.excerpt) from None
+    except OSError as error:
+        raise type(error)(error.errno, error.strerror, str(path)) from None
+    if not lines:
+        raise JobError(f"{path}: there is no command in it")
+    return lines
+
+
 class Watched:
     """A twin and the record of what it has done since. Only for the thread in which virtual time passes."""
 
@@ -100,26 +149,13 @@ class Watched:
         """Call `begin` and play a job file to its end. timeout_s: virtual seconds that a line may take. Raises JobError
         (ValueError) for a job that cannot be played, OSError."""
         __tracebackhide__ = True
-        path, twin = Path(job), self.twin
-        try:
-            settings, data = cam(find(path), twin.machine), path.read_bytes()
-            language, controller = twin.language, twin.controller_name
-            source = source_of(data, path.suffix, language, controller, lambda: twin.machine, settings)
-            lines = lines_of(source, data, language, controller)
-            check_conditions(lines, twin)
-        except JobError as error:
-            told = "\n".join([f"{path}: {error}", *([error.excerpt] if error.excerpt else [])])
-            raise JobError(told, error.excerpt) from None
-        except OSError as error:
-            raise type(error)(error.errno, error.strerror, str(path)) from None
-        if not lines:
-            raise JobError(f"{path}: there is no command in it")
+        twin, lines = self.twin, lines_of_job(job, self.twin)
         self.begin()
         scribe = Scribe(twin)
         made = played(twin, lines, [scribe.take, self._ended], timeout_s, begins=self._begins)
         self._line = None
         self._rested_ns = twin.time_ns
-        self.run = JobRun(made.results, made.verdict, path, scribe.golden(made.verdict))
+        self.run = JobRun(made.results, made.verdict, Path(job), scribe.golden(made.verdict))
         return self.run
 
     def rest(self) -> None:
@@ -163,6 +199,24 @@ class Watched:
         """Its reply as `Twin.query` gives it."""
         language = self.twin.language
         return readable(command.reply) if language is None else language.text(command.reply)
+
+    def accepts(self, command: Command) -> bool:
+        language = self.twin.language
+        return language is None or language.accepted(command.sent, command.reply)
+
+    @property
+    def job(self) -> tuple[Sequence[Result], int] | None:
+        if self.run is None or self.run.verdict.began_ns < self.begin_ns:
+            return None
+        return self.run.results, self.run.verdict.ended_ns
+
+    @property
+    def now_ns(self) -> int:
+        return self.twin.time_ns
+
+    def overlook(self, what: str) -> bool:
+        """False: all of a twin can be seen."""
+        return False
 
     def _begins(self, line: Line) -> None:
         self._line, self._fresh = line.number, True
@@ -219,8 +273,8 @@ class Watched:
         if (current := self._current) is None:
             return
         self._look_for_losses()
-        if current.line is None and (language := self.twin.language) is not None:
-            current.refused = not language.accepted(current.sent, current.reply)
+        if current.line is None and self.twin.language is not None:
+            current.refused = not self.accepts(current)
         self._current = None
 
     def _take_margin(self) -> None:

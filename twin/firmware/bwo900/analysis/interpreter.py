@@ -22,6 +22,7 @@ from isel_twin.firmware.bwo900.analysis.coordinates import Coordinates, start_st
 from isel_twin.firmware.bwo900.analysis.cycle import Cycle, call_of, chosen, comes_first, step
 from isel_twin.firmware.bwo900.analysis.cycles.moves import Moves
 from isel_twin.firmware.bwo900.analysis.cycles.table import CYCLES
+from isel_twin.firmware.bwo900.analysis.flow import lead_on
 from isel_twin.firmware.bwo900.analysis.handed import clear
 from isel_twin.firmware.bwo900.analysis.output import Output
 from isel_twin.firmware.bwo900.analysis.plain import Plain
@@ -341,34 +342,10 @@ class Interpreter:
             self._waiting, self._jump_to = Waiting.ACKNOWLEDGEMENT, said.jump
 
     def _conclude(self, goal: Goal | None, said: Said, level: Level) -> None:
-        """Carry out jumps, calls and loops, which come last. goal: of a jump; level: of the block."""
+        """What comes last in a block: jumps, calls, loops, ends. goal: of a jump; level: of the block."""
         if said.jump is not None:
             self._otherwise = goal
-        elif goal is not None:
-            self.stack.go(goal)
-        elif said.call is not None:
-            self.stack.call(*said.call, change=said.changes)
-        if said.hidden:
-            self.stack.call("Z5", None, None, change=False)
-        if said.passes is not None:
-            level.open_loop(said.passes)
-        if said.loops_back:
-            level.close_loop()
-        if said.stop in (Stop.END, Stop.REPEAT) or said.returns:
-            self._leave(said, level)
-
-    def _leave(self, said: Said, level: Level) -> None:
-        """M02, M29, M30: a subprogram ends; the main program ends, or begins again."""
-        if self.stack.is_subprogram(level):
-            if self._ready and self._ready[-1].stop in (Stop.END, Stop.REPEAT):
-                self._output.restop(Stop.NONE)
-            level.leave()
-        elif said.stop is Stop.REPEAT:
-            level.repeat()
-        else:
-            if self._ready and self._ready[-1].stop is Stop.NONE:
-                self._output.restop(Stop.END)
-            self.stack.clear()
+        lead_on(self.stack, self._output, None if said.jump is not None else goal, said, level)
 
     def _after(self, said: Said) -> None:
         """Tool change and length at the end of the block; if the PLC changes the tool, after its acknowledgement."""
