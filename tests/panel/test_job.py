@@ -131,7 +131,7 @@ def test_a_program_of_a_control_is_started_and_waits_for_its_operator(bench, bro
         ({"open": {"name": 5}}, "request: job.open.name: "),
         ({"open": {"path": "/etc/passwd"}}, "request: job.open.path: unknown key"),
         ({"start": True}, "request: job.start: there is no job"),
-        ({"start": 1, "stop": True}, "allowed: one of open, start, stop, text"),
+        ({"start": 1, "stop": True}, "allowed: one of open, text, start, line, pause, go_on, stop"),
         ({"stop": False}, "request: job.stop: False; allowed: true"),
         ({"run": True}, "request: job.run: unknown key"),
         (5, "request: job: "),

@@ -144,6 +144,22 @@ class TellsCounters(Language, Protocol):
         that follows from counters; None if it tells none."""
 
 
+class HoldsMotion(Protocol):
+    """A language whose controller can be told over the line to hold a motion and to go on with it."""
+
+    def hold(self) -> bytes:
+        """Stop what moves with its ramp, and keep the rest of it."""
+
+    def held(self, reply: bytes) -> bool:
+        """True if a reply, all bytes since the command, tells that a motion is held."""
+
+    def go_on(self) -> bytes:
+        """Make the rest of what is held."""
+
+    def give_up(self) -> bytes:
+        """Forget the rest of what is held."""
+
+
 class TellsActs(TellsCounters, Protocol):
     """A language that can tell from the bytes of a session what the machine was made to do."""
 

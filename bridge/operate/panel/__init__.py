@@ -1,7 +1,9 @@
 """The operator panel: a page that shows the machine in motion, with keys, faults, commands and control of time.
 
     guest.py    at the server: carries out requests (control.py's Operator), samples the twin        its loop
-    job.py      a job file opened in a browser, sent line by line
+    sender.py   lines sent as a host sends them: paused, held, gone on with
+    job.py      a job file opened in a browser
+    desk.py     moves by hand: jog, home, go to, zero of the workpiece
     menu.py     everything an event can do, for the forms of the page
     monitor.py  the serial line in words
     site.py     page, scene and browsers: one port, one origin                                       a thread of its own

@@ -10,6 +10,7 @@ Requests are those of the control port (bridge/operate/control.py) with a number
     request
     {"id": 9, "say": "@0P"}                            as a host: commands as in a job file (`_Typist`)
     {"id": 10, "job": {"start": true}}                 a job file: job.py
+    {"id": 11, "desk": {"home": true}}                 moves by hand: desk.py
 
 A frame is the state of the control port with further data for the panel; there are none without browsers. Sampling does
 not change the twin by a bit.
@@ -28,9 +29,11 @@ from types import MappingProxyType
 from typing import Any, Protocol
 
 from isel_twin.base.axes import AXIS_NAMES
+from isel_twin.base.errors import one_line
 from isel_twin.base.parameters import Place, known
 from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.bridge.operate.control import ControlError, Operator, Pending
+from isel_twin.bridge.operate.panel.desk import Desk
 from isel_twin.bridge.operate.panel.frame import COME, Asked, Frame
 from isel_twin.bridge.operate.panel.job import PanelJob
 from isel_twin.bridge.operate.panel.menu import key_menu, menu
@@ -40,6 +43,7 @@ from isel_twin.bridge.serve.borders import Endpoint
 from isel_twin.bridge.serve.loop import FileWatch
 from isel_twin.bridge.serve.server import Guest, Server
 from isel_twin.bridge.serve.tcp import listen, parse_address
+from isel_twin.cam.settings import CamSettings
 from isel_twin.core.twin import Twin
 from isel_twin.jobs import project
 from isel_twin.jobs.decode import DecodeError, typed
@@ -145,7 +149,9 @@ class Panel(Guest):
             raise TypeError("a panel shows a Twin")
         self._server, self._twin, self._margins = server, server.twin, server.twin.margin_reader()
         self._operator = Operator(server, server.twin)
-        self._job = PanelJob(server, server.twin, project.find(Path.cwd() / "job"))
+        settings = project.find(Path.cwd() / "job")
+        self._desk = _desk(server, server.twin, settings)
+        self._job = PanelJob(server, server.twin, settings, self._desk)
         self.monitor.begin(server.twin.controller_name)
         self._site.start(self._about(), self._twin.machine, self.recording)
 
@@ -155,7 +161,9 @@ class Panel(Guest):
     def wait_s(self) -> float | None:
         if not self._asked.empty():
             return 0.0
-        waits = [self._operator.wait_s, self._job.wait_s]
+        waits = [self._operator.wait_s, self._job.sender.wait_s]
+        if self._desk is not None:
+            waits.append(self._desk.wait_s)
         if self._site.watched:
             waits.append(max(0.0, self._next_s - time.monotonic()))
         return min((wait for wait in waits if wait is not None), default=None)
@@ -170,7 +178,9 @@ class Panel(Guest):
             self._deal_with(asked)
         self._operator.look()  # the last request may have met the condition of a wait
         self._answer_pending()
-        self._job.advance()
+        self._job.sender.advance()
+        if self._desk is not None:
+            self._desk.advance()
         if self._site.watched and (now := time.monotonic()) >= self._next_s:
             self._next_s = now + 1.0 / FRAMES_PER_S
             self._sample()
@@ -205,13 +215,18 @@ class Panel(Guest):
 
     def _ask(self, client: int, request: dict[str, Any]) -> dict[str, Any] | Pending:
         place = Place("request", ControlError)
-        known(request, ("id", "ask", "gone", "say", "job"), place)
-        if len([key for key in ("ask", "say", "job") if key in request]) != 1:
-            raise place.wrong("nothing to do; allowed: one of ask, say, job")
+        kinds = ("ask", "say", "job", "desk")
+        known(request, ("id", "gone", *kinds), place)
+        if len([key for key in kinds if key in request]) != 1:
+            raise place.wrong(f"nothing to do; allowed: one of {', '.join(kinds)}")
         if "say" in request:
             return self._say(request["say"])
         if "job" in request:
             return self._job.ask(request["job"])
+        if "desk" in request:
+            if self._desk is None:
+                raise place.at("desk").wrong("nobody knows the controller's language; allowed: with one")
+            return self._desk.ask(request["desk"], self._free)
         result = self._operator.ask(request["ask"])
         if isinstance(gone := request.get("gone"), dict):
             self._gone[client] = gone
@@ -224,14 +239,13 @@ class Panel(Guest):
         if not isinstance(text, str):
             raise ControlError("request: say: no text; allowed: commands as in a job file")
         assert self._server is not None
-        for endpoint in self._server.endpoints:
-            if endpoint.busy:
-                raise ControlError(f"request: say: a host holds the line ({endpoint.kind}); allowed: when it has gone")
+        place = Place("request", ControlError).at("say")
+        self._free(place)
+        if self._desk is not None and self._desk.busy:
+            raise place.wrong("the machine is moved by hand; allowed: when that is over")
         name = self._twin.controller_name
-        if self._job.running:
-            raise ControlError("request: say: a job is running; allowed: when it has been stopped or is over")
         if not self._server.listening:
-            raise ControlError("request: say: the line is full; allowed: when the controller has taken what is on it")
+            raise place.wrong("the line is full; allowed: when the controller has taken what is on it")
         try:
             data = b"".join(piece.data for piece in typed(text, True, needed(self._twin.language, name), name))
         except (DecodeError, LanguageError) as error:
@@ -240,6 +254,13 @@ class Panel(Guest):
             raise ControlError(f"request: say: {len(data)} bytes; allowed: up to {SAID_BYTES} at once")
         self._server.receive(self._line, data)
         return {"sent": len(data)}
+
+    def _free(self, place: Place) -> None:
+        """Raises ControlError while a host or the job has the line."""
+        if (kind := self._job.sender.host()) is not None:
+            raise place.wrong(f"a host holds the line ({kind}); allowed: when it has gone")
+        if self._job.running:
+            raise place.wrong("a job is running; allowed: when it has been stopped or is over")
 
     def _leave(self, client: int) -> None:
         """A browser has gone: drop its waits, and release what it held down."""
@@ -280,6 +301,7 @@ class Panel(Guest):
             "beside": list(BESIDE),
             "recording": None if self.recording is None else self.recording.name,
             "language": twin.language is not None,
+            "desk": None if self._desk is None else self._desk.about,
         }
 
     def _sample(self) -> None:
@@ -299,6 +321,19 @@ class Panel(Guest):
             lines.append({"s": collision.time_ns / SECOND_NS, "who": "", "text": "", "means": str(collision)})
         self._met = len(twin.collisions)
         frame["job"] = self._job.shown
+        frame["desk"] = None if self._desk is None else self._desk.shown
         if lines or frame != self._last:
             self._last = frame
             self._site.show({**frame, "wall_s": pacer.wall_s, "lines": lines})
+
+
+def _desk(server: Server, twin: Twin, settings: Path | None) -> Desk | None:
+    """A desk, for a controller whose language is known."""
+    if twin.language is None:
+        return None
+    try:
+        cam = project.cam(settings, twin.machine)
+    except (OSError, ValueError) as error:
+        log.warning("panel: %s", one_line(str(error)))
+        cam = CamSettings()
+    return Desk(server, twin, twin.language, cam)

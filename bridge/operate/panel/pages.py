@@ -40,6 +40,7 @@ def pages() -> dict[str, tuple[str, bytes]]:
         "/": (html, (page / "panel.html").read_bytes()),
         "/panel.css": (style, (page / "panel.css").read_bytes()),
         "/panel.js": (script, (page / "panel.js").read_bytes()),
+        "/desk.js": (script, (page / "desk.js").read_bytes()),
         "/scene": (html, scene.encode()),
     }
 

@@ -1,6 +1,6 @@
 """Page, scene and browsers: one port, in a thread of its own. Needs viser.
 
-    GET /  /panel.css  /panel.js     the page                                    page/
+    GET /  /panel.css  /*.js         the page                                    page/
     GET /recording                   the recording so far, if the server makes one
     GET /scene                       viser's client, which the page frames       of the package viser
     WebSocket /operate               requests of browsers, frames for them       JSON, one object a message

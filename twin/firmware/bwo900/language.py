@@ -114,7 +114,7 @@ def create(name: str) -> Bwo900Language:
 
 
 class Bwo900Language:
-    """Implements `isel_twin.language.Language`, `RunsPrograms`, `RetimesJobs` and `WritesToolpaths`."""
+    """Implements `isel_twin.language.Language`, `RunsPrograms`, `RetimesJobs`, `HoldsMotion` and `WritesToolpaths`."""
 
     def __init__(self) -> None:
         # ramps begin at 0: there is no start-stop frequency
@@ -186,6 +186,18 @@ class Bwo900Language:
 
     def break_off(self) -> bytes:
         return _file(["D", f"K1:P{P.ABORT}: 1"])
+
+    def hold(self) -> bytes:
+        return _file(["D", f"K1:P{P.START_TO_PLC}: 0"])
+
+    def held(self, reply: bytes) -> bool:
+        """Nothing tells it: the control never answers."""
+        return False
+
+    def go_on(self) -> bytes:
+        return _file(["D", f"K1:P{P.START_TO_PLC}: 1"])
+
+    give_up = break_off
 
     job_moves = staticmethod(retiming.job_moves)
     retimed = staticmethod(retiming.retimed)

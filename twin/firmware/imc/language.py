@@ -1,4 +1,4 @@
-"""The iMC's language. Implements `isel_twin.language.Language`, `RetimesJobs`, `TellsActs` and
+"""The iMC's language. Implements `isel_twin.language.Language`, `RetimesJobs`, `TellsActs`, `HoldsMotion` and
 `WritesToolpaths`.
 
 It explains every command of commands.py and every reply code, and cuts both directions into messages.
@@ -126,6 +126,18 @@ class ImcLanguage:
 
     def break_off(self) -> bytes:
         return bytes([grammar.BREAK])
+
+    def hold(self) -> bytes:
+        return bytes([grammar.STOP])
+
+    def held(self, reply: bytes) -> bool:
+        """The command of a stopped motion is answered (2.2.31)."""
+        return self.text(reply).endswith(replies.STOPPED)
+
+    def go_on(self) -> bytes:
+        return self.frame("@0S")
+
+    give_up = break_off
 
     def written(self, path: Toolpath, axes: MachineAxes, settings: CamSettings) -> Iterator[Written]:
         from isel_twin.firmware.imc.writing import ImcCommands  # with the circle of the step streams

@@ -1,4 +1,4 @@
-"""The iSMIF's language. Implements `isel_twin.language.Language`, `RetimesJobs`, `TellsCounters` and
+"""The iSMIF's language. Implements `isel_twin.language.Language`, `RetimesJobs`, `HoldsMotion`, `TellsCounters` and
 `WritesToolpaths`.
 
     sent      a line ends with CR, or with 01h, which also starts the job
@@ -117,6 +117,20 @@ class IsmifLanguage:
     def break_off(self) -> bytes:
         """`@B`: the vector is over; nothing else is stored when it comes from `move`."""
         return self.frame("@B")
+
+    def hold(self) -> bytes:
+        return self.frame("@A")
+
+    def held(self, reply: bytes) -> bool:
+        """The job has not told its end."""
+        return READY not in reply
+
+    def go_on(self) -> bytes:
+        return self.frame("@C")
+
+    def give_up(self) -> bytes:
+        """`@B` forgets the vector and stays in the pause (ismif/10), which `@C` ends."""
+        return self.break_off() + self.go_on()
 
     def written(self, path: Toolpath, axes: MachineAxes, settings: CamSettings) -> Iterator[Written]:
         from isel_twin.firmware.ismif.writing import IsmifCommands

@@ -9,7 +9,7 @@
 
 const $ = (id) => document.getElementById(id);
 const SECONDS = 20, POINTS = 600, MESSAGES = 500;
-const COLOURS = ["#c8231c", "#1a8a45", "#1f5ec8", "#8a4bc8"];
+const DARK = matchMedia("(prefers-color-scheme: dark)");
 
 let about = null, frame = null, socket = null, number = 0, plots = [], retry_ms = 300;
 const waiting = new Map(), updates = [];
@@ -28,6 +28,9 @@ function make(tag, attributes = {}, ...children) {
 function put(node, text) { if (node.textContent !== text) node.textContent = text; }
 function mark(node, name, value) { if (node.getAttribute(name) !== String(value)) node.setAttribute(name, value); }
 function plain(name) { return name.replaceAll("_", " "); }
+
+// A colour of the page, light or dark.
+function colour(name) { return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`); }
 
 // ---- the server ------------------------------------------------------------------------------------------------------
 
@@ -58,7 +61,13 @@ function hear(message) {
   if (message.plots) { plots.push(...message.plots); plots.splice(0, plots.length - POINTS); }
   if (message.frame) { frame = message.frame; for (const update of updates) update(frame); }
   if (message.plots) draw();
-  if (frame && !$("scene").src) $("scene").src = "/scene"; // after all the rest is to be seen: it takes a moment
+  if (frame) draw_in_3d(); // after all the rest is to be seen: it takes a moment
+}
+
+function draw_in_3d() {
+  if ($("scene").src || $("scene").hidden) return;
+  if (make("canvas").getContext("webgl2")) $("scene").src = DARK.matches ? "/scene?darkMode" : "/scene";
+  else { $("scene").hidden = $("legend").hidden = true; $("flat").hidden = false; }
 }
 
 function request(content) {
@@ -96,7 +105,7 @@ function begin(told) {
   $("monitor").replaceChildren();
   $("recording").hidden = !about.recording;
   if (about.recording) $("recording").download = about.recording;
-  build_time(); build_elements(); build_keys(); build_outputs(); build_axes(); build_ports(); build_faults(); build_plots(); build_job();
+  build_time(); build_elements(); build_keys(); build_outputs(); build_axes(); build_ports(); build_faults(); build_plots(); build_job(); build_desk();
 }
 
 function build_time() {
@@ -131,27 +140,36 @@ function build_elements() {
     if (match && own_states(name).length === 2) rows.set(match[1], [...(rows.get(match[1]) || []), name]);
   }
   const nodes = [], late = [];
+  $("near").replaceChildren();
   for (const name of names) {
     const match = /^(.*)_(\d+)$/.exec(name);
     if (match && rows.has(match[1])) {
       if (rows.get(match[1])[0] === name) late.push(...row(match[1], rows.get(match[1])));
-    } else if (same(own_states(name), ["released", "pressed"])) nodes.unshift(mushroom(name));
+    } else if (same(own_states(name), ["released", "pressed"])) nodes.unshift(...mushroom(name));
     else nodes.push(element(name));
   }
   $("elements").replaceChildren(...nodes, ...late);
 }
 
+// Pressed at once, in whatever state; released by a button of its own, so that a second click cannot do it. On small
+// screens it stands in the header, too.
 function mushroom(name) {
-  const hint = make("small", {}, "press");
-  const button = make("button", { class: "mushroom", "data-element": name, "aria-label": `${plain(name)}: press or release`,
-    onclick: () => please({ set: { [name]: frame.inputs[name] === "pressed" ? "released" : "pressed" } }) },
-    /^e_?stop/.test(name) ? "E-STOP" : plain(name).toUpperCase(), hint);
-  updates.push((now) => {
-    const pressed = now.inputs[name] === "pressed";
-    mark(button, "aria-pressed", pressed);
-    put(hint, pressed ? "pressed – release" : "press");
-  });
-  return button;
+  const word = /^e_?stop/.test(name) ? "E-STOP" : plain(name).toUpperCase();
+  const made = () => {
+    const hint = make("small", {}, "press");
+    const button = make("button", { class: "mushroom", "data-element": name, "aria-label": `${word}: ${plain(name)}, press`,
+      onclick: () => please({ set: { [name]: "pressed" } }) }, word, hint);
+    const release = make("button", { class: "release", "data-release": name, onclick: () => please({ set: { [name]: "released" } }) }, `Turn to release`);
+    updates.push((now) => {
+      const pressed = now.inputs[name] === "pressed";
+      mark(button, "aria-pressed", pressed);
+      put(hint, pressed ? "pressed" : "press");
+      release.hidden = !pressed;
+    });
+    return [button, release];
+  };
+  $("near").append(...made());
+  return made();
 }
 
 function element(name) {
@@ -395,12 +413,23 @@ function form(act, contacts) {
 
 function first_value(limits) { return limits.high <= 1 ? limits.high / 100 : Math.min(50, limits.high); }
 
-for (const tab of document.querySelectorAll("nav [data-tab]")) {
-  tab.addEventListener("click", () => {
-    for (const other of document.querySelectorAll("nav [data-tab]")) {
-      mark(other, "aria-selected", other === tab);
-      $(other.dataset.tab).hidden = other !== tab;
-    }
+const TABS = [...document.querySelectorAll("[role=tab]")];
+function show_tab(tab) {
+  for (const other of TABS) {
+    mark(other, "aria-selected", other === tab);
+    other.tabIndex = other === tab ? 0 : -1;
+    $(other.dataset.tab).hidden = other !== tab;
+  }
+}
+for (const [i, tab] of TABS.entries()) {
+  tab.addEventListener("click", () => show_tab(tab));
+  tab.addEventListener("keydown", (event) => {
+    const by = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+    if (!by) return;
+    const next = TABS[(i + by + TABS.length) % TABS.length];
+    show_tab(next);
+    next.focus();
+    event.stopPropagation();
   });
 }
 
@@ -435,53 +464,6 @@ $("text").addEventListener("keydown", (event) => {
   event.preventDefault();
 });
 
-// ---- the job ---------------------------------------------------------------------------------------------------------
-
-const LONGEST = 500000, LINES = 20000; // characters of a file, lines of it that are shown
-const STATES = { ready: "ready", running: "running", done: "all well", failed: "failed", stopped: "stopped" };
-let opened = 0;
-
-$("file").addEventListener("change", async (event) => {
-  const file = event.target.files[0];
-  event.target.value = "";
-  if (!file) return;
-  if (file.size > LONGEST) { tell(`${file.name}: is longer than ${LONGEST / 1000} kB; isel-twin run takes it`); return; }
-  const data = await file.arrayBuffer();
-  let text;
-  try { text = new TextDecoder("utf-8", { fatal: true }).decode(data); } catch { text = new TextDecoder("latin1").decode(data); }
-  request({ job: { open: { name: file.name, text } } }).then((job) => { if (job.cautions.length) tell(job.cautions.join("; ")); }, (error) => tell(error.message));
-});
-$("start").addEventListener("click", () => request({ job: { start: true } }).catch((error) => tell(error.message)));
-$("halt").addEventListener("click", () => request({ job: { stop: true } }).catch((error) => tell(error.message)));
-
-function build_job() {
-  opened = 0;
-  $("program").replaceChildren();
-  updates.push((now) => {
-    const job = now.job;
-    $("start").disabled = !job.state || job.state === "running";
-    $("halt").disabled = job.state !== "running";
-    if (!job.state) return;
-    if (job.opened !== opened) {
-      opened = job.opened;
-      request({ job: { text: true } }).then((told) => show_program(told.text), () => {});
-    }
-    put($("jobbed"), job.state === "running" ? `${Math.floor(100 * job.made / job.commands)} %` : "");
-    const format = job.format ? ` (${job.format})` : "", times = job.state === "ready" ? "" : `, ${job.seconds.toFixed(1)} s`;
-    put($("doing"), `${job.name}${format}: ${STATES[job.state]}, ${job.made} of ${job.commands} commands${times}${job.why ? `: ${job.why}` : ""}`);
-    $("doing").dataset.state = job.state;
-    const at = $("program").children[job.line - 1], before = $("program").querySelector("[aria-current]");
-    if (job.state === "ready" || before === at) return;
-    if (before) before.removeAttribute("aria-current");
-    if (at) { at.setAttribute("aria-current", "step"); at.scrollIntoView({ block: "nearest" }); }
-  });
-}
-
-function show_program(text) {
-  const lines = text.replace(/\r\n?/g, "\n").replace(/\n$/, "").split("\n");
-  $("program").replaceChildren(...lines.slice(0, LINES).map((line) => make("li", {}, line)));
-}
-
 // ---- plots -----------------------------------------------------------------------------------------------------------
 
 const PLOTS = [["step frequency", "steps/s", 1, 100], ["following error", "mm", 2, 0.02], ["torque margin", "", 3, 1]];
@@ -496,7 +478,7 @@ function draw() {
   const end = plots[plots.length - 1][0];
   let first = plots.findIndex((point) => point[0] >= end - SECONDS);
   const shown = plots.slice(Math.max(0, first));
-  const begin = Math.min(shown[0][0], end - 1);
+  const begin = Math.min(shown[0][0], end - 1), soft = colour("soft"), line = colour("line"), inks = ["x", "y", "z", "a"].map(colour);
   document.querySelectorAll("#plots figure").forEach((figure, i) => {
     const [, , column, least] = PLOTS[i];
     const canvas = figure.querySelector("canvas"), ratio = window.devicePixelRatio || 1;
@@ -509,7 +491,7 @@ function draw() {
     let low = Math.min(0, ...values), high = Math.max(0, ...values);
     if (column === 3) { low = 0; high = 1; } else if (high - low < least) { low = Math.min(low, -least / 2); high = Math.max(high, least / 2); }
     const x = (time) => left + (width - left - 4) * (time - begin) / (end - begin), y = (value) => bottom - (bottom - top) * (value - low) / (high - low);
-    pen.font = "10px system-ui, sans-serif"; pen.fillStyle = "#8a94a0"; pen.strokeStyle = "#e6eaef"; pen.lineWidth = 1;
+    pen.font = "10px system-ui, sans-serif"; pen.fillStyle = soft; pen.strokeStyle = line; pen.lineWidth = 1;
     for (const value of low < 0 && high > 0 ? [low, 0, high] : [low, high]) {
       pen.beginPath(); pen.moveTo(left, y(value)); pen.lineTo(width - 4, y(value)); pen.stroke();
       if (value === 0 && Math.min(y(0) - y(high), y(low) - y(0)) < 10 && low < 0 && high > 0) continue; // would lie upon another
@@ -518,7 +500,7 @@ function draw() {
     pen.textBaseline = "alphabetic"; pen.textAlign = "left"; pen.fillText(`${begin.toFixed(1)} s`, left, height - 2);
     pen.textAlign = "right"; pen.fillText(`${end.toFixed(1)} s`, width - 4, height - 2);
     about.axes.slice(0, 4).forEach((_, axis) => {
-      pen.strokeStyle = COLOURS[axis]; pen.lineWidth = 1.3; pen.beginPath();
+      pen.strokeStyle = inks[axis]; pen.lineWidth = 1.3; pen.beginPath();
       let on = false;
       for (const point of shown) {
         const value = point[column][axis];
@@ -551,4 +533,4 @@ function save(name, text) {
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);
 }
 
-connect();
+addEventListener("DOMContentLoaded", connect); // all scripts are there
