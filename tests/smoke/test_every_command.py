@@ -23,6 +23,7 @@ JOBS = {
     "ismif": ("4030", "L1,X3000<1>\n"),
     "gmi99": ("4030-servo", "Q7;1\nf2000\nM5000\n81h 9000\n"),
     "bwo900": ("4030-servo", "N10 G1 F300 G91 X10\nN20 M30\n"),
+    "external": ("4030", "out power_request=1 stages=1 brake=1\ngo 2000 1600 800 0\n"),
 }
 PLAN = '[sweep]\njob = "job.txt"\nplant = "kinematic"\nseeds = 2\n'
 HOST = 'import serial\nport = serial.Serial("COM1", timeout=5)\nport.write(b"@07\\r")\nassert port.read(1) == b"0"\n'
