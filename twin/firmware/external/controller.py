@@ -1,11 +1,11 @@
-"""The place of another control, as a controller: lines in, set points to the drives, an answer for each line.
+"""The place of another control, as a controller (external/1): lines in, set points to the drives, an answer for each line.
 
     lines -----> queue -----> one at a time --- row ---> ticks, then an answer at its end
                                             '-- else --> an answer at once
 
 A row begins at the time at which it is taken: when it arrives, or at the end of the row before. So no set point lies in
 the past, rows sent ahead follow each other without a gap, and whoever waits for each answer goes in lockstep with the
-twin. In a wide queue the line's handshake makes the host wait.
+twin (external/3). In a wide queue the line's handshake makes the host wait.
 
 A pause of REST_NS without a step ends a motion. Silence of the host for the watchdog's time switches the outputs off,
 as step generators on a network do (external/4).
@@ -200,7 +200,7 @@ class External:
             self._events.append(Reply(b"names axes=%d %s\n" % (self._axes, names)))
             return
         if word == "out":
-            self._begin(SHORTEST_NS, (0,) * self._axes, line.outputs)
+            self._begin(SHORTEST_NS, (0,) * self._axes, line.outputs)  # external/7
             return
         if word == "set":
             self._set(line.counts)
@@ -219,7 +219,8 @@ class External:
                 tuple([at + by for at, by in zip(self._target, changes, strict=True)]),
             )
             if self._form == "steps":
-                self.run = Listed(*spread(np.array(changes, np.int64), t_ns, duration_ns), t_ns)
+                times_ns, delta = spread(np.array(changes, np.int64), t_ns, duration_ns)
+                self.run = Listed(times_ns, delta, t_ns)
             else:
                 self.run = Listed(np.array([t_ns]), np.array([changes], np.int32), t_ns, duration_ns)
             self._rest_ns = t_ns + duration_ns + REST_NS

@@ -1,4 +1,4 @@
-"""Lines of another control, and what is answered.
+"""Lines of another control, and what is answered (external/2).
 
     row NS X Y Z [NAME=VALUE ...]   in NS nanoseconds the counters are X Y Z; outputs change at its beginning
     go HZ X Y Z                     the same, at HZ steps a second of the axis with the longest way
