@@ -50,6 +50,7 @@ IN_ORDER: dict[str, tuple[object, ...]] = {
     "learn": ("run.mcap",),
     "export": ("run.mcap", "out.vcd"),
     "drive": ("run.npz",),
+    "fmu": ("model.fmu",),
     "exec": (*KINEMATIC, "--", "python", "host.py"),
     "sweep": ("plan.toml", "--workers", "1"),
     "tune": ("job.txt", "--trials", "2", "--robust", "0", "--confirm", "1", "--margin", "0"),
@@ -60,8 +61,8 @@ IN_ORDER: dict[str, tuple[object, ...]] = {
     "plc explain": ("plc.awl",),
     "plc load": ("plc.awl", "--controller", "gmi99"),
 }
-SERVED = ("serve", "ctl", "tap", "lsp")
-"""In processes of their own, by the tests below; lsp by tests/bridge/test_editor.py."""
+SERVED = ("serve", "ctl", "tap", "lsp", "mtconnect")
+"""In processes of their own, by the tests below; lsp and mtconnect by tests in tests/bridge."""
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""The place of another control, as a controller (external/1): lines in, set points to the drives, an answer for each line.
+"""The place of another control, as a controller (external/1): lines in, set points out, an answer for each line.
 
     lines -----> queue -----> one at a time --- row ---> ticks, then an answer at its end
                                             '-- else --> an answer at once

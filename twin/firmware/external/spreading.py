@@ -4,8 +4,8 @@
     X, n=4   |----s----|----s----|----s----|----s----|        s at t0 + (2 k - 1) ns / 2 n, rounded down
     Y, n=2   |---------s---------|---------s---------|
 
-So rows of equal changes make an even frequency, and no step falls on the border of two rows (external/5). Steps of several axes at
-the same nanosecond are one tick.
+So rows of equal changes make an even frequency, and no step falls on the border of two rows (external/5). Steps
+of several axes at the same nanosecond are one tick.
 """
 
 from __future__ import annotations
