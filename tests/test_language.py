@@ -27,13 +27,14 @@ from isel_twin.language import (
 
 
 def test_every_controller_of_the_package_has_a_language() -> None:
-    assert set(language_names()) >= {"imc-s8", "imc-m", "imc-mp", "c142", "ismif", "gmi99", "bwo900"}
+    assert set(language_names()) >= {"imc-s8", "imc-m", "imc-mp", "c142", "ismif", "gmi99", "bwo900", "external"}
     for name in language_names():
         language = create_language(name)
         assert language is not None
         assert language is not create_language(name), "a fresh one each time"
         from_standstill = {"start_stop_hz"} if name in ("gmi99", "bwo900") else set()
-        assert language.ranges.keys() == SETTINGS_RANGES.keys() - from_standstill
+        without_ramps = {"start_stop_hz", "acceleration_hz_per_ms"} if name == "external" else set()
+        assert language.ranges.keys() == SETTINGS_RANGES.keys() - from_standstill - without_ramps
         for setting, (low, high) in language.ranges.items():
             widest = SETTINGS_RANGES[setting]
             assert widest[0] <= low < high <= widest[1]

@@ -210,6 +210,7 @@ class Operator:
             "position_error_mm": twin.position_error_mm.tolist(),
             "machine_position_mm": twin.machine_position_mm.tolist(),
             "lost_steps": twin.lost_steps.tolist(),
+            "slip_steps": twin.slip_steps.tolist(),
             "forgotten_steps": twin.forgotten_steps.tolist(),
             "following_error": twin.following_error.tolist(),
             "drive_faults": [list(fault) for fault in twin.drive_faults],

@@ -371,6 +371,43 @@ def ismif_actions(draw: Draw, length: int, full_steps: bool) -> list[Action]:
     return actions
 
 
+# ---- external ------------------------------------------------------------------------------------------------------
+
+EXTERNAL_FIELDS: dict[str, Callable[[Draw], Any]] = {
+    "ns": lambda draw: int(pick(draw, (1000, 125_000, 1_000_000, 1_000_000, 4_000_000, 250_000_000))),
+    "s": lambda draw: int(draw.integers(-20, pick(draw, (1, 20, 60, 400)))),
+    "hz": lambda draw: pick(draw, (1, 200, 900, 3000, 9000)),
+    "bit": lambda draw: int(draw.integers(2)),
+}
+EXTERNAL_ROWS = ("row {ns} {s} {s} {s}",) * 3 + ("row {ns} {s} 0 0 stages={bit} moving=1", "go {hz} {s} {s} {s}")
+EXTERNAL_REST = (
+    *("out stages={bit} brake=1", "out spindle={bit} hood_release={bit}", "out power_request=0", "out power_request=1"),
+    *("set {s} {s} {s}", "form led", "form steps", "tell encoder index", "tell", "state", "names", "row 1 2", "hello"),
+)
+
+
+def external_actions(draw: Draw, length: int) -> list[Action]:
+    """A session of another control: rows one by one and ahead, and everything else."""
+    ready = b"out power_request=1 stages=1 brake=1\n"
+    actions: list[Action] = [("write", ready), ("run", 0.01, 1)]
+    for _ in range(length):
+        match int(draw.integers(8)):
+            case 0:
+                actions += [operation(draw, list(STATES)), pause(draw, False)]
+            case 1:
+                actions += [*calm(list(STATES)), ("write", b"out power_request=0\n\n" + ready), ("run", 0.01, 1)]
+            case 2 | 3:
+                line = fill(draw, pick(draw, EXTERNAL_REST), EXTERNAL_FIELDS)
+                line = spoil(draw, line) if chance(draw, 0.1) else line
+                actions += [*pieces(draw, line.encode("latin-1") + b"\n"), pause(draw, False)]
+            case _:
+                rows = [
+                    fill(draw, pick(draw, EXTERNAL_ROWS), EXTERNAL_FIELDS) for _ in range(int(draw.integers(1, 90)))
+                ]
+                actions += [*pieces(draw, "".join(f"{row}\n" for row in rows).encode()), pause(draw, False)]
+    return actions
+
+
 # ---- sessions ------------------------------------------------------------------------------------------------------
 
 
@@ -402,13 +439,14 @@ def random_session(controller: str, plant: str, number: int) -> Session:
     return Session(options, tuple(actions), scenario)
 
 
-SERVO = {"gmi99": gmi99_actions, "bwo900": bwo900_actions}
-"""Controllers of servo axes."""
+SERVO = {"gmi99": gmi99_actions, "bwo900": bwo900_actions, "external": external_actions}
+"""Controllers of servo axes, or of any."""
 
 
 def _servo_session(controller: str, plant: str, number: int) -> Session:
     draw = np.random.default_rng([number, sum(controller.encode()), plant == "mujoco"])
-    options: dict[str, Any] = {"controller": controller, "machine": "4030-servo", "plant": plant, "seed": number}
+    machine = pick(draw, ("4030", "4030-servo")) if controller == "external" else "4030-servo"
+    options: dict[str, Any] = {"controller": controller, "machine": machine, "plant": plant, "seed": number}
     if chance(draw, 0.3):
         options["line_speed"] = True
     options["start_mm"] = tuple(round(float(x), 3) for x in draw.uniform(1.0, 12.0, 3))

@@ -25,7 +25,7 @@ from golden.session import Session, digest_of, play
 
 FILE = FOLDER / "sessions.txt"
 CONTROLLERS = ("c142", "imc-m", "imc-mp", "imc-s8", "ismif")
-FEWER = ("bwo900", "gmi99", "it116")
+FEWER = ("bwo900", "external", "gmi99", "it116")
 RANDOM = {"kinematic": 200, "mujoco": 12}
 """Random sessions of every controller on each plant; of those in FEWER a fifth."""
 CHUNK = 20

@@ -24,6 +24,7 @@ JOBS = {
     "ismif": ("4030", "L1,X3000<1>\n"),
     "gmi99": ("4030-servo", "Q7;1\nf2000\nM5000\n81h 9000\n"),
     "bwo900": ("4030-servo", "N10 G1 F300 G91 X10\nN20 M30\n"),
+    "external": ("4030", "out power_request=1 stages=1 brake=1\ngo 2000 1600 800 0\n"),
 }
 PLAN = '[sweep]\njob = "job.txt"\nplant = "kinematic"\nseeds = 2\n'
 HOST = 'import serial\nport = serial.Serial("COM1", timeout=5)\nport.write(b"@07\\r")\nassert port.read(1) == b"0"\n'
@@ -50,6 +51,7 @@ IN_ORDER: dict[str, tuple[object, ...]] = {
     "learn": ("run.mcap",),
     "export": ("run.mcap", "out.vcd"),
     "drive": ("run.npz",),
+    "fmu": ("model.fmu",),
     "exec": (*KINEMATIC, "--", "python", "host.py"),
     "sweep": ("plan.toml", "--workers", "1"),
     "tune": ("job.txt", "--trials", "2", "--robust", "0", "--confirm", "1", "--margin", "0"),
@@ -60,8 +62,8 @@ IN_ORDER: dict[str, tuple[object, ...]] = {
     "plc explain": ("plc.awl",),
     "plc load": ("plc.awl", "--controller", "gmi99"),
 }
-SERVED = ("serve", "ctl", "tap", "lsp")
-"""In processes of their own, by the tests below; lsp by tests/bridge/test_editor.py."""
+SERVED = ("serve", "ctl", "tap", "lsp", "mtconnect")
+"""In processes of their own, by the tests below; lsp and mtconnect by tests in tests/bridge."""
 
 
 @pytest.fixture(scope="module")

@@ -1,10 +1,10 @@
 """The command `isel-twin`: one file a command, each with one function that returns the exit code.
 
     begin     init, demo, doctor, warm
-    operate   serve, ctl, tap, ports, exec             a machine behind a port, and hosts that drive it
+    operate   serve, ctl, tap, ports, exec, mtconnect  a machine behind a port, and hosts that drive it
     test      run, check, golden, drive, replay, compare, lsp
     tune      tune, sweep, identify, experiment, learn
-    look      machines, motors, controllers, describe, motor, decode, export, plc
+    look      machines, motors, controllers, describe, motor, decode, export, fmu, plc
 
 What they share:
 
@@ -47,12 +47,12 @@ app = App(
 # the commands by purpose, as file:function; only the one that is called is imported
 GROUPS = {
     "Begin": ("init:init", "demo:demo", "doctor:doctor", "warm:warm"),
-    "Operate": ("serve:serve", "ctl:ctl", "tap:tap", "ports:ports", "exec:exec_"),
+    "Operate": ("serve:serve", "ctl:ctl", "tap:tap", "ports:ports", "exec:exec_", "mtconnect:mtconnect"),
     "Test": ("run:run", "check:check", "golden:golden", "drive:drive", "replay:replay", "compare:compare", "lsp:lsp"),
     "Tune": ("tune:tune", "sweep:sweep", "identify:identify", "experiment:experiment", "learn:learn"),
     "Look": (
         "names:machines", "names:motors", "names:controllers", "describe:describe", "motor:motor", "decode:decode",
-        "convert:convert", "export:export", "plc:plc",
+        "convert:convert", "export:export", "fmu:fmu", "plc:plc",
     ),
 }  # fmt: skip
 for place, (title, commands) in enumerate(GROUPS.items()):

@@ -19,8 +19,6 @@ from isel_twin.base.errors import CallError
 from isel_twin.cli import options
 
 if TYPE_CHECKING:
-    import socket
-
     from isel_twin.wiring.acts import Act
 
 Command = Literal[
@@ -29,7 +27,6 @@ Command = Literal[
     "resume", "step", "speed", "state", "settable", "keys", "wait", "stop",
 ]  # fmt: skip
 
-CONNECT_S = 10.0  # wall time for the server to accept the connection and to answer requests other than waits
 _SHORT = {"fault": "set", "force": "force_n", "phase": "phase_lost"}  # short names for keys of an event
 _ALONE = ("pause", "resume", "state", "settable", "keys", "stop")
 
@@ -55,16 +52,18 @@ def ctl(
     """
     if place is not None and command not in ("force", "force_n"):
         raise CallError("place: goes with force", option=True)
+    from isel_twin.bridge.operate.client import Client, ClientError, WaitError
     from isel_twin.cli.outputs import say, say_json
 
-    answer = _converse(address, _request(command, what, place), options.token(token_file))
-    if "error" in answer:
-        text = str(answer["error"]).removeprefix("request: ")
-        if not answer.get("timeout"):
-            raise CallError(text)
-        say(text)
+    request, token = _request(command, what, place), options.token(token_file)
+    try:
+        with Client(address, token) as client:
+            say_json(client.ask(request))
+    except WaitError as error:
+        say(str(error))
         return 1
-    say_json(answer["ok"])
+    except ClientError as error:
+        raise CallError(str(error)) from None
     return 0
 
 
@@ -127,50 +126,3 @@ def _value(text: str) -> float | bool | str:
     if not math.isfinite(number):
         return text
     return int(number) if number.is_integer() else number
-
-
-def _converse(address: str, request: dict[str, Any], token: str | None) -> dict[str, Any]:
-    """Send a request and return the answer. Raises CallError without a server, or if it goes away."""
-    import json
-    import socket
-
-    host, _, port = address.rpartition(":")
-    if not (port.isascii() and port.isdigit() and len(port) <= 5 and int(port) < 65_536):
-        raise CallError(f"address {address!r} is not HOST:PORT, what serve prints as control")
-    host = host.removeprefix("[").removesuffix("]") or "127.0.0.1"
-    try:
-        with socket.create_connection((host, int(port)), timeout=CONNECT_S) as connection:
-            connection.settimeout(None if {"wait", "step"} & request.keys() else CONNECT_S)
-            asked = ([{"token": token}] if token is not None else []) + [request]
-            answers = _answers(connection, b"".join(json.dumps(one).encode() + b"\n" for one in asked), len(asked))
-    except TimeoutError:
-        raise CallError(f"{address}: does not answer") from None
-    except OSError as error:
-        raise CallError(f"{address}: {error.strerror or error}; is there a serve --control?") from None
-    try:
-        for line in answers:
-            answer = json.loads(line)
-            if not isinstance(answer, dict) or not {"ok", "error"} & answer.keys():
-                raise ValueError
-            if "error" in answer:
-                return answer
-        return answer
-    except ValueError:
-        raise CallError(f"{address}: is no control port; it answers {line[:40]!r}") from None
-
-
-def _answers(connection: socket.socket, data: bytes, count: int) -> list[bytes]:
-    """Send data and return `count` lines, or fewer if the other side closes. Raises OSError if none comes."""
-    connection.sendall(data)
-    received = b""
-    while received.count(b"\n") < count:
-        try:
-            piece = connection.recv(65_536)
-        except ConnectionError:
-            piece = b""
-        if not piece:
-            break
-        received += piece
-    if b"\n" not in received:
-        raise OSError("closes the connection without an answer")
-    return received.split(b"\n")[:-1][:count]

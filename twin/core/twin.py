@@ -289,6 +289,16 @@ class Twin(Operated, Saved, Seen):
         """
         self._advance(time_ns, stop)
 
+    def settle(self) -> None:
+        """The controller has something new: its motion, outputs and replies are taken over now. For controllers that
+        were handed in and are told things by calls of their own; bytes and operations settle by themselves.
+
+        Raises ValueError if its new motion has ticks in the past.
+        """
+        self._told.advance(self.time_ns)
+        self._take_events()
+        self._settle()
+
     # The clock
 
     def _advance(self, until_ns: int, stop: Callable[[], bool] | None = None) -> None:

@@ -8,6 +8,7 @@ A motion is a sequence of ticks; at each tick every axis changes its command by 
     circle.py       the paths that are not straight: circle, helix
     step_run.py     a path, timed by a law, started at a time
     set_points.py   a plan with one tick a period, led evenly from tick to tick
+    listed.py       ticks that are stored as they are
     joined.py       such plans for chains of pieces: look-ahead, ramps, override, hold
     pieces.py, blocks.py, look_ahead.py   what they are made of, how they are kept, the compiled part
     record.py       all motions since power-on, expanded where they are looked at
@@ -23,6 +24,7 @@ Definitions and closed forms are in docs/step_streams.md and docs/set_points.md.
 from __future__ import annotations
 
 from isel_twin.motion.circle import circle
+from isel_twin.motion.listed import Listed
 from isel_twin.motion.motion import Motion
 from isel_twin.motion.path import Displacement, StepPath, line
 from isel_twin.motion.record import Steps
@@ -33,6 +35,7 @@ from isel_twin.motion.time_law import TimeLaw, constant, trapezoid
 
 __all__ = [
     "Displacement",
+    "Listed",
     "Motion",
     "SetPointRun",
     "SetPoints",

@@ -62,7 +62,8 @@ class Stream:
         return changes * (SECOND_NS / float(self._t_ns[end - 1] - self._t_ns[first]))
 
     def follow(self, motion: Motion | None, t_ns: int) -> bool:
-        """Take over the controller's motion at t_ns; return whether it has changed."""
+        """Take over the controller's motion at t_ns; return whether it has changed. Raises ValueError for a new motion
+        with ticks before t_ns, which nobody would make."""
         before = self._motion
         if motion is before:
             return False
@@ -72,6 +73,10 @@ class Stream:
         if before is not None and motion is not None and motion.continues(before):
             self._record.replace_last(motion)
             return True
+        if motion is not None and (late := motion.count(t_ns - 1) - motion.first):
+            raise ValueError(
+                f"the controller lays {late} of its ticks in the past, before {t_ns} ns: nobody makes them"
+            )
         if before is not None:
             self._record.replace_last(before.cut(t_ns))
         if motion is not None:

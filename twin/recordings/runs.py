@@ -19,13 +19,13 @@ from __future__ import annotations
 
 import base64
 import zlib
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.motion import Displacement, Motion, SetPointRun, StepRun, Steps, line
+from isel_twin.motion import Listed, Motion, SetPointRun, StepRun, Steps, line
 from isel_twin.motion.circle import Circle
 from isel_twin.motion.joined import Joined
 from isel_twin.motion.path import StepLine, StepPath
@@ -103,53 +103,6 @@ def add_run(steps: Steps, time_ns: int, content: dict[str, Any]) -> None:
         steps.replace_last(steps.motions[-1].cut(time_ns))
     if motion is not None:
         steps.append(motion)
-
-
-@dataclass(frozen=True, eq=False)
-class Listed:
-    """A motion as a list of ticks; implements `isel_twin.motion.Motion`."""
-
-    t_ns: NDArray[np.int64]
-    delta: NDArray[Any]
-    start_ns: int
-    lead_ns: int
-    first: int
-
-    @property
-    def axes(self) -> int:
-        return int(self.delta.shape[1])
-
-    @property
-    def end_ns(self) -> int:
-        return int(self.t_ns[-1]) if len(self.t_ns) else self.start_ns
-
-    @property
-    def last(self) -> int:
-        return self.first + len(self.t_ns)
-
-    def count(self, t_ns: int) -> int:
-        return self.first + int(self.t_ns.searchsorted(t_ns, side="right"))
-
-    def window(self, k0: int, k1: int) -> tuple[NDArray[np.int64], NDArray[Any]]:
-        if not self.first <= k0 <= k1 <= self.last:
-            raise IndexError(f"ticks {k0}..{k1} of a motion from {self.first} to {self.last}")
-        part = slice(k0 - self.first, k1 - self.first)
-        return self.t_ns[part].copy(), self.delta[part].copy()
-
-    def displacement(self, t_ns: int) -> Displacement:
-        made = self.count(t_ns) - self.first
-        return tuple(int(n) for n in self.delta[:made].sum(axis=0, dtype=np.int64))
-
-    def stopped(self, t_ns: int) -> Listed:
-        """Never used: the end of a motion is in the recording."""
-        return self.cut(t_ns)
-
-    def cut(self, t_ns: int) -> Listed:
-        made = self.count(t_ns) - self.first
-        return replace(self, t_ns=self.t_ns[:made], delta=self.delta[:made])
-
-    def continues(self, other: Motion) -> bool:
-        return self.start_ns == other.start_ns and self.first == other.first
 
 
 def _path_table(path: StepLine | Circle) -> dict[str, Any]:

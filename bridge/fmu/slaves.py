@@ -1,0 +1,262 @@
+"""The models of the FMUs: a twin behind the variables of FMI 3.0.
+
+    parameters    machine, controller, plant, scenario, seed, job       set before initialisation ends
+    inputs        what somebody operates, forces, and either bytes for the line or set points
+    outputs       positions, speeds, errors, counters, lost steps, margins, switches, power
+
+Inputs act at the beginning of a step. The end of a step is the absolute time in whole nanoseconds, never a sum of step
+sizes, so that any division of the time gives the same bits. A state is `Twin.save` and the inputs.
+"""
+
+from __future__ import annotations
+
+import math
+import pickle
+import uuid
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from pythonfmu3 import Boolean, Float64, Fmi3Slave, Int32, Int64, String
+from pythonfmu3.default_experiment import DefaultExperiment
+from pythonfmu3.enums import Fmi3Causality, Fmi3Initial, Fmi3Status, Fmi3Variability
+from pythonfmu3.fmi3slave import Fmi3StepResult
+from pythonfmu3.unit import Unit
+
+from isel_twin.base.axes import CARRIAGES
+from isel_twin.base.units import SECOND_NS
+from isel_twin.core.spec import TwinSpec
+from isel_twin.core.twin import Twin
+from isel_twin.version import VERSION
+
+# inputs for people's acts: element of the cabinet, its state when False and when True
+ACTS: Mapping[str, tuple[str, str, str]] = {
+    "hood_open": ("hood", "closed", "open"),
+    "estop_pressed": ("estop", "released", "pressed"),
+    "key_setup": ("key", "automatic", "setup"),
+    "power_pressed": ("power", "off", "on"),
+    "start_down": ("start", "up", "down"),
+    "stop_down": ("stop", "up", "down"),
+    "probe_touched": ("probe", "free", "touched"),
+}
+ON = ("form led", "out power_request=1 stages=1 brake=1")
+SWITCHES = tuple(f"limit_{axis}{side}" for axis in CARRIAGES for side in (1, 2))
+_KINDS = {float: Float64, int: Int64, bool: Boolean, str: String}
+
+
+class _TwinSlave(Fmi3Slave):
+    """What both interfaces have."""
+
+    interface = ""
+    fixed: Mapping[str, Any] = {}  # parameters beyond the common ones, with their starts
+    free: Mapping[str, Any] = {}  # inputs beyond the common ones
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        self.author, self.version, self.license = "isel-twin", VERSION, "Apache-2.0"
+        self.description = "A gantry of isel with its drives, mechanics, switches and control cabinet"
+        self.guid = uuid.uuid5(uuid.NAMESPACE_URL, f"isel-twin {VERSION} {self.interface}")
+        self.default_experiment = DefaultExperiment(start_time=0.0, stop_time=10.0, step_size=0.005)
+        self.register_units([Unit("mm", m=1, factor=1e-3), Unit("mm/s", m=1, s=-1, factor=1e-3)])
+        self.register_units([Unit("N", kg=1, m=1, s=-2), Unit("V", kg=1, m=2, s=-3, A=-1), Unit("s", s=1)])
+        self.time = 0.0
+        self.twin: Twin | None = None
+        self.values: dict[str, Any] = {}  # of parameters and inputs
+        self._applied: dict[str, Any] = {}  # inputs, as the twin knows them
+        self.register_variable(
+            Float64("time", causality=Fmi3Causality.independent, variability=Fmi3Variability.continuous, unit="s")
+        )
+        for name, start in {"machine": "4030", "plant": "mujoco", "scenario": "", **self.fixed}.items():
+            self._given(String(name, start=start, **_fixed()), start)
+        self._given(Int32("seed", start=0, **_fixed()), 0)
+        acts = {**dict.fromkeys(ACTS, False), "power_pressed": True}
+        for name, start in {**acts, **self.free}.items():
+            discrete = {"causality": Fmi3Causality.input, "variability": Fmi3Variability.discrete}
+            self._given(_KINDS[type(start)](name, start=start, **discrete), start)
+        for axis in CARRIAGES:
+            held = {"causality": Fmi3Causality.input, "variability": Fmi3Variability.continuous}
+            self._given(Float64(f"force_{axis}", start=0.0, unit="N", **held), 0.0)
+        for name, unit, start, read in self._shown():
+            self._shows(name, unit, start, read)
+
+    # Of FMI
+
+    def exit_initialization_mode(self) -> None:
+        """Build the twin. Raises CallError with one line for wrong parameters."""
+        given = self.values
+        scenario = Path(given["scenario"]) if given["scenario"] else None
+        spec = TwinSpec(given["machine"], self._controller, given["plant"], int(given["seed"]), scenario)
+        self.twin = spec.with_(overrides=self._overrides()).build()
+        self._applied = {**dict.fromkeys(ACTS, False), "power_pressed": True}
+        self._begin(self.twin)
+
+    def do_step(self, current_time: float, step_size: float) -> Fmi3StepResult:
+        twin = self.twin
+        end_ns = round((current_time + step_size) * SECOND_NS)
+        if twin is None or end_ns < twin.time_ns:
+            self.log("time runs backwards; set an earlier state first", Fmi3Status.discard)
+            return Fmi3StepResult(status=Fmi3Status.discard)
+        try:
+            self._operate(twin)
+            self._step(twin, end_ns)
+        except ValueError as error:
+            self.log(" ".join(str(error).split()), Fmi3Status.error)
+            return Fmi3StepResult(status=Fmi3Status.error)
+        self.time = current_time + step_size
+        return Fmi3StepResult(status=Fmi3Status.ok)
+
+    def terminate(self) -> None:
+        self.twin = None
+
+    def _get_fmu_state(self) -> dict[str, Any]:
+        state = None if self.twin is None else self.twin.save()
+        return {"values": dict(self.values), "applied": dict(self._applied), "time": self.time, "twin": state}
+
+    def _set_fmu_state(self, state: Mapping[str, Any]) -> None:
+        """Raises StateError for a state of another machine or controller."""
+        if state["twin"] is not None and self.twin is not None:
+            self.twin.restore(state["twin"])
+        self.values, self._applied, self.time = dict(state["values"]), dict(state["applied"]), state["time"]
+
+    @staticmethod
+    def _fmu_state_to_bytes(state: Any) -> bytes:
+        return pickle.dumps(state)
+
+    @staticmethod
+    def _fmu_state_from_bytes(state: bytes) -> Any:
+        """A pickle runs code: states of strangers are not to be loaded."""
+        return pickle.loads(state)
+
+    # Of the interfaces
+
+    @property
+    def _controller(self) -> str:
+        raise NotImplementedError
+
+    def _overrides(self) -> dict[str, Any]:
+        return {}
+
+    def _begin(self, twin: Twin) -> None:
+        raise NotImplementedError
+
+    def _step(self, twin: Twin, end_ns: int) -> None:
+        raise NotImplementedError
+
+    # Inside
+
+    def _given(self, variable: Any, start: Any) -> None:
+        name = variable.name
+        self.values[name] = start
+        variable.getter = lambda: self.values[name]
+        variable.setter = lambda value: self.values.__setitem__(name, value)
+        self.register_variable(variable)
+
+    def _shows(self, name: str, unit: str | None, start: Any, read: Callable[[Twin], Any]) -> None:
+        kind = _KINDS[type(start)]
+        continuous = kind is Float64
+        how: dict[str, Any] = {"unit": unit} if unit else {}
+        variable = kind(
+            name,
+            causality=Fmi3Causality.output,
+            variability=Fmi3Variability.continuous if continuous else Fmi3Variability.discrete,
+            initial=Fmi3Initial.calculated,
+            getter=lambda: start if self.twin is None else type(start)(read(self.twin)),
+            **how,
+        )
+        self.register_variable(variable)
+
+    def _shown(self) -> Iterator[tuple[str, str | None, Any, Callable[[Twin], Any]]]:
+        for at, axis in enumerate(CARRIAGES):
+            yield f"position_{axis}", "mm", 0.0, lambda twin, at=at: twin.position_mm[at]
+            yield f"velocity_{axis}", "mm/s", 0.0, lambda twin, at=at: twin.velocity_mm_s[at]
+            yield f"error_{axis}", "mm", 0.0, lambda twin, at=at: twin.position_error_mm[at]
+            yield f"counter_{axis}", None, 0, lambda twin, at=at: twin.counts[at]
+            yield f"lost_{axis}", None, 0.0, lambda twin, at=at: twin.lost_steps[at]
+            yield f"margin_{axis}", None, 0.0, lambda twin, at=at: twin.margin[at]
+        for name in SWITCHES:
+            yield name, None, False, lambda twin, name=name: twin.inputs.get(name) == "struck"
+        yield "power", None, False, lambda twin: twin.outputs.get("power", 0)
+        yield "spindle", None, False, lambda twin: twin.outputs.get("spindle_runs", 0)
+        yield "idle", None, False, lambda twin: twin.idle
+        yield "fault", None, False, lambda twin: twin.fault
+        yield "supply_v", "V", 0.0, lambda twin: 0.0 if math.isnan(twin.supply_v) else twin.supply_v
+
+    def _operate(self, twin: Twin) -> None:
+        for name, (element, off, on) in ACTS.items():
+            if bool(self.values[name]) != bool(self._applied[name]):
+                self._applied[name] = bool(self.values[name])
+                twin.set_input(element, on if self.values[name] else off)
+        for at, axis in enumerate(CARRIAGES):
+            name = f"force_{axis}"
+            if self.values[name] != self._applied.get(name, 0.0):
+                self._applied[name] = self.values[name]
+                twin.apply_force(at, float(self.values[name]))
+
+
+class SerialTwin(_TwinSlave):
+    """Bytes for the controller's line, as Latin-1 text: `to_controller` is sent at the beginning of a step and cleared;
+    `from_controller` are those that came in the last step. `job`: lines sent at the start, each with its end."""
+
+    interface = "serial"
+    fixed: Mapping[str, Any] = {"controller": TwinSpec.controller, "job": ""}
+    free: Mapping[str, Any] = {"to_controller": ""}
+
+    def __init__(self, **kwargs: Any) -> None:
+        self._received = ""
+        super().__init__(**kwargs)
+        self._shows("from_controller", None, "", lambda _: self._received)
+
+    @property
+    def _controller(self) -> str:
+        return str(self.values["controller"])
+
+    def _begin(self, twin: Twin) -> None:
+        for line in self.values["job"].splitlines():
+            if twin.language is not None and line.strip():
+                twin.write(twin.language.frame(line))
+
+    def _step(self, twin: Twin, end_ns: int) -> None:
+        data, self.values["to_controller"] = self.values["to_controller"].encode("latin-1"), ""
+        if data:
+            twin.write(data)
+        twin.run_until(end_ns)
+        self._received = twin.read().decode("latin-1")
+
+    def _get_fmu_state(self) -> dict[str, Any]:
+        return {**super()._get_fmu_state(), "received": self._received}
+
+    def _set_fmu_state(self, state: Mapping[str, Any]) -> None:
+        super()._set_fmu_state(state)
+        self._received = state["received"]
+
+
+class StepsTwin(_TwinSlave):
+    """Counters of another control, reached evenly at the end of each step; power and stages are on."""
+
+    interface = "steps"
+    free: Mapping[str, Any] = {f"command_{axis}": 0 for axis in CARRIAGES}
+
+    @property
+    def _controller(self) -> str:
+        return "external"
+
+    def _overrides(self) -> dict[str, Any]:
+        return {"controller.watchdog_ms": 0}
+
+    def _begin(self, twin: Twin) -> None:
+        for line in ON:
+            twin.write(line.encode() + b"\n")
+        twin.run_until_idle()
+        twin.read()
+
+    def _step(self, twin: Twin, end_ns: int) -> None:
+        counters = " ".join(str(int(self.values[f"command_{axis}"])) for axis in CARRIAGES)
+        twin.write(f"row {end_ns - twin.time_ns} {counters}\n".encode())
+        twin.run_until(end_ns)
+        answer = twin.read().decode("latin-1")
+        if not answer.startswith("ok "):
+            raise ValueError(f"step to {end_ns} ns: {answer.strip() or 'no answer'}")
+
+
+def _fixed() -> dict[str, Any]:
+    return {"causality": Fmi3Causality.parameter, "variability": Fmi3Variability.fixed}

@@ -1,0 +1,158 @@
+"""The adapter: lines of SHDR to every agent that connects, and the answer to its heartbeat.
+
+    2026-11-22T12:00:00.123456Z|Xact|101.2500|exec|ACTIVE        samples and events that have changed
+    2026-11-22T12:00:00.123456Z|Xpos|FAULT|Xpos|||x has lost 96 steps        a condition, alone on its line
+    * PING  ->  * PONG 10000
+
+A new agent gets everything once, then changes. Stamps are wall time: virtual time may go at any speed. The adapter
+reads nothing but PING; whatever else an agent sends is dropped.
+"""
+
+from __future__ import annotations
+
+import datetime
+import selectors
+import socket
+import time
+from collections.abc import Callable, Iterable, Mapping
+
+from isel_twin.bridge.mtconnect.items import ITEMS, UNAVAILABLE, State, values
+from isel_twin.bridge.operate.client import ClientError
+from isel_twin.bridge.serve.outbox import Outbox
+from isel_twin.bridge.serve.tcp import keep_alive, listen
+
+HEARTBEAT_MS = 10_000
+AGENTS = 16  # connections at once
+LINE_BYTES = 4096  # most bytes of an agent without an end of line
+LATE_BYTES = 1 << 20  # an agent that leaves so much unread is dropped
+
+
+def lines(now: Mapping[str, str], before: Mapping[str, str], stamp: str) -> list[str]:
+    """Lines of SHDR for what differs from before."""
+    changed = [item for item in ITEMS if now[item.key] != before.get(item.key)]
+    plain = [f"{item.key}|{_quoted(now[item.key])}" for item in changed if item.category != "CONDITION"]
+    told = [f"{stamp}|{'|'.join(plain)}"] if plain else []
+    for item in changed:
+        if item.category == "CONDITION":
+            text = now[item.key]
+            if text == UNAVAILABLE:
+                told.append(f"{stamp}|{item.key}|UNAVAILABLE||||")
+            elif text:
+                told.append(f"{stamp}|{item.key}|FAULT|{item.key}|||{_quoted(text)}")
+            else:
+                told.append(f"{stamp}|{item.key}|NORMAL||||")
+    return told
+
+
+def _quoted(text: str) -> str:
+    if "|" in text or '"' in text:
+        escaped = text.replace('"', '\\"').replace("|", "\\|")
+        return f'"{escaped}"'
+    return text
+
+
+def _stamp() -> str:
+    return datetime.datetime.now(datetime.UTC).isoformat(timespec="microseconds").replace("+00:00", "Z")
+
+
+class _Agent:
+    def __init__(self, connection: socket.socket) -> None:
+        self.connection = connection
+        self.outbox = Outbox(connection.send)
+        self.buffer = b""
+
+
+class Adapter:
+    """Serves agents until the machine's server ends. Raises ValueError, OSError for an address as `listen`."""
+
+    def __init__(self, address: str, state: Callable[[], State], interval_s: float = 0.1) -> None:
+        """state: asks the machine for its state; raises ClientError once it has gone."""
+        self._listener, self.address = listen(address)
+        self._state, self._interval_s = state, interval_s
+        self._agents: list[_Agent] = []
+        self._known: dict[str, str] = {}
+        self._stopped = False
+
+    def stop(self) -> None:
+        """End `run` soon; for signal handlers."""
+        self._stopped = True
+
+    def run(self) -> None:
+        """Until `stop`, or until the machine has gone: the agents are told that nothing is available."""
+        due_s = 0.0
+        try:
+            while not self._stopped:
+                if (now_s := time.monotonic()) >= due_s:
+                    due_s = now_s + self._interval_s
+                    self._tell(values(self._state()))
+                self._wait(max(0.0, due_s - time.monotonic()))
+        except ClientError:
+            pass
+        finally:
+            self._tell(dict.fromkeys((item.key for item in ITEMS), UNAVAILABLE))
+            for agent in list(self._agents):
+                self._drop(agent)
+            self._listener.close()
+
+    def _tell(self, now: dict[str, str]) -> None:
+        told = lines(now, self._known, _stamp())
+        self._known = now
+        for agent in list(self._agents):
+            self._put(agent, told)
+
+    def _wait(self, wait_s: float) -> None:
+        with selectors.DefaultSelector() as selector:
+            selector.register(self._listener, selectors.EVENT_READ, None)
+            for agent in self._agents:
+                events = selectors.EVENT_READ | (selectors.EVENT_WRITE if agent.outbox else 0)
+                selector.register(agent.connection, events, agent)
+            for key, _ in selector.select(wait_s):
+                if key.data is None:
+                    self._accept()
+                else:
+                    self._serve(key.data)
+
+    def _accept(self) -> None:
+        try:
+            connection, _ = self._listener.accept()
+        except OSError:
+            return  # it has gone
+        if len(self._agents) >= AGENTS:
+            connection.close()
+            return
+        connection.setblocking(False)
+        keep_alive(connection)
+        agent = _Agent(connection)
+        self._agents.append(agent)
+        self._put(agent, lines(self._known, {}, _stamp()))
+
+    def _serve(self, agent: _Agent) -> None:
+        try:
+            agent.outbox.flush()
+            data = agent.connection.recv(LINE_BYTES)
+        except BlockingIOError:
+            return
+        except OSError:
+            data = b""
+        if not data:
+            self._drop(agent)
+            return
+        *whole, agent.buffer = (agent.buffer + data).split(b"\n")
+        agent.buffer = agent.buffer[:LINE_BYTES]
+        self._put(agent, [f"* PONG {HEARTBEAT_MS}" for line in whole if line.strip() == b"* PING"])
+
+    def _put(self, agent: _Agent, told: Iterable[str]) -> None:
+        data = "".join(f"{line}\n" for line in told).encode()
+        try:
+            if data:
+                agent.outbox.put(data)
+        except OSError:
+            self._drop(agent)
+            return
+        if len(agent.outbox) > LATE_BYTES:
+            self._drop(agent)
+
+    def _drop(self, agent: _Agent) -> None:
+        if agent in self._agents:
+            self._agents.remove(agent)
+            agent.connection.close()

@@ -1,0 +1,166 @@
+"""The data items of the machine: their description for an agent (Devices.xml), and their values.
+
+Vocabulary: MTConnect standard, part 2 (devices) and part 3 (observations). Positions are in the zero of the counters.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+from xml.etree import ElementTree
+
+from isel_twin.base.axes import CARRIAGES
+
+State = Mapping[str, Any]
+SCHEMA = "urn:mtconnect.org:MTConnectDevices:2.0"
+UNAVAILABLE = "UNAVAILABLE"
+
+
+@dataclass(frozen=True)
+class Item:
+    """A data item. value: of a sample or event, as text; of a condition "" if normal, else what is wrong."""
+
+    key: str
+    component: str  # where it belongs: device, an axis, controller, path, door, electric
+    category: str  # SAMPLE, EVENT, CONDITION
+    type: str
+    value: Callable[[State], str]
+    sub_type: str = ""
+    units: str = ""
+
+
+def _number(value: float) -> str:
+    return UNAVAILABLE if math.isnan(value) else f"{value:.4f}"
+
+
+def _axis_items(at: int, axis: str) -> Iterator[Item]:
+    letter = axis.upper()
+
+    def wrong(state: State) -> str:
+        lost = state["lost_steps"][at]
+        slipped = abs(lost) >= state["slip_steps"][at] / 2.0
+        return f"{axis} has lost {lost:.0f} steps" if slipped else ""
+
+    def drive(state: State) -> str:
+        number, cause = state["drive_faults"][at]
+        return f"drive of {axis}: {cause}" if number else ""
+
+    mm = {"units": "MILLIMETER"}
+    where = f"axis {letter}"
+    yield Item(f"{letter}act", where, "SAMPLE", "POSITION", lambda s: _number(s["position_mm"][at]), "ACTUAL", **mm)
+    yield Item(
+        f"{letter}com",
+        where,
+        "SAMPLE",
+        "POSITION",
+        lambda s: _number(s["position_mm"][at] - s["position_error_mm"][at]),
+        "COMMANDED",
+        **mm,
+    )
+    yield Item(f"{letter}pos", where, "CONDITION", "POSITION", wrong)
+    yield Item(f"{letter}drive", where, "CONDITION", "SYSTEM", drive)
+
+
+def _execution(state: State) -> str:
+    if state["idle"]:
+        return "READY"
+    return "ACTIVE" if state["outputs"].get("power", 1) else "INTERRUPTED"
+
+
+def _safety(state: State) -> str:
+    return "" if state["outputs"].get("power", 1) else "the safety relay is open"
+
+
+ITEMS: tuple[Item, ...] = (
+    Item("avail", "device", "EVENT", "AVAILABILITY", lambda s: "AVAILABLE"),
+    *(item for at, axis in enumerate(CARRIAGES) for item in _axis_items(at, axis)),
+    Item(
+        "estop",
+        "controller",
+        "EVENT",
+        "EMERGENCY_STOP",
+        lambda s: "TRIGGERED" if s["inputs"].get("estop") == "pressed" or not s["outputs"].get("power", 1) else "ARMED",
+    ),
+    Item("sys", "controller", "CONDITION", "SYSTEM", _safety),
+    Item(
+        "logic",
+        "controller",
+        "CONDITION",
+        "LOGIC_PROGRAM",
+        lambda s: "the controller has an error that no reply has told" if s["fault"] else "",
+    ),
+    Item(
+        "comms",
+        "controller",
+        "CONDITION",
+        "COMMUNICATIONS",
+        lambda s: "the line to the host is cut" if "line_cut" in s["faults"] else "",
+    ),
+    Item("exec", "path", "EVENT", "EXECUTION", _execution),
+    Item(
+        "mode",
+        "path",
+        "EVENT",
+        "CONTROLLER_MODE",
+        lambda s: "MANUAL" if s["inputs"].get("key") == "setup" else "SEMI_AUTOMATIC",
+    ),
+    Item(
+        "hood",
+        "door",
+        "EVENT",
+        "DOOR_STATE",
+        lambda s: "CLOSED" if s["inputs"].get("hood", "closed") == "closed" else "OPEN",
+    ),
+    Item("power", "electric", "EVENT", "POWER_STATE", lambda s: "ON" if s["outputs"].get("power", 1) else "OFF"),
+)
+
+
+def values(state: State) -> dict[str, str]:
+    """The value of each item by its key, from an answer to {"state": true}."""
+    return {item.key: item.value(state) for item in ITEMS}
+
+
+def devices(state: State) -> bytes:
+    """Devices.xml for the agent. It fills the header in."""
+    root = ElementTree.Element("MTConnectDevices", xmlns=SCHEMA)
+    name = str(state["machine"])
+    device = ElementTree.SubElement(
+        ElementTree.SubElement(root, "Devices"), "Device", id="d", uuid=f"isel-{name}-twin", name=name.replace(" ", "_")
+    )
+    about = {"manufacturer": "isel (simulated)", "model": name}
+    ElementTree.SubElement(device, "Description", about).text = f"controlled by {state['controller']}"
+    _items(device, "device")
+    inner = ElementTree.SubElement(device, "Components")
+    axes = _component(inner, "Axes", "axes", name="base")
+    for axis in CARRIAGES:
+        linear = _component(axes, "Linear", axis, name=axis.upper())
+        _items(linear, f"axis {axis.upper()}")
+    controller = ElementTree.SubElement(inner, "Controller", id="c", name="controller")
+    _items(controller, "controller")
+    path = _component(ElementTree.SubElement(controller, "Components"), "Path", "p", name="path", inside=False)
+    _items(path, "path")
+    door = _component(_component(inner, "Doors", "doors"), "Door", "hood_door", name="hood")
+    _items(door, "door")
+    electric = _component(_component(inner, "Systems", "systems"), "Electric", "electric", name="supply")
+    _items(electric, "electric")
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
+
+
+def _component(above: ElementTree.Element, kind: str, ident: str, name: str = "", inside: bool = True) -> Any:
+    """A component; a group of components gives what they are put into."""
+    made = ElementTree.SubElement(above, kind, {"id": ident, **({"name": name} if name else {})})
+    groups = ("Axes", "Doors", "Systems")
+    return ElementTree.SubElement(made, "Components") if inside and kind in groups else made
+
+
+def _items(component: ElementTree.Element, where: str) -> None:
+    listed = ElementTree.SubElement(component, "DataItems")
+    for item in ITEMS:
+        if item.component == where:
+            about = {"id": item.key, "name": item.key, "category": item.category, "type": item.type}
+            about |= {"subType": item.sub_type} if item.sub_type else {}
+            about |= {"units": item.units, "nativeUnits": item.units} if item.units else {}
+            ElementTree.SubElement(listed, "DataItem", about)

@@ -1,0 +1,159 @@
+"""FMUs by a client that is not ours: fmpy validates them, and steps them to the bits of the twin itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from fmpy import extract, read_model_description
+from fmpy.fmi3 import FMU3Slave
+from fmpy.validation import validate_fmu
+
+from isel_twin import Twin
+from tests.in_process import isel_twin
+
+START = {"plant": "mujoco", "seed": 3}
+STEP_S = 0.02
+
+
+class Model:
+    """An instance in a tool: set and get by name."""
+
+    def __init__(self, path: Path, folder: Path, values: Mapping[str, Any]) -> None:
+        self.description = read_model_description(str(path))
+        self.variables = {variable.name: variable for variable in self.description.modelVariables}
+        identifier = self.description.coSimulation.modelIdentifier
+        self.fmu = FMU3Slave(
+            guid=self.description.guid,
+            unzipDirectory=str(extract(str(path), unzipdir=str(folder))),
+            modelIdentifier=identifier,
+            instanceName=identifier,
+        )
+        self.fmu.instantiate()
+        for name, value in values.items():
+            self.set(name, value)
+        self.fmu.enterInitializationMode()
+        self.fmu.exitInitializationMode()
+        self.time_s = 0.0
+
+    def set(self, name: str, value: Any) -> None:
+        variable = self.variables[name]
+        getattr(self.fmu, f"set{variable.type}")([variable.valueReference], [value])
+
+    def get(self, name: str) -> Any:
+        variable = self.variables[name]
+        (value,) = getattr(self.fmu, f"get{variable.type}")([variable.valueReference])
+        return value.decode("latin-1") if isinstance(value, bytes) else value
+
+    def step(self, step_s: float = STEP_S) -> None:
+        self.fmu.doStep(currentCommunicationPoint=self.time_s, communicationStepSize=step_s)
+        self.time_s = round(self.time_s + step_s, 9)
+
+    @property
+    def place(self) -> list[float]:
+        return [self.get(f"{what}_{axis}") for what in ("position", "velocity", "lost") for axis in "xyz"]
+
+
+def place(twin: Twin) -> list[float]:
+    return np.concatenate([twin.position_mm, twin.velocity_mm_s, twin.lost_steps[:3]]).tolist()
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("fmu")
+    for interface in ("serial", "steps"):
+        done = isel_twin("fmu", folder / f"{interface}.fmu", "--interface", interface)
+        assert (done.returncode, done.stderr) == (0, "")
+    return folder
+
+
+@pytest.fixture
+def model(built: Path, tmp_path: Path) -> Iterator[Callable[..., Model]]:
+    opened: list[Model] = []
+
+    def open_one(interface: str, **values: Any) -> Model:
+        folder = tmp_path / str(len(opened))
+        opened.append(Model(built / f"{interface}.fmu", folder, {**START, **values}))
+        return opened[-1]
+
+    yield open_one
+    for one in opened:
+        one.fmu.terminate()
+        one.fmu.freeInstance()
+
+
+@pytest.mark.parametrize("interface", ["serial", "steps"])
+def test_it_is_valid(built: Path, interface: str) -> None:
+    path = str(built / f"{interface}.fmu")
+    assert validate_fmu(path) == []
+    described = read_model_description(path).coSimulation
+    assert (described.canGetAndSetFMUstate, described.canSerializeFMUstate) == (True, True)
+
+
+def test_bytes_of_a_host_to_the_bits_of_the_twin_and_back(model: Callable[..., Model]) -> None:
+    """Steps of two sizes; then back to the middle, by a state and by its bytes: the same bits again."""
+    one, twin = model("serial", controller="imc-s8"), Twin(**START)
+    sent = {2: "@07\r@0N7\r", 5: "@0A1600,2000,800,2000,0,900,0,900\r"}
+    replies: list[str] = []
+    middle: Any = None
+    seen: list[list[float]] = []
+    for step in range(40):
+        if step == 20:
+            middle = one.fmu.getFMUState()
+            kept = one.fmu.serializeFMUState(middle)
+        one.set("to_controller", sent.get(step, ""))
+        twin.write(sent.get(step, "").encode())
+        one.step(STEP_S if step < 30 else STEP_S / 3)
+        twin.run_until(round(one.time_s * 1e9))
+        replies.append(one.get("from_controller"))
+        assert replies[-1] == twin.read().decode("latin-1")
+        assert one.place == place(twin)
+        seen.append(one.place)
+    assert replies[2] == "00"
+    assert one.get("counter_x") == twin.counts[0]
+    assert twin.counts[0] > 100
+    for again in (middle, one.fmu.deserializeFMUState(kept)):
+        one.fmu.setFMUState(again)
+        one.time_s = round(20 * STEP_S, 9)
+        for step in range(20, 40):
+            one.step(STEP_S if step < 30 else STEP_S / 3)
+            assert one.place == seen[step]
+
+
+def test_set_points_of_another_control_and_a_hood(model: Callable[..., Model]) -> None:
+    one = model("steps")
+    twin = Twin(controller="external", overrides={"controller.watchdog_ms": 0}, **START)
+    for line in ("form led", "out power_request=1 stages=1 brake=1"):
+        twin.query(line)
+    for step in range(1, 30):
+        if step == 20:
+            one.set("hood_open", True)
+            twin.set_input("hood", "open")
+        one.set("command_x", 40 * step)
+        one.step()
+        twin.query(f"row {round(one.time_s * 1e9) - twin.time_ns} {40 * step} 0 0")
+        assert one.place == place(twin)
+        assert one.get("power") == (step < 20)
+    assert one.get("lost_x") > 100
+
+
+def test_wrong_parameters_and_impossible_steps_are_errors_of_fmi(model: Callable[..., Model]) -> None:
+    with pytest.raises(Exception, match=r"fmi3Error|fmi3ExitInitializationMode|failed"):
+        model("serial", machine="none")
+    one = model("steps")
+    one.set("command_x", 10**9)
+    with pytest.raises(Exception, match=r"fmi3DoStep|failed"):
+        one.step()
+
+
+def test_without_the_extra_it_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "pythonfmu3.builder", None)
+    done = isel_twin("fmu", tmp_path / "a.fmu")
+    assert (done.returncode, done.stderr) == (
+        2,
+        "isel-twin: fmu needs pythonfmu3: pip install 'isel-twin[fmu]'\n",
+    )
+    assert isel_twin("fmu", tmp_path / "a.zip").returncode == 2

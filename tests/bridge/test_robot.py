@@ -1,0 +1,84 @@
+"""Robot Framework runs the suite of docs/connections.md, and one that has to fail."""
+
+from __future__ import annotations
+
+import io
+import re
+import textwrap
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import pytest
+import robot
+
+PAGE = Path(__file__).parents[2] / "docs" / "connections.md"
+SUITE = textwrap.dedent(re.findall(r"with bench\.robot\n\n((?:(?:    .*)?\n)+)", PAGE.read_text("utf-8"))[0])
+
+FAILING = """
+*** Settings ***
+Library    isel_twin.bridge.robot.Bench
+
+*** Test Cases ***
+No Twin
+    Get State
+
+Refused
+    Start Twin    plant=kinematic
+    Send Command    @0x
+
+Another Reply
+    Send Command    @07    expect=5
+
+Elsewhere
+    Position Should Be    x    300
+
+No Such Input
+    Set Input    door    open
+
+A Switch
+    Input Should Be    limit_x1    struck
+
+Too Late
+    Wait Until Position    x    above=9999    patience=0.2
+
+No Such Server
+    Connect To Twin    127.0.0.1:1
+
+Told
+    Start Twin    no-such-machine
+"""
+REASONS = (
+    "there is no twin: Start Twin, or Connect To Twin",
+    "@0x is refused: '",
+    "@07 is answered by '0', not '5'",
+    "x is at ",
+    "set: unknown input 'door'",
+    "input limit_x1 is free, not struck",
+    "wait: not so in time",
+    "127.0.0.1:1: ",
+    "the twin does not start: ",
+)
+
+
+def run(folder: Path, suite: str) -> tuple[int, list[tuple[str, str]]]:
+    """Exit code, and (status, message) of each test."""
+    path = folder / "bench.robot"
+    path.write_text(suite, encoding="utf-8")
+    told = io.StringIO()
+    code = robot.run(str(path), outputdir=str(folder), log="NONE", report="NONE", stdout=told, stderr=told)
+    tree = ElementTree.parse(folder / "output.xml")
+    found = [test.find("status") for test in tree.iter("test")]
+    return code, [(one.get("status", ""), one.text or "") for one in found if one is not None]
+
+
+def test_the_suite_of_the_page_passes(tmp_path: Path) -> None:
+    code, results = run(tmp_path, SUITE)
+    assert (code, [status for status, _ in results]) == (0, ["PASS", "PASS"]), results
+
+
+def test_what_is_wrong_fails_with_one_clear_line(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    _, results = run(tmp_path, FAILING)
+    assert [status for status, _ in results] == ["FAIL"] * len(REASONS)
+    for (_, message), reason in zip(results, REASONS, strict=True):
+        assert reason in message, (message, reason)
+        assert "\n" not in message
