@@ -27,7 +27,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
-from isel_twin.base.crew import Crew, Stop, in_order
+from isel_twin.base.crew import Crew, Stop, here, in_order
 from isel_twin.base.errors import CallError
 from isel_twin.base.quiet import quietly
 from isel_twin.controller import offers
@@ -57,7 +57,8 @@ class Edge:
 
     quantity: str
     axis: str
-    factor: float | None  # None: not up to FARTHEST or the range of the machine file, or another axis ends the job
+    factor: float | None  # None: not up to `tried`, or another axis ends the job
+    tried: float  # the factor nearest to FARTHEST that the machine file allows
     line: int | None = None  # the first after which steps are lost there
     closed_loop: bool = False
 
@@ -91,11 +92,14 @@ def edges(
     if offers(create_language(call.controller), RetimesJobs):
         every = [axis.name for axis in call.fitted().axes if axis.name in moved or axis.closed_loop]
         searches.insert(0, _Search("speed", tuple(every)))
+    if not searches:
+        return
     call = call.with_(flash=flash)
-    others = alike(call, lines, range(call.seed + 1, call.seed + ASKED), SEEDS - 1, timeout_s, crew, stop)
-    find = functools.partial(_found, call, lines, timeout_s, (call.seed, *others))
-    for found in in_order(find, searches, crew, stop):
-        yield from found
+    with crew or here() as workers:
+        others = alike(call, lines, range(call.seed + 1, call.seed + ASKED), SEEDS - 1, timeout_s, workers, stop)
+        find = functools.partial(_found, call, lines, timeout_s, (call.seed, *others))
+        for found in in_order(find, searches, workers, stop):
+            yield from found
 
 
 def alike(
@@ -198,12 +202,12 @@ def _found(
 
         first = _least(quick, some, farthest, STRIDE if search.quantity == "load" else STEP)
         if first is None:
-            return Edge(search.quantity, axis, None, closed_loop=axis in servos)
+            return Edge(search.quantity, axis, None, farthest, closed_loop=axis in servos)
         sign = 1 if FARTHEST[search.quantity] > 1.0 else -1
         first = _before_bands(some, first, sign)
         factor = _between_sure(some, every, first, sign)
         lines_lost = [found[axis] for seed in seeds if axis in (found := lost(first, seed))]
-        return Edge(search.quantity, axis, factor, min(lines_lost), axis in servos)
+        return Edge(search.quantity, axis, factor, farthest, min(lines_lost), axis in servos)
 
     servos = {axis.name for axis in call.fitted().axes if axis.closed_loop}
     found = [edge(axis) for axis in search.axes]
