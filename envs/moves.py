@@ -104,9 +104,7 @@ class Move:
     vibration_mm: NDArray[np.float64]  # half of highest minus lowest position error during the dwell
     deviation_mm: float  # largest position error of any axis, from command to the end of the dwell, sampled
     margin: float | None  # least pull-out margin of any motor meanwhile (`Twin.margin`); None without physics
-    edge: (
-        float | None
-    )  # least factor on the speed of any motor until it swings (`Twin.speed_edge`); None without physics
+    edge: float | None  # least factor on the speed of any motor until it swings (`Twin.speed_edge`); None: no physics
 
     def good(self, tolerance_mm: float) -> bool:
         """True if it is done, without a lost step, and within the tolerance at rest."""

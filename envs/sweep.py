@@ -43,6 +43,7 @@ class Row:
     error_mm: float  # largest position error of any axis at rest after any move
     vibration_mm: float  # largest, of any axis, after any move
     margin: float | None  # least pull-out margin of any motor: 1 no load, 0 steps may be lost; None without physics
+    edge: float | None  # least factor on the speed of any motor until it swings; None without physics
     moves: int  # moves begun; the job ends with the first that the controller refuses or does not finish
     reply: str  # the controller's last reply; "" if the time was up
     good: bool  # the whole job was made, no step was lost, and every error at rest was within the tolerance
@@ -88,6 +89,7 @@ def run_job(setup: Setup, settings: Settings) -> Row:
         error_mm=max(float(np.abs(move.error_mm).max()) for move in moves),
         vibration_mm=max(float(move.vibration_mm.max()) for move in moves),
         margin=min((move.margin for move in moves if move.margin is not None), default=None),
+        edge=min((move.edge for move in moves if move.edge is not None), default=None),
         moves=len(moves),
         reply=moves[-1].reply,
         good=all(move.good(setup.tolerance_mm) for move in moves),

@@ -56,4 +56,5 @@ def test_an_unknown_motor_is_answered_with_the_known_ones() -> None:
 def test_the_curve_can_be_drawn(tmp_path: Path) -> None:
     file = tmp_path / "curve.svg"
     draw_torque(torque_table(MOTORS["57HS56-2804"], Stage(36.0, 2.8), [90, 300]), "a title", file)
-    assert "<svg" in file.read_text()
+    drawn = file.read_text()
+    assert drawn.count('<g id="axes_') == 2, "torque, and the growth of a swing"

@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +21,7 @@ from isel_twin.jobs.checks.rules import Bounds
 from isel_twin.jobs.job import parse_job
 from isel_twin.jobs.playing import played
 from isel_twin.language import create_language
+from tests import forked
 from tests.in_process import isel_twin
 
 LONG = "@07\n@0N7\n@0J60\n@0A64000,{hz},0,30,0,30,0,30\n"
@@ -145,6 +151,58 @@ def test_a_band_that_the_scan_has_passed_over_is_found() -> None:
 
 def test_where_seeds_differ_everywhere_the_first_loss_is_told() -> None:
     assert edge._between_sure(lambda factor: factor > 1.4, lambda _: False, 1.41, 1) == 1.41
+
+
+def test_places_from_which_the_job_meets_a_switch_are_passed_over() -> None:
+    """Y has 300 mm: 200 mm from where seeds 1006, 1007, 1011 ... stand at power-on end in the switch."""
+    lines = parse_job("@07\n@0N7\n@0J200\n@0A0,30,64000,15000,0,30,0,30\n", create_language("imc-s8"), "imc-s8")
+    call = TwinSpec(plant="kinematic")
+    found = edge.alike(call, lines, range(1004, 1014), 4)
+    assert found == (1004, 1005, 1008, 1009)
+    for seed in (1006, 1007):
+        assert played(call.with_(seed=seed).build(), lines).verdict.refused == 1
+    assert edge.alike(call, lines, range(1006, 1008), 4) == ()
+
+
+def test_a_seed_that_loses_steps_is_a_loss_and_not_passed_over() -> None:
+    lines = parse_job(LONG.format(hz=30_000), create_language("imc-s8"), "imc-s8")
+    assert any(verdict_of(30_000).lost)
+    assert edge.alike(TwinSpec(), lines, range(2), 2) == (0, 1)
+
+
+@pytest.mark.parametrize(
+    ("last", "said"),
+    [
+        ("@0Q9", "job.txt: no edge is looked for, as the job is not well as it stands"),
+        ("@0A9000,30000,0,30,0,30,0,30", "job.txt: no edge is looked for, as the job is not well as it stands"),
+        ("@0P", ""),
+    ],
+    ids=["refused", "lost", "no move"],
+)
+def test_where_there_is_none_a_line_says_so(last: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "job.txt").write_text(f"@07\n@0N7\n@0J4000\n{last}\n")
+    done = isel_twin("run", tmp_path / "job.txt", "--edge")
+    assert done.returncode == (1 if said else 0)
+    assert done.stderr == (f"isel-twin: {tmp_path}/{said}\n" if said else "")
+    assert ("no motor has turned" in done.stdout) == (not said)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no signals to a group of processes")
+def test_ctrl_c_tells_of_what_is_not_known(tmp_path: Path) -> None:
+    """Before any edge is found: nothing is told of what holds, and the last line keeps what was known before."""
+    (tmp_path / "job.txt").write_text(LONG.format(hz=9000))
+    words = [sys.executable, "-m", "isel_twin.cli", "run", "job.txt", "--edge", "--json"]
+    pipes: Any = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(words, cwd=tmp_path, start_new_session=True, **pipes) as command:
+        assert command.stdout is not None
+        summary = next(line for line in command.stdout if '"summary": true' in line)
+        time.sleep(0.5)  # amid the search, which takes many
+        os.killpg(command.pid, signal.SIGINT)
+        out, err = command.communicate(timeout=forked.PATIENCE_S)
+    assert command.returncode == 130
+    assert err.splitlines()[-1] == "isel-twin: job.txt: interrupted; not all edges are known"
+    assert out == ""
+    assert set(json.loads(summary)["edge"]["x"]) == {"speed", "supply", "inductance", "line"}
 
 
 def test_speeds_of_straight_moves_are_scaled_and_nothing_else() -> None:

@@ -53,17 +53,28 @@ def plain_text(words: str) -> str:
     return words.replace("$", r"\$")
 
 
-def draw_curves(file: Path, title: str, x_label: str, y_label: str, curves: Sequence[Curve]) -> None:
-    """Draw curves into a file (type by suffix); axes begin at 0. Raises ValueError without matplotlib, OSError."""
+def draw_curves(
+    file: Path, title: str, x_label: str, y_label: str, curves: Sequence[Curve], below: tuple[str, Curve] | None = None
+) -> None:
+    """Draw curves into a file (type by suffix); axes begin at 0. below: label and curve of another quantity, in a plot
+    of its own with a line at 0. Raises ValueError without matplotlib, OSError."""
     try:
         from matplotlib.figure import Figure
     except ImportError:
         raise ValueError("drawing needs matplotlib: pip install 'isel-twin[report]'") from None
-    figure = Figure(figsize=(7.0, 4.0), layout="constrained")
-    axes = figure.add_subplot()
+    figure = Figure(figsize=(7.0, 4.0 if below is None else 6.0), layout="constrained")
+    axes, *more = figure.subplots(1 if below is None else 2, sharex=True, squeeze=False)[:, 0]
     for curve in curves:
         axes.plot(curve.x, curve.y, curve.style, markersize=3, label=curve.label)
-    axes.set(title=plain_text(title), xlabel=x_label, ylabel=y_label, xlim=(0, None), ylim=(0, None))
-    axes.grid(alpha=0.3)
+    axes.set_title(plain_text(title), wrap=True, fontsize="medium")
+    axes.set(xlim=(0, None), ylim=(0, None), ylabel=y_label)
     axes.legend()
+    if below is not None:
+        label, curve = below
+        more[0].axhline(0.0, color="0.3", linewidth=0.8)
+        more[0].plot(curve.x, curve.y, curve.style, markersize=3)
+        more[0].set(ylabel=label)
+    for each in (axes, *more):
+        each.grid(alpha=0.3)
+    (more or [axes])[-1].set(xlabel=x_label)
     atomic_write(file, picture_bytes(figure, file.suffix.removeprefix(".").lower()))

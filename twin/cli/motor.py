@@ -24,11 +24,13 @@ def motor(
         str | None, Parameter(help="Machine (name or folder) whose own motors and stages are to be taken.")
     ] = None,
     set: Overrides = (),
-    picture: Annotated[Path | None, Parameter(help="Draw the curve into a file (.png, .svg, .pdf).")] = None,
+    picture: Annotated[
+        Path | None, Parameter(help="Draw torque and growth of a swing into a file (.png, .svg, .pdf).")
+    ] = None,
     json: Json = False,
 ) -> int:
-    """Show a motor's torque curve with two closed forms, a prediction and a bound. * marks speeds compared with a
-    maker's curve.
+    """Show a motor's torque curve with two closed forms, a prediction and a bound, and from which speed on a swing of
+    its rotor grows. * marks speeds compared with a maker's curve, ~ those beyond that limit.
 
     At 48 V with the rated current and 1600 microsteps a revolution, or on the stage of a machine. For a servo axis:
     peak and continuous torque.

@@ -296,8 +296,6 @@ class TableOutput:
             self._print(NO_PHYSICS)
 
     def edge(self, edges: Sequence[Edge]) -> None:
-        from isel_twin.jobs.edge import FARTHEST
-
         if not edges:
             self._print("edge: nothing that was tried loses a step, or no motor has turned")
         for axis in dict.fromkeys(edge.axis for edge in edges):
@@ -307,7 +305,7 @@ class TableOutput:
                 for edge in own
                 if edge.factor is not None
             ]
-            never = [f"{FARTHEST[edge.quantity]:g} times the {edge.quantity}" for edge in own if edge.factor is None]
+            never = [f"{edge.tried:.2g} times the {edge.quantity}" for edge in own if edge.factor is None]
             what = "its drive switches itself off" if any(edge.closed_loop for edge in own) else "steps are lost"
             lost = [f"{what} at {', '.join(at)}"] if at else []
             held = [f"none up to {', '.join(never)}"] if never else []

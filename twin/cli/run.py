@@ -130,9 +130,15 @@ def run(
         if verdict.interrupted:
             return 128 + stopped[0]
         sound = True
-        if search is not None and verdict.ok:
+        if search is not None and not verdict.ok:
+            outputs.say(f"{job_name(job)}: no edge is looked for, as the job is not well as it stands")
+        elif search is not None:
             with interruption() as stopped:
-                show.edge(list(search(verdict, lambda: bool(stopped))))
+                found = list(search(verdict, lambda: bool(stopped)))
+            if stopped:
+                outputs.say(f"{job_name(job)}: interrupted; not all edges are known")
+            if found or not stopped:
+                show.edge(found)
             if stopped:
                 return 128 + stopped[0]
         if repeat is not None:

@@ -127,7 +127,8 @@ def _stable(motor: Motor, stage: Stage) -> str:
 
 
 def draw_torque(table: Sequence[TorquePoint], title: str, file: Path) -> None:
-    """Draw the curves into a file (type by suffix: png, svg, pdf). Raises ValueError without matplotlib."""
+    """Draw torque, and below it the growth of a swing, into a file (type by suffix: png, svg, pdf). Raises ValueError
+    without matplotlib."""
     speeds = [point.speed_rpm for point in table]
     lines = [
         Curve("closed form: bound", speeds, [point.envelope_nm for point in table], "--"),
@@ -137,7 +138,9 @@ def draw_torque(table: Sequence[TorquePoint], title: str, file: Path) -> None:
     if swinging := [point for point in table if not point.stable]:
         at = [point.speed_rpm for point in swinging]
         lines.append(Curve("a swing grows", at, [point.pull_out_nm for point in swinging], "rx"))
-    draw_curves(file, title, "speed, rev/min", "torque, Nm", lines)
+    grows = [math.nan if point.growth_per_s is None else point.growth_per_s for point in table]
+    below = "growth of a swing, 1/s", Curve("", speeds, grows, "o-")
+    draw_curves(file, title, "speed, rev/min", "torque, Nm", lines, below)
 
 
 def _title(name: str, stage: Stage) -> str:

@@ -8,7 +8,8 @@
 
                  1.00   1.06   1.12   1.19         upwards until the first loss, by steps of 6 % (the load, which has
     holds         x      x      x      LOST        no resonances on its way, by 26 % before), then halved to 1 %, each
-                               |--|                on several seeds: the edge is where the first of them loses
+                               |--|                on several seeds: the edge is where the first of them loses. A seed
+                                                   whose power-on place leads the job into a switch is none of them
 
     told                    1.09                   and moved by 5 % at most, so that 5 % nearer all of them hold and 5 %
                                                    farther all of them lose: a band of losses may be narrower than that
@@ -21,11 +22,12 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
-from isel_twin.base.crew import Crew, Stop, in_order
+from isel_twin.base.crew import Crew, Stop, here, in_order
 from isel_twin.base.errors import CallError
 from isel_twin.base.quiet import quietly
 from isel_twin.controller import offers
@@ -44,6 +46,7 @@ STRIDE = STEP**4  # of the load
 PRECISION = 1.01
 NEARER, FARTHER = 0.95, 1.05  # of an edge: where every seed holds, and where every seed loses
 SEEDS = 3  # machines of the same numbers: other places, rotor angles and scatter
+ASKED = 4 * SEEDS  # most seeds that are looked at for those
 FARTHEST: Mapping[str, float] = {"speed": 3.0, "supply": 0.3, "inductance": 5.0, "load": 10.0}
 _LOAD_KEYS = ("guide_friction", "shaft_coulomb", "shaft_viscous")
 
@@ -54,7 +57,8 @@ class Edge:
 
     quantity: str
     axis: str
-    factor: float | None  # None: not up to FARTHEST or the range of the machine file, or another axis ends the job
+    factor: float | None  # None: not up to `tried`, or another axis ends the job
+    tried: float  # the factor nearest to FARTHEST that the machine file allows
     line: int | None = None  # the first after which steps are lost there
     closed_loop: bool = False
 
@@ -88,9 +92,43 @@ def edges(
     if offers(create_language(call.controller), RetimesJobs):
         every = [axis.name for axis in call.fitted().axes if axis.name in moved or axis.closed_loop]
         searches.insert(0, _Search("speed", tuple(every)))
-    find = functools.partial(_found, call, lines, timeout_s, flash)
-    for found in in_order(find, searches, crew, stop):
-        yield from found
+    if not searches:
+        return
+    call = call.with_(flash=flash)
+    with crew or here() as workers:
+        others = alike(call, lines, range(call.seed + 1, call.seed + ASKED), SEEDS - 1, timeout_s, workers, stop)
+        find = functools.partial(_found, call, lines, timeout_s, (call.seed, *others))
+        for found in in_order(find, searches, workers, stop):
+            yield from found
+
+
+def alike(
+    call: TwinSpec,
+    lines: Sequence[Line],
+    seeds: Sequence[int],
+    wanted: int,
+    timeout_s: float = TIMEOUT_S,
+    crew: Crew | None = None,
+    stop: Stop | None = None,
+) -> tuple[int, ...]:
+    """The first of these seeds, at most `wanted`, on which the job as it stands is answered as it should be. On others
+    it meets a switch, from where the carriages stand at power-on, and stops there at once: what that loses says nothing
+    of speed, supply or load."""
+    answered = functools.partial(_answered, call, lines, timeout_s)
+    found: list[int] = []
+    with closing(in_order(answered, seeds, crew, stop)) as told:
+        for seed, good in zip(seeds, told, strict=False):
+            if good:
+                found.append(seed)
+            if len(found) == wanted:
+                break
+    return tuple(found)
+
+
+def _answered(call: TwinSpec, lines: Sequence[Line], timeout_s: float, seed: int) -> bool:
+    with quietly():
+        verdict = played(call.with_(seed=seed).build(), lines, timeout_s=timeout_s).verdict
+    return not (verdict.refused or verdict.unmet or verdict.unsent or verdict.unfinished)
 
 
 def told(found: Sequence[Edge]) -> dict[str, Any]:
@@ -143,14 +181,14 @@ def losers(
 
 
 def _found(
-    call: TwinSpec, lines: Sequence[Line], timeout_s: float, flash: bytes | None, search: _Search
+    call: TwinSpec, lines: Sequence[Line], timeout_s: float, seeds: Sequence[int], search: _Search
 ) -> tuple[Edge, ...]:
     """Depends only on its arguments, so that it can run in another process."""
     farthest = _farthest(call, lines, search)
 
     @functools.cache
     def lost(factor: float, seed: int) -> Mapping[str, int]:
-        return losers(call.with_(flash=flash), lines, search.quantity, search.axes, factor, seed, timeout_s)
+        return losers(call, lines, search.quantity, search.axes, factor, seed, timeout_s)
 
     def edge(axis: str) -> Edge:
         def quick(factor: float) -> bool:
@@ -164,14 +202,13 @@ def _found(
 
         first = _least(quick, some, farthest, STRIDE if search.quantity == "load" else STEP)
         if first is None:
-            return Edge(search.quantity, axis, None, closed_loop=axis in servos)
+            return Edge(search.quantity, axis, None, farthest, closed_loop=axis in servos)
         sign = 1 if FARTHEST[search.quantity] > 1.0 else -1
         first = _before_bands(some, first, sign)
         factor = _between_sure(some, every, first, sign)
         lines_lost = [found[axis] for seed in seeds if axis in (found := lost(first, seed))]
-        return Edge(search.quantity, axis, factor, min(lines_lost), axis in servos)
+        return Edge(search.quantity, axis, factor, farthest, min(lines_lost), axis in servos)
 
-    seeds = range(call.seed, call.seed + SEEDS)
     servos = {axis.name for axis in call.fitted().axes if axis.closed_loop}
     found = [edge(axis) for axis in search.axes]
     return tuple(each for each in found if each.factor is not None or not each.closed_loop)

@@ -28,9 +28,11 @@ def test_steps_follow_from_the_time(steps: float) -> None:
     assert steps_of(float(move_time_s(steps, 12_000, 200, 400)), 12_000, 200, 400) == pytest.approx(steps, rel=1e-9)
 
 
-def made(values: dict[str, int], limit_hz: float, strongest: float) -> Judgement:
-    """A machine of which this much is known: margins of speed and of torque, and the times."""
+def made(values: dict[str, int], limit_hz: float, strongest: float, overshoot: float = 0.0) -> Judgement:
+    """A machine of which this much is known: margins of speed and of torque, and the times. overshoot: of the rotor at
+    the end of a ramp, at most."""
     speed, acceleration, start = (values[key] for key in ("speed_hz", "acceleration_hz_per_ms", "start_stop_hz"))
+    limit_hz /= 1.0 + overshoot * np.sin(acceleration / 60.0) ** 2
     moves = [float(move_time_s(n, speed, acceleration, start)) for n in STEPS]
     torque = 1.0 - (0.15 + acceleration / strongest * (1.0 + (start / 3000.0) ** 2)) / (1.0 - speed / 60_000.0)
     margin = min(torque, 1.0 - 0.8 * speed / limit_hz)
@@ -39,23 +41,31 @@ def made(values: dict[str, int], limit_hz: float, strongest: float) -> Judgement
     return Judgement(sum(moves) + 0.5, max(margin, 0.001), "", moves=tuple((t, margin) for t in moves))
 
 
-@pytest.mark.parametrize(("limit_hz", "strongest"), [(19_000.0, 900.0), (20_500.0, 300.0)])
-def test_twenty_five_trials_come_near_the_best(limit_hz: float, strongest: float) -> None:
-    structure, tried = Structure(PROBLEM), [Tried(0, PROBLEM.nearest(), made(PROBLEM.nearest(), limit_hz, strongest))]
+@pytest.mark.parametrize(
+    ("limit_hz", "strongest", "overshoot", "behind"),
+    [(19_000.0, 900.0, 0.0, 0.025), (20_500.0, 300.0, 0.0, 0.025), (19_000.0, 1800.0, 0.015, 0.003)],
+)
+def test_twenty_five_trials_come_near_the_best(
+    limit_hz: float, strongest: float, overshoot: float, behind: float
+) -> None:
+    machine = limit_hz, strongest, overshoot
+    structure, tried = Structure(PROBLEM), [Tried(0, PROBLEM.nearest(), made(PROBLEM.nearest(), *machine))]
     while len(tried) < 25 and (batch := structure.chosen(tried, 0.2, 8)):
+        assert len(batch) <= 8
         for values in batch[: 25 - len(tried)]:
-            tried.append(Tried(len(tried), values, made(values, limit_hz, strongest)))
+            assert values not in [one.values for one in tried], "nothing is learnt from a trial made twice"
+            tried.append(Tried(len(tried), values, made(values, *machine)))
     found = min(one.judgement.time_s for one in tried if one.judgement.margin >= 0.2)
 
     speeds, ramps, starts = np.arange(5000, 20_500, 150), np.geomspace(50, 4000, 50), (150.0, 600.0, 2400.0)
     every = [
-        made({"speed_hz": int(v), "acceleration_hz_per_ms": int(a), "start_stop_hz": int(f)}, limit_hz, strongest)
+        made({"speed_hz": int(v), "acceleration_hz_per_ms": int(a), "start_stop_hz": int(f)}, *machine)
         for v in speeds[speeds <= limit_hz]
         for a in ramps
         for f in starts
     ]
     best = min(one.time_s for one in every if one.margin >= 0.2)
-    assert found <= 1.025 * best
+    assert found <= (1.0 + behind) * best, found / best
 
 
 def test_nothing_is_tried_that_something_lesser_has_lost() -> None:

@@ -39,6 +39,8 @@ WORTH = 2e-4  # least chance of saving, over the time of the job, for which a tr
 APART = (0.03, 0.12, 0.8)  # logarithm of a setting over another's in the same batch
 FAR = 0.03  # logarithm of a setting over the best one's, below which nothing is gained by halving
 BETWEEN = 3  # most trials of halving in a batch
+MISSED = 0.03  # of the margin, that less speed can mend
+SLOWER = 2  # most trials of a batch that mend others
 HEDGES = (0.5, 1.0, 2.0, 4.0)  # on the torque for acceleration while nothing is known of it
 START_HZ = 2000.0  # start-stop frequency at which a start needs twice the torque, before anything is known of it
 
@@ -153,7 +155,24 @@ class Structure:
             if chance[at] > 0.5:
                 best[wanted] = min(best[wanted], float(time_s[at]))
             taken |= (np.abs(np.log(grid / grid[at])) / APART).max(axis=-1) < 1.0
-        return [*found[: many - 1], *self._between(tried, least)[:1]] if found else self._between(tried, least)
+        been = [each.values for each in tried]
+        again = [each for each in self._slower(good, least) if each not in been][:SLOWER]
+        halfway = [each for each in self._between(tried, least) if each not in (*been, *again, *found)]
+        if not found:
+            return [*again, *halfway[:BETWEEN]]
+        return [*again, *found][: many - len(halfway[:1])] + halfway[:1]
+
+    def _slower(self, good: Sequence[Tried], least: float) -> list[dict[str, int]]:
+        """Those that missed the margin by little, with as much less speed, the fastest first. The speed of zero growth
+        is one number for all ramps only to 1 %: a rotor overshoots at the end of a ramp, by more or less."""
+        missed = [each for each in good if least - MISSED < each.judgement.margin < least]
+        if not missed:
+            return []
+        points = np.array([self.place(each.values) for each in missed])
+        points[:, 0] *= [0.999 * (1.0 - least) / (1.0 - each.judgement.margin) for each in missed]
+        times_s = self._times(np.floor(points), good[0])
+        values = [self._values(points[at]) for at in np.argsort(times_s) if times_s[at] < _best(good, least)]
+        return [each for n, each in enumerate(values) if each not in values[:n]]
 
     def _between(self, tried: Sequence[Tried], least: float) -> list[dict[str, int]]:
         """Where the model is wrong: halfway from the best to what lost, while that is far. One of each batch."""
@@ -165,7 +184,7 @@ class Structure:
         halfway = [np.sqrt(best * np.maximum(point, best)) for point in lost]
         far = [point for point in halfway if np.log(point / best).max() > FAR]
         values = [self._values(np.floor(point)) for point in sorted(far, key=lambda point: point[0])]
-        return [each for n, each in enumerate(values) if each not in values[:n]][:BETWEEN]
+        return [each for n, each in enumerate(values) if each not in values[:n]]
 
     def _values(self, point: NDArray[np.float64]) -> dict[str, int]:
         values = dict(zip(SETTINGS, point.tolist(), strict=True))
