@@ -48,6 +48,20 @@ def tune(near: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeyp
     return call
 
 
+def test_a_setting_is_judged_on_what_this_machine_may_be(tune: Any, tmp_path: Path) -> None:
+    few = ("--trials", "1", "--robust", "0", "--confirm", "1", "--margin", "0", "--acceleration", "100")
+    (tmp_path / "job.txt").write_text("@07\n@0R7\n@0M1600,5000,0,30,0,30,0,30\n")
+    code, out, _ = tune("tune", "job.txt", *few, "--uncertain", "2", "--json")
+    *_, trial, summary = map(json.loads, out.splitlines())
+    assert code == 0
+    assert trial["repetitions"] == 3  # as it is, and twice as it may be
+    time, margin = summary["uncertain"]
+    assert (time["what"], margin["what"]) == ("time", "margin")
+    assert margin["low"] < margin["high"]
+    code, _, err = tune("tune", "job.txt", *few, "--uncertain", "3")
+    assert (code, "of another number of machines that it may be" in err) == (2, True)
+
+
 @pytest.mark.slow
 def test_the_tuned_job_is_faster_and_holds(tune: Any, tmp_path: Path) -> None:
     code, out, err = tune("tune", "job.txt", *SMALL, "--picture", "front.svg")

@@ -1,7 +1,8 @@
 """Numbers in files: TOML in which a number says its unit, its grade and its source, and a limit stands once.
 
 Goal: a wrong value, in a file, in an override or in Python, gives one line that names the place, the value and what is
-allowed. The allowed range is written once, at the field that holds the number:
+allowed. A number may say the `interval = [low, high]`, too, that holds it with 95 %. The allowed range is written once,
+at the field that holds the number:
 
     file        backlash = { value = 0.02, unit = "mm", grade = "estimate", source = "0.01 to 0.02 mm remain" }
                     | section, read: the key, the unit, the range
@@ -278,12 +279,12 @@ def plain(value: Any, limits: Limits, place: Place) -> float:
 
 
 def quantity(value: Any, limits: Limits, place: Place) -> float:
-    """The number in a table of value, unit, grade and source: value * scale, an int if whole."""
+    """The number in a table of value, unit, grade, source and perhaps interval: value * scale, an int if whole."""
     if not isinstance(value, Mapping):
         example = f'{{ value = {limits.low:g}, unit = "{limits.unit}", grade = "estimate", source = "..." }}'
         raise place.wrong(f"{value!r}; allowed: a table such as {example}, {limits}")
     parts = ("value", "unit", "grade", "source")
-    known(value, parts, place)
+    known(value, (*parts, "interval"), place)
     for part in parts:
         if part not in value:
             raise place.at(part).wrong("missing")
@@ -292,12 +293,22 @@ def quantity(value: Any, limits: Limits, place: Place) -> float:
     given = plain(value["value"], limits, place)
     text(value["grade"], place.at("grade"), GRADES)
     text(value["source"], place.at("source"))
+    if "interval" in value:
+        _check_interval(value["interval"], given, limits, place.at("interval"))
     held = float(given * limits.scale)
     if not limits.whole:
         return held
     if abs(held - round(held)) > 1e-6:
         raise place.wrong(f"{given}; allowed: whole numbers")
     return round(held)
+
+
+def _check_interval(value: Any, given: float, limits: Limits, place: Place) -> None:
+    if not isinstance(value, list | tuple) or len(value) != 2:
+        raise place.wrong(f"{value!r}; allowed: [low, high], which holds the value with 95 %")
+    low, high = (plain(end, limits, place) for end in value)
+    if not low <= given <= high:
+        raise place.wrong(f"{low:g} .. {high:g}; allowed: two numbers with the value, {given:g}, between them")
 
 
 def free(value: Any, rule: Limits | tuple[str, ...] | type[bool], place: Place) -> Any:
@@ -367,7 +378,8 @@ def override(tree: Mapping[str, Any], key: str, value: Any, place: Place) -> dic
     if not isinstance(content[last], dict):
         content[last] = value
     elif "value" in content[last]:
-        content[last] = {**content[last], "value": value, "grade": "setting", "source": "override"}
+        said = {part: told for part, told in content[last].items() if part != "interval"}
+        content[last] = {**said, "value": value, "grade": "setting", "source": "override"}
     else:
         raise place.at(key).wrong(f"is a section; allowed: one of its keys: {', '.join(content[last])}")
     return result
@@ -382,13 +394,16 @@ class Row:
     unit: str
     source: str
     grade: str
+    interval: tuple[float, float] | None = None  # what holds it with 95 %
 
 
 def rows(tree: Mapping[str, Any], prefix: str = "") -> Iterator[Row]:
     """All values of a tree, in its order."""
     for key, value in tree.items():
         if isinstance(value, Mapping) and "value" in value:
-            yield Row(prefix + key, value["value"], value["unit"], value["source"], value["grade"])
+            told = value.get("interval")
+            interval = None if told is None else (told[0], told[1])
+            yield Row(prefix + key, value["value"], value["unit"], value["source"], value["grade"], interval)
         elif isinstance(value, Mapping):
             yield from rows(value, f"{prefix}{key}.")
         else:

@@ -49,7 +49,10 @@ def check(
     cycle_s: Annotated[float | None, Parameter(help="Most time from first command to end of the last.")] = None,
     clearance: Annotated[float | None, Parameter(help="Least distance of what must not meet, mm.")] = None,
     may_strike: Annotated[str | None, Parameter(help="End switches that may be struck, with commas; all.")] = None,
-    robust: Annotated[Whole | None, Parameter(help="Repetitions on slightly different machines.")] = None,
+    robust: Annotated[Whole | None, Parameter(help="Repetitions on other machines, as one can buy them.")] = None,
+    uncertain: Annotated[
+        Whole | None, Parameter(help="Repetitions on what this machine may be, as far as its numbers are known.")
+    ] = None,
     form: FormatName = None,
     timeout: Annotated[float | None, Parameter(help="Virtual seconds a command may take.")] = None,
     golden: Annotated[bool | None, Parameter(negative="no-golden", help="Compare with golden runs.")] = None,
@@ -78,7 +81,7 @@ def check(
     asked: dict[str, Any] = {
         "machine": machine, "controller": controller, "plant": plant, "seed": seed, "scenario": scenario,
         "margin": margin, "edge": edge, "deviation_mm": deviation_mm, "contour_mm": contour_mm,
-        "cycle_s": cycle_s, "clearance": clearance, "robust": robust,
+        "cycle_s": cycle_s, "clearance": clearance, "robust": robust, "uncertain": uncertain,
         "timeout_s": timeout, "golden": golden, "form": form, "set": options.parse_overrides(set) or None,
     }  # fmt: skip
     if may_strike is not None:
@@ -141,8 +144,9 @@ def _check_options(asked: dict[str, Any], workers: int) -> None:
     if asked["clearance"] is not None and not 0.0 <= asked["clearance"] <= MOST_CLEARANCE_MM:
         allowed = f"from 0 to {MOST_CLEARANCE_MM:g} mm"
         raise CallError(f"clearance {asked['clearance']:g}: must be a distance {allowed}", option=True)
-    if asked["robust"] is not None and asked["robust"] < 0:
-        raise CallError(f"robust {asked['robust']}: must be a number of repetitions, such as 20", option=True)
+    for key in ("robust", "uncertain"):
+        if asked[key] is not None and asked[key] < 0:
+            raise CallError(f"{key} {asked[key]}: must be a number of repetitions, such as 20", option=True)
     options.check_workers(workers)
 
 
@@ -182,7 +186,7 @@ def _tasks(jobs: Sequence[Path], settings: Path | None, asked: dict[str, Any]) -
 
 def _check_outside(asked: dict[str, Any], others: dict[str, Any], workers: int) -> None:
     """Raise CallError for an option that only a twin can satisfy."""
-    names = "plant seed scenario margin edge deviation_mm contour_mm clearance robust golden".split()  # noqa: SIM905
+    names = "plant seed scenario margin edge deviation_mm contour_mm clearance robust uncertain golden".split()  # noqa: SIM905
     given = {name.replace("_", "-"): asked[name] for name in names} | others | {"workers": workers > 1 or None}
     for option, value in given.items():
         if value is not None and value is not False and value != ():

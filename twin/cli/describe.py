@@ -18,7 +18,11 @@ def describe(
     set: Overrides = (),
     json: Json = False,
 ) -> int:
-    """Show the parameters of a machine with value, unit, source and grade; without a name, list the machines."""
+    """Show the parameters of a machine with value, band, unit, grade and source; without a name, list the machines.
+
+    The band holds a number with 95 %, as far as it is known: as the file says, or as its grade does. `run --uncertain`
+    draws from it. A number without one is taken as it stands.
+    """
     if name is None:
         return machines(json=json)
     from rich.markup import escape
@@ -35,10 +39,11 @@ def describe(
 
         say_json([asdict(row) for row in rows])
         return 0
-    table = Table("parameter", "value", "unit", "grade", "source", box=None)
+    table = Table("parameter", "value", "95 %", "unit", "grade", "source", box=None)
     table.columns[1].justify = "right"
     for row in rows:
-        cells = (row.parameter, str(row.value), row.unit, row.grade, row.source)
+        band = "" if row.interval is None else "{:.4g} .. {:.4g}".format(*row.interval)
+        cells = (row.parameter, str(row.value), band, row.unit, row.grade, row.source)
         table.add_row(*(escape(str(cell)) for cell in cells))
     console().print(table)
     return 0

@@ -3,7 +3,8 @@
     --machine --controller --plant --seed --flash --scenario --set   which twin (TwinOptions)
     --workers     processes that share the work, without effect on results
     --timeout     virtual seconds to wait for a reply
-    --robust      repetitions on slightly different machines
+    --robust      repetitions on other machines of the kind, as one can buy them
+    --uncertain   repetitions on what this machine may be, as far as its numbers are known
     --json        output for programs
     --out, -o     the main output file; --steps --vcd --trace --report --picture --record: further files
 
@@ -46,7 +47,10 @@ Overrides = Annotated[
     tuple[str, ...], Parameter(help="KEY=VALUE: a machine parameter, such as payload.mass=8. May be repeated.")
 ]
 Workers = Annotated[Whole, Parameter(help="Processes that share the work; what comes out does not depend on it.")]
-Robust = Annotated[Whole, Parameter(help="Repeat the job so many times on slightly different machines.")]
+Robust = Annotated[Whole, Parameter(help="Repeat the job on so many other machines, as one can buy them.")]
+Uncertain = Annotated[
+    Whole, Parameter(help="Repeat it on so many that this machine may be, as far as its numbers are known: bands.")
+]
 Timeout = Annotated[float, Parameter(help="Virtual seconds after which a missing reply is given up.")]
 Json = Annotated[bool, Parameter(help="JSON for programs.")]
 Replace = Annotated[bool, Parameter(help="Replace files that exist.")]

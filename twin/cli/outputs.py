@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
     from isel_twin.jobs.edge import Edge
     from isel_twin.jobs.job import Line
+    from isel_twin.jobs.playing import Played
     from isel_twin.jobs.result import Result
     from isel_twin.jobs.robust import Repetition
     from isel_twin.jobs.toolpaths import Source
@@ -134,6 +135,9 @@ class JobOutput(Protocol):
     def robust(self, verdict: Verdict, trials: Sequence[Repetition], wanted: int) -> bool:
         """Show the repetitions, fewer than wanted if stopped; return whether all ended alike."""
 
+    def uncertain(self, made: Played, trials: Sequence[Repetition], wanted: int) -> bool:
+        """Show where the outcome lies, as far as the machine is known; otherwise as `robust`."""
+
 
 class JsonOutput:
     """One line a command and one for the summary; one line for each repetition. What is found out after the summary
@@ -176,6 +180,25 @@ class JsonOutput:
         say_json(self._last)
 
     def robust(self, verdict: Verdict, trials: Sequence[Repetition], wanted: int) -> bool:
+        frequency, rest = self._repeated(verdict, trials, wanted)
+        self._last |= {"robust": frequency, **rest}
+        say_json(self._last)
+        return not rest["other"]
+
+    def uncertain(self, made: Played, trials: Sequence[Repetition], wanted: int) -> bool:
+        from isel_twin.jobs.uncertain import bands, coverage
+
+        frequency, rest = self._repeated(made.verdict, trials, wanted)
+        found = [one.told() for one in bands(made.verdict, made.results, trials)]
+        told = {**frequency, **rest, "coverage": round(coverage(len(trials)), 3), "bands": found}
+        self._last |= {"uncertain": told}
+        say_json(self._last)
+        return not rest["other"]
+
+    def _repeated(
+        self, verdict: Verdict, trials: Sequence[Repetition], wanted: int
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        """A line for each repetition; how many lost, and how they ended."""
         from isel_twin.jobs.robust import agree, at_most, separates
 
         other = [trial for trial in trials if not agree(verdict, trial.verdict)]
@@ -186,9 +209,7 @@ class JsonOutput:
         lost = sum(any(trial.verdict.lost) for trial in trials)
         frequency = {"lost": lost, "of": len(trials), "at_most": round(at_most(lost, len(trials)), 3)}
         sound = verdict.ok and not other and len(trials) == wanted
-        rest = {"sound": sound, "other": len(other), "separates": separates(trials)}
-        say_json({**self._last, "robust": frequency, **rest})
-        return not other
+        return frequency, {"sound": sound, "other": len(other), "separates": separates(trials)}
 
 
 class TableOutput:
@@ -317,6 +338,22 @@ class TableOutput:
         return f"{many(verdict.commands, 'command')}{expected}"
 
     def robust(self, verdict: Verdict, trials: Sequence[Repetition], wanted: int) -> bool:
+        return self._repeated(verdict, trials, wanted, "robust", "fragile")
+
+    def uncertain(self, made: Played, trials: Sequence[Repetition], wanted: int) -> bool:
+        from isel_twin.jobs.uncertain import bands, coverage
+
+        found = bands(made.verdict, made.results, trials)
+        if found:
+            self._print(f"as far as this machine is known ({coverage(len(trials)):.0%} of {len(trials)} draws)")
+        for one in found:
+            self._print(f"  {one.in_words()}")
+        return self._repeated(made.verdict, trials, wanted, "certain", "uncertain")
+
+    def _repeated(
+        self, verdict: Verdict, trials: Sequence[Repetition], wanted: int, sound: str, other_word: str
+    ) -> bool:
+        """Whether all ended alike, and if not, how the others did."""
         from isel_twin.jobs.robust import agree, at_most, separates
 
         other = [trial for trial in trials if not agree(verdict, trial.verdict)]
@@ -324,18 +361,18 @@ class TableOutput:
         frequency = f"{lost} of {many(len(trials), 'machine')} lost steps: at most {at_most(lost, len(trials)):.0%} do"
         if not other and verdict.ok:
             stopped = "" if len(trials) == wanted else f", {wanted - len(trials)} more were not made"
-            self._print(f"{'unclear' if stopped else 'robust'}: {frequency}{stopped}", style="bold green")
+            self._print(f"{'unclear' if stopped else sound}: {frequency}{stopped}", style="bold green")
         elif not other:
             self._print(f"no matter of luck: {many(len(trials), 'machine')} went wrong alike", style="bold red")
         else:
             otherwise = f"{len(other)} of {many(len(trials), 'machine')} ended otherwise"
-            self._print(f"fragile: {otherwise}; {frequency}", style="bold red")
+            self._print(f"{other_word}: {otherwise}; {frequency}", style="bold red")
         if (found := separates(trials)) is not None:
             key, mine, theirs = found
             values = f"{mine:.2f} of its value where steps were lost, else {theirs:.2f}"
             self._print(f"  what separates them best: {key}, {values}")
         for trial in other[:SHOWN_TRIALS]:
-            far = sorted(trial.factors.items(), key=lambda one: -abs(math.log(one[1])))[:SHOWN_FACTORS]
+            far = sorted(trial.factors.items(), key=lambda one: -_far(one[1]))[:SHOWN_FACTORS]
             changed = ", ".join(f"{name} {100.0 * (factor - 1.0):+.0f} %" for name, factor in far)
             ended = trial.verdict
             steps = zip(AXIS_NAMES, ended.lost_steps, ended.forgotten_steps, ended.lost, strict=False)
@@ -371,6 +408,11 @@ class MotionsOutput(TableOutput):
 
     def counted(self, verdict: Verdict) -> str:
         return many(verdict.commands, "motion")
+
+
+def _far(factor: float) -> float:
+    """How far a factor is from 1, the same for twice and half; a change of sign is farthest."""
+    return abs(math.log(factor)) if factor > 0.0 else math.inf
 
 
 def _percent(margins: Sequence[float | None]) -> str:

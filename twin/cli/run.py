@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from isel_twin.jobs.playing import Played
     from isel_twin.jobs.robust import Repetition
     from isel_twin.jobs.verdict import Verdict
+    from isel_twin.machine.spread import Source
     from isel_twin.recordings.recorder import Recorder
 
 
@@ -47,6 +48,7 @@ def run(
         bool, Parameter(help="How much more speed, less supply, more inductance, more friction it takes to lose steps.")
     ] = False,
     robust: options.Robust = 0,
+    uncertain: options.Uncertain = 0,
     workers: options.Workers = 1,
     form: FormatName = None,
     json: Annotated[bool, Parameter(help="One line of JSON a command, then one with the summary.")] = False,
@@ -73,6 +75,10 @@ def run(
     --robust 20, only if the job ends on 20 other machines of the kind as on this one (motors, stages, supply, friction,
     masses, power-on position: drawn from --seed as makers and shops spread them): what happens near stall is luck.
 
+    --uncertain 40 makes the job on 40 machines that this one may be: each number within its band (see `describe`),
+    which is narrow if it was measured and wide if it is an estimate. It says where places, time, margin and edge lie,
+    and which number contributes most; exit code 0 wants all to end as the job itself.
+
     --edge makes a job that is well again with ever more speed, less supply voltage, more inductance and more friction,
     until it loses steps, and says at which factor: how far it is from the edge.
     """
@@ -85,7 +91,12 @@ def run(
         _check_samples(lines, interval)
     files.check(job, *twin.files)
     golden = None if report is None else _golden(job)
-    repeat = _repetitions(call, lines, robust, workers, timeout)
+    wanted_of: tuple[tuple[Source, int], ...] = (("kind", robust), ("known", uncertain))
+    others = [
+        (source, number, repeat)
+        for source, number in wanted_of
+        if (repeat := _repetitions(call, lines, number, workers, timeout, source)) is not None
+    ]
     search = _edges(call, lines, workers, timeout) if edge else None
     with ExitStack() as stack:
         made_on = call.build(keep_motions=None if files.needs_stream else 1)
@@ -141,12 +152,13 @@ def run(
                 show.edge(found)
             if stopped:
                 return 128 + stopped[0]
-        if repeat is not None:
+        for sort, wanted, repeat in others:
             with interruption() as stopped:
                 seen = list(repeat(lambda: bool(stopped)))
-            if cut := bool(stopped) and len(seen) < robust:
-                outputs.say(f"{job_name(job)}: interrupted after {len(seen)} of {robust} repetitions")
-            sound = show.robust(verdict, seen, robust)
+            if cut := bool(stopped) and len(seen) < wanted:
+                outputs.say(f"{job_name(job)}: interrupted after {len(seen)} of {wanted} repetitions")
+            told = show.robust(verdict, seen, wanted) if sort == "kind" else show.uncertain(made, seen, wanted)
+            sound = told and sound
             if cut:
                 return 128 + stopped[0]
     return 0 if verdict.ok and sound and recorded else 1
@@ -176,21 +188,22 @@ def _why_it_ended(made: Played, timeout_s: float) -> str:
 
 
 def _repetitions(
-    call: TwinSpec, lines: Sequence[Line], number: int, workers: int, timeout_s: float
+    call: TwinSpec, lines: Sequence[Line], number: int, workers: int, timeout_s: float, source: Source
 ) -> Callable[[Callable[[], bool]], Iterator[Repetition]] | None:
     """A function that makes the repetitions of a job, with the present flash memory; None for none. Raises
     CallError."""
+    option = "robust" if source == "kind" else "uncertain"
     if number < 0:
-        raise CallError(f"robust {number}: must be a number of repetitions, such as 20", option=True)
+        raise CallError(f"{option} {number}: must be a number of repetitions, such as 20", option=True)
     options.check_workers(workers)
     if number == 0:
         return None
     from isel_twin.jobs.robust import check, repetitions
 
-    check(call, number)
-    flash = _flash(call)
+    check(call, number, source)
+    how: dict[str, Any] = {"timeout_s": timeout_s, "flash": _flash(call), "source": source}
     crew = options.crew_of(min(workers, number))
-    return lambda stop: repetitions(call, lines, number, timeout_s=timeout_s, flash=flash, crew=crew, stop=stop)
+    return lambda stop: repetitions(call, lines, number, crew=crew, stop=stop, **how)
 
 
 def _edges(

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -38,7 +39,12 @@ def tune(
     settle_mm: Annotated[
         float | None, Parameter(help="A move takes until its carriages ring by no more than this, mm.")
     ] = None,
-    robust: Annotated[Whole, Parameter(help="Slightly different machines on which each setting is judged.")] = 5,
+    robust: Annotated[
+        Whole, Parameter(help="Other machines, as one can buy them, on which each setting is judged.")
+    ] = 5,
+    uncertain: Annotated[
+        Whole, Parameter(help="And so many that this machine may be, as far as its numbers are known: bands.")
+    ] = 0,
     confirm: Annotated[
         Whole, Parameter(help="Further machines on which it must lose no step (149: at most 2 % do).")
     ] = 149,
@@ -72,9 +78,9 @@ def tune(
     """Find the fastest settings of a job that lose no step and keep a margin, also on slightly different machines.
 
     It varies the rapid speed, the acceleration and the start-stop frequency, for the whole job or, with --each-move,
-    for each of its moves. Each setting is judged on the machine as it is and on --robust others as one can buy them,
-    the same for all; the first lost step ends it. The fastest that keeps --margin and --edge there must lose nothing on
-    --confirm others, too.
+    for each of its moves. Each setting is judged on the machine as it is, on --robust others as one can buy them and on
+    --uncertain that this one may be, as far as its numbers are known, the same for all; the first lost step ends it.
+    The fastest that keeps --margin and --edge there must lose nothing on --confirm others to buy, too.
 
     It writes the job with its new lines, and the commands that store its ramps in the controller. Trials stay in
     --storage: after Ctrl-C the same command continues. The time counts from the first move; the reference run before it
@@ -84,7 +90,7 @@ def tune(
     """
     if options.is_standard_input(job):
         raise CallError("-: the tuned job stands beside the job; name a file")
-    _check_numbers(trials, robust, confirm, workers, batch, margin, edge, seed, rapid)
+    _check_numbers(trials, robust, uncertain, confirm, workers, batch, margin, edge, seed, rapid)
     if settle_mm is not None and not 0.0 < settle_mm <= 10.0:
         raise CallError(f"settle-mm {settle_mm:g}: must be a distance up to 10, such as 0.01", option=True)
     options.check_seconds("timeout", timeout, 0.0)
@@ -105,6 +111,7 @@ def tune(
     from isel_twin.jobs.job import decode_job
     from isel_twin.jobs.robust import check
     from isel_twin.many.tuning import Problem
+    from isel_twin.many.tuning.result import may_be
     from isel_twin.many.tuning.study import Study, need_optuna
 
     with call_errors(job):
@@ -113,8 +120,10 @@ def tune(
             check_picture(picture, "tune")
         image = flash.read_bytes() if flash is not None else None
         check(call, robust + confirm)
+        check(call, uncertain, "known")
         lines = decode_job(job.read_bytes()) if source is None else source.text
         more: dict[str, Any] = {"each_move": each_move, "rapid_hz": rapid, "ranges": ranges, "repetitions": robust}
+        more["uncertain"] = uncertain
         more["settle_mm"] = settle_mm
         more["speed_share"] = (1.0 - margin) * edge  # at that edge the margin of speed is the one asked for
         problem = Problem(lines, call, timeout_s=timeout, flash=image, **more)
@@ -134,6 +143,9 @@ def tune(
         if picture is not None:
             _draw(picture, job, begun, found)
         if found is not None:
+            if uncertain:
+                known = may_be(problem, found.candidate, found.tried.judgement, crew, lambda: bool(stopped))
+                found = replace(found, may_be=known)
             written = _write(job, found, out, permanent)
     show.over(job, begun, found, bool(stopped), written)
     if stopped:
@@ -144,6 +156,7 @@ def tune(
 def _check_numbers(
     trials: int,
     robust: int,
+    uncertain: int,
     confirm: int,
     workers: int,
     batch: int,
@@ -153,7 +166,8 @@ def _check_numbers(
     rapid: int | None,
 ) -> None:
     for name, value, low in (
-        ("trials", trials, 1), ("robust", robust, 0), ("confirm", confirm, 1), ("workers", workers, 1),
+        ("trials", trials, 1), ("robust", robust, 0), ("uncertain", uncertain, 0), ("confirm", confirm, 1),
+        ("workers", workers, 1),
         ("batch", batch, 1), ("seed", seed, 0), ("rapid", 1 if rapid is None else rapid, 1),
     ):  # fmt: skip
         if value < low:

@@ -148,6 +148,7 @@ class Table(Output):
 
 def _print_found(found: Tuned, study: Study, files: Sequence[Path]) -> None:
     from isel_twin.jobs.robust import at_most
+    from isel_twin.jobs.uncertain import coverage
     from isel_twin.many.tuning.result import ALONE
 
     told, held = _summary(study, found), found.held
@@ -162,6 +163,9 @@ def _print_found(found: Tuned, study: Study, files: Sequence[Path]) -> None:
         f"{100.0 * held.nearly_all:.1f} % or more on {100 - ALONE} % of them; nothing lost: "
         f"at most {100.0 * at_most(held.lost, held.made):.1f} % of such machines lose steps (95 %)"
     )
+    if found.may_be:
+        print(f"as far as this machine is known ({coverage(study.problem.uncertain):.0%}):")
+        print(*(f"  {one.in_words()}" for one in found.may_be), sep="\n")
     print(f"written: {', '.join(map(str, files))}")
     if found.permanent:
         print(f"permanent in the controller by: {'  '.join(found.permanent)}")
@@ -190,6 +194,8 @@ def _summary(study: Study, found: Tuned | None) -> dict[str, Any]:
             "repetitions": held.made, "lost": held.lost, "margin": round(held.margin, 4),
             "margin_of_95_percent": round(held.nearly_all, 4), "at_most": round(at_most(held.lost, held.made), 4),
         }  # fmt: skip
+        if found.may_be:
+            told["uncertain"] = [one.told() for one in found.may_be]
         for key, before in (("saved", as_it_stands), ("saved_against_defaults", defaults)):
             told[key] = round(gain(time_s, before.time_s), 6) if before is not None and before.good else None
     return told

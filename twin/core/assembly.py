@@ -90,6 +90,12 @@ def build_plant(
     return MujocoPlant(machine, thresholds, start_mm, axes, model)
 
 
+def chances(seed: int) -> tuple[np.random.Generator, ...]:
+    """What is left to chance in a twin, each with a generator of its own: power-on positions, trip points of switches,
+    bounces, noise."""
+    return tuple(np.random.default_rng(one) for one in np.random.SeedSequence(seed).spawn(4))
+
+
 def power_on_mm(
     machine: Machine, random: np.random.Generator, wanted_mm: Sequence[float] | None
 ) -> NDArray[np.float64]:

@@ -42,7 +42,7 @@ from isel_twin.controller import (
     UsesDrives,
     offers,
 )
-from isel_twin.core.assembly import PLANTS, HasModel, Plans, build_plant, draw_up, power_on_mm
+from isel_twin.core.assembly import PLANTS, HasModel, Plans, build_plant, chances, draw_up, power_on_mm
 from isel_twin.core.journal import Note
 from isel_twin.core.margins import MarginReaders
 from isel_twin.core.observers import Observers
@@ -167,7 +167,7 @@ class Twin(Operated, Saved, Seen):
         self.language: Language | None = None if plans.new_language is None else plans.new_language()
         """None for a controller that was handed in. Decoders need one of their own."""
         self.machine = plans.machine
-        start, trips, bounces, noise = (np.random.default_rng(s) for s in np.random.SeedSequence(origin.seed).spawn(4))
+        start, trips, bounces, noise = chances(origin.seed)
         self.origin = origin  # what it was built from
         self.time_ns = 0
         self.keys: Mapping[str, Key] = dict(controller.keys) if offers(controller, HasKeys) else {}

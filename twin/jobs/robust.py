@@ -1,22 +1,22 @@
-"""Is the outcome of a job luck? The job is repeated on machines that one can buy: as makers and shops spread them.
+"""Is the outcome of a job luck? It is repeated on other machines, each drawn from seed and number of the repetition.
 
 Near stall the behaviour is chaotic in narrow bands: one speed loses everything, slightly more or less loses nothing.
-One run cannot tell such a job from a reliable one. So it is repeated on other machines, each drawn from seed and number
-of the repetition:
+One run cannot tell such a job from a reliable one. The machines are one of two sorts, of one description
+(machine/spread.py):
 
-    start       another power-on position of each carriage, so another rotor angle and another scatter of the switches
-    winding     warm by 0 to 76 K, the same on all axes: R up to 30 % more, magnets 0.12 % a kelvin weaker
-    motor       of each axis: R normal 4 % (at most 10), L normal 8 % (at most 20; a delivery alike but for 3 %), torque
-                constant +-8 %, rotor inertia normal 5 %, detent log-normal 25 %, iron loss 40 %, its knee 30 %
-    stage       of each axis: current normal 3 %, part of the supply that drives it normal 5 % (at most 10)
-    supply      -12 to +4 %: transformer and rectifier
-    friction    of guides and of screws log-normal 35 %, by a third in common (temperature)
-    screw       efficiency 0.80 to 0.95, stiffness log-normal 35 % (downwards only), backlash log-normal 50 %
-    frame       stiffness log-normal 35 % (downwards only), damping log-normal 47 %; squareness log-normal 50 %
-    load        each moving mass normal 5 %, the payload +-10 %
+    kind     machines that one can buy, on any day: whether a job holds on others of its kind (`--robust`)
+    known    this machine, as far as its numbers are known: a number that was measured hardly varies, an estimate much;
+             what `identify` finds narrows it (`--uncertain`)
 
-Sources: tolerances printed on sheets (R 10 %, L 20 %), catalogues (friction, efficiency, stiffness), the rest estimates
-whose 95 % range is half to twice (jobs/7). A log-normal draw is cut at twice its size.
+What goes together is drawn together:
+
+    start       kind: another power-on position of each carriage, so another rotor angle; both: another scatter of the
+                switches
+    winding     kind: warm by 0 to 76 K, the same on all axes: R up to 30 % more, magnets 0.12 % a kelvin weaker
+    inductance  of a delivery alike but for 3 %
+    friction    of guides and of screws by a third in common (temperature)
+    supply      the same on all axes
+    stiffness   kind: downwards only, as the time step of the machine allows hardly more; known: the step is halved
 
 A job is robust if it is well (jobs/4), and all repetitions end as it does: accepted or not, and on each axis lost or
 not. Of n repetitions without a loss one knows that losses are no more frequent than `at_most`, with 95 % confidence.
@@ -36,16 +36,19 @@ from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.crew import Crew, Stop, in_order
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.base.quiet import quietly
+from isel_twin.core.finer import finely
 from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs.playing import played
 from isel_twin.jobs.verdict import Verdict
 from isel_twin.machine import Machine, with_overrides
+from isel_twin.machine.spread import LAWS, Source, numbers, own, within
 
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
     from isel_twin.jobs.job import Line
 
 COPPER_PER_K, MAGNET_PER_K = 0.00393, -0.0012
+OPTIONS: Mapping[Source, str] = {"kind": "robust", "known": "uncertain"}  # of the command line
 STIFFER = 0.95  # most: the time step of the machine allows hardly more
 CONFIDENCE = 0.95
 
@@ -58,67 +61,97 @@ class Repetition:
     seed: int  # of the twin: power-on positions, switch scatter, bounce
     factors: Mapping[str, float]  # of the machine's numbers, by their keys (`perturbation`)
     verdict: Verdict
+    places_mm: tuple[tuple[float, ...], ...] = ()  # of the carriages after each line, if `known`
 
 
-def perturbation(machine: Machine, seed: int, number: int) -> tuple[int, dict[str, float], dict[str, Any]]:
-    """Seed of a twin, factors and machine overrides of a repetition; the same for the same seed and number. The factors
-    have the keys of the machine file."""
+def perturbation(
+    machine: Machine, seed: int, number: int, source: Source = "kind"
+) -> tuple[int, dict[str, float], dict[str, Any]]:
+    """Seed of a twin, factors and machine overrides of a repetition; the same for the same seed, number and source. The
+    factors have the keys of the machine file."""
     random = np.random.default_rng([seed, number])
     twin_seed = int(random.integers(2**31))
-    draws = _Draws(random, machine.tree)
     tree = machine.tree
+    draws = _Draws(random, tree, np.random.default_rng([seed, number, 1]) if source == "known" else None)
     hot = random.uniform(1.0, 1.3)
-    delivery, grease = draws.normal(0.08), random.standard_normal()
-    supply = random.uniform(0.88, 1.04)
+    if source == "known":
+        hot = 1.0  # R and flux of the file are those of the machine as it was known, at its temperature
+    delivery, grease = draws.of("specimen.inductance"), random.standard_normal()
+    supply = draws.of("stage.supply")
     for name in CARRIAGES:
         axis = f"axes.{name}"
         if "servo" in tree["axes"][name]:
-            draws.put(f"{axis}.servo.supply", supply)
+            draws.put(f"{axis}.servo.supply", supply, "supply")
         else:
             warmer_k = (hot - 1.0) / COPPER_PER_K
-            draws.put(f"{axis}.stage.supply", supply)
-            draws.put(f"{axis}.stage.current", draws.normal(0.03))
-            draws.put(f"{axis}.specimen.resistance", hot * draws.normal(0.04))
+            draws.put(f"{axis}.stage.supply", supply, "supply")
+            draws.put(f"{axis}.stage.current", draws.of("stage.current"))
+            draws.put(f"{axis}.specimen.resistance", hot * draws.of("specimen.resistance"))
             draws.put(f"{axis}.specimen.inductance", np.clip(delivery * draws.normal(0.03), 0.8, 1.2))
             flux = 1.0 + MAGNET_PER_K * warmer_k
-            draws.put(f"{axis}.specimen.torque_constant", flux * random.uniform(0.92, 1.08))
-            draws.put(f"{axis}.specimen.rotor_inertia", draws.normal(0.05))
-            draws.put(f"{axis}.specimen.detent_torque", draws.log_normal(0.25))
-            draws.put(f"{axis}.specimen.iron_loss", draws.log_normal(0.4))
-            draws.put(f"{axis}.specimen.iron_knee", draws.log_normal(0.3))
-            draws.put(f"{axis}.specimen.supply_factor", np.clip(draws.normal(0.05), 0.9, 1.1))
-        draws.put(f"{axis}.guide_friction", draws.log_normal(0.35, grease))
-        screw = draws.log_normal(0.35, grease)
+            draws.put(f"{axis}.specimen.torque_constant", flux * draws.of("specimen.torque_constant"))
+            for part in ("rotor_inertia", "detent_torque", "iron_loss", "iron_knee"):
+                draws.put(f"{axis}.specimen.{part}", draws.of(f"specimen.{part}"))
+            draws.put(f"{axis}.specimen.supply_factor", np.clip(draws.of("specimen.supply_factor"), 0.9, 1.1))
+        draws.put(f"{axis}.guide_friction", draws.of("guide_friction", grease))
+        screw = draws.of("shaft_coulomb", grease)
         draws.put(f"{axis}.shaft_coulomb", screw)
         draws.put(f"{axis}.shaft_viscous", screw)
-        draws.put(f"{axis}.efficiency", random.uniform(0.80, 0.95) / tree["axes"][name]["efficiency"]["value"])
-        draws.put(f"{axis}.stiffness", min(STIFFER, draws.log_normal(0.35)))
-        draws.put(f"{axis}.backlash", draws.log_normal(0.5))
+        draws.put(f"{axis}.efficiency", draws.of("efficiency") / tree["axes"][name]["efficiency"]["value"])
+        draws.put(f"{axis}.stiffness", min(STIFFER, draws.of("stiffness")))
+        draws.put(f"{axis}.backlash", draws.of("backlash"))
     for key in tree["squareness"]:
-        draws.put(f"squareness.{key}", draws.log_normal(0.5))
+        draws.put(f"squareness.{key}", draws.of("squareness"))
     for mode in tree["structure"]:
-        draws.put(f"structure.{mode}.stiffness", min(STIFFER, draws.log_normal(0.35)))
-        draws.put(f"structure.{mode}.damping_ratio", draws.log_normal(0.47))
+        draws.put(f"structure.{mode}.stiffness", min(STIFFER, draws.of("structure.stiffness")))
+        draws.put(f"structure.{mode}.damping_ratio", draws.of("structure.damping_ratio"))
     for mass in tree["masses"]:
-        draws.put(f"masses.{mass}", draws.normal(0.05))
-    draws.put("payload.mass", random.uniform(0.9, 1.1))
+        draws.put(f"masses.{mass}", draws.of("masses"))
+    draws.put("payload.mass", draws.of("payload"))
+    if source == "known":
+        draws.rest()
     return twin_seed, draws.factors, draws.overrides
 
 
 class _Draws:
     """Factors of a machine's numbers, and the overrides that go with them."""
 
-    def __init__(self, random: np.random.Generator, tree: Mapping[str, Any]) -> None:
+    def __init__(
+        self, random: np.random.Generator, tree: Mapping[str, Any], knowledge: np.random.Generator | None
+    ) -> None:
+        """knowledge: for what a number of this machine says of itself, which goes before the law of its kind."""
         self.factors: dict[str, float] = {}
         self.overrides: dict[str, Any] = {}
-        self._random, self._tree = random, tree
+        self._random, self._tree, self._knowledge = random, tree, knowledge
+        self._shared: dict[str, float] = {}
 
-    def put(self, key: str, factor: float) -> None:
+    def put(self, key: str, factor: float, shared: str = "") -> None:
+        """shared: numbers of this name, known with the same interval, are drawn as one."""
         entry: Any = self._tree
         for name in key.split("."):
             entry = entry[name]
+        value = entry["value"]
+        if self._knowledge is not None and value and (interval := own(key, entry)) is not None:
+            deviations = float(self._knowledge.standard_normal())
+            if shared:
+                deviations = self._shared.setdefault(f"{shared} {value} {interval}", deviations)
+            factor = within(value, interval, deviations) / value
         self.factors[key] = float(factor)
-        self.overrides[key] = entry["value"] * float(factor)
+        self.overrides[key] = value * float(factor)
+
+    def rest(self) -> None:
+        """Numbers of no kind that tell an interval of their own, if anything depends on them."""
+        for key, entry in numbers(self._tree):
+            effect = not key.endswith(".lead_error") or self._tree["imperfections"]["lead_error"]
+            if effect and key not in self.factors and entry["value"] and own(key, entry) is not None:
+                self.put(key, 1.0)
+
+    def of(self, kind: str, common: float = 0.0) -> float:
+        """A draw of the law of this kind. common: a normal draw that others have, too, with correlation 0.3."""
+        law = LAWS[kind]
+        if law.shape == "uniform":
+            return float(self._random.uniform(law.low, law.high))
+        return self.normal(law.size) if law.shape == "normal" else self.log_normal(law.size, common)
 
     def normal(self, size: float) -> float:
         """Around 1, cut at two and a half times its size."""
@@ -163,18 +196,19 @@ def separates(trials: Sequence[Repetition]) -> tuple[str, float, float] | None:
     return found
 
 
-def check(call: TwinSpec, number: int) -> None:
+def check(call: TwinSpec, number: int, source: Source = "kind") -> None:
     """Check, before any computation, that a call can be repeated this often.
 
     Raises CallError for a plant without physics, on which no perturbation can have an effect, and for a machine whose
     numbers leave their limits when perturbed.
     """
     if call.plant == "kinematic":
-        raise CallError("robust: the kinematic plant loses no step whatever one perturbs; take mujoco", option=True)
+        option = OPTIONS[source]
+        raise CallError(f"{option}: the kinematic plant loses no step whatever one perturbs; take mujoco", option=True)
     with call_errors():
         machine = call.fitted()
         for n in range(1, number + 1):
-            with_overrides(machine, perturbation(machine, call.seed, n)[2])
+            with_overrides(machine, perturbation(machine, call.seed, n, source)[2])
 
 
 def repetitions(
@@ -186,13 +220,14 @@ def repetitions(
     flash: bytes | None = None,
     crew: Crew | None = None,
     stop: Stop | None = None,
+    source: Source = "kind",
 ) -> Iterator[Repetition]:
-    """Repeat a job with small perturbations; results come in the order of their numbers, with any crew.
+    """Repeat a job on other machines; results come in the order of their numbers, with any crew.
 
     flash: image of the controller's flash memory at the beginning of the job; the call's file is not written. crew:
     None: in this process, on demand. stop: called now and then; True ends the iteration.
     """
-    repeat = functools.partial(_repetition, call, lines, timeout_s, flash)
+    repeat = functools.partial(_repetition, call, lines, timeout_s, flash, source)
     return in_order(repeat, range(1, number + 1), crew, stop)
 
 
@@ -202,17 +237,32 @@ def agree(verdict: Verdict, other: Verdict) -> bool:
     return end == other_end
 
 
-def perturbed_twin(call: TwinSpec, number: int, flash: bytes | None = None) -> tuple[Twin, int, dict[str, float]]:
+def perturbed_twin(
+    call: TwinSpec, number: int, flash: bytes | None = None, source: Source = "kind"
+) -> tuple[Twin, int, dict[str, float]]:
     """The twin of a repetition, its seed and its factors; the call's flash file is not written."""
-    seed, factors, overrides = perturbation(call.fitted(), call.seed, number)
-    spec = call.with_(seed=seed, flash=flash, overrides={**call.overrides, **overrides}, start_mm=None)
-    return spec.build(), seed, factors
+    machine = call.fitted()
+    seed, factors, overrides = perturbation(machine, call.seed, number, source)
+
+    start_mm = None
+    if source == "known":
+        from isel_twin.core.assembly import chances, power_on_mm
+
+        start_mm = tuple(power_on_mm(machine, chances(call.seed)[0], call.start_mm).tolist())
+
+    def built(more: Mapping[str, float]) -> Twin:
+        overrides_now = {**call.overrides, **overrides, **more}
+        return call.with_(seed=seed, flash=flash, overrides=overrides_now, start_mm=start_mm).build()
+
+    return (built({}) if source == "kind" else finely(machine, built)), seed, factors
 
 
 def _repetition(
-    call: TwinSpec, lines: Sequence[Line], timeout_s: float, flash: bytes | None, number: int
+    call: TwinSpec, lines: Sequence[Line], timeout_s: float, flash: bytes | None, source: Source, number: int
 ) -> Repetition:
     """Depends only on its arguments, so that it can run in another process."""
-    twin, seed, factors = perturbed_twin(call, number, flash)
+    twin, seed, factors = perturbed_twin(call, number, flash, source)
     with quietly():
-        return Repetition(number, seed, factors, played(twin, lines, timeout_s=timeout_s).verdict)
+        made = played(twin, lines, timeout_s=timeout_s)
+    places = tuple(result.position_mm for result in made.results) if source == "known" else ()
+    return Repetition(number, seed, factors, made.verdict, places)

@@ -7,6 +7,7 @@ build.py       from its tables to a `Machine`
 fixture.py     what is clamped on the table
 reader.py      from its file to its tables
 overrides.py   another one with some numbers changed
+spread.py      how far a number may be from what the file says
 """
 
 from isel_twin.machine.fixture import Fixture, fixture_table, read_fixtures

@@ -12,6 +12,7 @@ from isel_twin.base.parameters import Place, Row, gather, keys, override, rows
 from isel_twin.machine.build import DEFAULT_DRIVE, DRIVES, build, check_plates
 from isel_twin.machine.fixture import Fixture
 from isel_twin.machine.schema import LEVELS, Imperfections, Machine, MachineError
+from isel_twin.machine.spread import band, numbers
 
 
 class _Made(NamedTuple):
@@ -82,11 +83,13 @@ def _changed(tree: Mapping[str, Any], key: str, value: Any, place: Place) -> Map
 
 def describe(machine: Machine) -> list[Row]:
     """All parameters of a machine; those that are equal on X, Y and Z in one row `axes.all...`, fixtures by name.
-    The unit of a stage's current says that it is the peak."""
+    The interval is that of spread.py. The unit of a stage's current says that it is the peak."""
     tree = dict(machine.tree)
     if machine.fixtures:
         tree["fixture"] = ", ".join(fixture.name for fixture in machine.fixtures)
-    listed = gather(rows(tree), "axes", CARRIAGES)
+    bands = {key: band(key, entry) for key, entry in numbers(tree)}
+    with_bands = (dataclasses.replace(row, interval=bands.get(row.parameter)) for row in rows(tree))
+    listed = gather(with_bands, "axes", CARRIAGES)
     return [
         dataclasses.replace(row, unit="A peak") if row.parameter.endswith(".stage.current") else row for row in listed
     ]

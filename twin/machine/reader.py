@@ -118,6 +118,8 @@ def _as_peak(tree: Mapping[str, Any], place: Place) -> None:
             rms = stage.pop(_RMS)
             peak_a = math.sqrt(2.0) * quantity(rms, _CURRENT_RMS_A, where)
             stage["current"] = {**rms, "value": round(peak_a, 4), "source": f"{rms['value']:g} A RMS; {rms['source']}"}
+            if "interval" in rms:
+                stage["current"]["interval"] = [round(math.sqrt(2.0) * end, 4) for end in rms["interval"]]
 
 
 def _from_here(entry: Any, folder: Path) -> Any:

@@ -157,10 +157,12 @@ def _limits(checked: Report, bounds: Bounds | None) -> str:
         limits["unfinished"] = f"{bounds.timeout_s:g} s a command"
         if bounds.robust:
             limits["luck"] = f"{bounds.robust} repetitions"
+        if bounds.uncertain:
+            limits["doubt"] = f"{bounds.uncertain} repetitions"
     rows = []
     for rule, demand in RULES.items():
         number = sum(finding.rule == rule for finding in checked.findings)
-        unbound = rule in ("margin", "edge", "deviation", "cycle", "clearance", "luck") and rule not in limits
+        unbound = rule in ("margin", "edge", "deviation", "cycle", "clearance", "luck", "doubt") and rule not in limits
         told = _many(number, "finding") if number else ("no limit" if unbound else "ok")
         if rule == "golden" and not checked.golden.call:
             told = "not compared"

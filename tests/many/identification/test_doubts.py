@@ -76,7 +76,7 @@ def test_a_model_that_does_not_explain_measures_nothing(at_the_tool: Fit, near: 
     wrong = dataclasses.replace(at_the_tool, chi2=4.2, chi2_limit=1.8)
     for result, grade in ((at_the_tool, "measured"), (wrong, "estimate")):
         text = patch(result, near, "4030", "found", CONTROLLER, ["day"], ["other"])
-        assert f'grade = "{grade}", source = "identified' in text
+        assert f'grade = "{grade}", interval = [' in text
     assert "chi-square 4.2 per degree of freedom, by chance at most 1.8" in wrong.doubts[-1]
     assert "does not explain" in page("found", wrong, ["day"], [])
 
@@ -134,6 +134,8 @@ def test_guide_and_screw_friction_that_differ_are_called_inseparable(
         assert entry["grade"] == "estimate"
         low, _, high = entry["source"].partition("factor ")[2].partition(",")[0].partition(" .. ")
         assert float(low) <= factor <= float(high), entry["source"]
+        least, most = entry["interval"]
+        assert least <= factor * {"guide_friction": guide, "shaft_coulomb": screw}[key] <= most
 
 
 def test_two_numbers_that_data_see_apart_are_not_called_alike(near: Machine) -> None:

@@ -13,7 +13,7 @@ from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs.job import parse_job
 from isel_twin.jobs.robust import repetitions
 from isel_twin.many.studies import wilson
-from isel_twin.many.studies.plan import load_plan
+from isel_twin.many.studies.plan import PlanError, load_plan
 from isel_twin.many.studies.points import points
 from isel_twin.many.studies.row import OUTCOMES, MismatchError, compute
 from tests.many.studies.test_plan import plan
@@ -156,6 +156,19 @@ def test_perturbed_machines_are_those_of_run_robust(plans: Path) -> None:
     least = [min(each for each in verdict.margin if each is not None) for verdict in repeated]
     assert [row["margin"] for row in found] == least
     assert least[0] != least[1]
+
+
+def test_seeds_may_be_machines_that_this_one_may_be(plans: Path) -> None:
+    text = "@07\n@0R7\n@0A3200,8000,0,30,0,30,0,30\n"
+    (plans / "job.txt").write_text(text, encoding="utf-8")
+    head = HEAD.replace("kinematic", "mujoco").replace("start_mm =", 'perturbed = "uncertain"\nseeds = [1]\nstart_mm =')
+    (row,) = rows(plan(plans, head))
+    lines = parse_job(text, Twin(plant="kinematic").language, "imc-s8")
+    call = TwinSpec(start_mm=(2.0, 2.0, 2.0))
+    (trial,) = repetitions(call, lines, 1, timeout_s=60.0, source="known")
+    assert (row["margin"], row["cycle_s"]) == (trial.verdict.least_margin, trial.verdict.cycle_s)
+    with pytest.raises(PlanError, match="perturbed: 'no'; allowed: true, false, 'uncertain'"):
+        load_plan(plan(plans, head.replace('"uncertain"', '"no"')))
 
 
 def test_a_worker_with_another_version_or_machine_computes_nothing(plans: Path) -> None:

@@ -27,6 +27,7 @@ from isel_twin.jobs.checks.contour import Drawing
 from isel_twin.jobs.checks.job import Inspection, Mark, Report, repeated
 from isel_twin.jobs.checks.rules import Bounds
 from isel_twin.jobs.job import JobError, Line, check_conditions, ends_job, play
+from isel_twin.jobs.playing import Played
 from isel_twin.jobs.result import Result
 from isel_twin.jobs.verdict import judge
 
@@ -83,7 +84,7 @@ class IncrementalCheck:
             self._lines = lines[: len(inspection.results)]
         self.played = len(inspection.results) - start
         verdict = judge(inspection.twin, inspection.results, len(lines) - len(inspection.results))
-        others = repeated(self.call, lines, verdict, self.bounds)
+        others = repeated(self.call, lines, Played(tuple(inspection.results), verdict), self.bounds)
         return inspection.report(str(self.job), verdict, others)
 
     def _begin(self) -> Inspection:

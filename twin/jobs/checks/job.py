@@ -26,7 +26,7 @@ from isel_twin.jobs.checks.contour import Contour, Drawing, Way
 from isel_twin.jobs.checks.rules import Bounds, Finding, few
 from isel_twin.jobs.golden import Golden, Scribe, called, differences, golden_file, load
 from isel_twin.jobs.job import Line
-from isel_twin.jobs.playing import played
+from isel_twin.jobs.playing import Played, played
 from isel_twin.jobs.result import Result
 from isel_twin.jobs.verdict import Verdict, lost
 from isel_twin.jobs.why import RESTARTED
@@ -34,6 +34,7 @@ from isel_twin.jobs.why import RESTARTED
 if TYPE_CHECKING:
     from isel_twin.core.spec import TwinSpec
     from isel_twin.core.twin import Twin
+    from isel_twin.jobs.robust import Repetition
 
 LOOK_NS = 5 * MILLISECOND_NS  # sampling interval of the deviation
 
@@ -278,7 +279,8 @@ def check_job(
     if begun is not None:
         begun(inspection)
     verdict = played(inspection.twin, lines, [inspection.take], inspection.bounds.timeout_s).verdict
-    return inspection.report(str(job), verdict, repeated(call, lines, verdict, inspection.bounds))
+    others = repeated(call, lines, Played(tuple(inspection.results), verdict), inspection.bounds)
+    return inspection.report(str(job), verdict, others)
 
 
 def _expected(finding: Finding, verdict: Verdict, results: Sequence[Result]) -> bool:
@@ -397,14 +399,44 @@ def _of_verdict(verdict: Verdict, gone: NDArray[np.bool_], results: Sequence[Res
     return found
 
 
-def repeated(call: TwinSpec, lines: Sequence[Line], verdict: Verdict, bounds: Bounds) -> list[Finding]:
+def repeated(call: TwinSpec, lines: Sequence[Line], made: Played, bounds: Bounds) -> list[Finding]:
     """What repetitions of the job show, if there are to be any."""
-    if not bounds.robust:
-        return []
     from isel_twin.jobs.robust import agree, repetitions
 
-    others = repetitions(call, lines, bounds.robust, timeout_s=bounds.timeout_s)
-    differ = [other.number for other in others if not agree(verdict, other.verdict)]
-    numbers = ", ".join(map(str, differ[:10]))
-    told = f"{len(differ)} of {bounds.robust} repetitions end otherwise: number {numbers}"
-    return [Finding("luck", told)] if differ else []
+    found = []
+    if bounds.robust:
+        others = repetitions(call, lines, bounds.robust, timeout_s=bounds.timeout_s)
+        differ = [other.number for other in others if not agree(made.verdict, other.verdict)]
+        found += [Finding("luck", _otherwise(differ, bounds.robust, "end otherwise"))] if differ else []
+    if bounds.uncertain:
+        may_be = list(repetitions(call, lines, bounds.uncertain, timeout_s=bounds.timeout_s, source="known"))
+        found += _doubts(made, may_be, bounds)
+    return found
+
+
+def _otherwise(numbers: Sequence[int], of: int, how: str) -> str:
+    return f"{len(numbers)} of {of} repetitions {how}: number {', '.join(map(str, numbers[:10]))}"
+
+
+def _doubts(made: Played, may_be: Sequence[Repetition], bounds: Bounds) -> Iterator[Finding]:
+    """What repetitions on machines that this one may be show, each with the band of what it is about."""
+    from isel_twin.jobs.robust import agree
+    from isel_twin.jobs.uncertain import bands
+
+    known = {band.what: band for band in bands(made.verdict, made.results, may_be)}
+
+    def doubt(what: str, how: str, wrong: Callable[[Verdict], bool]) -> Iterator[Finding]:
+        numbers = [one.number for one in may_be if wrong(one.verdict)]
+        if numbers and not wrong(made.verdict):  # else that is told of the machine as it is
+            where = f"; {known[what].in_words()}" if what in known else ""
+            yield Finding("doubt", f"{_otherwise(numbers, len(may_be), how)}{where}")
+
+    yield from doubt("", "end otherwise", lambda verdict: not agree(made.verdict, verdict))
+    if (cycle_s := bounds.cycle_s) is not None:
+        yield from doubt("time", f"take more than {cycle_s:g} s", lambda verdict: verdict.cycle_s > cycle_s)
+    if (margin := bounds.margin) is not None:
+        few = f"keep less than {100.0 * margin:g} %"
+        yield from doubt("margin", few, lambda v: v.least_margin is not None and v.least_margin < margin)
+    if (edge := bounds.edge) is not None:
+        swing = f"swing below {edge:g} times their speed"
+        yield from doubt("edge", swing, lambda v: v.least_edge is not None and v.least_edge[0] < edge)

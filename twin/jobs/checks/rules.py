@@ -21,7 +21,9 @@ deviation     true position and counter differ by more, sampled every 5 ms      
 contour       the carriages leave what a file of a CAM program cuts by more           `contour_mm`
 cycle         first command to end of the last one takes longer                       `cycle_s`
 golden        the run differs from the golden run of the job, if it has one           `golden`
-luck          repetitions on slightly different machines end differently              `robust`
+luck          repetitions on other machines of the kind end differently               `robust`
+doubt         repetitions on what this machine may be, as far as it is known, end     `uncertain`
+              differently or break the bounds on margin, edge or time
 odd           a line is legal and absurd: a move that crawls (a warning)               always
 effect        an event of the scenario came too late, or it or a bound had no effect  always
               (a warning)
@@ -54,7 +56,8 @@ RULES: Mapping[str, str] = {
     "contour": "What is cut is what the file draws, within a tolerance.",
     "cycle": "The job takes no longer than it may.",
     "golden": "The job does what it did.",
-    "luck": "The job ends alike on slightly different machines.",
+    "luck": "The job ends alike on other machines of the kind.",
+    "doubt": "The job ends alike, and within its bounds, on all that this machine may be, as far as it is known.",
     "odd": "No move crawls.",
     "effect": "Every event of the scenario comes in time, and has an effect as every bound has.",
 }
@@ -73,7 +76,8 @@ class Bounds:
     cycle_s: float | None = None
     clearance: float | None = None  # least distance of bodies that must not meet, mm
     may_strike: tuple[str, ...] = ()  # end switches that may be struck; "all"
-    robust: int = 0  # repetitions
+    robust: int = 0  # repetitions on other machines of the kind
+    uncertain: int = 0  # and on what this machine may be
     timeout_s: float = TIMEOUT_S
 
 

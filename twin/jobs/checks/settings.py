@@ -15,7 +15,8 @@
     clearance = 2.0                  # least distance of what must not meet, mm
     may_strike = ["limit_x1"]        # end switches that may be struck outside a reference run; ["all"]
     golden = true                    # compare a job with its golden run, if it has one (the default)
-    robust = 20                      # repetitions on slightly different machines
+    robust = 20                      # repetitions on other machines of the kind
+    uncertain = 20                   # and on what this machine may be, as far as its numbers are known
     timeout_s = 600.0                # of each command
 
     [[fixture]]                      # clamped on the table, for every job below this folder
@@ -62,6 +63,7 @@ _NUMBERS: Mapping[str, Limits] = {
     "cycle_s": Limits("s", 0.0, 1e9),
     "clearance": Limits("mm", 0.0, MOST_CLEARANCE_MM),
     "robust": Limits("repetitions", 0, 10_000, whole=True),
+    "uncertain": Limits("repetitions", 0, 10_000, whole=True),
     "timeout_s": Limits("s", 0.0, 1e9),
 }
 _OFF = ("margin", "edge", "deviation_mm", "contour_mm", "cycle_s", "clearance")  # bounds that may be "off"

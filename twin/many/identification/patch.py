@@ -4,11 +4,12 @@
     name = "4030-identified"
 
     [axes.x]
-    backlash = { value = 0.0312, unit = "mm", grade = "measured", source = "identified from a: 95 % 0.027 .. 0.036" }
+    backlash = { value = 0.0312, unit = "mm", grade = "measured", interval = [0.027, 0.036], source = "..." }
 
 Only identified numbers are in it, and of a common factor only those that a datum moves. Their grade is `measured` if
 recordings were held back and are predicted better and the model explains what was fitted; without that, or if a number
-is known only roughly or not told apart from others of its factor, it is `estimate`.
+is known only roughly or not told apart from others of its factor, it is `estimate`. Whatever the grade, the interval
+stands beside it: `--uncertain` draws from it, and another identification begins with it.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from isel_twin.base.toml import toml_line
 from isel_twin.machine import Machine
 from isel_twin.many.identification.fit import NORMAL_95, Fit
 from isel_twin.many.identification.model import WEAK
-from isel_twin.many.identification.unknowns import candidate, changes
+from isel_twin.many.identification.unknowns import Unknown, candidate, changes
 from isel_twin.models import machine_names
 
 
@@ -50,18 +51,26 @@ def patch(
             flags[item.flag] = None
         unit = "" if item.unit == "1" else f" {item.unit}"
         of = "factor " if item.factor else ""
-        for key, value in changes(machine, [item], [estimate.value]).items():
+        for key in item.keys:
             if key in kept:
                 continue
             table, _, last = key.rpartition(".")
-            number = value if item.whole else float(f"{value:.6g}")
             low, high, apart = estimate.low, estimate.high, ""
             if key in alone:
                 half, middle = NORMAL_95 * alone[key], item.at(estimate.value)
                 low, high, apart = item.value(middle - half), item.value(middle + half), ", not told apart"
+            if not item.place and estimate.value >= 0.0:
+                low = max(low, 0.0)
             source = f"identified from {', '.join(fitted)}: 95 % {of}{low:.4g} .. {high:.4g}{unit}{apart}"
-            own = "estimate" if apart else grade
-            entry = {"value": number, "unit": units.get(key, item.unit), "grade": own, "source": source}
+            entry = {
+                "value": _number(machine, item, key, estimate.value),
+                "unit": units.get(key, item.unit),
+                "grade": "estimate" if apart else grade,
+                "interval": [_number(machine, item, key, low), _number(machine, item, key, high)],
+                "source": source,
+            }
+            if item.whole:
+                del entry["interval"]
             tables.setdefault(table, []).append(toml_line(last, entry))
     step_ms = _step_ms(result, machine, controller)
     if step_ms is not None:
@@ -82,6 +91,11 @@ def patch(
     if wanted := [flag for flag in flags if not getattr(machine.imperfections, flag)]:
         lines += ["", "[imperfections]", *(f"{flag} = true" for flag in wanted)]
     return "\n".join(lines) + "\n"
+
+
+def _number(machine: Machine, item: Unknown, key: str, value: float) -> float:
+    found = changes(machine, [item], [value])[key]
+    return found if item.whole else float(f"{found:.6g}")
 
 
 def _step_ms(result: Fit, machine: Machine, controller: str) -> float | None:

@@ -33,11 +33,12 @@ from numpy.typing import NDArray
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.parameters import Place
 from isel_twin.base.units import SECOND_NS
+from isel_twin.core.finer import finely
 from isel_twin.core.journal import Received
 from isel_twin.core.twin import Twin
 from isel_twin.jobs.verdict import lost
 from isel_twin.language import Language, MoveSettings, create_language, needed
-from isel_twin.machine import Machine, MachineError, with_overrides
+from isel_twin.machine import Machine, with_overrides
 from isel_twin.many.identification.measured import Act, Measured, Reading, Stall
 from isel_twin.recordings.compare import paired, traffic
 from isel_twin.recordings.reading import Recorded, RecordingError
@@ -58,7 +59,6 @@ STALL_COARSE, STALL_FINE = 1.1, 1.02
 REST_SIGMA_MM = 0.001
 REFERENCE_SIGMA_S = 0.015  # of a reference run, beside the clock's: a switch scatters by 10 to 15 um, left at 1 mm/s
 MISSED = 1e4  # residual, in standard deviations, where the model has no value because the command got no reply
-MOST_HALVINGS = 3  # most halvings of the time step, for candidates that need a shorter one
 _PATIENCE_S = 3600.0
 
 
@@ -316,16 +316,12 @@ def model_twin(machine: Machine, controller: str, line_speed: bool = False) -> T
     machine, the steps are halved. Raises MachineError.
     """
     x, y, z = (min(START_MM, 0.5 * axis.travel_mm) for axis in machine.axes)
-    for _ in range(MOST_HALVINGS):
-        try:
-            return Twin(machine, controller, "mujoco", 0, line_speed=line_speed, start_mm=(x, y, z), keep_motions=1)
-        except MachineError as error:
-            timing = machine.tree["timing"]
-            step_ms = 0.5 * float(timing["mujoco_step"]["value"])
-            if "timing.mujoco_step" not in str(error) or (1e3 * step_ms) % float(timing["motor_substep"]["value"]):
-                raise
-            machine = with_overrides(machine, {"timing.mujoco_step": step_ms})
-    return Twin(machine, controller, "mujoco", 0, line_speed=line_speed, start_mm=(x, y, z), keep_motions=1)
+
+    def made(more: Mapping[str, float]) -> Twin:
+        finer = with_overrides(machine, more)
+        return Twin(finer, controller, "mujoco", 0, line_speed=line_speed, start_mm=(x, y, z), keep_motions=1)
+
+    return finely(machine, made)
 
 
 def referenced(controller: str, machine: Machine) -> Twin:

@@ -20,26 +20,24 @@ In the fit each is a number u, 0 at the prior value, in standard deviations of t
 
     value = prior exp(s u)      if positive                  value = prior + s u      if 0 or negative is possible
 
-The prior range holds 95 %, so s is a quarter of its width (in the logarithm). By default it follows from the grade of
-the number in the machine file, GRADE_FACTOR.
+The prior range holds 95 %, so s is a quarter of its width (in the logarithm). By default it is the interval that the
+machine file tells, else what its grade means (machine/spread.py); of a common factor the widest of its numbers.
 """
 
 from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from isel_twin.base.axes import CARRIAGES
-from isel_twin.base.parameters import hint, rows
+from isel_twin.base.parameters import Row, hint, rows
 from isel_twin.machine import Machine, machine_from_tree
+from isel_twin.machine.spread import GRADE_FACTOR, LEAD_PERCENT
 
-# by grade: the prior range is from the value divided by this to the value times this
-GRADE_FACTOR: Mapping[str, float] = {"measured": 1.1, "datasheet": 1.2, "setting": 1.2, "estimate": 2.0}
 SWITCH_MM = 2.0  # prior range of a switch position, either way: cams are clamped by hand
-LEAD_PERCENT = 0.1  # prior range of a lead error, either way: rolled screws of class C7 to C10 have 0.05 to 0.2 %
 
 FRICTION_KEYS = ("guide_friction", "shaft_coulomb", "shaft_viscous")  # of an axis
 
@@ -170,11 +168,13 @@ def unknown(machine: Machine, name: str, span: tuple[float, float] | None = None
         source = f"range of {low:g} .. {high:g}"
         if not low <= prior <= high:
             prior = math.sqrt(low * high) if low > 0.0 and meaning.half is None else 0.5 * (low + high)
+    elif (told := _told(found, meaning)) is not None and told[0] < prior < told[1]:
+        low, high = told
     elif meaning.half is not None:
         low, high = prior - meaning.half, prior + meaning.half
     elif prior > 0.0:
-        times = max(GRADE_FACTOR[row.grade] for row in found)
-        low, high = prior / times, prior * times
+        low = prior * min(_share(row, 0) for row in found)
+        high = prior * max(_share(row, 1) for row in found)
     else:
         raise ValueError(f"prior {name}: is {prior:g} in the machine file; say a range: --prior {name}=LOW..HIGH")
     return Unknown(
@@ -190,6 +190,18 @@ def unknown(machine: Machine, name: str, span: tuple[float, float] | None = None
         flag=meaning.flag,
         place=meaning.half is not None,
     )
+
+
+def _told(found: Sequence[Row], meaning: _Meaning) -> tuple[float, float] | None:
+    """The interval that the file tells of the one number that a parameter is."""
+    return found[0].interval if len(found) == 1 and not meaning.factor else None
+
+
+def _share(row: Row, end: int) -> float:
+    """The lower (0) or upper (1) end of the prior range of a number over it."""
+    if row.interval is not None:
+        return row.interval[end] / float(row.value)
+    return GRADE_FACTOR[row.grade] ** (2 * end - 1)
 
 
 def _supply(machine: Machine) -> list[str]:
@@ -229,7 +241,8 @@ def candidate(machine: Machine, unknowns: Sequence[Unknown], values: Sequence[fl
         for part in path:
             content = content.setdefault(part, {})
         old = content.get(last) or {"unit": units.get(key, "1")}
-        content[last] = {**old, "value": value, "grade": "measured", "source": "candidate"}
+        said = {part: told for part, told in old.items() if part != "interval"}
+        content[last] = {**said, "value": value, "grade": "measured", "source": "candidate"}
     for item in unknowns:
         if item.flag:
             tree["imperfections"][item.flag] = True

@@ -41,7 +41,7 @@ from pathlib import Path
 from typing import Any
 
 from isel_twin.base.axes import CARRIAGES
-from isel_twin.base.parameters import FileError, Limits, Place, boolean, known, plain, read_toml, table, text
+from isel_twin.base.parameters import FileError, Limits, Place, known, plain, read_toml, table, text
 from isel_twin.base.toml_lines import read_lines
 from isel_twin.core.spec import TwinSpec
 from isel_twin.core.twin import PLANTS
@@ -54,7 +54,7 @@ from isel_twin.language import create_language
 from isel_twin.machine import load_machine
 from isel_twin.many.studies import parameters as varying
 from isel_twin.many.studies.parameters import Parameter, checked_number
-from isel_twin.many.studies.row import Work
+from isel_twin.many.studies.row import UNCERTAIN, Work
 from isel_twin.version import VERSION
 
 SECTIONS = ("machine", "settings", "job", "scenario")  # sections of parameters in a plan
@@ -155,7 +155,9 @@ def _same(content: Mapping[str, Any], place: Place, folder: Path) -> tuple[TwinS
             if "job" in content
             else "missing; allowed: a file of commands, or moves = [[X, Y, Z], ...] in mm"
         )
-    perturbed = boolean(content.get("perturbed", False), place.at("perturbed"))
+    perturbed = content.get("perturbed", False)
+    if perturbed != UNCERTAIN and not isinstance(perturbed, bool):
+        raise place.at("perturbed").wrong(f"{perturbed!r}; allowed: true, false, {UNCERTAIN!r}")
     may_strike = switch_names(content.get("may_strike", []), place.at("may_strike"))
     called = content.get("machine", "4030")
     if (folder / called).is_dir():

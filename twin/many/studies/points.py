@@ -62,6 +62,7 @@ def all_points(plan: Plan) -> Iterator[Point]:
     same = dataclasses.asdict(dataclasses.replace(plan.work, parameters=(), job_name="", spec=TwinSpec()))
     if same["bounds"]["clearance"] is None:
         del same["bounds"]["clearance"]  # keeps the ids of rows of older tables
+    del same["bounds"]["uncertain"]  # of `check` alone
     del same["spec"]  # the content of job and machine counts, not their names
     same |= {"machine": "", "controller": spec.controller, "plant": spec.plant, "start_mm": spec.start_mm}
     digest = hashlib.sha256(_canonical(same))

@@ -58,6 +58,9 @@ class MismatchError(RuntimeError):
     """The computing process has another version of the package, or another machine of that name."""
 
 
+UNCERTAIN = "uncertain"
+
+
 @dataclass(frozen=True)
 class Work:
     """What all rows of a sweep have in common; sent to the workers."""
@@ -69,7 +72,8 @@ class Work:
     spec: TwinSpec = field(default_factory=TwinSpec)  # the twin of all rows, without seed, events and overrides
     machine_digest: str = ""
     events: tuple[Mapping[str, Any], ...] = ()
-    perturbed: bool = False  # each seed has a slightly different machine, as with `isel-twin run --robust`
+    # each seed has another machine, as with `isel-twin run --robust`; UNCERTAIN: what this one may be, as with that
+    perturbed: bool | str = False
     bounds: Bounds = field(default_factory=Bounds)
     parameters: tuple[tuple[str, str, str], ...] = ()  # section, key and unit of each value of a point
 
@@ -127,19 +131,20 @@ def _made(work: Work, point: Point) -> dict[str, Any]:
     from isel_twin.jobs.checks.job import Inspection
     from isel_twin.jobs.job import check_conditions
     from isel_twin.jobs.playing import played
-    from isel_twin.jobs.robust import perturbation
+    from isel_twin.jobs.robust import perturbation, perturbed_twin
     from isel_twin.jobs.verdict import whole_slips
 
     given = dict(zip(work.parameters, point.values, strict=True))
     call = work.spec.with_(seed=point.seed)
     call = call.with_(overrides=_overrides(call, _of(given, "machine")))
-    if work.perturbed:
+    known = work.perturbed == UNCERTAIN
+    if work.perturbed and not known:
         seed, _, overrides = perturbation(call.fitted(), 0, point.seed)
         call = call.with_(seed=seed, overrides={**call.overrides, **overrides})
     if work.events:
         call = call.with_events(_events(work, _of(given, "scenario")))
     lines = _lines(work, given, call)
-    twin = call.build()
+    twin = perturbed_twin(call.with_(seed=0), point.seed, source="known")[0] if known else call.build()
     check_conditions(lines, twin)
     inspection = Inspection(twin, work.bounds)
     verdict = played(twin, lines, [inspection.take], work.bounds.timeout_s).verdict

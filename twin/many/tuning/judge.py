@@ -1,7 +1,8 @@
 """Judges one setting: the job on the machine as it is, and on similar machines, until something is wrong.
 
     repetition 0      the machine as it is          time, from the first move to the end of the last line
-    repetition n      `isel_twin.jobs.robust`: other power-on position, supply, friction, masses and payload
+    repetition n      another machine of the kind, of `isel_twin.jobs.robust`
+    repetition -n     the n-th that this machine may be, as far as its numbers are known
 
 Equal numbers mean equal machines for every setting (common random numbers), so that two settings differ only by
 themselves. The first lost step ends the repetition and the judgement: the rest of the job would have no meaning.
@@ -81,7 +82,7 @@ class Judgement:
 def make(candidate: Candidate, weather: Weather, number: int) -> Judgement:
     """Make a job once; depends only on its arguments, so that it can run in another process."""
     if number:
-        twin, _, _ = perturbed_twin(weather.call, number, weather.flash)
+        twin, _, _ = perturbed_twin(weather.call, abs(number), weather.flash, "kind" if number > 0 else "known")
     else:
         twin = weather.call.with_(flash=weather.flash).build()
     first = FirstLoss(twin)
@@ -99,7 +100,8 @@ def make(candidate: Candidate, weather: Weather, number: int) -> Judgement:
         rest = met or ("a rotor rests halfway" if slipped else "the controller is in error")
         why = _wrong(results) or losses(twin) or rest
     if why:
-        why = f"line {results[-1].number}: {why}{f', repetition {number}' if number else ''}"
+        where = f", repetition {number}" if number > 0 else f", number {-number} of what this machine may be"
+        why = f"line {results[-1].number}: {why}{where if number else ''}"
     counted = [result for result in results if result.number >= candidate.first]
     margins = [_kept(result, weather.speed_share) for result in counted]
     rings_ns = {} if settling is None else settling.of_line_ns

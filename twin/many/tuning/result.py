@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from isel_twin.base.crew import Crew, Stop
+from isel_twin.jobs.robust import perturbation
+from isel_twin.jobs.uncertain import Band, band
 from isel_twin.language import MoveSettings
 from isel_twin.many.tuning.judge import Judgement, Weather, repeated
 from isel_twin.many.tuning.space import Candidate, Problem
@@ -55,6 +57,7 @@ class Tuned:
     held: Held
     permanent: tuple[str, ...]  # lines that make its ramps, those of the most careful move, its own (many/6)
     kept: MoveSettings  # the stored settings; the speed is in the job
+    may_be: tuple[Band, ...] = ()  # time and margin, as far as the machine is known
 
 
 def front(tried: Sequence[Tried]) -> list[Tried]:
@@ -106,6 +109,20 @@ def tuned(problem: Problem, tried: Tried, held: Held) -> Tuned:
     )
     permanent = tuple(problem.language.permanent(kept))
     return Tuned(tried, problem.candidate(tried.values), held, permanent, kept)
+
+
+def may_be(
+    problem: Problem, candidate: Candidate, as_it_is: Judgement, crew: Crew | None = None, stop: Stop | None = None
+) -> tuple[Band, ...]:
+    """Bands of time and margin of a job on the machines that this one may be; none if stopped, or if it fails there."""
+    made = repeated(candidate, Weather.of(problem), problem.may_be, 0.0, crew, stop)
+    if not made or made[-1].why:
+        return ()
+    call = problem.call
+    drawn = [perturbation(call.fitted(), call.seed, -number, "known")[1] for number in problem.may_be]
+    outcomes = (("time", "s", as_it_is.time_s), ("margin", "", as_it_is.margin))
+    values = ([one.time_s for one in made], [one.margin for one in made])
+    return tuple(band(*of, drawn, each) for of, each in zip(outcomes, values, strict=True) if len(made) > 1)
 
 
 def gain(now_s: float, before_s: float) -> float:

@@ -105,7 +105,8 @@ class Problem:
     each_move: bool = False
     rapid_hz: int | None = None
     ranges: Mapping[str, tuple[int, int]] = field(default_factory=dict)  # ranges within the language's, by SETTINGS
-    repetitions: int = 5  # number of slightly different machines for judging a setting, beside the machine as it is
+    repetitions: int = 5  # number of other machines of the kind for judging a setting, beside the machine as it is
+    uncertain: int = 0  # and of machines that this one may be, as far as it is known
     timeout_s: float = 3600.0
     # a motor that turns at 1/e of the speed from which on it swings keeps a margin of 1 - speed_share/e
     speed_share: float = 1.0
@@ -121,6 +122,11 @@ class Problem:
             raise ValueError("there is no move in the job that settings could be brought to")
         if not any(group.parameters for group in self.groups):
             raise ValueError("nothing is left to be tried: every range is a single number")
+
+    @property
+    def may_be(self) -> tuple[int, ...]:
+        """Numbers of the repetitions on machines that this one may be (judge.py)."""
+        return tuple(-number for number in range(1, self.uncertain + 1))
 
     @cached_property
     def language(self) -> RetimesJobs:
@@ -286,6 +292,7 @@ class Problem:
             "speed of rapid ways": self.rapid_from_hz,
             "choice of parameters": digest(repr(self.parameters).encode()),
             **({} if self.settle_mm is None else {"settling": self.settle_mm}),
+            **({"number of machines that it may be": self.uncertain} if self.uncertain else {}),
             **clamped,
         }
 

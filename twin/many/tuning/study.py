@@ -66,7 +66,7 @@ class Study:
         self._where = _place(storage)
         self.batch = batch
         self._weather = Weather.of(problem)
-        self._numbers = range(problem.repetitions + 1)
+        self._numbers = (*range(problem.repetitions + 1), *problem.may_be)
         self._study = _opened(storage, name)
         self._check({**problem.about(), "seed of the study": seed, "size of a batch": batch})
 
