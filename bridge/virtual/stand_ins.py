@@ -81,38 +81,49 @@ def replace_all(active: Turns, more: Sequence[tuple[Any, Any]] = ()) -> Callable
     pairs = [*(pair for room in rooms for pair in room.stand_ins()), *own, *more]
     table = {id(real): (real, stand_in) for real, stand_in in pairs}
     undo: list[tuple[Any, str, Any]] = []
+    finder = windows.Finder()
 
     def put(owner: Any, name: str, value: Any) -> None:
         undo.append((owner, name, vars(owner).get(name, _ABSENT)))
         setattr(owner, name, value)
 
-    for module_name, module in list(sys.modules.items()):
-        if not isinstance(module, ModuleType) or module_name.split(".")[0] in _KEPT_MODULES:
-            continue
-        for name, value in list(vars(module).items()):
-            real, stand_in = table.get(id(value), (_ABSENT, None))
-            if real is value:
-                put(module, name, stand_in)
-    put(datetime, "datetime", clocks.VirtualDatetime)
-    put(datetime, "date", clocks.VirtualDate)
-    put(threading.Thread, "join", locks.join)
-    put(threading.Thread, "is_alive", locks.is_alive)
-    put(threading.Event, "is_set", locks.is_set)
-    put(_thread, "start_new_thread", table[id(locks.REAL_START)][1])
-    put(serialutil.Timeout, "TIME", table[id(_real_monotonic)][1])
-    for owner, name, method in refused:
-        put(owner, name, method)
-    for module, name, replacement in list(windows.loaded()):
-        put(module, name, replacement)
-    finder = windows.Finder()
-    sys.meta_path.insert(0, finder)
-
     def put_back() -> None:
-        sys.meta_path.remove(finder)
-        for owner, name, value in reversed(undo):
-            if value is _ABSENT:
-                delattr(owner, name)
-            else:
-                setattr(owner, name, value)
+        """Undo all, whatever signal handlers raise meanwhile."""
+        try:
+            if finder in sys.meta_path:
+                sys.meta_path.remove(finder)
+            while undo:
+                owner, name, value = undo[-1]
+                if value is not _ABSENT:
+                    setattr(owner, name, value)
+                elif name in vars(owner):
+                    delattr(owner, name)
+                undo.pop()
+        except BaseException:
+            put_back()
+            raise
 
+    try:
+        for module_name, module in list(sys.modules.items()):
+            if not isinstance(module, ModuleType) or module_name.split(".")[0] in _KEPT_MODULES:
+                continue
+            for name, value in list(vars(module).items()):
+                real, stand_in = table.get(id(value), (_ABSENT, None))
+                if real is value:
+                    put(module, name, stand_in)
+        put(datetime, "datetime", clocks.VirtualDatetime)
+        put(datetime, "date", clocks.VirtualDate)
+        put(threading.Thread, "join", locks.join)
+        put(threading.Thread, "is_alive", locks.is_alive)
+        put(threading.Event, "is_set", locks.is_set)
+        put(_thread, "start_new_thread", table[id(locks.REAL_START)][1])
+        put(serialutil.Timeout, "TIME", table[id(_real_monotonic)][1])
+        for owner, name, method in refused:
+            put(owner, name, method)
+        for module, name, replacement in list(windows.loaded()):
+            put(module, name, replacement)
+        sys.meta_path.insert(0, finder)
+    except BaseException:  # a time limit of a test runner, for one
+        put_back()
+        raise
     return put_back

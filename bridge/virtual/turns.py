@@ -92,8 +92,12 @@ class Turns:
         self._main.ident = _get_ident()
         self._main.name = threading.current_thread().name
         self._busy_ns = self.twin.time_ns
-        self._undo = self._replace()
-        self.signals.defer()
+        try:
+            self._undo = self._replace()
+            self.signals.defer()
+        except BaseException:  # of a signal handler
+            self._as_before()
+            raise
         _active = self
         return self
 
@@ -104,9 +108,12 @@ class Turns:
             self.end_threads()
         finally:
             _active = None
-            if self._undo is not None:
-                self._undo()
-            self.signals.restore()
+            self._as_before()
+
+    def _as_before(self) -> None:
+        if self._undo is not None:
+            self._undo()
+        self.signals.restore()
 
     def _replace(self) -> Callable[[], None]:
         """Install stand-ins; return a function that removes them."""

@@ -21,6 +21,7 @@ Virtual time and the cost of looks: `isel_twin.bridge.virtual.turns`.
 
 from __future__ import annotations
 
+import gc
 import importlib.util
 import logging
 import os
@@ -295,10 +296,12 @@ def _put_back() -> Iterator[None]:
     handlers, level = list(root.handlers), root.level
     log = logging.getLogger("isel_twin")
     its_handlers, propagates = list(log.handlers), log.propagate
+    collected = list(gc.callbacks)
     chance = random.getstate()
     own = {name: module for name, module in sys.modules.items() if name == "__main__"}
     before = set(sys.modules)
     random.seed(0)
+    gc.callbacks.clear()  # one that asks for the time, as hypothesis's does, would ask in the middle of a change of turns
     root.handlers.clear()  # the host starts without handlers, as in its own process
     root.setLevel(logging.WARNING)
     if propagates:
@@ -310,6 +313,7 @@ def _put_back() -> Iterator[None]:
             yield
     finally:
         random.setstate(chance)
+        gc.callbacks[:] = collected
         for name in set(sys.modules) - before:
             file = getattr(sys.modules[name], "__file__", None)
             if file is not None and not file.startswith(LIBRARIES):

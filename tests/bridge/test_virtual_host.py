@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import gc
 import os
 import signal
 import subprocess
@@ -14,8 +15,10 @@ from pathlib import Path
 
 import pytest
 import serial
+from serial import serialutil
 
 from isel_twin.base.errors import CallError
+from isel_twin.bridge.virtual import windows
 from isel_twin.bridge.virtual.host_code import LIBRARIES
 from isel_twin.bridge.virtual.turns import EPOCH_NS, here
 from isel_twin.bridge.virtual.virtual_host import HostProgram, parse_program, run_host
@@ -574,16 +577,34 @@ def test_what_a_test_runner_raises_goes_through_the_host(host, twin, no_thread_l
         raise Late
 
     before = signal.signal(signal.SIGALRM, late)
-    signal.setitimer(signal.ITIMER_REAL, 0.3)
     try:
         with pytest.raises(Late):
             host(
-                "import time, threading\nthreading.Thread(target=time.sleep, args=(1e6,), daemon=True).start()\n"
+                "import signal, time, threading\nsignal.setitimer(signal.ITIMER_REAL, 0.3)\nthreading.Thread(target=time.sleep, args=(1e6,), daemon=True).start()\n"
                 "while True:\n    try: time.sleep(0.01)\n    except Exception: pass\n"
             )
     finally:
         signal.signal(signal.SIGALRM, before)
     assert here() is None
+    assert host("import time; time.sleep(1)").code == 0
+
+
+def test_what_is_raised_while_the_host_is_prepared_leaves_everything_as_it_was(host, monkeypatch):
+    """A time limit may run out before the host has begun."""
+
+    class Late(BaseException):
+        pass
+
+    def late(*_):
+        raise Late
+
+    before = [time.sleep, time.time, threading.Thread.join, datetime.datetime, serialutil.Timeout.TIME]
+    with monkeypatch.context() as patched, pytest.raises(Late):
+        patched.setattr(windows, "loaded", late)
+        host("pass")
+    assert here() is None
+    now = [time.sleep, time.time, threading.Thread.join, datetime.datetime, serialutil.Timeout.TIME]
+    assert before == now
     assert host("import time; time.sleep(1)").code == 0
 
 
@@ -715,3 +736,16 @@ def test_a_thread_that_reads_a_pipe_at_the_end_is_left(host, monkeypatch):
     finally:
         os.write(write, b"x")
         os.close(write)
+
+
+def test_what_a_library_of_the_test_runner_does_when_garbage_is_collected_is_not_the_hosts(host):
+    """Hypothesis asks for the time then; in a host's thread that would be a change of turns in the middle of another."""
+    asked = []
+    gc.callbacks.append(lambda phase, info: asked.append(phase))
+    known = list(gc.callbacks)
+    try:
+        assert host("import gc, time\ngc.collect()\ngc.callbacks.append(print)\ntime.sleep(1)").code == 0
+        assert not asked
+        assert gc.callbacks == known
+    finally:
+        gc.callbacks.pop()
