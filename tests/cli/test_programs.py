@@ -174,7 +174,7 @@ def test_a_golden_run_names_the_blocks_in_which_it_first_differs(program, capsys
 
 
 PART = "P1\nN10 G90 F1200\nN20 G1 X40\nN30 M30\n#\n"
-NAMED = r"part.nc: is a program for bwo900, which imc-s8 cannot run; name the controller, bwo900, and a machine for it"
+NAMED = r"part.nc: is a program for bwo900, which imc-s8 cannot run: --controller bwo900 --machine 4030-servo"
 
 
 @pytest.mark.parametrize("text", [PART, f"; my part\n{PART}", "Z1\nN10 X5\nN20 M02\n#\n"])
@@ -277,7 +277,8 @@ def test_a_job_of_another_controller_is_no_program(program, capsys) -> None:
     file = program("@07\n@0R7\n")
     assert call("run", file, *CONTROL) == 2
     assert capsys.readouterr().err == (
-        f"isel-twin: {file}: '@07' begins neither a program (P1), a block (N10 ...), nor a file of parameters (D)\n"
+        f"isel-twin: {file}: line 1: '@07' is a command of c142, imc-m, imc-mp or imc-s8, not of bwo900: "
+        "--controller imc-s8 --machine 4030\n"
     )
 
 

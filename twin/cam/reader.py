@@ -34,7 +34,9 @@ _NO_JOB = {  # by the first lines of a text
     for pattern, what in {
         r"(999\s[^\n]*\n\s*)*0\s+SECTION\b": f"a DXF drawing: {_DRAWN}",
         r"(<\?xml[^>]*>\s*)?(<!--[^>]*>\s*|<!DOCTYPE[^>]*>\s*)*<svg\b": f"an SVG drawing: {_DRAWN}",
-        r"<[?!]?[a-z]{3,}": "XML or HTML, no job of a machine",
+        r"<[?!]?[a-z]": "XML or HTML, no job of a machine",
+        r"\{\s*[\"}]|\[\s*([\[{\"]|[-\d.]+\s*[,\]])": "JSON, no job of a machine",
+        r"\[+[\w.]+\]+\s*$": "a table of settings, no job of a machine",
         r"solid\b[^\n]*\n\s*facet\b": f"an STL body: {_DRAWN}",
         r"ISO-10303-21;": f"a STEP body: {_DRAWN}",
         r"%!PS": f"PostScript: {_DRAWN}, or with pstoedit",
@@ -80,7 +82,7 @@ def head_of(data: bytes) -> str:
     first = next(lines, "")
     head = "".join([first, *islice((line for line in lines if not _REMARK.match(line)), HEAD_LINES)])
     for pattern, why in _NO_JOB.items():
-        if re.match(pattern, head, re.IGNORECASE):
+        if re.match(pattern, head, re.IGNORECASE | re.MULTILINE):
             raise CamError(f"the file {why}")
     if len(begin) - len(begin.translate(None, _CONTROLS)) > _BINARY:
         raise CamError("the file is no text")
@@ -115,6 +117,14 @@ def text_lines(file: BinaryIO) -> Iterator[str]:
     finally:
         if not file.closed:
             text.detach()
+
+
+def whole_lines(lines: Iterable[str]) -> Iterator[str]:
+    """The same lines, for formats in which none is long. Raises CamError for one that came in pieces."""
+    for number, line in enumerate(lines, 1):
+        if len(line) >= LONGEST:
+            raise CamError(f"the line is longer than {LONGEST} characters; write one statement a line", Place(number))
+        yield line
 
 
 def _decoded(line: str) -> str:

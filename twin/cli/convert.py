@@ -70,17 +70,20 @@ def convert(
 
 def _reader(file: Path, source: IO[bytes], form: str | None) -> Reader:
     """The reader for this file, which stands at its beginning again."""
-    from isel_twin.cam.reader import HEAD_BYTES, head_of
+    from isel_twin.cam.reader import HEAD_BYTES, head_of, statements
     from isel_twin.cam.registry import reader_for, reader_named, reader_names
 
     if form is not None:
         with call_errors(file):
             return reader_named(form)
     try:
-        reader = reader_for(head_of(source.read(HEAD_BYTES)), file.suffix)
+        head = head_of(source.read(HEAD_BYTES))
+        reader = reader_for(head, file.suffix)
     except ValueError as error:
         raise CallError(f"{file}: {error}") from None
     source.seek(0)
+    if reader is None and not statements(head):
+        raise CallError(f"{file}: there is no line of a CAM program in it; a job of commands needs no converting")
     if reader is None:
         raise CallError(
             f"{file}: is in none of the formats {', '.join(reader_names())}; if it is in one, say which by --format"

@@ -71,7 +71,7 @@ def decode(
         raise CallError(f"controller {controller!r} has no language: nobody knows what its bytes mean")
     with call_errors(source):
         if recorded is None:
-            pieces = _pieces(source, text, marked, not received, language, controller)
+            pieces = _pieces(source, text, marked, not received, to is not None, language, controller)
         else:
             pieces = (Piece(data, by_host, time_ns) for time_ns, data, by_host, _ in traffic(recorded))
         first = next(pieces, None)  # find errors of the source before anything is printed
@@ -124,16 +124,19 @@ def _recording(source: str) -> Recorded | None:
 
 
 def _pieces(
-    source: str, is_text: bool, marked: bool, sent: bool, language: Language, controller: str
+    source: str, is_text: bool, marked: bool, sent: bool, carried_out: bool, language: Language, controller: str
 ) -> Iterator[Piece]:
+    from isel_twin.cli.outputs import say
     from isel_twin.jobs import decode
 
     path = Path(source)
     if not is_text and (source == STANDARD_INPUT or _exists(path)):
         if path.is_dir():
             raise CallError(f"{source}: is a folder, not a file")
-        if path.is_file():
-            _suggest(path, language, controller)
+        if path.is_file() and (found := _another(path, language, controller)):
+            if carried_out:
+                raise CallError(found)
+            say(found)  # its bytes are still explained
         chunks = _chunks(path)
         if not marked:
             return (decode.Piece(chunk, sent) for chunk in chunks)
@@ -145,17 +148,25 @@ def _pieces(
     return iter(decode.typed(source, sent, language, controller))
 
 
-def _suggest(path: Path, language: Language, controller: str) -> None:
-    """Warn if a file looks like a program of another controller; its bytes are still explained."""
-    from isel_twin.cli.outputs import say
-    from isel_twin.jobs.job import JobError, check_controller
+def _another(path: Path, language: Language, controller: str) -> str:
+    """What a file is that looks like a program or a job of another controller, or of a CAM program; "" otherwise."""
+    from isel_twin.cam.reader import head_of
+    from isel_twin.cam.registry import reader_for
+    from isel_twin.jobs.foreign import check_others
+    from isel_twin.jobs.job import JobError
 
     with path.open("rb") as file:
-        head = file.read(CHUNK_BYTES).decode("latin-1")
+        data = file.read(CHUNK_BYTES)
     try:
-        check_controller(head, language, controller)
+        check_others(data.decode("latin-1"), language, controller)
+        reader = reader_for(head_of(data))
     except JobError as error:
-        say(f"{path}: {error}")
+        return f"{path}: {error}"
+    except ValueError:  # a drawing, or no text: bytes can be anything
+        return ""
+    if reader is None:
+        return ""
+    return f"{path}: is {reader.title}, a file of a CAM program; run plays it, convert writes it as commands"
 
 
 def _of_marked(name: str, chunks: Any, language: Language, controller: str) -> Iterator[Piece]:

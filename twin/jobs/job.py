@@ -36,7 +36,7 @@ from isel_twin.jobs import expect
 from isel_twin.jobs.expect import Condition, Expected, ExpectError
 from isel_twin.jobs.result import Part, Result
 from isel_twin.jobs.why import RESTARTED, happened, meaning, waits
-from isel_twin.language import Language, LanguageError, RunsPrograms, encoded, needed, programs_for, readable
+from isel_twin.language import Language, LanguageError, RunsPrograms, encoded, needed, readable
 
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
@@ -130,13 +130,18 @@ def parse_job(text: str, language: Language | None, controller: str) -> list[Lin
     return lines
 
 
-def check_controller(text: str, language: Language | None, controller: str) -> None:
-    """Raise JobError for a text that can only be a program of another controller than this one (jobs/3)."""
-    if not offers(language, RunsPrograms) and (others := programs_for(text)):
-        raise JobError(
-            f"is a program for {' or '.join(others)}, which {controller} cannot run; name the controller, {others[0]}, "
-            "and a machine for it. A job begins with a command or a remark (# ...)"
-        )
+def commands(text: str) -> Iterator[tuple[int, str]]:
+    """Line and text of each command of a job, as it is written, without conditions, remarks and expected replies."""
+    for number, raw in enumerate(_LINE_END.split(text), 1):
+        told = _COMMENT.sub("", raw)
+        command = _EXPECTED.split(told, maxsplit=1)[0].strip(_BLANKS)
+        if command and not _CONDITION.match(told):
+            yield number, command
+
+
+def expects(text: str) -> bool:
+    """Does a line of a job say which reply it expects?"""
+    return _EXPECTED.search(text) is not None
 
 
 def expect_error(error: ExpectError, number: int, source: str, begin: int = 0) -> JobError:

@@ -25,7 +25,8 @@ from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import CamError, Caution, Element, End, Toolpath
 from isel_twin.cam.written import MachineAxes, Written
 from isel_twin.controller import offers
-from isel_twin.jobs.job import JobError, Line, check_controller, decode_job, parse_job
+from isel_twin.jobs.foreign import check_controller
+from isel_twin.jobs.job import JobError, Line, decode_job, parse_job
 from isel_twin.jobs.result import Result
 from isel_twin.language import Language, RunsPrograms, WritesToolpaths, programs_for
 

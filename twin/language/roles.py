@@ -96,6 +96,13 @@ class RunsPrograms(Protocol):
         """Name of the step that a remark of the controller names, and column, from 1; "" and 0: none."""
 
 
+class KnowsCommands(Protocol):
+    """A language that tells its commands from those of others, so that a job for another controller is named."""
+
+    def knows(self, line: str) -> bool:
+        """Does a line of a job begin like a command of this controller? What follows may be wrong."""
+
+
 class LoadsPlc(Protocol):
     """A language whose controller has a PLC."""
 

@@ -15,7 +15,7 @@ import re
 from collections.abc import Iterable
 
 from isel_twin.cam.gcode.program import Program
-from isel_twin.cam.reader import mostly, plausible
+from isel_twin.cam.reader import mostly, plausible, whole_lines
 from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import Toolpath
 
@@ -38,7 +38,7 @@ class GCode:
         return mostly(head, _CLAIM)
 
     def read(self, lines: Iterable[str], settings: CamSettings) -> Toolpath:
-        return plausible(Program(settings).run(lines))
+        return plausible(Program(settings).run(whole_lines(lines)))
 
 
 def create(name: str) -> GCode:

@@ -214,6 +214,9 @@ class Bwo900Language:
         known = all(program_name(row) or row.strip() in plain or _is_known(row) for row in rows)
         return known and any(map(_is_known, rows))
 
+    def knows(self, line: str) -> bool:
+        return bool(program_name(line) or _BLOCK.match(line) or line.strip() in _PARAMETERS or _is_known(line))
+
     def job(self, text: str) -> Sequence[tuple[str, Iterable[bytes]]] | None:
         """None for a text that begins like a job. The first program is started; a linear one longer than KEPT is fed
         (P8811)."""

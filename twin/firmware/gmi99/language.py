@@ -104,6 +104,15 @@ class Gmi99Language:
         """One frame, or several between which | stands."""
         return b"".join(map(self._frame, text.split("|")))
 
+    def knows(self, line: str) -> bool:
+        """By the first frame."""
+        text = line.partition("|")[0].strip()
+        text = text if (match := _ADDRESSED.fullmatch(text)) is None else match[2]
+        long = _LONG.fullmatch(text)
+        return bool(
+            _SHORT.fullmatch(text) or _MOVE.fullmatch(text) or _DATA.fullmatch(text) or (long and long[1] in COMMANDS)
+        )
+
     def _frame(self, text: str) -> bytes:
         line = text.strip()
         address = ADDRESS

@@ -97,6 +97,9 @@ class ImcLanguage:
     def frame(self, text: str) -> bytes:
         return encoded(text) + CR
 
+    def knows(self, line: str) -> bool:
+        return line[:1] == "@" and line[1:2].isdigit()
+
     def text(self, reply: bytes) -> str:
         return reply.decode("latin-1")
 

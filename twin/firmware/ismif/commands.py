@@ -59,7 +59,7 @@ class Command:
 def parse(line: bytes) -> Instruction:
     """Read one line without its end. Raises CommandError if it is not a command of the manual."""
     text = line.decode("latin-1").replace(" ", "")
-    code = text[: 2 if text[:1] in ("@", "#", "$") else 1]
+    code = code_of(text)
     command = COMMANDS.get(code)
     if command is None:
         raise CommandError(f"unknown command {code!r}")
@@ -74,6 +74,11 @@ def parse(line: bytes) -> Instruction:
     if len(set(targets)) < len(targets):
         raise CommandError(f"{code}: the same axis twice")
     return instruction
+
+
+def code_of(text: str) -> str:
+    """The code with which a line begins, known or not."""
+    return text[: 2 if text[:1] in ("@", "#", "$") else 1]
 
 
 def _number(low: int, high: int) -> Callable[[str], int]:

@@ -84,6 +84,9 @@ class IsmifLanguage:
         """The text and CR; a text that ends in 01h starts the job, and the CR after it is an empty line."""
         return encoded(text) + CR
 
+    def knows(self, line: str) -> bool:
+        return commands.code_of(line) in commands.COMMANDS
+
     def text(self, reply: bytes) -> str:
         return reply.decode("latin-1")
 
