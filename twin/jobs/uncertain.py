@@ -6,8 +6,8 @@ the k-th greatest outcome hold a further one in n + 1 - 2 k of n + 1 cases, what
     k = 1 up to 78 repetitions, then 2.5 % of them        20 repetitions: 90 %        39 and more: 95 %
 
 **What contributes.** The rank correlation of a number with the outcome, squared, is about its part of the variance. Of
-some sixty numbers the best correlates by chance, too; so one is named only if chance would do as much in less than 5 %
-of such studies (Fisher's z, for as many numbers as were drawn). The rest is power-on positions, scatter of switches and
+some sixty numbers the best correlates by chance, too (jobs/11); so one is named only if chance would do as much in 5 %
+of such studies at most (Fisher's z, for as many numbers as were drawn). The rest is power-on positions, scatter of switches and
 numbers that nobody can tell from these few repetitions.
 """
 
