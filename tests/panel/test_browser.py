@@ -462,7 +462,7 @@ CUT = """
 
 
 def test_a_desk_for_hands_keys_and_readers(bench, chromium: Browser) -> None:
-    """Home, jog by button and key, in steps and held, zero, a place, stop; then what axe and a ruler say of every tab."""
+    """Home, jog by button and key, in steps and held, zero, a place, stop; then what axe and a ruler say of it."""
     here = bench(speed=5.0)
     context = chromium.new_context(viewport={"width": 1024, "height": 768}, bypass_csp=True)  # for axe's script
     context.set_default_timeout(WAIT_S * 1000)

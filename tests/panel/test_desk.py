@@ -160,7 +160,7 @@ def test_a_job_is_held_gone_on_with_and_held_and_given_up(bench, browser, contro
 
     def held() -> float:
         assert page.request(job={"start": True}).keys() == {"ok"}
-        page.until(lambda: (job := page.frame["job"])["state"] == "running" and job["made"] == job["commands"] - 1)
+        page.until(lambda: (job := page.frame["job"]).get("state") == "running" and job["made"] == job["commands"] - 1)
         page.until(lambda: page.frame["step_hz"][0] > 100)
         while page.request(job={"pause": True}).get("error"):  # a program may still be on the line
             page.hear()
