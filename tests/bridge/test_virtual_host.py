@@ -584,7 +584,8 @@ def test_what_a_test_runner_raises_goes_through_the_host(host, monkeypatch, no_t
     try:
         with pytest.raises(Late):
             host(
-                "import time, threading\nalarm()\nthreading.Thread(target=time.sleep, args=(1e6,), daemon=True).start()\n"
+                "import time, threading\nalarm()\n"
+                "threading.Thread(target=time.sleep, args=(1e6,), daemon=True).start()\n"
                 "while True:\n    try: time.sleep(0.01)\n    except Exception: pass\n"
             )
     finally:

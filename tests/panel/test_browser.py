@@ -8,6 +8,7 @@ import re
 import signal
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from importlib.resources import files
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -23,7 +24,7 @@ from tests.panel.conftest import LOOPBACK, WAIT_S, Bench
 WHERE = find_browser()
 pytestmark = pytest.mark.skipif(WHERE is None, reason="there is no Chromium or Chrome; `make browser` installs one")
 
-EMPTY = "<!doctype html><title>no scene</title>"
+EMPTY = '<!doctype html><html lang="en"><title>no scene</title><main><h1>no scene</h1></main></html>'
 PARTS = ("header", "#operate", "#stage", "#axes", "#plots", "#upper", "#lower")
 """Of the page, beside or below each other."""
 
@@ -109,6 +110,11 @@ def test_the_emergency_stop_in_motion(bench, open_panel):
         expect(page["#time"]).not_to_have_text(page["#time"].inner_text())
     assert page["[data-axis=x] td:nth-child(2)"].inner_text() == stood
     page['[data-element="estop"]'].click()
+    expect(page.message("ctl", ".*estop.*")).to_have_count(2)
+    expect(page['[data-element="estop"]']).to_have_attribute(
+        "aria-pressed", "true"
+    )  # a second click does not release it
+    page['#elements [data-release="estop"]'].click()
     expect(page['[data-element="estop"]']).to_have_attribute("aria-pressed", "false")
     assert page.said == []
 
@@ -275,7 +281,7 @@ def test_the_page_is_there_in_time(bench, open_panel):
     took_s = []
     for _ in range(3):
         page.page.reload(wait_until="commit")
-        expect(page["#ports .port"].first).to_be_visible()
+        expect(page["#pad button"].first).to_be_visible()
         took_s.append(page.page.evaluate("performance.now()") / 1000.0)
     assert min(took_s) < OPEN_S
 
@@ -287,6 +293,7 @@ def test_one_page_for_every_controller_and_nothing_overlaps(
 ):
     page = open_panel(bench(controller=controller))
     page.page.set_viewport_size({"width": width, "height": height})
+    page["[data-tab=ports]"].click()
     expect(page["#ports .port"].first).to_be_visible()
     expect(page["#outputs .lamp"].first).to_be_visible()
     expect(page["#axes tbody tr"].first).to_be_visible()
@@ -318,6 +325,7 @@ def test_names_of_terminals_have_room_however_long_they_are(bench, open_panel, w
     """A control with programs names its terminals limit_x1, not p1.0."""
     page = open_panel(bench(controller="bwo900", machine="4030-servo"))
     page.page.set_viewport_size({"width": width, "height": 900})
+    page["[data-tab=ports]"].click()
     expect(page["#ports .port"].first).to_be_visible()
     over = page.page.evaluate(
         "[...document.querySelectorAll('#ports .port')].filter(node => { const c = node.querySelector('code');"
@@ -443,3 +451,67 @@ def test_a_job_is_stopped_and_a_wrong_file_is_told_in_a_line(bench, open_panel, 
     expect(page["#told"]).to_contain_text("bad.txt: line 1: <999> is neither a byte")
     expect(page["#doing"]).to_contain_text("long.txt")
     assert page.said == []
+
+
+CUT = """
+[...document.querySelectorAll("button, span, b, label, td, th, h2, output, summary, code, p")]
+  .filter(node => node.offsetParent && node.clientWidth && node.scrollWidth > node.clientWidth + 1)
+  .filter(node => getComputedStyle(node).overflow !== "visible").map(node => node.textContent)
+"""
+"""Labels that are not to be read whole."""
+
+
+def test_a_desk_for_hands_keys_and_readers(bench, chromium: Browser) -> None:
+    """Home, jog by button and key, in steps and held, zero, a place, stop; then what axe and a ruler say of it."""
+    here = bench(speed=5.0)
+    context = chromium.new_context(viewport={"width": 1024, "height": 768}, bypass_csp=True)  # for axe's script
+    context.set_default_timeout(WAIT_S * 1000)
+    context.add_init_script("HTMLCanvasElement.prototype.getContext = function(get) { return function(kind, ...more) {"
+                            "return /webgl/.test(kind) ? null : get.call(this, kind, ...more) } }"
+                            "(HTMLCanvasElement.prototype.getContext)")  # fmt: skip
+    page = context.new_page()
+    page.goto(here.panel.url)
+    work = {axis: page.locator(f"[data-work={axis}]") for axis in "xyz"}
+    rest = page.locator("#doings")
+    page.locator("#home").click()
+    expect(rest).to_contain_text("home")
+    expect(rest).to_have_text("at rest")
+    for _ in range(5):
+        page.locator("#pad [data-axis=x][data-way='1']").click()
+    expect(work["x"]).to_have_text("5.000")
+    page.locator("[data-step='10']").click()
+    page.locator("#bykeys").click()
+    page.keyboard.press("ArrowUp")
+    page.keyboard.press("PageDown")
+    expect(work["z"]).to_have_text("-10.000")
+    expect(work["y"]).to_have_text("10.000")
+    page.locator("#jogspeed").fill("20")
+    page.keyboard.press("ArrowUp")  # of the field: it is not a jog
+    page.locator("#zeroall").click()
+    expect(work["y"]).to_have_text("0.000")
+    page.locator("[data-step=null]").click()
+    page.keyboard.down("ArrowRight")
+    expect(work["x"]).not_to_have_text("0.000")
+    page.keyboard.up("ArrowRight")
+    expect(rest).to_have_text("at rest")
+    page.locator("[data-go=x]").fill("100")
+    page.locator("[data-go=x]").press("Enter")
+    expect(rest).to_contain_text("to x 100")
+    page.keyboard.press("Escape")
+    expect(rest).to_have_text("at rest")
+    assert float(work["x"].inner_text()) < 100.0
+    expect(page.locator("#override")).to_have_text("has no override")
+    expect(page.locator("#flat")).to_contain_text("no WebGL")
+    script = (files("axe_playwright_python") / "axe.min.js").read_text(encoding="utf-8")
+    for width, scheme in ((1024, "light"), (390, "dark")):
+        page.set_viewport_size({"width": width, "height": 844})
+        page.emulate_media(color_scheme=scheme)
+        for tab in ("desk", "job", "ports", "faults"):
+            page.locator(f"[data-tab={tab}]").click()
+            assert page.evaluate(CUT) == [], (width, tab)
+            assert page.evaluate("document.documentElement.scrollWidth") <= width, tab
+        page.evaluate("for (const tab of document.querySelectorAll('.tab')) tab.hidden = false")
+        found = page.evaluate(f"{script}; axe.run({{resultTypes: ['violations']}})")["violations"]
+        assert [one["id"] for one in found if one["impact"] in ("serious", "critical")] == [], (width, scheme)
+        page.locator("[data-tab=desk]").click()
+    context.close()

@@ -56,6 +56,7 @@ class Desk:
         self._travels_mm = machine_axes(twin.machine).travel_mm
         self._waiting: deque[tuple[str, _Moves]] = deque()
         self._doing = self._why = ""
+        self._taken = 0  # moves, since the beginning
         self._held_s: float | None = None  # wall time until which a key is held
         self.sender = Sender(server, twin)
 
@@ -88,6 +89,7 @@ class Desk:
         return {
             "doing": self._doing if self.busy else "",
             "waiting": len(self._waiting),
+            "taken": self._taken,
             "why": self._why,
             "zero_mm": list(self._zero),
             "work_mm": work,
@@ -133,6 +135,7 @@ class Desk:
         if len(self._waiting) >= WAITING:
             raise place.wrong(f"{WAITING} moves are waiting already; allowed: when one of them has been made")
         self._why = ""
+        self._taken += 1
         self._waiting.append((name, moves))
         self.advance()
 

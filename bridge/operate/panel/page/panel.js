@@ -155,11 +155,11 @@ function build_elements() {
 // screens it stands in the header, too.
 function mushroom(name) {
   const word = /^e_?stop/.test(name) ? "E-STOP" : plain(name).toUpperCase();
-  const made = () => {
+  const made = (mark_as) => {
     const hint = make("small", {}, "press");
-    const button = make("button", { class: "mushroom", "data-element": name, "aria-label": `${word}: ${plain(name)}, press`,
+    const button = make("button", { class: "mushroom", [mark_as]: name, "aria-label": `${word}: ${plain(name)}, press`,
       onclick: () => please({ set: { [name]: "pressed" } }) }, word, hint);
-    const release = make("button", { class: "release", "data-release": name, onclick: () => please({ set: { [name]: "released" } }) }, `Turn to release`);
+    const release = make("button", { class: "release", "data-release": name, onclick: () => please({ set: { [name]: "released" } }) }, "Turn to release");
     updates.push((now) => {
       const pressed = now.inputs[name] === "pressed";
       mark(button, "aria-pressed", pressed);
@@ -168,8 +168,8 @@ function mushroom(name) {
     });
     return [button, release];
   };
-  $("near").append(...made());
-  return made();
+  $("near").append(...made("data-near"));
+  return made("data-element");
 }
 
 function element(name) {
