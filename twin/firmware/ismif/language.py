@@ -1,5 +1,4 @@
-"""The iSMIF's language. Implements `isel_twin.language.Language`, `RetimesJobs`, `TellsCounters` and
-`WritesToolpaths`.
+"""The iSMIF's language. Implements `isel_twin.language.Language`, `RetimesJobs`, `TellsCounters` and `WritesToolpaths`.
 
     sent      a line ends with CR, or with 01h, which also starts the job
     received  a line ends with CR and identifies itself
