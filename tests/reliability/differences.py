@@ -32,11 +32,13 @@ from tests.reliability.figures import REPLY_S, Figure, main
 
 NUMBER = 1
 NEAR_MM = (6.5, 4.0, 5.5)  # where the other machine stands at power-on, unless that is the difference
+SLOW = ("@0A300,1000,0,30,0,30,0,30", "@0A-300,1000,0,30,0,30,0,30") * 3
+"""Whose ramps hang on the start-stop frequency, and hardly on the acceleration: (v - f0)^2 / (a v)."""
 COMMANDS = (
     "@07", "@0d5000,5000,5000", "@0R7", "@0P", "@0A8000,5000,400,2000,0,30,0,30", "@0B1,0", "@0b1",
     "@0M0,9000,0,9000,0,900,0,30", "@0P", "@0B1,1", "@0b1", "@0A6000,8000,6000,8000,0,30,0,30", "@0b1", "@0P",
-    "@0M3200,9000,3200,9000,0,900,0,30", "@0A300,9000,0,30,0,30,0,30", "@0A-300,9000,0,30,0,30,0,30", "@0R7", "@0V",
-    "@0P", "@0b1", "@0b1", "@0Id1,2,3,4",
+    "@0M3200,9000,3200,9000,0,900,0,30", "@0A300,9000,0,30,0,30,0,30", "@0A-300,9000,0,30,0,30,0,30", *SLOW, "@0R7",
+    "@0V", "@0P", "@0b1", "@0b1", "@0Id1,2,3,4",
 )  # fmt: skip
 OF_X = ("@01", "@0d5000", "@0R1", "@0P", "@0A1600,5000", "@0R1", "@0P", "@0A1600,5000", "@0R1", "@0P", "@0b1", "@0b1")
 """For play: one axis at a time tells whose it is."""
