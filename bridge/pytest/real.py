@@ -11,9 +11,10 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NoReturn
 
 from isel_twin.base.errors import CallError
-from isel_twin.bridge.pytest.without import NoTwin
+from isel_twin.bridge.pytest.without import NoTwin, no_twin
 from isel_twin.bridge.tap.real_job import TIMEOUT_S, RealController, RealReport, SilentError, check_real, unfit
 from isel_twin.bridge.tap.real_port import refusal
 from isel_twin.core.twin import Twin
@@ -103,6 +104,12 @@ class RealWatched:
     @property
     def twin(self) -> NoTwin:
         return NoTwin()
+
+    def __getattr__(self, name: str) -> NoReturn:
+        """What `Watched` has beside this needs the twin."""
+        if name.startswith("_"):
+            raise AttributeError(name)
+        no_twin(f"watched.{name}")
 
     def overlook(self, what: str) -> bool:
         self.unseen[what] = None

@@ -10,6 +10,7 @@ import pytest
 
 from isel_twin.core.spec import TwinSpec
 from isel_twin.core.twin import Twin
+from isel_twin.many.learning.causes import sure
 from isel_twin.many.learning.explain import explained
 from isel_twin.many.learning.learn import told_alone
 from isel_twin.many.learning.session import Session
@@ -115,6 +116,15 @@ def test_a_place_at_power_on_that_is_said_is_a_difference_that_is_named(tmp_path
     assert [cause.name for cause in found.causes] == ["power-on position"]
     assert found.same
     assert found.causes[0].spec.start_mm == pytest.approx((29.5, 22.4, 10.5), abs=10.0)  # any place with that duration
+
+
+@pytest.mark.parametrize(("sigma", "vague"), [(410.0, True), (64.0, False)])
+def test_a_number_that_the_delays_hide_is_said_to_be_so(sigma: float, vague: bool) -> None:
+    """A start-stop frequency moves the end of a move by 2 / a for each Hz, 20 us at 100 Hz/ms: a scatter of
+    8 ms hides 400 Hz."""
+    told = sure(482.0, sigma, 300.0)
+    assert told.startswith(f"+- {sigma:.2g}")
+    assert ("delays of this session" in told) is vague
 
 
 def test_what_the_bytes_alone_tell(tmp_path: Path) -> None:

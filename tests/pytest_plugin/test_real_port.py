@@ -122,6 +122,9 @@ def test_whoever_needs_the_twin_is_skipped_before_anything_moves(project: pytest
         def test_inside(watched):
             watched.twin.set_input("hood", "open")
 
+        def test_path(watched):
+            watched.samples()
+
         def test_port(twin_serial): ...
         def test_server(twin_server): ...
         def test_another(twin_factory, request):
@@ -138,8 +141,8 @@ def test_whoever_needs_the_twin_is_skipped_before_anything_moves(project: pytest
         """
     )
     result = run(project, f"--isel-port={port}", "-rs")
-    result.assert_outcomes(skipped=7, passed=1)
-    for what in ("twin.query", "twin.set_input", "twin_server", "twin_factory", "its scenario"):
+    result.assert_outcomes(skipped=8, passed=1)
+    for what in ("twin.query", "twin.set_input", "watched.samples", "twin_server", "twin_factory", "its scenario"):
         result.stdout.fnmatch_lines(f"SKIPPED*{what}: needs the twin, and with --isel-port the machine is a real one")
 
 

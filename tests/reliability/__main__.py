@@ -6,6 +6,7 @@ import sys
 
 from tests.reliability import (
     connects,
+    differences,
     echo,
     feed,
     flood,
@@ -21,7 +22,22 @@ from tests.reliability import (
 )
 from tests.reliability.figures import table
 
-PROGRAMS = (queries, echo, punctual, heard, connects, flood, kills, vanished, memory, feed, strings, tap, week)
+PROGRAMS = (
+    queries,
+    echo,
+    punctual,
+    heard,
+    connects,
+    flood,
+    kills,
+    vanished,
+    memory,
+    feed,
+    strings,
+    tap,
+    differences,
+    week,
+)
 
 
 def main() -> None:

@@ -1,6 +1,5 @@
 """The language of the GMI99: frames as text in the manual's notation, and explanations. Implements
-`isel_twin.language.Language`, `RetimesJobs`, `LoadsPlc`, `TellsCounters` and
-`WritesToolpaths`.
+`isel_twin.language.Language`, `RetimesJobs`, `LoadsPlc`, `TellsCounters` and `WritesToolpaths`.
 
     p3;100;0      a letter and its parameters             68 0B 0B 68 E0 70 03 ... 16
     81h 238       a move: its code, one number an axis    68 05 05 68 E0 81 EE 00 00 4F 16

@@ -28,6 +28,7 @@ MOST_PLAY_MM = 2.0
 ROUNDS = 7  # most steps of a search
 CLOSE_ENOUGH = 0.05  # of the spread of quick replies
 LEAST_SPREAD_NS = 10_000.0  # of quick replies that do not scatter: their line has whole nanoseconds, the rest has not
+VAGUE = 0.5  # doubt, as a share of what a number differs by, from which on it is called so
 LEAST_LATE = 2  # durations that are least late
 REPLY_COST, POSITION_COST, TIME_COST, MOST_LATE = 1000.0, 300.0, 10.0, 5.0
 
@@ -105,9 +106,15 @@ def _flash(session: Session, spec: TwinSpec, found: Comparison, *, of_references
             continue
         value, sigma = search.nearest(round(solved[0])), solved[1]
         has = str(setting.usual) if spec.flash is None else "what the twin has in its own"
-        told = f"{name} {value} {setting.unit} in its flash (+- {sigma:.2g}), not {has}"
+        told = f"{name} {value} {setting.unit} in its flash ({sure(value, sigma, setting.usual)}), not {has}"
         line = setting.command.format(value)
         yield Cause(name, told, line, with_value(value), value, sigma, search.evidence)
+
+
+def sure(value: float, sigma: float, usual: float) -> str:
+    """How sure a number is, in words: where its doubt is as large as what it differs by, the delays forbid more."""
+    vague = ", which is all that the delays of this session tell" if sigma > VAGUE * abs(value - usual) else ""
+    return f"+- {sigma:.2g}{vague}"
 
 
 def with_flash(spec: TwinSpec, values: dict[str, int]) -> TwinSpec:
