@@ -125,6 +125,15 @@ def test_a_plot_in_one_line_needs_little_memory() -> None:
     assert len(data) > 3 * LONGEST
 
 
+@pytest.mark.parametrize("name", ["ncp", "gcode"])
+def test_a_line_in_pieces_is_refused_with_its_own_number(name: str) -> None:
+    """No piece is taken for a line: the number of the next line would be wrong, and a number cut in two."""
+    begin = {"ncp": b"IMF_PBL\nVEL 9\n", "gcode": b"G21 F60\nG1 X0\n"}[name]
+    data = begin + b" " * (LONGEST - 1) + b"X12\n"
+    error = refused(reader_named(name).read(text_lines(io.BytesIO(data)), PEN))
+    assert error.startswith(f"line 3, column 1: the line is longer than {LONGEST} characters")
+
+
 WORDS = st.lists(
     st.sampled_from(
         [
@@ -289,6 +298,11 @@ def test_a_reader_stops_at_the_end_of_the_program() -> None:
         (b"M48\n;by hand\nMETRIC,TZ\nT1C0.8\n%\n", "an Excellon drill file; gerbv -x idrill"),
         (b"P1\nG90 G0 X1\nM30\n", "a program of the BWO 900 without numbers of blocks"),
         (b"\x89PNG\r\n\x1a\n", "a picture"),
+        (b'{"a": 1}\n', "JSON"),
+        (b'[\n  {"x": 1}]\n', "JSON"),
+        (b"[1, 2]\n", "JSON"),
+        (b"<a>1</a>\n", "XML or HTML"),
+        (b"[cam]\nzero = [1, 2, 3]\n", "a table of settings"),
         (b"G1 X\x01\x02\x04\x05\x06\x07\x10", "no text"),
     ],
 )

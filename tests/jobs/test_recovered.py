@@ -18,7 +18,7 @@ from isel_twin.cam.registry import reader_named
 from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import Arc, Element, Line, Rapid, Spindle
 from isel_twin.core.spec import TwinSpec
-from isel_twin.jobs.recovered import recovered
+from isel_twin.jobs.recovered import CHORD_MM, recovered
 from isel_twin.jobs.toolpaths import source_of
 from isel_twin.language import create_language
 from tests.in_process import isel_twin
@@ -31,9 +31,9 @@ SETTINGS = CamSettings(zero=(20.0, 10.0, 20.0), feed_mm_s=10.0)
 STEPS_MM = {"imc-s8": 320.0, "c142": 320.0, "ismif": 80.0, "gmi99": 1000.0, "bwo900": 1000.0}
 
 
-def sent_for(controller: str, text: str = PART) -> tuple[TwinSpec, list[bytes]]:
+def sent_for(controller: str, text: str = PART, settings: CamSettings = SETTINGS) -> tuple[TwinSpec, list[bytes]]:
     spec = TwinSpec("4030" if STEPS_MM[controller] < 1000.0 else "4030-servo", controller)
-    source = source_of(text.encode(), ".nc", create_language(controller), controller, spec.fitted, SETTINGS)
+    source = source_of(text.encode(), ".nc", create_language(controller), controller, spec.fitted, settings)
     assert source is not None
     return spec, [line.sent for line in source.lines]
 
@@ -74,6 +74,18 @@ def test_the_way_is_that_of_the_part(controller: str) -> None:
         text = "\n".join(write(iter(path))).encode()
         again = list(reader_named(name).read(text_lines(io.BytesIO(text)), CamSettings()))
         assert apart_mm(way(again), asked) < bound_mm + 0.001, name
+
+
+@pytest.mark.parametrize("name", WRITERS)
+@pytest.mark.parametrize("controller", STEPS_MM)
+def test_round_and_round_it_stays_within_a_step(controller: str, name: str) -> None:
+    """Job, file, job, file: what is on whole counts once stays there; chords of joined moves are within CHORD_MM."""
+    spec, sent = sent_for(controller)
+    once = list(recovered(sent, spec))
+    text = "\n".join(WRITERS[name](iter(once)))
+    _, again = sent_for(controller, text, CamSettings())
+    bound_mm = math.sqrt(3.0) / STEPS_MM[controller] + 2.0 * CHORD_MM + 0.01  # and half of what points are apart
+    assert apart_mm(way(recovered(again, spec)), way(once)) < bound_mm
 
 
 def test_arcs_stay_arcs_and_feeds_feeds_where_the_controller_has_them() -> None:

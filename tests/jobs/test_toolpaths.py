@@ -80,6 +80,14 @@ def test_what_is_wrong_in_a_file_is_one_line_with_its_place(folder: Path) -> Non
     assert "G41" in done.stderr
 
 
+@pytest.mark.parametrize("words", [("run",), ("check",), ("golden", "record"), ("tune",), ("convert",)], ids=" ".join)
+def test_a_machine_that_does_not_fit_is_told_by_its_own_file(words: tuple[str, ...], folder: Path) -> None:
+    done = isel_twin(*words, folder / "part.ncp", "--controller", "bwo900")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "machine.toml: axes.x.drive: servo drives are asked for" in done.stderr
+    assert "part.ncp" not in done.stderr
+
+
 def test_a_finding_of_check_names_the_line_of_the_file(folder: Path) -> None:
     (folder / "isel-twin.toml").write_text(SETTINGS + "[check]\nplant = 'kinematic'\ncycle_s = 5.0\n")
     done = isel_twin("check", folder / "part.ncp", "--json")
@@ -165,6 +173,44 @@ def test_where_the_time_goes_is_said(folder: Path) -> None:
     *_, summary = told(file)
     assert "ms in each of" in summary["job_file"]["told"]
     assert "from rest to rest" in summary["job_file"]["told"]
+
+
+@pytest.mark.parametrize(
+    ("line", "x_y_z_mm"),
+    [
+        ("", (140.0, 110.0, 25.0)),
+        ("park = [1, 2, 3]", (1.0, 2.0, 3.0)),
+        ("start = [5, 5, 5]", (140.0, 110.0, 25.0)),
+        ("safe_mm = 9.0", (140.0, 110.0, 25.0)),
+        ("z_sign = 1", (140.0, 110.0, 35.0)),
+        ("rapid_mm_s = 10.0", (140.0, 110.0, 25.0)),
+        ("tolerance_mm = 0.1", (140.0, 110.0, 25.0)),
+        ("tool_length_mm = { 1 = 12.5 }", (140.0, 110.0, 25.0)),
+    ],
+)
+def test_a_key_of_the_settings_does_what_it_says(line: str, x_y_z_mm: tuple[float, ...], folder: Path) -> None:
+    """The work is 30 mm from the zero of Z: 5 mm above it is 25 in counters that grow downwards, else 35."""
+    (folder / "isel-twin.toml").write_text(f"{SETTINGS}{line}\n")
+    *_, summary = told(folder / "part.ncp")
+    assert summary["position_mm"] == pytest.approx(x_y_z_mm, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "park = [1, 2]", "park = [900, 0, 0]", "tool_change = 3", "start = ['a', 0, 0]", "z_sign = 2", "safe_mm = -1",
+        "rapid_mm_s = 0", "tolerance_mm = 0", "tool_length_mm = { a = 1 }", "outputs = { spindle = 99999 }",
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("words", [("run",), ("convert",)], ids=" ".join)
+def test_a_wrong_value_in_the_settings_is_one_line(line: str, words: tuple[str, ...], folder: Path) -> None:
+    (folder / "isel-twin.toml").write_text(f"{SETTINGS}{line}\n")
+    done = isel_twin(*words, folder / "part.ncp")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    if line == "park = [900, 0, 0]":
+        assert "leads to X 900.000 mm of the machine" in done.stderr
+    else:
+        assert f"isel-twin.toml:6: cam.{line.partition(' ')[0]}" in done.stderr
 
 
 def test_a_wrong_key_in_the_settings_is_named(folder: Path) -> None:

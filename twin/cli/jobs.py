@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
     from isel_twin.jobs.job import Line
     from isel_twin.jobs.toolpaths import Source
+    from isel_twin.machine import Machine
 
 FormatName = Annotated[
     str | None, Parameter(name="--format", help="Format of the job file, whatever it looks like: ncp, gcode, hpgl.")
@@ -51,11 +52,17 @@ def read_source(job: Path, call: TwinSpec, form: str | None = None) -> tuple[Seq
             raise CallError(f"{job_name(job)}: is longer than {most >> 20} MiB; cut it into several")
         settings = cam_settings(job, call)
         with _told(job):
-            source = source_of(data, job.suffix, language, call.controller, call.fitted, settings, form)
+            source = source_of(data, job.suffix, language, call.controller, lambda: _machine(call), settings, form)
             lines = lines_of(source, data, language, call.controller)
     if not lines:
         raise CallError(f"{job_name(job)}: there is no command in it")
     return lines, source
+
+
+def _machine(call: TwinSpec) -> Machine:
+    """Raises CallError, which names the machine's own file."""
+    with call_errors():
+        return call.fitted()
 
 
 def cam_settings(job: Path, call: TwinSpec) -> CamSettings:
