@@ -149,7 +149,11 @@ class Fit:
             )
             would = [f"{one.key} ({one.law}, {one.share:.0%} of the excess)" for one in self.suspects]
             apart = "; these data do not tell them apart" if len(would) > 1 else "; fit it, too"
-            lines.append(f"what would explain it: {' or '.join(would)}{apart}" if would else "no law known here would")
+            lines.append(
+                f"what would explain it: {' or '.join(would)}{apart}"
+                if would
+                else "no law known here would explain it; look at these readings first"
+            )
         return tuple(lines)
 
     @property
