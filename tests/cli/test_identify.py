@@ -99,9 +99,10 @@ def test_what_predicts_worse_writes_nothing(
         capsys, "identify", *days, *measured(days), "--machine", near, "--fit", "backlash.x", "--patch", shop
     )
     assert code == 1
-    doubt, refused = err.splitlines()
+    doubt, explained, refused = err.splitlines()
     assert doubt.startswith("isel-twin: the model does not explain these data: chi-square")
     assert "day1" in doubt
+    assert explained == "isel-twin: no law known here would explain it; look at these readings first"
     assert refused.startswith("isel-twin: refused: the fit predicts day2 worse than before")
     assert "worse" in out
     assert not shop.exists()

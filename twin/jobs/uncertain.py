@@ -7,8 +7,8 @@ the k-th greatest outcome hold a further one in n + 1 - 2 k of n + 1 cases, what
 
 **What contributes.** The rank correlation of a number with the outcome, squared, is about its part of the variance. Of
 some sixty numbers the best correlates by chance, too (jobs/11); so one is named only if chance would do as much in 5 %
-of such studies at most (Fisher's z, for as many numbers as were drawn). The rest is power-on positions, scatter of
-switches and numbers that nobody can tell from these few repetitions.
+of such studies at most (Fisher's z, for as many numbers as were drawn). The rest is scatter of switches and numbers
+that nobody can tell from these few repetitions.
 """
 
 from __future__ import annotations

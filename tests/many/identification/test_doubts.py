@@ -17,7 +17,7 @@ from isel_twin.many.identification.fit import Fit, fit
 from isel_twin.many.identification.measured import Measured, Reading
 from isel_twin.many.identification.page import page
 from isel_twin.many.identification.patch import as_json, patch
-from isel_twin.many.identification.session import Session, session_of, stand_alone
+from isel_twin.many.identification.session import Datum, Session, session_of, stand_alone
 from isel_twin.many.identification.stand_in import carry_out
 from isel_twin.many.identification.unknowns import unknown
 from tests.near import near_switches
@@ -77,7 +77,7 @@ def test_a_model_that_does_not_explain_measures_nothing(at_the_tool: Fit, near: 
     for result, grade in ((at_the_tool, "measured"), (wrong, "estimate")):
         text = patch(result, near, "4030", "found", CONTROLLER, ["day"], ["other"])
         assert f'grade = "{grade}", interval = [' in text
-    assert "chi-square 4.2 per degree of freedom, by chance at most 1.8" in wrong.doubts[-1]
+    assert "chi-square 4.2 per degree of freedom, by chance at most 1.8" in wrong.doubts[-2]
     assert "does not explain" in page("found", wrong, ["day"], [])
 
 
@@ -136,6 +136,70 @@ def test_guide_and_screw_friction_that_differ_are_called_inseparable(
         assert float(low) <= factor <= float(high), entry["source"]
         least, most = entry["interval"]
         assert least <= factor * {"guide_friction": guide, "shaft_coulomb": screw}[key] <= most
+
+
+def coasting(monkeypatch: pytest.MonkeyPatch, changed: dict[str, float], *names: str) -> Fit:
+    """A fit to coasts of a machine with these numbers of the file multiplied."""
+    machine = load_machine("4030")
+    x = machine.tree["axes"]["x"]
+    hidden = with_overrides(machine, {f"axes.x.{key}": times * x[key]["value"] for key, times in changed.items()})
+    monkeypatch.setattr(model_module, "predict", lambda session, one: np.array(coasted_mm(one)))
+    draw = np.random.default_rng(4)
+    overruns = [mm + draw.normal(0.0, 0.005) for mm in coasted_mm(hidden)]
+    readings = tuple(Reading("day", n, "x", mm, sigma_mm=0.005) for n, mm in enumerate(overruns, 1))
+    return fit(
+        machine, [unknown(machine, name) for name in names], [stand_alone("day", Measured(readings), CONTROLLER)], []
+    )
+
+
+def test_a_law_that_was_not_fitted_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Dry friction alone cannot imitate twice the viscous one; a lighter rotor nearly can."""
+    result = coasting(monkeypatch, {"shaft_viscous": 2.0}, "axes.x.guide_friction")
+    assert not result.explains
+    assert result.suspects[0].key == "axes.x.shaft_viscous"
+    assert "axes.x.shaft_viscous (viscous friction, " in result.doubts[-1]
+    assert "viscous friction" in {one["law"] for one in as_json(result, ["day"], [])["suspects"]}
+    told = coasting(monkeypatch, {"shaft_viscous": 2.0}, "axes.x.guide_friction", "axes.x.shaft_viscous")
+    assert told.explains
+    assert not told.suspects
+
+
+def test_laws_that_data_do_not_tell_apart_are_named_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A coast sees the sum of both dry frictions."""
+    result = coasting(monkeypatch, {"guide_friction": 1.8}, "axes.x.shaft_viscous")
+    assert {one.key for one in result.suspects} >= {"axes.x.guide_friction", "axes.x.shaft_coulomb"}
+    assert result.doubts[-1].endswith("these data do not tell them apart")
+
+
+def test_another_motor_is_refused_and_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Friction is known from coasts; three more numbers go with the torque that it leaves, K - F r. A motor of 0.7
+    times the torque constant is no friction."""
+
+    def seen(machine: Machine) -> list[float]:
+        axis = machine.axes[0]
+        torque = machine.tree["axes"]["x"]["specimen"]["torque_constant"]["value"]
+        friction = axis.screw.coulomb_nm / 0.09
+        return [*coasted_mm(machine), *(10.0 * (torque - 0.1 * share * friction) for share in (1.0, 1.5, 2.0))]
+
+    machine = load_machine("4030")
+    hidden = with_overrides(machine, {"axes.x.specimen.torque_constant": 0.7})
+    monkeypatch.setattr(model_module, "predict", lambda session, one: np.array(seen(one)))
+    draw = np.random.default_rng(5)
+    readings = tuple(
+        Reading("day", n, "x", mm + draw.normal(0.0, 0.005), sigma_mm=0.005) for n, mm in enumerate(seen(hidden), 1)
+    )
+    monkeypatch.setattr("isel_twin.many.identification.session.Session.data", property(_without_zeros))
+    day = stand_alone("day", Measured(readings), CONTROLLER)
+    result = fit(machine, [unknown(machine, "friction.x")], [day], [])
+    assert not result.explains
+    assert result.suspects[0].law == "another motor"
+    assert 'grade = "measured"' not in patch(result, machine, "4030", "found", CONTROLLER, ["day"], ["other"])
+
+
+def _without_zeros(session: Session) -> tuple[Datum, ...]:
+    """Readings of a scale, which has no zero of its own."""
+    readings = session.measured.readings
+    return tuple(Datum("reading", str(one.command), session.name, one.mm, one.sigma_mm, "mm") for one in readings)
 
 
 def test_two_numbers_that_data_see_apart_are_not_called_alike(near: Machine) -> None:

@@ -169,4 +169,6 @@ def test_a_foreign_motor_is_refused_and_the_series_that_misfit_are_named(by_bala
     result = fit_series(series(with_overrides(MACHINE, {"axes.x.motor": "QSH6018-86-28-310"})))
     assert not result.explains
     assert result.misfits
-    assert all(item.label in result.doubts[-1] for item, _ in result.misfits)
+    *_, misfit, explained = result.doubts
+    assert all(item.label in misfit for item, _ in result.misfits)
+    assert "(another motor" in explained

@@ -15,6 +15,7 @@
     model.py        predictions on candidates, residuals, their differences
     fit.py          sensitivity, rank, least squares, intervals, chi-square; fitted and held back
     reach.py        which numbers behind a common factor no datum moves
+    suspects.py     what would explain data that the fitted model does not
     patch.py        the result as a machine, as JSON
     page.py         the result as a page
     experiment.py   informative moves as a job, and a file to fill in

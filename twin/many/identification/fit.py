@@ -10,8 +10,8 @@ its prior standard deviation afterwards; for s < 1 the data say less than the pr
 **After it**: cov = (J'J / max(1, chi^2) + 1)^-1 with chi^2 per degree of freedom: a bad fit claims no precision, and no
 fit is less sure than the prior. 95 % intervals are in u, so never negative for a positive value. A chi^2 beyond the
 quantile FITS of its distribution says that the model does not explain the data: then no number is `measured`, whatever
-its interval, and the data that misfit most are named (many/15). Numbers behind a common factor that no datum moves, or
-that the data do not tell apart, are found as well (reach.py).
+its interval, the data that misfit most are named (many/15), and the laws that would explain them (suspects.py). Numbers
+behind a common factor that no datum moves, or that the data do not tell apart, are found as well (reach.py).
 
 **The search** asks for a Jacobian by differences at its start only, as each costs 2 n replays; on its way it is
 corrected by the steps taken. Where the search ends another one starts, until one ends near its start. Bounds have a
@@ -34,6 +34,7 @@ from isel_twin.machine import Machine
 from isel_twin.many.identification.model import BOUND, NOT_IDENTIFIED, WEAK, Floats, Model
 from isel_twin.many.identification.reach import Alike, OutOfReach, behind_factors
 from isel_twin.many.identification.session import Datum, Session
+from isel_twin.many.identification.suspects import Suspect, suspects
 from isel_twin.many.identification.unknowns import Unknown
 
 NORMAL_95 = 1.96
@@ -129,6 +130,7 @@ class Fit:
     misfits: tuple[tuple[Datum, float], ...] = ()  # fitted data of the largest residuals beyond MISFIT, and these
     unreached: tuple[OutOfReach, ...] = ()
     alike: tuple[Alike, ...] = ()
+    suspects: tuple[Suspect, ...] = ()  # if the data are not explained: what would
 
     @property
     def explains(self) -> bool:
@@ -144,6 +146,13 @@ class Fit:
             lines.append(
                 f"the model does not explain these data: chi-square {self.chi2:.1f} per degree of freedom, by chance "
                 f"at most {self.chi2_limit:.1f}; no number is measured by this. Largest residuals: {worst}"
+            )
+            would = [f"{one.key} ({one.law}, {one.share:.0%} of the excess)" for one in self.suspects]
+            apart = "; these data do not tell them apart" if len(would) > 1 else "; fit it, too"
+            lines.append(
+                f"what would explain it: {' or '.join(would)}{apart}"
+                if would
+                else "no law known here would explain it; look at these readings first"
             )
         return tuple(lines)
 
@@ -202,7 +211,9 @@ def fit(
     after = model.residuals_at(u)
     chi2 = model.chi2(after)
     freedom = model.freedom(after)
+    limit = float(chi2_of.ppf(FITS, freedom)) / freedom
     unreached, alike, replays = behind_factors(model, u, last, chi2, crew)
+    suspected, more = suspects(model, u, last, crew) if chi2 > limit else ((), 0)
     covariance: Floats = np.asarray(np.linalg.inv(last.T @ last / max(1.0, chi2) + np.eye(count)), dtype=np.float64)
     deviation = np.sqrt(np.diag(covariance))
     estimates = []
@@ -227,11 +238,12 @@ def fit(
             (item, item.value - item.sigma * one, item.value - item.sigma * two)
             for item, one, two in zip(other.data, before_held.tolist(), after_held.tolist(), strict=True)
         ),
-        model.replays + other.replays + replays,
-        float(chi2_of.ppf(FITS, freedom)) / freedom,
+        model.replays + other.replays + replays + more,
+        limit,
         _misfits(model.data, after),
         unreached,
         alike,
+        suspected,
     )
 
 

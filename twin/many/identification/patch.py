@@ -137,6 +137,7 @@ def as_json(result: Fit, fitted: Sequence[str], held: Sequence[str]) -> dict[str
         "doubts": list(result.doubts),
         "unreached": [one.key for one in result.unreached],
         "not_told_apart": [{"name": one.unknown, "of_prior": one.remaining} for one in result.alike],
+        "suspects": [{"key": one.key, "law": one.law, "share": one.share} for one in result.suspects],
         "misfits": [
             {"recording": item.recording, "kind": item.kind, "datum": item.label, "residual": r}
             for item, r in result.misfits
