@@ -301,7 +301,7 @@ def _put_back() -> Iterator[None]:
     own = {name: module for name, module in sys.modules.items() if name == "__main__"}
     before = set(sys.modules)
     random.seed(0)
-    gc.callbacks.clear()  # one that asks for the time, as hypothesis's does, would ask in the middle of a change of turns
+    gc.callbacks.clear()  # hypothesis's asks for the time, amid a change of turns
     root.handlers.clear()  # the host starts without handlers, as in its own process
     root.setLevel(logging.WARNING)
     if propagates:
