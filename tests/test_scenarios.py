@@ -157,7 +157,7 @@ def test_a_start_button_in_a_scenario_resumes_a_stopped_motion(tmp_path: Path) -
         ({"machine": "5050"}, "unknown machine '5050'"),
         (
             {"controller": "imc-s9"},
-            "unknown controller 'imc-s9'; installed: bwo900, c142, gmi99, imc-m, imc-mp, imc-s8, ismif",
+            "unknown controller 'imc-s9'; installed: bwo900, c142, external, gmi99, imc-m, imc-mp, imc-s8, ismif",
         ),
         ({"plant": "bullet"}, "unknown plant 'bullet'; there are: mujoco, kinematic"),
         ({"overrides": {"axes.x.backlas": 0.0}}, "axes.x.backlas"),

@@ -14,6 +14,7 @@ import math
 import pickle
 import uuid
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -167,14 +168,14 @@ class _TwinSlave(Fmi3Slave):
 
     def _shown(self) -> Iterator[tuple[str, str | None, Any, Callable[[Twin], Any]]]:
         for at, axis in enumerate(CARRIAGES):
-            yield f"position_{axis}", "mm", 0.0, lambda twin, at=at: twin.position_mm[at]
-            yield f"velocity_{axis}", "mm/s", 0.0, lambda twin, at=at: twin.velocity_mm_s[at]
-            yield f"error_{axis}", "mm", 0.0, lambda twin, at=at: twin.position_error_mm[at]
-            yield f"counter_{axis}", None, 0, lambda twin, at=at: twin.counts[at]
-            yield f"lost_{axis}", None, 0.0, lambda twin, at=at: twin.lost_steps[at]
-            yield f"margin_{axis}", None, 0.0, lambda twin, at=at: twin.margin[at]
+            yield f"position_{axis}", "mm", 0.0, _entry("position_mm", at)
+            yield f"velocity_{axis}", "mm/s", 0.0, _entry("velocity_mm_s", at)
+            yield f"error_{axis}", "mm", 0.0, _entry("position_error_mm", at)
+            yield f"counter_{axis}", None, 0, _entry("counts", at)
+            yield f"lost_{axis}", None, 0.0, _entry("lost_steps", at)
+            yield f"margin_{axis}", None, 0.0, _entry("margin", at)
         for name in SWITCHES:
-            yield name, None, False, lambda twin, name=name: twin.inputs.get(name) == "struck"
+            yield name, None, False, partial(_struck, name)
         yield "power", None, False, lambda twin: twin.outputs.get("power", 0)
         yield "spindle", None, False, lambda twin: twin.outputs.get("spindle_runs", 0)
         yield "idle", None, False, lambda twin: twin.idle
@@ -256,6 +257,15 @@ class StepsTwin(_TwinSlave):
         answer = twin.read().decode("latin-1")
         if not answer.startswith("ok "):
             raise ValueError(f"step to {end_ns} ns: {answer.strip() or 'no answer'}")
+
+
+def _entry(name: str, at: int) -> Callable[[Twin], Any]:
+    """Reads one entry of an array of the twin."""
+    return lambda twin: getattr(twin, name)[at]
+
+
+def _struck(switch: str, twin: Twin) -> bool:
+    return twin.inputs.get(switch) == "struck"
 
 
 def _fixed() -> dict[str, Any]:

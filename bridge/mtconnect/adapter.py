@@ -5,7 +5,7 @@
     * PING  ->  * PONG 10000
 
 A new agent gets everything once, then changes. Stamps are wall time: virtual time may go at any speed. The adapter
-reads nothing but PING; whatever else an agent sends is dropped.
+reads nothing but PING; whatever else an agent sends is dropped (bridge/28).
 """
 
 from __future__ import annotations

@@ -18,7 +18,9 @@ FAMILIES = ("imc-s8", "ismif", "gmi99", "bwo900")
 
 
 def test_there_is_a_project_for_every_controller_of_the_package() -> None:
-    assert all(offers(create_language(name), HasExample) for name in controller_names())
+    """But for the place of another control, which has no commands to begin with."""
+    without = {name for name in controller_names() if not offers(create_language(name), HasExample)}
+    assert without == {"external"}
 
 
 @pytest.fixture(scope="module", params=FAMILIES)

@@ -67,6 +67,9 @@ CAM += 'rapid_mm_s = 30.0\nstrict = true\npark = [0, 0, 0]\noutputs = { spindle 
 CSV = "Time [s],step_x,dir_x\n0.0,0,1\n0.0001,1,1\n0.0002,0,1\n0.0003,1,0\n"
 VCD = "$timescale 1 ns $end\n$var wire 1 ! step_x $end\n$var wire 1 # dir_x $end\n$enddefinitions $end\n"
 VCD += "#0\n0!\n1#\n#5000\n1!\n#9000\n0!\n"
+KLIPPER = "config_stepper oid=4 step_pin=PA1 dir_pin=PA2 invert_step=0\nreset_step_clock oid=4 clock=900\n"
+KLIPPER += "set_next_step_dir oid=4 dir=1\nqueue_step oid=4 interval=100 count=9 add=-3\n"
+GRBLHAL = "# block number 0\n0.00100 0, 0, 0, 0\n0.00200 4, -2, 0, 0\n0.00300 5, -2, 1, 0\n"
 
 
 @dataclass(frozen=True)
@@ -180,6 +183,8 @@ READERS: Mapping[str, Reader] = {
         Reader("capture.csv", _text(CSV), _captured),
         Reader("capture.vcd", _text(VCD), _captured),
         Reader("capture.npz", _steps, _captured),
+        Reader("capture.dump", _text(KLIPPER), lambda path: load_capture(path, sample_rate_hz=1e6)),
+        Reader("capture.out", _text(GRBLHAL), _captured),
         Reader("machine.toml", _text(MACHINE), _machine),
         Reader("scenario.toml", _text(SCENARIO), lambda path: load_scenario(path, SETTABLE)),
         Reader("isel-twin.toml", _text(SETTINGS), _settings),

@@ -6,7 +6,7 @@
 
     wave.py       levels of one signal over time, a capture of several, errors
     mapping.py    which signal is step, direction or enable of an axis
-    load.py       the reader for a file name: vcd.py or table.py
+    load.py       the reader for a file name: vcd.py, table.py or firmware_files.py
     ticks.py      edges to ticks, and their timing errors for real drives
     player.py     the controller
     play.py       the stream in a twin, motion by motion

@@ -3,6 +3,7 @@
 .vcd        value change dump                       vcd.py
 .csv        table of text, also .txt and .tsv       table.py
 .npz        ticks: t_ns, delta; from `isel-twin run --steps`; no signals, so no map
+.dump .out  streams of Klipper and grblHAL without a board           firmware_files.py
 """
 
 from __future__ import annotations
@@ -13,13 +14,15 @@ from pathlib import Path
 import numpy as np
 
 from isel_twin.base.axes import AXIS_NAMES
+from isel_twin.capture.firmware_files import read_grblhal, read_klipper
 from isel_twin.capture.mapping import parse_map, recognise
 from isel_twin.capture.table import Table
 from isel_twin.capture.ticks import Needs, Ticks, ticks_of
 from isel_twin.capture.vcd import Dump
 from isel_twin.capture.wave import LONGEST_NS, CaptureError, WrongCallError
 
-KINDS = (".vcd", ".csv", ".txt", ".tsv", ".npz")
+KINDS = (".vcd", ".csv", ".txt", ".tsv", ".npz", ".dump", ".out")
+TICKS = (".npz", ".dump", ".out")  # kinds with ticks in place of signals
 
 
 def load(
@@ -41,10 +44,13 @@ def load(
     if kind not in KINDS:
         raise CaptureError(f"{path}: the name must end in {', '.join(KINDS[:-1])} or {KINDS[-1]}")
     signals = parse_map(maps) if maps else {}
-    if kind == ".npz":
+    if kind in TICKS:
         if signals:
-            raise WrongCallError("map: an .npz has ticks and no signals; leave the map out")
-        ticks = _load_npz(path)
+            raise WrongCallError(f"map: an {kind} has ticks and no signals; leave the map out")
+        if kind == ".npz":
+            ticks = _load_npz(path)
+        else:
+            ticks = read_klipper(path, sample_rate_hz) if kind == ".dump" else read_grblhal(path)
     else:
         file = Dump(path) if kind == ".vcd" else Table(path, time_unit, sample_rate_hz)
         try:

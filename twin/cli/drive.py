@@ -31,7 +31,7 @@ _OFFENCES = {
 
 
 def drive(
-    capture: Annotated[Path, Parameter(help="The captured signals: .vcd, .csv or .npz.")],
+    capture: Annotated[Path, Parameter(help="The captured signals: .vcd, .csv, .npz, .dump or .out.")],
     /,
     *,
     map: Annotated[tuple[str, ...], Parameter(help="What is what: x.step=D0,x.dir=!D1,enable=D7. ! inverts.")] = (),
@@ -46,7 +46,9 @@ def drive(
     time_unit: Annotated[
         Literal["s", "ms", "us", "ns", "ps"] | None, Parameter(help="Of a CSV column that does not say its own.")
     ] = None,
-    sample_rate: Annotated[float | None, Parameter(help="Rows a second of a CSV without times.")] = None,
+    sample_rate: Annotated[
+        float | None, Parameter(help="Rows a second of a CSV without times; clock of a .dump in Hz.")
+    ] = None,
     pulse_us: Annotated[float, Parameter(help="Shortest level of step that the drives take.")] = 1.9,
     setup_us: Annotated[float, Parameter(help="Shortest time from dir to step that they take.")] = 0.65,
     hold_us: Annotated[float, Parameter(help="Shortest time from step to dir that they take.")] = 0.65,
@@ -64,7 +66,8 @@ def drive(
 
     The signals of each axis are named by --map, repeated or separated by commas: x.step and x.dir (or x.plus and
     x.minus), y, z, a ... and a common enable; `step_x`, `Y_DIR` and other usual names need no map. Positive is dir
-    high. Understood are CSV of Saleae Logic and sigrok, other CSV with times, VCD, and --steps and --vcd of `run`.
+    high. Understood are CSV of Saleae Logic and sigrok, other CSV with times, VCD, --steps and --vcd of `run`,
+    and, without signals, text of Klipper's parsedump.py (.dump) and step.out of grblHAL's simulator (.out).
 
     Positions are relative to the beginning of the capture: --start, or random by --seed. Pulses that are too short and
     changes of direction that are too late for the drives are counted; the default limits are those of a DRV8825.

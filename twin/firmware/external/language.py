@@ -11,7 +11,6 @@ from collections.abc import Iterator, Sequence
 from isel_twin.firmware.external.protocol import END, FASTEST_HZ, LINE_BYTES, LineError, parse
 from isel_twin.language import (
     SETTINGS_RANGES,
-    Example,
     Message,
     MoveSettings,
     Pieces,
@@ -38,9 +37,6 @@ class ExternalLanguage:
     def __init__(self) -> None:
         self.ranges = RANGES
         self._pieces = {sent: Pieces(ends=END, longest=2 * LINE_BYTES) for sent in (True, False)}
-
-    def example(self) -> Example:
-        return Example.kept(__package__, "square.txt", "4030")
 
     def frame(self, text: str) -> bytes:
         return encoded(text) + END
