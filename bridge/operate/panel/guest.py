@@ -8,7 +8,7 @@ Requests are those of the control port (bridge/operate/control.py) with a number
     {"id": 7, "ask": {"set": {"estop": "pressed"}}}    -->  {"id": 7, "ok": {...}} or {"id": 7, "error": "one line"}
     {"id": 8, "ask": {...}, "gone": {"set": {...}}}    `gone` is carried out if the browser leaves before its next
     request
-    {"id": 9, "say": "@0P"}                            as a host: commands as in a job file (`_Typist`)
+    {"id": 9, "say": "@0P"}                            as a host: commands as in a job file (`PanelEnd`)
     {"id": 10, "job": {"start": true}}                 a job file: job.py
     {"id": 11, "desk": {"home": true}}                 moves by hand: desk.py
 
@@ -25,7 +25,6 @@ import time
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from types import MappingProxyType
 from typing import Any, Protocol
 
 from isel_twin.base.axes import AXIS_NAMES
@@ -38,8 +37,8 @@ from isel_twin.bridge.operate.panel.frame import COME, Asked, Frame
 from isel_twin.bridge.operate.panel.job import PanelJob
 from isel_twin.bridge.operate.panel.menu import key_menu, menu
 from isel_twin.bridge.operate.panel.monitor import Monitor
+from isel_twin.bridge.operate.panel.sender import PanelEnd
 from isel_twin.bridge.operate.token import token_for
-from isel_twin.bridge.serve.borders import Endpoint
 from isel_twin.bridge.serve.loop import FileWatch
 from isel_twin.bridge.serve.server import Guest, Server
 from isel_twin.bridge.serve.tcp import listen, parse_address
@@ -81,20 +80,6 @@ class Site(Protocol):
         """Close all connections."""
 
 
-class _Typist(Endpoint):
-    """The endpoint of a person who types, closed by the panel; the monitor shows the replies."""
-
-    kind = "panel"
-    address = ""
-    gathers = False
-    busy = False
-    waiting = 0
-    settings: Mapping[str, Any] = MappingProxyType({})  # as those of the line
-
-    def watches(self, listening: bool) -> Iterable[FileWatch]:
-        return ()
-
-
 class Panel(Guest):
     """Shows a server's twin on a page. Raises ValueError, or OSError for a taken address."""
 
@@ -109,7 +94,7 @@ class Panel(Guest):
         self.recording: Path | None = None  # the server's recording, for download; set it before the start
         self._asked: SimpleQueue[Asked] = SimpleQueue()
         self._server: Server | None = None
-        self._line = _Typist()
+        self._line = PanelEnd()  # of who types
         self._pending: list[tuple[int, Any, Pending]] = []
         self._gone: dict[int, Mapping[str, Any]] = {}
         self._next_s = 0.0

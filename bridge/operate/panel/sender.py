@@ -12,10 +12,11 @@ words of the controller's language.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
+from isel_twin.bridge.serve.borders import Endpoint
 from isel_twin.bridge.serve.loop import FileWatch
 from isel_twin.bridge.serve.server import Server
 from isel_twin.controller import offers
@@ -29,8 +30,8 @@ SHOWN = 120  # characters of a command
 LOOK_S = 0.02  # wall time between looks at a controller that is idle, and a line that is not over
 
 
-class Sender:
-    """Sends lines, as an endpoint of the server. Used in the thread of the server's loop only."""
+class PanelEnd(Endpoint):
+    """An endpoint of the panel, which nobody connects to; the monitor shows the replies."""
 
     kind = "panel"
     address = ""
@@ -38,6 +39,13 @@ class Sender:
     busy = False
     waiting = 0
     settings: Mapping[str, Any] = MappingProxyType({})  # as those of the line
+
+    def watches(self, listening: bool) -> Iterable[FileWatch]:
+        return ()
+
+
+class Sender(PanelEnd):
+    """Sends lines. Used in the thread of the server's loop only."""
 
     def __init__(self, server: Server, twin: Twin) -> None:
         self._server, self._twin = server, twin
@@ -56,20 +64,8 @@ class Sender:
 
     # As an endpoint
 
-    def attach(self, line: object) -> None:
-        return
-
-    def watches(self, listening: bool) -> Sequence[FileWatch]:
-        return ()
-
     def send(self, data: bytes) -> None:
         self._reply += data
-
-    def give_way(self) -> None:
-        return
-
-    def close(self) -> None:
-        return
 
     # What can be done
 
