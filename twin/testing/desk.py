@@ -307,9 +307,14 @@ class Desk:
         motor = delta * np.array(self.controller.direction, dtype=np.int8)
         positions = self.carriage + np.cumsum(motor, axis=0, dtype=np.int64)
         n = len(t_ns)
+        lows, highs = positions.min(axis=0).tolist(), positions.max(axis=0).tolist()
         for switch in self.position_switches:
+            ends = [switch.side * (place[switch.axis] - switch.trip) for place in (lows, highs)]
+            struck = self._struck[switch.contact]
+            if min(ends) >= -switch.hysteresis if struck else max(ends) < 0:
+                continue
             beyond = switch.side * (positions[:, switch.axis] - switch.trip)
-            changed = beyond < -switch.hysteresis if self._struck[switch.contact] else beyond >= 0
+            changed = beyond < -switch.hysteresis if struck else beyond >= 0
             if changed[:n].any():
                 n = int(np.argmax(changed)) + 1
         self._chunks.append((t_ns[:n], delta[:n]))

@@ -107,6 +107,7 @@ class MachinePlc:
         self._memory = PlcMemory()
         self._waiting: deque[int] = deque()
         self._shown: dict[str, int] = {}
+        self._shown_byte = 0  # what `_shown` was made from; unset outputs are off
 
     @property
     def next_ns(self) -> int | None:
@@ -167,8 +168,11 @@ class MachinePlc:
 
     def take(self) -> dict[str, int]:
         """Outputs that have changed since the last call, by name."""
-        a = self._memory.a
-        now = {**{f"a0.{bit}": a[0] >> bit & 1 for bit in range(8)}, "spindle": a[0] & 1}
+        byte = self._memory.a[0]
+        if byte == self._shown_byte:
+            return {}
+        self._shown_byte = byte
+        now = {**{f"a0.{bit}": byte >> bit & 1 for bit in range(8)}, "spindle": byte & 1}
         changed = {name: value for name, value in now.items() if self._shown.get(name, 0) != value}
         self._shown |= changed
         return changed

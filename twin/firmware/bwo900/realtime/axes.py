@@ -45,6 +45,7 @@ class Axes:
         # the counts last worked out: run, base and time, and the counts; those of now are asked for many times
         self._counted: tuple[object, object, int, tuple[int, ...]] = None, None, 0, ()
         self._locks: tuple[int, list[tuple[int, int]]] = (-1, [])  # revision, and the directions locked at it
+        self._stops: tuple[int, list[float]] = (-1, [])  # revision, and the exact-stop windows at it, mm
         self._known: tuple[int, MotionLimits] | None = None
         """The limits, and the revision of the parameters they were made from."""
 
@@ -139,9 +140,17 @@ class Axes:
         """Axes outside the exact-stop window."""
         if (drives := self.drives) is None:
             return []
-        all_per_mm = self.limits().increments_per_mm
-        windows = [window_mm(self._parameters, axis, per_mm) for axis, per_mm in enumerate(all_per_mm)]
-        return [a for a in range(AXES) if not drives.in_position[a] or abs(drives.lag[a]) / all_per_mm[a] > windows[a]]
+        per_mm, in_position, lag = self.limits().increments_per_mm, drives.in_position, drives.lag
+        windows = self._windows()
+        return [a for a in range(AXES) if not in_position[a] or abs(lag[a]) / per_mm[a] > windows[a]]
+
+    def _windows(self) -> list[float]:
+        """The exact-stop windows by the parameters as they are now, mm."""
+        revision = self._parameters.revision
+        if self._stops[0] != revision:
+            all_per_mm = self.limits().increments_per_mm
+            self._stops = revision, [window_mm(self._parameters, axis, per) for axis, per in enumerate(all_per_mm)]
+        return self._stops[1]
 
     def settling_ns(self, axis: int) -> int:
         """Time limit for an axis to reach its window: P12018."""
@@ -152,7 +161,8 @@ class Axes:
         if self.run is None or self.drives is None:
             self._watch.end()
             return None
-        self._watch.begin(self.now_ns, self.counts)
+        if self._watch.due_ns is None:
+            self._watch.begin(self.now_ns, self.counts)
         if not self._watch.is_due(self.now_ns):
             return None
         return self._watch.look(self.now_ns, self.counts, self.drives.lag, self.limits().increments_per_mm)

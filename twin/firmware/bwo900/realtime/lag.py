@@ -62,9 +62,8 @@ class LagWatch:
 
     def begin(self, now_ns: int, counts: Sequence[int]) -> None:
         """Begin the checks, with all axes at rest."""
-        if self.due_ns is None:
-            self.due_ns, self._last_ns, self._counts = now_ns + LOOK_NS, now_ns, tuple(counts)
-            self._ought, self._since_ns = [0.0] * MACHINE_AXES, [None] * MACHINE_AXES
+        self.due_ns, self._last_ns, self._counts = now_ns + LOOK_NS, now_ns, tuple(counts)
+        self._ought, self._since_ns = [0.0] * MACHINE_AXES, [None] * MACHINE_AXES
 
     def end(self) -> None:
         self.due_ns = None

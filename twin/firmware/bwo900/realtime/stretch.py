@@ -34,6 +34,7 @@ class _Entry:
 
     block: PathBlock
     until: int
+    speaks: bool  # `PathBlock.speaks`, which is asked of all of them at every event
 
 
 class Stretch:
@@ -96,7 +97,7 @@ class Stretch:
         if not plan.held:
             before = self._made
             for number, entry in enumerate(self._entries):
-                if number and entry.block.speaks:
+                if number and entry.speaks:
                     marks.append(self._time_of(before))
                     break
                 if entry.block.post and entry is not self._entries[-1]:
@@ -150,7 +151,7 @@ class Stretch:
         done = self._entries[-1].until if self._entries else 0
         for block, count in zip(blocks, counts, strict=True):
             done += count
-            self._entries.append(_Entry(block, done))
+            self._entries.append(_Entry(block, done, block.speaks))
         return pieces
 
     def passed(self, now_ns: int) -> Iterator[tuple[PathBlock, PathBlock, int]]:
