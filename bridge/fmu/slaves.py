@@ -26,8 +26,10 @@ from pythonfmu3.unit import Unit
 
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.units import SECOND_NS
+from isel_twin.controller import offers
 from isel_twin.core.spec import TwinSpec
 from isel_twin.core.twin import Twin
+from isel_twin.language import TakesSetPoints, create_language, language_names
 from isel_twin.version import VERSION
 
 # inputs for people's acts: element of the cabinet, its state when False and when True
@@ -40,7 +42,6 @@ ACTS: Mapping[str, tuple[str, str, str]] = {
     "stop_down": ("stop", "up", "down"),
     "probe_touched": ("probe", "free", "touched"),
 }
-ON = ("form led", "out power_request=1 stages=1 brake=1")
 SWITCHES = tuple(f"limit_{axis}{side}" for axis in CARRIAGES for side in (1, 2))
 _KINDS = {float: Float64, int: Int64, bool: Boolean, str: String}
 
@@ -237,26 +238,38 @@ class StepsTwin(_TwinSlave):
     interface = "steps"
     free: Mapping[str, Any] = {f"command_{axis}": 0 for axis in CARRIAGES}
 
+    def __init__(self, **kwargs: Any) -> None:
+        self._name, self._language = _that_takes_set_points()
+        super().__init__(**kwargs)
+
     @property
     def _controller(self) -> str:
-        return "external"
+        return self._name
 
     def _overrides(self) -> dict[str, Any]:
-        return {"controller.watchdog_ms": 0}
+        return dict(self._language.unwatched)
 
     def _begin(self, twin: Twin) -> None:
-        for line in ON:
-            twin.write(line.encode() + b"\n")
+        for data in self._language.begin_rows():
+            twin.write(data)
         twin.run_until_idle()
         twin.read()
 
     def _step(self, twin: Twin, end_ns: int) -> None:
-        counters = " ".join(str(int(self.values[f"command_{axis}"])) for axis in CARRIAGES)
-        twin.write(f"row {end_ns - twin.time_ns} {counters}\n".encode())
+        sent = self._language.row(end_ns - twin.time_ns, [int(self.values[f"command_{axis}"]) for axis in CARRIAGES])
+        twin.write(sent)
         twin.run_until(end_ns)
-        answer = twin.read().decode("latin-1")
-        if not answer.startswith("ok "):
-            raise ValueError(f"step to {end_ns} ns: {answer.strip() or 'no answer'}")
+        answer = twin.read()
+        if not self._language.accepted(sent, answer):
+            raise ValueError(f"step to {end_ns} ns: {answer.decode('latin-1').strip() or 'no answer'}")
+
+
+def _that_takes_set_points() -> tuple[str, Any]:
+    """Name and language of the installed controller that takes another control's set points."""
+    for name in language_names():
+        if offers(language := create_language(name), TakesSetPoints):
+            return name, language
+    raise ValueError("no installed controller takes set points")
 
 
 def _entry(name: str, at: int) -> Callable[[Twin], Any]:

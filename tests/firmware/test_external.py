@@ -17,10 +17,10 @@ from isel_twin.capture.player import Player
 from isel_twin.capture.ticks import Ticks
 from isel_twin.controller import create_controller
 from isel_twin.firmware.external import External
-from isel_twin.firmware.external.spreading import spread
 from isel_twin.language import create_language
 from isel_twin.machine import load_machine
 from isel_twin.motion import Listed
+from isel_twin.motion.spreading import spread
 from isel_twin.recordings.npz import write_npz
 
 MS_NS = 1_000_000

@@ -23,7 +23,7 @@ from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.base.units import SECOND_NS
 from isel_twin.capture.ticks import Ticks
 from isel_twin.capture.wave import LONGEST_NS, CaptureError, WrongCallError
-from isel_twin.firmware.external.spreading import spread
+from isel_twin.motion.spreading import spread
 
 _WRAP = 1 << 32  # of a clock of 32 bits
 _MOST = 1 << 28  # steps of a file

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import Toolpath
@@ -101,6 +101,18 @@ class KnowsCommands(Protocol):
 
     def knows(self, line: str) -> bool:
         """Does a line of a job begin like a command of this controller? What follows may be wrong."""
+
+
+class TakesSetPoints(Protocol):
+    """A language in which another control sends set points row by row (`isel-twin fmu --interface steps`)."""
+
+    unwatched: Mapping[str, Any]  # overrides of a twin whose control may be silent as long as it likes
+
+    def begin_rows(self) -> Sequence[bytes]:
+        """Switch power and stages on; rows that follow are led evenly."""
+
+    def row(self, duration_ns: int, counters: Sequence[int]) -> bytes:
+        """The counters at the end of the row."""
 
 
 class LoadsPlc(Protocol):

@@ -9,6 +9,7 @@ A motion is a sequence of ticks; at each tick every axis changes its command by 
     step_run.py     a path, timed by a law, started at a time
     set_points.py   a plan with one tick a period, led evenly from tick to tick
     listed.py       ticks that are stored as they are
+    spreading.py    changes of counters in a given time, as ticks
     joined.py       such plans for chains of pieces: look-ahead, ramps, override, hold
     pieces.py, blocks.py, look_ahead.py   what they are made of, how they are kept, the compiled part
     record.py       all motions since power-on, expanded where they are looked at

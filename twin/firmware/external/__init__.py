@@ -2,7 +2,6 @@
 
     controller.py   queue, rows, outputs and answers: implements isel_twin.controller.Controller
     protocol.py     lines and answers
-    spreading.py    a row as ticks
     language.py     the lines in words, for logs and job files
 
 docs/connections.md has the protocol for people, docs/decisions/external.md what was decided.

@@ -23,9 +23,9 @@ from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.controller import CounterSet, Drives, Event, Output, Remark, Reply, SerialFormat
 from isel_twin.firmware.external.protocol import END, FORMS, LINE_BYTES, SHORTEST_NS, Line, LineError, parse, row_of
-from isel_twin.firmware.external.spreading import spread
 from isel_twin.machine import CABINETS
 from isel_twin.motion import Displacement, Listed
+from isel_twin.motion.spreading import spread
 
 REST_NS = 100 * MILLISECOND_NS  # pause without a step that ends a motion
 QUEUED = 64  # waiting lines beyond which the host has to wait

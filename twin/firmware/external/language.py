@@ -1,4 +1,4 @@
-"""The lines of another control in words. Implements `isel_twin.language.Language`.
+"""The lines of another control in words. Implements `isel_twin.language.Language` and `TakesSetPoints`.
 
 There is no reference run and there are no ramps: both are the other control's. So `reference` switches on and calls the
 place where the machine stands 0, and `move` goes at one speed (external/6).
@@ -6,7 +6,8 @@ place where the machine stands 0, and `move` goes at one speed (external/6).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 from isel_twin.firmware.external.protocol import END, FASTEST_HZ, LINE_BYTES, LineError, parse
 from isel_twin.language import (
@@ -32,7 +33,9 @@ def create(name: str) -> ExternalLanguage:
 
 
 class ExternalLanguage:
-    """Implements `isel_twin.language.Language`."""
+    """Implements `isel_twin.language.Language` and `TakesSetPoints`."""
+
+    unwatched: Mapping[str, Any] = {"controller.watchdog_ms": 0}
 
     def __init__(self) -> None:
         self.ranges = RANGES
@@ -59,6 +62,12 @@ class ExternalLanguage:
     def break_off(self) -> bytes:
         """A row cannot be broken off, only the stages can go off behind it; hosts send short ones."""
         return self.frame("out stages=0")
+
+    def begin_rows(self) -> Sequence[bytes]:
+        return [self.frame("form led"), self.frame(ON)]
+
+    def row(self, duration_ns: int, counters: Sequence[int]) -> bytes:
+        return self.frame(f"row {duration_ns} {' '.join(map(str, counters))}")
 
     def messages(self, data: bytes, sent: bool) -> Iterator[Message]:
         return iter([_message(piece, sent) for piece in self._pieces[sent].cut(data)])

@@ -1,4 +1,4 @@
-"""A row as ticks: each axis makes its n steps evenly, in the middle of n equal parts of the row.
+"""A row of changes as ticks: each axis makes its n steps evenly, in the middle of n equal parts of the row.
 
     row      t0                                t0 + ns
     X, n=4   |----s----|----s----|----s----|----s----|        s at t0 + (2 k - 1) ns / 2 n, rounded down
