@@ -277,7 +277,7 @@ def test_a_job_of_another_controller_is_no_program(program, capsys) -> None:
     file = program("@07\n@0R7\n")
     assert call("run", file, *CONTROL) == 2
     assert capsys.readouterr().err == (
-        f"isel-twin: {file}: line 1: '@07' is a command of c142, imc-m, imc-mp or imc-s8, not of bwo900: "
+        f"isel-twin: {file}: line 1: '@07' is a command of c142, imc-m, imc-mp, imc-s8 or it116, not of bwo900: "
         "--controller imc-s8 --machine 4030\n"
     )
 
