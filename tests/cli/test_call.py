@@ -56,7 +56,7 @@ def url_of(options: dict[str, str]) -> str:
 )
 def test_both_ask_for_the_same_twin(options, asked, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    Path("job.txt").write_text("# for any controller\n@07\n")
+    Path("job.txt").write_text("<64>07\n")
     words = [word for option, value in options.items() for word in (f"--{option}", value)]
     assert command_line("run", "job.txt", *words) == 2
     assert command_line("serve", "--tcp", "127.0.0.1:0", "--speed", "max", *words) == 2
