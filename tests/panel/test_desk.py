@@ -165,7 +165,9 @@ def test_a_job_is_held_gone_on_with_and_held_and_given_up(bench, browser, contro
         page.until(lambda: page.frame["step_hz"][0] > 100)
         while page.request(job={"pause": True}).get("error"):  # a program may still be on the line
             page.hear()
-        page.until(lambda: page.frame["job"]["state"] == "paused" and not any(page.frame["step_hz"]))
+        page.until(lambda: page.frame["job"]["state"] == "paused")
+        began_s = page.frame["time_s"]  # it is told before the bytes that hold it are on the line
+        page.until(lambda: page.frame["time_s"] > began_s + 1.0 and not any(page.frame["step_hz"]))
         return counted(here)[0]
 
     stood = held()
