@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -83,8 +84,10 @@ class Browser:
 
     def until(self, so: Callable[[], Any]) -> None:
         """Listen until it is so."""
+        begin_s = time.monotonic()
         while not so():
             self.hear()
+            assert time.monotonic() < begin_s + WAIT_S, self.frame
 
     def request(self, **content: Any) -> dict[str, Any]:
         """Its answer, ok or not."""

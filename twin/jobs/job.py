@@ -362,11 +362,12 @@ def _unpowered_known(twin: Twin, quantity: str) -> int | None:
 @dataclass(frozen=True)
 class Wait:
     """Something that has to become true before a line goes on. until: when there is no more to wait for, true or not;
-    for_ns: how long it may take, in place of the time that any line may."""
+    for_ns: how long it may take, in place of the time that any line may. last: nothing more is done for the line."""
 
     so: Callable[[], bool]
     until: Callable[[], bool]
     for_ns: int | None = None
+    last: bool = False
 
 
 class Partner(Protocol):
@@ -411,11 +412,11 @@ def conversation(twin: Partner, line: Line) -> Iterator[bytes | int | Wait]:
         if twin.commands_due:
             yield Wait(lambda: not twin.commands_due, lambda: not twin.commands_due or _stands(twin))
     if end_ns is not None:
-        yield Wait(lambda: twin.time_ns >= end_ns, lambda: False, end_ns - twin.time_ns)
+        yield Wait(lambda: twin.time_ns >= end_ns, lambda: False, end_ns - twin.time_ns, last=True)
     elif line.program:
-        yield Wait(lambda: twin.idle and _over(twin), lambda: twin.idle and (_over(twin) or _stands(twin)))
+        yield Wait(lambda: twin.idle and _over(twin), lambda: twin.idle and (_over(twin) or _stands(twin)), last=True)
     else:
-        yield Wait(lambda: twin.idle, lambda: twin.idle)
+        yield Wait(lambda: twin.idle, lambda: twin.idle, last=True)
 
 
 def converse(twin: Partner, line: Line, timeout_s: float, stop: Stop | None) -> bool:

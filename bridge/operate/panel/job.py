@@ -130,7 +130,7 @@ class PanelJob:
 
     def _line(self, place: Place) -> None:
         """One line of the file: the first, or the next one."""
-        if self.sender.state == "running":
+        if self.sender.state in ("running", "pausing"):
             raise place.wrong("it is running; allowed: when it is paused or over")
         if self.sender.state == "paused":
             self.sender.go_on(single=True)

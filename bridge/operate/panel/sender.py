@@ -1,10 +1,10 @@
 """Lines sent as a host sends them, each when the one before is over: for a job (job.py) and for the desk (desk.py).
 
-                     .---- single: before each line of the file, hold -----.
-                     v                                                     |
-    idle -- begin --> running --- all lines well --------------> done      |
-                     |   |--- a refusal, an unmet condition ---> failed    v
-                     |   '--- stop, a host that takes the line -> stopped  paused -- go_on --> running
+    idle -- begin --> running --- all lines well ----------------> done
+                     |   |  |--- a refusal, an unmet condition --> failed
+                     |   |  '--- stop, a host that takes the line -> stopped
+                     |   '------ single: behind a line of the file -> paused -- go_on --> running
+                     '---------- hold: pausing, until it stands ----> paused
 
 Virtual time is not hurried: a line is over when time has come so far. After a stop the motion is broken off, in the
 words of the controller's language.
@@ -27,6 +27,7 @@ from isel_twin.language import HoldsMotion, readable
 
 TIMEOUT_S = 86_400.0  # virtual seconds: somebody stands beside it
 SHOWN = 120  # characters of a command
+STILL_NS = 50_000_000  # virtual time without a step after which a held motion stands
 LOOK_S = 0.02  # wall time between looks at a controller that is idle, and a line that is not over
 
 
@@ -52,7 +53,7 @@ class Sender(PanelEnd):
         self.state, self.why = "idle", ""
         self.lines: Sequence[Line] = ()
         self.index = 0  # of the line that is being sent
-        self.begin_ns = self.end_ns = 0
+        self.begin_ns = self.end_ns = self._moved_ns = 0
         self._single = self._held = False
         # of the line that is being sent
         self._sent: Sent | None = None
@@ -72,7 +73,7 @@ class Sender(PanelEnd):
     @property
     def active(self) -> bool:
         """True until all is over: also while it is paused."""
-        return self.state in ("running", "paused")
+        return self.state in ("running", "pausing", "paused")
 
     @property
     def pauses(self) -> str:
@@ -87,14 +88,18 @@ class Sender(PanelEnd):
         self._single, self._held = single, False
 
     def hold(self) -> str:
-        """Pause; returns why this cannot be done, "" if it is."""
+        """Pause as soon as it can be; returns why this cannot be done, "" if it is."""
+        self.advance()
+        if not self.active:
+            return "it is over"
         language, line = self._twin.language, self.lines[self.index]
         if self._sent is None or not offers(language, HoldsMotion):
             self._single = True
             return ""
-        if line.program and (self._twin.commands_due or not isinstance(self._due, Wait)):
-            return "its program is still on the line; allowed: when it has been transferred"
-        self.state, self._held = "paused", True
+        made = isinstance(self._due, Wait) and self._due.last and self._twin.steps_made
+        if line.program and not made:
+            return "neither a transfer nor a reference run can be held; allowed: when the program is being made"
+        self.state, self._held, self._moved_ns = "pausing", True, self._twin.time_ns
         self._server.receive(self, language.hold())
         return ""
 
@@ -128,9 +133,9 @@ class Sender(PanelEnd):
     @property
     def wait_s(self) -> float | None:
         """Wall seconds until it has to be looked at though nothing happens."""
-        if self.state != "running" or self._server.pacer.paused:
+        if self.state not in ("running", "pausing") or self._server.pacer.paused:
             return None
-        if self._until_ns is None:
+        if self._until_ns is None or self.state == "pausing":
             return LOOK_S if self._twin.idle else None
         return 0.0 if self._server.pacer.speed is None else max(0.0, self._server.pacer.until_s(self._until_ns))
 
@@ -141,8 +146,18 @@ class Sender(PanelEnd):
         if (kind := self.host()) is not None:
             self.stop(f"a host has taken the line ({kind})")
             return
+        if self.state == "pausing":
+            self._look_whether_it_stands()
         while self.state == "running" and not self._server.pacer.paused and self._step():
             pass
+
+    def _look_whether_it_stands(self) -> None:
+        """Between two steps that are far apart, and before the first one, it only seems to."""
+        twin = self._twin
+        if twin.commands_due or twin.step_hz.any():
+            self._moved_ns = twin.time_ns
+        elif twin.idle or twin.time_ns - self._moved_ns >= STILL_NS:
+            self.state = "paused"
 
     def _step(self) -> bool:
         """One step; False if there is nothing to do now."""

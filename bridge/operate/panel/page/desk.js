@@ -124,7 +124,7 @@ addEventListener("blur", let_go);
 // ---- the job ---------------------------------------------------------------------------------------------------------
 
 const LONGEST = 500000, LINES = 20000; // characters of a file, lines of it that are shown
-const STATES = { ready: "ready", running: "running", paused: "paused", done: "all well", failed: "failed", stopped: "stopped" };
+const STATES = { ready: "ready", running: "running", pausing: "pausing", paused: "paused", done: "all well", failed: "failed", stopped: "stopped" };
 let opened = 0;
 
 $("file").addEventListener("change", async (event) => {
@@ -149,18 +149,18 @@ function build_job() {
   $("hold").title = about.desk && about.desk.pauses === "now" ? "the motion is held, and gone on with" : "at the end of this line: this controller cannot hold a motion over its line";
   updates.push((now) => {
     const job = now.job;
-    const running = job.state === "running", paused = job.state === "paused";
-    $("start").disabled = !job.state || running || paused;
-    $("single").disabled = !job.state || running;
-    $("hold").disabled = !running && !paused;
-    $("halt").disabled = !running && !paused;
+    const moves = job.state === "running" || job.state === "pausing", paused = job.state === "paused";
+    $("start").disabled = !job.state || moves || paused;
+    $("single").disabled = !job.state || moves;
+    $("hold").disabled = job.state !== "running" && !paused;
+    $("halt").disabled = !moves && !paused;
     put($("hold"), paused ? "Go on" : "Pause");
     if (!job.state) return;
     if (job.opened !== opened) {
       opened = job.opened;
       request({ job: { text: true } }).then((told) => show_program(told.text), () => {});
     }
-    put($("jobbed"), running || paused ? `${Math.floor(100 * job.made / job.commands)} %` : "");
+    put($("jobbed"), moves || paused ? `${Math.floor(100 * job.made / job.commands)} %` : "");
     const format = job.format ? ` (${job.format})` : "", times = job.state === "ready" ? "" : `, ${job.seconds.toFixed(1)} s`;
     put($("doing"), `${job.name}${format}: ${STATES[job.state]}, ${job.made} of ${job.commands} commands${times}${job.why ? `: ${job.why}` : ""}`);
     $("doing").dataset.state = job.state;
