@@ -77,9 +77,6 @@ def drive(
     options.check_seconds("interval", interval, 1e-9)
     options.check_seconds("gap", gap, 1e-6)
     limits_us = {"pulse_us": pulse_us, "setup_us": setup_us, "hold_us": hold_us}
-    for name, value in limits_us.items():
-        if not 0.0 <= value <= 1e6:
-            raise CallError(f"{name.replace('_', '-')} {value:g}: must be from 0 to 1e6 us", option=True)
     files = Files(steps, vcd, trace, report, record, interval)
     files.check(capture, scenario)
     overrides = options.parse_overrides(set)
@@ -93,10 +90,9 @@ def drive(
         from isel_twin.capture.player import NAME, Player
         from isel_twin.core.warm import told_of_compiling
         from isel_twin.jobs.playing import followed
-        from isel_twin.machine import load_machine
 
         with call_errors():
-            as_built = load_machine(machine)
+            as_built = call.as_built
         allowed = _allowed(may_strike, [switch.name for switch in as_built.switches])
         player = Player(ticks, tuple(contact.name for contact in as_built.contacts), round(gap * SECOND_NS))
         twin = call.with_(controller=NAME, flash=None if record is None else player.image()).build(controller=player)
@@ -140,6 +136,9 @@ def _read(capture: Path, map: Sequence[str], limits_us: Mapping[str, float], how
     from isel_twin.capture.ticks import Needs
     from isel_twin.capture.wave import WrongCallError
 
+    for name, value in limits_us.items():
+        if not 0.0 <= value <= 1e6:
+            raise CallError(f"{name.replace('_', '-')} {value:g}: must be from 0 to 1e6 us", option=True)
     needs = Needs(*(round(value * MICROSECOND_NS) for value in limits_us.values()))
     with call_errors(capture):
         try:

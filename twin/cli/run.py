@@ -4,10 +4,11 @@ timeout, keeps its results: table, traces, report.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from cyclopts import Parameter
 
@@ -20,6 +21,8 @@ from isel_twin.cli.jobs import FormatName, check_names, clamped, job_name, read_
 
 if TYPE_CHECKING:
     from isel_twin.core.spec import TwinSpec
+    from isel_twin.core.twin import Twin
+    from isel_twin.jobs.checks.job import Inspection
     from isel_twin.jobs.edge import Edge
     from isel_twin.jobs.golden import Golden
     from isel_twin.jobs.job import Line
@@ -91,12 +94,7 @@ def run(
         _check_samples(lines, interval)
     files.check(job, *twin.files)
     golden = None if report is None else _golden(job)
-    wanted_of: tuple[tuple[Source, int], ...] = (("kind", robust), ("known", uncertain))
-    others = [
-        (source, number, repeat)
-        for source, number in wanted_of
-        if (repeat := _repetitions(call, lines, number, workers, timeout, source)) is not None
-    ]
+    others = _others(call, lines, {"kind": robust, "known": uncertain}, workers, timeout)
     search = _edges(call, lines, workers, timeout) if edge else None
     with ExitStack() as stack:
         made_on = call.build(keep_motions=None if files.needs_stream else 1)
@@ -109,12 +107,7 @@ def run(
         writing = files.begin(made_on, {"job": job_name(job)}, stack)
         show: outputs.JobOutput
         show = outputs.JsonOutput() if json else stack.enter_context(outputs.TableOutput(made_on, lines))
-        inspection = None
-        if report is not None:
-            from isel_twin.jobs.checks.job import Inspection
-            from isel_twin.jobs.checks.rules import Bounds
-
-            inspection = Inspection(made_on, Bounds(timeout_s=timeout))
+        inspection = None if report is None else _inspection(made_on, timeout)
         watchers = [show.result] if inspection is None else [show.result, inspection.take]
         with interruption() as stopped:
             made = played(made_on, lines, watchers, timeout, lambda: bool(stopped))
@@ -124,43 +117,18 @@ def run(
         if source is not None:
             show.source(source, made.results)
         show.verdict(verdict, called)
-
-        def page(path: Path, recorder: Recorder) -> None:
-            from isel_twin.jobs.golden import called as as_called
-            from isel_twin.jobs.golden import golden_file
-            from isel_twin.report.report import write_report
-
-            assert inspection is not None
-            found = inspection.report(job_name(job), verdict)
-            if golden is not None:
-                found = found.compared(golden, as_called(found.golden, call, job, golden_file(job)))
-            title, summary = f"isel-twin: {job_name(job)}", {**verdict.summary(), **called}
-            write_report(path, title, made_on, recorder, made.results, summary, found, inspection.bounds)
-
+        page = partial(_write_page, job, call, made_on, made, called, inspection, golden)
         recorded = writing.write(page)
         if verdict.interrupted:
             return 128 + stopped[0]
         sound = True
-        if search is not None and not verdict.ok:
-            outputs.say(f"{job_name(job)}: no edge is looked for, as the job is not well as it stands")
-        elif search is not None:
-            with interruption() as stopped:
-                found = list(search(verdict, lambda: bool(stopped)))
-            if stopped:
-                outputs.say(f"{job_name(job)}: interrupted; not all edges are known")
-            if found or not stopped:
-                show.edge(found)
-            if stopped:
-                return 128 + stopped[0]
-        for sort, wanted, repeat in others:
-            with interruption() as stopped:
-                seen = list(repeat(lambda: bool(stopped)))
-            if cut := bool(stopped) and len(seen) < wanted:
-                outputs.say(f"{job_name(job)}: interrupted after {len(seen)} of {wanted} repetitions")
-            told = show.robust(verdict, seen, wanted) if sort == "kind" else show.uncertain(made, seen, wanted)
+        if search is not None and (code := _tell_edges(job, verdict, search, show)) is not None:
+            return code
+        for other in others:
+            told, code = _tell_others(job, made, other, show)
+            if code is not None:
+                return code
             sound = told and sound
-            if cut:
-                return 128 + stopped[0]
     return 0 if verdict.ok and sound and recorded else 1
 
 
@@ -172,6 +140,37 @@ def _golden(job: Path) -> Golden | None:
         return None
     with call_errors(file):
         return load(file)
+
+
+def _inspection(twin: Twin, timeout_s: float) -> Inspection:
+    from isel_twin.jobs.checks.job import Inspection
+    from isel_twin.jobs.checks.rules import Bounds
+
+    return Inspection(twin, Bounds(timeout_s=timeout_s))
+
+
+def _write_page(
+    job: Path,
+    call: TwinSpec,
+    twin: Twin,
+    made: Played,
+    called: Mapping[str, Any],
+    inspection: Inspection | None,
+    golden: Golden | None,
+    path: Path,
+    recorder: Recorder,
+) -> None:
+    """A page about the job, with what `check` would find in it, compared with its golden run if there is one."""
+    from isel_twin.jobs.golden import called as as_called
+    from isel_twin.jobs.golden import golden_file
+    from isel_twin.report.report import write_report
+
+    assert inspection is not None
+    found = inspection.report(job_name(job), made.verdict)
+    if golden is not None:
+        found = found.compared(golden, as_called(found.golden, call, job, golden_file(job)))
+    title, summary = f"isel-twin: {job_name(job)}", {**made.verdict.summary(), **called}
+    write_report(path, title, twin, recorder, made.results, summary, found, inspection.bounds)
 
 
 def _why_it_ended(made: Played, timeout_s: float) -> str:
@@ -187,23 +186,47 @@ def _why_it_ended(made: Played, timeout_s: float) -> str:
     return f"{where}{why}; the job ends there{rest}{remedy}"
 
 
-def _repetitions(
-    call: TwinSpec, lines: Sequence[Line], number: int, workers: int, timeout_s: float, source: Source
-) -> Callable[[Callable[[], bool]], Iterator[Repetition]] | None:
-    """A function that makes the repetitions of a job, with the present flash memory; None for none. Raises
-    CallError."""
-    option = "robust" if source == "kind" else "uncertain"
-    if number < 0:
-        raise CallError(f"{option} {number}: must be a number of repetitions, such as 20", option=True)
-    options.check_workers(workers)
-    if number == 0:
-        return None
-    from isel_twin.jobs.robust import check, repetitions
+class _Others(NamedTuple):
+    """Repetitions of the job on other machines."""
 
-    check(call, number, source)
-    how: dict[str, Any] = {"timeout_s": timeout_s, "flash": _flash(call), "source": source}
-    crew = options.crew_of(min(workers, number))
-    return lambda stop: repetitions(call, lines, number, crew=crew, stop=stop, **how)
+    source: Source
+    wanted: int
+    repeat: Callable[..., Iterator[Repetition]]  # takes `stop`
+
+
+def _others(
+    call: TwinSpec, lines: Sequence[Line], wanted: Mapping[Source, int], workers: int, timeout_s: float
+) -> list[_Others]:
+    """Those that are wanted, each with the present flash memory. Raises CallError."""
+    for source, number in wanted.items():
+        if number < 0:
+            option = "robust" if source == "kind" else "uncertain"
+            raise CallError(f"{option} {number}: must be a number of repetitions, such as 20", option=True)
+    options.check_workers(workers)
+    others = []
+    for source, number in wanted.items():
+        if number:
+            from isel_twin.jobs.robust import check, repetitions
+
+            check(call, number, source)
+            how: dict[str, Any] = {"timeout_s": timeout_s, "flash": _flash(call), "source": source}
+            how["crew"] = options.crew_of(min(workers, number))
+            others.append(_Others(source, number, partial(repetitions, call, lines, number, **how)))
+    return others
+
+
+def _tell_others(job: Path, made: Played, others: _Others, show: outputs.JobOutput) -> tuple[bool, int | None]:
+    """Make the repetitions and show them: whether they end as the job, and the exit code if they were interrupted."""
+    with interruption() as stopped:
+        seen = list(others.repeat(stop=lambda: bool(stopped)))
+    cut = bool(stopped) and len(seen) < others.wanted
+    if cut:
+        outputs.say(f"{job_name(job)}: interrupted after {len(seen)} of {others.wanted} repetitions")
+    if others.source == "kind":
+        told = show.robust(made.verdict, seen, others.wanted)
+    else:
+        told = show.uncertain(made, seen, others.wanted)
+    return told, 128 + stopped[0] if cut else None
 
 
 def _edges(
@@ -215,6 +238,25 @@ def _edges(
     check(call)
     flash, crew = _flash(call), options.crew_of(workers)
     return lambda verdict, stop: edges(call, lines, verdict, timeout_s=timeout_s, flash=flash, crew=crew, stop=stop)
+
+
+def _tell_edges(
+    job: Path,
+    verdict: Verdict,
+    search: Callable[[Verdict, Callable[[], bool]], Iterator[Edge]],
+    show: outputs.JobOutput,
+) -> int | None:
+    """Look for the edges of a job that is well, and show them; the exit code if it was interrupted."""
+    if not verdict.ok:
+        outputs.say(f"{job_name(job)}: no edge is looked for, as the job is not well as it stands")
+        return None
+    with interruption() as stopped:
+        found = list(search(verdict, lambda: bool(stopped)))
+    if stopped:
+        outputs.say(f"{job_name(job)}: interrupted; not all edges are known")
+    if found or not stopped:
+        show.edge(found)
+    return 128 + stopped[0] if stopped else None
 
 
 def _flash(call: TwinSpec) -> bytes | None:

@@ -22,7 +22,8 @@ from isel_twin.core.spec import MACHINE, TwinSpec
 if TYPE_CHECKING:
     from isel_twin.base.crew import Crew
     from isel_twin.cli.tune_output import Output
-    from isel_twin.many.tuning import Tuned
+    from isel_twin.jobs.toolpaths import Source
+    from isel_twin.many.tuning import Problem, Tuned
     from isel_twin.many.tuning.study import Study
 
 
@@ -90,9 +91,7 @@ def tune(
     """
     if options.is_standard_input(job):
         raise CallError("-: the tuned job stands beside the job; name a file")
-    _check_numbers(trials, robust, uncertain, confirm, workers, batch, margin, edge, seed, rapid)
-    if settle_mm is not None and not 0.0 < settle_mm <= 10.0:
-        raise CallError(f"settle-mm {settle_mm:g}: must be a distance up to 10, such as 0.01", option=True)
+    _check_numbers(trials, robust, uncertain, confirm, workers, batch, margin, edge, seed, rapid, settle_mm)
     options.check_seconds("timeout", timeout, 0.0)
     ranges = _ranges({"speed": speed, "acceleration": acceleration, "start-stop": start_stop})
     database = storage if storage is not None else str(job.with_name(f"{job.stem}.tune.db"))
@@ -104,53 +103,28 @@ def tune(
     call = clamped(TwinSpec(machine, controller, "mujoco", seed, scenario, None, overrides=overrides), job)
 
     _, source = read_source(job, call, form)  # reports errors with their line
-    from isel_twin.base.files import Claim
-    from isel_twin.base.pictures import check_picture
     from isel_twin.cli.tune_output import Json, Table
     from isel_twin.core.warm import told_of_compiling
-    from isel_twin.jobs.job import decode_job
-    from isel_twin.jobs.robust import check
-    from isel_twin.many.tuning import Problem
-    from isel_twin.many.tuning.result import may_be
-    from isel_twin.many.tuning.study import Study, need_optuna
 
     with call_errors(job):
-        need_optuna()
-        if picture is not None:
-            check_picture(picture, "tune")
-        image = flash.read_bytes() if flash is not None else None
-        check(call, robust + confirm)
-        check(call, uncertain, "known")
-        lines = decode_job(job.read_bytes()) if source is None else source.text
-        more: dict[str, Any] = {"each_move": each_move, "rapid_hz": rapid, "ranges": ranges, "repetitions": robust}
-        more["uncertain"] = uncertain
-        more["settle_mm"] = settle_mm
-        more["speed_share"] = (1.0 - margin) * edge  # at that edge the margin of speed is the one asked for
-        problem = Problem(lines, call, timeout_s=timeout, flash=image, **more)
+        how: dict[str, Any] = {"each_move": each_move, "rapid_hz": rapid, "ranges": ranges, "timeout_s": timeout}
+        how |= {"repetitions": robust, "uncertain": uncertain, "settle_mm": settle_mm}
+        how["speed_share"] = (1.0 - margin) * edge  # at that edge the margin of speed is the one asked for
+        how["flash"] = flash.read_bytes() if flash is not None else None
+        problem = _problem(job, source, call, confirm, picture, how)
     with ExitStack() as stack:
-        if file is not None:
-            with call_errors(file):
-                stack.callback(Claim(file).release)
-        with call_errors(database):
-            begun = Study(problem, f"sqlite:///{file}" if file is not None else database, study, seed, batch, margin)
+        begun = _study(problem, file or database, stack, name=study, seed=seed, batch=batch, least=margin)
         stack.enter_context(told_of_compiling())
         stopped = stack.enter_context(interruption())
         show = Json() if json else stack.enter_context(Table(trials, confirm))
         crew = stack.enter_context(options.crew_of(workers))
         stack.enter_context(_failures())
-        written: list[Path] = []
         found = _tuned(job, begun, trials, confirm, crew, stopped, show)
         if picture is not None:
             _draw(picture, job, begun, found)
-        if found is not None:
-            if uncertain:
-                known = may_be(problem, found.candidate, found.tried.judgement, crew, lambda: bool(stopped))
-                found = replace(found, may_be=known)
-            written = _write(job, found, out, permanent)
+        written = [] if found is None else _write(job, found, out, permanent)
     show.over(job, begun, found, bool(stopped), written)
-    if stopped:
-        return 128 + stopped[0]
-    return 0 if found is not None else 1
+    return 128 + stopped[0] if stopped else int(found is None)
 
 
 def _check_numbers(
@@ -164,6 +138,7 @@ def _check_numbers(
     edge: float,
     seed: int,
     rapid: int | None,
+    settle_mm: float | None,
 ) -> None:
     for name, value, low in (
         ("trials", trials, 1), ("robust", robust, 0), ("uncertain", uncertain, 0), ("confirm", confirm, 1),
@@ -176,6 +151,8 @@ def _check_numbers(
         raise CallError(f"margin {margin:g}: must be from 0 to 1", option=True)
     if not 0.5 <= edge <= 3.0:
         raise CallError(f"edge {edge:g}: must be from 0.5 to 3", option=True)
+    if settle_mm is not None and not 0.0 < settle_mm <= 10.0:
+        raise CallError(f"settle-mm {settle_mm:g}: must be a distance up to 10, such as 0.01", option=True)
 
 
 def _ranges(texts: dict[str, str | None]) -> dict[str, tuple[int, int]]:
@@ -192,6 +169,35 @@ def _ranges(texts: dict[str, str | None]) -> dict[str, tuple[int, int]]:
     return ranges
 
 
+def _problem(
+    job: Path, source: Source | None, call: TwinSpec, confirm: int, picture: Path | None, how: dict[str, Any]
+) -> Problem:
+    """What is to be tuned. how: further arguments of it. Raises as it does, and ValueError for what is missing."""
+    from isel_twin.base.pictures import check_picture
+    from isel_twin.jobs.job import decode_job
+    from isel_twin.jobs.robust import check
+    from isel_twin.many.tuning import Problem
+    from isel_twin.many.tuning.study import need_optuna
+
+    need_optuna()
+    if picture is not None:
+        check_picture(picture, "tune")
+    check(call, how["repetitions"] + confirm)
+    check(call, how["uncertain"], "known")
+    return Problem(decode_job(job.read_bytes()) if source is None else source.text, call, **how)
+
+
+def _study(problem: Problem, database: Path | str, stack: ExitStack, **how: Any) -> Study:
+    """The study in a file, which then is claimed, or behind a URL."""
+    from isel_twin.base.files import Claim
+    from isel_twin.many.tuning.study import Study
+
+    with call_errors(database):
+        if isinstance(database, Path):
+            stack.callback(Claim(database).release)
+        return Study(problem, f"sqlite:///{database}" if isinstance(database, Path) else database, **how)
+
+
 @contextmanager
 def _failures() -> Iterator[None]:
     """Turn errors from outside, such as a lost database, into CallError."""
@@ -206,14 +212,21 @@ def _failures() -> Iterator[None]:
 def _tuned(
     job: Path, study: Study, trials: int, confirm: int, crew: Crew, stopped: Sequence[int], show: Output
 ) -> Tuned | None:
-    """Try settings, then confirm the fastest; None if none holds, or if stopped."""
+    """Try settings, then confirm the fastest, and see what becomes of it on machines that this one may be; None if none
+    holds, or if stopped."""
     study.judge_references(lambda: bool(stopped))
     before = study.reference("as it stands")
     if before is not None and not before.good and not before.slipped:
         raise CallError(f"{job}: {before.why}; a job has to run before it can be tuned: isel-twin run {job}")
     show.begun(study)
     study.run(trials, crew, lambda: bool(stopped), show.tried)
-    return None if stopped else _chosen(study, confirm, crew, stopped, show)
+    found = None if stopped else _chosen(study, confirm, crew, stopped, show)
+    if found is None or not study.problem.uncertain:
+        return found
+    from isel_twin.many.tuning.result import may_be
+
+    known = may_be(study.problem, found.candidate, found.tried.judgement, crew, lambda: bool(stopped))
+    return replace(found, may_be=known)
 
 
 def _chosen(study: Study, confirm: int, crew: Crew, stopped: Sequence[int], show: Output) -> Tuned | None:
