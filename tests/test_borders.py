@@ -41,7 +41,7 @@ def code(path: Path) -> str:
 
 def test_the_twin_knows_no_cabinet_and_no_terminal() -> None:
     names = "|".join(re.escape(name) for name in sorted({*CABINET, *TERMINALS}))
-    for file in ("twin.py", "seen.py", "state.py", "observers.py", "assembly.py"):
+    for file in ("twin.py", "connected.py", "seen.py", "state.py", "observers.py", "assembly.py"):
         assert words(ROOT / "twin" / "core" / file, rf"(?<![\w.])({names})(?!\w)") == []
 
 

@@ -30,19 +30,14 @@ from isel_twin.base.units import SECOND_NS
 from isel_twin.controller import (
     BYTES_AT_ONCE,
     Controller,
-    CounterSet,
-    FlashWrite,
     HasKeys,
-    HoldsHost,
     Key,
-    Output,
-    Remark,
-    Reply,
     Step,
     UsesDrives,
     offers,
 )
 from isel_twin.core.assembly import PLANTS, HasModel, Plans, build_plant, chances, draw_up, power_on_mm
+from isel_twin.core.connected import Connected
 from isel_twin.core.journal import Note
 from isel_twin.core.margins import MarginReaders
 from isel_twin.core.observers import Observers
@@ -54,7 +49,6 @@ from isel_twin.core.seen import Seen
 from isel_twin.core.spec import TwinSpec
 from isel_twin.core.state import StateError
 from isel_twin.core.told import Told
-from isel_twin.core.unpowered import Unpowered
 from isel_twin.language import Language, needed
 from isel_twin.machine import Fixture, Machine
 from isel_twin.motion import Stream
@@ -76,7 +70,7 @@ class Source(Protocol):
         """When it acts by itself; None: never."""
 
 
-class Twin(Operated, Saved, Seen):
+class Twin(Operated, Seen, Connected, Saved):
     """A digital twin of a controller and the gantry it drives.
 
     Axes are in the order X, Y, Z, A ...: as many as the controller has. Counts are steps of the controller; positions
@@ -226,13 +220,6 @@ class Twin(Operated, Saved, Seen):
         self._told.power_on(0, self._levels)
         self._take_events()
         self._settle()
-
-    def _adopt(self, controller: Controller) -> None:
-        self._controller = controller
-        self._handshake = controller if offers(controller, HoldsHost) else None
-        self._sources: tuple[Source, ...] = (controller, self._line, self._wiring)
-        if self._handshake is None:
-            self._line.clear_to_send(self.time_ns, True)
 
     # The host's side
 
@@ -398,107 +385,3 @@ class Twin(Operated, Saved, Seen):
     def _controller_is_due(self) -> bool:
         next_ns = self._controller.next_ns
         return next_ns is not None and next_ns <= self.time_ns
-
-    def _restart(self) -> bool:
-        """Restart the controller with its flash, or without supply, if the wiring asks for it; return whether it did. A
-        controller that the caller gave is not restarted.
-        """
-        if self._restarts == self._wiring.restarts:
-            return False
-        self._restarts = self._wiring.restarts
-        if self._plans.new_controller is None:
-            self._remark("no reset and no brown-out of a controller that was handed in: there is no other")
-            return False
-        self.restarts += not isinstance(self._controller, Unpowered)
-        self._wiring.outputs_lost()
-        mains = self._wiring.mains
-        controller = self._plans.new_controller(self.flash) if mains else Unpowered(self._controller)
-        self._adopt(controller)
-        self._told = Told(controller, self.flash, rebuilt=mains)
-        self._told.use_drives(self._position)
-        self._position.start_anew(controller)
-        self._levels = self._wiring.levels
-        self._told.power_on(self.time_ns, self._levels)
-        for axis, value in enumerate(controller.counts):
-            self._note("counter", CounterSet(axis, int(value)))
-        self._take_events()
-        return True
-
-    def _hand_over_bytes(self) -> bool:
-        data = self._line.at_controller(self.time_ns, None if self._handshake is None else BYTES_AT_ONCE)
-        if data:
-            self._wiring.heard(data, sent=True)
-            self._told.receive(self.time_ns, data)
-            self._take_events()
-        return bool(data)
-
-    def _hand_over_levels(self) -> bool:
-        levels = self._wiring.levels
-        if levels is self._levels:
-            return False
-        before, self._levels = self._levels, levels
-        for terminal, level in levels.items():
-            if before[terminal] != level:
-                self._told.set_input(self.time_ns, terminal, level)
-                self._take_events()
-        self._observers.look(self, True, self._wiring.changes)
-        return True
-
-    def _hand_over_keys(self) -> bool:
-        pressed = self._wiring.take_pressed()
-        for name, value in pressed:
-            if self._told.press(self.time_ns, name, value):
-                self._take_events()
-        return bool(pressed)
-
-    def _take_events(self) -> None:
-        """Take the controller's events after a call, and its motion."""
-        events = self._controller.take()
-        if self._handshake is not None:
-            self._line.clear_to_send(self.time_ns, self._handshake.clear_to_send)
-        run = self._controller.run
-        if self._stream.follow(run, self.time_ns):
-            self._note("motion", run)
-            direction = self._controller.direction  # it changes only between motions
-            self._sense = None if min(direction) > 0 else np.array(direction, dtype=np.int8)
-            self._position.follow_direction()
-            self._wiring.motion(self._stream.moving)
-        outputs_changed = False
-        for event in events:
-            if isinstance(event, Output):
-                self._wiring.output(event.name, event.value)
-                outputs_changed = True
-                continue
-            match event:
-                case Reply(data):
-                    self._wiring.heard(data, sent=False)
-                    self._line.from_controller(self.time_ns, data, self.serial_format.byte_ns)
-                case CounterSet(axis, value):
-                    self._position.counter_set(axis, value)
-                    self._note("counter", event)
-                case FlashWrite(image):
-                    self._store(image)
-                case Remark(text):
-                    self._remark(text)
-                case Step():
-                    self.steps_made.append(event)
-        if outputs_changed:
-            self._wiring.outputs_changed()
-            self._observers.look(self, True, self._wiring.changes)
-
-    def _store(self, image: bytes) -> None:
-        """What cannot be stored is lost, as in a flash that is worn out; no controller knows a reply for that."""
-        try:
-            if self.on_flash is not None:
-                self.on_flash(image)
-        except OSError as error:
-            self.stores_lost += 1
-            self._remark(f"the flash has not kept what was stored: {error.strerror or error}")
-            return
-        self.flash = image
-        self._note("flash", image)
-
-    def _remark(self, text: str) -> None:
-        self.remarks.append((self.time_ns, text))
-        self._note("remark", text)
-        log.warning("at %.3f s: %s", self.time_ns / SECOND_NS, text)
