@@ -67,7 +67,7 @@ def warm_up(plant: str, tell: Callable[[str], None] = _log, controllers: Iterabl
         machine.watch_margin()
         Felt(load_machine("4030"), np.zeros(0, TARGET), 0.0, 0.0).take(np.zeros(len(CARRIAGES)))  # without MuJoCo
         if plant == "kinematic":
-            from isel_twin.plant.kinematic import places_on_the_way
+            from isel_twin.plant.following import places_on_the_way
 
             wide = np.zeros((len(t_ns), 4), np.int32)
             places_on_the_way(0, until_ns, until_ns, t_ns, wide, np.zeros(4, np.int64), no_leads(4))

@@ -14,12 +14,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.base.axes import CARRIAGES
 from isel_twin.drives.dynamics import BOTH, OPEN
 from isel_twin.drives.servo import CAUSES, cool, forget
 from isel_twin.drives.stage import AnyStage
 from isel_twin.machine import Machine, MachineError
-from isel_twin.plant import PLACES, Threshold, kernel, memory, touch
+from isel_twin.plant import Threshold, kernel, memory, touch
 from isel_twin.plant.altered import Alterations
 from isel_twin.plant.built import Built, build, find_available, find_free, rebuild
 from isel_twin.plant.collision import Collision
@@ -27,6 +26,7 @@ from isel_twin.plant.contact import Geometry, Least, Sensed
 from isel_twin.plant.cutting import Cut, set_cut, turn
 from isel_twin.plant.lead import all_behind
 from isel_twin.plant.model import load, load_model, redress, same_model
+from isel_twin.plant.pushing import Pushes
 from isel_twin.plant.samples import GRID, LoopSamples
 
 _PHASES = {"": BOTH, "a": BOTH & ~1, "b": BOTH & ~2, "ab": OPEN}  # remaining phases, by the interrupted ones
@@ -83,8 +83,8 @@ class MujocoPlant(LoopSamples):
         self._collisions: tuple[Collision, ...] = ()
         self.set_friction = self._altered.set_friction
         self.set_obstacle = self._altered.set_obstacle
-        # [3, nv], forces on the joints by the push along each axis
-        self._pushes = np.zeros((memory.AXES, built.model.nv))
+        self._pushes = Pushes(built)
+        self.apply_force = self._pushes.push
         self._lost = [""] * memory.AXES  # interrupted phases of each motor
         self._power = (False, False, False)  # arguments of the last `set_power`
         self._none = np.empty(0, dtype=np.int64), np.empty((0, axes), dtype=np.int32), np.empty(0, dtype=np.int64)
@@ -121,7 +121,7 @@ class MujocoPlant(LoopSamples):
         return {
             "parts": {name: getattr(self.parts, name).copy() for name in _SAVED},
             "own": {name: getattr(self.built, name).copy() for name in _OWN},
-            "pushes": self._pushes.copy(),
+            "pushes": self._pushes.joints_n.copy(),
             "values": (self.time_ns, self.edge, self._power, tuple(self._lost), tuple(a.copy() for a in self._late)),
             "mujoco": {name: getattr(self.data, name).copy() for name in _DATA},
             "mujoco_time": self.data.time,
@@ -138,7 +138,7 @@ class MujocoPlant(LoopSamples):
                 getattr(where, name)[...] = saved
         for name, value in addresses.items():
             plant[name] = value
-        self._pushes[...] = state["pushes"]
+        self._pushes.joints_n[...] = state["pushes"]
         self.data.time = state["mujoco_time"]
         self.time_ns, self.edge, self._power, lost, late = state["values"]
         self._lost = list(lost)
@@ -277,30 +277,7 @@ class MujocoPlant(LoopSamples):
 
     def set_payload(self, place: str, mass_kg: float) -> None:
         self._altered.set_payload(place, mass_kg)
-        self._share_pushes()
-
-    def apply_force(self, axis: int, force_n: float, place: str = "") -> None:
-        """Raises ValueError for a force that is not a finite number."""
-        if not math.isfinite(force_n):
-            raise ValueError(f"force on axis {CARRIAGES[axis]}: {force_n!r} N is not a finite number")
-        if place and place not in PLACES:
-            raise ValueError(f"a force cannot act at {place!r}; there are: {', '.join(PLACES)}")
-        kernel.wake(self._memory)
-        reach = self.built.reach
-        if not place:
-            place = "tool" if reach["tool"][axis, self.built.dof[axis]] else "table"
-        self._pushes[axis] = force_n * reach[place][axis]
-        self._share_pushes()
-
-    def _share_pushes(self) -> None:
-        """Split the pushes: in the sub-steps one acts on a carriage as a force at the nut; MuJoCo's next step gets the
-        rest."""
-        joints_n, nuts_n = self.built.split(self._pushes.sum(axis=0))
-        plant, push = self.parts.plant[0], self.parts.push
-        self.parts.axes["push_n"] = nuts_n
-        over = plant["now"] % plant["window"]
-        push[1] += over * (push[0] - joints_n)
-        push[0] = joints_n
+        self._pushes.share()
 
     def set_cut(self, cut: Cut | None) -> None:
         kernel.wake(self._memory)
