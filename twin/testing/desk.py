@@ -91,6 +91,7 @@ class Desk:
         self._new_drives = drives
         self._chunks: list[tuple[NDArray[np.int64], NDArray[np.int8]]] = []
         self._unread = 0
+        self._settled: Mapping[str, bool] | None = None  # contacts of the cabinet that all levels follow
         self._agenda: list[tuple[int, int, Callable[[], object]]] = []
         self._entry_numbers = itertools.count()
         self._forced_contacts: dict[str, bool] = {}
@@ -326,9 +327,10 @@ class Desk:
 
     def _now_struck(self) -> dict[str, bool]:
         """Which switches are struck at the present positions, by their contacts."""
+        places, struck = self.carriage.tolist(), self._struck
         return {
-            switch.contact: switch.side * (int(self.carriage[switch.axis]) - switch.trip)
-            >= (-switch.hysteresis if self._struck[switch.contact] else 0)
+            switch.contact: switch.side * (places[switch.axis] - switch.trip)
+            >= (-switch.hysteresis if struck[switch.contact] else 0)
             for switch in self.position_switches
         }
 
@@ -360,6 +362,7 @@ class Desk:
         for _ in range(_SPIN_LIMIT):
             changed = [(name, level) for name, level in self._levels().items() if level != self.levels[name]]
             if not changed:
+                self._settled = self.cabinet.contacts()
                 return
             terminal, level = changed[0]
             self.levels[terminal] = level
@@ -370,7 +373,8 @@ class Desk:
 
     def _collect(self) -> None:
         self._take()
-        self._wires_changed()
+        if self.cabinet.contacts() is not self._settled:
+            self._wires_changed()
         if tuple(self._expected) != self.counts:
             raise ProtocolError(f"counters {self.counts} differ from the stream's sum {tuple(self._expected)}")
 
