@@ -57,15 +57,20 @@ def ride(name: str) -> Ride:
     twin.listen(lambda _time, kind, what: remarks.append(str(what)) if kind == "remark" else None)
     twin.write(steps[-1])
     twin.run(0.01)
+    began_ns, counts = twin.time_ns, twin.counts[:3]
     rows: list[NDArray[Any]] = []
-    while not twin.idle:
+    while not twin.idle:  # counters are not read in between: the control would be advanced every time
         twin.run(SAMPLE_S)
-        rows.append(np.concatenate([twin.counts[:3], twin.following_error[:3], twin.position_mm[:3]]))
+        rows.append(np.concatenate([twin.following_error[:3], twin.position_mm[:3]]))
     assert not [r for r in remarks if "M" in r], remarks
     assert not twin.fault
     table = np.array(rows)
-    set_point = table[:, :3] / 1000.0
     time = np.arange(len(table)) * SAMPLE_S
+    ticks = twin.steps
+    made = ticks.t_ns > began_ns
+    way = np.concatenate([np.zeros((1, 3), np.int64), np.cumsum(ticks.delta[made, :3], axis=0, dtype=np.int64)])
+    read_ns = began_ns + (np.arange(len(table)) + 1) * round(1e9 * SAMPLE_S)
+    set_point = (counts + way[np.searchsorted(ticks.t_ns[made], read_ns, side="right")]) / 1000.0
     law = np.stack(
         [
             first + signal.lsim(((W_V * KV * T_I, W_V * KV), D), axis - first, time)[1]
@@ -73,7 +78,7 @@ def ride(name: str) -> Ride:
         ],
         axis=1,
     )
-    return Ride(set_point, table[:, 3:6] / 1000.0, table[:, 6:], law)
+    return Ride(set_point, table[:, :3] / 1000.0, table[:, 3:], law)
 
 
 def begin(twin: Twin, name: str) -> list[bytes]:

@@ -6,8 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from isel_twin.cli.jobs import read_job
+from isel_twin.core.spec import TwinSpec
+from isel_twin.jobs.checks.job import check_job
 from tests.in_process import isel_twin
 
+SPEC = TwinSpec("4030-servo", "bwo900", "kinematic", start_mm=(1.0, 1.0, 1.0))
 CONTROL = ("--controller", "bwo900", "--machine", "4030-servo", "--plant", "kinematic")
 GOOD = ["N10 G0 X1", "N20 G1 F100 X2", "N40 M30"]
 BAD = {
@@ -48,8 +52,9 @@ def test_each_error_in_its_line(bad: str, end: str, tmp_path: Path) -> None:
         lines = [*before, *GOOD[:2], *amid, BAD[bad], GOOD[2]]
         path = tmp_path / "part.nc"
         path.write_bytes(end.join([*lines, ""]).encode())
-        (found,) = refused(path)
-        assert found.startswith(f"line {lines.index(BAD[bad]) + 1}, column "), (lines, found)
+        report = check_job(path, SPEC, read_job(path, SPEC))
+        (place,) = [found.place for found in report.findings if found.rule == "refused"]
+        assert place.startswith(f"line {lines.index(BAD[bad]) + 1}, column "), (lines, place)
 
 
 def test_the_second_of_two_programs(tmp_path: Path) -> None:
