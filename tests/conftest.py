@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -20,6 +21,7 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # begun in the background
 
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # what tests start by the hundred would compile all sources each time
 
+SLOW = 200  # a slow test takes as long as so many others
 MANY = 200
 """Tests in a session from which on everything is compiled before the first of them."""
 
@@ -41,10 +43,14 @@ def pytest_sessionstart(session: pytest.Session) -> None:
             rewriting.wait()
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Files with slow tests first, so that no worker has one left when the others are through."""
-    slow = {item.path for item in items if item.get_closest_marker("slow")}
-    items.sort(key=lambda item: item.path not in slow)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Workers get long files first (with --no-loadscope-reorder), so that none has one left when the others are
+    through."""
+    if hasattr(config, "workerinput"):
+        long: Counter[Path] = Counter()
+        for item in items:
+            long[item.path] += SLOW if item.get_closest_marker("slow") else 1
+        items.sort(key=lambda item: -long[item.path])
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
