@@ -1,5 +1,5 @@
-"""Moves without a program, in mode HAND: keys of an axis (jog.py) and reference runs (homing.py). Both wait for the
-power of the drives; `wants` and `direction` hold the waiting move.
+"""Moves without a program: in mode HAND keys of an axis (jog.py) and reference runs (homing.py), in all modes what the
+PLC asks for (placing.py). They wait for the power of the drives; `wants` and `direction` hold the waiting move.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from isel_twin.firmware.bwo900.realtime.axes import AXES, NAMES, Axes
 from isel_twin.firmware.bwo900.realtime.homing import Homing
 from isel_twin.firmware.bwo900.realtime.jog import Jog
 from isel_twin.firmware.bwo900.realtime.outgoing import Outgoing
+from isel_twin.firmware.bwo900.realtime.placing import Placing
 
 
 class Hand:
@@ -21,12 +22,13 @@ class Hand:
         self._parameters, self._axes, self._outgoing = parameters, axes, outgoing
         self.homing: Homing | None = None
         self.jog: Jog | None = None
+        self.placing = Placing(parameters, axes)
         self.direction = 0  # of a key that waits for power: +1, -1; 0: none
         self.wants: list[int] = []
 
     @property
-    def move(self) -> Homing | Jog | None:
-        return self.homing or self.jog
+    def move(self) -> Homing | Jog | Placing | None:
+        return self.homing or self.jog or (self.placing if self.placing.busy else None)
 
     @property
     def next_ns(self) -> int | None:
@@ -43,9 +45,13 @@ class Hand:
             self._axes.follow(self.jog.run)
             if self.jog.over:
                 self.jog = None
+        if self.placing.busy:
+            self.placing.advance()
+            self._axes.follow(self.placing.run)
 
     def cut(self) -> None:
         self.homing, self.jog, self.direction = None, None, 0
+        self.placing.cut()
 
     def brake(self) -> None:
         """Stop or abort: brake all moves, and drop waiting ones."""
@@ -55,13 +61,16 @@ class Hand:
             self.homing.brake()
 
     def release(self, *, everything: bool = False) -> None:
-        """The key is released; everything: a step ends, too."""
+        """The key is released; everything: a step ends, too, and what the PLC asked for."""
         if self.jog is not None:
             self.jog.release(everything=everything)
+        if everything:
+            self.placing.brake_all()
 
     def scale(self, override: float) -> None:
         if self.jog is not None:
             self.jog.scale(self._free(self.jog) * override)
+        self.placing.scale()
 
     def press(self, key: int, *, free: bool) -> bool:
         """P8752: 1 and 2 begin a move, 0 ends it. free: mode and program allow it. True if a move is to begin."""
@@ -70,7 +79,7 @@ class Hand:
             self._axes.follow(self.jog.run)
         if key not in (1, 2) or self.jog is not None:
             return False
-        if not free or self.homing is not None:
+        if not free or self.homing is not None or self.placing.busy:
             self._say(message(Code.NOT_IN_HAND, detail="a key of an axis"))
             return False
         self.direction = 1 if key == 1 else -1

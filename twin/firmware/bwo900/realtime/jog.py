@@ -7,11 +7,12 @@ P8752 1 +, 2 -: begins; 0: a continuous move brakes. The other kinds (hand wheel
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
-from isel_twin.firmware.bwo900.numbers import Axis, P
-from isel_twin.firmware.bwo900.parameters import Parameters, of_axis
+from isel_twin.firmware.bwo900.numbers import P
+from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.realtime.axes import AXES, NAMES, Axes
 from isel_twin.firmware.bwo900.realtime.homing import under_way
 from isel_twin.firmware.bwo900.realtime.stretch import PERIOD_NS
@@ -57,8 +58,8 @@ class Jog:
         if kind not in (CONTINUOUS, STEP):
             raise ProgramError(Code.NOT_IN_HAND, f"P8750 is {kind}; there are 1 continuous and 2 step")
         per_mm = limits.increments_per_mm[axis]
-        edge = of_axis(axis, Axis.LIMIT_HIGH if sign > 0 else Axis.LIMIT_LOW)
-        far = p.get(edge) if p.loaded(edge) else sign * FURTHEST_MM
+        far = axes.software_limits(axis)[sign > 0]
+        far = far if math.isfinite(far) else sign * FURTHEST_MM
         here = counts[axis] / per_mm
         way = far - here if kind == CONTINUOUS else sign * step_mm(p)
         if sign * (here + way) > sign * far or (sign * way <= 0.0 and kind == CONTINUOUS):
