@@ -204,7 +204,7 @@ class Axis:
     # places that the PLC sends the axis to: absolute, and from where it stands
     EMERGENCY_MM, EMERGENCY_WAY_MM, BASE_MM, BASE_WAY_MM, FIXED_MM, SWING_MM = 32, 33, 34, 35, 36, 37
     SWING_START_S, SWING_END_S = 38, 39
-    REFERENCE_MM = 40
+    REFERENCE_MM, REFERENCE_LOGIC = 40, 44
     PROBE_LOGIC = 45
     SET, TO_RELATIVE, TO_ABSOLUTE = 110, 111, 112
     HAND_SPEED = 120

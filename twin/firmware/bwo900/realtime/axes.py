@@ -105,10 +105,12 @@ class Axes:
             self._base = self.counts
         self.run = run
 
-    def place(self, axis: int) -> int:
-        """Set the position of an axis at its reference point to P12040, and return it in increments."""
+    def place(self, axis: int, past: int = 0) -> int:
+        """Set the position of an axis that stands `past` increments behind its reference point, which is at P12040, and
+        return it in increments."""
         self.follow(None)
-        value = round(self._parameters.axis(axis, Axis.REFERENCE_MM, 0.0) * self.limits().increments_per_mm[axis])
+        point = self._parameters.axis(axis, Axis.REFERENCE_MM, 0.0) * self.limits().increments_per_mm[axis]
+        value = round(point) + past
         self._base = (*self._base[:axis], value, *self._base[axis + 1 :])
         self._set = (*self._set[:axis], 0, *self._set[axis + 1 :])
         self.referenced[axis] = True

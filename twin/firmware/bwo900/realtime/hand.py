@@ -4,6 +4,7 @@ PLC asks for (placing.py). They wait for the power of the drives; `wants` and `d
 
 from __future__ import annotations
 
+from isel_twin.controller import CounterSet
 from isel_twin.firmware.bwo900.messages import Code, Effect, Message, ProgramError, message
 from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.parameters import Parameters
@@ -44,7 +45,10 @@ class Hand:
             self.jog.advance()
             self._axes.follow(self.jog.run)
             if self.jog.over:
-                self.jog = None
+                jog, self.jog = self.jog, None
+                if (past := jog.past) is not None:
+                    self._outgoing.add(CounterSet(jog.axis, self._axes.place(jog.axis, past)))
+                    self._tell_referenced()
         if self.placing.busy:
             self.placing.advance()
             self._axes.follow(self.placing.run)
@@ -128,6 +132,9 @@ class Hand:
         if failed is not None:
             self._say(message(Code.APPROACH_REFERENCE, detail=NAMES[failed]))
             self._outgoing.fault = True
+        self._tell_referenced()
+
+    def _tell_referenced(self) -> None:
         for number in (P.ALL_REFERENCED, P.REFERENCED):
             self._parameters.write(number, float(all(self._axes.referenced)))
 
