@@ -115,6 +115,14 @@ class Lagging:
         return tuple(round(c - lag) for c, lag in zip(self._desk.counts, self.lag, strict=True))
 
 
+class Pulsing(IdealDrives):
+    """Ideal axes with a zero pulse every 5000 increments, the next one after power-on 1766 away."""
+
+    @property
+    def past_zero_pulse(self) -> tuple[int, ...]:
+        return tuple(int(3_234 + made) % 5_000 for made in self._desk.steps.delta.sum(axis=0))
+
+
 class Turning(IdealDrives):
     """Ideal axes, and a spindle that runs up in `ramp` 1/min a second to what its drive is told while A 0.0 is on."""
 

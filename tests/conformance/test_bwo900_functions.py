@@ -172,16 +172,32 @@ def test_a_jump_that_is_never_acknowledged_is_none(path: str) -> None:
     assert mm(desk) == (50.0 if path else 0.0, 50.0, 10.0)
 
 
+FLAG = "OB 1\nU M 32.0\n= A 0.6\nBE\n"
+"""A PLC that acknowledges nothing, and shows the flag of a function at A 0.6."""
+
+
 @shows("bwo900-6.2-13")
-def test_a_jump_that_was_not_acknowledged_is_taken_back() -> None:
-    """The manual lets its flag stand until the next function with halt or jump."""
-    desk = with_plc(DEAF, "P1|N10 G1 F3000 X5 M41.30|N20 G04.60.0|N30 M30", p11060=M41_JUMPS)
+def test_the_flag_of_a_jump_that_was_not_acknowledged_stands_and_nobody_waits() -> None:
+    desk = with_plc(FLAG, "P1|N10 G1 F3000 X5 M41.30|N20 G04.60.0|N30 M30", p11060=M41_JUMPS)
     start(desk)
     desk.run(10.0)
-    assert mm(desk)[0] == 5.0
+    assert (mm(desk)[0], desk.outputs["a0.6"]) == (5.0, 1)
     desk.send(parameters(p8705=1))
     desk.finish(1.0)
     assert desk.controller.idle, "nothing is waited for"
+
+
+@shows("bwo900-6.2-13")
+def test_that_flag_ends_with_the_next_function_with_halt() -> None:
+    """M50, with halt, is shown in its place, and acknowledged by the key."""
+    desk = with_plc(BY_KEY, "P1|N10 M41.40|N20 X5 G1 F3000 M50|N30 X8|N40 M30",
+                    p11060=M41_JUMPS, p11062=M50_BEFORE_HALT)  # fmt: skip
+    start(desk)
+    desk.run(5.0)
+    assert (mm(desk)[0], value(desk, 8_559)) == (0.0, 1.0), "M50 is waited for"
+    desk.set("key", "setup")
+    desk.finish()
+    assert (mm(desk)[0], said(desk)) == (8.0, [])
 
 
 @shows("bwo900-6.2-3")

@@ -9,6 +9,7 @@ import pytest
 from conformance.bwo900_desk import (
     CARRIAGE,
     REFERENCE,
+    Pulsing,
     analysed,
     file,
     fresh,
@@ -118,15 +119,57 @@ def test_each_axis_has_its_reference_run() -> None:
     assert said(desk) == [1008, 1008]
 
 
-@shows("bwo900-2.3-6")
-def test_the_keys_of_hand_make_no_reference() -> None:
-    desk = fresh(referenced=False, p8750=1, p8751=1, p8755=6000)
-    for key in (2, 1):
+def by_hand(**before: float) -> Desk:
+    """2.3.2: the key - until the limit switch stops X, then +, which is held for a while."""
+    desk = fresh(referenced=False, p8750=1, p8751=1, p8755=6000, **before)
+    desk.controller.use_drives(Pulsing(desk))
+    for key, seconds in ((2, 4.0), (1, 1.5)):
         desk.send(parameters(p8752=key))
-        desk.run(4.0)
+        desk.run(seconds)
         desk.send(parameters(p8752=0))
         desk.finish()
-    assert value(desk, 12_180) == 0.0
+    assert said(desk)[:1] == [2102]
+    return desk
+
+
+@shows("bwo900-2.3-6")
+@pytest.mark.parametrize("reference_mm", [0.0, -12.5])
+def test_a_reference_point_by_hand_is_that_of_a_reference_run(reference_mm: float) -> None:
+    desk = by_hand(p12040=reference_mm)
+    assert value(desk, 12_180) == 1.0
+    assert value(desk, 12_150) > reference_mm  # braked behind it
+    desk.send(parameters(p8683=1, p12112=reference_mm))
+    desk.finish()
+    first = desk.ticks
+    desk.send(parameters(p12130=1))
+    desk.finish()
+    assert desk.steps_since(first).delta[:, 0].sum() == 0, "X is where it was"
+    assert value(desk, 12_150) == reference_mm
+
+
+@shows("bwo900-2.3-6")
+@pytest.mark.parametrize(("logic", "taken"), [(0x00010001, 1.0), (0x00000001, 1.0), (0x00010000, 0.0), (0, 0.0)])
+def test_p12044_says_whether_keys_take_the_reference_point(logic: int, taken: float) -> None:
+    """Byte 1: in +. Byte 3: at the zero pulse, or at the switch, which opens up to a revolution (5 mm) before."""
+    desk = by_hand(p12044=logic)
+    assert value(desk, 12_180) == taken
+    desk.send(parameters(p8683=1, p12330=1, p12530=1))
+    desk.finish()
+    assert value(desk, 8_579) == taken
+
+
+@shows("bwo900-2.3-6")
+def test_a_key_that_is_let_go_before_the_point_takes_none() -> None:
+    desk = fresh(referenced=False, p8750=1, p8751=1, p8755=60)
+    desk.send(parameters(p8755=6000, p8752=2))
+    desk.run(4.0)
+    desk.send(parameters(p8752=0, p8755=60))
+    desk.finish()
+    desk.send(parameters(p8752=1))
+    desk.run(0.2)
+    desk.send(parameters(p8752=0))
+    desk.finish()
+    assert value(desk, 12_180) % 256 == 0.0
 
 
 @shows("bwo900-2.3-7")

@@ -952,18 +952,6 @@ def test_m_functions_in_hand() -> None:
     assert (said(desk), desk.outputs["spindle"]) == ([1227, 1321], 0)
 
 
-@shows("bwo900-8.7-21", "bwo900-8.7-22")
-def test_what_the_plc_may_not_ask_for() -> None:
-    """Kept, without effect (bwo900/74)."""
-    values = {"p12111": 5, "p12132": 1, "p12133": 1}
-    desk = fresh("P1|N10 G0 X5|N20 M30", **values)
-    desk.run(1.0)
-    assert mm(desk) == (0.0, 0.0, 0.0)
-    start(desk)
-    desk.finish()
-    assert (mm(desk)[0], said(desk), [value(desk, int(n[1:])) for n in values]) == (5.0, [], list(values.values()))
-
-
 # Corners, ends of rapid, what the control is at
 
 

@@ -70,6 +70,25 @@ def test_one_late_reply_of_a_move_is_no_difference_and_two_are() -> None:
     assert kinds(found) == [(12, "duration"), (15, "duration")]
 
 
+AGAIN = tuple((f"@0A{300 * (-1) ** n},1000,0,30,0,30,0,30", 320.0, b"0") for n in range(6))
+"""Forth and back, three times."""
+
+
+def test_moves_that_are_late_and_were_in_time_once_are_no_difference() -> None:
+    """As measured under a load that comes and goes: 96, 63 and 73 ms, and no quick reply by more than 9."""
+    quick = (*QUICK, ("@0B1,1", 14.0, b"0"))
+    late = [(text, ms + more, reply) for (text, ms, reply), more in zip(AGAIN, (96, 63, 73, 0, 0, 0), strict=True)]
+    twin = session(*QUICK, ("@0B1,1", 5.0, b"0"), *AGAIN)
+    assert judged(session(*quick, *late), twin, exact_b=True).same
+
+
+def test_moves_that_are_late_each_time_are_a_difference() -> None:
+    quick = (*QUICK, ("@0B1,1", 14.0, b"0"))
+    late = [(text, ms + more, reply) for (text, ms, reply), more in zip(AGAIN, (96, 90, 92, 88, 91, 94), strict=True)]
+    found = judged(session(*quick, *late), session(*QUICK, ("@0B1,1", 5.0, b"0"), *AGAIN), exact_b=True)
+    assert [number for number, kind in kinds(found) if kind == "duration"] == list(range(10, 16))
+
+
 def test_all_moves_a_little_later_are_a_difference_beyond_chance() -> None:
     """4.6 ms, by which a move with 50 in place of 100 Hz/ms is longer, among delays of 2 ms."""
     a = session(*QUICK, *MOVES, delays=random.Random(1))

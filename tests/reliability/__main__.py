@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 
 from tests.reliability import (
+    alike,
     connects,
     differences,
     echo,
@@ -36,6 +37,7 @@ PROGRAMS = (
     strings,
     tap,
     differences,
+    alike,
     week,
 )
 

@@ -132,6 +132,12 @@ def told(kind: Kind, file: Path) -> dict[str, Any]:
     return summary
 
 
+def in_words(summary: dict[str, Any]) -> str:
+    """The verdict, and what nothing explains."""
+    left = [f"{one['command']} (number {one['number']}): {one['text']}" for one in summary["unexplained"]]
+    return "; ".join([summary["verdict"], *left])
+
+
 def measure(number: int) -> list[Figure]:
     figures = []
     for kind in KINDS:
@@ -146,7 +152,7 @@ def measure(number: int) -> list[Figure]:
             causes = [cause["name"] for cause in summary["causes"]]
             wrong += not (causes[:1] and causes[0] in kind.names if kind.names else not causes)
             left += len(summary["unexplained"]) + max(0, len(causes) - bool(kind.names))
-            print(f"{kind.what}: {session_s:.0f} s, {summary['verdict']}", file=sys.stderr, flush=True)
+            print(f"{kind.what}: {session_s:.0f} s, {in_words(summary)}", file=sys.stderr, flush=True)
         figures += [
             Figure(f"{kind.what}, of {number} tapped sessions: named first otherwise", wrong, "", 0),
             Figure(f"{kind.what}: other things marked", left, "", 0),

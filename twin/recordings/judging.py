@@ -1,11 +1,11 @@
 """Judges two sessions laid over each other: what differs beyond what two equal machines would.
 
     replies      by their meaning; counters in them within --step-tolerance
-    durations    within what this session's own quick replies scatter by: `Jitter` (recordings/5). A busy computer is
-                 late now and then, and seldom twice: one duration alone has to differ by more than several; and many
-                 that differ by little count if they rank behind the quick replies beyond chance (Mann and Whitney's
-                 test). Delays only add: a real move that is shorter than that of a twin in virtual time differs,
-                 whatever the load
+    durations    within what this session's own quick replies scatter by, and moves that are made again: `Jitter`
+                 (recordings/5). A busy computer is late now and then, and seldom twice: one duration alone has to
+                 differ by more than several; and many that differ by little count if they rank behind the quick replies
+                 beyond chance (Mann and Whitney's test). Delays only add: a real move that is shorter than that of a
+                 twin in virtual time differs, whatever the load
     a stop       comes when the host sends it, which is not the same twice: what it broke off is timed from it, and the
                  counters may differ by what was travelled meanwhile, until a reference run or a counter says more
     reference    the first run of a session begins at an unknown place: set aside as a difference of its own kind
@@ -64,7 +64,7 @@ class Jitter:
     median_ns: float
     spread_ns: float  # standard deviation, from the median of the deviations
     largest_ns: float  # deviation from the median
-    replies: int
+    replies: int  # quick ones, and moves made once more
 
     @property
     def tolerance_ns(self) -> float:
@@ -202,13 +202,25 @@ class _Judge:
         return act.speeds_hz is None and not act.stops and all(ns is not None and ns < QUICK_NS for ns in took)
 
     def _jitter(self) -> Jitter:
-        later = [pair.later_ns for pair in self._sessions.pairs if self._quick(pair) and pair.a.reply == pair.b.reply]
+        pairs = [pair for pair in self._sessions.pairs if pair.a.reply == pair.b.reply]
+        later = [pair.later_ns for pair in pairs if self._quick(pair)]
         known = [ns for ns in later if ns is not None]
         if not known:
             return Jitter(0.0, 0.0, 0.0, 0)
         middle = median(known)
         deviations = [abs(ns - middle) for ns in known]
-        return Jitter(middle, 1.4826 * median(deviations), max(deviations), len(known))
+        repeats = self._repeats(pairs)
+        return Jitter(middle, 1.4826 * median(deviations), max((*deviations, *repeats)), len(known) + len(repeats))
+
+    def _repeats(self, pairs: Sequence[Pair]) -> list[int]:
+        """How much later moves made once more were than the earliest of their kind, in ns."""
+        kinds: dict[bytes, list[int]] = {}
+        for pair in pairs:
+            act = self._acts[pair.number]
+            whole = pair.a.sent_ns not in self._stops_a and pair.b.sent_ns not in self._stops_b
+            if act.speeds_hz is not None and not act.references and whole and pair.later_ns is not None:
+                kinds.setdefault(pair.a.command, []).append(pair.later_ns)
+        return [ns - min(all_ns) for all_ns in kinds.values() for ns in sorted(all_ns)[1:]]
 
     def judged(self) -> Comparison:
         late: list[float] = []

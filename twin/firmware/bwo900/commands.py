@@ -91,6 +91,10 @@ class Commands:
                 operating.change_tool(int(given))
             case Wish.REFERENCE:
                 operating.refer(int(given))
+            case Wish.SET:
+                operating.set_place(int(given))
+            case Wish.PLACE:
+                operating.place(int(given))
 
     def _mapped(self, number: int) -> float | None:
         """P8553: the q of a P; None: no such P."""

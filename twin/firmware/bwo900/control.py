@@ -180,7 +180,7 @@ class Control:
         elif terminal.startswith("limit") and before and not level:
             self._operating.limit("xyz".index(terminal[6]), int(terminal[7]))
         elif terminal == PROBE:
-            self._execution.deletion.touched()
+            self._operating.probed()
         elif terminal == "e0.1" and level and not before:
             self._operating.start()
         elif terminal == "e0.2" and not level and before:
@@ -215,6 +215,7 @@ class Control:
         self._plc.advance(now_ns)
         self._hand.advance()
         self._channel.advance()
+        self._operating.place_at_rest()
         self._operating.start_at_rest()
         self._commands.answer()
         self._axes.follow((self._hand.move or self._channel).run)

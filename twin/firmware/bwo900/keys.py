@@ -26,6 +26,7 @@ from isel_twin.base.parameters import Limits
 from isel_twin.controller import Key, KeyValue
 from isel_twin.firmware.bwo900.numbers import Axis, P
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, Parameters, of_axis
+from isel_twin.firmware.bwo900.realtime import placing
 from isel_twin.firmware.bwo900.realtime.overrides import is_override
 
 MODES: Final[Mapping[str, int]] = {"hand": 1, "auto": 2, "single": 4, "positioning": 8}
@@ -99,6 +100,8 @@ class Wish(Enum):
     LENGTH = "length of paths counts from 0"
     CHANGE = "a tool, in HAND"
     REFERENCE = "reference run of an axis, from 0"
+    SET = "position of an axis, from 0"
+    PLACE = "a move of an axis, by the parameter that asks for it"
 
 
 def wish(number: int, value: float | None, axes: int) -> tuple[Wish, float] | None:
@@ -123,7 +126,7 @@ def wish(number: int, value: float | None, axes: int) -> tuple[Wish, float] | No
             return Wish.FUNCTION, given
         case P.NEXT_STEP if given == 1:
             return Wish.NEXT_STEP, given
-        case P.TRAVEL_RELEASE | P.SAFETY_HALT:
+        case P.TRAVEL_RELEASE | P.SAFETY_HALT | P.BLOCK_LOCK:
             return Wish.LOCK, given
         case P.FEED_NOW:
             return Wish.FEED, value or 0.0
@@ -144,6 +147,10 @@ def wish(number: int, value: float | None, axes: int) -> tuple[Wish, float] | No
         return Wish.OVERRIDE, number
     if offset == Axis.BARRED:
         return Wish.LOCK, given
+    if offset == Axis.SET:
+        return Wish.SET, axis
+    if offset in placing.COMMANDS:
+        return Wish.PLACE, number
     return (Wish.REFERENCE, axis) if offset == Axis.REFERENCE_RUN and given else None
 
 

@@ -106,6 +106,7 @@ class MachinePlc:
         self._plc.load(assemble(DEFAULT if text is None else text).image)
         self._memory = PlcMemory()
         self._waiting: deque[int] = deque()
+        self._left = False  # the function shown is not waited for any more
         self._shown: dict[str, int] = {}
         self._shown_byte = 0  # what `_shown` was made from; unset outputs are off
 
@@ -115,7 +116,11 @@ class MachinePlc:
 
     @property
     def idle(self) -> bool:
-        return not self._waiting and not self._memory.m[STROBE] & 1
+        return not self._waiting and self._free
+
+    @property
+    def _free(self) -> bool:
+        return self._left or not self._memory.m[STROBE] & 1
 
     @property
     def room(self) -> bool:
@@ -136,10 +141,11 @@ class MachinePlc:
         self._waiting.append(code)
         self._hand_over(t_ns)
 
-    def withdraw(self) -> None:
-        """Remove the M functions that are not acknowledged, including the one shown to the PLC."""
+    def leave(self) -> None:
+        """Wait for no acknowledgement any more: the queue is cleared, and the function shown to the PLC stands until
+        the next one."""
         self._waiting.clear()
-        self._memory.m[STROBE] &= 0xFE
+        self._left = True
 
     def forget(self) -> None:
         """Clear the queue; the function shown to the PLC goes on."""
@@ -179,7 +185,8 @@ class MachinePlc:
 
     def _hand_over(self, t_ns: int) -> None:
         """Show the PLC the next M function, if the one before has been acknowledged."""
-        if self._waiting and not self._memory.m[STROBE] & 1:
+        if self._waiting and self._free:
+            self._left = False
             self._memory.m[CODE] = self._waiting.popleft() & 0xFF
             self._memory.m[STROBE] |= 1
             self._plc.touch(t_ns)

@@ -142,6 +142,7 @@ class Code(IntEnum):
     NO_EMERGENCY_PROGRAM = 1310, _KA, "there is no such emergency program (P8820 on)"
     NOT_IN_HAND = 1321, _KA, "the control is not in HAND"
     NOT_IN_AUTO = 1322, _KA, "the control is not in AUTO"
+    EMERGENCY_POSITION = 2000, _KA, "an emergency position is approached"
     LAG = 2001, _SA, "following error too large"
     DRIVE_FAULT = 2010, _SA, "a drive has switched itself off"
     NOT_IN_POSITION = 2022, _A, "an axis does not get into position"

@@ -7,11 +7,13 @@ move      HAND, no program --> power --> hand.py          (Start, Stop and abort
 
 from __future__ import annotations
 
+from isel_twin.controller import CounterSet
 from isel_twin.firmware.bwo900 import keys
 from isel_twin.firmware.bwo900.execution import Execution
-from isel_twin.firmware.bwo900.messages import Code, Effect, message
+from isel_twin.firmware.bwo900.messages import Code, Effect, ProgramError, message
 from isel_twin.firmware.bwo900.modes import Mode
-from isel_twin.firmware.bwo900.numbers import M, P
+from isel_twin.firmware.bwo900.numbers import Axis, M, P
+from isel_twin.firmware.bwo900.parameters import of_axis
 from isel_twin.firmware.bwo900.realtime import overrides
 from isel_twin.firmware.bwo900.realtime.axes import AXES, NAMES
 from isel_twin.firmware.bwo900.realtime.channel import State
@@ -146,6 +148,58 @@ class Operating:
         if self._hand.refer(axis, free=self._execution.hand_is_free) and self._power.until_ns is None:
             self._power.request(self._axes.now_ns)
 
+    def set_place(self, axis: int) -> None:
+        """P12110: the position of an axis that stands becomes that value; deleted: it is again what it was."""
+        execution, number = self._execution, of_axis(axis, Axis.SET)
+        if self._channel.active or self._hand.move is not None:
+            self._hardware.say(message(Code.NOT_IN_HAND, detail=f"P{number}: axes move"))
+            return
+        p = execution.parameters
+        counts = self._axes.set_place(axis, p.get(number) if p.loaded(number) else None)
+        self._hardware.outgoing.add(CounterSet(axis, counts))
+        execution.rest()
+
+    def place(self, number: int) -> None:
+        """P12111, P12112, P12131 to P12133: moves that the PLC asks for."""
+        placing = self._hand.placing
+        for axis, kind in placing.written(number):
+            free = not (self._channel.active or self._channel.path.locked or self._hand.jog or self._hand.homing)
+            if kind.takes:
+                self._execution.deletion.take(axis)
+                continue
+            if kind.emergency:
+                self.abort()
+                self._hardware.say(message(Code.EMERGENCY_POSITION, detail=NAMES[axis]))
+            elif not free:
+                self._hardware.say(message(Code.NOT_IN_HAND, detail=f"P{number}: other axes move"))
+                continue
+            try:
+                placing.want(axis, kind)
+            except ProgramError as error:
+                self._hardware.say(message(error.number, detail=error.detail))
+        if placing.wants and not self._power.there and self._power.until_ns is None:
+            self._power.request(self._axes.now_ns)
+
+    def place_at_rest(self) -> None:
+        """Begin moves that the PLC asks for, once nothing else moves."""
+        hand = self._hand
+        if hand.placing.wants and self._power.there and not (self._channel.active or hand.jog or hand.homing):
+            hand.placing.begin()
+            self._touch()
+            self._axes.follow(hand.placing.run)
+
+    def probed(self) -> None:
+        """The probe has changed."""
+        self._execution.deletion.touched()
+        self._touch()
+
+    def _touch(self) -> None:
+        """End the measuring moves of axes for which the probe acts."""
+        for axis, sense in list(self._hand.placing.measuring()):
+            if self._execution.deletion.acts(axis, sense):
+                self._execution.deletion.take(axis)
+                self._hand.placing.brake(axis)
+
     def send_function(self, code: int) -> None:
         """P8690: an M function to the PLC."""
         if not self._execution.hand_is_free:
@@ -162,6 +216,7 @@ class Operating:
         wants, hand.wants = hand.wants, []
         if not power.ready:
             self._starts = False
+            hand.placing.wants.clear()
             self._hardware.say(message(power.missing))
             return
         power.switch(on=True)

@@ -69,7 +69,11 @@ _KNOWN: Final = frozenset(NUMBERS)
 # deleted at power-on
 FORGOTTEN: Final = (
     P.BLOCK_RELEASE, P.TRAVEL_RELEASE, P.SAFETY_HALT, P.HAND_PLANE, P.HAND_ZERO, P.HAND_COORDINATES, P.EXCHANGE,
-    P.BLOCK_LOCK, P.EMERGENCY_1, P.EMERGENCY_2, P.NOT_INTERPOLATING, P.WITHOUT_DYNAMICS,
+    P.RELEASE, P.BLOCK_LOCK, P.EMERGENCY_1, P.EMERGENCY_2, P.NOT_INTERPOLATING, P.WITHOUT_DYNAMICS,
+)  # fmt: skip
+COMMANDS: Final = (  # the same, of an axis
+    Axis.BARRED, Axis.SET, Axis.TO_RELATIVE, Axis.TO_ABSOLUTE, Axis.MEASURE, Axis.TO_BASE, Axis.TO_FIXED,
+    Axis.BASE_REACHED, Axis.FIXED_REACHED, Axis.RELATIVE_REACHED, Axis.ABSOLUTE_REACHED,
 )  # fmt: skip
 
 
@@ -81,7 +85,8 @@ def at_power_on() -> Iterator[tuple[int, float | None]]:
     yield from ((number, None) for number in FORGOTTEN)
     for axis in range(AXES):
         yield of_axis(axis, Axis.SLOPE), None
-        yield of_axis(axis, Axis.BARRED), None
+        for offset in COMMANDS:
+            yield of_axis(axis, offset), None
         yield of_axis(axis, Axis.CHANNEL), 1.0
         yield of_axis(axis, Axis.LOGICAL), axis + 1.0
 
@@ -174,6 +179,8 @@ def _axis(axis: int, offset: int, executed: Executed, axes: Axes) -> float:
     if offset in (Axis.SET_PLACE, Axis.SHOWN_PLACE, Axis.DELTA_PLACE) and frame.senses is not None:
         place *= frame.senses[axis]
     match offset:
+        case Axis.MACHINE_PLACE:
+            return place - axes.set_mm(axis)
         case Axis.ACTUAL_PLACE:
             return axes.actual_mm(axis)
         case Axis.SHOWN_PLACE:

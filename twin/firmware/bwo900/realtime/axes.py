@@ -16,7 +16,7 @@ from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.controller import Drives
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
-from isel_twin.firmware.bwo900.numbers import Axis
+from isel_twin.firmware.bwo900.numbers import Axis, P
 from isel_twin.firmware.bwo900.parameters import Parameters, byte, of_axis
 from isel_twin.firmware.bwo900.realtime.lag import LagWatch, window_mm
 from isel_twin.firmware.bwo900.realtime.path import MotionLimits, positive
@@ -40,6 +40,7 @@ class Axes:
         self.referenced = [False] * AXES
         self.run: SetPointRun | None = None
         self._base: tuple[int, ...] = (0,) * AXES
+        self._set: tuple[int, ...] = (0,) * AXES  # what P12110 has added, in increments
         self.now_ns = 0
         self._watch = LagWatch(parameters)
         # the counts last worked out: run, base and time, and the counts; those of now are asked for many times
@@ -104,13 +105,29 @@ class Axes:
             self._base = self.counts
         self.run = run
 
-    def place(self, axis: int) -> int:
-        """Set the position of an axis at its reference point to P12040, and return it in increments."""
+    def place(self, axis: int, past: int = 0) -> int:
+        """Set the position of an axis that stands `past` increments behind its reference point, which is at P12040, and
+        return it in increments."""
         self.follow(None)
-        value = round(self._parameters.axis(axis, Axis.REFERENCE_MM, 0.0) * self.limits().increments_per_mm[axis])
+        point = self._parameters.axis(axis, Axis.REFERENCE_MM, 0.0) * self.limits().increments_per_mm[axis]
+        value = round(point) + past
         self._base = (*self._base[:axis], value, *self._base[axis + 1 :])
+        self._set = (*self._set[:axis], 0, *self._set[axis + 1 :])
         self.referenced[axis] = True
         return value
+
+    def set_place(self, axis: int, mm: float | None) -> int:
+        """Set the position of an axis that stands, or with None take that back (P12110); return it in increments."""
+        self.follow(None)
+        mechanical = self._base[axis] - self._set[axis]
+        value = mechanical if mm is None else round(mm * self.limits().increments_per_mm[axis])
+        self._base = (*self._base[:axis], value, *self._base[axis + 1 :])
+        self._set = (*self._set[:axis], value - mechanical, *self._set[axis + 1 :])
+        return value
+
+    def set_mm(self, axis: int) -> float:
+        """What P12110 has added to the position of an axis, mm."""
+        return self._set[axis] / self.limits().increments_per_mm[axis]
 
     def forget(self, axis: int) -> None:
         self.referenced[axis] = False
@@ -196,8 +213,10 @@ class Axes:
         return self._locks[1]
 
     def bars(self, block: PathBlock) -> bool:
-        """True if a block goes in a direction that is locked."""
-        for axis, sign in self._barred():
+        """True if a block goes in a direction that is locked, or moves an axis of P8891."""
+        locked = int(self._parameters.get(P.BLOCK_LOCK))
+        both = [(axis, sign) for axis in range(AXES) if locked >> axis & 1 for sign in (1, -1)]
+        for axis, sign in (*self._barred(), *both):
             for element in block.elements:
                 low, high = element.extent(axis)
                 here, there = element.start[axis], element.end[axis]
@@ -223,6 +242,8 @@ class Axes:
         return None
 
     def software_limits(self, axis: int) -> tuple[float, float]:
-        """P12031 and P12030, mm; infinite where they are deleted."""
+        """P12031 and P12030 where the axis is set (P12110), mm; infinite where they are deleted."""
         p, low, high = self._parameters, of_axis(axis, Axis.LIMIT_LOW), of_axis(axis, Axis.LIMIT_HIGH)
-        return p.get(low) if p.loaded(low) else -math.inf, p.get(high) if p.loaded(high) else math.inf
+        shift = self.set_mm(axis)
+        lowest, highest = p.get(low) if p.loaded(low) else -math.inf, p.get(high) if p.loaded(high) else math.inf
+        return lowest + shift, highest + shift

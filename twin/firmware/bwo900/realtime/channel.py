@@ -407,7 +407,7 @@ class Channel:
             if jumps:
                 path.begin_anew()
             elif not self._plc.idle:
-                self._plc.withdraw()
+                self._plc.leave()
             try:
                 self._interpreter.acknowledged(jumps)
             except ProgramError as error:

@@ -6,6 +6,7 @@ P8695    -1: a block with M26 has begun    number of the block: it was deleted  
 P12153   of each axis: stored position in mm, of the machine; P8855, byte 1 = 1: of the display
 P12181   byte 1: stored since the last M26; byte 2: the probe
 P8716    1: store now, without deleting anything; P8696 is the block's number, 0 with P8716 = 0
+P8717    1: store at the next edge of the probe, 2: at each; P8696 is -1 until then. P12131, byte 3: of one axis
 P8895    bits of the axes that take part; 0: all of them
 
 P12045   byte 1, 2 = 1: released in +, in -; byte 4, bit 0: while the probe is off; deleted: both, while it is on
@@ -23,6 +24,7 @@ from isel_twin.firmware.bwo900.realtime.axes import AXES, Axes
 from isel_twin.firmware.bwo900.realtime.executed import Executed
 
 PROBE: Final = "e0.6"
+ONCE, ALWAYS = 1.0, 2.0  # P8717
 
 
 class DeletionWatch:
@@ -50,13 +52,17 @@ class DeletionWatch:
         self.keep()
 
     def keep(self) -> None:
-        p = self._parameters
-        mask, shown = int(p.get(P.KEEP_MASK)), bool(byte(p.get(P.MEASURED_DISPLAY), 1))
+        mask = int(self._parameters.get(P.KEEP_MASK))
         for axis in range(AXES):
             if mask <= 0 or mask >> axis & 1:
-                shift_mm = self._executed.display_shift_mm(axis) if shown else 0.0
-                p.write(of_axis(axis, Axis.MEASURED_PLACE), self._axes.actual_mm(axis) - shift_mm)
-                self._state(axis, taken=True)
+                self.take(axis)
+
+    def take(self, axis: int) -> None:
+        """Store the position of one axis."""
+        shown = bool(byte(self._parameters.get(P.MEASURED_DISPLAY), 1))
+        shift_mm = self._executed.display_shift_mm(axis) if shown else 0.0
+        self._parameters.write(of_axis(axis, Axis.MEASURED_PLACE), self._axes.actual_mm(axis) - shift_mm)
+        self._state(axis, taken=True)
 
     def written(self, number: int, value: float | None) -> None:
         """Take a written parameter P: P8715 and P8716 are signals."""
@@ -66,11 +72,24 @@ class DeletionWatch:
             if value == 1.0:
                 self.keep()
             self._parameters.write(P.KEPT, float(self._executed.place[1]) if value == 1.0 else 0.0)
+        elif number == P.RELEASE and value in (ONCE, ALWAYS):
+            self._parameters.write(P.KEPT, -1.0)
 
     def touched(self) -> None:
-        """Take a change of the probe: P12181 has its level."""
+        """Take a change of the probe: P12181 has its level, and positions are stored where P8717 or P12131 releases
+        it."""
+        p = self._parameters
         for axis in range(AXES):
-            self._state(axis, taken=bool(int(self._parameters.get(of_axis(axis, Axis.MEASURED))) & 1))
+            taken = bool(byte(p.axis(axis, Axis.MEASURED, 0.0), 1))
+            self._state(axis, taken=taken)
+            if byte(p.axis(axis, Axis.MEASURE, 0.0), 3) and not taken and self.acts(axis):
+                self.take(axis)
+        released = p.get(P.RELEASE)
+        if released in (ONCE, ALWAYS) and any(self.acts(axis) for axis in range(AXES)):
+            self.keep()
+            p.write(P.KEPT, float(self._executed.place[1]))
+            if released == ONCE:
+                p.write(P.RELEASE, 0.0)
 
     def _state(self, axis: int, *, taken: bool) -> None:
         probe = self._levels.get(PROBE, False)
@@ -78,16 +97,19 @@ class DeletionWatch:
 
     def _probed(self, block: PathBlock) -> bool:
         """True if the probe is enabled for an axis in its direction of motion; without a path for any axis."""
-        probe = self._levels.get(PROBE, False)
         ways = [b - a for a, b in zip(block.elements[0].start, block.finish, strict=True)] if block.elements else []
         for axis in range(AXES):
-            forth, back, opens = self._logic(axis)
-            if probe is opens:
-                continue
             way = ways[axis] if ways else 0.0
-            if (forth and way > 0.0) or (back and way < 0.0) or (not ways and (forth or back)):
+            if (way or not ways) and self.acts(axis, way):
                 return True
         return False
+
+    def acts(self, axis: int, way: float = 0.0) -> bool:
+        """True if the probe acts for an axis, as P12045 has it, on a way in + or -; 0: in either."""
+        forth, back, opens = self._logic(axis)
+        if self._levels.get(PROBE, False) is opens:
+            return False
+        return (forth and way >= 0.0) or (back and way <= 0.0)
 
     def _logic(self, axis: int) -> tuple[bool, bool, bool]:
         """P12045 of an axis: the probe acts in +, in -; True if it acts while it is off."""

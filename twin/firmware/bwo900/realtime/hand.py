@@ -1,9 +1,10 @@
-"""Moves without a program, in mode HAND: keys of an axis (jog.py) and reference runs (homing.py). Both wait for the
-power of the drives; `wants` and `direction` hold the waiting move.
+"""Moves without a program: in mode HAND keys of an axis (jog.py) and reference runs (homing.py), in all modes what the
+PLC asks for (placing.py). They wait for the power of the drives; `wants` and `direction` hold the waiting move.
 """
 
 from __future__ import annotations
 
+from isel_twin.controller import CounterSet
 from isel_twin.firmware.bwo900.messages import Code, Effect, Message, ProgramError, message
 from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.parameters import Parameters
@@ -12,6 +13,7 @@ from isel_twin.firmware.bwo900.realtime.axes import AXES, NAMES, Axes
 from isel_twin.firmware.bwo900.realtime.homing import Homing
 from isel_twin.firmware.bwo900.realtime.jog import Jog
 from isel_twin.firmware.bwo900.realtime.outgoing import Outgoing
+from isel_twin.firmware.bwo900.realtime.placing import Placing
 
 
 class Hand:
@@ -21,12 +23,13 @@ class Hand:
         self._parameters, self._axes, self._outgoing = parameters, axes, outgoing
         self.homing: Homing | None = None
         self.jog: Jog | None = None
+        self.placing = Placing(parameters, axes)
         self.direction = 0  # of a key that waits for power: +1, -1; 0: none
         self.wants: list[int] = []
 
     @property
-    def move(self) -> Homing | Jog | None:
-        return self.homing or self.jog
+    def move(self) -> Homing | Jog | Placing | None:
+        return self.homing or self.jog or (self.placing if self.placing.busy else None)
 
     @property
     def next_ns(self) -> int | None:
@@ -42,10 +45,17 @@ class Hand:
             self.jog.advance()
             self._axes.follow(self.jog.run)
             if self.jog.over:
-                self.jog = None
+                jog, self.jog = self.jog, None
+                if (past := jog.past) is not None:
+                    self._outgoing.add(CounterSet(jog.axis, self._axes.place(jog.axis, past)))
+                    self._tell_referenced()
+        if self.placing.busy:
+            self.placing.advance()
+            self._axes.follow(self.placing.run)
 
     def cut(self) -> None:
         self.homing, self.jog, self.direction = None, None, 0
+        self.placing.cut()
 
     def brake(self) -> None:
         """Stop or abort: brake all moves, and drop waiting ones."""
@@ -55,13 +65,16 @@ class Hand:
             self.homing.brake()
 
     def release(self, *, everything: bool = False) -> None:
-        """The key is released; everything: a step ends, too."""
+        """The key is released; everything: a step ends, too, and what the PLC asked for."""
         if self.jog is not None:
             self.jog.release(everything=everything)
+        if everything:
+            self.placing.brake_all()
 
     def scale(self, override: float) -> None:
         if self.jog is not None:
             self.jog.scale(self._free(self.jog) * override)
+        self.placing.scale()
 
     def press(self, key: int, *, free: bool) -> bool:
         """P8752: 1 and 2 begin a move, 0 ends it. free: mode and program allow it. True if a move is to begin."""
@@ -70,7 +83,7 @@ class Hand:
             self._axes.follow(self.jog.run)
         if key not in (1, 2) or self.jog is not None:
             return False
-        if not free or self.homing is not None:
+        if not free or self.homing is not None or self.placing.busy:
             self._say(message(Code.NOT_IN_HAND, detail="a key of an axis"))
             return False
         self.direction = 1 if key == 1 else -1
@@ -119,6 +132,9 @@ class Hand:
         if failed is not None:
             self._say(message(Code.APPROACH_REFERENCE, detail=NAMES[failed]))
             self._outgoing.fault = True
+        self._tell_referenced()
+
+    def _tell_referenced(self) -> None:
         for number in (P.ALL_REFERENCED, P.REFERENCED):
             self._parameters.write(number, float(all(self._axes.referenced)))
 

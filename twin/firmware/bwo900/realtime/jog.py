@@ -3,15 +3,20 @@
 P8751 axis    P8750 1 continuous, 2 step    P8755 speed, mm/min, at most P8754, times the override (P8756, bwo900/54)
 P8760 step, mm
 P8752 1 +, 2 -: begins; 0: a continuous move brakes. The other kinds (hand wheel, divide, home) are not emulated.
+
+An axis without a reference point that leaves its reference switch in + gets it (2.3.2): P12044, byte 1 allows that,
+byte 3 has it at the next zero pulse, or where the switch opens. The axis brakes there; `past` is how far behind it
+stands.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.numbers import Axis, P
-from isel_twin.firmware.bwo900.parameters import Parameters, of_axis
+from isel_twin.firmware.bwo900.parameters import Parameters, byte
 from isel_twin.firmware.bwo900.realtime.axes import AXES, NAMES, Axes
 from isel_twin.firmware.bwo900.realtime.homing import under_way
 from isel_twin.firmware.bwo900.realtime.stretch import PERIOD_NS
@@ -21,6 +26,7 @@ from isel_twin.motion.indexer import at_rest
 CONTINUOUS, STEP = 1, 2
 FURTHEST_MM: Final = 10_000.0  # a continuous move without software limits ends here
 SPEED_MM_MIN: Final = 1_000.0  # P8755 if unset
+REFERENCE_LOGIC: Final = float(0x00010001)  # P12044 if unset
 STEPS_MM: Final = (10.0, 1.0, 0.1, 0.01, 0.001, 0.0, 0.0)  # P8763 to P8769 if unset
 
 
@@ -57,8 +63,8 @@ class Jog:
         if kind not in (CONTINUOUS, STEP):
             raise ProgramError(Code.NOT_IN_HAND, f"P8750 is {kind}; there are 1 continuous and 2 step")
         per_mm = limits.increments_per_mm[axis]
-        edge = of_axis(axis, Axis.LIMIT_HIGH if sign > 0 else Axis.LIMIT_LOW)
-        far = p.get(edge) if p.loaded(edge) else sign * FURTHEST_MM
+        far = axes.software_limits(axis)[sign > 0]
+        far = far if math.isfinite(far) else sign * FURTHEST_MM
         here = counts[axis] / per_mm
         way = far - here if kind == CONTINUOUS else sign * step_mm(p)
         if sign * (here + way) > sign * far or (sign * way <= 0.0 and kind == CONTINUOUS):
@@ -71,18 +77,49 @@ class Jog:
         self._left = float(round(way * per_mm))  # distance left at the beginning of the present run
         self._override = 0.0
         self._released = False  # the key is released, the axis brakes
+        self._seeks = sign > 0 and not axes.referenced[axis] and bool(byte(self._logic, 1))
+        self._on_switch = axes.struck(axis, 1)  # it has been struck
+        self._point: int | None = None  # where the reference point is, in increments as they count now
         self.over = False
         self.run: SetPointRun | None = None
 
     @property
     def next_ns(self) -> int | None:
-        return None if self.run is None else self.run.end_ns
+        if self.run is None:
+            return None
+        seeks = self._point is not None and not self._released
+        return min(self.run.end_ns, self._axes.now_ns + PERIOD_NS) if seeks else self.run.end_ns
+
+    @property
+    def past(self) -> int | None:
+        """How far an axis that stands is behind the reference point it has passed; None: it has passed none."""
+        if not self.over or self._point is None:
+            return None
+        past = self._axes.counts[self.axis] - self._point
+        return past if past >= 0 else None
+
+    @property
+    def _logic(self) -> float:
+        return self._parameters.axis(self.axis, Axis.REFERENCE_LOGIC, REFERENCE_LOGIC)
 
     def advance(self) -> None:
+        run = self.run
+        if run is not None and self._seeks:
+            self._seek()
         run = self.run
         if run is not None and self._axes.now_ns >= run.end_ns:
             self._left -= float(run.displacement(run.end_ns)[self.axis])
             self.run, self.over = None, self._released or self._override > 0.0
+
+    def _seek(self) -> None:
+        """Look whether the reference switch has opened, and whether the point behind it is passed."""
+        axes, axis = self._axes, self.axis
+        if axes.struck(axis, 1):
+            self._on_switch = True
+        elif self._on_switch and self._point is None:
+            self._point = axes.counts[axis] + (axes.to_pulse(axis) if byte(self._logic, 3) & 1 else 0)
+        if self._point is not None and axes.counts[axis] >= self._point and not self._released:
+            self.release(everything=True)
 
     def scale(self, override: float) -> None:
         """Change the override; 0 holds the axis."""
