@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
+from playwright.sync_api import Browser as Chromium
+from playwright.sync_api import BrowserContext, expect, sync_playwright
 from websockets.sync.client import ClientConnection, connect
 
 from isel_twin import Twin
@@ -17,6 +19,7 @@ from isel_twin.bridge.serve.pacing import Pacer
 from isel_twin.bridge.serve.server import Server
 from isel_twin.bridge.serve.tcp import TcpEndpoint
 from tests.forked import PATIENCE_S
+from tests.panel.chromium import ARGUMENTS, find_browser
 
 LOOPBACK = "127.0.0.1:0"
 WAIT_S = PATIENCE_S
@@ -131,3 +134,20 @@ def browser() -> Iterator[Callable[..., Browser]]:
     yield start
     for one in opened:
         one.close()
+
+
+@pytest.fixture(scope="session")
+def chromium() -> Iterator[Chromium]:
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=find_browser(), args=list(ARGUMENTS))
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def context(chromium: Chromium) -> Iterator[BrowserContext]:
+    context = chromium.new_context(viewport={"width": 1280, "height": 800})
+    context.set_default_timeout(WAIT_S * 1000)
+    expect.set_options(timeout=WAIT_S * 1000)
+    yield context
+    context.close()

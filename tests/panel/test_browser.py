@@ -6,7 +6,7 @@ import itertools
 import json
 import re
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
@@ -14,11 +14,11 @@ from urllib.parse import urlsplit
 
 import pytest
 import serial
-from playwright.sync_api import Browser, BrowserContext, Locator, Page, expect, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, Locator, Page, expect
 
 from tests.forked import start
 from tests.in_process import isel_twin
-from tests.panel.chromium import ARGUMENTS, find_browser
+from tests.panel.chromium import find_browser
 from tests.panel.conftest import LOOPBACK, WAIT_S, Bench
 
 WHERE = find_browser()
@@ -52,23 +52,6 @@ class Opened:
     def message(self, who: str, text: str) -> Locator:
         found = self[f".message[data-who={who}]"]
         return found.filter(has=self.page.locator(".text", has_text=re.compile(f"^{text}$")))
-
-
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Browser]:
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=WHERE, args=list(ARGUMENTS))
-        yield browser
-        browser.close()
-
-
-@pytest.fixture
-def context(chromium: Browser) -> Iterator[BrowserContext]:
-    context = chromium.new_context(viewport={"width": 1280, "height": 800})
-    context.set_default_timeout(WAIT_S * 1000)
-    expect.set_options(timeout=WAIT_S * 1000)
-    yield context
-    context.close()
 
 
 @pytest.fixture

@@ -4,7 +4,8 @@
     operate   serve, ctl, tap, ports, exec, mtconnect  a machine behind a port, and hosts that drive it
     test      run, check, golden, drive, replay, compare, lsp
     tune      tune, sweep, identify, experiment, learn
-    look      machines, motors, controllers, describe, motor, decode, export, fmu, plc
+    look      machines, motors, controllers, describe, motor, decode, convert, export, panel,
+              fmu, plc
 
 What they share:
 
@@ -52,7 +53,7 @@ GROUPS = {
     "Tune": ("tune:tune", "sweep:sweep", "identify:identify", "experiment:experiment", "learn:learn"),
     "Look": (
         "names:machines", "names:motors", "names:controllers", "describe:describe", "motor:motor", "decode:decode",
-        "convert:convert", "export:export", "fmu:fmu", "plc:plc",
+        "convert:convert", "export:export", "panel:panel", "fmu:fmu", "plc:plc",
     ),
 }  # fmt: skip
 for place, (title, commands) in enumerate(GROUPS.items()):
@@ -125,7 +126,7 @@ def _say(code: int, text: str) -> int:
     return code
 
 
-_UNTIL_TOLD = {"serve", "tap"}  # commands that run until they are told to stop
+_UNTIL_TOLD = {"serve", "tap", "panel"}  # commands that run until they are told to stop
 _MAY_STAND_ALONE = ("--pty", "--panel")  # options with an optional value
 
 

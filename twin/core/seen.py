@@ -164,6 +164,11 @@ class Seen:
         return self._plant.position_mm
 
     @property
+    def direction(self) -> NDArray[np.int64]:
+        """int64 [axes], 1 or -1: the sense of each counter against its axis of the machine."""
+        return self._position.turned
+
+    @property
     def step_hz(self) -> NDArray[np.float64]:
         """float64 [axes], present step frequencies, signed like the counters (`Stream.rate_hz`)."""
         return self._stream.rate_hz()

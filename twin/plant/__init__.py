@@ -13,6 +13,7 @@ kernel.py      the compiled loop: drives and MuJoCo together, up to the first th
 cutting.py     a cut as data; materials.py: specific cutting forces
 samples.py     samples that the loop takes by itself
 picture.py     what it looks like
+scene.py       its bodies as meshes, where they are, the trail of the tool
 """
 
 from __future__ import annotations

@@ -82,9 +82,12 @@ def rebuilt(recorded: Recorded, folder: Path) -> Twin:
 
     Raises RecordingError for an insufficient recording, and ValueError as `Twin` does.
     """
-    captured = recorded.controller == PLAYER
-    player = Player.restored(recorded.attachments.get(FLASH, b"")) if captured else None
-    return Twin.of(spec_of(recorded, folder), 1, player)
+    return Twin.of(spec_of(recorded, folder), 1, captured_player(recorded))
+
+
+def captured_player(recorded: Recorded) -> Player | None:
+    """What takes the controller's place in a recording of captured signals; None for any other."""
+    return Player.restored(recorded.attachments.get(FLASH, b"")) if recorded.controller == PLAYER else None
 
 
 def spec_of(recorded: Recorded, folder: Path) -> TwinSpec:

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import base64
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from importlib.resources import files
 
 from isel_twin.report.svg import escape
 
 
-def whole_page(title: str, body: Iterable[str], script: str = "") -> str:
-    """The page; body: its parts, empty ones are skipped. script: name of a file in this folder."""
-    style = _part("report.css")
+def whole_page(title: str, body: Iterable[str], scripts: Sequence[str] = (), style: str = "report.css") -> str:
+    """The page; body: its parts, empty ones are skipped. scripts, style: names of files in this folder."""
+    style = _part(style)
     allowed = f"style-src '{_hashed(style)}'; "
     end = "</body></html>\n"
-    if script:
-        code = _part(script)
+    if scripts:
+        code = "\n".join(map(_part, scripts))
         allowed += f"script-src '{_hashed(code)}'; "
         end = f"<script>{code}</script>{end}"
     policy = f"default-src 'none'; {allowed}base-uri 'none'; form-action 'none'"

@@ -92,7 +92,7 @@ def write_report(
         _commands(results, len(twin.counts), findings),
         "</main>",
     ]
-    atomic_write(path, whole_page(title, body, "report.js").encode())
+    atomic_write(path, whole_page(title, body, ("report.js",)).encode())
 
 
 def _time(finding: Finding, results: Sequence[Result]) -> int | None:

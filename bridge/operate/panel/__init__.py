@@ -10,8 +10,8 @@
     gate.py     access
     guarded.py  viser's web server, kept behind that gate
     pages.py    what a browser gets by GET
+    recorded.py a recording instead of a machine
     view.py     the machine in viser's scene
-    scene.py    the machine's model as meshes, the trail of the tool
     page/       what a browser gets: HTML, style, script
 
 The two threads exchange only two things: requests through a queue, which wakes the server, and frames of plain numbers

@@ -18,7 +18,7 @@ import http.client
 import io
 import logging
 import socket
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Coroutine
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -39,7 +39,7 @@ _quiet = logging.getLogger("isel_twin.panel.web")
 _quiet.setLevel(logging.CRITICAL)  # malformed requests are answered, not logged
 
 Handler = Callable[[ServerConnection], Awaitable[None]]
-Respond = Callable[[ServerConnection, Request], Response | None]
+Respond = Callable[[ServerConnection, Request], Response | Coroutine[Any, Any, Response] | None]
 
 
 class UnguardedError(CallError):

@@ -11,6 +11,11 @@ from pathlib import Path
 from websockets.datastructures import Headers
 from websockets.http11 import Response
 
+from isel_twin.base.errors import one_line
+from isel_twin.bridge.operate.panel.recorded import HEADERS, SHOWN_BYTES
+from isel_twin.recordings.reading import read
+from isel_twin.report.playback import playback_page
+
 FILE_BYTES = 1 << 28  # longest recording for download; it is in memory as a whole
 
 # Content-Security-Policy of the page: load from here only.
@@ -58,6 +63,15 @@ def response(
         "Cache-Control": "no-store",
     }
     return Response(status.value, status.phrase, Headers(headers), data)
+
+
+def session_response(path: Path) -> Response:
+    """The present content of a recording as a page (report/playback.py)."""
+    try:
+        page, _ = playback_page(read(path), SHOWN_BYTES)
+    except (OSError, ValueError) as error:
+        return response(http.HTTPStatus.CONFLICT, f"{one_line(str(error))}\n".encode())
+    return response(http.HTTPStatus.OK, page.encode(), "text/html; charset=utf-8", HEADERS["Content-Security-Policy"])
 
 
 def file_response(path: Path) -> Response:

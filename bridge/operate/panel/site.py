@@ -2,6 +2,7 @@
 
     GET /  /panel.css  /*.js         the page                                    page/
     GET /recording                   the recording so far, if the server makes one
+    GET /session                     the same as a page with a scope                report/playback.py
     GET /scene                       viser's client, which the page frames       of the package viser
     WebSocket /operate               requests of browsers, frames for them       JSON, one object a message
     WebSocket, any other path        the scene, in viser's own protocol
@@ -18,7 +19,7 @@ import io
 import json
 import socket
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Coroutine, Mapping
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -33,7 +34,14 @@ from isel_twin.bridge.operate.control_port import parse_request
 from isel_twin.bridge.operate.panel import guarded
 from isel_twin.bridge.operate.panel.frame import COME, Asked, Frame
 from isel_twin.bridge.operate.panel.gate import Gate
-from isel_twin.bridge.operate.panel.pages import POLICY, SCENE_POLICY, file_response, pages, response
+from isel_twin.bridge.operate.panel.pages import (
+    POLICY,
+    SCENE_POLICY,
+    file_response,
+    pages,
+    response,
+    session_response,
+)
 from isel_twin.bridge.operate.panel.view import MachineView
 from isel_twin.machine import Machine
 
@@ -177,7 +185,9 @@ class WebSite:
                 if message:
                     await connection.send(_json(message))
 
-    def respond(self, connection: ServerConnection, request: Request) -> Response | None:
+    def respond(
+        self, connection: ServerConnection, request: Request
+    ) -> Response | Coroutine[Any, Any, Response] | None:
         """The response to GET; None: a WebSocket begins."""
         if (why := self._gate.refusal(request.path, request.headers)) is not None:
             return response(http.HTTPStatus.FORBIDDEN, f"{why}\n".encode())
@@ -186,6 +196,8 @@ class WebSite:
         path = urlsplit(request.path).path
         if path == "/recording" and self._recording is not None:
             return file_response(self._recording)
+        if path == "/session" and self._recording is not None:
+            return asyncio.to_thread(session_response, self._recording)
         if path not in self._files:
             return response(http.HTTPStatus.NOT_FOUND, b"there is no such page\n")
         kind, data = self._files[path]

@@ -8,9 +8,9 @@ import numpy as np
 import viser
 
 from isel_twin.bridge.operate.panel.frame import Frame
-from isel_twin.bridge.operate.panel.scene import Poses, Trail, body_meshes
 from isel_twin.machine import Machine
 from isel_twin.plant.model import load_model
+from isel_twin.plant.scene import Poses, Trail, body_meshes
 
 BAD_MM = 0.1  # deviation of the tool that is drawn red
 TRAIL_M = 0.005  # thickness of the trail

@@ -104,6 +104,7 @@ function begin(told) {
   document.body.inert = false;
   $("monitor").replaceChildren();
   $("recording").hidden = !about.recording;
+  $("scope").hidden = !about.recording;
   if (about.recording) $("recording").download = about.recording;
   build_time(); build_elements(); build_keys(); build_outputs(); build_axes(); build_ports(); build_faults(); build_plots(); build_job(); build_desk();
 }

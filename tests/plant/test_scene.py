@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from isel_twin.bridge.operate.panel.scene import PIECE_POINTS, PIECES, Poses, Trail, body_meshes, deviation_colour
 from isel_twin.machine import load_machine, machine_names
 from isel_twin.plant.model import load_model
+from isel_twin.plant.scene import PIECE_POINTS, PIECES, Poses, Trail, body_meshes, deviation_colour
 
 SHAPES = """
 <mujoco>
