@@ -14,9 +14,8 @@ from isel_twin.jobs.job import parse_job
 from isel_twin.language import create_language, needed
 from isel_twin.machine import load_machine, with_overrides
 from isel_twin.many.identification import experiment as experiment_module
-from isel_twin.many.identification.experiment import Block, assemble, job_text
+from isel_twin.many.identification.experiment import Block, Teller, assemble, job_text
 from isel_twin.many.identification.experiment import _reversal as reversal
-from isel_twin.many.identification.experiment import _Teller as Teller
 from isel_twin.many.identification.measured import read_measured, written
 from isel_twin.many.identification.stand_in import carry_out, write_recording
 from tests.near import near_switches

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -12,13 +13,18 @@ from isel_twin.base.parameters import parse_json
 from isel_twin.cli import options
 from isel_twin.cli.identify import Names, Priors, need_scipy, unknowns_of
 from isel_twin.cli.options import Whole
-from isel_twin.cli.outputs import say_json
+from isel_twin.cli.outputs import counted, say_json
 from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from isel_twin.base.crew import Crew
+    from isel_twin.machine import Machine
+    from isel_twin.many.identification.choice import Choice
+    from isel_twin.many.identification.experiment import Experiment
+    from isel_twin.many.identification.sealed import Predicted
     from isel_twin.many.identification.unknowns import Unknown
 
 
@@ -46,19 +52,28 @@ def experiment(
     ] = "",
     carry_out_seed: Annotated[Whole, Parameter(help="Seed of that twin and of the errors of gauge and clock.")] = 1,
     gauge_noise_mm: Annotated[float, Parameter(help="Standard deviation of its gauge.")] = 0.005,
+    protocol: Annotated[
+        bool, Parameter(help="A measuring day by ISO 230 with predictions, in place of chosen blocks.")
+    ] = False,
+    uncertain: Annotated[Whole, Parameter(help="Machines that this one may be, for the bands of --protocol.")] = 20,
+    workers: options.Workers = 1,
     json: options.Json = False,
 ) -> int:
     """Choose the moves and measurements that tell most about uncertain parameters, and write them as a job.
 
     NAME.txt is a job for `isel-twin run` or any host; what to measure stands in it as comments. NAME.toml has an entry
     for each measurement, nan until it is filled in. NAME-stall.txt, if there is one, is the series of speeds for stall
-    speeds.
+    speeds. With --protocol it is a measuring day, and the twin's predictions stand sealed in NAME.toml, for
+    `isel-twin identify --score NAME.toml`.
     """
     if name.suffix:
         files = f"{name.stem}.txt and {name.stem}.toml"
         raise CallError(f"{name}: the name of an experiment has no ending; {files} will be made")
     if not 1 <= blocks <= 100:
         raise CallError(f"blocks {blocks}: must be from 1 to 100", option=True)
+    if not 2 <= uncertain <= 1000:
+        raise CallError(f"uncertain {uncertain}: must be from 2 to 1000", option=True)
+    options.check_workers(workers)
     with call_errors():
         need_scipy()
     job, form = name.with_suffix(".txt"), name.with_suffix(".toml")
@@ -71,6 +86,7 @@ def experiment(
     from isel_twin.many.identification import experiment as experiments
     from isel_twin.many.identification.choice import choose
     from isel_twin.many.identification.measured import written
+    from isel_twin.many.identification.protocol import day
     from isel_twin.many.identification.stand_in import carry_out as carried_out
     from isel_twin.many.identification.stand_in import write_recording
 
@@ -81,34 +97,82 @@ def experiment(
         believed = with_overrides(load_machine(machine), options.parse_overrides(set))
         language = needed(create_language(controller), controller)
         real = load_machine(carry_out) if carry_out else None
-    unknowns = unknowns_of(believed, fit, prior, wanted)
-    covariance = None if known is None else _known(known, unknowns)
+    choice = None
+    with call_errors(), options.crew_of(workers) as crew:
+        if protocol:
+            chosen = day(believed, controller, wanted, seed)
+        else:
+            unknowns = unknowns_of(believed, fit, prior, wanted)
+            covariance = None if known is None else _known(known, unknowns)
+            candidates = experiments.blocks(believed, controller, wanted, unknowns, seed, supply or ())
+            how = {"known": covariance, "criterion": criterion, "crew": crew}
+            choice = choose(believed, controller, candidates, unknowns, blocks, **how)
+            chosen = list(choice.blocks)
+        made = experiments.assemble(name.name, chosen, language)
+        predicted = _predicted(made, believed, controller, uncertain, seed, crew) if protocol else []
     with call_errors():
-        candidates = experiments.blocks(believed, controller, wanted, unknowns, seed, supply or ())
-        choice = choose(believed, controller, candidates, unknowns, blocks, known=covariance, criterion=criterion)
-    made = experiments.assemble(name.name, choice.blocks, language)
-    with call_errors():
-        atomic_write(job, experiments.job_text(made, language).encode())
-        if text := experiments.series_text(made, believed, language):
-            atomic_write(series, text.encode())
+        text = experiments.job_text(made, language)
+        if series_text := experiments.series_text(made, believed, language):
+            atomic_write(series, series_text.encode())
         filled = made.template()
         if real is not None:
             recorded, filled = carried_out(
                 made, real, controller, seed=carry_out_seed, noise_mm=gauge_noise_mm, time_noise_s=0.0005
             )
             write_recording(recording, recorded)
-        atomic_write(form, written(filled, made.comments()).encode())
-    names = [item.name for item in unknowns]
+        told, seal = written(filled, made.comments()), ""
+        if protocol:
+            head = {"machine": believed.name, "digest": believed.digest, "controller": controller}
+            told, text, seal = _sealed(told, text, {**head, "seed": seed, "uncertain": uncertain}, predicted)
+        atomic_write(job, text.encode())
+        atomic_write(form, told.encode())
+    if choice is None:
+        _say_day(job, form, predicted, seal, json)
+    else:
+        _say_choice(job, form, choice, [item.name for item in unknowns], json)
+    return 0
+
+
+def _predicted(
+    made: Experiment, machine: Machine, controller: str, number: int, seed: int, crew: Crew | None
+) -> list[Predicted]:
+    from isel_twin.many.identification.sealed import predict_day
+
+    with counted("machines", number) as tell:
+        return predict_day(made, machine, controller, number=number, seed=seed, crew=crew, progress=tell)
+
+
+def _sealed(form: str, job: str, head: Mapping[str, Any], predicted: Sequence[Predicted]) -> tuple[str, str, str]:
+    from isel_twin.many.identification.sealed import sealed
+    from isel_twin.version import VERSION
+
+    return sealed(form, job, {**head, "version": VERSION}, predicted)
+
+
+def _say_day(job: Path, form: Path, predicted: Sequence[Predicted], seal: str, json: bool) -> None:
+    if json:
+        told = [
+            {"what": one.what, "unit": one.unit, "value": one.value, "band": [one.low, one.high]} for one in predicted
+        ]
+        say_json({"job": str(job), "measure": str(form), "seal": seal, "predicted": told})
+        return
+    print(f"{'predicted':<44} {'value':>10}  {'band':<22} unit")
+    for one in predicted:
+        band = f"{one.low:.4g} .. {one.high:.4g}"
+        print(f"{one.what:<44} {one.value:>10.4g}  {band:<22} {one.unit}".rstrip())
+    print(f"sealed: {seal}")
+
+
+def _say_choice(job: Path, form: Path, choice: Choice, names: Sequence[str], json: bool) -> None:
     if json:
         rest = [dict(zip(names, map(float, row), strict=True)) for row in choice.left]
         blocks_told = [{"block": block.name, "left": row} for block, row in zip(choice.blocks, rest, strict=True)]
         say_json({"job": str(job), "measure": str(form), "blocks": blocks_told})
-        return 0
+        return
     print(f"{'':34}what will be left of the prior's uncertainty")
     print(f"{'block':<34}{''.join(f'{name:>14}' for name in names)}")
     for block, left in zip(choice.blocks, choice.left, strict=True):
         print(f"{block.name:<34}{''.join(f'{part:>14.0%}' for part in left)}")
-    return 0
 
 
 def _known(file: Path, unknowns: list[Unknown]) -> NDArray[np.float64]:

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import options
-from isel_twin.cli.outputs import say, say_json
+from isel_twin.cli.outputs import counted, say, say_json
 from isel_twin.core.spec import MACHINE
 
 if TYPE_CHECKING:
     from isel_twin.machine import Machine
     from isel_twin.many.identification.fit import Fit, Prospect
     from isel_twin.many.identification.measured import Measured
+    from isel_twin.many.identification.sealed import Day
     from isel_twin.many.identification.session import Session
     from isel_twin.many.identification.unknowns import Unknown
 
@@ -47,14 +47,19 @@ def identify(
     ] = None,
     patch: Annotated[Path | None, Parameter(help="Folder for a machine.toml with what was found.")] = None,
     report: Annotated[Path | None, Parameter(help="A page about it (HTML).")] = None,
+    score: Annotated[
+        Path | None,
+        Parameter(help="A filled form of a measuring day: predicted, measured, E_n. Needs no recordings."),
+    ] = None,
     workers: options.Workers = 1,
     json: Annotated[bool, Parameter(help="One JSON object.")] = False,
 ) -> int:
     """Fit parameters of a machine to recordings and measurements.
 
     Shows before the fit which parameters the data cannot identify. Recordings that are held out are only predicted: if
-    the fit predicts them worse than the machine file, nothing is written and the exit code is 1. See
-    docs/identification.md.
+    the fit predicts them worse than the machine file, nothing is written and the exit code is 1. With --score a
+    measuring day (`isel-twin experiment --protocol`) is compared with what was predicted of it, and the exit code is 1
+    if it differs. See docs/identification.md.
     """
     with call_errors():
         need_scipy()
@@ -62,16 +67,21 @@ def identify(
     target = None if patch is None else patch / "machine.toml"
     if patch is not None and patch.exists() and not patch.is_dir():
         raise CallError(f"{patch}: is a file; name a folder for the machine")
-    options.check_writable(report, kept=(*recordings, *(measured or ())))
+    options.check_writable(report, kept=(*recordings, *(measured or ()), *([score] if score else [])))
     from isel_twin.base.files import atomic_write
     from isel_twin.machine import load_machine, with_overrides
     from isel_twin.many.identification.fit import fit as fit_sessions
     from isel_twin.many.identification.patch import as_json, based_on
     from isel_twin.many.identification.patch import patch as as_patch
 
+    day = None if score is None else _scored(score)
+    if day is not None and not recordings:
+        if measured or patch or report:
+            raise CallError("score: without recordings nothing is fitted; name them, or leave --measured, --patch away")
+        return _say_day(day, json)
     with call_errors():
         known = with_overrides(load_machine(machine), options.parse_overrides(set))
-    told = read_all(measured)
+    told = read_all([*(measured or ()), *([score] if score and score not in (measured or ()) else [])])
     sessions = _sessions(recordings, told, controller, known)
     unknowns = unknowns_of(known, fit, prior, told.axes)
     fitted, held = _split(sessions, hold_out)
@@ -81,19 +91,20 @@ def identify(
         if not json:
             print("before the fit:", *prospect.lines, sep="\n  ", flush=True)
 
-    with call_errors(), options.crew_of(workers) as crew:
-        result = fit_sessions(known, unknowns, fitted, held, crew=crew, told=say_prospect, progress=progress())
+    with call_errors(), options.crew_of(workers) as crew, counted("replays") as tell:
+        result = fit_sessions(known, unknowns, fitted, held, crew=crew, told=say_prospect, progress=tell)
     if report is not None:
         from isel_twin.many.identification.page import page
 
         with call_errors(report):
-            atomic_write(report, page(f"{known.name} identified", result, names, held_names).encode())
+            atomic_write(report, page(f"{known.name} identified", result, names, held_names, day).encode())
     if json:
-        say_json(as_json(result, names, held_names))
+        say_json({**as_json(result, names, held_names), **_day_json(day)})
     else:
         _print(result)
     for line in result.doubts:
         say(line)
+    code = 0 if day is None else _say_day(day, json, alone=False)
     if result.worse:
         what = f"{result.after['all']:.2f} instead of {result.before['all']:.2f} standard deviations"
         say(f"refused: the fit predicts {', '.join(held_names)} worse than before, {what}")
@@ -106,7 +117,36 @@ def identify(
             content = as_patch(result, known, base, patch.resolve().name, name, names, held_names)
             atomic_write(target, content.encode())
             load_machine(patch)
-    return 0
+    return code
+
+
+def _scored(file: Path) -> Day:
+    from isel_twin.many.identification.sealed import score
+
+    with call_errors(file):
+        return score(file)
+
+
+def _day_json(day: Day | None) -> dict[str, Any]:
+    from isel_twin.many.identification.sealed import as_json
+
+    return {} if day is None else {"score": as_json(day)}
+
+
+def _say_day(day: Day, json: bool, alone: bool = True) -> int:
+    """The table of a measuring day; exit code 1 if it does not hold."""
+    if not json:
+        print(f"\n{'':<44} {'predicted':>10}  {'band':<22} {'measured':>10} {'E_n':>6}  verdict")
+        for one in day.scores:
+            said, there = one.predicted, f"{one.measured:.4g}" if one.verdict != "not measured" else ""
+            e_n = f"{one.e_n:+.2f}" if there else ""
+            name, band = f"{said.what}, {said.unit}", f"{said.low:.4g} .. {said.high:.4g}"
+            print(f"{name:<44} {said.value:>10.4g}  {band:<22} {there:>10} {e_n:>6}  {one.verdict}")
+        print(day.in_words())
+        print(f"sealed: {day.seal}")
+    elif alone:
+        say_json(_day_json(day))
+    return 0 if day.holds else 1
 
 
 def need_scipy() -> None:
@@ -188,17 +228,6 @@ def _split(sessions: Sequence[Session], hold_out: Sequence[str] | None) -> tuple
     if held == set(names):
         raise CallError("hold-out: nothing is left to be fitted", option=True)
     return [one for one in sessions if one.name not in held], [one for one in sessions if one.name in held]
-
-
-def progress() -> Callable[[int], None] | None:
-    """Shows the number of replays at a terminal; None without a terminal."""
-    if not sys.stderr.isatty():
-        return None
-
-    def tell(replays: int) -> None:
-        print(f"\r{replays} replays ", end="", file=sys.stderr, flush=True)
-
-    return tell
 
 
 def _print(result: Fit) -> None:

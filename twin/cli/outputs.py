@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from os import environ
 from typing import TYPE_CHECKING, Any, Protocol
@@ -62,6 +62,23 @@ def progress(console: Console, time: type[ProgressColumn], shown: bool = True, *
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), time()
     disable = not (shown and console.is_terminal)
     return Progress(*columns, console=console, transient=True, disable=disable, **more)
+
+
+@contextmanager
+def counted(what: str, total: int | None = None) -> Iterator[Callable[[int], None] | None]:
+    """Shows on a terminal how many are done, by the function given, with the number; None without a terminal. total:
+    None if nobody knows it."""
+    if not _may_be_terminal():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import TimeElapsedColumn
+
+    out, messages = Console(), Console(stderr=True)
+    bar = progress(messages, TimeElapsedColumn, redirect_stdout=out.is_terminal, redirect_stderr=messages.is_terminal)
+    task = bar.add_task(what, total=total)
+    with bar:
+        yield lambda number: bar.update(task, completed=number)
 
 
 def many(number: int, what: str) -> str:

@@ -12,10 +12,10 @@ from isel_twin.machine import load_machine, machine_from_tree
 from isel_twin.many.identification.experiment import (
     Experiment,
     Step,
+    Teller,
     _far,
     _stall,
     _switch,
-    _Teller,
     assemble,
     series_hz,
     series_text,
@@ -68,7 +68,7 @@ def test_the_scatter_of_switches_follows_from_reference_runs() -> None:
 def test_a_switch_and_a_lead_error_follow_from_a_scale() -> None:
     unknowns = [unknown(MACHINE, "switch.limit_x2"), unknown(MACHINE, "lead.x")]
     hidden = candidate(MACHINE, unknowns, [393.6, 0.04])
-    tell = _Teller(LANGUAGE, "x", MACHINE.axes[0].steps_per_mm)
+    tell = Teller(LANGUAGE, "x", MACHINE.axes[0].steps_per_mm)
     blocks = [_far(tell, 395.0), _switch(tell, LANGUAGE, 395.0, "limit_x2")]
     recorded, measured = carry_out(
         assemble("day", blocks, LANGUAGE), hidden, CONTROLLER, seed=3, noise_mm=0.01, time_noise_s=0.0

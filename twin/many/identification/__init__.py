@@ -15,7 +15,7 @@
     model.py        predictions on candidates, residuals, their differences
     fit.py          sensitivity, rank, least squares, intervals, chi-square; fitted and held back
     reach.py        which numbers behind a common factor no datum moves
-    suspects.py     what would explain data that the fitted model does not
+    laws.py         laws that compete with the fitted ones, compared by held-back data
     patch.py        the result as a machine, as JSON
     page.py         the result as a page
     experiment.py   informative moves as a job, and a file to fill in

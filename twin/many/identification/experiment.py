@@ -28,7 +28,7 @@ from isel_twin.base.axes import CARRIAGES
 from isel_twin.controller import create_controller
 from isel_twin.language import Language, MoveSettings, create_language, needed
 from isel_twin.machine import Machine
-from isel_twin.many.identification.measured import PUSHED_AT, Act, Measured, Reading, Stall
+from isel_twin.many.identification.measured import PUSHED_AT, Act, Measured, Reading, Ring, Stall
 from isel_twin.many.identification.session import referenced, stall_speed_hz, with_supply
 from isel_twin.many.identification.unknowns import Unknown
 
@@ -55,6 +55,7 @@ class Step:
     acts: tuple[Act, ...] = ()
     comment: str = ""
     any_reply: bool = False  # any reply is accepted
+    rings: tuple[Ring, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -74,12 +75,13 @@ class Experiment:
     stalls: tuple[Stall, ...]
 
     def template(self) -> Measured:
-        readings, acts = [], []
+        readings, acts, rings = [], [], []
         for command, step in enumerate(self.steps, 1):
             readings += [replace(reading, recording=self.name, command=command) for reading in step.readings]
             acts += [replace(act, recording=self.name, command=command) for act in step.acts]
+            rings += [replace(ring, recording=self.name, command=command) for ring in step.rings]
         stalls = tuple(replace(stall, recording=self.name, held_hz=math.nan, lost_hz=math.nan) for stall in self.stalls)
-        return Measured(tuple(readings), tuple(acts), stalls)
+        return Measured(tuple(readings), tuple(acts), stalls, rings=tuple(rings))
 
     def comments(self) -> dict[int, str]:
         """By command: what to measure after it."""
@@ -110,7 +112,7 @@ def blocks(
     found: list[Block] = []
     for name in axes:
         axis = machine.axes[CARRIAGES.index(name)]
-        tell = _Teller(language, name, axis.steps_per_mm)
+        tell = Teller(language, name, axis.steps_per_mm)
         reach_mm = min(axis.travel_mm - 10.0, 120.0)
         place_mm = float(round(draw.uniform(0.2, 0.5) * reach_mm))
         found.append(_reversal(tell, place_mm))
@@ -131,7 +133,7 @@ def blocks(
     return found
 
 
-class _Teller:
+class Teller:
     """Moves of one axis in the language of a controller."""
 
     def __init__(self, language: Language, axis: str, steps_per_mm: float) -> None:
@@ -152,7 +154,7 @@ class _Teller:
         return Reading("", 1, self.axis, math.nan, gauge=gauge, **more)
 
 
-def _reversal(tell: _Teller, mm: float) -> Block:
+def _reversal(tell: Teller, mm: float) -> Block:
     name = f"reversal {tell.axis} {mm:g}"
     read = (tell.reading(name),)
     below, above = f"read the gauge on {tell.axis}: came from below", "read it again: came from above"
@@ -164,7 +166,7 @@ def _reversal(tell: _Teller, mm: float) -> Block:
     return Block(name, f"{tell.axis}: to {mm:g} mm and on from both sides, dial gauge between tool and table", steps)
 
 
-def _push(tell: _Teller, mm: float, force_n: float, at: str) -> Block:
+def _push(tell: Teller, mm: float, force_n: float, at: str) -> Block:
     name = f"push {tell.axis} {force_n:g} at the {at}"
     ways = (force_n, -force_n, 0.5 * force_n, -0.5 * force_n) * PULLS
     readings = tuple(tell.reading(name, push_n=way, push_at=at) for way in ways)
@@ -174,11 +176,11 @@ def _push(tell: _Teller, mm: float, force_n: float, at: str) -> Block:
     return Block(name, f"{tell.axis}: pulled at the {at} with {force_n:g} N both ways, dial gauge", steps)
 
 
-def _coast(tell: _Teller, machine: Machine, language: Language, speed_hz: int) -> Block:
+def _coast(tell: Teller, machine: Machine, language: Language, speed_hz: int) -> Block:
     name = f"coast {tell.axis} {speed_hz}"
     start_mm = 5.0
     end_mm = start_mm + COAST_S * speed_hz / tell.steps_per_mm
-    before, after = tell.reading(name), tell.reading(name, counter_mm=math.nan)
+    before, after = tell.reading(name, counter_mm=start_mm), tell.reading(name, counter_mm=math.nan)
     pressed, released = ({"set": {"estop": state}} for state in ("pressed", "released"))
     acts = (Act("", 1, PRESS_S, pressed), Act("", 1, RELEASE_S, released))
     steps = tell.move(start_mm, readings=(before,), comment=f"read the scale on {tell.axis}")
@@ -212,7 +214,7 @@ def _stall(
     return Block(f"stall {name} {acceleration}{at}", what, stall=stall)
 
 
-def _far(tell: _Teller, travel_mm: float) -> Block:
+def _far(tell: Teller, travel_mm: float) -> Block:
     name, near_mm, far_mm = f"far {tell.axis}", 10.0, travel_mm - 10.0
     read = (tell.reading(name, sigma_mm=FAR_SIGMA_MM),)
     steps = tell.move(near_mm, readings=read, comment=f"read the scale on {tell.axis}")
@@ -220,7 +222,7 @@ def _far(tell: _Teller, travel_mm: float) -> Block:
     return Block(name, f"{tell.axis}: from {near_mm:g} to {far_mm:g} mm, scale", steps)
 
 
-def _switch(tell: _Teller, language: Language, travel_mm: float, contact: str) -> Block:
+def _switch(tell: Teller, language: Language, travel_mm: float, contact: str) -> Block:
     name = f"switch {contact}"
     read = (tell.reading(name, sigma_mm=FAR_SIGMA_MM),)
     steps = tell.move(travel_mm - 10.0, readings=read, comment=f"read the scale on {tell.axis}")

@@ -10,8 +10,10 @@ its prior standard deviation afterwards; for s < 1 the data say less than the pr
 **After it**: cov = (J'J / max(1, chi^2) + 1)^-1 with chi^2 per degree of freedom: a bad fit claims no precision, and no
 fit is less sure than the prior. 95 % intervals are in u, so never negative for a positive value. A chi^2 beyond the
 quantile FITS of its distribution says that the model does not explain the data: then no number is `measured`, whatever
-its interval, the data that misfit most are named (many/15), and the laws that would explain them (suspects.py). Numbers
-behind a common factor that no datum moves, or that the data do not tell apart, are found as well (reach.py).
+its interval, and the data that misfit most are named (many/15). Laws that were not fitted compete with what was, by
+data held back from both: those that predict better are named, and what those as good disagree about widens the
+intervals (laws.py). Numbers behind a common factor that no datum moves, or that the data do not tell apart, are found
+as well (reach.py).
 
 **The search** asks for a Jacobian by differences at its start only, as each costs 2 n replays; on its way it is
 corrected by the steps taken. Where the search ends another one starts, until one ends near its start. Bounds have a
@@ -25,16 +27,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from isel_twin.base.crew import Crew
 from isel_twin.machine import Machine
+from isel_twin.many.identification.laws import Competition, Law, compete
 from isel_twin.many.identification.model import BOUND, NOT_IDENTIFIED, WEAK, Floats, Model
 from isel_twin.many.identification.reach import Alike, OutOfReach, behind_factors
 from isel_twin.many.identification.session import Datum, Session
-from isel_twin.many.identification.suspects import Suspect, suspects
 from isel_twin.many.identification.unknowns import Unknown
 
 NORMAL_95 = 1.96
@@ -45,6 +47,7 @@ ENOUGH = 0.01  # relative change of cost and point at which the search ends: bel
 MOST_CALLS = 12  # evaluations in the search, each a replay of what is fitted
 NEAR = 0.25  # way of a search, in standard deviations of the prior, over which a Jacobian stays that of its start
 MOST_SEARCHES = 3
+DISAGREE = 1.5  # times as wide an interval, from which the disagreement of laws is said
 
 
 @dataclass(frozen=True)
@@ -130,7 +133,8 @@ class Fit:
     misfits: tuple[tuple[Datum, float], ...] = ()  # fitted data of the largest residuals beyond MISFIT, and these
     unreached: tuple[OutOfReach, ...] = ()
     alike: tuple[Alike, ...] = ()
-    suspects: tuple[Suspect, ...] = ()  # if the data are not explained: what would
+    competition: Competition = field(default_factory=lambda: Competition((), np.zeros((0, 0)), 0))
+    widened: tuple[float, ...] = ()  # by parameter: what the disagreement of laws makes of the interval, at least 1
 
     @property
     def explains(self) -> bool:
@@ -141,20 +145,38 @@ class Fit:
     def doubts(self) -> tuple[str, ...]:
         """What must be said of this result, a line each."""
         lines = [*(one.line for one in self.unreached), *(one.line for one in self.alike)]
+        lines += [self._disagreement(at) for at, times in enumerate(self.widened) if times >= DISAGREE]
+        would = [f"{one.key} ({one.law}, {self._said(one)})" for one in self.suspects]
+        apart = "; these data do not tell them apart" if len(would) > 1 else "; fit it, too"
         if not self.explains:
             worst = "; ".join(f"{item.recording} {item.label} ({r:+.1f})" for item, r in self.misfits)
             lines.append(
                 f"the model does not explain these data: chi-square {self.chi2:.1f} per degree of freedom, by chance "
                 f"at most {self.chi2_limit:.1f}; no number is measured by this. Largest residuals: {worst}"
             )
-            would = [f"{one.key} ({one.law}, {one.share:.0%} of the excess)" for one in self.suspects]
-            apart = "; these data do not tell them apart" if len(would) > 1 else "; fit it, too"
             lines.append(
                 f"what would explain it: {' or '.join(would)}{apart}"
                 if would
                 else "no law known here would explain it; look at these readings first"
             )
+        elif would:
+            lines.append(f"what was held back from it speaks for another law: {' or '.join(would)}{apart}")
         return tuple(lines)
+
+    @property
+    def suspects(self) -> tuple[Law, ...]:
+        """Laws that were not fitted and predict better what is held back, and alike."""
+        return self.competition.rivals(self.explains)
+
+    def _said(self, one: Law) -> str:
+        return f"{one.share:.0%} of the excess" if not self.explains else f"e^{one.gained:.0f} times as likely"
+
+    def _disagreement(self, at: int) -> str:
+        """A parameter whose interval laws have widened that predict as well, and the two that did most."""
+        most = sorted(self.competition.laws, key=lambda one: -one.weight * one.moved[at] ** 2)[:2]
+        named = " and ".join(f"{one.key} ({one.law})" for one in most if one.weight * abs(one.moved[at]) > 0.0)
+        name = self.estimates[at].unknown.name
+        return f"{name}: its interval is {self.widened[at]:.1f} times as wide, as other laws predict as well: {named}"
 
     @property
     def worse(self) -> bool:
@@ -213,8 +235,10 @@ def fit(
     freedom = model.freedom(after)
     limit = float(chi2_of.ppf(FITS, freedom)) / freedom
     unreached, alike, replays = behind_factors(model, u, last, chi2, crew)
-    suspected, more = suspects(model, u, last, crew) if chi2 > limit else ((), 0)
+    competition = compete(model, u, last, crew)
     covariance: Floats = np.asarray(np.linalg.inv(last.T @ last / max(1.0, chi2) + np.eye(count)), dtype=np.float64)
+    alone = np.sqrt(np.diag(covariance))
+    covariance = covariance + competition.spread
     deviation = np.sqrt(np.diag(covariance))
     estimates = []
     for index, item in enumerate(unknowns):
@@ -238,12 +262,13 @@ def fit(
             (item, item.value - item.sigma * one, item.value - item.sigma * two)
             for item, one, two in zip(other.data, before_held.tolist(), after_held.tolist(), strict=True)
         ),
-        model.replays + other.replays + replays + more,
+        model.replays + other.replays + replays + competition.replays,
         limit,
         _misfits(model.data, after),
         unreached,
         alike,
-        suspected,
+        competition,
+        tuple((deviation / alone).tolist()),
     )
 
 

@@ -14,6 +14,7 @@
     counter_mm = 20.0                       # the counter at that time, if it is random (an emergency stop)
     at_s = 0.35                             # in motion, at this time after the command was sent; left out: at rest
     sigma_mm = 0.02
+    about_mm = [60.0, 80.0, 0.0]            # mm is how far the tool is from here (ball bar, test ring), no position
 
     [[act]]                                 # an operation at the machine
     recording = "first"
@@ -33,13 +34,23 @@
     lost_hz = 25000                         # the next one, at which steps were lost; left out: it never stalled
     supply_v = 36.0                         # of the stages meanwhile, measured; left out: as always
 
+    [[ring]]                                # let go or struck at rest, and listened to
+    recording = "first"
+    command = 12                            # at rest after this command
+    axis = "x"
+    push_n = 100.0                          # force that is let go at once
+    push_at = "tool"
+    file = "ring-x.csv"                     # time in s and signal, of a sound or an accelerometer; or, in its place,
+    frequency_hz = 38.4
+    damping = 0.031                         # ratio; may be left out
+
     [[repeats]]                             # the same place after several reference runs
     recording = "first"
     axis = "x"
     mm = [0.003, 0.011, -0.004]
 
 A CSV file has the keys of a reading in its first line, then one reading a line. A log of a scale is a list of readings
-with `at_s`.
+with `at_s`. What a measuring day predicts beforehand (protocol.py: `protocol`, `predicted`) is none of it.
 """
 
 from __future__ import annotations
@@ -56,6 +67,7 @@ from typing import Any
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.parameters import FileError, Limits, Place, known, parse_toml, plain, read_text, table, text
 from isel_twin.base.toml import toml_line
+from isel_twin.many.identification.ring_down import read_signal, ring_down
 from isel_twin.wiring import EVENT_KEYS
 
 GAUGE_SIGMA_MM = 0.005
@@ -68,6 +80,7 @@ _S = Limits("s", 0.0, 1e5)
 _HZ = Limits("Hz", 1.0, 1e6)
 _V = Limits("V", 5.0, 200.0)
 _SIGMA = Limits("mm", 1e-6, 100.0)
+_RANG = {"frequency_hz": Limits("Hz", 0.1, 1e5), "damping": Limits("1", 0.0, 1.0)}
 _COMMAND = Limits("", 1, 1e6, whole=True)
 
 
@@ -89,6 +102,20 @@ class Reading:
     at_s: float | None = None
     counter_mm: float | None = None
     push_at: str = PUSHED_AT[0]
+    about_mm: tuple[float, ...] | None = None  # [3]
+
+
+@dataclass(frozen=True)
+class Ring:
+    """A machine that was let go at rest and rang down."""
+
+    recording: str
+    command: int
+    axis: str
+    push_n: float
+    push_at: str = PUSHED_AT[0]
+    frequency_hz: float = math.nan
+    damping: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -142,24 +169,26 @@ class Measured:
     time_sigma_s: float = TIME_SIGMA_S
     gauge_sigma_mm: float = GAUGE_SIGMA_MM
     unread: int = 0  # number of entries that are still nan
+    rings: tuple[Ring, ...] = ()
 
     @property
     def names(self) -> list[str]:
         """Recordings that are named, each once."""
-        entries = itertools.chain[Any](self.readings, self.acts, self.stalls, self.repeats)
+        entries = itertools.chain[Any](self.readings, self.acts, self.stalls, self.repeats, self.rings)
         return list(dict.fromkeys(item.recording for item in entries))
 
     @property
     def axes(self) -> list[str]:
         """Axes that are named, each once, in the order X, Y, Z."""
-        found = {item.axis for item in itertools.chain[Any](self.readings, self.stalls, self.repeats)}
+        found = {item.axis for item in itertools.chain[Any](self.readings, self.stalls, self.repeats, self.rings)}
         return [name for name in CARRIAGES if name in found]
 
     def of(self, recording: str) -> Measured:
         """The part that belongs to one recording."""
-        lists: tuple[tuple[Any, ...], ...] = (self.readings, self.acts, self.stalls, self.repeats)
-        readings, acts, stalls, repeats = (tuple(one for one in each if one.recording == recording) for each in lists)
-        return Measured(readings, acts, stalls, repeats, self.time_sigma_s, self.gauge_sigma_mm)
+        lists: tuple[tuple[Any, ...], ...] = (self.readings, self.acts, self.stalls, self.repeats, self.rings)
+        found = (tuple(one for one in each if one.recording == recording) for each in lists)
+        readings, acts, stalls, repeats, rings = found
+        return Measured(readings, acts, stalls, repeats, self.time_sigma_s, self.gauge_sigma_mm, rings=rings)
 
     def __add__(self, other: Measured) -> Measured:
         return Measured(
@@ -170,6 +199,7 @@ class Measured:
             max(self.time_sigma_s, other.time_sigma_s),
             max(self.gauge_sigma_mm, other.gauge_sigma_mm),
             self.unread + other.unread,
+            self.rings + other.rings,
         )
 
 
@@ -202,23 +232,28 @@ def _from_csv(line: Mapping[str | None, Any], place: Place) -> dict[str, Any]:
 
 
 _READING = ("recording", "command", "axis", "mm", "sigma_mm", "gauge", "push_n", "push_at", "at_s", "counter_mm")
+_READING += ("about_mm",)
+_RING = ("recording", "command", "axis", "push_n", "push_at", "frequency_hz", "damping")
 _SERIES = ("from_mm", "to_mm", "acceleration_hz_per_ms", "start_stop_hz", "held_hz", "lost_hz")
 _STALL = ("recording", "command", "axis", *_SERIES, "supply_v")
 
 
 def _measured(tree: dict[str, Any], place: Place) -> Measured:
-    known(tree, ("gauge_sigma_mm", "time_sigma_s", "reading", "act", "stall", "repeats"), place)
+    parts = ("reading", "act", "stall", "repeats", "ring", "protocol", "predicted")
+    known(tree, ("gauge_sigma_mm", "time_sigma_s", *parts), place)
     sigma_mm = plain(tree.get("gauge_sigma_mm", GAUGE_SIGMA_MM), _SIGMA, place.at("gauge_sigma_mm"))
     time_sigma_s = plain(tree.get("time_sigma_s", TIME_SIGMA_S), Limits("s", 1e-9, 10.0), place.at("time_sigma_s"))
     readings = [_reading(item, sigma_mm, at) for item, at in _entries(tree, "reading", place)]
     acts = [_act(item, at) for item, at in _entries(tree, "act", place)]
     stalls = [_stall(item, at) for item, at in _entries(tree, "stall", place)]
     repeats = [_repeats(item, at) for item, at in _entries(tree, "repeats", place)]
+    every = [_ring(item, at) for item, at in _entries(tree, "ring", place)]
+    rings = tuple(item for item in every if not math.isnan(item.frequency_hz))
     read = tuple(item for item in readings if not math.isnan(item.mm) and not math.isnan(item.counter_mm or 0.0))
     done = tuple(item for item in stalls if not math.isnan(item.held_hz + item.lost_hz))
     again = tuple(item for item in repeats if len(item.mm) >= 2 and not any(map(math.isnan, item.mm)))
-    unread = len(readings) + len(stalls) + len(repeats) - len(read) - len(done) - len(again)
-    return Measured(read, tuple(acts), done, again, time_sigma_s, sigma_mm, unread)
+    unread = len(readings) + len(stalls) + len(repeats) - len(read) - len(done) - len(again) + len(every) - len(rings)
+    return Measured(read, tuple(acts), done, again, time_sigma_s, sigma_mm, unread, rings)
 
 
 def _entries(tree: Mapping[str, Any], key: str, place: Place) -> list[tuple[dict[str, Any], Place]]:
@@ -261,6 +296,35 @@ def _reading(item: dict[str, Any], sigma_mm: float, place: Place) -> Reading:
         at_s=None if "at_s" not in item else plain(item["at_s"], _S, place.at("at_s")),
         counter_mm=None if "counter_mm" not in item else _plain(item, "counter_mm", _MM, place),
         push_at=text(item.get("push_at", PUSHED_AT[0]), place.at("push_at"), PUSHED_AT),
+        about_mm=None if "about_mm" not in item else _about(item["about_mm"], place.at("about_mm")),
+    )
+
+
+def _about(value: Any, place: Place) -> tuple[float, ...]:
+    if not isinstance(value, list) or len(value) != len(CARRIAGES):
+        raise place.wrong(f"{value!r}; allowed: a list of X, Y and Z in mm")
+    return tuple(plain(one, _MM, place) for one in value)
+
+
+def _ring(item: dict[str, Any], place: Place) -> Ring:
+    known(item, (*_RING, "file"), place)
+    _need(item, ("recording", "command", "axis", "push_n"), place)
+    hz, damping = (_plain(item, key, limits, place) if key in item else math.nan for key, limits in _RANG.items())
+    if item.get("file"):
+        path = Path(str(place.file)).parent / text(item["file"], place.at("file"))
+        try:
+            hz, damping = ring_down(*read_signal(path))
+        except (OSError, ValueError) as error:
+            reason = error.strerror if isinstance(error, OSError) else error
+            raise place.at("file").wrong(f"{path}: {reason}") from None
+    return Ring(
+        recording=text(item["recording"], place.at("recording")),
+        command=_command(item, place),
+        axis=text(item["axis"], place.at("axis"), CARRIAGES),
+        push_n=plain(item["push_n"], _N, place.at("push_n")),
+        push_at=text(item.get("push_at", PUSHED_AT[0]), place.at("push_at"), PUSHED_AT),
+        frequency_hz=hz,
+        damping=damping,
     )
 
 
@@ -320,6 +384,9 @@ def written(measured: Measured, comments: Mapping[int, str] | None = None) -> st
         lines += ["", *([f"# {comment}"] if comment else []), "[[reading]]", *_lines(reading, _READING)]
     for stall in measured.stalls:
         lines += ["", "[[stall]]", *_lines(stall, _STALL)]
+    for ring in measured.rings:
+        comment = (comments or {}).get(ring.command)
+        lines += ["", *([f"# {comment}"] if comment else []), "[[ring]]", 'file = ""', *_lines(ring, _RING)]
     for repeats in measured.repeats:
         lines += ["", "[[repeats]]", *_lines(repeats, ("recording", "axis", "mm"))]
     return "\n".join(lines) + "\n"

@@ -111,6 +111,13 @@ class Model:
             found[bounds] = side * np.sqrt(-2.0 * log_ndtr(-side * found[bounds]))
         return np.clip(found, -MISSED, MISSED)
 
+    def zeros(self) -> Floats:
+        """dr [data, groups] by the unknown zero of each group, per its unit."""
+        found = np.zeros((len(self.data), len(self._groups)))
+        for column, indices in enumerate(self._groups):
+            found[indices, column] = 1.0 / self._sigma[indices]
+        return found
+
     def freedom(self, residuals: Floats) -> int:
         """Data less zeros less parameters, at least 1, and the bounds that are missed."""
         values = int((self._side == 0).sum()) - len(self._groups) - len(self.unknowns)

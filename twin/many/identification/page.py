@@ -11,6 +11,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from isel_twin.many.identification.fit import Estimate, Fit
+from isel_twin.many.identification.sealed import Day
 from isel_twin.report.page import whole_page
 from isel_twin.report.svg import escape
 
@@ -19,7 +20,8 @@ WIDTH, ROW = 460, 22
 LABEL = 46  # most characters of a label beside its bar
 
 
-def page(title: str, result: Fit, fitted: Sequence[str], held: Sequence[str]) -> str:
+def page(title: str, result: Fit, fitted: Sequence[str], held: Sequence[str], day: Day | None = None) -> str:
+    """The page; day: a measuring day that is scored at its end."""
     if result.worse:
         verdict = "NOT PROMOTED: what was held back is predicted worse than before"
     elif held:
@@ -46,10 +48,12 @@ def page(title: str, result: Fit, fitted: Sequence[str], held: Sequence[str]) ->
         "<h3>Correlations</h3>",
         _correlations(result),
         "</section>",
+        _laws(result) if result.competition.laws else "",
         "<section><h2>Residuals: root mean square, in standard deviations of the data</h2>",
         _errors(result),
         "</section>",
         _held(result) if held else "",
+        _day(day) if day is not None else "",
         "</main>",
     ]
     return whole_page(title, body)
@@ -115,6 +119,27 @@ def _correlations(result: Fit) -> str:
     return f"<div class='wide'><table><thead><tr><th></th>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
 
 
+def _laws(result: Fit) -> str:
+    """What was not fitted, the likeliest first; moved: the parameter it would move most."""
+    names = [one.unknown.name for one in result.estimates]
+    rows = []
+    for one in result.competition.laws:
+        most = max(range(len(names)), key=lambda at: abs(one.moved[at]))
+        cells = (f"{one.gained:+.1f}", f"{one.weight:.0%}", f"{escape(names[most])} {one.moved[most]:+.2f}")
+        rows.append(
+            f"<tr><th scope='row' class='text'>{escape(one.law)}</th>"
+            + "".join(f"<td>{cell}</td>" for cell in cells)
+            + f"<td class='code'>{escape(one.key)}</td></tr>"
+        )
+    head = "".join(f"<th scope='col'>{name}</th>" for name in ("gained", "weight", "moves most", "number"))
+    return (
+        "<section><h2>Laws that were not fitted</h2><div class='wide'><table><thead><tr>"
+        f"<th scope='col' class='text'>law</th>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
+        "<p>Gained: logarithm of how much likelier what is held back from the fit is with this law than without it. "
+        "Weight: among all laws and what was fitted. Moves: in standard deviations of the prior.</p></section>"
+    )
+
+
 def _errors(result: Fit) -> str:
     def cells(before: Mapping[str, float], after: Mapping[str, float], kind: str) -> str:
         if kind not in before:
@@ -162,4 +187,27 @@ def _held(result: Fit) -> str:
         + "".join(parts)
         + "</svg><figcaption>Residuals in standard deviations, logarithmic from 1. Red: before. Blue: after."
         + f"{more}</figcaption></figure></section>"
+    )
+
+
+def _day(day: Day) -> str:
+    """One table: predicted, measured, E_n, verdict."""
+    rows = []
+    for one in day.scores:
+        said, there = one.predicted, one.verdict != "not measured"
+        told = f"{one.measured:.4g}" if there else "", f"{one.e_n:+.2f}" if there else ""
+        cells = (f"{said.value:.4g}", f"{said.low:.4g} .. {said.high:.4g}", told[0], escape(said.unit), told[1])
+        mark = " class='wrong'" if one.verdict == "differs" else ""
+        rows.append(
+            f"<tr{mark}><th scope='row' class='text'>{escape(said.what)}</th>"
+            + "".join(f"<td>{cell}</td>" for cell in cells)
+            + f"<td class='text'>{one.verdict}</td></tr>"
+        )
+    titles = ("predicted", "band", "measured", "unit", "E<sub>n</sub>", "verdict")
+    head = "".join(f"<th scope='col'>{name}</th>" for name in titles)
+    return (
+        "<section><h2>The measuring day, predicted beforehand</h2>"
+        f"<p class='{'good' if day.holds else 'bad'}'>{escape(day.in_words())}</p>"
+        f"<div class='wide'><table><thead><tr><th scope='col' class='text'>characteristic</th>{head}</tr></thead>"
+        f"<tbody>{''.join(rows)}</tbody></table></div><p class='soft'>Sealed: <code>{day.seal}</code></p></section>"
     )

@@ -23,6 +23,7 @@ from isel_twin.base.parameters import rows
 from isel_twin.base.toml import toml_line
 from isel_twin.machine import Machine
 from isel_twin.many.identification.fit import NORMAL_95, Fit
+from isel_twin.many.identification.laws import Law
 from isel_twin.many.identification.model import WEAK
 from isel_twin.many.identification.unknowns import Unknown, candidate, changes
 from isel_twin.models import machine_names
@@ -93,6 +94,11 @@ def patch(
     return "\n".join(lines) + "\n"
 
 
+def _law(one: Law) -> dict[str, Any]:
+    told = {"key": one.key, "law": one.law, "share": one.share, "gained": one.gained, "weight": one.weight}
+    return told | {"moved": list(one.moved)}
+
+
 def _number(machine: Machine, item: Unknown, key: str, value: float) -> float:
     found = changes(machine, [item], [value])[key]
     return found if item.whole else float(f"{found:.6g}")
@@ -137,7 +143,9 @@ def as_json(result: Fit, fitted: Sequence[str], held: Sequence[str]) -> dict[str
         "doubts": list(result.doubts),
         "unreached": [one.key for one in result.unreached],
         "not_told_apart": [{"name": one.unknown, "of_prior": one.remaining} for one in result.alike],
-        "suspects": [{"key": one.key, "law": one.law, "share": one.share} for one in result.suspects],
+        "suspects": [_law(one) for one in result.suspects],
+        "laws": [_law(one) for one in result.competition.laws],
+        "widened": list(result.widened),
         "misfits": [
             {"recording": item.recording, "kind": item.kind, "datum": item.label, "residual": r}
             for item, r in result.misfits

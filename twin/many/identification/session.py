@@ -13,6 +13,7 @@ Measured and predicted numbers are compared one by one (`Datum`):
     reading      position at rest or in motion; less the counter where the file has it
     stall        logarithm of the speed at which loss of steps begins, found as at the machine, by increasing the speed
     bound        the same of a series that never lost steps, or lost them at its first speed: known from one side
+    ring         logarithms of frequency and damping of a machine that was let go at rest
     scatter      logarithm of the standard deviation over reference runs
 
 The model is deterministic: one seed, switches without scatter. Only the data have noise, so two candidates differ by
@@ -39,7 +40,8 @@ from isel_twin.core.twin import Twin
 from isel_twin.jobs.verdict import lost
 from isel_twin.language import Language, MoveSettings, create_language, needed
 from isel_twin.machine import Machine, with_overrides
-from isel_twin.many.identification.measured import Act, Measured, Reading, Stall
+from isel_twin.many.identification.measured import Act, Measured, Reading, Ring, Stall
+from isel_twin.many.identification.ring_down import ring_down
 from isel_twin.recordings.compare import paired, traffic
 from isel_twin.recordings.reading import Recorded, RecordingError
 from isel_twin.wiring import ScenarioError, event_now
@@ -58,6 +60,8 @@ STALL_COARSE, STALL_FINE = 1.1, 1.02
 # narrow band (0.7 to 1.5 um on the 4030, over forty places)
 REST_SIGMA_MM = 0.001
 REFERENCE_SIGMA_S = 0.015  # of a reference run, beside the clock's: a switch scatters by 10 to 15 um, left at 1 mm/s
+RING_S, RING_STEP_S = 0.4, 0.0005  # so long and so often a model that rings down is looked at
+RING_SIGMA, DAMPING_SIGMA = 0.02, 0.3  # relative standard deviations: where rotors rest and how nuts seat vary
 MISSED = 1e4  # residual, in standard deviations, where the model has no value because the command got no reply
 _PATIENCE_S = 3600.0
 
@@ -66,7 +70,7 @@ _PATIENCE_S = 3600.0
 class Datum:
     """One measured number."""
 
-    kind: str  # duration, reading, stall, bound, scatter
+    kind: str  # duration, reading, ring, stall, bound, scatter
     label: str
     recording: str
     value: float
@@ -115,6 +119,7 @@ class Session:
             group = f"{self.name}/{reading.axis}/{reading.gauge}"
             sigma = math.hypot(reading.sigma_mm, REST_SIGMA_MM)
             found.append(Datum("reading", label, self.name, value, sigma, "mm", group, REST_SIGMA_MM))
+        found += [datum for ring in self.measured.rings for datum in _ring_data(ring, self.name)]
         found += [_stall_datum(stall, self.name) for stall in self.measured.stalls]
         for repeats in self.measured.repeats:
             values = np.array(repeats.mm)
@@ -127,6 +132,15 @@ class Session:
         """True if the duration of a command depends on the machine alone."""
         acts = any(act.command == number for act in self.measured.acts)
         return number <= self.last and not acts and number not in self.unknown_start
+
+
+def _ring_data(ring: Ring, name: str) -> list[Datum]:
+    label = f"{ring.command}: {ring.axis}, {ring.push_n:g} N off the {ring.push_at}"
+    found = [Datum("ring", f"{label}, Hz", name, math.log(ring.frequency_hz), RING_SIGMA, "ln Hz", "", RING_SIGMA)]
+    if ring.damping > 0.0:
+        value = math.log(ring.damping)
+        found.append(Datum("ring", f"{label}, damping", name, value, DAMPING_SIGMA, "ln", "", DAMPING_SIGMA))
+    return found
 
 
 def _stall_datum(stall: Stall, name: str) -> Datum:
@@ -158,7 +172,7 @@ def session_of(recorded: Recorded, measured: Measured, controller: str, machine:
     pieces = tuple(traffic(recorded))
     session = Session(name, controller, pieces, events, own, line_speed)
     commands = len(paired(pieces, _language(controller)))
-    entries: tuple[Reading | Act, ...] = (*own.readings, *own.acts)
+    entries: tuple[Reading | Act | Ring, ...] = (*own.readings, *own.acts, *own.rings)
     if late := [item.command for item in entries if item.command > commands]:
         raise RecordingError(
             f"{recorded.path}: something was measured after command {late[0]}; the recording has {commands}"
@@ -177,7 +191,7 @@ def predict(session: Session, machine: Machine) -> NDArray[np.float64]:
     """float64 [n], prediction of each of `session.data` by the machine; nan: none."""
     found: list[float] = []
     data = session.data
-    if session.pieces and any(item.kind in ("duration", "reading") for item in data):
+    if session.pieces and any(item.kind in ("duration", "reading", "ring") for item in data):
         player = Player(session, machine)
         player.play()
         durations = dict(enumerate((exchange.duration_ns for exchange in player.exchanges()), 1))
@@ -186,6 +200,9 @@ def predict(session: Session, machine: Machine) -> NDArray[np.float64]:
                 ns = durations.get(int(item.label.partition(":")[0]))
                 found.append(math.nan if ns is None else ns / SECOND_NS)
         found += player.readings
+        for ring in session.measured.rings:
+            hz, damping = player.rang.get(ring, (math.nan, math.nan))
+            found += [math.log(hz), math.log(max(damping, 1e-6))][: len(_ring_data(ring, session.name))]
     for supply_v, stalls_there in itertools.groupby(session.measured.stalls, key=lambda stall: stall.supply_v):
         twin = referenced(session.controller, with_supply(machine, supply_v))
         found += [math.log(stall_speed_hz(twin, stall)) for stall in stalls_there]
@@ -205,6 +222,7 @@ class Player:
         self._twin.listen(self._note)
         self._command = 0
         self.readings: list[float] = []  # of the session's readings, mm; nan: the command was never sent
+        self.rang: dict[Ring, tuple[float, float]] = {}  # frequency and damping
         self.unknown_start: set[int] = set()
         self.references: set[int] = set()
         self._referenced: set[int] = set()
@@ -302,13 +320,39 @@ class Player:
         for axis in pushed:
             twin.apply_force(axis, 0.0, "tool")
             twin.run(SETTLE_S)
+        for ring in self._session.measured.rings:
+            if ring.command == self._command and ring not in self.rang:
+                self.rang[ring] = let_go(twin, ring)
 
     def _position_mm(self, reading: Reading) -> float:
-        twin, axis = self._twin, CARRIAGES.index(reading.axis)
-        position_mm = float(twin.position_mm[axis])
+        position_mm, axis = shown_mm(self._twin, reading), CARRIAGES.index(reading.axis)
         if reading.counter_mm is not None:
-            position_mm -= float(twin.counts[axis] * twin.step_mm[axis])
+            position_mm -= float(self._twin.counts[axis] * self._twin.step_mm[axis])
         return position_mm
+
+
+def shown_mm(twin: Twin, reading: Reading) -> float:
+    """What a gauge without zero and noise shows now: a position, or how far the tool is from a point."""
+    if reading.about_mm is not None:
+        return math.dist(twin.position_mm.tolist(), reading.about_mm)
+    return float(twin.position_mm[CARRIAGES.index(reading.axis)])
+
+
+def let_go(twin: Twin, ring: Ring) -> tuple[float, float]:
+    """Frequency in Hz and damping ratio after a force is let go; nan if nothing rings."""
+    axis = CARRIAGES.index(ring.axis)
+    twin.apply_force(axis, ring.push_n, ring.push_at)
+    twin.run(SETTLE_S)
+    twin.apply_force(axis, 0.0, ring.push_at)
+    count = round(RING_S / RING_STEP_S)
+    position_mm = np.empty(count)
+    for at in range(count):
+        position_mm[at] = twin.position_mm[axis]
+        twin.run(RING_STEP_S)
+    try:
+        return ring_down(RING_STEP_S * np.arange(count), position_mm)
+    except ValueError:
+        return math.nan, math.nan
 
 
 def model_twin(machine: Machine, controller: str, line_speed: bool = False) -> Twin:

@@ -20,8 +20,8 @@ from isel_twin.core.twin import Twin
 from isel_twin.language import create_language, needed
 from isel_twin.machine import Machine
 from isel_twin.many.identification.experiment import Experiment, Step, series_hz
-from isel_twin.many.identification.measured import Measured, Reading, Stall
-from isel_twin.many.identification.session import SETTLE_S, converse, stalls, with_supply
+from isel_twin.many.identification.measured import Measured, Reading, Ring, Stall
+from isel_twin.many.identification.session import SETTLE_S, converse, let_go, shown_mm, stalls, with_supply
 from isel_twin.recordings.mcap import RecordingWriter
 from isel_twin.recordings.reading import Entry, Recorded
 from isel_twin.wiring import ScenarioError, event_now
@@ -50,6 +50,7 @@ def carry_out(
     template = experiment.template()
     zeros: dict[str, float] = {}
     found: list[Reading] = []
+    rings: list[Ring] = []
     for command, step in enumerate(experiment.steps, 1):
         twin.run(THINK_S)
         began_ns = twin.time_ns
@@ -63,18 +64,21 @@ def carry_out(
             twin.apply_force(axis, reading.push_n, reading.push_at)
             twin.run(SETTLE_S)
             zero = zeros.setdefault(reading.gauge, float(draw.uniform(0.0, PLACE)))
-            mm = float(twin.position_mm[axis]) - zero + float(draw.normal(0.0, 1.0)) * noise_mm
+            mm = shown_mm(twin, reading) - zero + float(draw.normal(0.0, 1.0)) * noise_mm
             counter = None if reading.counter_mm is None else float(twin.counts[axis] * twin.step_mm[axis])
             found.append(replace(reading, mm=mm, counter_mm=counter))
         for axis in {CARRIAGES.index(reading.axis) for reading in wanted if reading.push_n}:
             twin.apply_force(axis, 0.0, "tool")
             twin.run(SETTLE_S)
+        for ring in (ring for ring in template.rings if ring.command == command):
+            hz, damping = let_go(twin, ring)
+            rings.append(replace(ring, frequency_hz=hz, damping=damping))
     done = tuple(
         replace(_stalled(stall, machine, controller, seed), recording=experiment.name) for stall in experiment.stalls
     )
     path, metadata = Path(f"{experiment.name}.mcap"), {"kind": "tap", "controller": controller}
     recorded = Recorded(path, metadata, {}, tuple(entries), np.zeros(0, dtype=np.int64), b"", True)
-    return recorded, Measured(tuple(found), template.acts, done)
+    return recorded, Measured(tuple(found), template.acts, done, rings=tuple(rings))
 
 
 def _act(twin: Twin, step: Step, began_ns: int) -> None:
