@@ -24,7 +24,7 @@ from isel_twin.base.axes import CARRIAGES
 from isel_twin.envs import tracking
 from isel_twin.envs.paths import lay_path, sampled
 from isel_twin.envs.tracking import LANE, LOST, OUTSIDE, REWARDS, SIZE, TRACK
-from isel_twin.envs.variations import VARIATIONS, checked, varied
+from isel_twin.envs.variations import VARIATIONS, checked, limits_rad_s, varied
 from isel_twin.machine import Machine, load_machine, with_overrides
 from isel_twin.plant.model import load_model
 from isel_twin.plant.mujoco import MujocoPlant
@@ -90,7 +90,8 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
     (`time_weight` times `time_limit_s`), or aborting would pay.
 
     `info` also has `way_mm` (how far along the path), `deviation_mm` (of the tool from the path), `time_s` (since the
-    start), and at the end of an episode `ended`: "done", "outside", "lost steps" or "time".
+    start), `edge` (the least factor on the speed of any motor in the last step until it swings itself out of step, inf
+    at rest), and at the end of an episode `ended`: "done", "outside", "lost steps" or "time".
 
     ## Starting State
     The machine stands at the start of the path, stages on, at rest: in the middle of its travel, or as near to it as
@@ -336,6 +337,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         assert self._plant is not None
         self.path_mm = path
         self._lanes["origin_mm"] = self._plant.position_mm + off_mm
+        self._lanes["limit_rad_s"] = limits_rad_s(self.machine, options.get("supply", 1.0))
         for name in ("counter", "fraction", "rate_hz"):
             self._lanes[name] = 0
         for name in ("piece", "way_mm", "led_mm", *REWARDS):
@@ -415,6 +417,7 @@ def infos(track: Any) -> dict[str, Any]:
     return {
         "way_mm": track["way_mm"],
         "deviation_mm": track["deviation_mm"],
+        "edge": track["edge"],
         "time_s": 1e-9 * (track["until_ns"] - track["began_ns"]),
         **{name: track[name] for name in REWARDS},
     }

@@ -18,6 +18,7 @@ import math
 import numpy as np
 
 from isel_twin.base.compiling import njit
+from isel_twin.core.seen import SLOW_RAD_S
 from isel_twin.drives.dynamics import drop_stale_code
 from isel_twin.plant import kernel
 from isel_twin.plant.kernel import advance
@@ -45,6 +46,7 @@ TRACK = np.dtype(  # settings and state of an episode
         ("way_mm", "f8"),  # s
         ("led_mm", "f8"),  # of the point that `aim` leads along the path
         ("deviation_mm", "f8"),
+        ("edge", "f8"),  # least factor on the speed of any motor in the last step until it swings; inf at rest
         *((name, "f8") for name in REWARDS),
     ],
     align=True,
@@ -55,6 +57,7 @@ LANE = np.dtype(  # settings and state of an axis
         ("highest_hz", "f8"),
         ("steps_per_mm", "f8"),
         ("half_slip", "f8"),  # steps between counter and rotor that mean lost steps (envs/3)
+        ("limit_rad_s", "f8"),  # speed from which on the motor swings (drives/stability.py)
         ("origin_mm", "f8"),  # tool at the start of the path, in machine coordinates
         ("counter", "i8"),  # steps from there
         ("fraction", "f8"),  # u - counter
@@ -139,8 +142,9 @@ def find(path, track, x, y, z):
 
 @njit(nogil=True, error_model="numpy")
 def look(memory, track, lanes, shape_mm, path, observation):
-    """Fill in `observation` [SIZE] of the environment, and reset the margins."""
+    """Fill in `observation` [SIZE] of the environment, and reset margins and edge."""
     parts = parts_of(memory)
+    track.edge = math.inf
     x = y = z = 0.0
     for j in range(shape_mm.shape[1]):
         x += shape_mm[0, j] * parts.place[j]
@@ -166,6 +170,9 @@ def look(memory, track, lanes, shape_mm, path, observation):
         observation[4 * AXES + i] = _within((lane.counter / lane.steps_per_mm - nearest) / (2.0 * track.tolerance_mm))
         observation[5 * AXES + i] = max(0.0, _within(axis.margin))
         axis.margin = 1.0
+        if axis.fastest_rad_s >= SLOW_RAD_S:
+            track.edge = min(track.edge, lane.limit_rad_s / axis.fastest_rad_s)
+        axis.fastest_rad_s = 0.0
     j = track.piece
     for k in range(len(PREVIEW_MM)):
         ahead_mm = PREVIEW_MM[k]

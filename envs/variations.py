@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from isel_twin.drives.motor import Motor
+from isel_twin.drives.stability import limit_rad_s
+from isel_twin.drives.stage import Stage
 from isel_twin.machine import Machine
 
 VARIATIONS: dict[str, tuple[float, float]] = {  # bounds of a mass, and of factors
@@ -18,6 +23,7 @@ VARIATIONS: dict[str, tuple[float, float]] = {  # bounds of a mass, and of facto
     "backlash": (0.0, 10.0),
 }
 _FACTORS = tuple(VARIATIONS)[1:]
+_SPAN = 0.05  # of the supply, between factors at which limits are found
 
 
 def checked(options: dict[str, Any]) -> dict[str, Any]:
@@ -59,3 +65,21 @@ def varied(machine: Machine, options: Mapping[str, Any]) -> Machine:
         raise ValueError(f"the machine does not take these options: {error}") from None
     payload_kg = options.get("payload_kg", machine.payload_kg)
     return replace(machine, axes=(x, y, z), structure=modes, payload_kg=payload_kg)
+
+
+def limits_rad_s(machine: Machine, supply: float) -> NDArray[np.float64]:
+    """float64 [axes], speed from which on each stepper motor swings with this factor on the supply of its stage; linear
+    between factors that are _SPAN apart, as that is nearly how it grows, and each takes 40 ms to be found."""
+    below = math.floor(supply / _SPAN + 1e-9)
+    share = max(0.0, supply / _SPAN - below)
+
+    def limit(motor: Motor, stage: Stage, number: int) -> float:
+        return limit_rad_s(motor, replace(stage, supply_v=stage.supply_v * round(number * _SPAN, 2)))
+
+    found = []
+    for axis in machine.axes:
+        assert isinstance(axis.motor, Motor)
+        assert isinstance(axis.stage, Stage)
+        low = limit(axis.motor, axis.stage, below)
+        found.append(low if share < 1e-9 else low + share * (limit(axis.motor, axis.stage, below + 1) - low))
+    return np.array(found)

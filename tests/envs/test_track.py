@@ -10,6 +10,7 @@ import multiprocessing
 import pickle
 import sys
 import types
+from dataclasses import replace
 from typing import Any
 
 import gymnasium
@@ -19,6 +20,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from numpy.typing import NDArray
 
+from isel_twin.drives.stability import limit_rad_s
 from isel_twin.envs import tracking
 from isel_twin.envs.paths import lay_path, sampled
 from isel_twin.envs.track import TrackPath
@@ -98,6 +100,25 @@ def test_a_step_is_what_the_plant_makes_of_its_pulses() -> None:
     plant.advance(until_ns, t_ns, np.tile([0, 1, 0], (len(t_ns), 1)))
     assert plant.commanded.tolist() == [0, len(t_ns), 0]
     np.testing.assert_array_equal(env.tool_mm, plant.position_mm - before_mm)
+
+
+@pytest.mark.parametrize("supply", [1.0, 0.73, 1.5])
+def test_the_edge_is_the_limit_over_the_speed_and_each_step_has_its_own(supply: float) -> None:
+    """Screws of 5 mm: at 50 mm/s the motor turns with 20 pi rad/s."""
+    env = make(path=[(0, 0), (0, 100)], reference_mm=0.0, tolerance_mm=10.0)
+    _, info = env.reset(seed=0, options={"supply": supply})
+    assert info["edge"] == math.inf
+    y = env.machine.axes[1]
+    limit = limit_rad_s(y.motor, replace(y.stage, supply_v=supply * y.stage.supply_v))
+    for share in [*np.linspace(0.02, 1.0, 50), *[1.0] * 50]:
+        *_, info = env.step(np.array([0.0, share, 0.0]))
+    assert info["edge"] == pytest.approx(limit / (20.0 * math.pi), rel=0.01)
+    for share in [*np.linspace(1.0, 0.5, 25), *[0.5] * 50]:
+        *_, info = env.step(np.array([0.0, share, 0.0]))
+    assert info["edge"] == pytest.approx(limit / (10.0 * math.pi), rel=0.01)
+    for share in [*np.linspace(0.5, 0.0, 25), *[0.0] * 50]:
+        *_, info = env.step(np.array([0.0, share, 0.0]))
+    assert info["edge"] == math.inf
 
 
 def test_there_and_back_ends_where_it_began() -> None:

@@ -10,7 +10,7 @@ import pytest
 from isel_twin.base.crew import here
 from isel_twin.jobs.result import Result
 from isel_twin.many.tuning import Judgement, confirm
-from isel_twin.many.tuning.judge import Weather, judged, make
+from isel_twin.many.tuning.judge import Made, Weather, judged, make
 from isel_twin.many.tuning.result import Held, Tried, front, tuned
 from isel_twin.many.tuning.settling import Settling
 
@@ -36,7 +36,7 @@ def test_safe_quick_and_brave() -> None:
     assert (quick.repetitions, brave.repetitions) == (3, 1), "what is lost stays lost"
     assert brave.slipped
     assert [len(each.moves) for each in (stands, quick, brave)] == [3, 3, 1], "the move to blame is the last"
-    assert sum(time_s for time_s, _ in stands.moves) == pytest.approx(stands.time_s)
+    assert sum(each.time_s for each in stands.moves) == pytest.approx(stands.time_s)
     assert brave.why.startswith("line 7: X has lost ")
 
 
@@ -72,9 +72,10 @@ def test_what_is_stopped_is_nothing() -> None:
 
 
 def test_of_repetitions_of_which_the_last_is_cut_off_the_moves_that_all_have_made_are_judged() -> None:
-    whole = Judgement(9.0, 0.5, repetitions=1, moves=((4.0, 0.6), (5.0, 0.5)))
-    cut_off = Judgement(3.0, 0.0, "line 2: X has lost 1 step", 1, True, ((3.0, 0.4),), 1)
-    assert Judgement.of([whole, cut_off]) == Judgement(9.0, 0.0, cut_off.why, 2, True, ((4.0, 0.4),), 1)
+    whole = Judgement(9.0, 0.5, repetitions=1, moves=(Made(4.0, 0.6, 0.9), Made(5.0, 0.8, 0.5)))
+    cut_off = Judgement(3.0, 0.0, "line 2: X has lost 1 step", 1, True, (Made(3.0, 0.7, 0.4),), 1)
+    made = (Made(4.0, 0.6, 0.4),)
+    assert Judgement.of([whole, cut_off]) == Judgement(9.0, 0.0, cut_off.why, 2, True, made, 1)
 
 
 def test_a_job_that_is_refused_is_told_with_its_line() -> None:
@@ -161,7 +162,7 @@ def test_a_time_with_settling_is_longer_by_what_each_move_rings() -> None:
     asked, patient = problem(), problem(settle_mm=0.0005)
     plain = make(asked.as_it_stands(), Weather.of(asked), 0)
     rings = make(patient.as_it_stands(), Weather.of(patient), 0)
-    longer_s = [long_s - short_s for (long_s, _), (short_s, _) in zip(rings.moves, plain.moves, strict=True)]
+    longer_s = [long.time_s - short.time_s for long, short in zip(rings.moves, plain.moves, strict=True)]
     assert all(0.0 <= each <= 0.2 for each in longer_s)
     assert max(longer_s) > 0.005
     assert rings.time_s == pytest.approx(plain.time_s + sum(longer_s), abs=1e-3)

@@ -9,6 +9,7 @@ import pytest
 
 from isel_twin.core.spec import TwinSpec
 from isel_twin.many.tuning import Judgement, Problem
+from isel_twin.many.tuning.judge import Made
 from isel_twin.many.tuning.result import Tried
 from isel_twin.many.tuning.structure import Structure, move_time_s, steps_of
 
@@ -35,15 +36,15 @@ def made(values: dict[str, int], limit_hz: float, strongest: float, overshoot: f
     limit_hz /= 1.0 + overshoot * np.sin(acceleration / 60.0) ** 2
     moves = [float(move_time_s(n, speed, acceleration, start)) for n in STEPS]
     torque = 1.0 - (0.15 + acceleration / strongest * (1.0 + (start / 3000.0) ** 2)) / (1.0 - speed / 60_000.0)
-    margin = min(torque, 1.0 - 0.8 * speed / limit_hz)
+    kept = max(torque, 0.001), max(1.0 - 0.8 * speed / limit_hz, 0.001)
     if torque <= 0.0 or speed > 1.15 * limit_hz:
         return Judgement(0.0, 0.0, "lost", slipped=True)
-    return Judgement(sum(moves) + 0.5, max(margin, 0.001), "", moves=tuple((t, margin) for t in moves))
+    return Judgement(sum(moves) + 0.5, min(kept), "", moves=tuple(Made(t, *kept) for t in moves))
 
 
 @pytest.mark.parametrize(
     ("limit_hz", "strongest", "overshoot", "behind"),
-    [(19_000.0, 900.0, 0.0, 0.025), (20_500.0, 300.0, 0.0, 0.025), (19_000.0, 1800.0, 0.015, 0.003)],
+    [(19_000.0, 900.0, 0.0, 0.003), (20_500.0, 300.0, 0.0, 0.005), (19_000.0, 1800.0, 0.015, 0.005)],
 )
 def test_twenty_five_trials_come_near_the_best(
     limit_hz: float, strongest: float, overshoot: float, behind: float

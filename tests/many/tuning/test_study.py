@@ -15,6 +15,7 @@ from isel_twin.core.spec import TwinSpec
 from isel_twin.many.tuning import Judgement
 from isel_twin.many.tuning import study as study_module
 from isel_twin.many.tuning.compose import best_of_each
+from isel_twin.many.tuning.judge import Made
 from isel_twin.many.tuning.result import PUT_TOGETHER, Held, Tried, front
 from isel_twin.many.tuning.study import Study, StudyError
 
@@ -26,7 +27,7 @@ def invented(candidate: Any, weather: Any, numbers: Any, least: float = 0.0, sto
     everything is lost."""
     if stop is not None and stop():
         return None
-    moves: list[tuple[float, float]] = []
+    moves: list[Made] = []
     acceleration = 100
     for line in candidate.lines:
         code, _, rest = line.command.partition("0J")
@@ -36,10 +37,10 @@ def invented(candidate: Any, weather: Any, numbers: Any, least: float = 0.0, sto
         steps, speed_hz = 320 if "A" in line.command else 9600, int(line.command.split(",")[1])
         most_hz = 14_000 if line.command.startswith("@0M0,") else 25_000
         if speed_hz > most_hz or acceleration > 2000:
-            return Judgement(0.1, 0.0, f"line {line.number}: X has lost 4 steps", 1, True, (*moves, (0.1, 0.0)))
+            return Judgement(0.1, 0.0, f"line {line.number}: X has lost 4 steps", 1, True, (*moves, Made(0.1, 0.0)))
         margin = 1.0 - speed_hz / most_hz / 1.2 - acceleration / 1e5
-        moves.append((steps / speed_hz + speed_hz / acceleration / 1e3, margin))
-    return Judgement(sum(time_s for time_s, _ in moves), min(margin for _, margin in moves), "", 2, False, tuple(moves))
+        moves.append(Made(steps / speed_hz + speed_hz / acceleration / 1e3, margin))
+    return Judgement(sum(each.time_s for each in moves), min(each.margin for each in moves), "", 2, False, tuple(moves))
 
 
 @pytest.fixture
@@ -170,8 +171,10 @@ def test_what_is_known_of_a_move_and_who_is_to_blame() -> None:
 
     asked = problem(each_move=True)
     values = asked.nearest()
-    good = Tried(0, values, Judgement(6.0, 0.3, moves=((2.0, 0.6), (1.0, 0.3), (3.0, 0.5))))
-    lost = Tried(1, values, Judgement(3.0, 0.0, "line 6: X has lost 4 steps", 1, True, ((2.0, 0.6), (1.0, 0.0))))
+    good = Tried(0, values, Judgement(6.0, 0.3, moves=(Made(2.0, 0.6), Made(1.0, 0.3), Made(3.0, 0.5))))
+    lost = Tried(
+        1, values, Judgement(3.0, 0.0, "line 6: X has lost 4 steps", 1, True, (Made(2.0, 0.6), Made(1.0, 0.0)))
+    )
     before = Tried(2, values, Judgement(0.0, 0.0, "line 4: X has lost 4 steps", 1, True))
     found = [[(each.time_s, each.margin) for each in seen] for seen in known(asked, [good, lost, before])]
     assert found == [[(2.0, 0.6)], [(0.0, 0.0)], [(3.0, 0.5)]]

@@ -59,7 +59,7 @@ def known(problem: Problem, tried: Sequence[Tried]) -> list[list[Known]]:
             moves = each.judgement.moves
             whole = len(moves) if each.judgement.good else len(moves) - 1
             if max(own) < whole:
-                time_s, margin = sum(moves[at][0] for at in own), min(moves[at][1] for at in own)
+                time_s, margin = sum(moves[at].time_s for at in own), min(moves[at].margin for at in own)
             elif moves and whole in own:
                 time_s, margin = 0.0, 0.0
             else:

@@ -16,7 +16,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from isel_twin.base.crew import Crew, Stop, in_order
 from isel_twin.base.quiet import quietly
@@ -50,6 +50,18 @@ class Weather:
 LEAST = 0.001  # margin of speed of a motor beyond its limit that has lost nothing
 
 
+class Made(NamedTuple):
+    """A move of a job that was made, and what the motors kept in it; 0 where steps were lost."""
+
+    time_s: float
+    torque: float  # least margin; of a servo drive that of its following error
+    speed: float = 1.0  # least margin
+
+    @property
+    def margin(self) -> float:
+        return min(self.torque, self.speed)
+
+
 @dataclass(frozen=True)
 class Judgement:
     """The outcome of a job with a setting, in one or several repetitions."""
@@ -61,8 +73,8 @@ class Judgement:
     why: str = ""  # what is wrong, with line and repetition; "" for nothing
     repetitions: int = 0  # number of repetitions made, including the machine as it is
     slipped: bool = False  # steps were lost
-    # time of each move in the first repetition, and its least margin in all; the last one is the failing one
-    moves: tuple[tuple[float, float], ...] = ()
+    # each move: its time in the first repetition, its least margins in all; the last one is the failing one
+    moves: tuple[Made, ...] = ()
     number: int = 0  # of the last repetition
 
     @property
@@ -75,7 +87,9 @@ class Judgement:
         last = made[-1]
         margin = min(each.margin for each in made)
         each_move = zip(*(each.moves for each in made), strict=False)  # moves that all of them made
-        moves = tuple((move[0][0], min(margin for _, margin in move)) for move in each_move)
+        moves = tuple(
+            Made(move[0].time_s, min(one.torque for one in move), min(one.speed for one in move)) for move in each_move
+        )
         return cls(made[0].time_s, margin, last.why, len(made), last.slipped, moves, last.number)
 
 
@@ -103,7 +117,7 @@ def make(candidate: Candidate, weather: Weather, number: int) -> Judgement:
         where = f", repetition {number}" if number > 0 else f", number {-number} of what this machine may be"
         why = f"line {results[-1].number}: {why}{where if number else ''}"
     counted = [result for result in results if result.number >= candidate.first]
-    margins = [_kept(result, weather.speed_share) for result in counted]
+    margins = [min(_kept(result, weather.speed_share)) for result in counted]
     rings_ns = {} if settling is None else settling.of_line_ns
     time_s = (counted[-1].end_ns - counted[0].time_ns) / SECOND_NS if counted else 0.0
     if settling is not None and counted:
@@ -111,9 +125,9 @@ def make(candidate: Candidate, weather: Weather, number: int) -> Judgement:
         behind_ns = settling.last_ns if counted[-1].number in rings_ns else 0
         time_s += (behind_ns - settling.spared_ns) / SECOND_NS
     moves = tuple(
-        (
+        Made(
             (result.end_ns - result.time_ns + rings_ns.get(result.number, 0)) / SECOND_NS,
-            _kept(result, weather.speed_share),
+            *_kept(result, weather.speed_share),
         )
         for result in results
         if result.number in candidate.moves
@@ -121,12 +135,12 @@ def make(candidate: Candidate, weather: Weather, number: int) -> Judgement:
     return Judgement(time_s, 0.0 if why else min(margins, default=0.0), why, 1, slipped, moves, number)
 
 
-def _kept(result: Result, speed_share: float) -> float:
-    """The least margin of a line: of torque, and of speed, as a motor with torque to spare may swing itself out of
+def _kept(result: Result, speed_share: float) -> tuple[float, float]:
+    """The least margins of a line: of torque, and of speed, as a motor with torque to spare may swing itself out of
     step. Never 0, which is of lost steps; 1 where nothing moves."""
-    torque = [margin for margin in result.margin if margin is not None]
-    speed = [max(LEAST, 1.0 - speed_share / edge) for edge in result.edge if edge is not None]
-    return min((*torque, *speed), default=1.0)
+    torque = (margin for margin in result.margin if margin is not None)
+    speed = (max(LEAST, 1.0 - speed_share / edge) for edge in result.edge if edge is not None)
+    return min(torque, default=1.0), min(speed, default=1.0)
 
 
 def _wrong(results: Sequence[Result]) -> str:

@@ -8,9 +8,11 @@ and N follows from one trial. What holds is known only where it has been tried, 
 
     a  |  . . x x x      faster in any of the three, from something that lost steps: loses as well
        |  o . . x x      slower in all three than something that held: holds as well, and takes longer
-       |  o o o * x      between: the margins of what held say how far it is, by
+       |  o o o * x      between: the margins of the moves that held say how far it is, each by itself, by
        +------------ V       torque   1 - m = (c + b a (1 + (f/f_b)^2)) / T(V)      T: closed form of the weakest axis
                              speed    1 - m = s V / V_lim                         s: Problem.speed_share
+
+Moves whose speed is their own, such as arcs, say nothing of that: what they need of torque no setting changes.
 
 A trial is the place, on a grid of all three, where (time that would be saved) times (chance that it keeps the wanted
 margin) is greatest; each further one of a batch is chosen as if those before had held. (many/11)
@@ -32,7 +34,8 @@ from isel_twin.machine import Axis
 from isel_twin.many.tuning.result import Tried
 from isel_twin.many.tuning.space import SETTINGS, Problem, fails_from_hz
 
-POINTS = {"speed_hz": 41, "acceleration_hz_per_ms": 41, "start_stop_hz": 9}  # of the grid
+SPEEDS = 64  # of a table of torques
+POINTS = {"speed_hz": 41, "acceleration_hz_per_ms": 121, "start_stop_hz": 9}  # of the grid
 UNSURE = 0.06  # standard deviation of a margin of torque that the model says
 SURPLUS = 0.06  # margin beyond the wanted one at which every third trial aims
 WORTH = 2e-4  # least chance of saving, over the time of the job, for which a trial is made
@@ -41,7 +44,8 @@ FAR = 0.03  # logarithm of a setting over the best one's, below which nothing is
 BETWEEN = 3  # most trials of halving in a batch
 MISSED = 0.03  # of the margin, that less speed can mend
 SLOWER = 2  # most trials of a batch that mend others
-HEDGES = (0.5, 1.0, 2.0, 4.0)  # on the torque for acceleration while nothing is known of it
+HEDGES = (0.25, 0.5, 1.0, 2.0)  # on the torque for acceleration while only one acceleration is known
+APART_PULLS = 1.25  # ratio of two accelerations that tell torque for acceleration from the rest
 START_HZ = 2000.0  # start-stop frequency at which a start needs twice the torque, before anything is known of it
 
 Grid = NDArray[np.float64]  # [..., 3]: speed_hz, acceleration_hz_per_ms, start_stop_hz
@@ -93,9 +97,9 @@ class Structure:
         motor, stage = axis.motor, axis.stage
         assert isinstance(motor, Motor)
         assert isinstance(stage, Stage)
-        rpm = speeds_hz.ravel() * 60.0 / axis.steps_per_rev
-        torque = [pull_out_prediction(motor, stage, each) for each in (0.0, *rpm)]
-        return np.reshape(np.array(torque[1:]) / torque[0], speeds_hz.shape)
+        table_hz = np.linspace(0.0, float(speeds_hz.max()), SPEEDS)
+        torque = [pull_out_prediction(motor, stage, hz * 60.0 / axis.steps_per_rev) for hz in table_hz]
+        return np.interp(speeds_hz, table_hz, np.array(torque) / torque[0])
 
     def place(self, values: Mapping[str, int]) -> NDArray[np.float64]:
         """The point of these values of the parameters."""
@@ -126,12 +130,13 @@ class Structure:
             return []
         points = np.array([self.place(each.values) for each in tried])
         margins = np.array([each.judgement.margin if each.judgement.good else 0.0 for each in tried])
-        limit_hz = 0.999 * self._shown_limit_hz(points, margins)  # speeds are whole numbers, margins just kept
+        torques, speeds = np.array([self._kept(each) for each in tried]).T
+        limit_hz = 0.999 * self._shown_limit_hz(points, speeds)  # speeds are whole numbers, margins just kept
         fastest_hz = {
             wanted: (1.0 - wanted) / self.problem.speed_share * limit_hz for wanted in (least, least + SURPLUS)
         }
         grid = self._grid([*fastest_hz.values()])
-        time_s, (c, b), known = self._times(grid, good[0]), *self._fitted(points, margins, limit_hz)
+        time_s, (c, b), known = self._times(grid, good[0]), *self._fitted(points, torques, limit_hz)
         torque = self._torque(grid[:, 0, 0, 0])[:, None, None]
         best = {wanted: _best(good, wanted) for wanted in fastest_hz}
         taken = np.zeros(time_s.shape, dtype=np.bool_)
@@ -195,39 +200,51 @@ class Structure:
         problem = self.problem
         settings = problem.settings(known.values)
         total = np.full(grid.shape[:-1], known.judgement.time_s)
-        for move, (time_s, _) in zip(problem.moves, known.judgement.moves, strict=False):
+        for move, made in zip(problem.moves, known.judgement.moves, strict=True):
             if not move.speeds_hz:  # an arc, or a program: its speed is its own
                 continue
             used = settings[move.line]
             rapid = max(move.speeds_hz) >= problem.rapid_from_hz
             speed_hz = float(used.speed_hz if rapid else max(move.speeds_hz))
-            steps = steps_of(time_s, speed_hz, used.acceleration_hz_per_ms, used.start_stop_hz)
+            steps = steps_of(made.time_s, speed_hz, used.acceleration_hz_per_ms, used.start_stop_hz)
             speeds = grid[..., 0] if rapid else speed_hz
-            total += move_time_s(steps, speeds, grid[..., 1], grid[..., 2]) - time_s
+            total += move_time_s(steps, speeds, grid[..., 1], grid[..., 2]) - made.time_s
         return total
 
-    def _shown_limit_hz(self, points: NDArray[np.float64], margins: NDArray[np.float64]) -> float:
-        """The speed of zero growth of the weakest machine. A trial shows a lower bound of it; two of other
-        accelerations with the same bound show itself. Before that it is taken for 0.85 of the machine's as it is."""
-        good = margins > 0.0
-        bounds_hz = points[good, 0] * self.problem.speed_share / (1.0 - margins[good])
-        shown_hz = float(bounds_hz.max(initial=0.0))
-        agreeing = points[good, 1][bounds_hz > 0.99 * shown_hz]
-        if len(agreeing) and agreeing.max() > 1.1 * agreeing.min():
-            return min(self._limit_hz, shown_hz)
-        return min(self._limit_hz, max(shown_hz, 0.85 * self._limit_hz))
+    def _kept(self, one: Tried) -> tuple[float, float]:
+        """The least margins of torque and of speed in the moves of a trial that its settings are for; 0 if it lost."""
+        if not one.judgement.good:
+            return 0.0, 0.0
+        moves = [each for each, move in zip(one.judgement.moves, self.problem.moves, strict=True) if move.speeds_hz]
+        torque, speed = (min(kept) for kept in zip(*((each.torque, each.speed) for each in moves), strict=True))
+        return (torque, speed) if self._axis is not None else (torque, torque)
+
+    def _shown_limit_hz(self, points: NDArray[np.float64], speeds: NDArray[np.float64]) -> float:
+        """The speed of zero growth of the weakest machine, as every trial shows it. A servo drive lags by its ramps,
+        too, so that a trial shows a lower bound; before that it is taken for 0.85 of the machine's as it is."""
+        moved = (speeds > 0.0) & (speeds < 1.0)
+        bounds_hz = points[moved, 0] * self.problem.speed_share / (1.0 - speeds[moved])
+        if self._axis is not None and len(bounds_hz):
+            return min(self._limit_hz, float(np.median(bounds_hz)))
+        return min(self._limit_hz, max(float(bounds_hz.max(initial=0.0)), 0.85 * self._limit_hz))
 
     def _fitted(
-        self, points: NDArray[np.float64], margins: NDArray[np.float64], limit_hz: float
+        self, points: NDArray[np.float64], torques: NDArray[np.float64], limit_hz: float
     ) -> tuple[tuple[float, float], bool]:
-        """c and b of the torque that is used, and whether any trial has told of them."""
-        good = margins > 0.0
+        """c and b of the torque that is used, and whether trials have told them apart."""
+        good = torques > 0.0
         needs = np.stack([np.ones(len(points)), _pull(points)], axis=-1) / self._torque(points[:, 0])[:, None]
-        by_torque = good & (1.0 - margins > 1.02 * self.problem.speed_share * points[:, 0] / limit_hz)
-        c, b = _fit(needs[by_torque], 1.0 - margins[by_torque])
+        told = good
+        if self._axis is None:
+            told = good & (1.0 - torques > 1.02 * self.problem.speed_share * points[:, 0] / limit_hz)
+        c, b = _fit(needs[told], 1.0 - torques[told])
+        pulls = _pull(points[told])
+        apart = len(pulls) > 0 and bool(pulls.max() > APART_PULLS * pulls.min())
+        if self._axis is not None:
+            return (c, b), apart
         # what was limited by speed says that no more torque was used
-        most = float(np.min((1.0 - margins[good]) / (needs[good] @ (c, b)), initial=1.0))
-        return (c * most, b * most), bool(by_torque.any())
+        most = float(np.min((1.0 - torques[good]) / (needs[good] @ (c, b)), initial=1.0))
+        return (c * most, b * most), apart
 
 
 _erf = np.vectorize(math.erf, otypes=[float])

@@ -29,7 +29,7 @@ import numpy as np
 from isel_twin.base.crew import Crew, Stop, in_order
 from isel_twin.base.errors import one_line
 from isel_twin.many.tuning.compose import best_of_each, composed, distributions, sampler
-from isel_twin.many.tuning.judge import Judgement, Weather, judged
+from isel_twin.many.tuning.judge import Judgement, Made, Weather, judged
 from isel_twin.many.tuning.result import PUT_TOGETHER, Held, Tried, confirm
 from isel_twin.many.tuning.space import SETTINGS, Parameter, Problem
 from isel_twin.many.tuning.structure import Structure
@@ -233,7 +233,7 @@ def _between(parameter: Parameter, share: float) -> int:
 
 def _judgement(kept: Mapping[str, Any]) -> Judgement:
     """The judgement from its attributes in a database."""
-    return Judgement(**{**kept, "moves": tuple((time_s, margin) for time_s, margin in kept["moves"])})
+    return Judgement(**{**kept, "moves": tuple(Made(*each) for each in kept["moves"])})
 
 
 def _opened(storage: str | None, name: str) -> optuna.Study:
