@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import pytest
 from cam.played import (
@@ -98,6 +99,13 @@ def test_a_circle_is_one_command_and_a_way_to_its_end() -> None:
 def test_arcs_of_x_and_y_are_made(to: tuple[float, float], turns: int) -> None:
     run = check_made("imc-s8", [ABOVE, arc((*to, -5), (40, 50, 0), turns), END])
     assert [line.text[:3] for line in run.lines[5:]] == ["@0e", "@0f", "@0y", "@0M"]
+
+
+def test_the_centre_moves_where_no_radius_fits_the_nearest_one() -> None:
+    """With the centre at the nearest step the only radius that is read is 1.2 steps too large, and the arc 2.5 off."""
+    start, to, centre = (41.7053, 41.40364, -59.65942), (41.69894, 41.6262, -59.56717), (41.34813, 41.5048, 0.0)
+    run = check_made("imc-s8", [rapid(*start), arc(to, centre, -2), END], replace(FAST, tolerance_mm=0.002))
+    assert any(text.startswith("@0w") for text in texts(run.lines))
 
 
 @pytest.mark.parametrize("turns", [1, -2])

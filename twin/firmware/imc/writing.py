@@ -130,23 +130,35 @@ class ImcCommands:
 def _parameters(turn: Turn) -> tuple[int, ...] | None:
     """B, D, Xs, Ys, Rx, Ry; None if the controller would not read a radius out of them that is meant (motion/3).
 
-    The centre is moved to a whole number of steps, and R is the whole number nearest to the radius for which the circle
-    passes through the start; steps leave the arc by 2.5 at most.
+    The centre is moved to a whole number of steps, and R is a whole number for which the circle passes through the
+    start: of all that are near, the two that move the arc least.
     """
-    xs, ys = round(turn.start[0] - turn.centre[0]), round(turn.start[1] - turn.centre[1])
+    mean = (turn.radius_mm + turn.spread_mm / 2.0) * turn.per_mm
+    near, x, y = round(mean), turn.start[0] - turn.centre[0], turn.start[1] - turn.centre[1]
+    xs, ys = round(x), round(y)
+    if (found := _read_as(turn, xs, ys, near)) is not None:
+        return found
+    others = [
+        (math.hypot(u - x, v - y) + abs(r - mean), u, v, r)
+        for u in (math.floor(x), math.ceil(x))
+        for v in (math.floor(y), math.ceil(y))
+        for r in {near, math.floor(mean), math.ceil(mean), round(math.hypot(u, v))}
+    ]
+    return next((found for _, u, v, r in sorted(others) if (found := _read_as(turn, u, v, r)) is not None), None)
+
+
+def _read_as(turn: Turn, xs: int, ys: int, r: int) -> tuple[int, ...] | None:
+    """The parameters for a start there, as seen from the centre; None if the controller reads another radius."""
     xe, ye = xs + turn.to[0] - turn.start[0], ys + turn.to[1] - turn.start[1]
     sign = 1 if turn.sweep > 0 else -1
     rx, ry = _senses(xs, ys * sign)
     ry *= sign
-    mean = (turn.radius_mm + turn.spread_mm / 2.0) * turn.per_mm
-    near = round(mean)
-    for r in (near, math.floor(mean) + math.ceil(mean) - near, round(math.hypot(xs, ys))):
-        d = (rx * ry * (r * r - xs * (xs + rx) - ys * (ys + ry))) // 2
-        read = squared_radius(d, xs, ys, rx, ry) if sign > 0 else squared_radius(d, ys, xs, ry, rx)
-        if read == r * r:
-            b = _counted(xs, ys * sign, xe, ye * sign, r, abs(turn.sweep))
-            return (b, d, xs, ys, rx, ry) if 0 < b < MOST and max(abs(d), abs(xs), abs(ys)) < MOST else None
-    return None
+    d = (rx * ry * (r * r - xs * (xs + rx) - ys * (ys + ry))) // 2
+    read = squared_radius(d, xs, ys, rx, ry) if sign > 0 else squared_radius(d, ys, xs, ry, rx)
+    if read != r * r:
+        return None
+    b = _counted(xs, ys * sign, xe, ye * sign, r, abs(turn.sweep))
+    return (b, d, xs, ys, rx, ry) if 0 < b < MOST and max(abs(d), abs(xs), abs(ys)) < MOST else None
 
 
 def _senses(x: int, y: int) -> tuple[int, int]:
