@@ -83,7 +83,7 @@ def _rewriting(places: list[str]) -> subprocess.Popen[bytes] | None:
     """On a clean checkout each worker would rewrite all asserts, which takes longer than many a test: one does it while
     code is compiled."""
     here = Path(__file__).parent
-    if sys.dont_write_bytecode or any(here.glob("__pycache__/test_*-pytest-*.pyc")):
+    if any(here.glob("__pycache__/test_*-pytest-*.pyc")):
         return None
     command = [sys.executable, "-m", "pytest", "--collect-only", "-qq", "-p", "no:cacheprovider", *places]
     return subprocess.Popen(command, stdout=subprocess.DEVNULL)

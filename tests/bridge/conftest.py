@@ -53,6 +53,12 @@ class Served:
         self.process.send_signal(number)
         return self.process.wait(STOP_S)
 
+    def end(self) -> None:
+        """End it if it still runs."""
+        if self.process.poll() is None:
+            self.process.terminate()
+        self.process.communicate(timeout=STOP_S)
+
 
 @pytest.fixture(autouse=True, scope="session")
 def a_hang_up_is_heard() -> Iterator[None]:
@@ -73,9 +79,7 @@ def serve() -> Iterator[Callable[..., Served]]:
 
     yield start
     for served in started:
-        if served.process.poll() is None:
-            served.process.terminate()
-        served.process.communicate(timeout=STOP_S)
+        served.end()
 
 
 @pytest.fixture

@@ -42,8 +42,7 @@ def served() -> Iterator[dict[str, Served]]:
     }
     yield there
     for one in there.values():
-        one.process.terminate()
-        one.process.communicate(timeout=PATIENCE_S)
+        one.end()
 
 
 Judge = Callable[..., tuple[int, str, str]]

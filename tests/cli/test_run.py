@@ -303,11 +303,11 @@ def test_a_trace_that_is_too_long_is_refused_before(
 
 
 def test_a_trace_that_grows_long_is_said_as_it_grows(call: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("isel_twin.cli.outputs.MANY_SAMPLES", 1000)
-    code, _, err = call("@07\n<11s>\n", "--trace", "out", "--interval", "1e-3")
+    monkeypatch.setattr("isel_twin.cli.outputs.MANY_SAMPLES", 100)
+    code, _, err = call("@07\n<1.1s>\n", "--trace", "out", "--interval", "1e-3")
     assert code == 0
     said = [line for line in err.splitlines() if "samples" in line]
-    assert [line.split()[2] for line in said] == ["1,000", "10,000"]
+    assert [line.split()[2] for line in said] == ["100", "1,000"]
     assert "--interval" in said[0]
 
 

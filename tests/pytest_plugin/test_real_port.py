@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 import pytest
 from pytest_plugin.projects import drawing_project, project, run, warm
 
-from tests.bridge.conftest import PATIENCE_S, Served
+from tests.bridge.conftest import Served
 
 __all__ = ["drawing_project", "project", "warm"]
 pytest_plugins = ["pytester"]
@@ -45,8 +45,7 @@ TESTS = """
 def port() -> Iterator[str]:
     served = Served(("--plant", "kinematic", "--speed", "max"))
     yield served.info["pty"]
-    served.process.terminate()
-    served.process.communicate(timeout=PATIENCE_S)
+    served.end()
 
 
 @pytest.fixture

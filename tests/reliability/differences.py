@@ -11,24 +11,18 @@ kinds of difference and two equal machines; a session takes about 20 s.
 from __future__ import annotations
 
 import json
-import signal
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import serial
-
-from isel_twin.bridge.serve.pacing import Pacer
-from isel_twin.bridge.serve.pty import PtyEndpoint
-from isel_twin.bridge.serve.server import Server
 from isel_twin.core.spec import TwinSpec
 from isel_twin.core.twin import Twin
 from tests.reliability.figures import REPLY_S, Figure, main
+from tests.reliability.tap import tapped
 
 NUMBER = 1
 NEAR_MM = (6.5, 4.0, 5.5)  # where the other machine stands at power-on, unless that is the difference
@@ -92,33 +86,18 @@ def other(kind: Kind) -> Twin:
     return spec.build(keep_motions=1)
 
 
-def tapped(kind: Kind, file: Path) -> None:
+def recorded(kind: Kind, file: Path) -> None:
     """The host's session, recorded by `isel-twin tap`."""
-    endpoint = PtyEndpoint()
-    server = Server(other(kind), Pacer(1.0), [endpoint])
-    thread = threading.Thread(target=server.run)
-    thread.start()
-    command = [sys.executable, "-m", "isel_twin.cli", "tap", endpoint.address, "--record", str(file)]
-    tap = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
-    try:
-        assert tap.stdout is not None
-        with serial.Serial(json.loads(tap.stdout.readline())["pty"], 19_200, timeout=REPLY_S) as port:
-            for text in kind.commands:
-                port.write(text.encode() + b"\r")
-                answer = port.read(1)
-                port.timeout = 0.05
-                while more := port.read(64):  # the rest of an answer, and 50 ms of silence
-                    answer += more
-                port.timeout = REPLY_S
-                if not answer:
-                    raise RuntimeError(f"{kind.what}: no reply to {text}")
-        tap.send_signal(signal.SIGTERM)
-        tap.wait(REPLY_S)
-    finally:
-        tap.kill()
-        tap.communicate()
-        server.stop()
-        thread.join()
+    with tapped(other(kind), file) as port:
+        for text in kind.commands:
+            port.write(text.encode() + b"\r")
+            answer = port.read(1)
+            port.timeout = 0.05
+            while more := port.read(64):  # the rest of an answer, and 50 ms of silence
+                answer += more
+            port.timeout = REPLY_S
+            if not answer:
+                raise RuntimeError(f"{kind.what}: no reply to {text}")
 
 
 def told(kind: Kind, file: Path) -> dict[str, Any]:
@@ -146,7 +125,7 @@ def measure(number: int) -> list[Figure]:
             with tempfile.TemporaryDirectory() as folder:
                 file = Path(folder) / "real.mcap"
                 began_s = time.monotonic()
-                tapped(kind, file)
+                recorded(kind, file)
                 session_s = time.monotonic() - began_s
                 summary = told(kind, file)
             causes = [cause["name"] for cause in summary["causes"]]

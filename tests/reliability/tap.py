@@ -18,6 +18,8 @@ import sys
 import tempfile
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import serial
@@ -63,10 +65,11 @@ def recorded(file: Path) -> dict[bool, Timed]:
     return found
 
 
-def session(number: int, folder: Path) -> tuple[dict[bool, Timed], dict[bool, Timed]]:
-    """So many questions; what the twin saw, and what was recorded."""
-    seen, endpoint, file = Notes(), PtyEndpoint(), folder / "real.mcap"
-    server = Server(Twin(plant="kinematic", line_speed=True), Pacer(1.0), [endpoint], wire=seen)
+@contextmanager
+def tapped(twin: Twin, file: Path, wire: Notes | None = None) -> Iterator[serial.Serial]:
+    """A port whose host speaks through `isel-twin tap` with this twin at speed 1; the recording is whole at the end."""
+    endpoint = PtyEndpoint()
+    server = Server(twin, Pacer(1.0), [endpoint], wire=wire)
     thread = threading.Thread(target=server.run)
     thread.start()
     command = [sys.executable, "-m", "isel_twin.cli", "tap", endpoint.address, "--record", str(file)]
@@ -74,9 +77,7 @@ def session(number: int, folder: Path) -> tuple[dict[bool, Timed], dict[bool, Ti
     try:
         assert tap.stdout is not None
         with serial.Serial(json.loads(tap.stdout.readline())["pty"], 19_200, timeout=REPLY_S) as port:
-            for _ in range(number):
-                ask(port, "@0P", 19)
-                time.sleep(0.005)
+            yield port
         tap.send_signal(signal.SIGTERM)
         tap.wait(REPLY_S)
     finally:
@@ -84,6 +85,15 @@ def session(number: int, folder: Path) -> tuple[dict[bool, Timed], dict[bool, Ti
         tap.communicate()
         server.stop()
         thread.join()
+
+
+def session(number: int, folder: Path) -> tuple[dict[bool, Timed], dict[bool, Timed]]:
+    """So many questions; what the twin saw, and what was recorded."""
+    seen, file = Notes(), folder / "real.mcap"
+    with tapped(Twin(plant="kinematic", line_speed=True), file, seen) as port:
+        for _ in range(number):
+            ask(port, "@0P", 19)
+            time.sleep(0.005)
     return seen.bytes, recorded(file)
 
 

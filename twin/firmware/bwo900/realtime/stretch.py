@@ -30,11 +30,12 @@ MOST_PIECES: Final = 8192  # most pieces of a motion before finished ones are dr
 
 @dataclass
 class _Entry:
-    """A block of the stretch, and the number of pieces of the stretch up to its end."""
+    """A block of the stretch, and the numbers of pieces of the stretch up to its beginning and its end."""
 
     block: PathBlock
+    begins: int
     until: int
-    speaks: bool  # `PathBlock.speaks`, which is asked of all of them at every event
+    speaks: bool  # `PathBlock.speaks`
 
 
 class Stretch:
@@ -45,6 +46,7 @@ class Stretch:
         self._plan: Joined | None = None
         self._pieces: PieceMaker | None = None
         self._entries: deque[_Entry] = deque()
+        self._acting: deque[_Entry] = deque()  # those of them that have an effect when they begin or end
         self._made = 0  # pieces of the stretch that were made in earlier runs of it
         self._serial = 0
 
@@ -95,15 +97,13 @@ class Stretch:
             return now_ns
         marks = [run.end_ns]
         if not plan.held:
-            before = self._made
-            for number, entry in enumerate(self._entries):
-                if number and entry.speaks:
-                    marks.append(self._time_of(before))
+            for entry in self._acting:
+                if entry.speaks and entry is not self._entries[0]:
+                    marks.append(self._time_of(entry.begins))
                     break
                 if entry.block.post and entry is not self._entries[-1]:
                     marks.append(self._time_of(entry.until))
                     break
-                before = entry.until
             if refill is not None and len(self._entries) > refill:
                 marks.append(self._time_of(self._entries[-refill].until))
         return min(marks)
@@ -123,14 +123,14 @@ class Stretch:
         self._pieces = PieceMaker(limits, position)
 
     def clear(self) -> None:
-        self._entries.clear()
+        self._forget()
         self._plan, self.run = None, None
 
     def begin(self, blocks: Sequence[PathBlock], limits: MotionLimits, scale: float, now_ns: int) -> None:
         """Begin a stretch with these blocks. scale: the override. Raises ProgramError as `PieceMaker.pieces`."""
         assert self._pieces is not None
         self._pieces.limits = limits
-        self._entries.clear()
+        self._forget()
         self._made = 0
         self._pieces.stop()
         pieces = self._enter(blocks)
@@ -150,9 +150,16 @@ class Stretch:
         pieces, counts = self._pieces.pieces(blocks)
         done = self._entries[-1].until if self._entries else 0
         for block, count in zip(blocks, counts, strict=True):
-            done += count
-            self._entries.append(_Entry(block, done, block.speaks))
+            entry = _Entry(block, done, done + count, block.speaks)
+            done = entry.until
+            self._entries.append(entry)
+            if entry.speaks or block.post:
+                self._acting.append(entry)
         return pieces
+
+    def _forget(self) -> None:
+        self._entries.clear()
+        self._acting.clear()
 
     def passed(self, now_ns: int) -> Iterator[tuple[PathBlock, PathBlock, int]]:
         """Remove finished blocks except the last one; yields each, the next one, and when that began."""
@@ -163,6 +170,8 @@ class Stretch:
         while len(self._entries) > 1 and self._entries[0].until <= made:
             began_ns = min(self._time_of(self._entries[0].until), now_ns)
             over = self._entries.popleft()
+            if self._acting and self._acting[0] is over:
+                self._acting.popleft()
             yield over.block, self._entries[0].block, began_ns
 
     def finish(self, *, gives_up: bool) -> PathBlock | None:
