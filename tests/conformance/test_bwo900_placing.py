@@ -443,3 +443,41 @@ def test_what_was_asked_for_is_forgotten_at_power_off() -> None:
     again.run(2.0)
     told = put_out(again)
     assert (mm(again)[0], told.get(2_133), told.get(2_183), told.get(2_191), said(again)) == (0.0, None, None, None, [])
+
+
+def test_a_struck_switch_ends_a_move_and_refuses_the_next_one_onto_it() -> None:
+    """The switch is just below the reference point; the axis brakes behind it."""
+    desk = fresh(p12004=600)
+    desk.send(parameters(p12111=-10))
+    desk.finish()
+    there = mm(desk)[0]
+    assert (-4.0 < there < 0.0, value(desk, 12_191), said(desk)) == (True, 0.0, [2102])
+    desk.send(parameters(p12111=-0.1))
+    desk.run(0.5)
+    assert (mm(desk)[0], said(desk)) == (there, [2102, 2102])
+    desk.send(parameters(p12112=5))
+    desk.finish()
+    assert (mm(desk)[0], value(desk, 12_192)) == (5.0, 1.0)
+
+
+def test_abort_drops_a_move_that_waits_for_the_one_before() -> None:
+    desk = fresh(p12004=1_200)
+    desk.send(parameters(p12111=50))
+    desk.run(1.0)
+    desk.send(parameters(p12112=-1, p8705=1))
+    desk.finish()
+    desk.run(1.0)
+    assert mm(desk)[0] > 10.0
+
+
+@pytest.mark.parametrize("place", [12_036, 12_032])
+def test_a_place_is_asked_for_again_when_its_byte_was_0(place: int) -> None:
+    number = 12_133 if place == 12_036 else 12_132
+    desk = fresh(**{f"p{place}": 10})
+    for wanted in (1, 0, 1):
+        desk.send(parameters(**{f"p{number}": wanted}))
+        desk.finish()
+        assert value(desk, number + 50) == wanted
+        desk.send(parameters(p12111=3))
+        desk.finish()
+    assert mm(desk)[0] == 13.0

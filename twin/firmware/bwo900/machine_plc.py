@@ -5,6 +5,7 @@
     MB 30      code of the M function, while M 32.0 is on        A 0.0   spindle on       A 0.3   coolant 1
     MW 34      speed in 1/min    MB 36  tool                      A 0.1   turns left       A 0.4   coolant 2
     M 32.0     strobe: set by the control, reset by the program   A 0.2   tool is changed  A 0.5   clamped (M10)
+    M 38.0     emergency stop
 
 DEFAULT is small on purpose; the setting `plc_program` of the machine file gives another one as text.
 """
@@ -20,7 +21,7 @@ from isel_twin.firmware.plc.assembler import assemble
 
 SHORTEST_NS: Final = 4 * MILLISECOND_NS
 MOST_WAITING: Final = 32
-CODE, STROBE, SPEED, TOOL = 30, 32, 34, 36
+CODE, STROBE, SPEED, TOOL, EMERGENCY = 30, 32, 34, 36, 38
 
 DEFAULT: Final = """
 OB 1
@@ -84,6 +85,8 @@ UN A 0.2
 R M 32.0         ; acknowledged
 SAFE: UN E 0.4   ; hood open, key not on setup: no spindle
 R A 0.0
+U M 38.0         ; nor after an emergency stop, until M03 or M04
+R A 0.0
 U M 32.0
 BEB
 L KB 0
@@ -131,10 +134,13 @@ class MachinePlc:
         self._plc.start(t_ns, self._memory, power_on=True)
 
     def set_input(self, t_ns: int, terminal: str, level: bool) -> None:
-        """Terminals e0.n are inputs of the PLC, others are ignored."""
+        """Terminals e0.n are inputs of the PLC, of the others it is told the emergency stop."""
         if terminal[:3] == "e0.":
             bit = 1 << int(terminal[3:])
             self._memory.e[0] = self._memory.e[0] | bit if level else self._memory.e[0] & ~bit
+            self._plc.touch(t_ns)
+        elif terminal == "estop":
+            self._memory.m[EMERGENCY] = not level
             self._plc.touch(t_ns)
 
     def function(self, t_ns: int, code: int) -> None:
