@@ -62,8 +62,9 @@ def page(recording: Path, context: BrowserContext) -> Iterator[Page]:
 def test_steps_samples_and_times_are_those_of_the_recording(page: Page, recorded: Recorded) -> None:
     told = page.evaluate(
         """() => {
-          const position = session.samples.find((one) => one.name === "position_mm").values.map((one) => [...one]);
-          return { times: [...session.times], ticks: [...session.ticks.times], x: [...session.ticks.moved[0]], position };
+          const { times, ticks, samples } = session;
+          const position = samples.find((one) => one.name === "position_mm").values.map((one) => [...one]);
+          return { times: [...times], ticks: [...ticks.times], x: [...ticks.moved[0]], position };
         }"""
     )
     steps = recorded.steps()

@@ -50,7 +50,21 @@ def test_a_sample_says_what_the_twin_shows(tmp_path: Path, plant: str) -> None:
     assert sample["lost_steps"] == twin.lost_steps.tolist()
     assert sample["velocity_mm_s"] == pytest.approx(twin.velocity_mm_s.tolist(), rel=1e-6)
     assert sample["margin"] == pytest.approx(twin.margin.tolist(), rel=1e-6, nan_ok=True)
+    assert sample.get("force_n", [float("nan")] * 3) == pytest.approx(twin.force_n.tolist(), rel=1e-6, nan_ok=True)
     assert sample.get("current", []) == pytest.approx(twin.current_fraction.tolist(), rel=1e-6)
+
+
+def test_the_nut_holds_against_a_push() -> None:
+    """A push of 400 N upon the table, along X: the nut pushes back, but for what the guide holds by friction."""
+    twin = Twin(start_mm=(100.0, 100.0, 50.0))
+    twin.query("@07")
+    twin.run(0.5)
+    at_rest = twin.force_n
+    twin.apply_force(0, 400.0)
+    twin.run(0.5)
+    friction_n = twin.machine.axes[0].guide_friction_n
+    assert twin.force_n[0] - at_rest[0] == pytest.approx(-400.0, abs=3.0 * friction_n)
+    assert twin.force_n[1] == pytest.approx(at_rest[1], abs=1.0)
 
 
 def test_no_samples_are_taken_while_nothing_moves(tmp_path: Path) -> None:

@@ -13,12 +13,17 @@ from isel_twin.cli.options import Json, check_writable
 
 def export(
     recording: Annotated[Path, Parameter(help="File that --record NAME.mcap has made.")],
-    out: Annotated[Path, Parameter(help="What to write: .npz (steps), .vcd, .parquet or .csv (samples).")],
+    out: Annotated[
+        Path, Parameter(help="What to write: .npz (steps), .vcd, .parquet, .csv (samples), .mcap (for viewers).")
+    ],
     /,
     *,
     json: Json = False,
 ) -> int:
     """Write a recording as a file for other tools: the same that `--record OUT` would have written.
+
+    OUT.mcap is for viewers: the machine in 3D (Foxglove, Lichtblick), numbers with the names of their axes, events, and
+    the times of the wall clock where the session had one (`serve`, `tap`).
 
     An incomplete recording (a killed process, a full disk) is written as far as it goes.
     """
@@ -26,7 +31,7 @@ def export(
     from isel_twin.recordings import write
 
     with call_errors():
-        write.trace_kind(out)
+        write.export_kind(out)
     check_writable(out, kept=(recording,))
     with call_errors(recording):
         whole = write.export(recording, out)

@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -123,6 +124,11 @@ def check_record(record: Path | None) -> None:
     except ValueError as error:
         text = str(error).replace("must end in ", f"must end in {MCAP}, ")
         raise CallError(f"record {text}", option=True) from None
+
+
+def now_in_words() -> str:
+    """The wall clock, for the metadata of a recording made in real time."""
+    return datetime.now(UTC).isoformat(timespec="milliseconds")
 
 
 def begin(record: Path, twin: Twin, interval_s: float, said: Mapping[str, str], stack: ExitStack) -> FileRecording:

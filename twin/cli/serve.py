@@ -62,7 +62,7 @@ def serve(
     from isel_twin.bridge.serve.registry import registered
     from isel_twin.bridge.serve.server import Server
     from isel_twin.bridge.serve.wire_log import Taps, WireLog
-    from isel_twin.cli.files import begin, keep
+    from isel_twin.cli.files import begin, keep, now_in_words
     from isel_twin.cli.outputs import say_json
     from isel_twin.core.warm import warm_up
     from isel_twin.language import create_language
@@ -83,7 +83,8 @@ def serve(
         port = _control_port(control, token, stack)
         page = _panel(panel, token, stack)
         served = call.build(keep_motions=KEPT_MOTIONS)
-        recording = None if record is None else begin(record, served, interval, {"speed": speed}, stack)
+        said = {"speed": speed, "began": now_in_words()}
+        recording = None if record is None else begin(record, served, interval, said, stack)
         if page is not None and recording is not None:
             page.recording = recording.path
         warm_up(twin.plant, controllers=[twin.controller])

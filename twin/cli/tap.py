@@ -12,6 +12,7 @@ from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.bridge.serve.endpoints import addresses, open_endpoints, ports
+from isel_twin.cli.files import now_in_words
 from isel_twin.cli.options import ControllerName, Ptys, Replace, Rfc2217s, Tcps, Whole, check_writable
 from isel_twin.core.spec import TwinSpec
 
@@ -107,13 +108,10 @@ def _check(record: Path | None, replace: bool) -> None:
 
 
 def _book_writer(record: Path, device: str, controller: str, form: SerialFormat) -> BookWriter:
-    from datetime import UTC, datetime
-
     from isel_twin.bridge.tap.tap import BookWriter
     from isel_twin.language import create_language
     from isel_twin.recordings.mcap import RecordingWriter
 
-    began = datetime.now(UTC).isoformat(timespec="milliseconds")
-    metadata = {"kind": "tap", "controller": controller, "device": device, "line": str(form), "began": began}
+    metadata = {"kind": "tap", "controller": controller, "device": device, "line": str(form), "began": now_in_words()}
     with call_errors(record):
         return BookWriter(RecordingWriter(record, metadata, language=create_language(controller)))

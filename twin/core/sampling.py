@@ -33,6 +33,7 @@ class TwinSamples:
     lost_steps: NDArray[np.float64]
     margin: NDArray[np.float64]
     current_fraction: NDArray[np.float64]
+    force_n: NDArray[np.float64]
     supply_v: NDArray[np.float64]
 
 
@@ -106,6 +107,7 @@ class Sampler:
             lost_steps=position.lost_of(raw.commanded, raw.rotor),
             margin=raw.margin,
             current_fraction=raw.current_fraction,
+            force_n=position.of_velocities_mm_s(raw.force_n),  # in the same sense
             supply_v=raw.supply_v,
         )
         for take in self._takers:

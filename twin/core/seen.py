@@ -69,6 +69,12 @@ class Seen:
         return self._position.velocity_mm_s
 
     @property
+    def force_n(self) -> NDArray[np.float64]:
+        """float64 [3], force of each nut upon its carriage in N, in the direction of the counters: the mean of the last
+        window of MuJoCo's steps; nan without physics."""
+        return self._position.of_velocities_mm_s(self._plant.force_n)
+
+    @property
     def current_fraction(self) -> NDArray[np.float64]:
         """float64, phase current over nominal of each motor at this moment; empty without physics."""
         return self._plant.current_fraction

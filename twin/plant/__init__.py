@@ -248,6 +248,10 @@ class Plant(Protocol):
         root mean square over the time of its I2t."""
 
     @property
+    def force_n(self) -> NDArray[np.float64]:
+        """float64 [3], of each nut upon its carriage in N, the mean of the last window; nan without physics."""
+
+    @property
     def supply_v(self) -> float:
         """Voltage of the common supply of the stages; nan if the machine has none, or the plant no currents."""
 
@@ -295,6 +299,7 @@ class Samples:
     rotor: NDArray[np.float64]  # float64 [n, axes]
     current_fraction: NDArray[np.float64]  # float64 [n, m], of the stages
     margin: NDArray[np.float64]  # float64 [n, axes]
+    force_n: NDArray[np.float64]  # float64 [n, 3], of the nuts; nan without physics
     supply_v: NDArray[np.float64]  # float64 [n]
 
 

@@ -242,7 +242,7 @@ def _parts(
         touching=np.zeros(pairs, dtype=np.int64),
         touched_m=np.zeros((pairs, memory.AXES)),
         found=data.sensordata,
-        samples=np.zeros((memory.SAMPLES, 2 + 2 * (nv + commands + memory.AXES))),
+        samples=np.zeros((memory.SAMPLES, 2 + 2 * (nv + commands) + 3 * memory.AXES)),
         place=np.zeros(nv),
         qpos=data.qpos,
         qvel=data.qvel,

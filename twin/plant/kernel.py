@@ -75,6 +75,7 @@ def _wake(plant, axes, drives, states, supply, feeler):
             states[i].due = (loop - plant.now % loop) % loop + 1
     for i in range(AXES):
         axes[i].sum_n = axes[i].mean_n * over
+        axes[i].sum_nut_n = axes[i].mean_nut_n * over
         axes[i].sum_nm = axes[i].mean_nm * over
     supply.energy_j = supply.mean_j * over / plant.window
     for i in range(AXES):
@@ -106,6 +107,7 @@ def begin_window(memory):
         axis.held = 0.0 if free else math.copysign(1.0, push_m_s2)
         axis.rest_m_s2 = qacc_smooth[axis.dof] - axis.mobility_per_kg * axis.mean_n
         axis.sum_n = 0.0
+        axis.sum_nut_n = 0.0
 
 
 @njit(nogil=True, error_model="numpy")
@@ -150,6 +152,7 @@ def _leave_window(memory):
     for i in range(AXES):
         axis = axes[i]
         axis.mean_n = axis.sum_n / plant.window
+        axis.mean_nut_n = axis.sum_nut_n / plant.window
         qfrc[axis.dof] += axis.mean_n
         quiet = quiet and at_rest(parts.states[i])
         if not (math.isfinite(axis.mean_n) and abs(axis.x_m) < FAR_M):
@@ -231,8 +234,8 @@ def _look(memory):
 @njit(nogil=True, error_model="numpy")
 def _take(parts, at):
     """Take a sample: the sub-step `at` (now or, if nothing moves, later), places and speeds of the joints [nv],
-    commanded and rotors [m], current fractions and margins [3], supply voltage. Places are those `sample_ahead_ns`
-    after it."""
+    commanded and rotors [m], current fractions, margins and forces on the nuts [3], supply voltage. Places are those
+    `sample_ahead_ns` after it."""
     plant, axes = parts.plant[0], parts.axes
     if plant.sampled == parts.samples.shape[0]:
         return
@@ -263,7 +266,8 @@ def _take(parts, at):
         else:
             row[at_axes + i] = 0.0 if axis.phases & parts.supply[0].gate == OPEN else axis.fraction
         row[at_axes + AXES + i] = axis.margin
-    row[at_axes + 2 * AXES] = parts.supply[0].voltage_v if parts.supply[0].on else math.nan
+        row[at_axes + 2 * AXES + i] = axis.mean_nut_n
+    row[at_axes + 3 * AXES] = parts.supply[0].voltage_v if parts.supply[0].on else math.nan
 
 
 @njit(nogil=True, error_model="numpy")
@@ -396,9 +400,8 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
                 torque_nm, drag, steady = servo_torque(drives[i], states[i], axis.command, phases)
             else:
                 torque_nm, drag, steady = stepper_torque(drives[i], states[i], axis.command, phases, axis.fraction, 0.0)
-            force_n = axis.push_n + turn(
-                drives[i], states[i], torque_nm, drag, x_mid_m - axis.zero_m, axis.v_m_s, steady
-            )
+            nut_n = turn(drives[i], states[i], torque_nm, drag, x_mid_m - axis.zero_m, axis.v_m_s, steady)
+            force_n = axis.push_n + nut_n
             if supply.on:
                 work_w = 0.5 * (before_rad_s + states[i].omega_rad_s) * states[i].torque_nm
                 a_a, b_a = states[i].current_a_a, states[i].current_b_a
@@ -409,6 +412,7 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
                 for k in range(AXES):
                     force_n += tip_nuts[k, i] * feeler.push_n[k]
             axis.sum_n += force_n
+            axis.sum_nut_n += nut_n
             axis.sum_nm += states[i].torque_nm
             free_m_s = axis.v_m_s + dt_s * (axis.mobility_per_kg * force_n + axis.rest_m_s2)
             stop_m_s = dt_s * axis.mobility_per_kg * axis.friction_n

@@ -345,6 +345,10 @@ class KinematicPlant(PathSamples):
         return np.empty(0)
 
     @property
+    def force_n(self) -> NDArray[np.float64]:
+        return np.full(len(CARRIAGES), math.nan)
+
+    @property
     def supply_v(self) -> float:
         return math.nan
 

@@ -70,6 +70,8 @@ AXIS = np.dtype(
         ("held", "f8"),  # +1, -1: a stop or a collision pushes this way, 0: nothing does
         ("sum_n", "f8"),  # sum of the forces of this window
         ("mean_n", "f8"),  # mean force of the window before
+        ("sum_nut_n", "f8"),  # sum of the forces of the nut alone in this window
+        ("mean_nut_n", "f8"),  # their mean in the window before
         ("push_n", "f8"),  # force on the nut that would accelerate the carriage as the push from outside does
         ("phases", "i8"),  # as `step_axis` takes it
         ("fraction", "f8"),  # current fraction

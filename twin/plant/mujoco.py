@@ -391,6 +391,10 @@ class MujocoPlant(LoopSamples):
         return np.where(self._live, fraction, 0.0)
 
     @property
+    def force_n(self) -> NDArray[np.float64]:
+        return self.parts.axes["mean_nut_n"].copy()
+
+    @property
     def supply_v(self) -> float:
         supply = self.parts.supply
         return float(supply["voltage_v"][0]) if supply["on"][0] else math.nan

@@ -100,6 +100,7 @@ class PathSamples:
             rotor=commands[:, : self._count],
             current_fraction=np.empty((rows, 0)),
             margin=np.full((rows, self._count), np.nan),
+            force_n=np.full((rows, carriages), np.nan),
             supply_v=np.full(rows, np.nan),
         )
 

@@ -53,10 +53,10 @@ class LoopSamples:
         rows = parts.samples[: self.samples_waiting]
         self._plant["sampled"] = 0
         joints, commands = len(parts.qpos), len(parts.commanded)
-        widths = (1, joints, joints, commands, commands, memory.AXES, memory.AXES, 1)
+        widths = (1, joints, joints, commands, commands, *[memory.AXES] * 3, 1)
         ends = itertools.accumulate(widths)
         columns = (rows[:, end - width : end].copy() for width, end in zip(widths, ends, strict=True))
-        now, place, rates, commanded, rotor, current, margin, supply_v = columns
+        now, place, rates, commanded, rotor, current, margin, force_n, supply_v = columns
         margins = np.full((len(rows), commands), np.nan)
         margins[:, : memory.AXES] = margin
         return Samples(
@@ -67,6 +67,7 @@ class LoopSamples:
             rotor=rotor[:, :count],
             current_fraction=current,
             margin=margins[:, :count],
+            force_n=force_n,
             supply_v=supply_v[:, 0],
         )
 

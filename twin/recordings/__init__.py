@@ -8,6 +8,8 @@
     reading.py    reads recordings; replay.py, compare.py: uses of them
     vcd.py        step and direction signals or commands, levels and positions for a waveform viewer
     parquet.py    the samples as a table
+    viewer.py     for viewers of robot data: the machine in 3D, numbers by axis
+    places.py     where the carriages of a recorded machine were
     csv.py        the same as text
     write.py      chooses the kind by the file name, for a twin or a recording
 

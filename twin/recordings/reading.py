@@ -78,10 +78,15 @@ class Recorded:
         """Sampling interval."""
         return self._number("interval_ns", 1, 1 << 62)
 
+    @property
+    def has_forces(self) -> bool:
+        """True if the samples tell the forces of the nuts."""
+        return self.metadata.get("forces") == "true"
+
     @cached_property
     def samples(self) -> NDArray[np.void]:
         """The samples, with the fields of samples.py. Raises RecordingError if they do not fit."""
-        dtype = cdr.sample_dtype(self.axes, self._number("motors", 0, MOST_AXES))
+        dtype = cdr.sample_dtype(self.axes, self._number("motors", 0, MOST_AXES), self.has_forces)
         if len(self.sample_bytes) != dtype.itemsize * len(self.sample_times_ns):
             raise RecordingError(f"{self.path}: the samples have not the fields that its metadata say")
         return np.frombuffer(self.sample_bytes, dtype=dtype)

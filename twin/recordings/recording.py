@@ -59,12 +59,12 @@ class Sink(Protocol):
 class Recording:
     """Sends everything that happens to a twin from now on to a sink."""
 
-    def __init__(self, twin: Twin, sink: Sink, interval_ns: int) -> None:
-        """interval_ns: sampling interval in virtual time."""
+    def __init__(self, twin: Twin, sink: Sink, interval_ns: int, forces: bool | None = None) -> None:
+        """interval_ns: sampling interval in virtual time. forces: with those of the nuts; None: if there are any."""
         self._sink, self._twin = sink, twin
         self._motors = len(twin.current_fraction)
         self._step_mm = twin.step_mm
-        self._dtype = sample_dtype(len(twin.counts), self._motors)
+        self._dtype = sample_dtype(len(twin.counts), self._motors, twin.physics if forces is None else forces)
         self._schema = samples_schema(self._dtype)
         self._last: dict[str, dict[str, int | str]] = {group: {} for group in GROUPS}
         self._faults: Mapping[str, str | float] = {}
@@ -103,6 +103,8 @@ class Recording:
         rows["position_error_mm"] = position_error_mm(rows["position_mm"], rows["counts"], self._step_mm)
         if self._motors:
             rows["current"] = seen.current_fraction
+        if "force_n" in (self._dtype.names or ()):
+            rows["force_n"] = seen.force_n
         return rows
 
     def _tell_samples(self, times_ns: NDArray[np.int64], rows: NDArray[np.void]) -> None:
@@ -216,6 +218,7 @@ def metadata(twin: Twin, interval_ns: int) -> dict[str, str]:
         "start_mm": json.dumps(origin.start_mm, default=_plain),
         "axes": str(len(twin.counts)),
         "motors": str(len(twin.current_fraction)),
+        "forces": json.dumps(twin.physics),
         "carriages": " ".join(CARRIAGES),
         "step_mm": json.dumps(twin.step_mm.tolist()),
         "interval_ns": str(interval_ns),

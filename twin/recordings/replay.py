@@ -162,7 +162,7 @@ def replay(recorded: Recorded, twin: Twin, pace: Pace | None = None) -> Differen
     if not any(recorded.of(*_DONE)):
         raise RecordingError(f"{recorded.path}: nobody does anything in it: there is nothing to compare")
     eye = _Eye(recorded, twin)
-    recording = Recording(twin, eye, recorded.interval_ns)
+    recording = Recording(twin, eye, recorded.interval_ns, recorded.has_forces)
     for entry in recorded.of(*CAUSES):
         run_until(twin, entry.time_ns, pace, eye.seen)
         if eye.seen():

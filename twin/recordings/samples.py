@@ -9,6 +9,7 @@ A message is four bytes of header (little endian) and the fields one after the o
     float32[3]     velocity_mm_s        true carriage velocities
     float32[axes]  margin               least pull-out margin since `watch_margin`; nan without physics
     float32[m]     current              phase current over nominal of each motor; none without physics
+    float32[3]     force_n              of each nut upon its carriage; none without physics, or in old recordings
     float32        supply_v             nan if there is none
 
 All lengths are fixed, so the message has no length fields; the 64-bit fields come first, so that no padding is needed.
@@ -26,8 +27,8 @@ HEADER: Final = b"\0\1\0\0"  # CDR, little endian
 _ROS: Final = {"i8": "int64", "f8": "float64", "f4": "float32"}
 
 
-def sample_dtype(axes: int, motors: int) -> np.dtype[np.void]:
-    """The type of a sample of a twin with that many axes and motors."""
+def sample_dtype(axes: int, motors: int, forces: bool) -> np.dtype[np.void]:
+    """The type of a sample of a twin with that many axes and motors. forces: with those of the nuts."""
     carriages = len(CARRIAGES)
     fields: list[Any] = [
         ("counts", "<i8", (axes,)),
@@ -37,6 +38,7 @@ def sample_dtype(axes: int, motors: int) -> np.dtype[np.void]:
         ("velocity_mm_s", "<f4", (carriages,)),
         ("margin", "<f4", (axes,)),
         *([("current", "<f4", (motors,))] if motors else []),
+        *([("force_n", "<f4", (carriages,))] if forces else []),
         ("supply_v", "<f4"),
     ]
     return np.dtype(fields)

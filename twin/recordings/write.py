@@ -4,6 +4,10 @@
 .vcd        a value change dump for waveform viewers    vcd.py
 .parquet    the samples of a recorder as a table        parquet.py, with pyarrow (the extra `trace`)
 .csv        the same as text                            csv.py
+
+A recording may be written as one for viewers, too:
+
+.mcap       scene, frames, numbers by axis, log         viewer.py
 """
 
 from __future__ import annotations
@@ -19,6 +23,7 @@ if TYPE_CHECKING:
     from isel_twin.recordings.recorder import Samples
 
 KINDS = (".npz", ".vcd", ".parquet", ".csv")
+VIEWER = ".mcap"  # a recording for viewers
 
 
 def trace_kind(path: Path) -> str:
@@ -27,6 +32,16 @@ def trace_kind(path: Path) -> str:
         raise ValueError(f"{path}: the name must end in {', '.join(KINDS[:-1])} or {KINDS[-1]}")
     check_kind(path.suffix, f"{path}:")
     return path.suffix
+
+
+def export_kind(path: Path) -> str:
+    """As `trace_kind`, for what a recording can be written as: one of KINDS, or VIEWER."""
+    if path.suffix == VIEWER:
+        return VIEWER
+    try:
+        return trace_kind(path)
+    except ValueError as error:
+        raise ValueError(str(error).replace("must end in ", f"must end in {VIEWER}, ")) from None
 
 
 def check_kind(kind: str, about: str) -> None:
@@ -66,9 +81,14 @@ def export(recording: str | os.PathLike[str], out: str | os.PathLike[str], kind:
     from isel_twin.recordings.reading import Played, RecordingError, read
 
     out = Path(out)
-    kind = kind or trace_kind(out)
+    kind = kind or export_kind(out)
     recorded = read(recording)
     if not recorded.of_twin:
         raise RecordingError(f"{recording}: has bytes of a line and nothing else; `isel-twin decode` explains them")
+    if kind == VIEWER:
+        from isel_twin.recordings.viewer import write_viewer
+
+        write_viewer(out, recorded)
+        return recorded.whole
     write_trace(out, recorded.steps(), None if kind == ".npz" else Played(recorded), kind)
     return recorded.whole

@@ -47,6 +47,7 @@ QUANTITIES = (
     ("velocity_mm_s", "mm/s", 1e-2),
     ("lost_steps", "steps", 1e-2),
     ("margin", "1", 1e-3),
+    ("force_n", "N", 0.1),
     ("current", "1", 1e-3),
     ("supply_v", "V", 1e-2),
 )
