@@ -239,6 +239,8 @@ def _print(result: Fit) -> None:
         line = f"{item.name:<18} {one.value:>10.4g}  {span:<24} {item.unit:<5} {before:<20} {one.remaining:>8.0%}"
         print(f"{line}  {one.note}".rstrip())
     names = [one.unknown.name for one in result.estimates]
+    for noise in result.noise:
+        print(f"noise: {noise.line}")
     pairs = [
         f"{names[i]} and {names[j]} {result.correlation[i, j]:+.2f}"
         for i in range(len(names))

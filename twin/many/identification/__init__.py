@@ -12,13 +12,18 @@
     unknowns.py     named parameters, the keys they stand for, prior ranges
     measured.py     the file of measurements
     session.py      a recording with its measurements, and their prediction by a candidate machine
+    noise.py        noise of gauges and clocks from repeats
     model.py        predictions on candidates, residuals, their differences
     fit.py          sensitivity, rank, least squares, intervals, chi-square; fitted and held back
+    profile.py      how wide an interval the likelihood wants
     reach.py        which numbers behind a common factor no datum moves
     laws.py         laws that compete with the fitted ones, compared by held-back data
     patch.py        the result as a machine, as JSON
     page.py         the result as a page
     experiment.py   informative moves as a job, and a file to fill in
+    protocol.py     a measuring day by ISO 230, and its numbers
+    ring_down.py    frequency and damping from a sound or an accelerometer
+    sealed.py       what is predicted of such a day, sealed, and its score
     choice.py       which of them are most informative
     stand_in.py     the same experiment carried out on a twin, with gauge noise
 

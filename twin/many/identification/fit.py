@@ -7,8 +7,11 @@
 its prior standard deviation afterwards; for s < 1 the data say less than the prior. So the rank is the number of s >=
 1, and a parameter counts as not identified if its interval stays wider than NOT_IDENTIFIED of the prior's.
 
+The noise of gauges and clocks is estimated from repeats first (noise.py).
+
 **After it**: cov = (J'J / max(1, chi^2) + 1)^-1 with chi^2 per degree of freedom: a bad fit claims no precision, and no
-fit is less sure than the prior. 95 % intervals are in u, so never negative for a positive value. A chi^2 beyond the
+fit is less sure than the prior. 95 % intervals are in u, so never negative for a positive value, and as wide as the
+profile of the likelihood wants them (profile.py). A chi^2 beyond the
 quantile FITS of its distribution says that the model does not explain the data: then no number is `measured`, whatever
 its interval, and the data that misfit most are named (many/15). Laws that were not fitted compete with what was, by
 data held back from both: those that predict better are named, and what those as good disagree about widens the
@@ -33,13 +36,15 @@ import numpy as np
 
 from isel_twin.base.crew import Crew
 from isel_twin.machine import Machine
+from isel_twin.machine.spread import NORMAL_95
 from isel_twin.many.identification.laws import Competition, Law, compete
 from isel_twin.many.identification.model import BOUND, NOT_IDENTIFIED, WEAK, Floats, Model
+from isel_twin.many.identification.noise import Noise, with_noise
+from isel_twin.many.identification.profile import profile
 from isel_twin.many.identification.reach import Alike, OutOfReach, behind_factors
 from isel_twin.many.identification.session import Datum, Session
 from isel_twin.many.identification.unknowns import Unknown
 
-NORMAL_95 = 1.96
 FITS = 0.999  # part of all fits of a true model whose chi-square is below the limit
 MISFIT, MOST_MISFITS = 2.0, 5  # residual from which a datum is named, and how many are
 TOLD = 0.3  # a parameter with at least this part of a direction is named in it
@@ -134,6 +139,7 @@ class Fit:
     unreached: tuple[OutOfReach, ...] = ()
     alike: tuple[Alike, ...] = ()
     competition: Competition = field(default_factory=lambda: Competition((), np.zeros((0, 0)), 0))
+    noise: tuple[Noise, ...] = ()
     widened: tuple[float, ...] = ()  # by parameter: what the disagreement of laws makes of the interval, at least 1
 
     @property
@@ -203,6 +209,8 @@ def fit(
     from scipy.optimize import least_squares
     from scipy.stats import chi2 as chi2_of
 
+    known, noise = zip(*(with_noise(session) for session in (*fitted, *held)), strict=True)
+    fitted, held = known[: len(fitted)], known[len(fitted) :]
     model = Model(machine, unknowns, fitted, crew, progress)
     count = len(unknowns)
     zero = np.zeros(count)
@@ -238,12 +246,14 @@ def fit(
     competition = compete(model, u, last, crew)
     covariance: Floats = np.asarray(np.linalg.inv(last.T @ last / max(1.0, chi2) + np.eye(count)), dtype=np.float64)
     alone = np.sqrt(np.diag(covariance))
+    ends = np.hypot(
+        profile(model, u, last, covariance, chi2), NORMAL_95 * np.sqrt(np.diag(competition.spread))[:, None]
+    )
     covariance = covariance + competition.spread
     deviation = np.sqrt(np.diag(covariance))
     estimates = []
     for index, item in enumerate(unknowns):
-        half = NORMAL_95 * deviation[index]
-        low, high = item.value(u[index] - half), item.value(u[index] + half)
+        low, high = item.value(u[index] - ends[index, 0]), item.value(u[index] + ends[index, 1])
         estimates.append(Estimate(item, item.value(u[index]), low, high, float(deviation[index])))
     other = Model(machine, unknowns, held, crew, progress)
     before_held, after_held = (other.residuals(one) for one in other.predictions([zero, u]))
@@ -268,6 +278,7 @@ def fit(
         unreached,
         alike,
         competition,
+        tuple(one for each in noise for one in each),
         tuple((deviation / alone).tolist()),
     )
 

@@ -39,6 +39,7 @@ def page(title: str, result: Fit, fitted: Sequence[str], held: Sequence[str], da
         *(f"<p class='wrong'>{escape(line)}</p>" for line in result.doubts),
         "<section><h2>Before the fit: what these data can tell</h2><ul>",
         *(f"<li>{escape(line)}</li>" for line in result.prospect.lines),
+        *(f"<li>{escape(one.line)}</li>" for one in result.noise),
         "</ul></section>",
         "<section><h2>Estimates</h2>",
         _estimates(result.estimates),

@@ -22,7 +22,8 @@ from typing import Any
 from isel_twin.base.parameters import rows
 from isel_twin.base.toml import toml_line
 from isel_twin.machine import Machine
-from isel_twin.many.identification.fit import NORMAL_95, Fit
+from isel_twin.machine.spread import NORMAL_95
+from isel_twin.many.identification.fit import Fit
 from isel_twin.many.identification.laws import Law
 from isel_twin.many.identification.model import WEAK
 from isel_twin.many.identification.unknowns import Unknown, candidate, changes
@@ -145,6 +146,10 @@ def as_json(result: Fit, fitted: Sequence[str], held: Sequence[str]) -> dict[str
         "not_told_apart": [{"name": one.unknown, "of_prior": one.remaining} for one in result.alike],
         "suspects": [_law(one) for one in result.suspects],
         "laws": [_law(one) for one in result.competition.laws],
+        "noise": [
+            {"recording": one.recording, "unit": one.unit, "stated": one.stated, "sigma": one.sigma, "of": one.repeats}
+            for one in result.noise
+        ],
         "widened": list(result.widened),
         "misfits": [
             {"recording": item.recording, "kind": item.kind, "datum": item.label, "residual": r}

@@ -103,14 +103,12 @@ class Session:
     def data(self) -> tuple[Datum, ...]:
         """The measured data, in the order of `predict`."""
         found = []
-        if self.pieces:
-            language = _language(self.controller)
-            for number, exchange in enumerate(paired(self.pieces, language), 1):
-                if self._timed(number) and exchange.duration_ns is not None and exchange.duration_ns >= LEAST_S * 1e9:
-                    scatter = REFERENCE_SIGMA_S if number in self.references else 0.0
-                    sigma, label = math.hypot(self.measured.time_sigma_s, scatter), f"{number}: {exchange.text}"
-                    seconds = exchange.duration_ns / SECOND_NS
-                    found.append(Datum("duration", label, self.name, seconds, sigma, "s", f"{self.name}/line", scatter))
+        for number, exchange in enumerate(exchanges_of(self), 1):
+            if self.timed(number) and exchange.duration_ns is not None and exchange.duration_ns >= LEAST_S * 1e9:
+                scatter = REFERENCE_SIGMA_S if number in self.references else 0.0
+                sigma, label = math.hypot(self.measured.time_sigma_s, scatter), f"{number}: {exchange.text}"
+                seconds = exchange.duration_ns / SECOND_NS
+                found.append(Datum("duration", label, self.name, seconds, sigma, "s", f"{self.name}/line", scatter))
         for reading in self.measured.readings:
             value = reading.mm - (reading.counter_mm or 0.0)
             push = f", {reading.push_n:g} N at the {reading.push_at}" if reading.push_n else ""
@@ -128,7 +126,7 @@ class Session:
             found.append(Datum("scatter", label, self.name, math.log(max(values.std(ddof=1), 1e-6)), sigma, "ln mm"))
         return tuple(found)
 
-    def _timed(self, number: int) -> bool:
+    def timed(self, number: int) -> bool:
         """True if the duration of a command depends on the machine alone."""
         acts = any(act.command == number for act in self.measured.acts)
         return number <= self.last and not acts and number not in self.unknown_start
@@ -157,6 +155,11 @@ def _stall_datum(stall: Stall, name: str) -> Datum:
 
 def _language(controller: str) -> Language:
     return needed(create_language(controller), controller)
+
+
+def exchanges_of(session: Session) -> list[Any]:
+    """Commands and replies of the recording, in order."""
+    return paired(session.pieces, _language(session.controller)) if session.pieces else []
 
 
 def session_of(recorded: Recorded, measured: Measured, controller: str, machine: Machine) -> Session:
