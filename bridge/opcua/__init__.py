@@ -3,5 +3,5 @@
 nodes.py      the variables, and their values from a state of the control port
 server.py     the address space, and its life beside the twin
 access.py     who may read: anybody on the loopback interface, elsewhere whoever has the password, encrypted
-nodesets/     the types, as published by the OPC Foundation (MIT license, in each file)
+nodesets/     the types, as published by the OPC Foundation under the MIT license (bridge/30)
 """
