@@ -86,7 +86,7 @@ ROOMS = re.findall(
     """
     version base models drives motion cam controller language machine firmware plant wiring core testing jobs capture
     recordings report many envs bridge.serve bridge.operate bridge.tap bridge.virtual bridge.pytest
-    bridge.editor bridge.fmu bridge.linuxcnc bridge.mtconnect bridge.robot bridge.demo cli
+    bridge.editor bridge.fmu bridge.linuxcnc bridge.mtconnect bridge.opcua bridge.robot bridge.demo cli
     """,
 )
 """The house from its ground up: a room knows those before it."""

@@ -16,8 +16,9 @@ import socket
 import time
 from collections.abc import Callable, Iterable, Mapping
 
-from isel_twin.bridge.mtconnect.items import ITEMS, UNAVAILABLE, State, values
+from isel_twin.bridge.mtconnect.items import ITEMS, UNAVAILABLE, values
 from isel_twin.bridge.operate.client import ClientError
+from isel_twin.bridge.operate.conditions import State
 from isel_twin.bridge.serve.outbox import Outbox
 from isel_twin.bridge.serve.tcp import keep_alive, listen
 

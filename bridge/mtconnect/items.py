@@ -5,15 +5,14 @@ Vocabulary: MTConnect standard, part 2 (devices) and part 3 (observations). Posi
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 from xml.etree import ElementTree
 
 from isel_twin.base.axes import CARRIAGES
+from isel_twin.bridge.operate.conditions import State, conditions, emergency, powered
 
-State = Mapping[str, Any]
 SCHEMA = "urn:mtconnect.org:MTConnectDevices:2.0"
 UNAVAILABLE = "UNAVAILABLE"
 
@@ -31,73 +30,39 @@ class Item:
     units: str = ""
 
 
-def _number(value: float) -> str:
-    return UNAVAILABLE if math.isnan(value) else f"{value:.4f}"
-
-
 def _axis_items(at: int, axis: str) -> Iterator[Item]:
     letter = axis.upper()
 
-    def wrong(state: State) -> str:
-        lost = state["lost_steps"][at]
-        slipped = abs(lost) >= state["slip_steps"][at] / 2.0
-        return f"{axis} has lost {lost:.0f} steps" if slipped else ""
+    def position(state: State) -> str:
+        return f"{state['position_mm'][at]:.4f}"
 
-    def drive(state: State) -> str:
-        number, cause = state["drive_faults"][at]
-        return f"drive of {axis}: {cause}" if number else ""
+    def commanded(state: State) -> str:
+        return f"{state['position_mm'][at] - state['position_error_mm'][at]:.4f}"
 
-    mm = {"units": "MILLIMETER"}
-    where = f"axis {letter}"
-    yield Item(f"{letter}act", where, "SAMPLE", "POSITION", lambda s: _number(s["position_mm"][at]), "ACTUAL", **mm)
-    yield Item(
-        f"{letter}com",
-        where,
-        "SAMPLE",
-        "POSITION",
-        lambda s: _number(s["position_mm"][at] - s["position_error_mm"][at]),
-        "COMMANDED",
-        **mm,
-    )
-    yield Item(f"{letter}pos", where, "CONDITION", "POSITION", wrong)
-    yield Item(f"{letter}drive", where, "CONDITION", "SYSTEM", drive)
+    where, mm = f"axis {letter}", "MILLIMETER"
+    yield Item(f"{letter}act", where, "SAMPLE", "POSITION", position, "ACTUAL", mm)
+    yield Item(f"{letter}com", where, "SAMPLE", "POSITION", commanded, "COMMANDED", mm)
+    yield Item(f"{letter}pos", where, "CONDITION", "POSITION", _condition(f"lost_{axis}"))
+    yield Item(f"{letter}drive", where, "CONDITION", "SYSTEM", _condition(f"drive_{axis}"))
+
+
+def _condition(name: str) -> Callable[[State], str]:
+    return lambda state: conditions(state)[name]
 
 
 def _execution(state: State) -> str:
     if state["idle"]:
         return "READY"
-    return "ACTIVE" if state["outputs"].get("power", 1) else "INTERRUPTED"
-
-
-def _safety(state: State) -> str:
-    return "" if state["outputs"].get("power", 1) else "the safety relay is open"
+    return "ACTIVE" if powered(state) else "INTERRUPTED"
 
 
 ITEMS: tuple[Item, ...] = (
     Item("avail", "device", "EVENT", "AVAILABILITY", lambda s: "AVAILABLE"),
     *(item for at, axis in enumerate(CARRIAGES) for item in _axis_items(at, axis)),
-    Item(
-        "estop",
-        "controller",
-        "EVENT",
-        "EMERGENCY_STOP",
-        lambda s: "TRIGGERED" if s["inputs"].get("estop") == "pressed" or not s["outputs"].get("power", 1) else "ARMED",
-    ),
-    Item("sys", "controller", "CONDITION", "SYSTEM", _safety),
-    Item(
-        "logic",
-        "controller",
-        "CONDITION",
-        "LOGIC_PROGRAM",
-        lambda s: "the controller has an error that no reply has told" if s["fault"] else "",
-    ),
-    Item(
-        "comms",
-        "controller",
-        "CONDITION",
-        "COMMUNICATIONS",
-        lambda s: "the line to the host is cut" if "line_cut" in s["faults"] else "",
-    ),
+    Item("estop", "controller", "EVENT", "EMERGENCY_STOP", lambda s: "TRIGGERED" if emergency(s) else "ARMED"),
+    Item("sys", "controller", "CONDITION", "SYSTEM", _condition("power")),
+    Item("logic", "controller", "CONDITION", "LOGIC_PROGRAM", _condition("controller")),
+    Item("comms", "controller", "CONDITION", "COMMUNICATIONS", _condition("line")),
     Item("exec", "path", "EVENT", "EXECUTION", _execution),
     Item(
         "mode",
@@ -113,7 +78,7 @@ ITEMS: tuple[Item, ...] = (
         "DOOR_STATE",
         lambda s: "CLOSED" if s["inputs"].get("hood", "closed") == "closed" else "OPEN",
     ),
-    Item("power", "electric", "EVENT", "POWER_STATE", lambda s: "ON" if s["outputs"].get("power", 1) else "OFF"),
+    Item("power", "electric", "EVENT", "POWER_STATE", lambda s: "ON" if powered(s) else "OFF"),
 )
 
 

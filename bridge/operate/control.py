@@ -199,6 +199,7 @@ class Operator:
         twin = self._twin
         return self._now() | {
             "machine": twin.machine.name,
+            "seed": twin.origin.seed,
             "controller": twin.controller_name,
             "physics": twin.physics,
             "speed": "max" if self._pacer.speed is None else self._pacer.speed,

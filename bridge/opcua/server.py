@@ -1,0 +1,184 @@
+"""The server beside a served twin: the address space, kept up to date out of states of the control port.
+
+It is a client of the control port, like anything that stands beside a twin (bridge/28). Without the twin its values are
+bad (BadNoCommunication) until one answers at the address again.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import datetime
+import logging
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from asyncua import Server, ua
+from asyncua.common.instantiate_util import instantiate
+from asyncua.common.node import Node as UaNode
+
+from isel_twin.bridge.opcua.access import Access, Readers, application_uri, secure
+from isel_twin.bridge.opcua.nodes import MACHINE_TOOL, NAMESPACES, NODES, OPTIONAL, OWN, UNITS, Node
+from isel_twin.bridge.operate.client import Client, ClientError
+from isel_twin.bridge.operate.conditions import State
+from isel_twin.version import VERSION
+
+SETS = ("di", "ia", "machinery", "machine_tool")  # in the order of their needs
+MACHINES = 1001  # the folder of all machines, in the namespace Machinery
+CLIENTS = 16  # connections at once
+AGAIN_S = 1.0  # wall time between two tries to reach a twin that has gone
+FULL, NO_DATA = 255, 1  # ServiceLevel (OPC 10000-4, 6.6.2.4.2)
+UNECE = "http://www.opcfoundation.org/UA/units/un/cefact"
+
+
+def _id(name: Any, index: Any = 0) -> ua.NodeId:
+    return ua.NodeId(name, index)
+
+
+def _now(value: ua.Variant, status: int = ua.StatusCodes.Good) -> ua.DataValue:
+    now: Any = datetime.datetime.now(datetime.UTC)
+    return ua.DataValue(value, ua.StatusCode(ua.UInt32(status)), now)
+
+
+class Machine:
+    """The machine's nodes in a server."""
+
+    def __init__(self, server: Server) -> None:
+        self._server = server
+        self._index: dict[str, int] = {}  # of a namespace, by its prefix
+        self._nodes: dict[Node, ua.NodeId] = {}
+        self._known: dict[Node, Any] = {}
+
+    async def build(self, state: State) -> None:
+        """Take the types in and make the machine, with the mandatory nodes of its type and those of NODES."""
+        folder = Path(__file__).parent / "nodesets"
+        for name in SETS:
+            await self._server.import_xml(str(folder / f"{name}.xml"))
+        self._index = {prefix: await self._server.register_namespace(uri) for prefix, uri in NAMESPACES.items()}
+        machines = self._server.get_node(_id(MACHINES, self._index["Machinery"]))
+        root = await self._object(machines, f"Twin:{state['machine']}", MACHINE_TOOL)
+        for path, kind in OPTIONAL:
+            *above, name = path.split("/")
+            await self._object(await root.get_child([self._name(part) for part in above]), name, kind)
+        for node in NODES:
+            self._nodes[node] = (await self._variable(root, node, state)).nodeid
+
+    async def show(self, state: State) -> None:
+        """Write what has changed."""
+        for node, where in self._nodes.items():
+            value = node.value(state)
+            if node not in self._known or self._known[node] != value:
+                self._known[node] = value
+                await self._server.write_attribute_value(where, _now(self._variant(node, value)))
+        await self._level(FULL)
+
+    async def lose(self) -> None:
+        """There is no twin: nothing is known but what the machine is."""
+        for node, where in self._nodes.items():
+            if node in self._known and not node.lasting:
+                del self._known[node]
+                gone = _now(ua.Variant(), ua.StatusCodes.BadNoCommunication)
+                await self._server.write_attribute_value(where, gone)
+        await self._level(NO_DATA)
+
+    # Inside
+
+    async def _level(self, level: int) -> None:
+        told = ua.DataValue(ua.Variant(level, ua.VariantType.Byte))
+        await self._server.write_attribute_value(_id(ua.ObjectIds.Server_ServiceLevel), told)
+
+    def _variant(self, node: Node, value: Any) -> ua.Variant:
+        if node.kind == "LocalizedText":
+            value = ua.LocalizedText(value, "en")
+        if node.kind == "NodeId":
+            value = _id(value, self._index["MT"])
+        return ua.Variant(value, ua.VariantType[node.kind], is_array=isinstance(value, list))
+
+    async def _object(self, above: UaNode, name: str, kind: int) -> UaNode:
+        """A new object of a type of MT, with the mandatory nodes of that type."""
+        return await above.add_object(*self._ids(above, name), _id(kind, self._index["MT"]), False)
+
+    async def _variable(self, root: UaNode, node: Node, state: State) -> UaNode:
+        """The variable of a node: one that its object's type has made, else a new one, in new folders."""
+        above, path = root, node.path.split("/")
+        for name in path[:-1]:
+            above = await self._there(above, name) or await above.add_folder(*self._ids(above, name))
+        found = await self._there(above, path[-1]) or await self._new(above, path[-1], node, state)
+        if node.unit:
+            code, symbol, name = UNITS[node.unit]
+            unit = ua.EUInformation(UNECE, ua.Int32(code), ua.LocalizedText(symbol), ua.LocalizedText(name))
+            await (await found.get_child("0:EngineeringUnits")).write_value(unit)
+        if node.range:
+            await (await found.get_child("0:EURange")).write_value(ua.Range(*map(ua.Double, node.range)))
+        return found
+
+    async def _new(self, above: UaNode, name: str, node: Node, state: State) -> UaNode:
+        ids, value = self._ids(above, name), self._variant(node, node.value(state))
+        kind = _id(value.VariantType.value)
+        if not name.startswith("Twin:"):
+            return await above.add_property(*ids, value.Value, value.VariantType, kind)
+        if not node.unit:
+            return await above.add_variable(*ids, value.Value, value.VariantType, kind)
+        analog = self._server.get_node(_id(ua.ObjectIds.AnalogUnitType))
+        found, *_ = await instantiate(above, analog, *ids, instantiate_optional=False)
+        await found.write_attribute(ua.AttributeIds.DataType, ua.DataValue(ua.Variant(kind)))
+        return found
+
+    def _name(self, text: str) -> ua.QualifiedName:
+        prefix, _, name = text.rpartition(":")
+        return ua.QualifiedName(name, self._index[prefix] if prefix else 0)
+
+    def _ids(self, above: UaNode, name: str) -> tuple[ua.NodeId, ua.QualifiedName]:
+        """Id, as asyncua makes those of a type's nodes, and browse name of a new node."""
+        own, bare = self._index["Twin"], self._name(name)
+        inside = f"{above.nodeid.Identifier!s}." if above.nodeid.NamespaceIndex == own else ""
+        return _id(f"{inside}{bare.Name}", own), bare
+
+    async def _there(self, above: UaNode, name: str) -> UaNode | None:
+        try:
+            return await above.get_child([self._name(name)])
+        except ua.uaerrors.BadNoMatch:
+            return None
+
+
+class Serving:
+    """A server and the twin that it shows."""
+
+    def __init__(self, url: str, connect: Callable[[], Client], interval_s: float, access: Access | None) -> None:
+        """url: opc.tcp://HOST:PORT/. connect: raises ClientError while there is no twin."""
+        self._url, self._connect, self._interval_s, self._access = url, connect, interval_s, access
+        self._stopped = False
+
+    def stop(self) -> None:
+        """End `run` soon; for signal handlers."""
+        self._stopped = True
+
+    async def run(self, state: State, said: Callable[[], object]) -> None:
+        """Serve until `stop`, beginning with this state of the twin. said: called when it listens. Raises OSError."""
+        logging.getLogger("asyncua").setLevel(logging.CRITICAL)  # it logs what strangers send, with tracebacks
+        server = Server(user_manager=Readers(self._access.password if self._access else None))
+        server.iserver.max_connections = CLIENTS
+        await server.init()
+        server.set_endpoint(self._url)
+        server.set_server_name("isel-twin")
+        await server.set_application_uri(application_uri())
+        now = datetime.datetime.now(datetime.UTC)
+        await server.set_build_info(OWN, "isel-twin", "isel-twin", VERSION, VERSION, now)
+        await secure(server, self._access)
+        machine = Machine(server)
+        await machine.build(state)
+        await machine.show(state)
+        async with server:
+            said()
+            await self._follow(machine)
+
+    async def _follow(self, machine: Machine) -> None:
+        while not self._stopped:
+            try:
+                with await asyncio.to_thread(self._connect) as client:
+                    while not self._stopped:
+                        await machine.show(await asyncio.to_thread(client.ask, {"state": True}))
+                        await asyncio.sleep(self._interval_s)
+            except ClientError:
+                await machine.lose()
+                await asyncio.sleep(AGAIN_S)

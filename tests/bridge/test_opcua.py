@@ -1,0 +1,268 @@
+"""Clients of OPC UA: asyncua's own tools and client, at a real `isel-twin opcua` beside a real `serve`."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import socket
+import stat
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from asyncua import Client, Server, tools, ua
+from asyncua.common.node import Node
+from asyncua.crypto.cert_gen import (
+    dump_private_key_as_pem,
+    generate_private_key,
+    generate_self_signed_app_certificate,
+)
+from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
+from cryptography.hazmat.primitives.serialization import Encoding
+from cryptography.x509 import UniformResourceIdentifier
+from cryptography.x509.oid import ExtendedKeyUsageOID
+
+from isel_twin.bridge.opcua.access import Access, Readers, secure
+from isel_twin.bridge.opcua.nodes import NAMESPACES, NODES, program
+from isel_twin.bridge.operate.conditions import conditions
+from isel_twin.core.twin import Twin
+from tests.bridge.conftest import REPLY_S, Served
+from tests.in_process import isel_twin
+
+BAD = "BadNoCommunication"
+
+
+@pytest.fixture
+def beside(serve: Any) -> Iterator[tuple[Served, Served]]:
+    """A served twin, and the server beside it."""
+    machine = serve("--control", "127.0.0.1:0", "--tcp", "127.0.0.1:0")
+    call = (machine.info["control"], "--tcp", "127.0.0.1:0", "--interval", "0.02")
+    shown = Served(call, "opcua")
+    yield machine, shown
+    shown.process.kill()
+    shown.process.communicate()
+
+
+async def machine_in(client: Client) -> Node:
+    """The machine, found as a client finds it: below the folder of the companion specification."""
+    machines = await client.nodes.objects.get_child(await named(client, "Machinery:Machines"))
+    (found,) = [one for one in await machines.get_children() if "4030" in (await one.read_browse_name()).Name]
+    return found
+
+
+async def named(client: Client, path: str) -> list[ua.QualifiedName]:
+    """Browse names of a path with prefixes."""
+    uris = await client.get_namespace_array()
+    parts = [part.rpartition(":") for part in path.split("/")]
+    return [ua.QualifiedName(name, uris.index(NAMESPACES[prefix]) if prefix else 0) for prefix, _, name in parts]
+
+
+async def seen(client: Client, path: str) -> Any:
+    """Value of a variable of the machine; the name of its status if that is bad."""
+    node = await (await machine_in(client)).get_child(await named(client, path))
+    value = await node.read_data_value(raise_on_bad_status=False)
+    return value.Value.Value if value.StatusCode.is_good() else value.StatusCode.name
+
+
+async def until(client: Client, path: str, value: Any) -> None:
+    async with asyncio.timeout(REPLY_S):
+        while await seen(client, path) != value:
+            await asyncio.sleep(0.01)
+
+
+async def mandatory(kind: Node) -> list[tuple[tuple[int, str], Node]]:
+    """Children that a type, or a type above it, demands, and what they are like."""
+    found: dict[tuple[int, str], Node] = {}
+    while True:
+        for child in await kind.get_children():
+            rules = [await rule.read_browse_name() for rule in await child.get_referenced_nodes(37)]
+            if "Mandatory" in [rule.Name for rule in rules]:
+                name = await child.read_browse_name()
+                found.setdefault((name.NamespaceIndex, name.Name), child)
+        above = await kind.get_referenced_nodes(ua.ObjectIds.HasSubtype, ua.BrowseDirection.Inverse)
+        if not above:
+            return list(found.items())
+        kind = above[0]
+
+
+async def complete(client: Client, node: Node, like: Node | None = None) -> int:
+    """Check that the node has what its type demands, and what is demanded of `like` in the type around it, each
+    variable with a good value. How many variables that are."""
+    kinds = [client.get_node(await node.read_type_definition()), *([like] if like else [])]
+    wanted = {name: child for kind in kinds for name, child in await mandatory(kind)}
+    count = 0
+    for name, child in wanted.items():
+        have = await node.get_child([ua.QualifiedName(name[1], name[0])])
+        if await have.read_node_class() == ua.NodeClass.Variable:
+            value = await have.read_data_value()
+            assert value.Value.Value is not None, name
+            assert (await client.get_node(await have.read_data_type()).read_browse_name()).Name
+            count += 1
+        count += await complete(client, have, child)
+    return count
+
+
+def test_the_companion_specification_and_what_happens(
+    beside: tuple[Served, Served], serve: Any, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Everything mandatory is there with a value; what happens shows; a client vanishes, a stranger talks nonsense; the
+    twin goes and another comes at its address."""
+    machine, shown = beside
+    url, control = shown.info["opcua"], machine.info["control"]
+
+    async def look() -> None:
+        async with Client(url) as client, Client(url) as other:
+            found = await machine_in(client)
+            assert await complete(client, found) == 9
+            channel = await found.get_child(await named(client, "MT:Monitoring/MT:Channel"))
+            assert await complete(client, channel) == 6
+            for node in NODES:
+                assert await seen(client, node.path) is not None
+            assert await seen(client, "MT:Monitoring/MT:MachineTool/MT:OperationMode") == 1
+            assert await seen(client, "DI:Identification/DI:ProductInstanceUri") == "urn:isel-twin:4030:0"
+            axis = await found.get_child(await named(client, "Twin:Axes/Twin:X/Twin:ActualPosition"))
+            unit = await (await axis.get_child("0:EngineeringUnits")).read_value()
+            assert (unit.DisplayName.Text, unit.UnitId) == ("mm", int.from_bytes(b"MMT"))
+            with pytest.raises(ua.UaStatusCodeError):
+                await axis.write_value(1.0)
+            with pytest.raises(ua.UaStatusCodeError):
+                await client.nodes.objects.add_object(2, "mine")
+            with socket.create_connection(url[len("opc.tcp://") : -1].rsplit(":", 1)) as stranger:
+                stranger.sendall(b"GET / HTTP/1.1\r\n\r\n" + bytes(range(256)) * 64)
+            other.uaclient.protocol.transport.abort()
+            isel_twin("ctl", control, "set", "estop=pressed", "key=setup", "hood=open")
+            await until(client, "Twin:Safety/Twin:EmergencyStop", True)
+            assert await seen(client, "Twin:Conditions") == ["the safety relay is open"]
+            await until(client, "MT:Monitoring/MT:MachineTool/MT:OperationMode", 2)
+            await until(client, "Twin:Safety/Twin:HoodClosed", False)
+            assert machine.stop(signal.SIGTERM) == 0
+            await until(client, "Twin:VirtualTime", BAD)
+            assert await seen(client, "MT:Production/MT:ActiveProgram/MT:State/CurrentState") == BAD
+            assert await seen(client, "DI:Identification/DI:SerialNumber") == "0", "what it is stays known"
+            assert await client.get_node(ua.NodeId(ua.ObjectIds.Server_ServiceLevel)).read_value() == 1
+            serve("--control", control, "--tcp", "127.0.0.1:0", "--seed", "5")
+            await until(client, "DI:Identification/DI:SerialNumber", "5")
+            await until(client, "Twin:Safety/Twin:EmergencyStop", False)
+
+    asyncio.run(look())
+    path = "0:Objects,4:Machines,6:4030,5:Production,5:ActiveProgram,5:State,0:CurrentState"
+    monkeypatch.setattr(sys, "argv", ["uaread", "-u", url, "-p", path, "-t", "python"])
+    with pytest.raises(SystemExit) as done:
+        tools.uaread()
+    assert (done.value.code or 0) == 0
+    assert "Ended" in capsys.readouterr().out
+    second = isel_twin("opcua", control, "--tcp", url[len("opc.tcp://") : -1])
+    assert (second.returncode, second.stderr.count("\n")) == (2, 1)
+    assert "in use" in second.stderr
+    assert shown.stop(signal.SIGTERM) == 0
+
+
+def test_beyond_loopback_with_a_password_over_an_encrypted_channel(tmp_path: Path) -> None:
+    async def look() -> None:
+        access = Access(tmp_path / "server", "secret")
+        server = Server(user_manager=Readers(access.password))
+        await server.init()
+        server.set_endpoint("opc.tcp://127.0.0.1:0/")
+        await secure(server, access)
+        async with server:
+            assert server.bserver is not None
+            url = f"opc.tcp://127.0.0.1:{server.bserver.port}/"
+            key = generate_private_key()
+            uri = "urn:reader"
+            use = [ExtendedKeyUsageOID.CLIENT_AUTH]
+            made = generate_self_signed_app_certificate(key, "reader", {}, [UniformResourceIdentifier(uri)], use)
+            (tmp_path / "reader.pem").write_bytes(dump_private_key_as_pem(key))
+            (tmp_path / "reader.der").write_bytes(made.public_bytes(Encoding.DER))
+            for password, secured in (("secret", False), (None, True), ("wrong", True), ("secret", True)):
+                client = Client(url)
+                client.application_uri = uri
+                if password:
+                    client.set_user("anybody")
+                    client.set_password(password)
+                if secured:
+                    await client.set_security(
+                        SecurityPolicyBasic256Sha256, str(tmp_path / "reader.der"), str(tmp_path / "reader.pem")
+                    )
+                if (password, secured) != ("secret", True):
+                    with pytest.raises((ua.UaError, ConnectionError)):
+                        await client.connect()
+                    continue
+                async with client:
+                    level = client.get_node(ua.NodeId(ua.ObjectIds.Server_ServiceLevel))
+                    assert await level.read_value() == 255
+        before = (tmp_path / "server" / "key.pem").read_bytes()
+        await secure(server, access)
+        assert (tmp_path / "server" / "key.pem").read_bytes() == before, "the second time it is the same"
+
+    asyncio.run(look())
+    assert stat.S_IMODE((tmp_path / "server" / "key.pem").stat().st_mode) == 0o600
+
+
+def state(**changed: Any) -> dict[str, Any]:
+    """As the control port tells it, of a machine where nothing is wrong."""
+    plain = {"idle": True, "fault": False, "unfinished": "", "outputs": {"power": 1}, "faults": {}, "inputs": {}}
+    axes = {"lost_steps": [0, 0, 0], "slip_steps": [32, 32, 32], "drive_faults": [[0, ""]] * 3}
+    return {**plain, **axes, **changed}
+
+
+@pytest.mark.parametrize(
+    ("changed", "is_"),
+    [
+        ({}, "Ended"),
+        ({"unfinished": "program 3"}, "Interrupted"),
+        ({"idle": False}, "Running"),
+        ({"idle": False, "outputs": {}}, "Running"),
+        ({"idle": False, "outputs": {"power": 0}}, "Interrupted"),
+        ({"idle": False, "fault": True}, "Aborted"),
+    ],
+)
+def test_state_of_the_program(changed: dict[str, Any], is_: str) -> None:
+    assert program(state(**changed)) == is_
+
+
+def test_conditions_name_what_is_wrong() -> None:
+    assert set(conditions(state()).values()) == {""}
+    changed = {"lost_steps": [15.9, -16.0, 0], "faults": {"line_cut": True}, "fault": True}
+    told = conditions(state(**changed, outputs={"power": 0}, drive_faults=[[0, ""], [0, ""], [3, "too far behind"]]))
+    assert {name: text for name, text in told.items() if text} == {
+        "power": "the safety relay is open",
+        "controller": "the controller has an error that no reply has told",
+        "line": "the line to the host is cut",
+        "lost_y": "y has lost -16 steps",
+        "drive_z": "drive of z: too far behind",
+    }
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["127.0.0.1:1"], "is there a serve --control?"),
+        (["127.0.0.1:1", "--tcp", "0.0.0.0:0"], "beyond the loopback interface --certificates and --password-file"),
+        (["127.0.0.1:1", "--certificates", "keys"], "--certificates and --password-file go together"),
+        (["127.0.0.1:1", "--tcp", "here"], "is not HOST:PORT"),
+        (["127.0.0.1:1", "--interval", "0"], "--interval"),
+    ],
+)
+def test_what_cannot_be_is_one_line(words: list[str], line: str) -> None:
+    done = isel_twin("opcua", *words)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert line in done.stderr
+
+
+def test_without_the_extra_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "isel_twin.bridge.opcua.access", None)
+    done = isel_twin("opcua", "127.0.0.1:1")
+    assert (done.returncode, done.stderr) == (2, "isel-twin: opcua needs asyncua: pip install 'isel-twin[opcua]'\n")
+
+
+def test_control_with_programs_of_its_own_shows_mode_override_and_program() -> None:
+    twin = Twin(controller="bwo900", machine="4030-servo", plant="kinematic")
+    told = {"keys": {**twin.key_values, "mode": "positioning", "override": 40.0, "program": 7}, "controller": "x"}
+    values = {
+        node.path.rpartition("MT:")[2]: node for node in NODES if "Channel/" in node.path or "Program" in node.path
+    }
+    assert values["ChannelMode"].value(told) == 1
+    assert values["FeedOverride"].value(told) == 40.0
+    assert values["Name"].value(told) == "7"
