@@ -7,7 +7,7 @@ from __future__ import annotations
 import logging
 from collections import deque
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,10 +34,13 @@ from isel_twin.core.unpowered import Unpowered
 from isel_twin.motion import Stream
 from isel_twin.wiring import SerialLine, Wiring
 
-if TYPE_CHECKING:
-    from isel_twin.core.twin import Source
-
 log = logging.getLogger("isel_twin")
+
+
+class Source(Protocol):
+    @property
+    def next_ns(self) -> int | None:
+        """When it acts by itself; None: never."""
 
 
 class Connected:

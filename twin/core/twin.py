@@ -21,7 +21,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,12 +62,6 @@ _REMARKS = 1000  # remarks of the controller that are kept
 _STEPS = 10_000  # steps of a program that are kept
 
 log = logging.getLogger("isel_twin")
-
-
-class Source(Protocol):
-    @property
-    def next_ns(self) -> int | None:
-        """When it acts by itself; None: never."""
 
 
 class Twin(Operated, Seen, Connected, Saved):
