@@ -81,6 +81,12 @@ package: $(RELEASE)/.ready ## wheel and source archive in dist/, checked, and th
 	build/clean/bin/isel-twin init build/shop
 	cd build/shop && ../clean/bin/isel-twin check jobs/*
 
+.PHONY: release
+REPOSITORY ?=
+release: $(RELEASE)/.ready ## REPOSITORY=https://HOST/OWNER/NAME: the commit's files for a package index in dist/, built twice alike
+	$(RELEASE)/bin/python -m tests.release "$(REPOSITORY)"
+	$(RELEASE)/bin/twine check --strict dist/*
+
 .PHONY: site
 site: build/site/.ready ## the pages as a site in build/site/html; a broken link fails
 	build/site/bin/sphinx-build -W --keep-going -q -b html docs build/site/html

@@ -50,6 +50,7 @@ IN_ORDER: dict[str, tuple[object, ...]] = {
     "compare": ("run.mcap", "run.mcap"),
     "learn": ("run.mcap",),
     "export": ("run.mcap", "out.vcd"),
+    "panel": ("run.mcap", "--html", "run-session.html"),
     "drive": ("run.npz",),
     "fmu": ("model.fmu",),
     "exec": (*KINEMATIC, "--", "python", "host.py"),

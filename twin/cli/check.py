@@ -37,21 +37,27 @@ def check(
     machine: Annotated[str | None, Parameter(help="Name of a machine, or path of a machine folder.")] = None,
     controller: Annotated[str | None, Parameter(help="Name of a controller.")] = None,
     plant: Annotated[str | None, Parameter(help="mujoco or kinematic.")] = None,
-    seed: Annotated[Whole | None, Parameter(help="Seed of power-on positions, switch scatter and bounce.")] = None,
+    seed: Annotated[
+        Whole | None, Parameter(help="A number: seed of power-on positions, switch scatter and bounce.")
+    ] = None,
     scenario: Annotated[Path | None, Parameter(help="Events around the machine (TOML).")] = None,
     set: options.Overrides = (),
-    margin: Annotated[float | None, Parameter(help="Least pull-out margin of each motor, 0 .. 1.")] = None,
-    edge: Annotated[float | None, Parameter(help="Least factor on each speed until the motor swings, as 1.2.")] = None,
-    deviation_mm: Annotated[float | None, Parameter(help="Most difference of counter and true position.")] = None,
-    contour_mm: Annotated[
-        float | None, Parameter(help="Most distance of the carriages from what a file of a CAM program cuts.")
+    margin: Annotated[float | None, Parameter(help="Least pull-out margin of each motor, a share from 0 to 1.")] = None,
+    edge: Annotated[
+        float | None, Parameter(help="Least factor on each speed until the motor swings, such as 1.2.")
     ] = None,
-    cycle_s: Annotated[float | None, Parameter(help="Most time from first command to end of the last.")] = None,
+    deviation_mm: Annotated[float | None, Parameter(help="Most difference of counter and true position, mm.")] = None,
+    contour_mm: Annotated[
+        float | None, Parameter(help="Most distance of the carriages from what a file of a CAM program cuts, mm.")
+    ] = None,
+    cycle_s: Annotated[float | None, Parameter(help="Most time from first command to end of the last, s.")] = None,
     clearance: Annotated[float | None, Parameter(help="Least distance of what must not meet, mm.")] = None,
     may_strike: Annotated[str | None, Parameter(help="End switches that may be struck, with commas; all.")] = None,
-    robust: Annotated[Whole | None, Parameter(help="Repetitions on other machines, as one can buy them.")] = None,
+    robust: Annotated[
+        Whole | None, Parameter(help="Number of other machines, as one can buy them, on which it is repeated.")
+    ] = None,
     uncertain: Annotated[
-        Whole | None, Parameter(help="Repetitions on what this machine may be, as far as its numbers are known.")
+        Whole | None, Parameter(help="Number of machines that this one may be, as far as its numbers are known.")
     ] = None,
     form: FormatName = None,
     timeout: Annotated[float | None, Parameter(help="Virtual seconds a command may take.")] = None,

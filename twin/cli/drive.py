@@ -49,9 +49,9 @@ def drive(
     sample_rate: Annotated[
         float | None, Parameter(help="Rows a second of a CSV without times; clock of a .dump in Hz.")
     ] = None,
-    pulse_us: Annotated[float, Parameter(help="Shortest level of step that the drives take.")] = 1.9,
-    setup_us: Annotated[float, Parameter(help="Shortest time from dir to step that they take.")] = 0.65,
-    hold_us: Annotated[float, Parameter(help="Shortest time from step to dir that they take.")] = 0.65,
+    pulse_us: Annotated[float, Parameter(help="Shortest level of step that the drives take, us.")] = 1.9,
+    setup_us: Annotated[float, Parameter(help="Shortest time from dir to step that they take, us.")] = 0.65,
+    hold_us: Annotated[float, Parameter(help="Shortest time from step to dir that they take, us.")] = 0.65,
     may_strike: Annotated[str, Parameter(help="Switches that may be struck: limit_x1,limit_y1 or all.")] = "",
     gap: Annotated[float, Parameter(help="Pause in seconds that ends a motion.")] = 0.1,
     steps: StepsPath = None,

@@ -39,23 +39,29 @@ def experiment(
     fit: Names = None,
     prior: Priors = None,
     known: Annotated[Path | None, Parameter(help="JSON of `identify`: what is known already.")] = None,
-    blocks: Annotated[Whole, Parameter(help="How many pieces the experiment has.")] = 8,
+    blocks: Annotated[Whole, Parameter(help="Number of pieces that the experiment has.")] = 8,
     criterion: Annotated[
         Literal["D", "E"], Parameter(help="D: all parameters together. E: the one least known.")
     ] = "D",
     supply: Annotated[
         list[float] | None, Parameter(help="V of the stages for the stall series, if it can be set. May be repeated.")
     ] = None,
-    seed: Annotated[Whole, Parameter(help="Of places, speeds and forces: another one is another experiment.")] = 0,
+    seed: Annotated[
+        Whole, Parameter(help="A number: seed of places, speeds and forces; another one is another experiment.")
+    ] = 0,
     carry_out: Annotated[
         str, Parameter(help="A machine whose twin stands in for the real one: writes NAME.mcap and fills in NAME.toml.")
     ] = "",
-    carry_out_seed: Annotated[Whole, Parameter(help="Seed of that twin and of the errors of gauge and clock.")] = 1,
-    gauge_noise_mm: Annotated[float, Parameter(help="Standard deviation of its gauge.")] = 0.005,
+    carry_out_seed: Annotated[
+        Whole, Parameter(help="A number: seed of that twin and of the errors of gauge and clock.")
+    ] = 1,
+    gauge_noise_mm: Annotated[float, Parameter(help="Standard deviation of its gauge, mm.")] = 0.005,
     protocol: Annotated[
         bool, Parameter(help="A measuring day by ISO 230 with predictions, in place of chosen blocks.")
     ] = False,
-    uncertain: Annotated[Whole, Parameter(help="Machines that this one may be, for the bands of --protocol.")] = 20,
+    uncertain: Annotated[
+        Whole, Parameter(help="Number of machines that this one may be, for the bands of --protocol.")
+    ] = 20,
     workers: options.Workers = 1,
     json: options.Json = False,
 ) -> int:

@@ -57,7 +57,7 @@ def compare(
     machine: Annotated[str | None, Parameter(help="Another machine than that of the golden run.")] = None,
     controller: Annotated[str | None, Parameter(help="Another controller.")] = None,
     plant: Annotated[str | None, Parameter(help="Another plant.")] = None,
-    seed: Annotated[Whole | None, Parameter(help="Another seed.")] = None,
+    seed: Annotated[Whole | None, Parameter(help="A number: another seed.")] = None,
     set: Annotated[options.Overrides, Parameter(help="KEY=VALUE: another parameter of the machine.")] = (),
     form: FormatName = None,
     timeout: options.Timeout = 3600.0,

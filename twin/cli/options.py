@@ -40,16 +40,20 @@ Whole = Annotated[int, Parameter(converter=_whole_number)]
 MachineName = Annotated[str, Parameter(help="Name of a machine (see `machines`) or path of a machine folder.")]
 ControllerName = Annotated[str, Parameter(help="Name of a controller (see `controllers`).")]
 PlantName = Annotated[str, Parameter(help="mujoco: physics. kinematic: the carriage follows the counter.")]
-Seed = Annotated[Whole, Parameter(help="Seed of power-on positions, switch scatter and bounce.")]
+Seed = Annotated[Whole, Parameter(help="A number: seed of power-on positions, switch scatter and bounce.")]
 ScenarioFile = Annotated[Path | None, Parameter(help="Timed events (TOML): hood, E-stop, faults, forces.")]
 FlashPath = Annotated[Path | None, Parameter(help="The controller's flash memory; created if missing.")]
 Overrides = Annotated[
     tuple[str, ...], Parameter(help="KEY=VALUE: a machine parameter, such as payload.mass=8. May be repeated.")
 ]
-Workers = Annotated[Whole, Parameter(help="Processes that share the work; what comes out does not depend on it.")]
-Robust = Annotated[Whole, Parameter(help="Repeat the job on so many other machines, as one can buy them.")]
+Workers = Annotated[
+    Whole, Parameter(help="Number of processes that share the work; what comes out does not depend on it.")
+]
+Robust = Annotated[
+    Whole, Parameter(help="Number of other machines, as one can buy them, on which the job is repeated.")
+]
 Uncertain = Annotated[
-    Whole, Parameter(help="Repeat it on so many that this machine may be, as far as its numbers are known: bands.")
+    Whole, Parameter(help="Number of machines that this one may be, as far as its numbers are known: bands.")
 ]
 Timeout = Annotated[float, Parameter(help="Virtual seconds after which a missing reply is given up.")]
 Json = Annotated[bool, Parameter(help="JSON for programs.")]

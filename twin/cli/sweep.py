@@ -34,7 +34,9 @@ def sweep(
     out: Annotated[
         Path | None, Parameter(name=("--out", "-o"), help="The table (Parquet). PLAN.parquet beside the plan.")
     ] = None,
-    workers: Annotated[Whole | None, Parameter(help="Processes; without it as many as there are processors.")] = None,
+    workers: Annotated[
+        Whole | None, Parameter(help="Number of processes; without it as many as there are processors.")
+    ] = None,
     cluster: Annotated[str | None, Parameter(help="A dask scheduler, tcp://HOST:PORT, in place of processes.")] = None,
     sensitivity: Annotated[
         Path | None, Parameter(help="Write a picture of what the outcome depends on (.png, .svg).")

@@ -32,7 +32,9 @@ def tap(
     pty: Ptys = None,
     tcp: Tcps = None,
     rfc2217: Rfc2217s = None,
-    baud: Annotated[Whole, Parameter(help="Speed of the controller's line until the host sets another.")] = 19_200,
+    baud: Annotated[
+        Whole, Parameter(help="Speed of the controller's line in bit/s until the host sets another.")
+    ] = 19_200,
     frame: Annotated[str, Parameter(help="Its data bits, parity and stop bits.")] = "8N1",
     record: Annotated[Path | None, Parameter(help="FILE.mcap for both directions with their times.")] = None,
     replace: Replace = False,

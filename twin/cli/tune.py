@@ -32,22 +32,28 @@ def tune(
     /,
     *,
     each_move: Annotated[bool, Parameter(help="Settings of its own for each move; equal lines share them.")] = False,
-    trials: Annotated[Whole, Parameter(help="Settings that are tried, those of earlier calls among them.")] = 25,
-    margin: Annotated[float, Parameter(help="Least pull-out margin that the tuned job has to keep, 0 .. 1.")] = 0.2,
+    trials: Annotated[
+        Whole, Parameter(help="Number of settings that are tried, those of earlier calls among them.")
+    ] = 25,
+    margin: Annotated[
+        float, Parameter(help="Least pull-out margin that the tuned job has to keep, a share from 0 to 1.")
+    ] = 0.2,
     edge: Annotated[
-        float, Parameter(help="Least edge: speed from which on a motor swings over the speed at which it turns.")
+        float,
+        Parameter(help="Least edge, a factor: speed from which on a motor swings over the speed at which it turns."),
     ] = 1.0,
     settle_mm: Annotated[
         float | None, Parameter(help="A move takes until its carriages ring by no more than this, mm.")
     ] = None,
     robust: Annotated[
-        Whole, Parameter(help="Other machines, as one can buy them, on which each setting is judged.")
+        Whole, Parameter(help="Number of other machines, as one can buy them, on which each setting is judged.")
     ] = 5,
     uncertain: Annotated[
-        Whole, Parameter(help="And so many that this machine may be, as far as its numbers are known: bands.")
+        Whole,
+        Parameter(help="And the number of machines that this one may be, as far as its numbers are known: bands."),
     ] = 0,
     confirm: Annotated[
-        Whole, Parameter(help="Further machines on which it must lose no step (149: at most 2 % do).")
+        Whole, Parameter(help="Number of further machines on which it must lose no step (149: at most 2 % do).")
     ] = 149,
     speed: Annotated[str | None, Parameter(help="LOW:HIGH in Hz, of rapid ways; one number: fixed.")] = None,
     acceleration: Annotated[str | None, Parameter(help="LOW:HIGH in Hz/ms.")] = None,
@@ -57,7 +63,9 @@ def tune(
     ] = None,
     machine: options.MachineName = MACHINE,
     controller: options.ControllerName = TwinSpec.controller,
-    seed: Annotated[Whole, Parameter(help="Seed of the machines and of the choice of settings.")] = TwinSpec.seed,
+    seed: Annotated[
+        Whole, Parameter(help="A number: seed of the machines and of the choice of settings.")
+    ] = TwinSpec.seed,
     set: options.Overrides = (),
     scenario: options.ScenarioFile = None,
     flash: Annotated[Path | None, Parameter(help="The controller's flash memory; is only read.")] = None,
@@ -68,7 +76,9 @@ def tune(
     ] = None,
     study: Annotated[str, Parameter(help="Name of the study in it.")] = "tune",
     workers: options.Workers = 1,
-    batch: Annotated[Whole, Parameter(help="Settings that are chosen together, so workers that help.")] = 8,
+    batch: Annotated[
+        Whole, Parameter(help="Number of settings that are chosen together, so of workers that help.")
+    ] = 8,
     out: Annotated[Path | None, Parameter(name=("--out", "-o"), help="The tuned job. JOB.tuned.txt")] = None,
     permanent: Annotated[
         Path | None, Parameter(help="Commands that make its ramps the controller's own. JOB.permanent.txt")

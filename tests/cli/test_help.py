@@ -1,0 +1,93 @@
+"""What --help says, and what shells complete."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import typing
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from cyclopts import App
+
+from isel_twin.cli import app
+from tests.in_process import isel_twin
+
+UNIT = re.compile(r"(?i:seconds?|number|share|factor)|\b(s|us|mm|Hz|bit/s|MB|steps)\b", re.IGNORECASE)
+SHELLS = ("bash", "zsh", "fish")
+
+
+def commands(inner: App, name: str = "") -> Iterator[tuple[str, App]]:
+    for word in inner:
+        if not word.startswith("-"):
+            yield f"{name} {word}".strip(), inner[word]
+            yield from commands(inner[word], f"{name} {word}".strip())
+
+
+COMMANDS = [(name, command) for name, command in commands(app) if command.default_command is not None]
+NUMBERS = [
+    (name, argument.name, argument.parameter.help or "")
+    for name, command in COMMANDS
+    for argument in command.assemble_argument_collection()
+    if {argument.hint, *typing.get_args(argument.hint)} & {int, float}
+]
+
+
+def test_each_number_says_what_it_is_in() -> None:
+    """A unit, a share, a factor, or the number of what."""
+    assert len(NUMBERS) > 40
+    assert [option for option in NUMBERS if not UNIT.search(option[2])] == []
+
+
+def test_each_option_and_command_is_explained() -> None:
+    unsaid = [
+        (name, argument.name)
+        for name, command in COMMANDS
+        for argument in command.assemble_argument_collection()
+        if argument.show and not argument.parameter.help
+    ]
+    assert unsaid == []
+    assert [name for name, command in COMMANDS if not command.help] == []
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+def test_a_shell_takes_the_completion_and_knows_each_command(shell: str, tmp_path: Path) -> None:
+    """The script is right for its shell, if that is installed, and has all commands and their options."""
+    script = app.generate_completion(shell=shell)
+    words = [word for name, _ in COMMANDS for word in name.split()]
+    assert [word for word in words if word not in script] == []
+    assert "--scenario" in script or "-l scenario" in script
+    (tmp_path / "completion").write_text(script)
+    if shutil.which(shell):
+        done = subprocess.run([shell, "-n", str(tmp_path / "completion")], capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_bash_completes_commands_options_and_choices(tmp_path: Path) -> None:
+    """As at the tab key: what the function of the script offers for a line that is begun."""
+    if shutil.which("bash") is None:
+        pytest.skip("there is no bash here")
+    (tmp_path / "completion").write_text(app.generate_completion(shell="bash"))
+    for line, offered in (("isel-twin swe", "sweep"), ("isel-twin run --rob", "--robust")):
+        ask = (
+            f"source ./completion; words=({line}); COMP_WORDS=(${{words[@]}}); COMP_CWORD=$((${{#words[@]}} - 1)); "
+            f"COMP_LINE='{line}'; COMP_POINT={len(line)}; "
+            "function=$(complete -p isel-twin | sed 's/.*-F \\([^ ]*\\).*/\\1/'); $function isel-twin; "
+            'printf "%s\\n" "${COMPREPLY[@]}"'
+        )
+        done = subprocess.run(["bash", "-c", ask], cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert offered in done.stdout.split(), (line, done)
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+def test_completion_is_installed(shell: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`--install-completion` for a shell writes its script below the home folder, and says where."""
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("SHELL", f"/bin/{shell}")
+    done = isel_twin("--install-completion", "--shell", shell)
+    assert done.returncode == 0, done
+    written = [path for path in tmp_path.rglob("*") if path.is_file() and "isel-twin" in path.name]
+    assert written
+    assert str(written[0]) in done.stdout
