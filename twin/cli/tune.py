@@ -66,7 +66,8 @@ def tune(
         str | None, Parameter(help="Database of what has been tried: file, or URL as Optuna has it. JOB.tune.db")
     ] = None,
     study: Annotated[str, Parameter(help="Name of the study in it.")] = "tune",
-    workers: options.Workers = 1,
+    workers: options.Workers | None = None,
+    cluster: options.Cluster = None,
     batch: Annotated[Whole, Parameter(help="Settings that are chosen together, so workers that help.")] = 8,
     out: Annotated[Path | None, Parameter(name=("--out", "-o"), help="The tuned job. JOB.tuned.txt")] = None,
     permanent: Annotated[
@@ -90,7 +91,10 @@ def tune(
     """
     if options.is_standard_input(job):
         raise CallError("-: the tuned job stands beside the job; name a file")
+    options.check_one_crew(workers, cluster)
+    workers = 1 if workers is None else workers
     _check_numbers(trials, robust, uncertain, confirm, workers, batch, margin, edge, seed, rapid)
+    crew = options.crew_of(workers, cluster)
     if settle_mm is not None and not 0.0 < settle_mm <= 10.0:
         raise CallError(f"settle-mm {settle_mm:g}: must be a distance up to 10, such as 0.01", option=True)
     options.check_seconds("timeout", timeout, 0.0)
@@ -136,7 +140,7 @@ def tune(
         stack.enter_context(told_of_compiling())
         stopped = stack.enter_context(interruption())
         show = Json() if json else stack.enter_context(Table(trials, confirm))
-        crew = stack.enter_context(options.crew_of(workers))
+        stack.enter_context(crew)
         stack.enter_context(_failures())
         written: list[Path] = []
         found = _tuned(job, begun, trials, confirm, crew, stopped, show)
@@ -194,11 +198,14 @@ def _ranges(texts: dict[str, str | None]) -> dict[str, tuple[int, int]]:
 
 @contextmanager
 def _failures() -> Iterator[None]:
-    """Turn errors from outside, such as a lost database, into CallError."""
+    """Turn errors from outside, such as a lost database or cluster, into CallError."""
+    from isel_twin.base.crew import LostError
     from isel_twin.many.tuning.study import StudyError
 
     try:
         yield
+    except LostError as error:
+        raise CallError(f"{error}; the same call goes on from there") from None
     except StudyError as error:
         raise CallError(str(error)) from None
 
