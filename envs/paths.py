@@ -53,11 +53,13 @@ def sampled(points: NDArray[np.float64]) -> NDArray[np.float64]:
     counts = np.ceil(lengths / SPACING_MM).astype(np.int64)
     if not 0 < counts.sum() < MOST_POINTS:
         raise ValueError(f"path is {lengths.sum():g} mm long; allowed: more than 0, up to {MOST_POINTS * SPACING_MM:g}")
-    ways_out = zip(starts, legs, counts, strict=True)
-    pieces = [start + np.arange(count)[:, None] / count * leg for start, leg, count in ways_out]
-    places = np.concatenate([*pieces, points[-1:]])
-    ways = np.concatenate([[0.0], np.cumsum(np.repeat(lengths / counts, counts))])
-    return np.ascontiguousarray(np.column_stack([places, ways]))
+    leg = np.repeat(np.arange(len(counts)), counts)
+    share = (np.arange(len(leg)) - (counts.cumsum() - counts)[leg]) / counts[leg]
+    path = np.zeros((len(leg) + 1, 4))
+    path[:-1, :3] = starts[leg] + share[:, None] * legs[leg]
+    path[-1, :3] = points[-1]
+    np.cumsum((lengths / counts)[leg], out=path[1:, 3])
+    return path
 
 
 def _named(name: str) -> Sequence[tuple[float, float, float]]:

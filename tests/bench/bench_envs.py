@@ -67,6 +67,26 @@ def test_moves(benchmark: Any, plant: str, monkeypatch: pytest.MonkeyPatch) -> N
         benchmark.extra_info["share of time outside the kernel"] = float(np.median(outside))
 
 
+@pytest.mark.benchmark(group="tuning environment")
+def test_a_move_without_physics_beside_one_with(benchmark: Any) -> None:
+    """Six moves each, in CPU time, the least of each: at most a quarter."""
+    envs = {plant: gymnasium.make(ENVIRONMENT, plant=plant) for plant in ("kinematic", "mujoco")}
+    spent: dict[str, list[float]] = {plant: [] for plant in envs}
+
+    def turn() -> None:
+        for plant, env in envs.items():
+            env.reset(seed=0)
+            began_s = time.process_time()
+            for _ in JOB:
+                env.step(to_action(SETTINGS))
+            spent[plant].append(time.process_time() - began_s)
+
+    benchmark.pedantic(turn, rounds=15, warmup_rounds=1)
+    ratio = min(spent["kinematic"]) / min(spent["mujoco"])
+    benchmark.extra_info["a move without physics over one with"] = ratio
+    assert ratio <= 0.25
+
+
 @pytest.mark.benchmark(group="tuning environments side by side")
 @pytest.mark.parametrize("mode", ["serial", "threads", "processes"])
 def test_side_by_side(benchmark: Any, mode: Any) -> None:

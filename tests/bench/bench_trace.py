@@ -60,7 +60,8 @@ finally:
 @pytest.mark.parametrize("plant", ["kinematic", "mujoco"])
 @pytest.mark.parametrize("name", ["trace.parquet", "dump.vcd", "report.html"])
 def test_outputs(benchmark: BenchmarkFixture, tmp_path: Path, name: str, plant: str) -> None:
-    """CPU time that an output adds to a run of ten moves, over that of the run without it, start included."""
+    """CPU time that an output adds to a run of ten moves, over that of the run without it, start included: at most a
+    half beside physics, once the time of the run where nothing but a counter is computed."""
     (tmp_path / "job.txt").write_text("@07\n@0R7\n" + MOVES * 5)
     option = f"--{Path(name).suffix[1:].replace('parquet', 'trace').replace('html', 'report')}"
 
@@ -69,6 +70,8 @@ def test_outputs(benchmark: BenchmarkFixture, tmp_path: Path, name: str, plant: 
         done = subprocess.run(command, capture_output=True, text=True, check=True)
         return float(done.stderr.split("cpu")[1])
 
-    ratios = [cpu_s(option, str(tmp_path / name)) / cpu_s() - 1.0 for _ in range(3)]
-    benchmark.extra_info["added, over the run"] = sorted(ratios)[1]
+    turns = [(cpu_s(), cpu_s(option, str(tmp_path / name))) for _ in range(3)]
+    alone_s, both_s = map(min, zip(*turns, strict=True))
+    benchmark.extra_info["added, over the run"] = both_s / alone_s - 1.0
     benchmark.pedantic(cpu_s, (option, str(tmp_path / name)), rounds=1)
+    assert both_s / alone_s - 1.0 <= (0.5 if plant == "mujoco" else 1.0)

@@ -51,15 +51,26 @@ def test_track_path_beside_reacher(benchmark: Any) -> None:
 
 
 @pytest.mark.benchmark(group="environment of set points")
-@pytest.mark.parametrize("same", [True, False], ids=["the same machine", "another machine"])
-def test_reset(benchmark: Any, same: bool) -> None:
-    env = gymnasium.make(TRACK)
-    draw = np.random.default_rng(0)
-    benchmark.pedantic(
-        lambda: env.reset(seed=0, options={} if same else {"friction": draw.uniform(0.8, 1.2)}),
-        rounds=20,
-        warmup_rounds=2,
-    )
+def test_reset(benchmark: Any) -> None:
+    """On another machine and on the same, in CPU time, the least of each."""
+    same, other, draw = gymnasium.make(TRACK), gymnasium.make(TRACK), np.random.default_rng(0)
+    spent: dict[str, list[float]] = {"the same machine": [], "another machine": []}
+
+    def turn() -> None:
+        for name, env, options in (
+            ("the same machine", same, {}),
+            ("another machine", other, {"friction": draw.uniform(0.8, 1.2), "payload_kg": draw.uniform(0.0, 8.0)}),
+        ):
+            began = time.process_time()
+            env.reset(seed=0, options=options)
+            spent[name].append(time.process_time() - began)
+
+    benchmark.pedantic(turn, rounds=60, warmup_rounds=3)
+    for name, each in spent.items():
+        benchmark.extra_info[f"{name}, ms"] = 1e3 * min(each[3:])
+    ratio = min(spent["another machine"][3:]) / min(spent["the same machine"][3:])
+    benchmark.extra_info["another over the same"] = ratio
+    assert ratio <= 8.0
 
 
 @pytest.mark.benchmark(group="environment of set points, 32 side by side")

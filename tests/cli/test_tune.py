@@ -145,6 +145,11 @@ def test_where_nothing_holds_nothing_is_written(tune: Any, tmp_path: Path) -> No
         ("job.txt --settle-mm 0", "--settle-mm 0: must be a distance up to 10, such as 0.01"),
         ("job.txt --confirm 0", "--confirm 0: must be a whole number from 1"),
         ("job.txt --margin 20", "--margin 20: must be from 0 to 1"),
+        ("job.txt --cluster here", "--cluster 'here': must be the address of a dask scheduler, tcp://HOST:PORT"),
+        (
+            "job.txt --workers 1 --cluster tcp://a:1",
+            "--workers and cluster: a cluster has its own workers; name one of the two",
+        ),
         ("job.txt --speed fast", "--speed fast: must be LOW:HIGH, for example 5000:20000"),
         ("job.txt --speed 5:50000", "speed_hz 5:50000: imc-s8 takes 30 to 40000"),
         ("job.txt --storage nonsense://x", "nonsense://x: cannot be used as a storage: Can't load plugin: *"),

@@ -190,3 +190,20 @@ def test_the_rate_on_a_ramp_is_that_of_the_ramp() -> None:
     for at_ms in (20, 50, 80):
         make(some, at_ms * MS)
         assert some.rate_hz()[0] == pytest.approx(300.0 + 100.0 * at_ms, rel=0.05)
+
+
+def test_a_line_may_be_made_without_its_ticks() -> None:
+    """Half of a line of 30 and 10 steps: as many ticks, and where they lead; the rest comes tick by tick."""
+    some, run = Stream(3), StepRun(line((30, -10, 0)), constant(30, 1000), 0)
+    assert some.straight(5 * MS) is None, "nothing moves"
+    some.follow(run, 0)
+    assert some.straight(15 * MS) == (15, (15, -5, 0))
+    some.skip(15)
+    assert some.rate_hz() == pytest.approx([1000.0, -1000.0 / 3.0, 0.0], rel=0.1)
+    assert some.straight(15 * MS) == (0, (0, 0, 0))
+    times, changes = make(some, 1 << 60)
+    assert times == [k * MS for k in range(16, 31)]
+    assert np.sum(changes, axis=0).tolist() == [15, -5, 0]
+    assert len(some.steps(1 << 60)) == 30
+    some.follow(SetPointRun(table((1, 0, 0)), PERIOD, 30 * MS), 30 * MS)
+    assert some.straight(1 << 60) is None, "what is led has no steps that could be left out"

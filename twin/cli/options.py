@@ -49,6 +49,7 @@ Overrides = Annotated[
 Workers = Annotated[
     Whole, Parameter(help="Number of processes that share the work; what comes out does not depend on it.")
 ]
+Cluster = Annotated[str | None, Parameter(help="A dask scheduler, tcp://HOST:PORT, in place of processes.")]
 Robust = Annotated[
     Whole, Parameter(help="Number of other machines, as one can buy them, on which the job is repeated.")
 ]
@@ -157,11 +158,18 @@ def check_workers(workers: int) -> None:
         raise CallError(f"workers {workers}: must be a number of processes from 1", option=True)
 
 
-def crew_of(workers: int) -> Crew:
-    """A crew of `workers` processes of this computer, ready to play jobs; 1: this process."""
-    from isel_twin.base.crew import local
+def crew_of(workers: int, address: str | None = None) -> Crew:
+    """A crew ready to play jobs: `workers` processes of this computer, 1: this process; or the cluster at an address.
+    Raises CallError for an address that cannot be one."""
+    from isel_twin.base.crew import cluster, local
 
-    return local(workers, preload=("isel_twin.jobs.ready",))
+    return local(workers, preload=("isel_twin.jobs.ready",)) if address is None else cluster(address)
+
+
+def check_one_crew(workers: int | None, cluster: str | None) -> None:
+    """Raise CallError if both are named. workers: None unless named."""
+    if workers is not None and cluster is not None:
+        raise CallError("workers and cluster: a cluster has its own workers; name one of the two", option=True)
 
 
 def check_kind(option: str, path: Path | None, *kinds: str) -> str:

@@ -15,7 +15,15 @@ from cyclopts import Parameter
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import outputs
 from isel_twin.cli.interruption import interruption
-from isel_twin.cli.options import Whole, check_workers, check_writable, crew_of, is_standard_input
+from isel_twin.cli.options import (
+    Cluster,
+    Whole,
+    check_one_crew,
+    check_workers,
+    check_writable,
+    crew_of,
+    is_standard_input,
+)
 
 if TYPE_CHECKING:
     from isel_twin.base.crew import Crew
@@ -37,7 +45,7 @@ def sweep(
     workers: Annotated[
         Whole | None, Parameter(help="Number of processes; without it as many as there are processors.")
     ] = None,
-    cluster: Annotated[str | None, Parameter(help="A dask scheduler, tcp://HOST:PORT, in place of processes.")] = None,
+    cluster: Cluster = None,
     sensitivity: Annotated[
         Path | None, Parameter(help="Write a picture of what the outcome depends on (.png, .svg).")
     ] = None,
@@ -55,8 +63,7 @@ def sweep(
         raise CallError("-: a job stands beside its plan; name a file")
     if workers is not None:
         check_workers(workers)
-    if workers is not None and cluster is not None:
-        raise CallError("workers and cluster: a cluster has its own workers; name one of the two", option=True)
+    check_one_crew(workers, cluster)
     from isel_twin.many.studies.plan import load_plan
     from isel_twin.many.studies.points import points
     from isel_twin.many.studies.table import Table, journal_of
@@ -88,13 +95,9 @@ def sweep(
 
 
 def _crew(workers: int | None, address: str | None, missing: int) -> Crew:
-    from isel_twin.base.crew import cluster
-
-    if address is not None:
-        return cluster(address)
     affinity = getattr(os, "sched_getaffinity", None)  # processors that this process may use; not on every system
     processors = len(affinity(0)) if affinity is not None else os.cpu_count() or 1
-    return crew_of(max(1, min(workers or processors, missing)))
+    return crew_of(max(1, min(workers or processors, missing)), address)
 
 
 def _try_out(plan: Plan) -> None:

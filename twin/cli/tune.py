@@ -75,7 +75,8 @@ def tune(
         str | None, Parameter(help="Database of what has been tried: file, or URL as Optuna has it. JOB.tune.db")
     ] = None,
     study: Annotated[str, Parameter(help="Name of the study in it.")] = "tune",
-    workers: options.Workers = 1,
+    workers: options.Workers | None = None,
+    cluster: options.Cluster = None,
     batch: Annotated[
         Whole, Parameter(help="Number of settings that are chosen together, so of workers that help.")
     ] = 8,
@@ -101,7 +102,10 @@ def tune(
     """
     if options.is_standard_input(job):
         raise CallError("-: the tuned job stands beside the job; name a file")
+    options.check_one_crew(workers, cluster)
+    workers = 1 if workers is None else workers
     _check_numbers(trials, robust, uncertain, confirm, workers, batch, margin, edge, seed, rapid, settle_mm)
+    crew = options.crew_of(workers, cluster)
     options.check_seconds("timeout", timeout, 0.0)
     ranges = _ranges({"speed": speed, "acceleration": acceleration, "start-stop": start_stop})
     database = storage if storage is not None else str(job.with_name(f"{job.stem}.tune.db"))
@@ -127,7 +131,7 @@ def tune(
         stack.enter_context(told_of_compiling())
         stopped = stack.enter_context(interruption())
         show = Json() if json else stack.enter_context(Table(trials, confirm))
-        crew = stack.enter_context(options.crew_of(workers))
+        stack.enter_context(crew)
         stack.enter_context(_failures())
         found = _tuned(job, begun, trials, confirm, crew, stopped, show)
         if picture is not None:
@@ -210,11 +214,14 @@ def _study(problem: Problem, database: Path | str, stack: ExitStack, **how: Any)
 
 @contextmanager
 def _failures() -> Iterator[None]:
-    """Turn errors from outside, such as a lost database, into CallError."""
+    """Turn errors from outside, such as a lost database or cluster, into CallError."""
+    from isel_twin.base.crew import LostError
     from isel_twin.many.tuning.study import StudyError
 
     try:
         yield
+    except LostError as error:
+        raise CallError(f"{error}; the same call goes on from there") from None
     except StudyError as error:
         raise CallError(str(error)) from None
 

@@ -52,7 +52,7 @@ from isel_twin.core.told import Told
 from isel_twin.language import Language, needed
 from isel_twin.machine import Fixture, Machine
 from isel_twin.motion import Stream
-from isel_twin.plant import Collision, Sampled
+from isel_twin.plant import Collision, GoesStraight, Sampled
 from isel_twin.wiring import Schedule, SerialLine, Wiring, thresholds
 
 _NEVER_NS = 1 << 62
@@ -197,6 +197,7 @@ class Twin(Operated, Seen, Connected, Saved):
         self._observers: Observers[Twin] = Observers()
         self._sampler: Sampler | None = None
         self._sampled = self._plant if isinstance(self._plant, Sampled) else None
+        self._straight = self._plant if isinstance(self._plant, GoesStraight) else None
         self._notes: list[Note] = []
         self._margin_readers = MarginReaders()
         self._least: Any = None
@@ -295,6 +296,8 @@ class Twin(Operated, Seen, Connected, Saved):
         if self._sampler is not None:
             self._sampler.prepare()
             until_ns = min(until_ns, self.time_ns + self._sampler.span_ns)
+        elif self._straight is not None and self._go_straight(self._straight, until_ns):
+            return
         t_ns, delta = self._stream.until(until_ns)
         count = len(t_ns)
         if count and self._stream.more_after(count):
@@ -312,6 +315,22 @@ class Twin(Operated, Seen, Connected, Saved):
             self._collide()
         if self._sampler is not None:
             self._sampler.keep_up()
+
+    def _go_straight(self, plant: GoesStraight, until_ns: int) -> bool:
+        """Let the plant make the ticks to until_ns as one; False if it has to be told of each."""
+        ahead = self._stream.straight(until_ns)
+        if ahead is None:
+            return False
+        count, way = ahead
+        if self._sense is not None:
+            way = tuple([n * sense for n, sense in zip(way, self._sense.tolist(), strict=True)])
+        if not plant.go_straight(until_ns, way):
+            return False
+        self._stream.skip(count)
+        if not self._wiring.stages_powered:
+            self.unpowered_steps = self.unpowered_steps + np.abs(way)
+        self.time_ns = until_ns
+        return True
 
     def _collide(self) -> None:
         """Take over who has met."""

@@ -24,8 +24,7 @@ for (towards this switch, a rest before the next motion).
 from __future__ import annotations
 
 from collections.abc import Generator
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from isel_twin.motion import StepPath, TimeLaw
 
@@ -34,8 +33,7 @@ class Unfinished(Exception):
     """An activity ended before its work was done. Firmwares derive their own."""
 
 
-@dataclass(frozen=True)
-class Travel:
+class Travel(NamedTuple):
     """Make the ticks first + 1 .. first + law.ticks of a path. Result: `Ended`."""
 
     path: StepPath
@@ -44,24 +42,21 @@ class Travel:
     purpose: object = None
 
 
-@dataclass(frozen=True)
-class Ended:
+class Ended(NamedTuple):
     """How a motion ended: number of the last tick made (including those before its first), and whether by an event."""
 
     ticks: int
     by_event: bool = False
 
 
-@dataclass(frozen=True)
-class Pause:
+class Pause(NamedTuple):
     """Let time pass. Result: None when it has passed, or the ns left when a stop came."""
 
     ns: int
     purpose: object = None
 
 
-@dataclass(frozen=True)
-class Listen:
+class Listen(NamedTuple):
     """Wait for one byte from the host. Result: its value, or None when a stop came."""
 
     purpose: object = None

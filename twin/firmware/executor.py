@@ -175,7 +175,7 @@ class Executor:
             self._make(self.motion.cut(self.now_ns))
             self._stopping = replace(self._stopping or _Stopping(), by_event=True)
         elif self.parked is not None and isinstance(self.parked.result, Ended):
-            self.parked = replace(self.parked, result=replace(self.parked.result, by_event=True))
+            self.parked = replace(self.parked, result=self.parked.result._replace(by_event=True))
 
     def break_off(self, reason: Unfinished) -> None:
         """End the activity, after the stop ramp if a motion is in execution. The latest reason holds."""
@@ -237,7 +237,8 @@ class Executor:
         """End the motion; return the number of its last tick made."""
         assert self.motion is not None
         ticks = self.motion.count(self.now_ns)
-        self._base, self.motion, self.end_ns = self.counts, None, None
+        self._base = added(self._base, self.motion.displacement_after(ticks))
+        self.motion = self.end_ns = None
         return ticks
 
     def _set_aside(self, result: Ended | int | None, parked: Callable[[], None]) -> None:

@@ -56,7 +56,12 @@ class StepRun:
         return times, self.path.deltas(k0, k1)
 
     def displacement(self, t_ns: int) -> Displacement:
-        return between(self.path.displacement(self.first), self.path.displacement(self.count(t_ns)))
+        return self.displacement_after(self.count(t_ns))
+
+    def displacement_after(self, tick: int) -> Displacement:
+        """Steps of each axis when this tick of the path has been made, the first of it not before `first`."""
+        made = self.path.displacement(tick)
+        return between(self.path.displacement(self.first), made) if self.first else made
 
     def stopped(self, t_ns: int) -> StepRun:
         """The stop ramp is that of `TimeLaw.stopped`."""

@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 
 from isel_twin.base.units import SECOND_NS
 from isel_twin.motion.motion import Motion
+from isel_twin.motion.path import Displacement, StepLine, between
 from isel_twin.motion.record import Steps
+from isel_twin.motion.step_run import StepRun
 
 CHUNK = 1 << 15  # ticks of a motion expanded at once; bounds the memory of long moves
 RATE_TICKS = 16  # ticks before and after the present over which a step frequency is averaged
@@ -55,11 +57,16 @@ class Stream:
 
     def rate_hz(self) -> NDArray[np.float64]:
         """float64 [axes], changes of each command in a second, mean over some ticks around the present; 0 at rest."""
+        motion = self._motion
         first, end = max(0, self._at - RATE_TICKS), min(len(self._t_ns), self._at + RATE_TICKS)
-        if self._motion is None or end - first < 2:
+        t_ns, delta = self._t_ns[first:end], self._delta[first:end]
+        if motion is not None and end == 0 and self._made > motion.first:  # they have been skipped
+            around = max(motion.first, self._made - RATE_TICKS), min(motion.last, self._made + RATE_TICKS)
+            t_ns, delta = motion.window(*around)
+        if motion is None or len(t_ns) < 2:
             return np.zeros(self._delta.shape[1])
-        changes = self._delta[first + 1 : end].sum(axis=0, dtype=np.int64)
-        return changes * (SECOND_NS / float(self._t_ns[end - 1] - self._t_ns[first]))
+        changes = delta[1:].sum(axis=0, dtype=np.int64)
+        return changes * (SECOND_NS / float(t_ns[-1] - t_ns[0]))
 
     def follow(self, motion: Motion | None, t_ns: int) -> bool:
         """Take over the controller's motion at t_ns; return whether it has changed. Raises ValueError for a new motion
@@ -73,7 +80,7 @@ class Stream:
         if before is not None and motion is not None and motion.continues(before):
             self._record.replace_last(motion)
             return True
-        if motion is not None and (late := motion.count(t_ns - 1) - motion.first):
+        if motion is not None and motion.start_ns < t_ns and (late := motion.count(t_ns - 1) - motion.first):
             raise ValueError(
                 f"the controller lays {late} of its ticks in the past, before {t_ns} ns: nobody makes them"
             )
@@ -96,6 +103,15 @@ class Stream:
         end = max(at, int(self._t_ns.searchsorted(t_ns, side="right")))
         return self._t_ns[at:end], self._delta[at:end]
 
+    def straight(self, t_ns: int) -> tuple[int, Displacement] | None:
+        """Number of ticks still to be made up to t_ns, and where they lead, on a line: no axis turns on the way. None
+        for other motions, and without one: `until` tells each tick."""
+        motion = self._motion
+        if not isinstance(motion, StepRun) or not isinstance(motion.path, StepLine):
+            return None
+        tick = motion.count(t_ns)
+        return tick - self._made, between(motion.path.displacement(self._made), motion.path.displacement(tick))
+
     def more_after(self, count: int) -> bool:
         """True if ticks follow that are not expanded yet once `count` of the present ones are made."""
         motion = self._motion
@@ -105,3 +121,9 @@ class Stream:
         """The next `count` ticks have been made."""
         self._made += count
         self._at += count
+
+    def skip(self, count: int) -> None:
+        """The next `count` ticks have been made, and nobody has looked at them."""
+        self._made += count
+        self._at = 0
+        self._t_ns, self._delta = self._none

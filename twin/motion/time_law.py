@@ -78,14 +78,15 @@ def trapezoid(ticks: int, speed_hz: Rational, start_stop_hz: Rational, accelerat
 
     Raises ValueError for a negative number of ticks, numbers that are not positive, or a time beyond 64 bits.
     """
+    slowest = min(speed_hz, start_stop_hz)
     if ticks < 0:
         raise ValueError(f"ticks must not be negative, got {ticks}")
-    names = ("speed_hz", "start_stop_hz", "acceleration_hz_per_s")
-    for name, value in zip(names, (speed_hz, start_stop_hz, acceleration_hz_per_s), strict=True):
-        if value <= 0:
-            raise ValueError(f"{name} must be positive, got {value}")
-    if ticks * SECOND_NS >= LONGEST_NS * min(speed_hz, start_stop_hz):
-        raise ValueError(f"{ticks} ticks at {min(speed_hz, start_stop_hz)} Hz take longer than 64 bits of nanoseconds")
+    if slowest <= 0 or acceleration_hz_per_s <= 0:
+        given = {"speed_hz": speed_hz, "start_stop_hz": start_stop_hz, "acceleration_hz_per_s": acceleration_hz_per_s}
+        name = next(name for name, value in given.items() if value <= 0)
+        raise ValueError(f"{name} must be positive, got {given[name]}")
+    if ticks * SECOND_NS >= LONGEST_NS * slowest:
+        raise ValueError(f"{ticks} ticks at {slowest} Hz take longer than 64 bits of nanoseconds")
     unit_s = math.lcm(speed_hz.denominator, start_stop_hz.denominator, acceleration_hz_per_s.denominator)
     speed, start_stop = int(speed_hz * unit_s), int(start_stop_hz * unit_s)
     return Trapezoid(ticks, _Law(ticks, speed, start_stop, int(acceleration_hz_per_s * unit_s**2), unit_s * SECOND_NS))
@@ -223,14 +224,14 @@ def _phases(law: _Law) -> tuple[_Cruise | _Ramp, ...]:
         peak = 4 * (f0 * f0 + a * n)
         risen = n // 2
         end = _root(peak) - (2 * f0 << ROOT_DIGITS)
-        rest: list[_Cruise | _Ramp] = [_Ramp(risen, n, -1, law, n, end * unit_ns, a << ROOT_DIGITS, peak)]
+        rest: list[_Cruise | _Ramp] = [_ramp(risen, n, -1, law, n, end * unit_ns, a << ROOT_DIGITS, peak)]
     else:  # t_r - s_r / V = (V - f0)^2 / (2 a V),  T = 2 t_r + (n - 2 s_r) / V
         risen, fall = double_rise // (2 * a), (2 * a * n - double_rise) // (2 * a)
         rest = [
             _cruise(risen, fall, 2 * a * unit_ns, (v - f0) ** 2 * unit_ns, 2 * a * v),
-            _Ramp(fall, n, -1, law, n, ((v - f0) ** 2 + a * n) * unit_ns, a * v),
+            _ramp(fall, n, -1, law, n, ((v - f0) ** 2 + a * n) * unit_ns, a * v),
         ]
-    phases = [_Ramp(0, risen, +1, law, 0, 0, 1), *rest]
+    phases = [_ramp(0, risen, +1, law, 0, 0, 1), *rest]
     if stop_ns is not None:
         planned = law._replace(stop_ns=None)
         stop = _stop_ramp(planned, stop_ns)
@@ -238,7 +239,7 @@ def _phases(law: _Law) -> tuple[_Cruise | _Ramp, ...]:
         made = Trapezoid(n, planned).count(stop_ns)
         phases = [phase._replace(last=min(phase.last, made)) for phase in phases if phase.first < made]
         end_ns = stop[1] * unit_ns
-        phases.append(_Ramp(made, math.floor(stop[0]), -1, law, stop[0], end_ns.numerator, end_ns.denominator))
+        phases.append(_ramp(made, math.floor(stop[0]), -1, law, stop[0], end_ns.numerator, end_ns.denominator))
     return tuple([phase for phase in phases if phase.first < phase.last])
 
 
@@ -305,7 +306,9 @@ class _Ramp(NamedTuple):
     s: Rational
     end: int
     over: int  # T is end / over ns, exact without a peak, else far more precise than double precision
-    peak: int = 0
+    peak: int
+    # in double precision: sign, whole and rest of s, f0, 2 a, 2 units, whole and rest of the end
+    numbers: tuple[int, int, float, float, float, float, int, float]
 
     def estimate(self, t_ns: int) -> int:
         tau = self.sign * (t_ns * self.over - self.end) / (self.over * self.law.unit_ns)
@@ -313,26 +316,18 @@ class _Ramp(NamedTuple):
         return math.floor(self.s) + math.floor(self.sign * d + float(self.s % 1))
 
     def time(self, k: int) -> int:
-        n = _ramp_tick(k, *self._numbers)
+        n = _ramp_tick(k, *self.numbers)
         return self._settle(k) if n is None else n
 
     def fill(self, out: NDArray[np.int64], k: int) -> None:
         """Write the times of ticks k, k + 1, ... to out."""
-        done, numbers = 0, self._numbers
+        done = 0
         while True:
-            done = _fill_ramp(out, done, k, *numbers)
+            done = _fill_ramp(out, done, k, *self.numbers)
             if done == out.size:
                 return
             out[done] = self._settle(k + done)
             done += 1
-
-    @property
-    def _numbers(self) -> tuple[int, int, float, float, float, float, int, float]:
-        """In double precision: sign, whole and rest of s, f0, 2 a, 2 units, whole and rest of the end."""
-        law, whole, rest = self.law, math.floor(self.s), self.s % 1
-        t, t_rest = divmod(self.end, self.over)
-        f0, two_a, two_units = float(law.start_stop), float(2 * law.acceleration), float(2 * law.unit_ns)
-        return self.sign, whole, float(rest), f0, two_a, two_units, t, t_rest / self.over
 
     def _settle(self, k: int) -> int:
         """Time of tick k in exact arithmetic."""
@@ -352,6 +347,13 @@ class _Ramp(NamedTuple):
             if middle > 2 * n and side > 0:
                 return n + 1
         return n
+
+
+def _ramp(first: int, last: int, sign: int, law: _Law, s: Rational, end: int, over: int, peak: int = 0) -> _Ramp:
+    t, t_rest = divmod(end, over)
+    f0, two_a, two_units = float(law.start_stop), float(2 * law.acceleration), float(2 * law.unit_ns)
+    numbers = sign, math.floor(s), float(s % 1), f0, two_a, two_units, t, t_rest / over
+    return _Ramp(first, last, sign, law, s, end, over, peak, numbers)
 
 
 def _root(x: Rational) -> int:

@@ -19,7 +19,7 @@ scene.py       its bodies as meshes, where they are, the trail of the tool
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol, get_args, runtime_checkable
 
@@ -325,6 +325,15 @@ class Sampled(Protocol):
         """Samples not read yet; beyond MOST_SAMPLES they are lost."""
 
     def take_samples(self) -> Samples: ...
+
+
+@runtime_checkable
+class GoesStraight(Protocol):
+    """A plant that need not be told of each step of a straight way."""
+
+    def go_straight(self, until_ns: int, way: Sequence[int]) -> bool:
+        """Advance to until_ns while each axis goes one way by so many counts, [axes] in the sense of the motors, if
+        that leads to the same as all the steps in between would; return whether it does. False changes nothing."""
 
 
 MOST_SAMPLES = 2048  # unread samples that a plant keeps

@@ -41,6 +41,7 @@ from numpy.typing import NDArray
 from vcd import VCDWriter
 
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
+from isel_twin.base.compiling import njit
 from isel_twin.base.files import replacing
 from isel_twin.motion import Steps
 from isel_twin.recordings.recorder import Change, Samples
@@ -55,6 +56,7 @@ PINS = {
 """What the pins of the socket carry while the output CLOCK is on."""
 CLOCK = "clock_signals"
 CHUNK = 1 << 16  # ticks expanded at a time
+_TIME_BYTES = 21  # of a line with a time, at most
 _Entry = tuple[int, str, int | float | str]  # (time in ns, name of the signal, new value)
 _Edges = tuple[NDArray[np.int64], NDArray[np.int64]]  # times in ns, rising, and what changes, as in `_edge_names`
 
@@ -123,7 +125,7 @@ def _write(
         entry = next(others, None)
     writer.flush()
     kinds = [signals.get(name) for name in _edge_names(axes)]
-    lines = np.array([kind and kind.format_value(value) for kind in kinds for value in (0, 1)], dtype=object)
+    lines = [kind.format_value(value) if kind else "" for kind in kinds for value in (0, 1)]
     written_ns = 0
     nothing = np.empty(0, dtype=np.int64)
     for edge_ns, codes in itertools.chain(pulses, [(nothing, nothing)]):
@@ -142,10 +144,36 @@ def _write(
         order = np.argsort(all_ns, kind="stable")
         all_ns = all_ns[order]
         new = np.diff(all_ns, prepend=written_ns) != 0
-        text = np.concatenate([lines[codes], np.array(texts, dtype=object)])[order]
-        rows = zip(all_ns.tolist(), text.tolist(), new.tolist(), strict=True)
-        file.writelines([f"#{time_ns}\n{line}\n" if first else f"{line}\n" for time_ns, line, first in rows])
+        pool = [f"{text}\n".encode("ascii", "replace") for text in (*lines, *texts)]
+        ends = np.cumsum([0, *map(len, pool)])
+        which = np.concatenate([codes, len(lines) + np.arange(len(texts))])[order]
+        room = int(np.diff(ends)[which].sum()) + _TIME_BYTES * int(new.sum())
+        laid = _lay(all_ns, new, which, np.frombuffer(b"".join(pool), np.uint8), ends, np.empty(room, np.uint8))
+        file.write(laid.tobytes().decode("ascii"))
         written_ns = int(all_ns[-1]) if len(all_ns) else written_ns
+
+
+@njit(nogil=True)
+def _lay(times_ns, new, which, pool, ends, out):
+    """Lay the lines of a dump into out, and return what they fill: text which[i] of the pool, after a line with its
+    time if that is new. ends [n + 1]: where each text of the pool begins, and the last one ends."""
+    at = 0
+    for i in range(times_ns.size):
+        if new[i]:
+            out[at] = 35  # "#"
+            rest, digits = times_ns[i] // 10, 1
+            while rest:
+                rest, digits = rest // 10, digits + 1
+            rest = times_ns[i]
+            for k in range(digits):
+                rest, digit = rest // 10, rest % 10
+                out[at + digits - k] = 48 + digit
+            at += digits + 2
+            out[at - 1] = 10
+        for k in range(ends[which[i]], ends[which[i] + 1]):
+            out[at] = pool[k]
+            at += 1
+    return out[:at]
 
 
 def _doubled(steps: Steps) -> bool:
@@ -164,34 +192,51 @@ def _pulses(steps: Steps, doubled: bool) -> Iterator[_Edges]:
     axes = steps.axes
     minus, full, high = (np.zeros(axes, dtype=np.bool_) for _ in range(3))  # as the tick before left them
     rose_ns = 0
-    step, direction, width = (2 * (np.arange(axes) + k * axes) for k in range(3))
     for t_ns, delta in _windows(steps):
-        new = delta != 0
-        before_ns = np.concatenate([[rose_ns], t_ns[:-1]])
-        room = t_ns - before_ns >= 2
-        middle_ns = np.where(room, (before_ns + t_ns) // 2, t_ns)
-        set_ns = np.maximum(t_ns - SETUP_NS, middle_ns)
-        fall_ns = np.minimum(before_ns + PULSE_NS, middle_ns)
-        is_high, kept = np.concatenate([high[None], new]), np.zeros_like(new)
-        for k in np.flatnonzero(~room):
-            kept[k] = is_high[k] & (new[k] | (t_ns[k] == before_ns[k]))
-            is_high[k + 1] |= kept[k]
-        is_minus, is_full = _last(delta < 0, new, minus), _last(np.abs(delta) > 1, new, full)
-        turns, widens = is_minus[1:] != is_minus[:-1], is_full[1:] != is_full[:-1]
-        shape = (len(t_ns), axes)
-        columns = (
-            (is_high[:-1] & ~kept, fall_ns, np.broadcast_to(step, shape)),
-            (turns, set_ns, direction + is_minus[1:]),
-            (widens if doubled else np.zeros_like(widens), set_ns, width + is_full[1:]),
-            (new & ~kept, t_ns, np.broadcast_to(step + 1, shape)),
-        )
-        there = np.concatenate([happens for happens, _, _ in columns], axis=1)
-        times_ns = np.concatenate([np.broadcast_to(at_ns[:, None], shape) for _, at_ns, _ in columns], axis=1)
-        yield times_ns[there], np.concatenate([codes for _, _, codes in columns], axis=1)[there]
-        minus, full, high, rose_ns = is_minus[-1], is_full[-1], is_high[-1], int(t_ns[-1])
-    falling = step[high]
+        most = len(t_ns) * axes * 4
+        edges = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
+        made = _edges(t_ns, delta, rose_ns, minus, full, high, doubled, *edges)
+        yield edges[0][:made], edges[1][:made]
+        rose_ns = int(t_ns[-1])
+    falling = 2 * np.flatnonzero(high)
     if len(falling):
         yield np.full(len(falling), rose_ns + PULSE_NS), falling
+
+
+@njit(nogil=True)
+def _edges(t_ns, delta, rose_ns, minus, full, high, doubled, edge_ns, codes):
+    """Lay the edges of ticks into edge_ns and codes [n], and return their number. rose_ns, minus, full, high: time of
+    the tick before, and what it left of each axis; the latter three are left as the last tick leaves them."""
+    n, axes = 0, delta.shape[1]
+    for k in range(t_ns.size):
+        room = t_ns[k] - rose_ns >= 2
+        middle_ns = (rose_ns + t_ns[k]) // 2 if room else t_ns[k]
+        for i in range(axes):
+            new = delta[k, i] != 0
+            if high[i] and not room and (new or t_ns[k] == rose_ns):
+                continue
+            if high[i]:
+                edge_ns[n], codes[n] = min(rose_ns + PULSE_NS, middle_ns), 2 * i
+                n += 1
+            high[i] = False
+        set_ns = max(t_ns[k] - SETUP_NS, middle_ns)
+        for i in range(axes):
+            if delta[k, i] != 0 and (delta[k, i] < 0) != minus[i]:
+                minus[i] = delta[k, i] < 0
+                edge_ns[n], codes[n] = set_ns, 2 * (axes + i) + minus[i]
+                n += 1
+        for i in range(axes):
+            if doubled and delta[k, i] != 0 and (abs(delta[k, i]) > 1) != full[i]:
+                full[i] = abs(delta[k, i]) > 1
+                edge_ns[n], codes[n] = set_ns, 2 * (2 * axes + i) + full[i]
+                n += 1
+        for i in range(axes):
+            if delta[k, i] != 0 and not high[i]:
+                edge_ns[n], codes[n] = t_ns[k], 2 * i + 1
+                high[i] = True
+                n += 1
+        rose_ns = t_ns[k]
+    return n
 
 
 def _windows(steps: Steps) -> Iterator[tuple[NDArray[np.int64], NDArray[Any]]]:
@@ -200,13 +245,6 @@ def _windows(steps: Steps) -> Iterator[tuple[NDArray[np.int64], NDArray[Any]]]:
         if not motion.lead_ns:
             for k in range(motion.first, motion.last, CHUNK):
                 yield motion.window(k, min(k + CHUNK, motion.last))
-
-
-def _last(values: NDArray[np.bool_], told: NDArray[np.bool_], first: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """bool [n + 1, axes], the last value of each axis that was told before, or the first one."""
-    row = np.maximum.accumulate(np.where(told, np.arange(1, len(told) + 1)[:, None], 0), axis=0)
-    held = np.take_along_axis(np.concatenate([first[None], values]), row, axis=0)
-    return np.concatenate([first[None], held])
 
 
 def _connector(pulses: Iterator[_Edges], axes: int, changes: list[Change]) -> Iterator[_Entry]:

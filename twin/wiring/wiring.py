@@ -331,9 +331,10 @@ class Wiring:
 
     def _follow_spindle(self, t_ns: int) -> bool:
         """Let the spindle take contactor, command and load; return whether its shown speed has changed."""
-        spindle = self._spindle
+        if self._spindle is None:
+            return False
         live = bool(self._cabinet.relays.get("spindle_runs"))
-        if spindle is None or not spindle.follow(t_ns, self._outputs, live, self.plant):
+        if not self._spindle.follow(t_ns, self._outputs, live, self.plant):
             return False
         self.changes += 1
         self._look()

@@ -14,6 +14,7 @@ import pytest
 from isel_twin.cli import main
 from tests.forked import PATIENCE_S
 from tests.many.studies.conftest import COMMAND
+from tests.near import near_switches
 
 ROWS = 24
 PLAN = """
@@ -29,7 +30,7 @@ ramp = [100]
 """
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def dask() -> Iterator[tuple[str, list[int]]]:
     """Address of a scheduler with two workers, and the process ids of these."""
     from distributed import LocalCluster
@@ -73,6 +74,23 @@ def test_a_cluster_of_two_of_which_one_is_killed(dask: tuple[str, list[int]], pl
     assert len(pids) == 1, "one was killed, half-way"
     assert sorted(rows) == list(range(1, ROWS + 1)), "every row exactly once"
     assert (plans / "many.parquet").read_bytes() == expected(plan, plans / "here.parquet")
+
+
+@pytest.mark.slow
+def test_a_job_is_tuned_on_a_cluster_as_here(
+    dask: tuple[str, list[int]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    job, machine = tmp_path / "job.txt", near_switches(tmp_path, 2.0)
+    job.write_text("@07\n@0R7\n@0M1600,5000,0,30,0,30,0,30\n", encoding="utf-8")
+    few = ("--trials", "3", "--robust", "1", "--confirm", "2", "--margin", "0", "--json", "--machine", str(machine))
+    told = []
+    for name, crew in (("cluster", ("--cluster", dask[0])), ("here", ())):
+        with pytest.raises(SystemExit) as caught:
+            main(["tune", str(job), *few, *crew, "--storage", str(tmp_path / f"{name}.db")])
+        assert caught.value.code == 0
+        told.append([json.loads(line) for line in capsys.readouterr().out.splitlines()])
+    assert told[0] == told[1]
+    assert told[0][-1]["confirmed"]["lost"] == 0
 
 
 def test_processes_of_this_computer_of_which_one_is_killed(plans: Path) -> None:

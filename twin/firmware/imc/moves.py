@@ -11,8 +11,8 @@ All reasons for a refusal are checked in planning.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass
 from functools import cache
+from typing import NamedTuple
 
 from isel_twin.firmware.activity import Activity, Ended, Request, Travel
 from isel_twin.firmware.imc.device import Device
@@ -27,8 +27,7 @@ ANY_SPEED = Number(-(1 << 62), 1 << 62)  # a speed whose range is checked later,
 PAIRS = tuple((Number(), ANY_SPEED) * count for count in range(AXES + 1))  # steps and speed, so often
 
 
-@dataclass(frozen=True)
-class Leg:
+class Leg(NamedTuple):
     """A path, and a function that gives the time law for its remaining ticks."""
 
     path: StepPath

@@ -62,7 +62,7 @@ class Interpreter:
         self._reader = Reader(parameters, store, self.stack, self._values, self._coordinates, self._tools, self._cycles)
         self._targets = Targets(parameters, self._values, self._coordinates)
         self._output = Output(parameters, self.stack, self._coordinates, self._targets, self._tools)
-        self._plain = Plain(parameters, self._coordinates, self._targets, self._tools, self._output)
+        self._plain = Plain(parameters, self._coordinates, self._targets, self._output)
         self._ready = self._output.ready
         self._supervision = Supervision(self._ready)
         self._reset((0.0, 0.0, 0.0))

