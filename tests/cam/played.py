@@ -74,9 +74,9 @@ class Player:
     """A twin that plays toolpaths one after the other, each a job of its own; only the first has the reference run.
     Those behind it must begin with a rapid of all axes, as a job takes it that the tool stands at the zero."""
 
-    def __init__(self, controller: str) -> None:
+    def __init__(self, controller: str, axes: MachineAxes | None = None) -> None:
         machine = MACHINES.get(controller, "4030-servo")
-        self.controller = controller
+        self.controller, self.axes = controller, axes
         self.steps_mm = STEPS_MM.get(controller, 320.0)
         self.twin = Twin(machine=machine, controller=controller, plant="kinematic", seed=1)
         self.start: Point = (0.0, 0.0, 0.0)  # as the counters show it
@@ -84,7 +84,7 @@ class Player:
 
     def play(self, path: Iterable[Element], settings: CamSettings = FAST) -> Played:
         twin = self.twin
-        lines = lines_of(self.controller, path, settings)
+        lines = lines_of(self.controller, path, settings, self.axes)
         job = parse_job("\n".join(texts(lines)), twin.language, self.controller)
         begin = twin.time_ns
         results, spindle = [], []

@@ -99,6 +99,8 @@ class CamSettings:
     depth_mm: float = number("mm", 0.0, 1e3, default=0.5)  # HPGL: of the lowered pen below its surface
     pen_depth_mm: Mapping[int, float] = field(default_factory=dict)
     tolerance_mm: float = number("mm", 1e-4, 10.0, default=0.01)  # chords leave an arc by at most this
+    following_mm: float = number("mm", 0.0, 10.0, default=0.02)
+    # by which drives that follow may round corners and arcs of cuts; 0: as they do by themselves
     peck_clearance_mm: float = number("mm", 0.0, 100.0, default=0.25)  # NCP, C2: above the last depth
     optional_stop: bool = flag(True)  # M1 stops
     block_delete: bool = flag(False)  # lines that begin with / are left out

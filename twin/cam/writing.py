@@ -12,7 +12,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import Protocol
 
-from isel_twin.cam.course import Course, Limits, Move, Turn
+from isel_twin.cam import arcs
+from isel_twin.cam.course import CLOSE, Course, Limits, Move, Turn
+from isel_twin.cam.following import Following, directions
 from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import (
     Arc,
@@ -55,6 +57,9 @@ class Commands(Limits, Protocol):
     def held(self) -> Iterable[Written]:
         """Lines for the moves that are held back until now."""
 
+    def settled(self, place: Place) -> Iterable[Written]:
+        """What lets drives that follow come to rest before the next move. Asked only of machines with such drives."""
+
     def dwell(self, seconds: float) -> str: ...
 
     def spindle(self, turns: int, speed_rpm: float | None) -> Iterable[str] | None:
@@ -88,6 +93,7 @@ def written(path: Toolpath, axes: MachineAxes, settings: CamSettings, commands: 
 class _Writer:
     def __init__(self, axes: MachineAxes, settings: CamSettings, commands: Commands) -> None:
         self._course = Course(axes, settings, commands)
+        self._following = Following(axes.lag_s, settings.following_mm)
         self._commands = commands
         self._settings = settings
         self._running: Spindle | None = None
@@ -106,11 +112,19 @@ class _Writer:
                     yield from self._back(element)
                 rapid = isinstance(element, Rapid)
                 speed = element.speed_mm_s or rapid_mm_s if isinstance(element, Rapid) else element.feed_mm_s
+                if self._following.matters:
+                    way = [to - at for to, at in zip(element.to, course.point, strict=True)]
+                    if self._following.corner(way, way, speed):
+                        yield from commands.settled(place)
                 if (move := course.line(place, element.to, speed, rapid)) is not None:
                     yield from commands.move(move)
             elif isinstance(element, Arc):
                 if self._away_from is not None:
                     yield from self._back(element)
+                if self._following.matters:
+                    element = self._followed(element)
+                    if self._following.corner(*directions(arcs.shape(element, course.point)), element.feed_mm_s):
+                        yield from commands.settled(place)
                 for part in course.arc(element):
                     yield from commands.turn(part) if isinstance(part, Turn) else commands.move(part)
             elif isinstance(element, End):
@@ -121,6 +135,18 @@ class _Writer:
             if course.cautions:
                 yield from self._cautions()
         yield from self._end(place or Place(1))
+
+    def _followed(self, arc: Arc) -> Arc:
+        """As slowly as the drives have to make it."""
+        of = arcs.shape(arc, self._course.point)
+        radius = min(of.start_radius, of.end_radius)
+        fastest = self._following.fastest_mm_s(radius)
+        if arc.feed_mm_s <= fastest * (1.0 + CLOSE):
+            return arc
+        bound = f"{self._settings.following_mm:g} mm ([cam] following_mm)"
+        text = f"an arc of r {radius:.3g} mm is made at {fastest:.3g} mm/s: its drives follow within {bound}"
+        self._course.caution("arc", arc.place, text)
+        return arc._replace(feed_mm_s=fastest)
 
     def _event(self, element: Element) -> Iterator[Written]:
         commands, place = self._commands, element.place

@@ -20,6 +20,7 @@ class MachineAxes:
     # least and greatest reading of the counter, mm; (0, 0) for an axis that there is not
     travel_mm: tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
     top_mm_s: tuple[float, float, float] | None = None  # None: what the controller makes, the axis follows
+    lag_s: float = 0.0  # by which drives follow, the slowest of them; stepper motors do not
 
     def __post_init__(self) -> None:
         if not all(steps > 0 for steps in self.steps_mm):
@@ -28,6 +29,8 @@ class MachineAxes:
             raise ValueError(f"travel_mm is {self.travel_mm}; each is the least and the greatest reading")
         if self.top_mm_s is not None and not all(top > 0 for top in self.top_mm_s):
             raise ValueError(f"top_mm_s is {self.top_mm_s}; each must be more than 0")
+        if self.lag_s < 0:
+            raise ValueError(f"lag_s is {self.lag_s}; it must be 0 or more")
 
     @property
     def count(self) -> int:

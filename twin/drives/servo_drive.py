@@ -101,6 +101,11 @@ class ServoDrive:
     def current_a(self) -> float:
         return self.peak_current_a
 
+    @property
+    def lag_s(self) -> float:
+        """By which the axis is behind at constant speed."""
+        return (1.0 - self.feed_forward) / self.position_gain_per_s
+
     def loss_w(self, current_fraction: float) -> float:
         """Heat it makes while switched on, at a fraction of the rated current."""
         return self.quiescent_w + self.extra_resistance_ohm * (self.rated_current_a * current_fraction) ** 2

@@ -25,6 +25,7 @@ from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import CamError, Caution, Element, End, Toolpath
 from isel_twin.cam.written import MachineAxes, Written
 from isel_twin.controller import offers
+from isel_twin.drives.servo_drive import ServoDrive
 from isel_twin.jobs.foreign import check_controller
 from isel_twin.jobs.job import JobError, Line, decode_job, parse_job
 from isel_twin.jobs.result import Result
@@ -60,6 +61,7 @@ def machine_axes(machine: Machine) -> MachineAxes:
     return MachineAxes(
         steps_mm=(1.0 / x.step_mm, 1.0 / y.step_mm, 1.0 / z.step_mm),
         travel_mm=((0.0, x.travel_mm), (0.0, y.travel_mm), (0.0, z.travel_mm)),
+        lag_s=max(abs(axis.stage.lag_s) if isinstance(axis.stage, ServoDrive) else 0.0 for axis in (x, y, z)),
     )
 
 
@@ -159,7 +161,7 @@ def converted(
 
 def said(caution: Written) -> str:
     """The words of a remark that the user has to see."""
-    return caution.text.lstrip("#{ ").removeprefix("caution: ").rstrip("} ")
+    return caution.text.lstrip("#;{ ").removeprefix("caution: ").rstrip("} ")
 
 
 def _places(made: Sequence[Written]) -> tuple[int, ...]:

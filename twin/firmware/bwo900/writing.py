@@ -16,7 +16,7 @@ import math
 from collections.abc import Iterable, Mapping
 
 from isel_twin.cam.course import CLOSE, Move, Turn, halves
-from isel_twin.cam.toolpath import CamError
+from isel_twin.cam.toolpath import CamError, Place
 from isel_twin.cam.written import Counts, MachineAxes, Written
 from isel_twin.firmware.bwo900.numbers import G, M, P
 from isel_twin.firmware.bwo900.programs.lines import END
@@ -49,6 +49,7 @@ class Bwo900Commands:
         self._plane: int = G.PLANE_XY
         self._mm_s = 0.0
         self._feed = ""  # as it is written: small changes are none
+        self._stands = True  # behind G0 and a dwell
         self._cooled: set[int] = set()
 
     def _block(self, words: str) -> str:
@@ -79,6 +80,7 @@ class Bwo900Commands:
 
     def move(self, move: Move) -> Iterable[Written]:
         words = self._words(move.to, move.steps)
+        self._stands = move.rapid
         if move.rapid and abs(move.speed_mm_s - self._rapid_mm_s) <= CLOSE * self._rapid_mm_s:
             return (Written(self._block(f"G0{words}"), move.place),)
         stop = f" G{G.EXACT_STOP_HERE}" if move.rapid else ""
@@ -91,6 +93,7 @@ class Bwo900Commands:
 
     def turn(self, turn: Turn) -> Iterable[Written]:
         """G18 turns from Z to X."""
+        self._stands = False
         plane = PLANES[turn.a, turn.b]
         select = f"G{plane} " if plane != self._plane else ""
         self._plane = plane
@@ -109,6 +112,13 @@ class Bwo900Commands:
 
     def held(self) -> Iterable[Written]:
         return ()
+
+    def settled(self, place: Place) -> Iterable[Written]:
+        """By a dwell of no time: each is behind an exact stop (bwo900/19), as G0 is by itself."""
+        if self._stands:
+            return ()
+        self._stands = True
+        return (Written(self.dwell(0.0), place),)
 
     def dwell(self, seconds: float) -> str:
         return self._block(f"G04.{seconds:.3f}")

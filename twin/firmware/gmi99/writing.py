@@ -27,6 +27,7 @@ SPINDLE = 0  # output A0.0
 OUTPUTS = range(96)
 SET, RESET = 16, 17  # codes of direct output
 LEAST_ARC = 20  # counts: smaller radii, and shorter arcs, are chords
+IN_POSITION = "H2"
 ROUND = 2.0  # counts by which the radius of an arc may change
 
 
@@ -116,6 +117,13 @@ class Gmi99Commands:
         line = Written(" | ".join(self._held), self._place)
         self._held, self._moves, self._takes_s, self._place = [], 0, 0.0, None
         return (line,)
+
+    def settled(self, place: Place) -> Iterable[Written]:
+        """By H, in the line of the moves before it."""
+        if self._held[-1:] != [IN_POSITION]:
+            self._held.append(IN_POSITION)
+            self._place = self._place or place
+        return ()
 
     def dwell(self, seconds: float) -> str:
         return pause(seconds)

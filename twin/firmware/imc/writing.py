@@ -99,6 +99,9 @@ class ImcCommands:
     def held(self) -> Iterable[Written]:
         return ()
 
+    def settled(self, place: Place) -> Iterable[Written]:
+        return ()
+
     def dwell(self, seconds: float) -> str:
         return pause(seconds)
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from isel_twin.cam.course import Move, Turn
-from isel_twin.cam.toolpath import CamError
+from isel_twin.cam.toolpath import CamError, Place
 from isel_twin.cam.writing import pause, remark
 from isel_twin.cam.written import AXES, MachineAxes, Written
 from isel_twin.firmware.ismif.commands import SPEEDS_HZ
@@ -64,6 +64,9 @@ class IsmifCommands:
         if lines:
             lines[-1] = lines[-1]._replace(text=lines[-1].text + START)
         return lines
+
+    def settled(self, place: Place) -> Iterable[Written]:
+        return ()
 
     def turn_counts(self, turn: Turn) -> None:
         return None

@@ -20,10 +20,9 @@ from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import Arc, Line, Point, Rapid, Toolpath
 
 BACK_MM, AHEAD_MM = 2.0, 5.0  # along the path, from the nearest point before, in which the next one is looked for
-ONWARDS = 1e-3  # mm of distance that a mm along the path counts as
-BACKWARDS = (
-    1e-2  # the same for each mm behind the farthest place so far: a servo turns in a hole before it is at its bottom
-)
+# mm of distance that a mm counts as ...
+ONWARDS = 2e-2  # ... along the path from where the way so far leads: it is not left where it crosses itself
+BACKWARDS = 6e-2  # ... behind the farthest place so far: a servo turns in a hole before it is at its bottom
 CHORD = 0.02  # of the bound: by how much the chords of an arc may leave it
 LEAST_CHORD_MM = 1e-5
 

@@ -130,7 +130,7 @@ def _lag(twin: Twin, name: str) -> str:
     axis = twin.machine.axes[CARRIAGES.index(name)]
     if not isinstance(axis.stage, ServoDrive):
         return ""
-    lag_s = (1.0 - axis.stage.feed_forward) / axis.stage.position_gain_per_s
+    lag_s = axis.stage.lag_s
     return f" (a servo of its gain follows by {1e3 * lag_s:.4g} ms: {lag_s:.4g} mm for each mm/s)"
 
 

@@ -1,0 +1,143 @@
+"""Drives that follow: what they make of corners and arcs, and how it is kept within the bound of the settings."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from cam.played import END, FAST, Player, arc, axes_of, ideal_mm, line, lines_of, rapid, texts
+
+from isel_twin import Twin
+from isel_twin.cam.following import Following
+from isel_twin.cam.settings import CamSettings
+from isel_twin.cam.toolpath import Element
+from isel_twin.cam.written import MachineAxes
+from isel_twin.jobs.toolpaths import machine_axes
+
+LAG_S = 0.025  # of the 4030-servo: a gain of 40 1/s
+
+
+def behind(lag_s: float, way_mm: np.ndarray, step_s: float) -> np.ndarray:
+    """A first-order lag behind points at equal times, from standing on the first of them."""
+    at, follows = way_mm[0].copy(), []
+    for to in way_mm:
+        at += (to - at) * -math.expm1(-step_s / lag_s)
+        follows.append(at.copy())
+    return np.array(follows)
+
+
+def rounding_mm(degrees: float, speed_mm_s: float) -> float:
+    """How far what follows is from both lines of a corner, at the farthest."""
+    step_s = 5e-5
+    ways = speed_mm_s * step_s * np.arange(6000)
+    turn = np.array([math.cos(math.radians(degrees)), math.sin(math.radians(degrees))])
+    path = np.vstack([np.outer(ways - ways[-1], (1.0, 0.0)), np.outer(ways, turn)])
+    at = behind(LAG_S, path, step_s)[6000:]
+    return float(np.minimum(np.abs(at[:, 1]), np.abs(at @ (-turn[1], turn[0]))).max())
+
+
+def is_sharp(degrees: float, speed_mm_s: float, bound_mm: float = 0.02) -> bool:
+    following = Following(LAG_S, bound_mm)
+    following.corner((1, 0, 0), (1, 0, 0), speed_mm_s)
+    to = math.cos(math.radians(degrees)), math.sin(math.radians(degrees)), 0.0
+    return following.corner(to, to, speed_mm_s)
+
+
+@pytest.mark.parametrize("degrees", [5, 30, 60, 90])
+def test_a_corner_is_sharp_from_the_speed_at_which_a_lag_rounds_it_by_the_bound(degrees: float) -> None:
+    speed = 0.02 * math.e / (LAG_S * math.sin(math.radians(degrees)))
+    assert rounding_mm(degrees, speed) == pytest.approx(0.02, rel=0.02)
+    assert not is_sharp(degrees, 0.99 * speed)
+    assert is_sharp(degrees, 1.01 * speed)
+
+
+def test_a_way_back_is_as_sharp_as_a_right_angle_and_what_goes_straight_on_is_not() -> None:
+    assert is_sharp(180, 8.0)
+    assert not is_sharp(180, 2.0)
+    assert not is_sharp(0, 1000.0)
+
+
+def test_what_has_no_length_is_no_corner() -> None:
+    following = Following(LAG_S, 0.02)
+    assert not following.corner((1, 0, 0), (1, 0, 0), 20.0)
+    assert not following.corner((0, 0, 0), (0, 0, 0), 20.0)
+    assert not following.corner((1, 0, 0), (1, 0, 0), 20.0)
+    assert following.corner((0, 0, 1), (0, 0, 1), 20.0)
+
+
+@pytest.mark.parametrize("radius", [0.5, 5.0])
+def test_an_arc_at_the_fastest_speed_shrinks_by_the_bound(radius: float) -> None:
+    speed, step_s = Following(LAG_S, 0.02).fastest_mm_s(radius), 1e-4
+    angles = speed / radius * step_s * np.arange(20_000)
+    follows = behind(LAG_S, radius * np.column_stack([np.cos(angles), np.sin(angles)]), step_s)
+    assert radius - np.linalg.norm(follows[-1]) == pytest.approx(0.02, rel=0.07)
+
+
+def servo(controller: str) -> MachineAxes:
+    return replace(axes_of(controller), lag_s=LAG_S)
+
+
+PART: list[Element] = [
+    rapid(10, 0, 0),
+    line(10, 0, -2, 1.0),
+    line(20, 0, -2),
+    arc((20, 20, -2), (20, 10, 0)),  # goes on straight
+    line(20.0004, 20, -2),  # straight back, but by no count
+    line(20.001, 20, -2),
+    line(30, 30, -2),
+    END,
+]
+
+
+def test_a_machine_says_by_what_its_drives_follow() -> None:
+    lags = [
+        machine_axes(Twin(machine=machine, controller=controller, plant="kinematic").machine).lag_s
+        for machine, controller in (("4030", "imc-s8"), ("4030-servo", "gmi99"))
+    ]
+    assert lags == [0.0, LAG_S]
+    with pytest.raises(ValueError, match="lag_s is -1"):
+        replace(axes_of("imc-s8"), lag_s=-1.0)
+
+
+def test_sharp_corners_are_exact_stops_of_the_bwo_900() -> None:
+    """The rapid stops exactly by itself; slowly down and across at 10 mm/s is a corner of 0.03 mm."""
+    made = [text.split(" ", 1)[1] for text in texts(lines_of("bwo900", PART, axes=servo("bwo900")))[3:-2]]
+    assert made == [
+        *("G0 X10", "G1 Z2 F60", "G04.0.000", "G1 X20 F600", "G3 X20 Y20 I20 J10"),
+        *("G04.0.000", "G1 X20.001", "G04.0.000", "G1 X30 Y30"),
+    ]
+
+
+def test_sharp_corners_wait_for_the_drives_of_the_gmi99() -> None:
+    """In the same line. The cut waits for the rapid before it, too."""
+    lines = texts(lines_of("gmi99", PART, axes=servo("gmi99")))[5:]
+    assert lines[0] == "f30000 | 81h 10000 | H2"
+    assert lines[1].split(" | ")[:5] == ["f1000", "84h 2000", "H2", "f10000", "81h 20000"]
+    assert lines[1].count("H2") == 3
+    assert "H2 | H2" not in lines[1]
+
+
+@pytest.mark.parametrize("controller", ["gmi99", "bwo900"])
+def test_the_way_is_the_same_and_a_bound_of_0_asks_for_nothing(controller: str) -> None:
+    free = lines_of(controller, PART, replace(FAST, following_mm=0.0), servo(controller))
+    assert texts(free) == texts(lines_of(controller, PART))
+    player = Player(controller, servo(controller))
+    run = player.play(PART)
+    assert abs(run.mm[-1] - ideal_mm(PART)[-1]).max() <= 1e-3
+
+
+@pytest.mark.parametrize("controller", ["gmi99", "bwo900"])
+def test_an_arc_is_made_as_slowly_as_its_drives_follow_and_that_is_said_once(controller: str) -> None:
+    """r = 0.5 mm: the square root of 2 x 0.5 x 0.02, over 25 ms, is 5.657 mm/s."""
+    small = arc((51, 60, 0), (50.5, 60, 0), 1, feed=8.0)
+    lines = lines_of(controller, [rapid(50, 60, 0), small, line(50, 60, 0, 5.0), small, END], axes=servo(controller))
+    (said,) = [each.text for each in lines if each.caution]
+    assert "an arc of r 0.5 mm is made at 5.66 mm/s: its drives follow within 0.02 mm ([cam] following_mm)" in said
+    assert sum(("F339.411" if controller == "bwo900" else "f5657") in each.text for each in lines) >= 1
+
+
+def test_the_bound_is_a_setting() -> None:
+    coarse = lines_of("bwo900", PART, CamSettings(following_mm=0.2), servo("bwo900"))
+    assert not any("G04" in each.text for each in coarse)
