@@ -22,7 +22,7 @@ _FAR = 1 << 62  # a count that no axis reaches
 
 
 @njit()
-def _bounds(axes, axis, sense, strike, release, struck):
+def bounds(axes, axis, sense, strike, release, struck):
     """Open interval of counts, low and high int64 [axes], in which no switch of an axis changes outside leads."""
     low, high = np.full(axes, -_FAR), np.full(axes, _FAR)
     for s in range(axis.shape[0]):
@@ -62,7 +62,7 @@ def make_steps(t_ns, delta, commanded, leads, axis, sense, strike, release, stru
 
     Axis by axis, so that its count stays in a register; the first tick at which one leaves its bounds ends the search.
     """
-    low, high = _bounds(commanded.shape[0], axis, sense, strike, release, struck)
+    low, high = bounds(commanded.shape[0], axis, sense, strike, release, struck)
     made = 0
     reached = commanded.copy()
     while True:

@@ -25,7 +25,7 @@ from isel_twin.drives.servo_drive import ServoDrive
 from isel_twin.drives.stage import AnyStage
 from isel_twin.machine import Machine
 from isel_twin.plant import Collision, Threshold
-from isel_twin.plant.following import lead_on, make_steps, places_on_the_way
+from isel_twin.plant.following import bounds, lead_on, make_steps, places_on_the_way
 from isel_twin.plant.lead import all_behind, no_leads
 from isel_twin.plant.path_samples import PathSamples
 from isel_twin.plant.settling import Settling
@@ -110,7 +110,7 @@ class KinematicPlant(PathSamples):
         for number, place in enumerate(self._places):
             self.set_trip_point(int(place), switches[number].limit)
             self._struck[number] = self._strike[number] < 0.0
-        self._room: tuple[list[int], list[int]] | None = None  # `_bounds`, until a switch changes
+        self._room: tuple[list[int], list[int]] | None = None  # `bounds`, until a switch changes
         self._state = (
             self._commanded,
             self._leads,
@@ -134,7 +134,7 @@ class KinematicPlant(PathSamples):
         if self._sample_ns <= until_ns or self._along or self._felt or self._led_until_ns > self.time_ns:
             return False
         if self._room is None:
-            low, high = _bounds.py_func(len(self._commanded), *self._state[2:])
+            low, high = bounds.py_func(len(self._commanded), *self._state[2:])
             self._room = low.tolist(), high.tolist()
         there = []
         for now, steps, low, high in zip(self._commanded.tolist(), way, *self._room, strict=False):
