@@ -21,7 +21,10 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # begun in the background
 
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # what tests start by the hundred would compile all sources each time
 
-SLOW = 200  # a slow test takes as long as so many others
+LONGEST = (
+    "golden/test_sessions.py", "many/identification/test_hidden.py", "matrix/test_matrix.py",
+)  # fmt: skip
+"""Files that take more than six seconds of a processor, the longest first."""
 MANY = 200
 """Tests in a session from which on everything is compiled before the first of them."""
 
@@ -47,10 +50,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Workers get long files first (with --no-loadscope-reorder), so that none has one left when the others are
     through."""
     if hasattr(config, "workerinput"):
-        long: Counter[Path] = Counter()
-        for item in items:
-            long[item.path] += SLOW if item.get_closest_marker("slow") else 1
-        items.sort(key=lambda item: -long[item.path])
+        here = Path(__file__).parent
+        first = {here / name: number for number, name in enumerate(LONGEST)}
+        size = Counter(item.path for item in items)
+        items.sort(key=lambda item: (first.get(item.path, len(first)), -size[item.path]))
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:

@@ -34,6 +34,8 @@ class Control:
         self._lines = socket.create_connection((host, int(number)), REPLY_S).makefile("rw")
 
     def ask(self, **request: Any) -> Any:
+        if "wait" in request:
+            request["wait"]["wall_s"] = REPLY_S
         self._lines.write(json.dumps(request) + "\n")
         self._lines.flush()
         answer = json.loads(self._lines.readline())

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ LONG = "@07\n@0N7\n@0J60\n@0A64000,{hz},0,30,0,30,0,30\n"
 """200 mm of X: at 48 V and 60 Hz/ms all is lost from between 25 500 and 26 000 Hz on."""
 
 
+@cache
 def verdict_of(hz: int, seed: int = 0, **overrides: float) -> Any:
     lines = parse_job(LONG.format(hz=hz), create_language("imc-s8"), "imc-s8")
     spec = TwinSpec(

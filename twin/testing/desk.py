@@ -97,6 +97,7 @@ class Desk:
         self._forced_contacts: dict[str, bool] = {}
         self._forced_terminals: dict[str, bool] = {}
         self._struck = {switch.contact: False for switch in self.position_switches}
+        self._looked_at: list[int] | None = None  # positions at which the switches were switched last
         self._strike()
         self.cabinet = SafetyCabinet()
         if Desk.built is not None:
@@ -305,29 +306,32 @@ class Desk:
 
     def _make_chunk(self, run: Motion, first: int, stop: int) -> int | None:
         t_ns, delta = run.window(first, stop)
-        motor = delta * np.array(self.controller.direction, dtype=np.int8)
+        sense = self.controller.direction
+        motor = delta if min(sense) > 0 else delta * np.array(sense, dtype=np.int8)
         positions = self.carriage + np.cumsum(motor, axis=0, dtype=np.int64)
-        n = len(t_ns)
+        n, changes = len(t_ns), False
         lows, highs = positions.min(axis=0).tolist(), positions.max(axis=0).tolist()
         for switch in self.position_switches:
-            ends = [switch.side * (place[switch.axis] - switch.trip) for place in (lows, highs)]
+            low, high = lows[switch.axis] - switch.trip, highs[switch.axis] - switch.trip
+            least, most = (low, high) if switch.side > 0 else (-high, -low)
             struck = self._struck[switch.contact]
-            if min(ends) >= -switch.hysteresis if struck else max(ends) < 0:
+            if least >= -switch.hysteresis if struck else most < 0:
                 continue
             beyond = switch.side * (positions[:, switch.axis] - switch.trip)
             changed = beyond < -switch.hysteresis if struck else beyond >= 0
             if changed[:n].any():
-                n = int(np.argmax(changed)) + 1
+                n, changes = int(np.argmax(changed)) + 1, True
         self._chunks.append((t_ns[:n], delta[:n]))
         if not (self.outputs.get("stages") and self.cabinet.relay):
             self.steps_without_stages += n
-        self.carriage = positions[n - 1].copy()
-        self._expected = [have + int(d) for have, d in zip(self._expected, delta[:n].sum(axis=0), strict=True)]
-        return int(t_ns[n - 1]) if self._now_struck() != self._struck else None
+        before, self.carriage = self.carriage, positions[n - 1].copy()
+        moved = zip(self._expected, sense, (self.carriage - before).tolist(), strict=True)
+        self._expected = [have + turned * way for have, turned, way in moved]
+        return int(t_ns[n - 1]) if changes else None
 
-    def _now_struck(self) -> dict[str, bool]:
-        """Which switches are struck at the present positions, by their contacts."""
-        places, struck = self.carriage.tolist(), self._struck
+    def _now_struck(self, places: list[int]) -> dict[str, bool]:
+        """Which switches are struck at these positions, by their contacts."""
+        struck = self._struck
         return {
             switch.contact: switch.side * (places[switch.axis] - switch.trip)
             >= (-switch.hysteresis if struck[switch.contact] else 0)
@@ -336,7 +340,11 @@ class Desk:
 
     def _strike(self) -> bool:
         """Switch the position switches; True if one has changed."""
-        before, self._struck = self._struck, self._now_struck()
+        places = self.carriage.tolist()
+        if places == self._looked_at:
+            return False
+        self._looked_at = places
+        before, self._struck = self._struck, self._now_struck(places)
         return before != self._struck
 
     # --- wires -----------------------------------------------------------------------------------------------------
