@@ -344,9 +344,9 @@ class _Judge:
         kinds: dict[bytes, float] = {}
         for one, ns in plain:
             kinds[one.pair.a.command] = min(ns, kinds.get(one.pair.a.command, math.inf))
-        late, quick = sorted(kinds.values()), [sign * ns for ns in self._quick_ns()]
+        late, quick = [kinds[one.pair.a.command] for one, _ in plain], [sign * ns for ns in self._quick_ns()]
         least = max(0.5 * EXACT_NS, MEDIANS * self.jitter.spread_ns)
-        if not late or median(late) < least or late[min(1, len(late) - 1)] <= median(quick or [0.0]):
+        if not late or median(late) < least or sorted(kinds.values())[:2][-1] <= median(quick or [0.0]):
             return []
         return [one for one, ns in plain if ns > least] if _chance(late, quick) <= SURE else []
 
