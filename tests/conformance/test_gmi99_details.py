@@ -182,14 +182,6 @@ def test_the_start_of_a_program_by_the_host_writes_its_number() -> None:
     assert flags(desk, 2) == 7
 
 
-@shows("gmi99-3.1.1-68")
-@pytest.mark.parametrize("what", [0, 1, 2])
-def test_programs_of_axes_are_refused(what: int) -> None:
-    desk = prepared(command("p", 4, 1, what + 0x200))
-    assert desk.controller.fault
-    assert desk.ask(STATUS) == READY
-
-
 @shows("gmi99-3.1.1-69")
 @pytest.mark.parametrize(("target", "moves"), [(-8_388_352, True), (-8_388_353, False), (-8_388_608, False)])
 @pytest.mark.parametrize("letter", ["V", 0x81])

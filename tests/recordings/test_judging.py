@@ -89,6 +89,14 @@ def test_moves_that_are_late_each_time_are_a_difference() -> None:
     assert [number for number, kind in kinds(found) if kind == "duration"] == list(range(10, 16))
 
 
+def test_moves_that_an_overloaded_computer_delays_more_than_quick_replies_are_no_difference() -> None:
+    """As measured with fifteen busy processes on two cores: most are late, and those that are not show it."""
+    quick = [(text, ms + late, reply) for (text, ms, reply), late in zip(QUICK, (1, 1, 4, 5, 6, 7, 9, 10), strict=True)]
+    late = [(text, ms + more, b"0") for (text, ms, _), more in zip(MOVES, (2, 2, 12, 13, 17, 20, 26, 27), strict=True)]
+    again = [(text, ms + more, b"0") for (text, ms, _), more in zip(AGAIN, (16, 26, 2, 19, 12, 2), strict=True)]
+    assert judged(session(*quick, *late, *again), session(*QUICK, *MOVES, *AGAIN), exact_b=True).same
+
+
 def test_all_moves_a_little_later_are_a_difference_beyond_chance() -> None:
     """4.6 ms, by which a move with 50 in place of 100 Hz/ms is longer, among delays of 2 ms."""
     a = session(*QUICK, *MOVES, delays=random.Random(1))

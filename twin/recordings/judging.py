@@ -333,17 +333,22 @@ class _Judge:
     def _moves(self, timed: Sequence[_Timed], sign: float) -> list[_Timed]:
         """Moves that are later by little (sign: or earlier), if they are so beyond chance.
 
-        A busy server is late with quick replies and catches up while a move lasts. So a move that is shorter on the
-        side with delays may lack the usual delay, by as much as delays scatter.
+        Delays only add, and add more to moves than to quick replies where a computer is overloaded. So of moves that
+        are made again the least late counts, and no more than one kind may be as early as half the quick replies. A
+        busy server is late with quick replies and catches up while a move lasts: a move that is shorter on the side
+        with delays may lack the usual delay, by as much as delays scatter.
         """
         exact = self._limits.exact_b if sign > 0 else self._limits.exact_a
         lacking_ns = min(abs(self.jitter.median_ns), self.jitter.largest_ns) if exact else 0.0
-        plain = [one for one in timed if one.extra_ns == 0.0]
-        late = [sign * one.late_ns - lacking_ns for one in plain]
+        plain = [(one, sign * one.late_ns - lacking_ns) for one in timed if one.extra_ns == 0.0]
+        kinds: dict[bytes, float] = {}
+        for one, ns in plain:
+            kinds[one.pair.a.command] = min(ns, kinds.get(one.pair.a.command, math.inf))
+        late, quick = [kinds[one.pair.a.command] for one, _ in plain], [sign * ns for ns in self._quick_ns()]
         least = max(0.5 * EXACT_NS, MEDIANS * self.jitter.spread_ns)
-        if not plain or median(late) < least or _chance(late, [sign * ns for ns in self._quick_ns()]) > SURE:
+        if not late or median(late) < least or sorted(kinds.values())[:2][-1] <= median(quick or [0.0]):
             return []
-        return [one for one, ns in zip(plain, late, strict=True) if ns > least]
+        return [one for one, ns in plain if ns > least] if _chance(late, quick) <= SURE else []
 
     def _too_short(self, timed: Sequence[_Timed], sign: float) -> list[_Timed]:
         """Commands that are shorter on the side with delays than its shortest delays let expect."""

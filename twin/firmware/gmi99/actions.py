@@ -220,6 +220,8 @@ def m_function(card: Card, instruction: Instruction) -> Generator[Wait, None, No
 def set_position(card: Card, instruction: Instruction) -> None:
     """`O`: the position counter becomes P1, active offsets included."""
     axis = axis_of("P2", instruction.p2)
+    if card.uncoupled >> axis & 1:
+        raise OutOfRangeError("O of an axis that has left the interpolation (p4)")
     value = within("P1", signed(instruction.p1), LOWEST, HIGHEST)
     card.set_counter(axis, value + card.offsets.total(axis))
 

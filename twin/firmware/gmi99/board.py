@@ -19,6 +19,7 @@ from isel_twin.firmware.gmi99.images import DIGITAL, Images
 from isel_twin.firmware.gmi99.offsets import Offsets
 from isel_twin.firmware.gmi99.settings import SLOTS, Settings, Stored, decode, encode
 from isel_twin.firmware.gmi99.store import Store
+from isel_twin.firmware.gmi99.under_way import UnderWay
 from isel_twin.motion import SetPointRun
 from isel_twin.motion.path import added
 
@@ -39,6 +40,9 @@ class Board:
         self.path_run: SetPointRun | None = None  # the interpolator's motion, even a ghost
         self.ghost = False  # path_run sends no set points (N17)
         self.drives_run: SetPointRun | None = None  # motion of the drives' own indexers
+        self.uncoupled_run: SetPointRun | None = None  # of axes that have left the interpolation
+        self.uncoupled = 0  # which ones, bits
+        self._under_way = UnderWay()
         self._made = (0,) * SLOTS  # counters when the motion in execution began
         self._apart = (0,) * SLOTS  # T0 minus counters: the displacement of ghosts
         self.struck: dict[tuple[int, int], bool] = {}
@@ -116,11 +120,16 @@ class Board:
     @property
     def run(self) -> SetPointRun | None:
         """The motion whose set points are sent."""
-        return self.drives_run or (None if self.ghost else self.path_run)
+        return self._under_way.run(self._motions, self.now_ns, self.power_on_ns)
+
+    @property
+    def _motions(self) -> tuple[SetPointRun, ...]:
+        runs = self.drives_run or (None if self.ghost else self.path_run), self.uncoupled_run
+        return tuple(run for run in runs if run is not None)
 
     @property
     def moving(self) -> bool:
-        return self.path_run is not None or self.drives_run is not None
+        return any(run is not None for run in (self.path_run, self.drives_run, self.uncoupled_run))
 
     @property
     def position(self) -> tuple[int, ...]:
@@ -133,8 +142,10 @@ class Board:
     @property
     def counts(self) -> tuple[int, ...]:
         """Counters: the sum of the set points sent."""
-        run = self.run
-        return self._made if run is None else added(self._made, run.displacement(self.now_ns))
+        made = self._made
+        for run in self._motions:
+            made = added(made, run.displacement(self.now_ns))
+        return made
 
     def take_in(self, displacement: Sequence[int], *, ghost: bool) -> None:
         """Add the displacement of an ended motion."""
@@ -145,7 +156,8 @@ class Board:
 
     def set_counter(self, axis: int, value: int) -> None:
         """Set the counter of an axis; nothing moves."""
-        self._made = (*self._made[:axis], value, *self._made[axis + 1 :])
+        base = value - (self.counts[axis] - self._made[axis])
+        self._made = (*self._made[:axis], base, *self._made[axis + 1 :])
         self._apart = (*self._apart[:axis], 0, *self._apart[axis + 1 :])
         self.events.append(CounterSet(axis, value))
 

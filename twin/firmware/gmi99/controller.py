@@ -79,12 +79,13 @@ class Gmi99:
         card = self._card
         reference = card.queue.next_ns
         drives = card.drives_run.end_ns if card.drives_run is not None and reference is None else None
-        times = [t for t in (card.interpolator.next_ns, reference, drives, card.plc.next_ns) if t is not None]
+        all_times = card.interpolator.next_ns, card.off_path.next_ns, reference, drives, card.plc.next_ns
+        times = [t for t in all_times if t is not None]
         return max(min(times), card.now_ns) if times else None
 
     @property
     def idle(self) -> bool:
-        return not self._card.busy
+        return not (self._card.busy or self._card.off_path.working)
 
     @property
     def fault(self) -> bool:
@@ -151,6 +152,7 @@ class Gmi99:
     def _settle(self) -> None:
         card = self._card
         card.interpolator.advance()
+        card.off_path.advance()
         card.drives.advance()
         if card.plc.next_ns is not None and card.plc.next_ns <= card.now_ns:
             ran = card.images.flag(images.PROGRAM_RUNS)

@@ -13,6 +13,7 @@ from isel_twin.firmware.gmi99.logic import CardPlc
 from isel_twin.firmware.gmi99.queue import Queue
 from isel_twin.firmware.gmi99.settings import SLOTS
 from isel_twin.firmware.gmi99.store import DEPTH
+from isel_twin.firmware.gmi99.uncoupled import Uncoupled
 
 # outputs of the drives, two bytes a slot
 OUTPUT_NAMES = tuple(f"a{byte}.{bit}" for byte in range(DIGITAL) for bit in range(8))
@@ -24,7 +25,8 @@ class Card(Board):
         super().__init__(flash, override_pot_percent, plc)
         self.queue = Queue(self)
         self.interpolator = Interpolator(self)
-        self.drives = DriveBank(self, self.interpolator, self.queue, turn)
+        self.off_path = Uncoupled(self, self.interpolator)
+        self.drives = DriveBank(self, self.interpolator, self.off_path, self.queue, turn)
         self.plc = CardPlc(self, self.interpolator, self.drives, self.queue)
         self._moving_told = False
 
@@ -54,6 +56,7 @@ class Card(Board):
         """#0, M0.1: brake and drop everything."""
         self.queue.drop()
         self.interpolator.break_off()
+        self.off_path.break_off()
         self.drives.brake()
 
     def call(self, number: int) -> None:

@@ -28,6 +28,7 @@ from isel_twin.firmware.gmi99.board import Board
 from isel_twin.firmware.gmi99.interpolator import Interpolator
 from isel_twin.firmware.gmi99.queue import Queue
 from isel_twin.firmware.gmi99.settings import SLOTS
+from isel_twin.firmware.gmi99.uncoupled import Uncoupled
 from isel_twin.firmware.gmi99.waiting import Wait
 from isel_twin.motion import SetPointRun
 from isel_twin.motion.indexer import Indexer, at_rest, braked
@@ -63,8 +64,9 @@ _FAULT = re.compile(r"slot([0-9])\.fault")
 
 
 class DriveBank:
-    def __init__(self, board: Board, interpolator: Interpolator, queue: Queue, turn: int) -> None:
+    def __init__(self, board: Board, interpolator: Interpolator, uncoupled: Uncoupled, queue: Queue, turn: int) -> None:
         self._board, self._interpolator, self._queue, self._turn = board, interpolator, queue, turn
+        self._uncoupled = uncoupled
         self.asked: Drives | None = None
         self.ready = False
         self.enabled = False
@@ -148,7 +150,9 @@ class DriveBank:
         if not struck or not known:
             return
         run = self._board.path_run
-        if run is not None and not self._board.ghost and self._speed(run, slot) * (1 if end else -1) > 0:
+        sense = 1 if end else -1
+        on_path = run is not None and not self._board.ghost and self._speed(run, slot) * sense > 0
+        if on_path or self._uncoupled.moves(slot, sense):
             self.lose(f"limit switch of slot {slot}", stages=False)
 
     def _speed(self, run: SetPointRun, slot: int) -> int:
@@ -165,6 +169,7 @@ class DriveBank:
         if stages:
             self._zeroed = [False] * SLOTS
             interpolator.cut()
+            self._uncoupled.cut()
             self._end_run()
             self._enable(on=False)
         elif self._board.path_run is not None and not self._board.ghost:
@@ -175,6 +180,8 @@ class DriveBank:
         else:
             interpolator.cut()
             self.brake()
+        if not stages:
+            self._uncoupled.break_off(LIMIT_SHARPNESS)
         if was_ready:
             self._board.refuse(why)
         self._queue.drop()
@@ -203,8 +210,8 @@ class DriveBank:
     def make_ready(self, mask: int, *, run: bool, indexer: bool = True) -> Generator[Wait, None, None]:
         """Q: switch on, zero or reference axes; then the indexer is ready if all drives are."""
         board = self._board
-        if self.estop:
-            board.refuse("Q: E-stop")
+        if self.estop or board.uncoupled:
+            board.refuse("Q: E-stop" if self.estop else "Q: an axis has left the interpolation (p4)")
             return
         board.output("power_request", 1)
         board.output("power_request", 0)

@@ -128,6 +128,8 @@ class Interpolator:
                 raise OutOfRangeError(f"a coordinate is {value}; it must lie in {LOWEST} .. {HIGHEST}")
         if any(not self._board.settings.axis_mask >> axis & 1 for axis, value in given.items()):
             raise OutOfRangeError("an axis that N10 leaves out cannot be moved")
+        if any(self._board.uncoupled >> axis & 1 for axis in given):
+            raise OutOfRangeError("an axis that has left the interpolation (p4) cannot be moved by it")
         start = self._end if self._plan is not None else self._board.position
         way = self._way(start, given, shortest=shortest)
         rules = self.rules()
@@ -176,6 +178,10 @@ class Interpolator:
         self._heading = made.last
         self._end = tuple(s + n for s, n in zip(start, way, strict=True))
         self._marks.append(_Mark(self._plan.pieces, None, from_host=from_host))
+
+    def displaced(self, axis: int, way: int) -> None:
+        """An axis is back in the interpolation, that far from where it left it."""
+        self._end = (*self._end[:axis], self._end[axis] + way, *self._end[axis + 1 :])
 
     def on_the_way(self, act: Callable[[], None]) -> None:
         """Call `act` at the end of the present plan, at rest at once."""

@@ -215,7 +215,7 @@ class CardPlc:
             position = self.board.position[axis]
             return position & ALL, position >> 16 & ALL
         if what == 5:
-            return 0, argument  # uncoupled axes are not emulated
+            return self.board.uncoupled, argument
         return self.queue.block_number & ALL if what == 15 else 6, argument
 
     def _plc_zero(self, axis: int, argument: int) -> int:

@@ -7,8 +7,8 @@ from enum import IntEnum
 
 from isel_twin.firmware.gmi99 import directly, images
 from isel_twin.firmware.gmi99.device import Card
-from isel_twin.firmware.gmi99.instruction import Instruction, OutOfRangeError
-from isel_twin.firmware.gmi99.settings import PROGRAMS
+from isel_twin.firmware.gmi99.instruction import Instruction, OutOfRangeError, signed
+from isel_twin.firmware.gmi99.settings import PROGRAMS, SLOTS
 from isel_twin.firmware.gmi99.waiting import Wait
 
 
@@ -17,6 +17,7 @@ class Of(IntEnum):
 
     PLC = 1
     PROGRAM = 3
+    AXIS = 4
     DIRECT = 10
     FLAG = 11
 
@@ -39,6 +40,8 @@ def programming(card: Card, instruction: Instruction) -> Generator[Wait, None, N
             _plc(card, instruction.p2)
         case Of.PROGRAM:
             _program(card, instruction.p2, instruction.p3)
+        case Of.AXIS:
+            return _axis(card, instruction)
         case Of.DIRECT:
             return directly.direct(card, instruction)
         case Of.FLAG:
@@ -46,6 +49,24 @@ def programming(card: Card, instruction: Instruction) -> Generator[Wait, None, N
         case other:
             raise OutOfRangeError(f"there is no p{other} here")
     return None
+
+
+def _axis(card: Card, instruction: Instruction) -> Generator[Wait, None, None] | None:
+    """`p4`: P3 is an axis, and what it does: 0 end its program, which is waited for; 1 program P2; 2 turn, P2 1/min."""
+    axis, what = instruction.p3 >> 8, instruction.p3 & 0xFF
+    if not (axis < SLOTS and card.settings.axis_mask >> axis & 1 and what <= 2):
+        raise OutOfRangeError(f"there is no p4 of axis {axis} with {what}")
+    if what == 0:
+        return card.off_path.wait(axis)
+    if not card.drives.ready:
+        raise OutOfRangeError("p4 while the indexer is not ready")
+    if what == 2:
+        card.off_path.turn(axis, signed(instruction.p2))
+        return None
+    commands = card.store.program(instruction.p2) if instruction.p2 < PROGRAMS else ()
+    if not commands:
+        raise OutOfRangeError(f"there is no program {instruction.p2}")
+    return card.off_path.start(axis, commands, lambda step: directly.direct(card, step))
 
 
 def set_flag_byte(card: Card, instruction: Instruction) -> None:

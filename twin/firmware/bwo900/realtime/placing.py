@@ -249,11 +249,11 @@ class Placing:
         if axes.barred(axis, 1 if move.target > here else -1) or not speed:
             self._plan(axis, lambda plan, tick: plan.braked(axis, tick))
             return
-        left = move.target - here
+        left, stands = move.target - here, self._stands(axis)
 
         def towards(plan: Indexer, tick: int) -> Indexer:
             made = 0 if self.run is None else self.run.displacement(axes.now_ns)[axis]
-            return plan.towards(axis, tick, float(made + left), speed)
+            return (plan.to if stands else plan.towards)(axis, tick, float(made + left), speed)
 
         self._plan(axis, towards)
 
