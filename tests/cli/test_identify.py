@@ -12,9 +12,11 @@ import pytest
 from isel_twin.cli import main
 from isel_twin.jobs.job import parse_job
 from isel_twin.language import create_language, needed
-from isel_twin.machine import load_machine, with_overrides
+from isel_twin.machine import Machine, load_machine, with_overrides
 from isel_twin.many.identification import experiment as experiment_module
+from isel_twin.many.identification import protocol as protocol_module
 from isel_twin.many.identification.experiment import Block, Teller, assemble, job_text
+from isel_twin.many.identification.experiment import _push as push
 from isel_twin.many.identification.experiment import _reversal as reversal
 from isel_twin.many.identification.measured import read_measured, written
 from isel_twin.many.identification.stand_in import carry_out, write_recording
@@ -206,3 +208,63 @@ def test_a_controller_that_answers_nothing_is_refused(tmp_path: Path, capsys: py
     assert (code, out) == (2, "")
     assert err.startswith("isel-twin: controller 'bwo900' answers nothing to a move, so no recording tells when one")
     assert not (tmp_path / "day1.txt").exists()
+
+
+@pytest.fixture
+def scored(near: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A form of a day with one push, planned, sealed and carried out on the machine that was believed."""
+
+    def day(machine: Machine, controller: str, axes: list[str], seed: int) -> list[Block]:
+        language = needed(create_language(controller), controller)
+        return [push(Teller(language, axes[0], machine.axes[0].steps_per_mm), 12.0, 150.0, "tool")]
+
+    monkeypatch.setattr(protocol_module, "day", day)
+    plan = ("--protocol", "--uncertain", "2", "--machine", near, "--carry-out", near)
+    code, out, err = call(capsys, "experiment", tmp_path / "day", *plan)
+    assert (code, err) == (0, "")
+    assert "push x 150 at the tool: both ways" in out
+    first = (tmp_path / "day.txt").read_text().splitlines()[0]
+    assert out.splitlines()[-1] == f"sealed: {first.removeprefix('# sealed: ')}"
+    return tmp_path / "day.toml"
+
+
+def test_a_measuring_day_is_sealed_and_scored(scored: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, err = call(capsys, "identify", "--score", scored)
+    assert (code, err) == (0, "")
+    assert "the day holds what was predicted: 0 of 1 beyond |E_n| = 1" in out
+    code, out, _ = call(capsys, "identify", "--score", scored, "--json")
+    (row,) = json.loads(out)["score"]["scores"]
+    assert (code, row["verdict"]) == (0, "holds")
+    text = scored.read_text()
+    read = [line for line in text.splitlines() if line.startswith("mm = ")]
+    scored.write_text(text.replace(read[0], "mm = 9.0").replace(read[4], "mm = 9.0"))  # pulled up, both times
+    code, out, _ = call(capsys, "identify", "--score", scored)
+    assert code == 1
+    assert "it differs in push x 150 at the tool: both ways" in out
+    scored.write_text(text.replace("push_n = 150.0", "push_n = 100.0", 1))
+    code, _, err = call(capsys, "identify", "--score", scored)
+    assert code == 2
+    assert "day.toml: protocol.seal: plan or predictions are not those that were sealed" in err
+
+
+def test_a_score_stands_behind_a_fit(
+    scored: Path, near: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The form is measured data, too; a second call takes its replays from the journal."""
+    page, recording = tmp_path / "page.html", scored.with_suffix(".mcap")
+    fit = ("--score", scored, "--fit", "stiffness.x", "--hold-out", "0", "--machine", near, "--report", page)
+    code, out, _ = call(capsys, "identify", recording, *fit, "--journal", tmp_path / "fit.journal")
+    assert code == 0
+    assert out.index("stiffness.x") < out.index("verdict") < out.index("the day holds")
+    assert "The measuring day, predicted beforehand" in page.read_text()
+    told = call(capsys, "identify", recording, *fit, "--journal", tmp_path / "fit.journal", "--json")
+    assert json.loads(told[1])["score"]["holds"]
+
+
+def test_without_recordings_a_score_is_all(scored: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, _, err = call(capsys, "identify", "--score", scored, "--patch", tmp_path / "shop")
+    assert code == 2
+    assert "score: without recordings nothing is fitted" in err
+    code, _, err = call(capsys, "experiment", tmp_path / "d", "--protocol", "--uncertain", "1")
+    assert code == 2
+    assert "--uncertain 1: must be from 2 to 1000" in err

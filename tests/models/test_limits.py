@@ -18,6 +18,7 @@ from isel_twin.drives.stage import Stage
 from isel_twin.machine import (
     Axis,
     Contact,
+    Guides,
     MachineError,
     Mode,
     Squareness,
@@ -40,6 +41,7 @@ INSTANCES: dict[str, Any] = {
     "axes.x.stage": AXIS.stage,
     "structure.flex_x": MACHINE.structure[0],
     "squareness": MACHINE.squareness,
+    "guides": Guides(),
     "contacts.limit_x1": MACHINE.switches[0],
     "motors.own": AXIS.motor,
     "axes.x.servo": dataclasses.replace(SERVO.stage, rated_current_a=math.nan),
@@ -84,7 +86,7 @@ def refusal(folder: Path, where: str, line: str) -> str:
 
 def test_all_numbers_of_all_dataclasses_have_limits() -> None:
     assert {type(instance) for instance in INSTANCES.values()} == {
-        Timing, Axis, Screw, Rod, Stage, Mode, Squareness, Contact, Motor, ServoDrive, ServoMotor
+        Timing, Axis, Screw, Rod, Stage, Mode, Squareness, Guides, Contact, Motor, ServoDrive, ServoMotor
     }  # fmt: skip
     assert len(NUMBERS) > 50
     assert all(isinstance(limits, Limits) for _, _, limits in NUMBERS)

@@ -257,7 +257,7 @@ def test_the_kinematic_plant_has_no_imperfections() -> None:
 
 def test_levels() -> None:
     machine = load_machine("4030")
-    assert LEVELS["real"] - LEVELS["dynamic"] == set(NEW)
+    assert LEVELS["real"] - LEVELS["dynamic"] == {*NEW, "straightness", "abbe"}
     for name in NEW:
         assert not getattr(machine.imperfections, name)
     real = with_overrides(machine, {"imperfections": "real"}).axes[0]

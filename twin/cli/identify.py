@@ -51,6 +51,9 @@ def identify(
         Path | None,
         Parameter(help="A filled form of a measuring day: predicted, measured, E_n. Needs no recordings."),
     ] = None,
+    journal: Annotated[
+        Path | None, Parameter(help="Keeps each replay, so that the same call goes on after it was ended.")
+    ] = None,
     workers: options.Workers = 1,
     json: Annotated[bool, Parameter(help="One JSON object.")] = False,
 ) -> int:
@@ -67,7 +70,7 @@ def identify(
     target = None if patch is None else patch / "machine.toml"
     if patch is not None and patch.exists() and not patch.is_dir():
         raise CallError(f"{patch}: is a file; name a folder for the machine")
-    options.check_writable(report, kept=(*recordings, *(measured or ()), *([score] if score else [])))
+    options.check_writable(report, journal, kept=(*recordings, *(measured or ()), *([score] if score else [])))
     from isel_twin.base.files import atomic_write
     from isel_twin.machine import load_machine, with_overrides
     from isel_twin.many.identification.fit import fit as fit_sessions
@@ -91,8 +94,18 @@ def identify(
         if not json:
             print("before the fit:", *prospect.lines, sep="\n  ", flush=True)
 
-    with call_errors(), options.crew_of(workers) as crew, counted("replays") as tell:
-        result = fit_sessions(known, unknowns, fitted, held, crew=crew, told=say_prospect, progress=tell)
+    with call_errors(journal), options.crew_of(workers) as crew, counted("replays") as tell:
+        result = fit_sessions(
+            known,
+            unknowns,
+            fitted,
+            held,
+            crew=crew,
+            told=say_prospect,
+            progress=tell,
+            journal=journal,
+            gate=patch is not None,
+        )
     if report is not None:
         from isel_twin.many.identification.page import page
 
@@ -191,6 +204,7 @@ def unknowns_of(
 
 def _sessions(recordings: Sequence[Path], told: Measured, controller: str, machine: Machine) -> list[Session]:
     from isel_twin.many.identification.session import session_of, stand_alone
+    from isel_twin.many.identification.trajectory import with_trajectories
     from isel_twin.recordings.reading import read
 
     if not recordings:
@@ -198,7 +212,8 @@ def _sessions(recordings: Sequence[Path], told: Measured, controller: str, machi
     found = []
     for path in recordings:
         with call_errors(path):
-            found.append(session_of(read(path), told, controller, machine))
+            recorded = read(path)
+            found.append(with_trajectories(session_of(recorded, told, controller, machine), recorded))
     names = [session.name for session in found]
     if twice := [name for name in names if names.count(name) > 1]:
         raise CallError(f"{twice[0]}: two recordings have this name; measurements could belong to either")

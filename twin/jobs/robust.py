@@ -143,6 +143,9 @@ class _Draws:
         """Numbers of no kind that tell an interval of their own, if anything depends on them."""
         for key, entry in numbers(self._tree):
             effect = not key.endswith(".lead_error") or self._tree["imperfections"]["lead_error"]
+            if key.startswith("guides."):
+                flag = "abbe" if key.startswith(("guides.turn", "guides.arm")) else "straightness"
+                effect = self._tree["imperfections"].get(flag, False)
             if effect and key not in self.factors and entry["value"] and own(key, entry) is not None:
                 self.put(key, 1.0)
 

@@ -30,6 +30,7 @@ from isel_twin.machine.schema import (
     Axis,
     Contact,
     Feeler,
+    Guides,
     Imperfections,
     Machine,
     MachineError,
@@ -67,7 +68,7 @@ _TEXTS: Mapping[str, tuple[str, ...]] = {
 _FIXTURE: Final = "fixture"  # text: the MJCF file of what is clamped on the table; tables: its shapes
 _SECTIONS = ("axes", "masses", "payload", "structure", "switches", "contacts", "motors", "controller")
 _FIXED_SECTIONS = ("timing", "squareness", "imperfections")
-_OPTIONAL = ("supply", "spindle", "probe", "plate", "cam")
+_OPTIONAL = ("supply", "spindle", "probe", "plate", "cam", "guides")
 
 
 def build(tree: dict[str, Any], file: Path, like: Machine | None = None) -> Machine:
@@ -150,6 +151,7 @@ def build(tree: dict[str, Any], file: Path, like: Machine | None = None) -> Mach
             "structure",
         ),
         squareness=fixed("squareness", Squareness),
+        guides=part(lambda m: m.guides, lambda: _guides(tree, imperfections, place), "guides", "imperfections"),
         imperfections=imperfections,
         contacts=part(
             lambda m: m.contacts,
@@ -167,6 +169,17 @@ def build(tree: dict[str, Any], file: Path, like: Machine | None = None) -> Mach
     )
     _check(machine, place)
     return machine
+
+
+def _guides(tree: Mapping[str, Any], on: Imperfections, place: Place) -> Guides | None:
+    """None if nothing of them is on."""
+    if "guides" not in tree:
+        return None
+    found = section(Guides, tree["guides"], place.at("guides"))
+    bows = [item.name for item in dataclasses.fields(Guides) if "_" in item.name and item.name[0] in CARRIAGES]
+    off = {name: 0.0 for name in bows if not on.straightness}
+    off |= {} if on.abbe else {"turn_x": 0.0, "turn_y": 0.0}
+    return dataclasses.replace(found, **off) if on.straightness or on.abbe else None
 
 
 _SPREAD = {"resistance": "sheets: +-10 %", "inductance": "sheets: +-20 %", "torque_constant": "typical values: +-8 %"}

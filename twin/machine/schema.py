@@ -35,7 +35,7 @@ LEVELS: Mapping[str, frozenset[str]] = {
     "dynamic": frozenset({"lead_error", "squareness", "backlash", "structure", "repeatability", "bounce"}),
     "real": frozenset(
         {"lead_error", "squareness", "backlash", "structure", "repeatability", "bounce"}
-        | {"step_accuracy", "current_offset", "cyclic_error", "free_length", "growth"}
+        | {"step_accuracy", "current_offset", "cyclic_error", "free_length", "growth", "straightness", "abbe"}
     ),
 }
 
@@ -145,6 +145,28 @@ class Squareness:
 
 
 @dataclass(frozen=True)
+class Guides:
+    """Guides that are not straight (isel_twin.plant.guides has the law). A bow: how far the middle of the travel of the
+    first axis lies off towards plus of the second. A turn: by so much the carriage has tilted at the end of its travel,
+    positive if a longer arm then goes farther."""
+
+    x_y: float = number("um", -2000.0, 2000.0, key="x_y", scale=1e-3, optional=True, default=0.0)
+    x_z: float = number("um", -2000.0, 2000.0, key="x_z", scale=1e-3, optional=True, default=0.0)
+    y_x: float = number("um", -2000.0, 2000.0, key="y_x", scale=1e-3, optional=True, default=0.0)
+    y_z: float = number("um", -2000.0, 2000.0, key="y_z", scale=1e-3, optional=True, default=0.0)
+    z_x: float = number("um", -2000.0, 2000.0, key="z_x", scale=1e-3, optional=True, default=0.0)
+    z_y: float = number("um", -2000.0, 2000.0, key="z_y", scale=1e-3, optional=True, default=0.0)
+    turn_x: float = number("mm/m", -10.0, 10.0, key="turn_x", scale=1e-3, optional=True, default=0.0)
+    turn_y: float = number("mm/m", -10.0, 10.0, key="turn_y", scale=1e-3, optional=True, default=0.0)
+    # Abbe offset: from the screw of X, and of Y, to the tool at Z = 0, along Z
+    arm_x: float = number("mm", -2000.0, 2000.0, key="arm_x", optional=True, default=0.0)
+    arm_y: float = number("mm", -2000.0, 2000.0, key="arm_y", optional=True, default=0.0)
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+@dataclass(frozen=True)
 class Imperfections:
     """Which sources of imperfection are on; those that are off are zero (structure: rigid)."""
 
@@ -160,6 +182,8 @@ class Imperfections:
     # the screw is softer the farther the nut is from the fixed bearing; off: everywhere as in the middle
     free_length: bool = flag(default=False)
     growth: bool = flag(default=False)  # of the screw by its warming
+    straightness: bool = flag(default=False)  # bows of the guides
+    abbe: bool = flag(default=False)  # turns of the guides, by their arms
 
 
 @dataclass(frozen=True)
@@ -247,6 +271,7 @@ class Machine:
     payload_kg: float  # dead weight on the table
     structure: tuple[Mode, ...]
     squareness: Squareness
+    guides: Guides | None  # what is off is zero; None: straight
     imperfections: Imperfections
     contacts: tuple[Contact, ...]  # imperfections that are off are zero
     motors: Mapping[str, Motor]  # motors of its own, by name, before those of `isel_twin.drives.library`

@@ -12,7 +12,7 @@ Two questions are asked of it:
     stage       current normal 3 %, part of the supply that drives it normal 5 % (at most 10), supply -12 to +4 %
     friction    of guides and of screws log-normal 35 %
     screw       efficiency 0.80 to 0.95, stiffness log-normal 35 %, backlash log-normal 50 %
-    frame       stiffness log-normal 35 %, damping log-normal 47 %; squareness log-normal 50 %
+    frame       stiffness log-normal 35 %, damping log-normal 47 %; squareness, guides log-normal 50 %
     load        each moving mass normal 5 %, the payload +-10 %
 
 Sources: tolerances printed on sheets (R 10 %, L 20 %), catalogues (friction, efficiency, stiffness), the rest estimates
@@ -92,6 +92,7 @@ LAWS: Mapping[str, Law] = {
     "stiffness": _log_normal(0.35),
     "backlash": _log_normal(0.5),
     "squareness": _log_normal(0.5),
+    "guides": _log_normal(0.5),
     "structure.stiffness": _log_normal(0.35),
     "structure.damping_ratio": _log_normal(0.47),
     "masses": _normal(0.05),

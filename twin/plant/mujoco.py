@@ -24,6 +24,7 @@ from isel_twin.plant.built import Built, build, find_available, find_free, rebui
 from isel_twin.plant.collision import Collision
 from isel_twin.plant.contact import Geometry, Least, Sensed
 from isel_twin.plant.cutting import Cut, set_cut, turn
+from isel_twin.plant.guides import along_guides_mm
 from isel_twin.plant.lead import all_behind
 from isel_twin.plant.model import load, load_model, redress, same_model
 from isel_twin.plant.pushing import Pushes
@@ -292,8 +293,7 @@ class MujocoPlant(LoopSamples):
     @property
     def position_mm(self) -> NDArray[np.float64]:
         """As the drives see it; within a sub-step extrapolated by its velocity."""
-        position_mm: NDArray[np.float64] = self.built.shape_mm @ self.parts.place
-        return position_mm
+        return along_guides_mm(self.built.machine, self.built.shape_mm @ self.parts.place)
 
     @property
     def velocity_mm_s(self) -> NDArray[np.float64]:

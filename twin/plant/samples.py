@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from isel_twin.plant import Samples, kernel, memory
 from isel_twin.plant.built import Built
+from isel_twin.plant.guides import along_guides_mm
 
 GRID = ("sample_every", "sample_ahead_ns")  # fields of memory.PLANT that say when samples are taken
 _SAMPLED = (memory.PLANT.names or ()).index("sampled")
@@ -61,7 +62,7 @@ class LoopSamples:
         margins[:, : memory.AXES] = margin
         return Samples(
             time_ns=now[:, 0].astype(np.int64) * self._substep_ns + self._plant["sample_ahead_ns"],
-            position_mm=_each(shape_mm, place),
+            position_mm=along_guides_mm(self.built.machine, _each(shape_mm, place)),
             velocity_mm_s=_each(shape_mm, rates),
             commanded=commanded[:, :count].astype(np.int64),
             rotor=rotor[:, :count],

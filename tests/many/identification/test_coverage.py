@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -13,11 +14,11 @@ import pytest
 
 from isel_twin.language import create_language, needed
 from isel_twin.machine import load_machine
-from isel_twin.many.identification import model as model_module
 from isel_twin.many.identification import noise as noise_module
+from isel_twin.many.identification import replays as replays_module
 from isel_twin.many.identification.experiment import Teller, _coast, _push
 from isel_twin.many.identification.fit import fit
-from isel_twin.many.identification.measured import Measured, Reading
+from isel_twin.many.identification.measured import Act, Measured, Reading
 from isel_twin.many.identification.model import Model
 from isel_twin.many.identification.noise import TRUST, with_noise
 from isel_twin.many.identification.profile import FARTHEST, profile
@@ -42,7 +43,7 @@ def test_intervals_hold_what_they_say(monkeypatch: pytest.MonkeyPatch, tmp_path:
     for seed, u in enumerate(truths):
         days.append(hidden_day(machine, unknowns, u, chosen, seed, days[0] if days else None))
     surface = Surface(machine, unknowns, days[0], 24)
-    monkeypatch.setattr(model_module, "predict", surface.predict)
+    monkeypatch.setattr(replays_module, "predict", surface.predict)
     results = [fit(machine, unknowns, [day], []) for day in days]
     counts = np.sum([held(result, u) for result, u in zip(results, truths, strict=True)], axis=0)
     low, high = bounds(MACHINES)
@@ -65,7 +66,9 @@ def test_noise_is_what_repeats_scatter_by(monkeypatch: pytest.MonkeyPatch) -> No
     """Twice up and down: the second pull up and both down came after a pull the other way, the first up did not. Pairs
     that differ by d have d^2/2 of squares and a degree of freedom: here 20 and 40 um."""
     monkeypatch.setattr(
-        noise_module, "exchanges_of", lambda session: [SimpleNamespace(text=str(n), duration_ns=None) for n in range(9)]
+        noise_module,
+        "exchanges_of",
+        lambda session: [SimpleNamespace(text=str(n), duration_ns=10**8) for n in range(9)],
     )
     day = session(*pushed([0.5, 0.0, 0.1, 0.02, 0.14], [10.0, -10.0, 10.0, -10.0, 10.0]))
     told, (noise,) = with_noise(day)
@@ -76,19 +79,27 @@ def test_noise_is_what_repeats_scatter_by(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_without_repeats_noise_is_what_was_stated(monkeypatch: pytest.MonkeyPatch) -> None:
-    commands = [SimpleNamespace(text=str(n), duration_ns=None) for n in range(9)]
+    commands = [SimpleNamespace(text=str(n), duration_ns=10**8) for n in range(9)]
     monkeypatch.setattr(noise_module, "exchanges_of", lambda session: commands)
     day = session(*pushed([0.5], [10.0], command=3), *pushed([0.1], [10.0], command=4))
     assert with_noise(day) == (day, [])
 
 
+def test_readings_without_a_recording_are_no_repeats() -> None:
+    day = session(*pushed([0.5], [10.0], command=3), *pushed([0.1], [10.0], command=4))
+    assert with_noise(day) == (day, [])
+
+
 def test_durations_of_the_same_move_tell_the_clocks_noise(monkeypatch: pytest.MonkeyPatch) -> None:
-    """b after a took 1.000 and 1.004 s; its third time it followed another command, and a short one says nothing."""
-    durations = [("a", 2.0), ("b", 1.0), ("c", 0.01), ("a", 2.0), ("b", 1.004), ("c", 0.04), ("b", 1.5)]
+    """b after a took 1.000 and 1.004 s, a setting between them or not; its third time it followed itself, its fourth an
+    a that somebody stopped."""
+    durations = [("a", 2.0), ("b", 1.0), ("a", 2.0), ("set", 0.01), ("b", 1.004), ("set", 0.04), ("b", 1.5)]
+    durations += [("a", 2.0), ("b", 1.7)]
     commands = [SimpleNamespace(text=text, duration_ns=round(1e9 * s)) for text, s in durations]
     monkeypatch.setattr(noise_module, "exchanges_of", lambda session: commands)
-    told, (noise,) = with_noise(session())
-    assert noise.unit == "s"
+    stopped = Measured(acts=(Act("day", 8, 0.5),))
+    told, (noise,) = with_noise(replace(session(), measured=stopped))
+    assert (noise.unit, noise.repeats) == ("s", 1)
     assert told.measured.time_sigma_s == pytest.approx(math.sqrt((TRUST * 0.005**2 + 0.004**2 / 2) / (TRUST + 1)))
     assert "durations scatter by" in noise.line
 

@@ -11,7 +11,7 @@ import pytest
 
 from isel_twin.language import create_language, needed
 from isel_twin.machine import Machine, load_machine, with_overrides
-from isel_twin.many.identification import model as model_module
+from isel_twin.many.identification import replays as replays_module
 from isel_twin.many.identification.experiment import assemble, blocks
 from isel_twin.many.identification.fit import Fit, fit
 from isel_twin.many.identification.measured import Measured, Reading
@@ -114,7 +114,7 @@ def test_guide_and_screw_friction_that_differ_are_called_inseparable(
     machine = load_machine("4030")
     guide, screw = machine.axes[0].guide_friction_n, machine.axes[0].screw.coulomb_nm
     hidden = with_overrides(machine, {"axes.x.guide_friction": 0.6 * guide, "axes.x.shaft_coulomb": 1.1 * screw})
-    monkeypatch.setattr(model_module, "predict", lambda session, one: np.array(coasted_mm(one)))
+    monkeypatch.setattr(replays_module, "predict", lambda session, one: np.array(coasted_mm(one)))
     draw = np.random.default_rng(2)
     overruns = [mm + draw.normal(0.0, 0.005) for mm in coasted_mm(hidden)]
     readings = tuple(Reading("day", n, "x", mm, sigma_mm=0.005) for n, mm in enumerate(overruns, 1))
@@ -143,7 +143,7 @@ def coasting(monkeypatch: pytest.MonkeyPatch, changed: dict[str, float], *names:
     machine = load_machine("4030")
     x = machine.tree["axes"]["x"]
     hidden = with_overrides(machine, {f"axes.x.{key}": times * x[key]["value"] for key, times in changed.items()})
-    monkeypatch.setattr(model_module, "predict", lambda session, one: np.array(coasted_mm(one)))
+    monkeypatch.setattr(replays_module, "predict", lambda session, one: np.array(coasted_mm(one)))
     draw = np.random.default_rng(4)
     overruns = [mm + draw.normal(0.0, 0.005) for mm in coasted_mm(hidden)]
     readings = tuple(Reading("day", n, "x", mm, sigma_mm=0.005) for n, mm in enumerate(overruns, 1))
@@ -183,7 +183,7 @@ def test_another_motor_is_refused_and_named(monkeypatch: pytest.MonkeyPatch) -> 
 
     machine = load_machine("4030")
     hidden = with_overrides(machine, {"axes.x.specimen.torque_constant": 0.7})
-    monkeypatch.setattr(model_module, "predict", lambda session, one: np.array(seen(one)))
+    monkeypatch.setattr(replays_module, "predict", lambda session, one: np.array(seen(one)))
     draw = np.random.default_rng(5)
     readings = tuple(
         Reading("day", n, "x", mm + draw.normal(0.0, 0.005), sigma_mm=0.005) for n, mm in enumerate(seen(hidden), 1)
@@ -206,7 +206,7 @@ def test_two_numbers_that_data_see_apart_are_not_called_alike(near: Machine) -> 
     """Each of two readings loads one spring alone."""
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(
-            model_module,
+            replays_module,
             "predict",
             lambda session, one: np.array(
                 [0.0, *(1.0 / one.tree[a][b]["stiffness"]["value"] for a, b in (("axes", "y"), ("structure", "nod_y")))]

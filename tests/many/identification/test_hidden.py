@@ -16,6 +16,7 @@ from isel_twin.many.identification.fit import Fit, Prospect, fit, prospect
 from isel_twin.many.identification.model import Model
 from isel_twin.many.identification.page import page
 from isel_twin.many.identification.patch import as_json, patch
+from isel_twin.many.identification.replays import Replays
 from isel_twin.many.identification.session import Session, predict
 from isel_twin.many.identification.unknowns import candidate, unknown
 from tests.many.identification.conftest import CONTROLLER, NAMES, TRUE, Found
@@ -124,7 +125,7 @@ def test_any_executor_gives_the_same_bits(found: Found) -> None:
     points = [np.zeros(len(found.unknowns)), np.full(len(found.unknowns), 0.3)]
     assert pickle.loads(pickle.dumps((session, found.believed, found.unknowns)))[0] == session  # for processes
     with ThreadPoolExecutor(2) as pool:
-        one = Model(found.believed, found.unknowns, [session], here(pool)).predictions(points)
+        one = Model(found.believed, found.unknowns, [session], Replays(here(pool))).predictions(points)
     other = Model(found.believed, found.unknowns, [session]).predictions(points)
     assert [each.tobytes() for each in one] == [each.tobytes() for each in other]
 

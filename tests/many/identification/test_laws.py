@@ -81,12 +81,12 @@ def law(key: str, gained: float, share: float = 1.0) -> Law:
     ],
 )
 def test_laws_as_good_as_the_best_are_alike(gained: tuple[float, ...], explains: bool, named: list[str]) -> None:
-    told = Competition(tuple(law(str(n), one) for n, one in enumerate(gained)), np.zeros((1, 1)), 0)
+    told = Competition(tuple(law(str(n), one) for n, one in enumerate(gained)), np.zeros((1, 1)))
     assert [one.key for one in told.rivals(explains)] == named
 
 
 def test_what_takes_little_of_the_excess_explains_nothing() -> None:
-    told = Competition((law("0", 9.0, share=0.4),), np.zeros((1, 1)), 0)
+    told = Competition((law("0", 9.0, share=0.4),), np.zeros((1, 1)))
     assert not told.rivals(explains=False)
     assert len(told.rivals(explains=True)) == 1
 

@@ -95,7 +95,11 @@ def near(tmp_path_factory: pytest.TempPathFactory) -> Machine:
 def planned(near: Machine) -> Experiment:
     """A day for X and Y, of two runs, without the series of stalls."""
     blocks = [block for block in day(near, CONTROLLER, ["x", "y"], seed=0, runs=2) if block.stall is None]
-    kept = [block for block in blocks if not block.name.startswith(("positioning y", "ring y", "reversal"))]
+    kept = [
+        block
+        for block in blocks
+        if not block.name.startswith(("positioning y", "ring y", "reversal", "straightness", "heights"))
+    ]
     kept = [block for block in kept if " y" not in block.name]
     return assemble("day", kept, LANGUAGE)
 
@@ -103,6 +107,24 @@ def planned(near: Machine) -> Experiment:
 @pytest.fixture(scope="module")
 def predicted(near: Machine, planned: Experiment) -> list[Predicted]:
     return predict_day(planned, near, CONTROLLER, number=3, seed=1)
+
+
+def test_each_error_of_geometry_is_a_number_of_the_day(near: Machine) -> None:
+    """Lead 0.05 %, 11.5 um/m by each of 20 K, square by 0.4 mm/m, bow 40 um, turn 0.5 mm/m: each where it shows, though
+    all are there. The straightedge is 100 of 120 mm: (5/6)^2 of the bow."""
+    wanted = ("positioning x", "straightness x_y", "heights x", "circle")
+    blocks = [block for block in day(near, CONTROLLER, ["x", "y"], seed=0, runs=2) if block.name in wanted]
+    flags = {f"imperfections.{name}": True for name in ("lead_error", "growth", "squareness", "straightness", "abbe")}
+    guides = {"guides.x_y": 40.0, "guides.turn_x": 0.5, "guides.turn_y": 0.0, "guides.arm_x": 0.0, "guides.y_x": 0.0}
+    errors = {"axes.all.lead_error": 0.05, "axes.x.screw_warming": 20.0, "squareness.xy": 0.4, "axes.all.backlash": 0.0}
+    real = with_overrides(near, {**flags, **guides, **errors})
+    _, measured = carry_out(assemble("day", blocks, LANGUAGE), real, CONTROLLER, seed=2, noise_mm=0.0, time_noise_s=0.0)
+    told = {one.what: one.value for one in characteristics(measured)}
+    assert told["positioning x: lead error"] == pytest.approx(0.05 + 0.0230, abs=0.004)
+    assert told["straightness x_y: bow"] == pytest.approx(0.040 * (5 / 6) ** 2, abs=0.003)
+    assert told["circle: squareness"] == pytest.approx(0.4, abs=0.08)
+    turn = next(value for what, value in told.items() if what.startswith("heights x"))
+    assert turn == pytest.approx(0.5 * 100 / 120, abs=0.05)
 
 
 FIVE = {

@@ -13,10 +13,13 @@
     measured.py     the file of measurements
     session.py      a recording with its measurements, and their prediction by a candidate machine
     noise.py        noise of gauges and clocks from repeats
+    trajectory.py   positions in a recording as readings in motion
+    replays.py      replays, counted and kept in a journal
     model.py        predictions on candidates, residuals, their differences
     fit.py          sensitivity, rank, least squares, intervals, chi-square; fitted and held back
     profile.py      how wide an interval the likelihood wants
     reach.py        which numbers behind a common factor no datum moves
+    recovery.py     families of parameters that a fit must find back
     laws.py         laws that compete with the fitted ones, compared by held-back data
     patch.py        the result as a machine, as JSON
     page.py         the result as a page

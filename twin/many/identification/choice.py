@@ -23,6 +23,7 @@ from isel_twin.language import create_language, needed
 from isel_twin.machine import Machine
 from isel_twin.many.identification.experiment import Block, assemble
 from isel_twin.many.identification.model import Model
+from isel_twin.many.identification.replays import Replays
 from isel_twin.many.identification.session import session_of
 from isel_twin.many.identification.stand_in import carry_out
 from isel_twin.many.identification.unknowns import Unknown
@@ -53,7 +54,7 @@ def choose(
         experiment = assemble("block", [block], language)
         recorded, measured = carry_out(experiment, machine, controller, seed=0, noise_mm=0.0, time_noise_s=0.0)
         session = session_of(recorded, measured, controller, machine)
-        model = Model(machine, unknowns, [session], crew)
+        model = Model(machine, unknowns, [session], Replays(crew))
         jacobian = model.jacobian(np.zeros(len(unknowns)), central=False)
         told.append(jacobian.T @ jacobian)
     chosen, left = [], []

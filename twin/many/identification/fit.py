@@ -31,6 +31,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -42,6 +43,8 @@ from isel_twin.many.identification.model import BOUND, NOT_IDENTIFIED, WEAK, Flo
 from isel_twin.many.identification.noise import Noise, with_noise
 from isel_twin.many.identification.profile import profile
 from isel_twin.many.identification.reach import Alike, OutOfReach, behind_factors
+from isel_twin.many.identification.recovery import unrecovered
+from isel_twin.many.identification.replays import Replays
 from isel_twin.many.identification.session import Datum, Session
 from isel_twin.many.identification.unknowns import Unknown
 
@@ -138,9 +141,11 @@ class Fit:
     misfits: tuple[tuple[Datum, float], ...] = ()  # fitted data of the largest residuals beyond MISFIT, and these
     unreached: tuple[OutOfReach, ...] = ()
     alike: tuple[Alike, ...] = ()
-    competition: Competition = field(default_factory=lambda: Competition((), np.zeros((0, 0)), 0))
+    competition: Competition = field(default_factory=lambda: Competition((), np.zeros((0, 0))))
     noise: tuple[Noise, ...] = ()
     widened: tuple[float, ...] = ()  # by parameter: what the disagreement of laws makes of the interval, at least 1
+
+    unrecovered: tuple[str, ...] = ()  # families that the fit does not find back
 
     @property
     def explains(self) -> bool:
@@ -151,6 +156,10 @@ class Fit:
     def doubts(self) -> tuple[str, ...]:
         """What must be said of this result, a line each."""
         lines = [*(one.line for one in self.unreached), *(one.line for one in self.alike)]
+        lines += [
+            f"{name}: put elsewhere by a standard deviation, the fit does not find it back; so it is an estimate"
+            for name in self.unrecovered
+        ]
         lines += [self._disagreement(at) for at, times in enumerate(self.widened) if times >= DISAGREE]
         would = [f"{one.key} ({one.law}, {self._said(one)})" for one in self.suspects]
         apart = "; these data do not tell them apart" if len(would) > 1 else "; fit it, too"
@@ -204,14 +213,19 @@ def fit(
     crew: Crew | None = None,
     told: Callable[[Prospect], None] | None = None,
     progress: Callable[[int], None] | None = None,
+    journal: Path | None = None,
+    gate: bool = False,
 ) -> Fit:
-    """Fit and validate. told: called with the identifiability before the fit. Raises ImportError without SciPy."""
+    """Fit and validate. told: called with the identifiability before the fit. progress: with the number of replays.
+    journal: of replays, to go on from. gate: try whether each family is found back (recovery.py). Raises ImportError
+    without SciPy, OSError and ValueError for the journal.
+    """
     from scipy.optimize import least_squares
     from scipy.stats import chi2 as chi2_of
 
     known, noise = zip(*(with_noise(session) for session in (*fitted, *held)), strict=True)
     fitted, held = known[: len(fitted)], known[len(fitted) :]
-    model = Model(machine, unknowns, fitted, crew, progress)
+    model = Model(machine, unknowns, fitted, Replays(crew, progress, journal))
     count = len(unknowns)
     zero = np.zeros(count)
     last = model.jacobian(zero)
@@ -242,8 +256,8 @@ def fit(
     chi2 = model.chi2(after)
     freedom = model.freedom(after)
     limit = float(chi2_of.ppf(FITS, freedom)) / freedom
-    unreached, alike, replays = behind_factors(model, u, last, chi2, crew)
-    competition = compete(model, u, last, crew)
+    unreached, alike = behind_factors(model, u, last, chi2)
+    competition = compete(model, u, last)
     covariance: Floats = np.asarray(np.linalg.inv(last.T @ last / max(1.0, chi2) + np.eye(count)), dtype=np.float64)
     alone = np.sqrt(np.diag(covariance))
     ends = np.hypot(
@@ -255,7 +269,8 @@ def fit(
     for index, item in enumerate(unknowns):
         low, high = item.value(u[index] - ends[index, 0]), item.value(u[index] + ends[index, 1])
         estimates.append(Estimate(item, item.value(u[index]), low, high, float(deviation[index])))
-    other = Model(machine, unknowns, held, crew, progress)
+    lost = unrecovered(model, u, last, deviation) if gate else ()
+    other = Model(machine, unknowns, held, model.replays)
     before_held, after_held = (other.residuals(one) for one in other.predictions([zero, u]))
     return Fit(
         tuple(estimates),
@@ -272,7 +287,7 @@ def fit(
             (item, item.value - item.sigma * one, item.value - item.sigma * two)
             for item, one, two in zip(other.data, before_held.tolist(), after_held.tolist(), strict=True)
         ),
-        model.replays + other.replays + replays + competition.replays,
+        model.replays.count,
         limit,
         _misfits(model.data, after),
         unreached,
@@ -280,6 +295,7 @@ def fit(
         competition,
         tuple(one for each in noise for one in each),
         tuple((deviation / alone).tolist()),
+        lost,
     )
 
 

@@ -33,7 +33,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.base.crew import Crew
 from isel_twin.base.parameters import rows
 from isel_twin.many.identification.model import STEP, Floats, Model
 from isel_twin.many.identification.session import Datum
@@ -73,7 +72,6 @@ class Law:
 class Competition:
     laws: tuple[Law, ...]  # the likeliest first
     spread: Floats  # [n, n], covariance of the u that their disagreement adds
-    replays: int
 
     def rivals(self, explains: bool) -> tuple[Law, ...]:
         """Laws that predict what was held back better than what was fitted, and alike. explains: as of the fit."""
@@ -82,13 +80,13 @@ class Competition:
         return tuple(one for one in able if one.gained >= least)
 
 
-def compete(model: Model, u: Floats, jacobian: Floats, crew: Crew | None = None) -> Competition:
+def compete(model: Model, u: Floats, jacobian: Floats) -> Competition:
     """All laws at u. jacobian: of what was fitted, there."""
     added = _candidates(model, u)
     count, behind = len(u), {key for item in model.unknowns if item.factor for key in item.keys}
     if not added or not model.data:
-        return Competition((), np.zeros((count, count)), 0)
-    wider = Model(model.machine, [*model.unknowns, *(item for item, _, _ in added)], model.sessions, crew)
+        return Competition((), np.zeros((count, count)))
+    wider = model.wider([item for item, _, _ in added])
     base, here = np.concatenate((u, np.zeros(len(added)))), model.residuals_at(u)
     ways = WIDE * np.eye(len(base))[count:]
     back = [wider.residuals(one) for one in wider.predictions([base - way for way in ways])]
@@ -111,7 +109,7 @@ def compete(model: Model, u: Floats, jacobian: Floats, crew: Crew | None = None)
     laws = [
         Law(*told, float(one), tuple(move.tolist())) for told, one, move in zip(found, part[1:], moves[1:], strict=True)
     ]
-    return Competition(tuple(sorted(laws, key=lambda one: -one.gained)), spread, wider.replays)
+    return Competition(tuple(sorted(laws, key=lambda one: -one.gained)), spread)
 
 
 class _Trial:

@@ -19,10 +19,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.base.crew import Crew, in_order
 from isel_twin.machine import Machine
-from isel_twin.many.identification.session import MISSED, Datum, Session, predict
-from isel_twin.many.identification.unknowns import Unknown, candidate
+from isel_twin.many.identification.replays import Replays
+from isel_twin.many.identification.session import MISSED, Datum, Session
+from isel_twin.many.identification.unknowns import Unknown
 
 STEP = 0.8  # step of the differences, in standard deviations of the prior
 CLIFF = 5.0  # largest ratio of the differences of a step up and a step down; beyond it one of them is no slope
@@ -43,18 +43,15 @@ class Model:
         machine: Machine,
         unknowns: Sequence[Unknown],
         sessions: Sequence[Session],
-        crew: Crew | None = None,
-        progress: Callable[[int], None] | None = None,
+        replays: Replays | None = None,
     ) -> None:
-        """crew: for the replays; None: this process. progress: called with the number of replays."""
+        """replays: who makes them; None: this process."""
         self.machine = machine
         self.unknowns = tuple(unknowns)
         self.sessions = tuple(sessions)
         self.data: tuple[Datum, ...] = tuple(item for session in sessions for item in session.data)
-        self._crew = crew
-        self._progress = progress
+        self.replays = replays or Replays()
         self._known: dict[tuple[float, ...], Floats] = {}
-        self.replays = 0
         self._value = np.array([item.value for item in self.data])
         self._sigma = np.array([item.sigma for item in self.data])
         self._scatter = np.array([item.scatter for item in self.data])
@@ -71,6 +68,10 @@ class Model:
                 found.setdefault(item.group or item.kind, []).append(index)
         return [np.array(indices) for indices in found.values()]
 
+    def wider(self, more: Sequence[Unknown]) -> Model:
+        """The same data, with more parameters behind the others."""
+        return Model(self.machine, [*self.unknowns, *more], self.sessions, self.replays)
+
     def values(self, u: Floats) -> list[float]:
         return [item.value(float(one)) for item, one in zip(self.unknowns, u, strict=True)]
 
@@ -83,16 +84,17 @@ class Model:
             for key in new
             for session in self.sessions
         ]
-        pieces = []
-        for piece in in_order(_predict, calls, self._crew):
-            pieces.append(piece)
-            self.replays += 1
-            if self._progress is not None:
-                self._progress(self.replays)
+        pieces = self.replays.make(calls)
         count = len(self.sessions)
         for index, key in enumerate(new):
             self._known[key] = np.concatenate([np.zeros(0), *pieces[index * count : (index + 1) * count]])
         return [self._known[key] for key in keys]
+
+    def between(self, wanted: Floats, predicted: Floats) -> Floats:
+        """r [data] of other data in the place of those measured, bounds left out."""
+        found = self.residuals(self._value - wanted + predicted)
+        found[self._side != 0] = 0.0
+        return found
 
     def residuals(self, predicted: Floats) -> Floats:
         """r [data], without the zeros of gauges (many/10)."""
@@ -162,9 +164,3 @@ class Model:
             if float((told[indices] ** 2).sum()) <= by_chance * (1.0 + CHANCE * math.sqrt(2.0 / len(indices))):
                 told[indices] = 0.0
         return told
-
-
-def _predict(call: tuple[Session, Machine, tuple[Unknown, ...], list[float]]) -> Floats:
-    """One session on one candidate, for worker processes."""
-    session, machine, unknowns, values = call
-    return predict(session, candidate(machine, unknowns, values))

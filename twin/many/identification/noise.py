@@ -1,8 +1,8 @@
 """The noise of gauges and clocks, estimated from what was measured more than once.
 
-Repeats are readings of one mounting that came about alike: at one push that follows the same push, after the same
-command that follows the same command (what is pulled both ways remembers the last pull); and the durations of such
-commands. Their scatter about their means, pooled over all of one instrument (readings of one stated
+Repeats are readings of one mounting that came about alike: at one push that follows the same push (what is pulled both
+ways remembers the last pull), after the same move from the same place; and the durations of such moves, which are the
+commands that take LEAST_S. Their scatter about their means, pooled over all of one instrument (readings of one stated
 sigma in one recording), with nu degrees of freedom, and what was stated, worth TRUST of them, give
 
     sigma^2 = (TRUST stated^2 + nu scatter^2) / (TRUST + nu)
@@ -46,15 +46,14 @@ class Noise:
 def with_noise(session: Session) -> tuple[Session, list[Noise]]:
     """The session with the noise that its repeats tell."""
     measured = session.measured
-    texts = ["", *(exchange.text for exchange in exchanges_of(session))]
-    after = {number: (texts[number - 1], texts[number]) for number in range(1, len(texts))}
+    after = _moves(session)
     told: list[Noise] = []
     sigmas: dict[float, float] = {}
     came: dict[float, list[tuple[Reading, Hashable]]] = {}
     last: Reading | None = None
     for one in measured.readings:
         before = last.push_n if last is not None and (last.command, last.gauge) == (one.command, one.gauge) else None
-        how = one.axis, one.gauge, one.push_n, one.push_at, one.at_s, before, after.get(one.command)
+        how = one.axis, one.gauge, one.push_n, one.push_at, one.at_s, before, after.get(one.command, one.command)
         came.setdefault(one.sigma_mm, []).append((one, how))
         last = one
     for stated, each in came.items():
@@ -71,6 +70,17 @@ def with_noise(session: Session) -> tuple[Session, list[Noise]]:
     time_s = _estimated(session.name, "s", measured.time_sigma_s, timed, told)
     readings = tuple(replace(one, sigma_mm=sigmas[one.sigma_mm]) for one in measured.readings)
     return replace(session, measured=replace(measured, readings=readings, time_sigma_s=time_s)), told
+
+
+def _moves(session: Session) -> dict[int, tuple[str, str]]:
+    """By command: the move before it, at whose end it begins, and itself. Those interfered with end anywhere."""
+    found, last = {}, ""
+    interfered = {act.command for act in session.measured.acts}
+    for number, exchange in enumerate(exchanges_of(session), 1):
+        found[number] = last, exchange.text
+        if exchange.duration_ns is not None and exchange.duration_ns >= LEAST_S * 1e9:
+            last = f"{number}" if number in interfered else exchange.text
+    return found
 
 
 def _estimated(

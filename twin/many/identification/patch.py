@@ -7,9 +7,10 @@
     backlash = { value = 0.0312, unit = "mm", grade = "measured", interval = [0.027, 0.036], source = "..." }
 
 Only identified numbers are in it, and of a common factor only those that a datum moves. Their grade is `measured` if
-recordings were held back and are predicted better and the model explains what was fitted; without that, or if a number
-is known only roughly or not told apart from others of its factor, it is `estimate`. Whatever the grade, the interval
-stands beside it: `--uncertain` draws from it, and another identification begins with it.
+recordings were held back and are predicted better, the model explains what was fitted, and the fit finds the number's
+family back when it is put elsewhere; without that, or if a number is known only roughly or not told apart from others
+of its factor, it is `estimate`. Whatever the grade, the interval stands beside it: `--uncertain` draws from it, and
+another identification begins with it.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from isel_twin.machine.spread import NORMAL_95
 from isel_twin.many.identification.fit import Fit
 from isel_twin.many.identification.laws import Law
 from isel_twin.many.identification.model import WEAK
+from isel_twin.many.identification.recovery import family
 from isel_twin.many.identification.unknowns import Unknown, candidate, changes
 from isel_twin.models import machine_names
 
@@ -48,7 +50,8 @@ def patch(
         item = estimate.unknown
         if not estimate.identified:
             continue
-        grade = "measured" if held and result.explains and estimate.remaining < WEAK else "estimate"
+        sure = estimate.remaining < WEAK and family(item.name) not in result.unrecovered
+        grade = "measured" if held and result.explains and sure else "estimate"
         if item.flag:
             flags[item.flag] = None
         unit = "" if item.unit == "1" else f" {item.unit}"
@@ -150,6 +153,7 @@ def as_json(result: Fit, fitted: Sequence[str], held: Sequence[str]) -> dict[str
             {"recording": one.recording, "unit": one.unit, "stated": one.stated, "sigma": one.sigma, "of": one.repeats}
             for one in result.noise
         ],
+        "not_recovered": list(result.unrecovered),
         "widened": list(result.widened),
         "misfits": [
             {"recording": item.recording, "kind": item.kind, "datum": item.label, "residual": r}

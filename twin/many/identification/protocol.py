@@ -2,6 +2,8 @@
 
     positioning   ISO 230-2: five places, five times from either side          accuracy, repeatability, reversal
     circle        ISO 230-4, at rest at sixteen places of a circle, either way  circular deviation, reversal, squareness
+    straightness  ISO 230-1: a gauge on a straightedge along the axis          deviation from the line of its ends
+    heights       two lengths of the axis, Z up and down                       turn of the guide (Abbe)
     ring          let go, listened to by a phone                               frequency and damping
     reversal, push, coast, stall                                               as experiment.py has them
 
@@ -12,6 +14,11 @@ The terms are those of the standards, with x the deviation from the place comman
     accuracy A = max(m + 2 s) - min(m - 2 s)                   over places and ways
     circular deviation G = greatest less least radius, its centre by least squares; H = greatest difference of the ways
 
+A straightedge is laid down by its ends, so a gauge on it shows the bow alone. A guide that turns makes a length greater
+by its angle times what the arm is longer: the lengths at two heights differ by a (z_2 - z_1), whatever the lead is.
+Growth by heat is a longer lead: who wants it measures positioning cold and warm, and fits `axes.x.screw_warming` to the
+warm day with the lead that the cold one gave.
+
 A circle at rest does not show what a fast one does. Squareness is read from it: a second axis that leans by q gives the
 radius q/2 sin 2a over its mean. Characteristics are computed from a filled form, whoever filled it: so the twin's
 predictions (sealed.py) and the machine's results are the same calculation.
@@ -21,14 +28,14 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.axes import CARRIAGES
-from isel_twin.language import MoveSettings, create_language, needed
+from isel_twin.language import Language, MoveSettings, create_language, needed
 from isel_twin.machine import Machine
 from isel_twin.many.identification.experiment import FAR_SIGMA_MM, PUSH_N, Block, Step, Teller, blocks
 from isel_twin.many.identification.measured import Measured, Reading, Ring
@@ -37,6 +44,8 @@ PLACES, RUNS = 5, 5  # of ISO 230-2, for axes up to 2 m
 EDGE_MM = 10.0  # of the travel that is left out at either end
 AROUND = 16  # places on a circle, those between the axes among them
 OVER_MM = 2.0  # beyond the last place, before the way back
+ALONG = 9  # places along a straightedge
+TWICE = 2  # readings of a length
 BRISK = (10_000, 100, 300)  # speed, acceleration and start-stop frequency on long ways
 FASTEST_HZ = 12_000  # of a coast: a machine that stalls before it is stopped says nothing of its friction
 
@@ -62,6 +71,9 @@ def day(machine: Machine, controller: str, axes: Sequence[str], seed: int, runs:
         axis = machine.axes[CARRIAGES.index(name)]
         tell = Teller(language, name, axis.steps_per_mm)
         found.append(_positioning(tell, axis.travel_mm, draw, runs))
+        found += _straightness(language, machine, name)
+        if name in ("x", "y"):
+            found.append(_heights(language, machine, name))
         found.append(_ring(tell, round(0.4 * min(axis.travel_mm, 100.0))))
     if {"x", "y"} <= set(axes):
         found.append(_circle(language, machine))
@@ -93,25 +105,59 @@ def _positioning(tell: Teller, travel_mm: float, draw: np.random.Generator, runs
     return Block(name, f"{tell.axis}: ISO 230-2, {PLACES} places, {runs} times from either side, scale", steps)
 
 
-def _circle(language: object, machine: Machine) -> Block:
+def _straightness(language: Language, machine: Machine, name: str) -> list[Block]:
+    """A gauge across the axis at places of its travel, there and back; one block for each direction across."""
+    travel_mm = machine.axes[CARRIAGES.index(name)].travel_mm
+    found = []
+    for across in (axis for axis in CARRIAGES if axis != name):
+        gauge, steps = f"straightness {name}_{across}", ()
+        read = Reading("", 1, across, math.nan, gauge=gauge)
+        for number in range(ALONG):
+            mm = EDGE_MM + number * (travel_mm - 2.0 * EDGE_MM) / (ALONG - 1)
+            said = f"read the gauge along {across} on the straightedge, {name} at {mm:.1f} mm"
+            steps += _go(language, machine, {name: mm}, (read,), said)
+        found.append(Block(gauge, f"{name}: a straightedge along it, gauge along {across}", steps))
+    return found
+
+
+def _heights(language: Language, machine: Machine, name: str) -> Block:
+    """Both ends of the axis with Z up, then with Z down."""
+    travel_mm, deep_mm = machine.axes[CARRIAGES.index(name)].travel_mm, machine.axes[2].travel_mm - EDGE_MM
+    steps: tuple[Step, ...] = ()
+    for z_mm in (0.0, deep_mm):
+        for mm in (EDGE_MM, travel_mm - EDGE_MM) * TWICE:
+            steps += _go(language, machine, {name: mm - OVER_MM, "z": z_mm})
+            read = Reading("", 1, name, math.nan, FAR_SIGMA_MM, f"heights {name} {deep_mm:g}")
+            said = f"read the scale on {name}, at the height of the tool, Z at {z_mm:g} mm"
+            steps += _go(language, machine, {name: mm, "z": z_mm}, (read,), said)
+    return Block(f"heights {name}", f"{name}: its length with Z up and {deep_mm:g} mm down, scale at the tool", steps)
+
+
+def _go(
+    language: Language, machine: Machine, mm: Mapping[str, float], readings: tuple[Reading, ...] = (), said: str = ""
+) -> tuple[Step, ...]:
+    """To a place; axes that are not named go to 0."""
+    target = [round(mm.get(axis.name, 0.0) * axis.steps_per_mm) for axis in machine.axes]
+    *before, last = language.move(target, MoveSettings(*BRISK))
+    return (*(Step(data) for data in before), Step(last, readings, comment=said))
+
+
+def _circle(language: Language, machine: Machine) -> Block:
     """Around the middle of the smaller travel, once each way; the gauge is in a bar between table and tool."""
     x, y = machine.axes[0], machine.axes[1]
     radius_mm = 0.4 * min(x.travel_mm, y.travel_mm, 300.0)
     middle = (radius_mm + EDGE_MM, radius_mm + EDGE_MM, 0.0)
-    how = MoveSettings(*BRISK)
-    steps: list[Step] = []
+    steps: tuple[Step, ...] = ()
     for way in (1, -1):
         for number in range(-1, AROUND):
             angle = way * 2.0 * math.pi * number / AROUND
-            place = (middle[0] + radius_mm * math.cos(angle), middle[1] + radius_mm * math.sin(angle))
-            target = [round(place[0] * x.steps_per_mm), round(place[1] * y.steps_per_mm), 0]
+            place = {"x": middle[0] + radius_mm * math.cos(angle), "y": middle[1] + radius_mm * math.sin(angle)}
             read = (Reading("", 1, "x", math.nan, gauge="circle", about_mm=middle),) if number >= 0 else ()
-            *before, last = language.move(target, how)  # type: ignore[attr-defined]
             clock = "against the clock" if way > 0 else "with it"
             said = f"read the gauge of the bar: {clock}, {number * 360 / AROUND:g} deg"
-            steps += [*(Step(data) for data in before), Step(last, read, comment=said if read else "")]
+            steps += _go(language, machine, place, read, said if read else "")
     what = f"X and Y: ISO 230-4 at rest, radius {radius_mm:g} mm about ({middle[0]:g}, {middle[1]:g}), bar with gauge"
-    return Block("circle", what, tuple(steps))
+    return Block("circle", what, steps)
 
 
 def _ring(tell: Teller, mm: float) -> Block:
@@ -130,7 +176,7 @@ def characteristics(measured: Measured) -> list[Characteristic]:
     for gauge, readings in itertools.groupby(measured.readings, key=lambda one: one.gauge):
         own, kind = list(readings), gauge.partition(" ")[2]
         of = {"positioning": _of_positions, "circle": _of_circle, "reversal": _of_reversal, "push": _of_push}
-        of["coast"] = _of_coast
+        of |= {"coast": _of_coast, "straightness": _of_straightness, "heights": _of_heights}
         make = of.get(kind.split(" ")[0])
         if make is not None:
             found += [replace(one, what=f"{kind}: {one.what}") for one in make(own)]
@@ -197,6 +243,24 @@ def _radius_mm(readings: Sequence[Reading]) -> float:
     about = readings[0].about_mm
     assert about is not None
     return about[0] - EDGE_MM
+
+
+def _of_straightness(readings: Sequence[Reading]) -> Iterator[Characteristic]:
+    """Of places evenly apart: the bow, of a parabola with the line of its ends."""
+    if len(readings) == ALONG:
+        part = np.linspace(0.0, 1.0, ALONG)
+        shape = np.column_stack([np.ones(ALONG), part, 4.0 * part * (1.0 - part)])
+        bow = np.linalg.lstsq(shape, np.array([one.mm for one in readings]), rcond=None)[0][2]
+        yield Characteristic("bow", "mm", float(bow))
+
+
+def _of_heights(readings: Sequence[Reading]) -> Iterator[Characteristic]:
+    """Near and far end, twice; then the same with Z down by what the gauge's name says."""
+    if len(readings) == 4 * TWICE:
+        mm = np.array([one.mm for one in readings]).reshape(2, TWICE, 2)
+        lengths = (mm[..., 1] - mm[..., 0]).mean(axis=1)
+        deep_mm = float(readings[0].gauge.rpartition(" ")[2])
+        yield Characteristic("turn of the guide", "mm/m", 1000.0 * float(lengths[1] - lengths[0]) / deep_mm)
 
 
 def _of_reversal(readings: Sequence[Reading]) -> Iterator[Characteristic]:

@@ -24,7 +24,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from isel_twin.base.crew import Crew
 from isel_twin.many.identification.model import NOT_IDENTIFIED, STEP, WEAK, Floats, Model
 
 SHARE = 0.2
@@ -70,15 +69,15 @@ class Alike:
 
 
 def behind_factors(
-    model: Model, u: Floats, jacobian: Floats, chi2: float, crew: Crew | None = None
-) -> tuple[tuple[OutOfReach, ...], tuple[Alike, ...], int]:
-    """What the data do not reach, and do not tell apart, at u, and how many replays that took. jacobian: there."""
+    model: Model, u: Floats, jacobian: Floats, chi2: float
+) -> tuple[tuple[OutOfReach, ...], tuple[Alike, ...]]:
+    """What the data do not reach, and do not tell apart, at u. jacobian: there."""
     unknowns = model.unknowns
     factors = [(at, item) for at, item in enumerate(unknowns) if item.factor and len(item.keys) > 1]
     if not factors:
-        return (), (), 0
+        return (), ()
     single = [(at, replace(item, keys=(key,))) for at, item in factors for key in item.keys]
-    wider = Model(model.machine, [*unknowns, *(item for _, item in single)], model.sessions, crew)
+    wider = model.wider([item for _, item in single])
     base = np.concatenate((u, [u[at] for at, _ in single]))
     points = [base - WIDE * np.eye(len(base))[len(u) + index] for index in range(len(single))]
     here = model.residuals_at(u)
@@ -105,4 +104,4 @@ def behind_factors(
         }
         if len(own_left) > 1 and max(own_left.values()) >= WEAK:
             alike.append(Alike(factor.name, own_left))
-    return tuple(unreached), tuple(alike), wider.replays
+    return tuple(unreached), tuple(alike)

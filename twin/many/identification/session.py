@@ -44,7 +44,7 @@ from isel_twin.many.identification.measured import Act, Measured, Reading, Ring,
 from isel_twin.many.identification.ring_down import ring_down
 from isel_twin.recordings.compare import paired, traffic
 from isel_twin.recordings.reading import Recorded, RecordingError
-from isel_twin.wiring import ScenarioError, event_now
+from isel_twin.wiring import EVENT_KEYS, ScenarioError, event_now
 
 LEAST_S = 0.05  # shorter durations depend on the controller and its line, not on the machine
 SETTLE_S = 0.3  # from the reply or the change of a push until a gauge is read
@@ -170,7 +170,7 @@ def session_of(recorded: Recorded, measured: Measured, controller: str, machine:
     if not controller:
         raise RecordingError(f"{recorded.path}: does not say which controller it is of; --controller NAME does")
     operated = tuple((entry.time_ns, entry.content) for entry in recorded.of("/operator"))
-    events = tuple((time_ns, content) for time_ns, content in operated if "line_speed" not in content)
+    events = tuple((time_ns, content) for time_ns, content in operated if not set(content) - set(EVENT_KEYS))
     line_speed = not recorded.of_twin or recorded.metadata.get("line_speed") == "true"
     pieces = tuple(traffic(recorded))
     session = Session(name, controller, pieces, events, own, line_speed)

@@ -11,6 +11,7 @@
     mass             all [masses]                                                     a common factor
     switch.limit_x2  contacts.limit_x2.position                                       mm
     repeatability    switches.repeatability                                           mm
+    squareness.xy, guides.x_y, guides.turn_x, axes.x.screw_warming                    mm/m, um, mm/m, K
     any key          of `isel-twin describe`: axes.z.brake, controller.start_stop_hz ...
 
 Keys that measurements cannot separate have a common factor: guides and shaft both brake, and a gauge at the tool sees
@@ -38,6 +39,15 @@ from isel_twin.machine import Machine, machine_from_tree
 from isel_twin.machine.spread import GRADE_FACTOR, LEAD_PERCENT
 
 SWITCH_MM = 2.0  # prior range of a switch position, either way: cams are clamped by hand
+# errors of geometry that may be of either sign: beginning and end of the key, the imperfection, half of the prior range
+GEOMETRY = (
+    ("squareness.", "", "squareness", 0.5),
+    ("guides.turn_", "", "abbe", 0.3),
+    ("guides.", "_x", "straightness", 50.0),
+    ("guides.", "_y", "straightness", 50.0),
+    ("guides.", "_z", "straightness", 50.0),
+    ("axes.", ".screw_warming", "growth", 10.0),
+)
 
 FRICTION_KEYS = ("guide_friction", "shaft_coulomb", "shaft_viscous")  # of an axis
 
@@ -141,6 +151,10 @@ def _meaning(machine: Machine, name: str) -> _Meaning:
             if contact.name == of:
                 key = f"contacts.{of}.position"
                 return _Meaning((key,), half=SWITCH_MM, prior=contact.position_mm, unit="mm")
+    for begin, end, flag, half in GEOMETRY:
+        if name.startswith(begin) and name.endswith(end):
+            prior = None if getattr(machine.imperfections, flag) else 0.0
+            return _Meaning((name,), flag=flag, half=half, prior=prior)
     if name.startswith("axes.all."):
         return _Meaning(tuple(f"axes.{axis}.{name.removeprefix('axes.all.')}" for axis in CARRIAGES))
     return _Meaning((name,))

@@ -1,0 +1,101 @@
+"""The replays of a fit: made by a crew, counted, and kept in a journal, so that a fit that was killed goes on.
+
+    journal    {"key": SHA-256 of session, machine and numbers, "values": [...]}     a line of JSON for each replay
+
+A replay depends on nothing else (replays have one seed), so one that is in the journal need not be made again: the same
+call after a kill reads what was made, asks for the rest, and ends with the same bits. A last line that was torn off is
+left out. Another machine file, another recording or another version has other keys.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.base.crew import Crew, in_order
+from isel_twin.machine import Machine
+from isel_twin.many.identification.session import Session, predict
+from isel_twin.many.identification.unknowns import Unknown, candidate, changes
+from isel_twin.version import VERSION
+
+Floats = NDArray[np.float64]
+Call = tuple[Session, Machine, tuple[Unknown, ...], list[float]]
+
+
+class Replays:
+    """Makes them. Raises OSError for a journal that cannot be read or written, ValueError for one that is none."""
+
+    def __init__(
+        self,
+        crew: Crew | None = None,
+        progress: Callable[[int], None] | None = None,
+        journal: Path | None = None,
+    ) -> None:
+        """crew: None: this process. progress: called with the number of replays. journal: None: none."""
+        self._crew, self._progress, self._journal = crew, progress, journal
+        self._known = {} if journal is None else _read(journal)
+        self.count = 0  # those that were read count, too
+
+    def make(self, calls: Sequence[Call]) -> list[Floats]:
+        """float64 [data of its session] of each call."""
+        keys = [_key(call) if self._journal is not None else "" for call in calls]
+        missing = [call for call, key in zip(calls, keys, strict=True) if key not in self._known]
+        made = in_order(replayed, missing, self._crew)
+        found = []
+        for key in keys:
+            values = self._known.get(key)
+            if values is None:
+                values = next(made)
+                self._keep(key, values)
+            found.append(values)
+            self.count += 1
+            if self._progress is not None:
+                self._progress(self.count)
+        return found
+
+    def _keep(self, key: str, values: Floats) -> None:
+        if self._journal is not None:
+            self._known[key] = values
+            with self._journal.open("a", encoding="utf-8") as file:
+                file.write(json.dumps({"key": key, "values": values.tolist()}) + "\n")
+
+
+def replayed(call: Call) -> Floats:
+    """One session on one candidate, for worker processes."""
+    session, machine, unknowns, values = call
+    return predict(session, candidate(machine, unknowns, values))
+
+
+def _key(call: Call) -> str:
+    session, machine, unknowns, values = call
+    told = sorted(changes(machine, unknowns, values).items()), sorted(item.flag for item in unknowns)
+    return hashlib.sha256(f"{VERSION} {machine.digest} {_session_key(session)} {told!r}".encode()).hexdigest()
+
+
+@functools.lru_cache(64)
+def _named(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _session_key(session: Session) -> str:
+    return _named(repr(session))
+
+
+def _read(journal: Path) -> dict[str, Floats]:
+    found: dict[str, Floats] = {}
+    lines = journal.read_text(encoding="utf-8").split("\n") if journal.exists() else [""]
+    for number, line in enumerate(lines[:-1], 1):
+        try:
+            content = json.loads(line)
+            found[content["key"]] = np.array(content["values"], dtype=np.float64)
+        except (ValueError, KeyError, TypeError):
+            raise ValueError(f"{journal}: line {number} is no replay; name another file for the journal") from None
+    if lines[-1]:  # torn off by a kill
+        journal.write_text("".join(f"{line}\n" for line in lines[:-1]), encoding="utf-8")
+    return found
