@@ -1,6 +1,6 @@
 """Files in the hand of programs that owners have: their headers, line ends, code pages and slips, a few cuts each.
 
-Written by hand after what these programs are known to write. Each cuts at X 10 to 30, Y 10 to 20 above a zero of its own.
+Written by hand after what these programs are known to write. Each cuts at X 10 to 30, Y 10 to 20 of its own zero.
 """
 
 from __future__ import annotations
