@@ -192,3 +192,21 @@ def test_what_ends_a_cam_file_half_way_is_told_with_its_line(
     assert page.frame["job"]["state"] == "failed"
     assert page.frame["job"]["line"] in (18, 19)
     assert page.frame["job"]["command"].startswith("@0")
+
+
+def test_a_cam_file_that_became_a_program_is_shown_line_by_line(
+    bench, browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The BWO 900 makes a program by itself, and tells its blocks: they are lines of the file, and so is the one in
+    which the E-stop ends it."""
+    (tmp_path / "isel-twin.toml").write_text("[cam]\nzero = [100, 80, 40]\n")
+    monkeypatch.chdir(tmp_path)
+    page = browser(bench(speed=4.0, controller="bwo900", machine="4030-servo"))
+    opened(page, WILD["vectric.ncp"].decode(errors="replace"), "vectric.ncp")
+    page.request(job={"start": True})
+    page.until(lambda: page.frame["job"].get("line") == 13)
+    page.until(lambda: page.frame["job"]["line"] == 18)
+    page.ask(set={"estop": "pressed"})
+    page.until(lambda: page.frame["job"]["state"] != "running")
+    assert page.frame["job"]["state"] == "failed"
+    assert page.frame["job"]["line"] in (18, 19)
