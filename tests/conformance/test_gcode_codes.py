@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import re
+from typing import Any
 
 import pytest
 from conformance.rows import case
@@ -11,7 +13,11 @@ from isel_twin.cam.toolpath import CamError
 from tests.cam.short import UP, told
 
 SETTINGS = dataclasses.replace(
-    UP, zero=(0.0, 0.0, 0.0), zeros={2: (1.0, 2.0, 3.0)}, tool_length_mm={4: 10.0}, strict=True
+    UP,
+    zero=(0.0, 0.0, 0.0),
+    zeros={2: (1.0, 2.0, 3.0)} | {number: (float(number), 0.0, 0.0) for number in range(3, 10)},
+    tool_length_mm={4: 10.0},
+    strict=True,
 )
 ELSEWHERE = dataclasses.replace(SETTINGS, zero=(100.0, 50.0, 20.0), start=(100.0, 50.0, 20.0))
 
@@ -106,6 +112,13 @@ ELSEWHERE = dataclasses.replace(SETTINGS, zero=(100.0, 50.0, 20.0), start=(100.0
         case("gcode-1-51", "G21\nF60\nM8\nM2", "coolant 1 on | end"),
         case("gcode-1-52", "G21\nF60\nM9\nM2", "coolant 1 off | coolant 2 off | end"),
         case("gcode-1-53", "G21\nF60\nM48\nM49\nM50\nM51\nM52\nM53\nM2", "end"),
+        *(
+            case("gcode-1-54", f"G21\nF60\n{code} G0 X0\nM2", f"rapid {number} 0 0 | end")
+            for number, code in enumerate(("G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3"), 3)
+        ),
+        case("gcode-1-55", "G21\nF60\nG8 G97\nG0 X1\nM2", "rapid 1 0 0 | end"),
+        case("gcode-1-56", "G70\nF60\nG1 X1\nM2", "line 1, column 1: G70 is not of this dialect"),
+        case("gcode-1-56", "G71\nF60\nG1 X1\nM2", "line 1, column 1: G71 is not of this dialect"),
         case("gcode-2-1", "g 2 1\n g 0 x 1 . 5\nM2", "rapid 1.5 0 0 | end"),
         case("gcode-2-2", "G21\nG0 X+2. Y-.5\nX1e3\nM2", "E is no word of G-code here"),
         case("gcode-2-3", "G21 (mm) G0 X1 (there) Y2 ; done\nM2", "rapid 1 2 0 | end"),
@@ -172,3 +185,50 @@ def test_code(program: str, verdict: str) -> None:
         with pytest.raises(CamError) as caught:
             told("gcode", program, settings)
         assert verdict in str(caught.value)
+
+
+def refused(row: str, codes: str) -> list[Any]:
+    return [case(row, code, code) for code in codes.split()]
+
+
+@pytest.mark.parametrize(
+    ("word", "named"),
+    [
+        *refused("gcode-7-1", "G41 G42 G41.1 G42.1"),
+        *refused("gcode-7-2", "G33 G33.1 G74 G76 G84"),
+        *refused("gcode-7-3", "G86 G87 G88"),
+        *refused("gcode-7-4", "G38.2 G38.3 G38.4 G38.5"),
+        *refused("gcode-7-5", "G5 G5.1 G5.2 G5.3"),
+        *refused("gcode-7-6", "G17.1 G18.1 G19.1"),
+        *refused("gcode-7-7", "G43.1 G43.2"),
+        *refused("gcode-7-8", "G7 G71.1 G71.2 G72 G72.1 G72.2 G95 G96"),
+        *refused("gcode-7-9", "M19 M60 M61"),
+        *refused("gcode-7-10", "M62 M63 M64 M65 M66 M67 M68"),
+        *refused("gcode-7-11", "M70 M71 M72 M73"),
+        *refused("gcode-7-12", "M98 M99"),
+        *refused("gcode-7-13", "M100 M101 M150 M199"),
+    ],
+)
+def test_code_is_refused(word: str, named: str) -> None:
+    """As the second word of its line, so that the place is its own."""
+    with pytest.raises(CamError, match=rf"^line 3, column 6: {re.escape(named)} is refused: "):
+        told("gcode", f"G21\nF60\nS100 {word}\nM2", SETTINGS)
+
+
+@pytest.mark.parametrize(
+    ("line", "error"),
+    [
+        case("gcode-7-12", "O100 sub", "column 1: O sub is a subprogram"),
+        case("gcode-7-12", "O<bore> call [1]", "column 1: "),
+        *(case("gcode-7-14", f"G1 X1 {axis}2", f"column 7: this machine has no axis {axis}") for axis in "ABCUVW"),
+        case("gcode-7-15", "G1 X#1", "column 4: parameters # and expressions"),
+        case("gcode-7-15", "#5=[1+2]", "column 1: parameters # and expressions"),
+        case("gcode-7-15", "G1 X[2*3]", "column 4: parameters # and expressions"),
+        case("gcode-7-16", "G1 @10 ^45", "column 4: '@' is no word of G-code"),
+        case("gcode-7-16", "G1 X1 E5", "column 7: E is no word of G-code here"),
+        case("gcode-7-16", "G1 X1 D5", "column 7: no code of this line takes D"),
+    ],
+)
+def test_word_is_refused(line: str, error: str) -> None:
+    with pytest.raises(CamError, match=f"^line 3, {re.escape(error)}"):
+        told("gcode", f"G21\nF60\n{line}\nM2", SETTINGS)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import socket
+from pathlib import Path
 
 import pytest
 
 from isel_twin.bridge.operate.panel.job import MOST_CHARACTERS
 from isel_twin.bridge.serve.tcp import parse_address
+from tests.cam.wild import WILD
 from tests.panel.conftest import WAIT_S
 
 JOB = "# two moves\n@07\n@0R7\n@0A800,4000,0,30,0,30,0,30\n<0.5s>\n@0P => *\n! x > 2 mm\n"
@@ -151,3 +153,60 @@ def test_a_file_that_is_refused_leaves_the_one_before(bench, browser) -> None:
     opened(page, "@0P\n")
     assert "error" in opened(page, "<999>\n", "other.txt")
     assert ran(page)["name"] == "job.txt"
+
+
+@pytest.mark.parametrize("name", ["fusion.nc", "vectric.ncp", "estlcam.nc"])
+def test_a_file_as_owners_have_it_is_run_and_refused_in_its_own_lines(
+    bench, browser, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a page reads it: what is no UTF-8 becomes a mark. A word that is wrong in the last line leaves the file
+    before."""
+    (tmp_path / "isel-twin.toml").write_text("[cam]\nzero = [100, 80, 40]\n")
+    monkeypatch.chdir(tmp_path)
+    here = bench(ready=True)
+    page = browser(here)
+    text = WILD[name].decode(errors="replace")
+    assert opened(page, text, name)["ok"]["format"] == ("NCP" if name == "vectric.ncp" else "G-code")
+    seen: set[int] = set()
+    page.hear, hear = lambda: (hear(), seen.add(page.frame["job"].get("line", 0)))[0], page.hear
+    assert ran(page)["state"] == "done"
+    assert seen <= set(range(text.count("\n") + 2))
+    assert here.twin.counts[:2].tolist() == [41600, {"fusion.nc": 31360}.get(name, 32000)]
+    wrong = text.rstrip("\x1a\r\n%").rpartition("\n")[0] + "\nG1 X1 Q5\n"
+    line = wrong.count("\n")
+    assert f"{name}: line {line}, column " in opened(page, wrong, name)["error"]
+    assert page.request(job={"text": True})["ok"]["text"] == text
+
+
+def test_what_ends_a_cam_file_half_way_is_told_with_its_line(
+    bench, browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "isel-twin.toml").write_text("[cam]\nzero = [100, 80, 40]\n")
+    monkeypatch.chdir(tmp_path)
+    page = browser(bench(speed=4.0, ready=True))
+    opened(page, WILD["vectric.ncp"].decode(errors="replace"), "vectric.ncp")
+    page.request(job={"start": True})
+    page.until(lambda: page.frame["job"].get("line") == 18)
+    page.ask(set={"estop": "pressed"})
+    page.until(lambda: page.frame["job"]["state"] != "running")
+    assert page.frame["job"]["state"] == "failed"
+    assert page.frame["job"]["line"] in (18, 19)
+    assert page.frame["job"]["command"].startswith("@0")
+
+
+def test_a_cam_file_that_became_a_program_is_shown_line_by_line(
+    bench, browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The BWO 900 makes a program by itself, and tells its blocks: they are lines of the file, and so is the one in
+    which the E-stop ends it."""
+    (tmp_path / "isel-twin.toml").write_text("[cam]\nzero = [100, 80, 40]\n")
+    monkeypatch.chdir(tmp_path)
+    page = browser(bench(speed=4.0, controller="bwo900", machine="4030-servo"))
+    opened(page, WILD["vectric.ncp"].decode(errors="replace"), "vectric.ncp")
+    page.request(job={"start": True})
+    page.until(lambda: page.frame["job"].get("line") == 13)
+    page.until(lambda: page.frame["job"]["line"] == 18)
+    page.ask(set={"estop": "pressed"})
+    page.until(lambda: page.frame["job"]["state"] != "running")
+    assert page.frame["job"]["state"] == "failed"
+    assert page.frame["job"]["line"] in (18, 19)

@@ -236,6 +236,18 @@ class Sent:
         twin.watch_margin()
         twin.steps_made.clear()
         self._said = twin.remarks[-1] if twin.remarks else None
+        self._step, self._number = "", line.number  # the last one that was looked up
+
+    @property
+    def number(self) -> int:
+        """The line of the file that is being made, in a program as far as it has told."""
+        steps, language, line = self.twin.steps_made, self.twin.language, self.line
+        if line.program and steps and steps[-1].name != self._step and offers(language, RunsPrograms):
+            self._step = steps[-1].name
+            own = language.lines(line.source, {self._step}).get(self._step)
+            if own is not None:
+                self._number = line.places[own - 1] if line.places else own
+        return self._number
 
     def result(self, complete: bool, reply: bytes, timeout_s: float) -> Result:
         """The outcome. complete: the line is over, and did not take timeout_s."""

@@ -167,7 +167,7 @@ class PanelJob:
             "state": "ready" if self._fresh else sender.state,
             "made": index,
             "commands": len(self._lines),
-            "line": line.number,
+            "line": line.number if self._fresh else sender.number,
             "command": line.command[:SHOWN],
             "seconds": 0.0 if self._fresh else (end_ns - sender.begin_ns) / SECOND_NS,
             "why": "" if self._fresh else sender.why,

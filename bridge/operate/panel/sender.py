@@ -53,6 +53,7 @@ class Sender(PanelEnd):
         self.state, self.why = "idle", ""
         self.lines: Sequence[Line] = ()
         self.index = 0  # of the line that is being sent
+        self._ended = 0  # number of the line of the file with which it ended
         self.begin_ns = self.end_ns = self._moved_ns = 0
         self._single = self._held = False
         # of the line that is being sent
@@ -69,6 +70,13 @@ class Sender(PanelEnd):
         self._reply += data
 
     # What can be done
+
+    @property
+    def number(self) -> int:
+        """Of the line of the file that is being made, or was when it ended."""
+        if self._sent is not None:
+            return self._sent.number
+        return self.lines[self.index].number if self.active and self.index < len(self.lines) else self._ended
 
     @property
     def active(self) -> bool:
@@ -197,6 +205,8 @@ class Sender(PanelEnd):
         return due.so() and not (twin.replies_due or twin.commands_due or twin.reply_waiting)
 
     def _judge(self, line: Line, result: Result) -> None:
+        self._ended = line.number if self._sent is None else self._sent.number
+        self._ended = next((part.at[0] for part in reversed(result.parts) if part.at is not None), self._ended)
         self._sent = None
         if not result.condition:
             self._last = result
@@ -212,5 +222,7 @@ class Sender(PanelEnd):
                 self.state = "paused"
 
     def _over(self, state: str, why: str) -> None:
+        if self._sent is not None:
+            self._ended = self._sent.number
         self.state, self.why, self.end_ns, self._sent, self._until_ns = state, why, self._twin.time_ns, None, None
         self._held = False

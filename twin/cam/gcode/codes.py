@@ -69,7 +69,7 @@ G_REFUSED: Mapping[int, str] = {
     **dict.fromkeys((431, 432), "write G43 H with the length of the tool in tool_length_mm"),
     1870: "smoothing is a Haas's own; leave it out, controllers join moves as they can",
     70: "diameters are for lathes; write G8 and radii",
-    720: "it is a cycle of lathes",
+    **dict.fromkeys((711, 712, 720, 721, 722), "it is a cycle of lathes"),
     950: "feed per turn is not made; write G94 and F per minute",
     960: "constant surface speed is for lathes; write G97",
 }

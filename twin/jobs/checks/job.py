@@ -23,7 +23,7 @@ from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.drives.servo_drive import ServoDrive
 from isel_twin.jobs.checks.contour import Contour, Drawing, Way
-from isel_twin.jobs.checks.rules import Bounds, Finding, few
+from isel_twin.jobs.checks.rules import Bounds, Finding, farthest, few, of_edge, of_margin
 from isel_twin.jobs.golden import Golden, Scribe, called, differences, golden_file, load
 from isel_twin.jobs.job import Line
 from isel_twin.jobs.playing import Played, played
@@ -110,7 +110,14 @@ class _Watch:
         if self._most_mm is not None:
             off = f"mm off; at most {self._most_mm:g} mm"
             found += [
-                Finding("deviation", f"{name} is {worst:.3f} {off}{_lag(self._twin, name)}", result.number, time_ns)
+                Finding(
+                    "deviation",
+                    f"{name} is {worst:.3f} {off}{_lag(self._twin, name)}",
+                    result.number,
+                    time_ns,
+                    about=name,
+                    off=worst,
+                )
                 for name, worst, time_ns in zip(CARRIAGES, self._worst_mm, self._worst_ns, strict=True)
                 if worst > self._most_mm
             ]
@@ -122,7 +129,7 @@ class _Watch:
         for line, worst_mm, time_ns in self.contour.found():
             off = f"{worst_mm:.3f} mm off what the file draws; at most {self.contour.most_mm:g} mm"
             program = (line, 1) if result.parts else None
-            yield Finding("contour", off, result.number if program else line, time_ns, program)
+            yield Finding("contour", off, result.number if program else line, time_ns, program, off=worst_mm)
 
 
 def _lag(twin: Twin, name: str) -> str:
@@ -212,8 +219,8 @@ class Inspection:
             self.setting.add(result.number)
         self._findings += self._watch.findings(result, counter_set)
         self._watch.begin()
-        self._findings += _of_margin(result, bounds)
-        self._findings += _of_edge(result, bounds)
+        self._findings += of_margin(result, bounds)
+        self._findings += of_edge(result, bounds)
         now = lost(twin.lost_steps, twin.slip_steps) & twin.idle
         self._findings += [
             Finding("lost", f"{AXIS_NAMES[i]} has lost {twin.lost_steps[i]:.0f} steps", result.number, result.end_ns)
@@ -250,7 +257,7 @@ class Inspection:
         if self.bounds.contour_mm is not None and self._watch.contour is None:
             findings.append(Finding("effect", "contour_mm: the job is no file of a CAM program that draws something"))
         placed = [_placed(finding, self.results) for finding in findings]
-        return Report(job, few(placed), verdict, self._scribe.golden(verdict))
+        return Report(job, few(farthest(placed)), verdict, self._scribe.golden(verdict))
 
 
 def beside_golden(report: Report, job: Path, call: TwinSpec) -> Report:
@@ -323,26 +330,6 @@ def of_answer(result: Result, bounds: Bounds) -> list[Finding]:
     if result.condition:
         return [Finding("unmet", f"{result.command}: {result.why or result.reply}", result.number, result.end_ns)]
     return [Finding("refused", f"{result.command}: {result.shown_reply or 'no reply'}", result.number, result.end_ns)]
-
-
-def _of_margin(result: Result, bounds: Bounds) -> list[Finding]:
-    if bounds.margin is None or result.condition:
-        return []
-    return [
-        Finding("margin", f"{name} keeps {100 * margin:.0f} %; at least {100 * bounds.margin:.0f} %", result.number)
-        for name, margin in zip(AXIS_NAMES, result.margin, strict=False)
-        if margin is not None and margin < bounds.margin
-    ]
-
-
-def _of_edge(result: Result, bounds: Bounds) -> list[Finding]:
-    if bounds.edge is None or result.condition:
-        return []
-    return [
-        Finding("edge", f"{name} swings from {edge:.2f} times this speed on; at least {bounds.edge:g}", result.number)
-        for name, edge in zip(AXIS_NAMES, result.edge, strict=False)
-        if edge is not None and edge < bounds.edge
-    ]
 
 
 def of_cycle(cycle_s: float, bounds: Bounds, line: int | None, time_ns: int) -> list[Finding]:

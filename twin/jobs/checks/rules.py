@@ -35,7 +35,9 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.jobs.playing import TIMEOUT_S
+from isel_twin.jobs.result import Result
 
 RULES: Mapping[str, str] = {
     "refused": "Every command is accepted, or answered as the job expects.",
@@ -90,6 +92,8 @@ class Finding:
     line: int | None = None  # of the job; None: the job as a whole
     time_ns: int | None = None
     at: tuple[int, int] | None = None  # line and column of the file, in a program of the controller's own
+    about: str = ""  # what is off: an axis
+    off: float = 0.0  # by how much; 0: that is no question here
 
     @property
     def warning(self) -> bool:
@@ -109,6 +113,16 @@ class Finding:
         return "" if self.line is None else f"line {self.line}"
 
 
+def farthest(findings: Sequence[Finding]) -> list[Finding]:
+    """Of findings of the same rule, line and axis the one that is off by most: a line of a CAM program's file may be
+    many commands."""
+    kept: dict[object, Finding] = {}
+    for number, one in enumerate(findings):
+        key = (one.rule, one.line, one.at, one.about) if one.off else number
+        kept[key] = max(kept.get(key, one), one, key=lambda each: each.off)
+    return list(kept.values())
+
+
 def few(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     """At most MOST findings of each rule, in the order of lines, and the number of the others."""
     kept: list[Finding] = []
@@ -118,3 +132,35 @@ def few(findings: Sequence[Finding]) -> tuple[Finding, ...]:
         if len(own) > MOST:
             kept.append(Finding(rule, f"and {len(own) - MOST} more of the same"))
     return tuple(sorted(kept, key=lambda finding: (finding.line or math.inf, finding.time_ns or 0)))
+
+
+def of_margin(result: Result, bounds: Bounds) -> list[Finding]:
+    if bounds.margin is None or result.condition:
+        return []
+    return [
+        Finding(
+            "margin",
+            f"{name} keeps {100 * margin:.0f} %; at least {100 * bounds.margin:.0f} %",
+            result.number,
+            about=name,
+            off=bounds.margin - margin,
+        )
+        for name, margin in zip(AXIS_NAMES, result.margin, strict=False)
+        if margin is not None and margin < bounds.margin
+    ]
+
+
+def of_edge(result: Result, bounds: Bounds) -> list[Finding]:
+    if bounds.edge is None or result.condition:
+        return []
+    return [
+        Finding(
+            "edge",
+            f"{name} swings from {edge:.2f} times this speed on; at least {bounds.edge:g}",
+            result.number,
+            about=name,
+            off=bounds.edge - edge,
+        )
+        for name, edge in zip(AXIS_NAMES, result.edge, strict=False)
+        if edge is not None and edge < bounds.edge
+    ]
