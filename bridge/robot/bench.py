@@ -4,22 +4,17 @@ from __future__ import annotations
 
 import json
 import os
-import select
-import signal
 import socket
-import subprocess
-import sys
 import time
 from typing import Any, Literal
 
 from robot.api.deco import keyword, library
 
 from isel_twin.bridge.operate.client import Client, ClientError
+from isel_twin.bridge.operate.started import Started
 from isel_twin.language import Language, create_language
 from isel_twin.version import VERSION
 
-START_S = 120.0  # wall time in which a server must listen: it may have to compile first
-STOP_S = 30.0
 SILENT_S = 2.0  # a command that has no reply by then has none
 ARRIVES_S = 0.05  # from one piece of a reply to the next, on this computer
 Axis = Literal["x", "y", "z"]
@@ -38,7 +33,7 @@ class Bench:
 
     def __init__(self) -> None:
         self.ROBOT_LIBRARY_LISTENER = self
-        self._process: subprocess.Popen[str] | None = None
+        self._started: Started | None = None
         self._client: Client | None = None
         self._line: socket.socket | None = None
         self._language: Language | None = None
@@ -61,17 +56,9 @@ class Bench:
     ) -> dict[str, Any]:
         """Start a twin in a process of its own; options: further ones of `isel-twin serve`. Returns what it prints."""
         self.stop_twin()
-        call = [sys.executable, "-m", "isel_twin.cli", "serve", "--machine", machine, "--controller", controller]
-        call += ["--plant", plant, "--seed", str(seed), "--speed", speed, *options]
-        call += ["--tcp", "127.0.0.1:0", "--control", "127.0.0.1:0"]
-        self._process = subprocess.Popen(call, stdout=subprocess.PIPE, text=True)
-        assert self._process.stdout is not None
-        ready, _, _ = select.select([self._process.stdout], [], [], START_S)
-        line = self._process.stdout.readline() if ready else ""
-        if not line:
-            self.stop_twin()
-            raise AssertionError(f"the twin does not start: {' '.join(call[3:])}; its reason is on standard error")
-        info: dict[str, Any] = json.loads(line)
+        call = ("--machine", machine, "--controller", controller, "--plant", plant, "--seed", str(seed))
+        self._started = Started(*call, "--speed", speed, *options)
+        info = self._started.info
         self.connect_to_twin(info["control"], info["tcp"])
         return info
 
@@ -91,16 +78,9 @@ class Bench:
     def stop_twin(self) -> None:
         """Let go of the twin; one that was started here ends."""
         self._disconnect()
-        process, self._process = self._process, None
-        if process is not None:
-            process.send_signal(signal.SIGTERM)
-            try:
-                process.wait(STOP_S)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
-            if process.stdout is not None:
-                process.stdout.close()
+        started, self._started = self._started, None
+        if started is not None:
+            started.stop()
 
     # ---- the host's side ----
 
