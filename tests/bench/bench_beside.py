@@ -1,8 +1,8 @@
 """What stands beside a twin: what it costs the twin, and a row of another control.
 
 Targets (docs/performance.md): the server's thread spends at most 2 % more CPU with a control port, or a panel that
-nobody looks at; ten states a second, which an MTConnect adapter or an OPC UA server asks for, cost it at most 2 % of a second;
-a row of another control costs at most 0.15 ms.
+nobody looks at; ten states a second, which an MTConnect adapter or an OPC UA server asks for, cost it at most 2 % of a
+second; a row of another control costs at most 0.15 ms.
 """
 
 from __future__ import annotations
