@@ -12,11 +12,13 @@ from robot.api.deco import keyword, library
 
 from isel_twin.bridge.operate.client import Client, ClientError
 from isel_twin.bridge.operate.started import Started
+from isel_twin.bridge.serve.tcp import parse_address
 from isel_twin.language import Language, create_language
 from isel_twin.version import VERSION
 
 SILENT_S = 2.0  # a command that has no reply by then has none
 ARRIVES_S = 0.05  # from one piece of a reply to the next, on this computer
+CLOSED = "the twin has closed the line"
 Axis = Literal["x", "y", "z"]
 
 
@@ -57,7 +59,10 @@ class Bench:
         """Start a twin in a process of its own; options: further ones of `isel-twin serve`. Returns what it prints."""
         self.stop_twin()
         call = ("--machine", machine, "--controller", controller, "--plant", plant, "--seed", str(seed))
-        self._started = Started(*call, "--speed", speed, *options)
+        try:
+            self._started = Started(*call, "--speed", speed, *options)
+        except ClientError as error:
+            raise AssertionError(str(error)) from None
         info = self._started.info
         self.connect_to_twin(info["control"], info["tcp"])
         return info
@@ -68,11 +73,15 @@ class Bench:
 
         A token is taken from ISEL_TWIN_TOKEN."""
         self._disconnect()
-        self._client = Client(control, os.environ.get("ISEL_TWIN_TOKEN") or None)
-        if tcp:
-            host, _, port = tcp.rpartition(":")
-            self._line = socket.create_connection((host.strip("[]"), int(port)))
-            self._language = create_language(self._state["controller"])
+        try:
+            self._client = Client(control, os.environ.get("ISEL_TWIN_TOKEN") or None)
+            if tcp:
+                self._line = socket.create_connection(parse_address(tcp))
+                self._language = create_language(self._state["controller"])
+        except OSError as error:
+            raise AssertionError(f"{tcp}: {error.strerror or error}") from None
+        except (ClientError, ValueError) as error:
+            raise AssertionError(str(error)) from None
 
     @keyword("Stop Twin", tags=["twin"])
     def stop_twin(self) -> None:
@@ -89,24 +98,19 @@ class Bench:
         """Send a line as in a job file, wait until the controller is idle, return its reply.
 
         Fails if the reply is not `expect`, or, without that, is a refusal. timeout: virtual seconds."""
-        if self._line is None or self._language is None:
-            raise AssertionError("there is no line to the controller: Connect To Twin with its tcp address")
-        data = self._language.frame(command)
-        self._line.sendall(data)
+        language, data = self._sent(command)
         reply = self._reply(timeout)
-        text = self._language.text(reply)
+        text = language.text(reply)
         if expect is not None and text != expect:
             raise AssertionError(f"{command} is answered by {text!r}, not {expect!r}")
-        if expect is None and not self._language.accepted(data, reply):
+        if expect is None and not language.accepted(data, reply):
             raise AssertionError(f"{command} is refused: {text!r}")
         return text
 
     @keyword("Start Command", tags=["host"])
     def start_command(self, command: str) -> None:
         """Send a line and do not wait: the controller is at work meanwhile."""
-        if self._line is None or self._language is None:
-            raise AssertionError("there is no line to the controller: Connect To Twin with its tcp address")
-        self._line.sendall(self._language.frame(command))
+        self._sent(command)
 
     # ---- the operator's side ----
 
@@ -241,6 +245,17 @@ class Bench:
         except ClientError as error:
             raise AssertionError(str(error)) from None
 
+    def _sent(self, command: str) -> tuple[Language, bytes]:
+        """Send a line; the controller's language, and its bytes."""
+        if self._line is None or self._language is None:
+            raise AssertionError("there is no line to the controller: Connect To Twin with its tcp address")
+        data = self._language.frame(command)
+        try:
+            self._line.sendall(data)
+        except OSError as error:
+            raise AssertionError(f"{CLOSED}: {error.strerror or error}") from None
+        return self._language, data
+
     def _reply(self, timeout: float) -> bytes:
         """What the controller says until it is idle. It may be so still, before the command has reached it."""
         silent = time.monotonic() + SILENT_S
@@ -261,8 +276,10 @@ class Bench:
                 piece = self._line.recv(4096)
             except TimeoutError:
                 return reply
+            except OSError:
+                piece = b""
             if not piece:
-                raise AssertionError("the twin has closed the line")
+                raise AssertionError(CLOSED)
             reply += piece
 
     def _disconnect(self) -> None:
