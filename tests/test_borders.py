@@ -85,8 +85,8 @@ ROOMS = re.findall(
     r"[\w.]+",
     """
     version base models drives motion cam controller language machine firmware plant wiring core testing jobs capture
-    recordings report many envs bridge.serve bridge.operate bridge.tap bridge.virtual bridge.pytest
-    bridge.editor bridge.fmu bridge.linuxcnc bridge.mtconnect bridge.opcua bridge.robot bridge.demo cli
+    recordings report many envs bridge.serve bridge.operate bridge.tap bridge.virtual bridge.linuxcnc bridge.pytest
+    bridge.editor bridge.fmu bridge.mtconnect bridge.opcua bridge.robot bridge.demo cli
     """,
 )
 """The house from its ground up: a room knows those before it."""

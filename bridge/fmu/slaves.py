@@ -26,10 +26,9 @@ from pythonfmu3.unit import Unit
 
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.units import SECOND_NS
-from isel_twin.controller import offers
 from isel_twin.core.spec import TwinSpec
 from isel_twin.core.twin import Twin
-from isel_twin.language import TakesSetPoints, create_language, language_names
+from isel_twin.language import set_points_language
 from isel_twin.version import VERSION
 
 # inputs for people's acts: element of the cabinet, its state when False and when True
@@ -239,7 +238,7 @@ class StepsTwin(_TwinSlave):
     free: Mapping[str, Any] = {f"command_{axis}": 0 for axis in CARRIAGES}
 
     def __init__(self, **kwargs: Any) -> None:
-        self._name, self._language = _that_takes_set_points()
+        self._name, self._language = set_points_language()
         super().__init__(**kwargs)
 
     @property
@@ -262,14 +261,6 @@ class StepsTwin(_TwinSlave):
         answer = twin.read()
         if not self._language.accepted(sent, answer):
             raise ValueError(f"step to {end_ns} ns: {answer.decode('latin-1').strip() or 'no answer'}")
-
-
-def _that_takes_set_points() -> tuple[str, Any]:
-    """Name and language of the installed controller that takes another control's set points."""
-    for name in language_names():
-        if offers(language := create_language(name), TakesSetPoints):
-            return name, language
-    raise ValueError("no installed controller takes set points")
 
 
 def _entry(name: str, at: int) -> Callable[[Twin], Any]:

@@ -207,6 +207,7 @@ class Operator:
             "idle": twin.idle,
             "fault": twin.fault,
             "counts": twin.counts.tolist(),
+            "step_mm": twin.step_mm.tolist(),
             "position_mm": twin.position_mm.tolist(),
             "position_error_mm": twin.position_error_mm.tolist(),
             "machine_position_mm": twin.machine_position_mm.tolist(),

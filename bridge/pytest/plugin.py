@@ -1,6 +1,7 @@
 """A pytest plugin: twins as fixtures, and recordings of failing tests.
 
-    marker, ini keys --- call_of ---> twin, twin_serial, twin_server, virtual_host, watched
+    marker, ini keys --- call_of ---> twin, twin_serial, twin_server, virtual_host, watched,
+                                        |               linuxcnc
                                         |
     a test fails ---> the twin is built again and repeats its run, now recorded (bridge/pytest/kept.py)
                       ---> recording, picture and command to repeat it, in the report of the test
@@ -26,13 +27,14 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from isel_twin.bridge.pytest.kept import KeptTwins, ServedTwin
+    from isel_twin.bridge.pytest.linuxcnc import LinuxCnc
     from isel_twin.bridge.pytest.real import RealWatched
     from isel_twin.bridge.virtual.protocol_twin import Serial
     from isel_twin.bridge.virtual.virtual_host import HostRun
     from isel_twin.core.twin import Twin
     from isel_twin.jobs.checks.watched import Watched
 
-__all__ = ["twin", "twin_call", "twin_factory", "twin_serial", "twin_server", "virtual_host", "watched"]
+__all__ = ["linuxcnc", "twin", "twin_call", "twin_factory", "twin_serial", "twin_server", "virtual_host", "watched"]
 
 INI: Mapping[str, str] = {  # keys of the ini file, with isel_twin_ before them
     "machine": "name of a machine, or a machine folder seen from the ini file",
@@ -303,6 +305,33 @@ def twin_server(request: pytest.FixtureRequest, twin_call: dict[str, Any], _twin
         _wrong(f"pytest.mark.twin: {wrong}")
         return
     yield served
+    try:
+        served.stop()
+    finally:
+        _twins.forget(made)
+
+
+@pytest.fixture
+def linuxcnc(request: pytest.FixtureRequest, twin_call: dict[str, Any], _twins: KeptTwins) -> Iterator[LinuxCnc]:
+    """linuxcnc("my.ini", mdi="G1 F600 X20"): LinuxCNC, unmodified, homes and moves a served twin (docs/connections.md).
+
+    Its `served` is the twin, as in `twin_server`. Skips where LinuxCNC is not installed.
+    """
+    from isel_twin.bridge.linuxcnc.session import lacking
+    from isel_twin.bridge.pytest.kept import ServedTwin
+    from isel_twin.bridge.pytest.linuxcnc import LinuxCnc
+    from isel_twin.language import set_points_language
+
+    if _port(request.config):
+        no_twin("linuxcnc")
+    if lacks := lacking():
+        pytest.skip(lacks)
+    controller, language = set_points_language()
+    overrides = {**language.unwatched, **twin_call.get("overrides", {})}
+    call = {key: value for key, value in twin_call.items() if key not in OF_SERVERS}
+    made = _twins.build(request.node, {**call, "controller": controller, "overrides": overrides})
+    served = ServedTwin(made)
+    yield LinuxCnc(served, request.path.parent)
     try:
         served.stop()
     finally:

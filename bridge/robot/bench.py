@@ -4,24 +4,21 @@ from __future__ import annotations
 
 import json
 import os
-import select
-import signal
 import socket
-import subprocess
-import sys
 import time
 from typing import Any, Literal
 
 from robot.api.deco import keyword, library
 
 from isel_twin.bridge.operate.client import Client, ClientError
+from isel_twin.bridge.operate.started import Started
+from isel_twin.bridge.serve.tcp import parse_address
 from isel_twin.language import Language, create_language
 from isel_twin.version import VERSION
 
-START_S = 120.0  # wall time in which a server must listen: it may have to compile first
-STOP_S = 30.0
 SILENT_S = 2.0  # a command that has no reply by then has none
 ARRIVES_S = 0.05  # from one piece of a reply to the next, on this computer
+CLOSED = "the twin has closed the line"
 Axis = Literal["x", "y", "z"]
 
 
@@ -38,7 +35,7 @@ class Bench:
 
     def __init__(self) -> None:
         self.ROBOT_LIBRARY_LISTENER = self
-        self._process: subprocess.Popen[str] | None = None
+        self._started: Started | None = None
         self._client: Client | None = None
         self._line: socket.socket | None = None
         self._language: Language | None = None
@@ -61,17 +58,12 @@ class Bench:
     ) -> dict[str, Any]:
         """Start a twin in a process of its own; options: further ones of `isel-twin serve`. Returns what it prints."""
         self.stop_twin()
-        call = [sys.executable, "-m", "isel_twin.cli", "serve", "--machine", machine, "--controller", controller]
-        call += ["--plant", plant, "--seed", str(seed), "--speed", speed, *options]
-        call += ["--tcp", "127.0.0.1:0", "--control", "127.0.0.1:0"]
-        self._process = subprocess.Popen(call, stdout=subprocess.PIPE, text=True)
-        assert self._process.stdout is not None
-        ready, _, _ = select.select([self._process.stdout], [], [], START_S)
-        line = self._process.stdout.readline() if ready else ""
-        if not line:
-            self.stop_twin()
-            raise AssertionError(f"the twin does not start: {' '.join(call[3:])}; its reason is on standard error")
-        info: dict[str, Any] = json.loads(line)
+        call = ("--machine", machine, "--controller", controller, "--plant", plant, "--seed", str(seed))
+        try:
+            self._started = Started(*call, "--speed", speed, *options)
+        except ClientError as error:
+            raise AssertionError(str(error)) from None
+        info = self._started.info
         self.connect_to_twin(info["control"], info["tcp"])
         return info
 
@@ -81,26 +73,23 @@ class Bench:
 
         A token is taken from ISEL_TWIN_TOKEN."""
         self._disconnect()
-        self._client = Client(control, os.environ.get("ISEL_TWIN_TOKEN") or None)
-        if tcp:
-            host, _, port = tcp.rpartition(":")
-            self._line = socket.create_connection((host.strip("[]"), int(port)))
-            self._language = create_language(self._state["controller"])
+        try:
+            self._client = Client(control, os.environ.get("ISEL_TWIN_TOKEN") or None)
+            if tcp:
+                self._line = socket.create_connection(parse_address(tcp))
+                self._language = create_language(self._state["controller"])
+        except OSError as error:
+            raise AssertionError(f"{tcp}: {error.strerror or error}") from None
+        except (ClientError, ValueError) as error:
+            raise AssertionError(str(error)) from None
 
     @keyword("Stop Twin", tags=["twin"])
     def stop_twin(self) -> None:
         """Let go of the twin; one that was started here ends."""
         self._disconnect()
-        process, self._process = self._process, None
-        if process is not None:
-            process.send_signal(signal.SIGTERM)
-            try:
-                process.wait(STOP_S)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
-            if process.stdout is not None:
-                process.stdout.close()
+        started, self._started = self._started, None
+        if started is not None:
+            started.stop()
 
     # ---- the host's side ----
 
@@ -109,24 +98,19 @@ class Bench:
         """Send a line as in a job file, wait until the controller is idle, return its reply.
 
         Fails if the reply is not `expect`, or, without that, is a refusal. timeout: virtual seconds."""
-        if self._line is None or self._language is None:
-            raise AssertionError("there is no line to the controller: Connect To Twin with its tcp address")
-        data = self._language.frame(command)
-        self._line.sendall(data)
+        language, data = self._sent(command)
         reply = self._reply(timeout)
-        text = self._language.text(reply)
+        text = language.text(reply)
         if expect is not None and text != expect:
             raise AssertionError(f"{command} is answered by {text!r}, not {expect!r}")
-        if expect is None and not self._language.accepted(data, reply):
+        if expect is None and not language.accepted(data, reply):
             raise AssertionError(f"{command} is refused: {text!r}")
         return text
 
     @keyword("Start Command", tags=["host"])
     def start_command(self, command: str) -> None:
         """Send a line and do not wait: the controller is at work meanwhile."""
-        if self._line is None or self._language is None:
-            raise AssertionError("there is no line to the controller: Connect To Twin with its tcp address")
-        self._line.sendall(self._language.frame(command))
+        self._sent(command)
 
     # ---- the operator's side ----
 
@@ -261,6 +245,17 @@ class Bench:
         except ClientError as error:
             raise AssertionError(str(error)) from None
 
+    def _sent(self, command: str) -> tuple[Language, bytes]:
+        """Send a line; the controller's language, and its bytes."""
+        if self._line is None or self._language is None:
+            raise AssertionError("there is no line to the controller: Connect To Twin with its tcp address")
+        data = self._language.frame(command)
+        try:
+            self._line.sendall(data)
+        except OSError as error:
+            raise AssertionError(f"{CLOSED}: {error.strerror or error}") from None
+        return self._language, data
+
     def _reply(self, timeout: float) -> bytes:
         """What the controller says until it is idle. It may be so still, before the command has reached it."""
         silent = time.monotonic() + SILENT_S
@@ -281,8 +276,10 @@ class Bench:
                 piece = self._line.recv(4096)
             except TimeoutError:
                 return reply
+            except OSError:
+                piece = b""
             if not piece:
-                raise AssertionError("the twin has closed the line")
+                raise AssertionError(CLOSED)
             reply += piece
 
     def _disconnect(self) -> None:

@@ -2,30 +2,31 @@
 
 Where it is installed with its headers (linuxcnc-uspace, linuxcnc-uspace-dev, gcc) and these tests run as root: the
 component is put into LinuxCNC's folder of modules as these tests see it only (a mount of their own). ISEL_TWIN_LINUXCNC
-names another folder for the headers. One LinuxCNC runs on a computer, so they wait for a lock.
+names another folder for the headers. What LinuxCNC is not needed for is tested everywhere.
 """
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import subprocess
-import tempfile
+import sys
 from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
 
-from isel_twin.bridge.linuxcnc import __file__ as KIT
-from tests.bridge.conftest import Served
+from isel_twin.bridge.linuxcnc import session as kit
+from isel_twin.bridge.linuxcnc.session import INI, KIT, LinuxCncError, Session, changed, scale_of
+from isel_twin.bridge.pytest.kept import ServedTwin
+from isel_twin.bridge.pytest.linuxcnc import LinuxCnc
+from isel_twin.core.twin import Twin
 from tests.in_process import isel_twin
 from tests.near import near_switches
 
-HEADERS = Path(os.environ.get("ISEL_TWIN_LINUXCNC", "/usr/include/linuxcnc"))
-MODULES = Path("/usr/lib/linuxcnc/modules")
-LIMIT_S = 90
+LIMIT_S = 300.0
 SQUARE = "G1 F1200 X20 Y10\nG1 X30\nG1 Y20\nG1 X20\nG1 Y10"
 FAST = {
     "MAX_LINEAR_VELOCITY = 30": "MAX_LINEAR_VELOCITY = 150",
@@ -38,127 +39,209 @@ def lacks() -> str:
     for program in ("linuxcnc", "gcc", "unshare"):
         if shutil.which(program) is None:
             return f"{program} is not installed"
-    if not (HEADERS / "hal.h").is_file():
-        return f"LinuxCNC's headers are not in {HEADERS}: linuxcnc-uspace-dev, or ISEL_TWIN_LINUXCNC"
+    if not (kit.HEADERS / "hal.h").is_file():
+        return f"LinuxCNC's headers are not in {kit.HEADERS}: linuxcnc-uspace-dev, or ISEL_TWIN_LINUXCNC"
     tried = subprocess.run(["unshare", "-m", "true"], capture_output=True, check=False)
     return "" if os.geteuid() == 0 and tried.returncode == 0 else "needs root, for a mount of its own"
 
 
-pytestmark = pytest.mark.skipif(bool(lacks()), reason=lacks())
-
-
-def open_folder() -> Path:
-    """A new folder for the realtime part, which runs as nobody; pytest's are closed to others."""
-    folder = Path(tempfile.mkdtemp(prefix="isel-twin-linuxcnc-"))
-    folder.chmod(0o777)
-    return folder
+with_linuxcnc = pytest.mark.skipif(bool(lacks()), reason=lacks())
 
 
 @pytest.fixture(scope="module")
-def modules() -> Iterator[Path]:
-    """LinuxCNC's modules and the component, compiled."""
-    folder = open_folder()
-    for path in MODULES.glob("*.so"):
-        shutil.copy(path, folder)
-    source, made = Path(KIT).parent / "isel_twin_rows.c", folder / "isel_twin_rows.so"
-    call = ["gcc", "-O2", "-shared", "-fPIC", "-Wall", "-Werror", "-DRTAPI", "-DUSPACE", "-D__MODULE__"]
-    call += ["-D_GNU_SOURCE", f"-I{HEADERS}", str(source), "-o", str(made), "-lm"]
-    subprocess.run(call, check=True)
+def modules(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """LinuxCNC's modules and the component, compiled; open to the realtime part, which runs as nobody."""
+    folder = Path("/tmp") / f"isel-twin-modules-{os.getpid()}"
+    shutil.copytree(kit.MODULES, folder)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(kit, "MODULES", folder)
+        assert kit.install().is_file()
     yield folder
     shutil.rmtree(folder)
 
 
 @pytest.fixture
-def only_one() -> Iterator[None]:
-    import fcntl
+def linuxcnc(tmp_path: Path, modules: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[LinuxCnc]:
+    """As the fixture of the plugin, on a machine whose switches are near, with the component seen by it only."""
+    mounted = f'mount --bind {modules} {kit.MODULES} && exec linuxcnc "$@"'
+    monkeypatch.setattr(Session, "command", ("unshare", "-m", "sh", "-c", mounted, "sh"))
+    monkeypatch.setattr(kit, "lockstep", lambda: True)
+    machine = str(near_switches(tmp_path, 8.0))
+    twin = Twin(machine=machine, controller="external", seed=5, overrides={"controller.watchdog_ms": 0})
+    served = ServedTwin(twin)
+    yield LinuxCnc(served, tmp_path)
+    served.stop()
 
-    with open(Path(tempfile.gettempdir()) / "isel-twin-linuxcnc.lock", "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        yield
-        subprocess.run(["halrun", "-U"], capture_output=True, check=False)
+
+@with_linuxcnc
+def test_it_homes_runs_a_square_and_the_hood_stops_it(linuxcnc: LinuxCnc) -> None:
+    """Home is where the switches are, so what it believes is machine coordinates within trip point, hysteresis and
+    backlash of the switch (0.5 mm); it loses nothing. Then the hood is forced open in motion."""
+    ask = linuxcnc.served.ask
+    with linuxcnc.begin(mdi=f"{SQUARE}\nG1 X100", timeout_s=LIMIT_S) as session:
+        while (seen := ask({"state": True}))["machine_position_mm"][0] < 40.0:
+            assert session.running, session.wait().log
+        assert max(map(abs, seen["lost_steps"])) < 16.0, "half a slip"
+        ask({"set": {"hood": "forced"}})
+        done = session.wait()
+    assert done.code == 3, done.log
+    assert done.said[0] == "homed"
+    believed = [[float(mm) for mm in line.rpartition(": ")[2].split()] for line in done.said[1:6]]
+    corners = [[20, 10, 2], [30, 10, 2], [30, 20, 2], [20, 20, 2], [20, 10, 2]]
+    assert believed == [pytest.approx(corner, abs=0.01) for corner in corners]
+    assert done.said[6] == "G1 X100: emergency stop"
+    seen = ask({"state": True})
+    assert seen["outputs"]["power"] == 0
+    assert abs(seen["machine_position_mm"][1] - 10.0) < 0.5
 
 
-class Session:
-    """A LinuxCNC with the kit's files, beside a served twin."""
+@with_linuxcnc
+def test_too_fast_it_notices_nothing_and_the_twin_does(linuxcnc: LinuxCnc, tmp_path: Path) -> None:
+    """With an INI of its own, that asks for more than the motors can."""
+    text = INI.read_text()
+    for old, new in FAST.items():
+        text = text.replace(old, new)
+    for path in (INI.parent / "isel4030.tbl", INI):
+        (tmp_path / path.name).write_text(path.read_text() if path != INI else text)
+    done = linuxcnc(INI.name, "G0 X100", timeout_s=LIMIT_S)
+    assert (done.code, done.said[-1]) == (0, "done"), done.log
+    assert float(done.said[1].split()[2]) == pytest.approx(100.0, abs=0.01)
+    seen = linuxcnc.served.ask({"state": True})
+    assert abs(seen["lost_steps"][0]) > 1000.0
+    assert seen["machine_position_mm"][0] < 90.0
 
-    def __init__(self, served: Served, modules: Path, changed: dict[str, str], mdi: str) -> None:
-        self.served = served
-        self.folder = folder = open_folder()
-        for path in (Path(KIT).parent / "retrofit").iterdir():
-            text = path.read_text()
-            for old, new in {"port=7800": f"port={served.info['tcp'].rpartition(':')[2]}", **changed}.items():
-                text = text.replace(old, new)
-            (folder / path.name).write_text(text)
-            (folder / path.name).chmod(0o755)
-        environment = {
-            **{"HOME": str(folder), "RTAPI_UID": "65534", "RTAPI_FIFO_PATH": str(folder / "fifo")},
-            **{"ISEL_TWIN_MDI": mdi, "ISEL_TWIN_PATIENCE_S": str(LIMIT_S), "PATH": os.environ["PATH"]},
-        }
-        call = f"mount --bind {modules} {MODULES} && exec linuxcnc -r {folder}/isel4030.ini"
-        self.process = subprocess.Popen(
-            ["unshare", "-m", "sh", "-c", call],
-            env=environment,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
 
-    def end(self) -> tuple[int, list[str]]:
-        """Exit code, and what the session has said."""
-        said, _ = self.process.communicate(timeout=2 * LIMIT_S)
-        told = [line.removeprefix("session: ") for line in said.splitlines() if line.startswith("session: ")]
-        assert told, said
-        return self.process.returncode, told
+# ---- without LinuxCNC ----
+
+
+def test_an_ini_keeps_all_but_its_hardware_and_its_display() -> None:
+    ini = "[DISPLAY]\nDISPLAY = axis\nCYCLE_TIME = 0.1\n[HAL]\nHALFILE = mesa.hal\nPOSTGUI_HALFILE = p.hal\n"
+    text = changed(f"{ini}[KINS]\nKINEMATICS = trivkins\nJOINTS = 3\n", ["twin.hal", "pendant.hal"])
+    assert text == (
+        "[DISPLAY]\nDISPLAY = ./session.py\nCYCLE_TIME = 0.1\n[HAL]\nHALFILE = twin.hal\nHALFILE = pendant.hal\n"
+        "[KINS]\nKINEMATICS = trivkins\nJOINTS = 3\n"
+    )
+    assert changed(INI.read_text(), ["isel4030.hal"]).splitlines().count("HALFILE = isel4030.hal") == 1
+
+
+@pytest.mark.parametrize(
+    ("ini", "line"),
+    [
+        ("[DISPLAY]\n[KINS]\nJOINTS = 3\n", "must have one section [HAL]"),
+        ("[DISPLAY]\n[HAL]\n[KINS]\nJOINTS = 4\n", "[KINS]JOINTS = 4; allowed: 3"),
+        ("[DISPLAY]\n[HAL]\n[KINS]\n", "[KINS]JOINTS = nothing; allowed: 3"),
+        ("[DISPLAY]\n[HAL]\n[TRAJ]\nLINEAR_UNITS = inch\n[KINS]\nJOINTS=3\n", "LINEAR_UNITS = inch; allowed: mm"),
+    ],
+)
+def test_an_ini_that_the_twin_cannot_serve_is_refused(ini: str, line: str) -> None:
+    with pytest.raises(LinuxCncError) as caught:
+        changed(ini, [])
+    assert line in str(caught.value)
+
+
+def test_counts_per_mm_must_be_whole() -> None:
+    assert scale_of({"step_mm": [0.003125, 0.003125, 0.001, 0.5]}) == [320, 320, 1000]
+    with pytest.raises(LinuxCncError, match="whole numbers"):
+        scale_of({"step_mm": [0.003, 0.003125, 0.003125]})
+
+
+@pytest.mark.skipif(bool(shutil.which("linuxcnc")), reason="LinuxCNC is installed")
+@pytest.mark.parametrize("words", [(), ("--install",)])
+def test_without_linuxcnc_it_says_so(words: tuple[str, ...]) -> None:
+    done = isel_twin("linuxcnc", *words)
+    line = "isel-twin: linuxcnc is not installed: apt-get install linuxcnc-uspace\n"
+    assert (done.returncode, done.stderr) == (2, line)
+
+
+class Hal(ModuleType):
+    """LinuxCNC's Python module `hal` as the sampler's reader uses it: its samples come from here."""
+
+    HAL_FLOAT, HAL_BIT, HAL_U32, HAL_IN, HAL_OUT = range(5)
+
+    def __init__(self, pieces: list[list[tuple[Any, ...]]]) -> None:
+        super().__init__("hal")
+        self.pieces, self.pins, self.is_ready = pieces, {}, False
+        self.component = self.stream = lambda *_: self
+
+    def newpin(self, name: str, kind: int, way: int) -> None:
+        self.pins[name] = 0
+
+    def ready(self) -> None:
+        self.is_ready = True
 
     @property
-    def state(self) -> dict[str, Any]:
-        return dict(json.loads(isel_twin("ctl", self.served.info["control"], "state").stdout))
+    def readable(self) -> bool:
+        """False at the end of each piece; LinuxCNC ends behind the last."""
+        if not self.pieces:
+            raise KeyboardInterrupt
+        if self.pieces[0]:
+            return True
+        self.pieces.pop(0)
+        return False
+
+    def read(self) -> tuple[Any, ...]:
+        return self.pieces[0].pop(0)
+
+    def __getitem__(self, name: str) -> Any:
+        return self.pins[name]
+
+    def __setitem__(self, name: str, value: Any) -> None:
+        assert name in self.pins
+        self.pins[name] = value
+
+
+def by_sampler(monkeypatch: pytest.MonkeyPatch, port: str, pieces: list[list[tuple[Any, ...]]]) -> Hal:
+    """Run the reader to its end; the pins."""
+    hal = Hal(pieces)
+    monkeypatch.setitem(sys.modules, "hal", hal)
+    monkeypatch.setattr(sys, "argv", ["rows_by_sampler.py", f"port={port}", "scale=320,320,320", "period=1000000"])
+    program = ModuleType("rows_by_sampler")
+    exec((KIT / "rows_by_sampler.py").read_text(), program.__dict__)
+    waits = iter(range(len(pieces) + 1))
+    monkeypatch.setattr(program.time, "sleep", lambda s: next(waits) if hal.is_ready and s < 0.1 else end())  # type: ignore[attr-defined]
+    program.main()  # type: ignore[attr-defined]
+    return hal
+
+
+def end() -> None:
+    raise KeyboardInterrupt
 
 
 @pytest.fixture
-def session(serve: Any, tmp_path: Path, modules: Path, only_one: None) -> Iterator[Any]:
-    started: list[Session] = []
-
-    def start(mdi: str, changed: dict[str, str] | None = None) -> Session:
-        machine = near_switches(tmp_path, 8.0)
-        call = ("--controller", "external", "--machine", str(machine), "--seed", "5", "--tcp", "127.0.0.1:0")
-        served = serve(*call, "--control", "127.0.0.1:0", "--set", "controller.watchdog_ms=0", plant="mujoco")
-        started.append(Session(served, modules, changed or {}, mdi))
-        return started[-1]
-
-    yield start
-    for one in started:
-        one.process.terminate()
-        one.process.communicate(timeout=LIMIT_S)
-        shutil.rmtree(one.folder)
+def served() -> Iterator[ServedTwin]:
+    twin = Twin(controller="external", plant="kinematic", start_mm=(1.0, 50.0, 20.0))
+    served = ServedTwin(twin)
+    yield served
+    served.stop()
 
 
-def test_it_homes_runs_a_square_and_the_hood_stops_it(session: Any) -> None:
-    """Home is where the switches are, so what it believes is machine coordinates within trip point, hysteresis and
-    backlash of the switch (0.5 mm); it loses nothing. Then the hood is forced open in motion."""
-    one = session(f"{SQUARE}\nG1 X100")
-    control = one.served.info["control"]
-    while (seen := one.state)["machine_position_mm"][0] < 40.0:
-        assert one.process.poll() is None, one.end()
-    assert max(map(abs, seen["lost_steps"])) < 16.0, "half a slip"
-    assert isel_twin("ctl", control, "set", "hood=forced").returncode == 0
-    code, told = one.end()
-    assert code == 3, told
-    assert told[0] == "homed"
-    believed = [[float(mm) for mm in line.rpartition(": ")[2].split()] for line in told[1:6]]
-    corners = [[20, 10, 2], [30, 10, 2], [30, 20, 2], [20, 20, 2], [20, 10, 2]]
-    assert believed == [pytest.approx(corner, abs=0.01) for corner in corners]
-    assert told[6] == "G1 X100: emergency stop"
-    assert one.state["outputs"]["power"] == 0
-    assert abs(one.state["machine_position_mm"][1] - 10.0) < 0.5
+def test_by_a_sampler_set_points_move_the_twin_and_its_switches_come_back(
+    served: ServedTwin, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """160 rows of 0.01 mm towards a switch that is 1 mm away, in two pieces."""
+    rows = [(-0.01 * n, 0.0, 0.02 * n, True, n == 1) for n in range(1, 161)]
+    hal = by_sampler(monkeypatch, served.address.rpartition(":")[2], [rows[:100], rows[100:]])
+    assert served.ask({"state": True})["counts"] == [round(-1.6 * 320), 0, round(3.2 * 320)]
+    assert [hal[f"limit-1-{n}"] for n in range(3)] == [True, False, False]
+    assert [hal[f"limit-2-{n}"] for n in range(3)] == [False, False, False]
+    assert (hal["power-ok"], hal["estop-ok"], hal["silent"], hal["refused"]) == (True, True, 0, 0)
+    assert capsys.readouterr().err == ""
 
 
-def test_too_fast_it_notices_nothing_and_the_twin_does(session: Any) -> None:
-    one = session("G0 X100", FAST)
-    code, told = one.end()
-    assert (code, told[-1]) == (0, "done")
-    assert float(told[1].split()[2]) == pytest.approx(100.0, abs=0.01)
-    seen = one.state
-    assert abs(seen["lost_steps"][0]) > 1000.0
-    assert seen["machine_position_mm"][0] < 90.0
+def test_by_a_sampler_what_goes_wrong_is_an_emergency_stop(
+    served: ServedTwin, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A row that is refused; a twin that is too late; no twin."""
+    port = served.address.rpartition(":")[2]
+    hal = by_sampler(monkeypatch, port, [[(0.0, 0.0, 0.0, True, True)], [(9.0e9, 0.0, 0.0, True, False)]])
+    assert (hal["refused"], hal["power-ok"], hal["silent"]) == (1, False, 0)
+    assert "rows_by_sampler: error '2880000000000'; allowed" in capsys.readouterr().err
+    served.ask({"set": {"estop": "pressed"}})
+    hal = by_sampler(monkeypatch, port, [[(0.0, 0.0, 0.0, False, False)]])
+    assert (hal["power-ok"], hal["estop-ok"]) == (False, False)
+    hal = by_sampler(monkeypatch, port, [[(0.0, 0.0, 0.0, True, False)] * 501])
+    assert (hal["power-ok"], hal["silent"]) == (False, 1)
+    assert "it is 501 rows late" in capsys.readouterr().err
+    hal = by_sampler(monkeypatch, "1", [])
+    assert (hal["power-ok"], hal["silent"]) == (False, 1)
+    assert "the twin at 127.0.0.1:1: " in capsys.readouterr().err

@@ -7,6 +7,7 @@ import json
 import re
 import signal
 import socket
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -48,6 +49,10 @@ class Agent:
         self.items = {one.get("name"): one for one in tree.iter() if one.tag.endswith("DataItem")}
         self.values: dict[str, str] = {}
         self.pongs: list[str] = []
+
+    def close(self) -> None:
+        self._file.close()
+        self.socket.close()
 
     def until(self, true: Any) -> None:
         while not true(self.values):
@@ -112,6 +117,33 @@ def test_an_agent_sees_what_happens(adapter: tuple[Any, Served, Path]) -> None:
     assert machine.stop(signal.SIGTERM) == 0
     agent.until(lambda seen: set(seen.values()) == {"UNAVAILABLE"})
     assert beside.process.wait(REPLY_S) == 0, "the adapter ends with the machine"
+
+
+def test_agents_that_go_wrong_trouble_no_other(adapter: tuple[Any, Served, Path]) -> None:
+    """Nonsense, a line without an end, half a heartbeat, a vanished agent, more agents than there may be; and a second
+    adapter at the same address."""
+    _, beside, path = adapter
+    address = beside.info["mtconnect"]
+    agent = Agent(address, path)
+    agent.until(lambda seen: "power" in seen)
+    agent.socket.sendall(b"\x00\xff|avail|UNAVAILABLE\n" + b"x" * 10_000 + b"\n* PI")
+    agent.socket.sendall(b"NG\n")
+    agent.until(lambda _: agent.pongs == ["* PONG 10000"])
+    gone = Agent(address, path)
+    gone.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+    gone.close()
+    others = [Agent(address, path) for _ in range(14)]
+    for other in others:
+        other.until(lambda seen: "power" in seen)
+    last = Agent(address, path)
+    last.until(lambda seen: "power" in seen)
+    with pytest.raises((AssertionError, ConnectionError)):
+        Agent(address, path).until(lambda seen: "power" in seen)
+    second = isel_twin("mtconnect", adapter[0].info["control"], "--tcp", address)
+    assert (second.returncode, second.stderr.count("\n")) == (2, 1)
+    assert "in use" in second.stderr
+    agent.socket.sendall(b"* PING\n")
+    agent.until(lambda _: len(agent.pongs) == 2)
 
 
 def test_texts_with_bars_are_quoted() -> None:

@@ -44,6 +44,24 @@ Too Late
 No Such Server
     Connect To Twin    127.0.0.1:1
 
+No Such Line
+    ${info}=    Start Twin    plant=kinematic
+    Connect To Twin    ${info}[control]    127.0.0.1:1
+
+No Line
+    ${info}=    Start Twin    plant=kinematic
+    Connect To Twin    ${info}[control]
+    Start Command    @07
+
+The Twin Has Gone
+    Start Twin    plant=kinematic
+    Let Happen    {"stop": true}
+    Sleep    0.3
+    Send Command    @07
+
+The Twin Has Gone For The Operator
+    Get State
+
 Told
     Start Twin    no-such-machine
 """
@@ -56,6 +74,10 @@ REASONS = (
     "input limit_x1 is free, not struck",
     "wait: not so in time",
     "127.0.0.1:1: ",
+    "127.0.0.1:1: Connection refused",
+    "there is no line to the controller",
+    "close",
+    "is there a serve --control?",
     "the twin does not start: ",
 )
 

@@ -477,6 +477,20 @@ def test_a_skipped_test_and_an_expected_failure_leave_nothing(project: pytest.Py
     assert "recording" not in result.stdout.str()
 
 
+def test_without_linuxcnc_its_fixture_skips(project: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where it is installed it is tried out by tests/bridge/test_linuxcnc.py."""
+    monkeypatch.setenv("PATH", str(project.path))
+    project.makepyfile(
+        """
+        def test_our_pocket(linuxcnc):
+            assert linuxcnc("ours.ini").code == 0
+        """
+    )
+    result = project.runpytest_inprocess("-rs")
+    result.assert_outcomes(skipped=1)
+    result.stdout.fnmatch_lines(["SKIPPED*linuxcnc is not installed: apt-get install linuxcnc-uspace"])
+
+
 def test_folders_of_tests_with_odd_names_do_not_clash(project: pytest.Pytester) -> None:
     project.makeini(INI + "    isel_twin_artifacts = left\n")
     project.makepyfile(

@@ -63,8 +63,8 @@ IN_ORDER: dict[str, tuple[object, ...]] = {
     "plc explain": ("plc.awl",),
     "plc load": ("plc.awl", "--controller", "gmi99"),
 }
-SERVED = ("serve", "ctl", "tap", "lsp", "mtconnect", "opcua")
-"""In processes of their own, by the tests below; lsp, mtconnect and opcua by tests in tests/bridge."""
+SERVED = ("serve", "ctl", "tap", "lsp", "mtconnect", "opcua", "linuxcnc")
+"""In processes of their own, by the tests below; lsp and what is beside a twin by tests in tests/bridge."""
 
 
 @pytest.fixture(scope="module")

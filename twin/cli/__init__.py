@@ -1,7 +1,7 @@
 """The command `isel-twin`: one file a command, each with one function that returns the exit code.
 
     begin     init, demo, doctor, warm
-    operate   serve, ctl, tap, ports, exec, mtconnect, opcua  a machine behind a port, and hosts that drive it
+    operate   serve, ctl, tap, ports, exec, mtconnect, opcua, linuxcnc  a machine behind a port, and hosts that drive it
     test      run, check, golden, drive, replay, compare, lsp
     tune      tune, sweep, identify, experiment, learn
     look      machines, motors, controllers, describe, motor, decode, convert, export, panel,
@@ -48,7 +48,8 @@ app = App(
 # the commands by purpose, as file:function; only the one that is called is imported
 GROUPS = {
     "Begin": ("init:init", "demo:demo", "doctor:doctor", "warm:warm"),
-    "Operate": ("serve:serve", "ctl:ctl", "tap:tap", "ports:ports", "exec:exec_", "mtconnect:mtconnect", "opcua:opcua"),
+    "Operate": ("serve:serve", "ctl:ctl", "tap:tap", "ports:ports", "exec:exec_", "mtconnect:mtconnect", "opcua:opcua",
+                "linuxcnc:linuxcnc"),
     "Test": ("run:run", "check:check", "golden:golden", "drive:drive", "replay:replay", "compare:compare", "lsp:lsp"),
     "Tune": ("tune:tune", "sweep:sweep", "identify:identify", "experiment:experiment", "learn:learn"),
     "Look": (

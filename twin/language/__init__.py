@@ -24,6 +24,7 @@ from isel_twin.language.registry import (
     language_names,
     needed,
     programs_for,
+    set_points_language,
 )
 from isel_twin.language.roles import (
     Act,
@@ -75,4 +76,5 @@ __all__ = [
     "needed",
     "programs_for",
     "readable",
+    "set_points_language",
 ]

@@ -7,11 +7,12 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from types import NoneType
+from typing import Any
 
 from isel_twin.base.plugins import installed
 from isel_twin.controller import PluginError, UnknownNameError, controller_names, offers, plugin_errors
 from isel_twin.language.language import Language, LanguageError
-from isel_twin.language.roles import RunsPrograms
+from isel_twin.language.roles import RunsPrograms, TakesSetPoints
 
 # factory(name) -> a fresh Language, `name` being the entry point's and the controller's
 LanguageFactory = Callable[[str], Language]
@@ -23,6 +24,14 @@ _PROGRAMS = "isel_twin.programs"
 def language_names() -> list[str]:
     """Names of all controllers whose language is installed, sorted."""
     return sorted(entry.name for entry in installed(_GROUP))
+
+
+def set_points_language() -> tuple[str, Any]:
+    """Name and language of the controller that takes another control's set points. Raises UnknownNameError."""
+    for name in language_names():
+        if offers(language := create_language(name), TakesSetPoints):
+            return name, language
+    raise UnknownNameError("no installed controller takes set points")
 
 
 def create_language(controller: str) -> Language | None:
