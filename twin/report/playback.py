@@ -1,4 +1,4 @@
-"""A recording as one page that plays by itself: the machine in 3D, a scope, the line, all on one time axis.
+"""A recording as one page that plays by itself: the machine in 3D, a scope, the line, all on one time axis (report/2).
 
     Recorded --- session ---> Session: JSON, and columns of whole numbers --- playback_page ---> one HTML file
 

@@ -164,7 +164,8 @@ class Scope {
     pen.save(); pen.beginPath(); pen.rect(0, top, this.left - 4, bottom - top); pen.clip();
     pen.fillStyle = this.ink[signal.axis] || this.ink.ink;
     const low = bottom - top < 30;
-    pen.fillText(signal.name, 2, low ? (top + bottom) / 2 : top + 10);
+    const name = narrow ? signal.name.replace(/^(level|input|output) /, "") : signal.name;
+    pen.fillText(name, 2, low ? (top + bottom) / 2 : top + 10, this.left - 8);
     pen.fillStyle = this.ink.soft;
     if (!low) { const parts = signal.kind === "curves" ? text.split(" ") : [text]; if (signal.kind === "curves") { parts.slice(0, 3).forEach((part, i) => { pen.fillStyle = this.ink[signal.axes[i]] || this.ink.soft; pen.fillText(part, 2, top + 24 + 13 * i); }); pen.fillStyle = this.ink.soft; pen.textAlign = "right"; if (!narrow) pen.fillText(signal.unit, this.left - 46, top + 24); } else pen.fillText(text, 2, top + 24); }
     pen.restore();
