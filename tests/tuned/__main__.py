@@ -1,7 +1,7 @@
 """python -m tests.tuned grid | others JOB: what `isel-twin tune` finds, judged by what did not find it.
 
-    grid           four jobs on the iMC: 25 trials against a fine grid, of which everything is tried that is faster than
-                   the fastest that holds (what loses steps loses them with more of anything)
+    grid [NAME]    jobs on all controllers: 25 trials against a grid, of which everything is tried that is faster than the
+                   fastest that holds (what loses steps loses them with more of anything)
     others JOB     a job on 200 machines that are drawn as somebody else would: uniformly within the tolerances of
                    sheets and catalogues, all at once
 
@@ -11,103 +11,122 @@ Both take minutes. Exit code 1 if a tuned job is slower than the grid's, or more
 from __future__ import annotations
 
 import argparse
+import itertools
 import math
 import sys
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from isel_twin.base.crew import in_order
+from isel_twin.base.units import SECOND_NS
 from isel_twin.cli.options import crew_of
 from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs.job import parse_job
 from isel_twin.jobs.playing import played
 from isel_twin.language import create_language
-from isel_twin.many.tuning import Problem
-from isel_twin.many.tuning.judge import Weather, judged
+from isel_twin.many.tuning import Judgement, Problem
+from isel_twin.many.tuning.judge import Weather, repeated
 from isel_twin.many.tuning.study import Study
 
-JOBS = Path(__file__).parents[1] / "jobs/imc"
-MARGIN = 0.2
+JOBS = Path(__file__).parents[1] / "jobs"
 TRIALS = 25
 SLOWER = 1.01  # of the tuned job's time over the grid's: the grid's own step is more
 MOST_LOST = 0.02
 START = "@07\n@0R7\n@0j300\n@0J100\n"
 
 
-def long() -> str:
-    """Eight ways of 200 mm."""
-    return START + "@0A64000,10000,0,30,0,30,0,30\n@0A-64000,10000,0,30,0,30,0,30\n" * 4
+@dataclass(frozen=True)
+class Case:
+    """A job, and the grid of settings that is to be beaten."""
+
+    text: str
+    controller: str = "imc-s8"
+    machine: str = "4030"
+    margin: float = 0.2
+    fine: int = 36  # speeds, and ramps
+
+    @cached_property
+    def problem(self) -> Problem:
+        return Problem(self.text, TwinSpec(self.machine, self.controller), speed_share=1.0 - self.margin)
+
+    def places(self) -> list[dict[str, int]]:
+        """All settings of the grid."""
+        values = [
+            np.unique(np.round(np.geomspace(one.low, one.high, 4 if one.setting == "start_stop_hz" else self.fine)))
+            for one in self.problem.parameters
+        ]
+        names = [one.name for one in self.problem.parameters]
+        return [dict(zip(names, map(int, place), strict=True)) for place in itertools.product(*values)]
+
+    def time_s(self, place: Mapping[str, int]) -> float:
+        """Of a twin without physics, on which everything holds; for the order only."""
+        candidate = self.problem.candidate(place)
+        results = played(self.problem.call.with_(plant="kinematic").build(), candidate.lines).results
+        first = next(result for result in results if result.number >= candidate.first)
+        return (results[-1].end_ns - first.time_ns) / SECOND_NS
 
 
-def zigzag() -> str:
-    """Rows of 60 mm, 4 mm apart, both axes in each."""
-    row = "@0A19200,10000,1280,667,0,30,0,30\n@0A-19200,10000,1280,667,0,30,0,30\n"
-    return START + row * 10
+def read(name: str) -> str:
+    return (JOBS / name).read_text()
 
 
-GRID_JOBS = {"long": long, "zigzag": zigzag} | {
-    name: (JOBS / f"{name}.txt").read_text for name in ("placing", "circles")
+SERVO: Mapping[str, Any] = {"machine": "4030-servo", "fine": 16}
+CASES = {
+    # eight ways of 200 mm
+    "long": Case(START + "@0A64000,10000,0,30,0,30,0,30\n@0A-64000,10000,0,30,0,30,0,30\n" * 4),
+    # rows of 60 mm, 4 mm apart, both axes in each
+    "zigzag": Case(START + "@0A19200,10000,1280,667,0,30,0,30\n@0A-19200,10000,1280,667,0,30,0,30\n" * 10),
+    "placing": Case(read("imc/placing.txt")),
+    "circles": Case(read("imc/circles.txt")),
+    # in half steps a motor has no margin for instants, at any speed
+    "ismif drilling": Case(read("ismif/drilling.txt"), "ismif", margin=0.0, fine=16),
+    # rows of 60 mm, 10 mm apart
+    "ismif rows": Case(
+        "$HZXY<1>\n#E1,1200\nL1,X4800\nL1,Y800\nL1,X0\nL1,Y1600\nL1,X4800<1>\n", "ismif", margin=0.0, fine=16
+    ),
+    "gmi99 drilling": Case(read("gmi99/drilling.txt"), "gmi99", **SERVO),
+    # ways of 100 mm, both axes
+    "gmi99 ways": Case("Q4;1\nQ3;1\nM40000\nB100\n" + "83h 100000 60000\n83h 0 0\n" * 2, "gmi99", **SERVO),
+    "bwo900 plate": Case(read("bwo900/plate.nc"), "bwo900", **SERVO),
+    "bwo900 loop": Case(read("bwo900/loop.nc"), "bwo900", **SERVO),
 }
-SPEEDS = np.unique(np.round(np.geomspace(5000, 21_000, 36))).astype(int).tolist()
-RAMPS = np.unique(np.round(np.geomspace(60, 3000, 36))).astype(int).tolist()
-STARTS = (300, 500, 800, 1200)
 
 
 def grid(name: str, workers: int) -> bool:
     """Whether 25 trials are as good as the grid."""
-    problem = Problem(GRID_JOBS[name](), TwinSpec(), repetitions=5, speed_share=1.0 - MARGIN)
-    study = Study(problem, least=MARGIN)
+    case = CASES[name]
+    problem = case.problem
+    study = Study(problem, least=case.margin)
     study.judge_references(lambda: False)
     study.run(TRIALS, crew_of(workers))
-    held = [one for one in study.tried if one.judgement.good and one.judgement.margin >= MARGIN]
+    held = [one for one in study.tried if one.judgement.good and one.judgement.margin >= case.margin]
     found = min(held, key=lambda one: one.judgement.time_s)
-    low, high = problem.parameters[0].low, problem.parameters[0].high
-    places = [(v, a, f) for v in SPEEDS if low <= v <= high for a in RAMPS for f in STARTS]
-    by_time = sorted(places, key=lambda place: _time_s(problem, place))
-    lost: list[tuple[int, int, int]] = []
+    lost: list[dict[str, int]] = []
     tried = 0
-    for place in by_time:
-        if any(all(mine >= theirs for mine, theirs in zip(place, gone, strict=True)) for gone in lost):
+    for place in sorted(case.places(), key=case.time_s):
+        if any(all(place[key] >= theirs for key, theirs in gone.items()) for gone in lost):
             continue
         tried += 1
-        candidate = problem.candidate(_values(place))
-        outcome = judged(candidate, Weather.of(problem), range(problem.repetitions + 1), MARGIN)
-        assert outcome is not None
-        if outcome.good and outcome.margin >= MARGIN:
+        numbers = range(problem.repetitions + 1)
+        made = repeated(problem.candidate(place), Weather.of(problem), numbers, case.margin)
+        assert made is not None
+        outcome = Judgement.of(made)
+        if outcome.good and outcome.margin >= case.margin:
             break
         lost.append(place)
     else:
         raise AssertionError("nothing on the grid holds")
-    good = found.judgement.time_s <= SLOWER * outcome.time_s
     print(
         f"{name}: tuned {found.judgement.time_s:.3f} s in {len(study.tried)} trials {dict(found.values)}; grid "
         f"{outcome.time_s:.3f} s in {tried} {place}",
         flush=True,
     )
-    return good
-
-
-def _values(place: tuple[int, int, int]) -> dict[str, int]:
-    return dict(zip(("speed_hz", "acceleration_hz_per_ms", "start_stop_hz"), place, strict=True))
-
-
-def _time_s(problem: Problem, place: tuple[int, int, int]) -> float:
-    """By the closed form of each straight move, for the order only."""
-    speed, ramp, start = place
-    total = 0.0
-    for move in problem.moves:
-        text = problem.lines[move.line].command
-        numbers = [int(number) for number in text[3:].split(",")] if text[2] in "AM" else []
-        steps = max((abs(number) for number in numbers[::2]), default=0)
-        top = speed if max(move.speeds_hz, default=0) >= problem.rapid_from_hz else max(move.speeds_hz, default=start)
-        top = max(top, start)
-        rise = min((top**2 - start**2) / (2e3 * ramp), steps / 2)
-        peak = math.sqrt(start**2 + 2e3 * ramp * rise)
-        total += 2.0 * (peak - start) / (1e3 * ramp) + (steps - 2.0 * rise) / top
-    return total
+    return found.judgement.time_s <= SLOWER * outcome.time_s
 
 
 def machines(spec: TwinSpec, number: int, seed: int) -> Iterator[tuple[int, Mapping[str, Any]]]:
@@ -167,13 +186,13 @@ def others(job: Path, number: int, seed: int, workers: int) -> bool:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=("grid", "others"))
-    parser.add_argument("jobs", nargs="*", help="of grid: long, zigzag, placing, circles; of others: files")
+    parser.add_argument("jobs", nargs="*", help=f"of grid: {', '.join(CASES)}; of others: files")
     parser.add_argument("--number", type=int, default=200, help="of machines")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=1)
     asked = parser.parse_args()
     if asked.what == "grid":
-        good = [grid(name, asked.workers) for name in asked.jobs or GRID_JOBS]
+        good = [grid(name, asked.workers) for name in asked.jobs or CASES]
     else:
         good = [others(Path(job), asked.number, asked.seed, asked.workers) for job in asked.jobs]
     return 0 if all(good) else 1

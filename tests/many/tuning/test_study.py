@@ -172,9 +172,8 @@ def test_what_is_known_of_a_move_and_who_is_to_blame() -> None:
     asked = problem(each_move=True)
     values = asked.nearest()
     good = Tried(0, values, Judgement(6.0, 0.3, moves=(Made(2.0, 0.6), Made(1.0, 0.3), Made(3.0, 0.5))))
-    lost = Tried(
-        1, values, Judgement(3.0, 0.0, "line 6: X has lost 4 steps", 1, True, (Made(2.0, 0.6), Made(1.0, 0.0)))
-    )
+    moves = (Made(2.0, 0.6), Made(1.0, 0.0))
+    lost = Tried(1, values, Judgement(3.0, 0.0, "line 6: X has lost 4 steps", 1, True, moves))
     before = Tried(2, values, Judgement(0.0, 0.0, "line 4: X has lost 4 steps", 1, True))
     found = [[(each.time_s, each.margin) for each in seen] for seen in known(asked, [good, lost, before])]
     assert found == [[(2.0, 0.6)], [(0.0, 0.0)], [(3.0, 0.5)]]

@@ -26,6 +26,7 @@ from isel_twin.jobs.result import Result
 from isel_twin.jobs.robust import perturbed_twin
 from isel_twin.many.tuning.settling import Settling
 from isel_twin.many.tuning.space import Candidate, Problem
+from isel_twin.plant.mujoco import PlantError
 
 if TYPE_CHECKING:
     from isel_twin.core.spec import TwinSpec
@@ -47,7 +48,7 @@ class Weather:
         return cls(problem.call, problem.timeout_s, problem.flash, problem.speed_share, problem.settle_mm)
 
 
-LEAST = 0.001  # margin of speed of a motor beyond its limit that has lost nothing
+LEAST = 0.001  # margin of a motor at or beyond a limit that has lost nothing
 
 
 class Made(NamedTuple):
@@ -76,6 +77,9 @@ class Judgement:
     # each move: its time in the first repetition, its least margins in all; the last one is the failing one
     moves: tuple[Made, ...] = ()
     number: int = 0  # of the last repetition
+    # least margins of all motors in all repetitions, from the first move on
+    torque: float = 1.0
+    speed: float = 1.0
 
     @property
     def good(self) -> bool:
@@ -90,7 +94,8 @@ class Judgement:
         moves = tuple(
             Made(move[0].time_s, min(one.torque for one in move), min(one.speed for one in move)) for move in each_move
         )
-        return cls(made[0].time_s, margin, last.why, len(made), last.slipped, moves, last.number)
+        kept = min(each.torque for each in made), min(each.speed for each in made)
+        return cls(made[0].time_s, margin, last.why, len(made), last.slipped, moves, last.number, *kept)
 
 
 def make(candidate: Candidate, weather: Weather, number: int) -> Judgement:
@@ -104,8 +109,11 @@ def make(candidate: Candidate, weather: Weather, number: int) -> Judgement:
     settling = None if weather.settle_mm is None else Settling(twin, weather.settle_mm, candidate.moves)
     if settling is not None:
         watchers.append(settling.take)
-    with quietly():
-        job = played(twin, candidate.lines, watchers, weather.timeout_s, first.stop)
+    try:
+        with quietly():
+            job = played(twin, candidate.lines, watchers, weather.timeout_s, first.stop)
+    except PlantError as error:  # a motor that stalls may shake an axis beyond what its time step can follow
+        return Judgement(0.0, 0.0, str(error), 1, True, number=number)
     results, why, slipped = job.results, first.why, bool(first.why)
     if not why and not job.ok:
         verdict = job.verdict
@@ -117,7 +125,8 @@ def make(candidate: Candidate, weather: Weather, number: int) -> Judgement:
         where = f", repetition {number}" if number > 0 else f", number {-number} of what this machine may be"
         why = f"line {results[-1].number}: {why}{where if number else ''}"
     counted = [result for result in results if result.number >= candidate.first]
-    margins = [min(_kept(result, weather.speed_share)) for result in counted]
+    margins = [_kept(result, weather.speed_share) for result in counted]
+    torque, speed = (min(kept, default=1.0) for kept in zip(*margins, strict=True)) if margins else (1.0, 1.0)
     rings_ns = {} if settling is None else settling.of_line_ns
     time_s = (counted[-1].end_ns - counted[0].time_ns) / SECOND_NS if counted else 0.0
     if settling is not None and counted:
@@ -132,13 +141,14 @@ def make(candidate: Candidate, weather: Weather, number: int) -> Judgement:
         for result in results
         if result.number in candidate.moves
     )
-    return Judgement(time_s, 0.0 if why else min(margins, default=0.0), why, 1, slipped, moves, number)
+    margin = min(torque, speed) if counted and not why else 0.0
+    return Judgement(time_s, margin, why, 1, slipped, moves, number, torque, speed)
 
 
 def _kept(result: Result, speed_share: float) -> tuple[float, float]:
     """The least margins of a line: of torque, and of speed, as a motor with torque to spare may swing itself out of
     step. Never 0, which is of lost steps; 1 where nothing moves."""
-    torque = (margin for margin in result.margin if margin is not None)
+    torque = (max(LEAST, margin) for margin in result.margin if margin is not None)
     speed = (max(LEAST, 1.0 - speed_share / edge) for edge in result.edge if edge is not None)
     return min(torque, default=1.0), min(speed, default=1.0)
 

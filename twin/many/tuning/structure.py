@@ -4,7 +4,9 @@ The time of a move of N steps with top speed V, acceleration a and start-stop fr
 
     d = (V^2 - f^2) / 2a       t = 2 (V - f)/a + (N - 2d)/V        if N >= 2d, else 2 (sqrt(f^2 + a N) - f)/a
 
-and N follows from one trial. What holds is known only where it has been tried, but it has a shape:
+and N follows from one trial. Where a trial tells no times of single moves, as they are stored first or belong to a
+program, what all of them take is a sum of the first of these, t0 + S/V + n (V - f)^2 / aV, and t0, S and n follow from
+some trials. What holds is known only where it has been tried, but it has a shape:
 
     a  |  . . x x x      faster in any of the three, from something that lost steps: loses as well
        |  o . . x x      slower in all three than something that held: holds as well, and takes longer
@@ -31,15 +33,20 @@ from isel_twin.drives.curves import pull_out_prediction
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.stage import Stage
 from isel_twin.machine import Axis
+from isel_twin.many.tuning.judge import LEAST
 from isel_twin.many.tuning.result import Tried
 from isel_twin.many.tuning.space import SETTINGS, Problem, fails_from_hz
 
 SPEEDS = 64  # of a table of torques
 POINTS = {"speed_hz": 41, "acceleration_hz_per_ms": 121, "start_stop_hz": 9}  # of the grid
 UNSURE = 0.06  # standard deviation of a margin of torque that the model says
+SHARES = (0.3, 0.5, 0.2)  # of the time of a job: that which no setting changes, ways, ramps
+STORED = 0.05  # of the mean time of lines with moves: where most take less, they only store them
 SURPLUS = 0.06  # margin beyond the wanted one at which every third trial aims
 WORTH = 2e-4  # least chance of saving, over the time of the job, for which a trial is made
 APART = (0.03, 0.12, 0.8)  # logarithm of a setting over another's in the same batch
+NEAR = (0.1, 0.5, 0.5)  # logarithm of a setting over another's that are as likely to hold, where margins tell nothing
+FARTHEST = 6.0  # of those: where nothing has held or lost yet
 FAR = 0.03  # logarithm of a setting over the best one's, below which nothing is gained by halving
 BETWEEN = 3  # most trials of halving in a batch
 MISSED = 0.03  # of the margin, that less speed can mend
@@ -136,16 +143,19 @@ class Structure:
             wanted: (1.0 - wanted) / self.problem.speed_share * limit_hz for wanted in (least, least + SURPLUS)
         }
         grid = self._grid([*fastest_hz.values()])
-        time_s, (c, b), known = self._times(grid, good[0]), *self._fitted(points, torques, limit_hz)
+        time_s, (c, b), known = self._times(grid, good), *self._fitted(points, torques, limit_hz)
         torque = self._torque(grid[:, 0, 0, 0])[:, None, None]
         best = {wanted: _best(good, wanted) for wanted in fastest_hz}
         taken = np.zeros(time_s.shape, dtype=np.bool_)
         found: list[dict[str, int]] = []
         for number in range(many):
-            wanted = least + SURPLUS * (number % 3 == 2)
+            wanted = least + SURPLUS * (number % 3 == 2 and known is not None)
             hedge = 1.0 if known else HEDGES[number % len(HEDGES)]
-            by_torque = 1.0 - (c + hedge * b * _pull(grid)) / torque
-            chance = 0.5 * (1.0 + _erf((by_torque - wanted) / (UNSURE * math.sqrt(2.0))))
+            if known is None:
+                chance = _by_outcome(grid, points[margins >= max(wanted, LEAST)], points[margins < wanted + LEAST])
+            else:
+                by_torque = 1.0 - (c + hedge * b * _pull(grid)) / torque
+                chance = 0.5 * (1.0 + _erf((by_torque - wanted) / (UNSURE * math.sqrt(2.0))))
             chance[grid[..., 0] > fastest_hz[wanted]] = 0.0
             for point in points[(margins < wanted) | (margins == 0.0)]:
                 chance[np.all(grid >= point, axis=-1)] = 0.0
@@ -159,7 +169,7 @@ class Structure:
             found.append(self._values(grid[at]))
             if chance[at] > 0.5:
                 best[wanted] = min(best[wanted], float(time_s[at]))
-            taken |= (np.abs(np.log(grid / grid[at])) / APART).max(axis=-1) < 1.0
+            taken |= (np.abs(np.log(grid / grid[at])) / (NEAR if known is None else APART)).max(axis=-1) < 1.0
         been = [each.values for each in tried]
         again = [each for each in self._slower(good, least) if each not in been][:SLOWER]
         halfway = [each for each in self._between(tried, least) if each not in (*been, *again, *found)]
@@ -175,7 +185,7 @@ class Structure:
             return []
         points = np.array([self.place(each.values) for each in missed])
         points[:, 0] *= [0.999 * (1.0 - least) / (1.0 - each.judgement.margin) for each in missed]
-        times_s = self._times(np.floor(points), good[0])
+        times_s = self._times(np.floor(points), good)
         values = [self._values(points[at]) for at in np.argsort(times_s) if times_s[at] < _best(good, least)]
         return [each for n, each in enumerate(values) if each not in values[:n]]
 
@@ -195,13 +205,15 @@ class Structure:
         values = dict(zip(SETTINGS, point.tolist(), strict=True))
         return {one.name: one.nearest(round(values[setting])) for setting, one in self._names.items()}
 
-    def _times(self, grid: Grid, known: Tried) -> NDArray[np.float64]:
-        """Time of the job at each place of a grid, from one trial."""
-        problem = self.problem
+    def _times(self, grid: Grid, good: Sequence[Tried]) -> NDArray[np.float64]:
+        """Time of the job at each place of a grid."""
+        problem, known = self.problem, good[0]
+        if self._at_once(known):
+            return self._times_at_once(grid, good)
         settings = problem.settings(known.values)
         total = np.full(grid.shape[:-1], known.judgement.time_s)
         for move, made in zip(problem.moves, known.judgement.moves, strict=True):
-            if not move.speeds_hz:  # an arc, or a program: its speed is its own
+            if not move.speeds_hz:  # an arc: its speed is its own
                 continue
             used = settings[move.line]
             rapid = max(move.speeds_hz) >= problem.rapid_from_hz
@@ -211,18 +223,39 @@ class Structure:
             total += move_time_s(steps, speeds, grid[..., 1], grid[..., 2]) - made.time_s
         return total
 
+    def _at_once(self, one: Tried) -> bool:
+        """True if its moves were not made line by line: they belong to a program, or were stored before."""
+        times_s = [made.time_s for made in one.judgement.moves]
+        return self.problem.is_program or bool(np.median(times_s) < STORED * np.mean(times_s))
+
+    def _times_at_once(self, grid: Grid, good: Sequence[Tried]) -> NDArray[np.float64]:
+        """The same by t0, S and n, for which SHARES of the first trial's time stand while nothing else is known."""
+        points = np.array([self.place(each.values) for each in good])
+        times_s = np.array([each.judgement.time_s for each in good])
+        scale = _terms(points[0]) / (times_s[0] * np.array(SHARES))
+        weight = 0.05  # of what was thought before
+        a = np.concatenate([_terms(points) / scale / times_s[:, None], weight * np.eye(len(SHARES))])
+        y = np.concatenate([np.ones(len(points)), np.full(len(SHARES), weight)])
+        found: NDArray[np.float64] = _terms(grid) / scale @ np.maximum(np.linalg.lstsq(a, y, rcond=None)[0], 0.0)
+        return found
+
     def _kept(self, one: Tried) -> tuple[float, float]:
-        """The least margins of torque and of speed in the moves of a trial that its settings are for; 0 if it lost."""
-        if not one.judgement.good:
+        """The least margins of torque and of speed in the moves of a trial that its settings are for; 0 if it lost, and
+        LEAST tells nothing: in half steps motors are at their limits for instants, whatever the settings."""
+        made = one.judgement
+        if not made.good:
             return 0.0, 0.0
-        moves = [each for each, move in zip(one.judgement.moves, self.problem.moves, strict=True) if move.speeds_hz]
-        torque, speed = (min(kept) for kept in zip(*((each.torque, each.speed) for each in moves), strict=True))
-        return (torque, speed) if self._axis is not None else (torque, torque)
+        if self._axis is None:
+            return made.margin, made.margin
+        if self._at_once(one):
+            return made.torque, made.speed
+        moves = [each for each, move in zip(made.moves, self.problem.moves, strict=True) if move.speeds_hz]
+        return min(each.torque for each in moves), min(each.speed for each in moves)
 
     def _shown_limit_hz(self, points: NDArray[np.float64], speeds: NDArray[np.float64]) -> float:
         """The speed of zero growth of the weakest machine, as every trial shows it. A servo drive lags by its ramps,
         too, so that a trial shows a lower bound; before that it is taken for 0.85 of the machine's as it is."""
-        moved = (speeds > 0.0) & (speeds < 1.0)
+        moved = (speeds > LEAST) & (speeds < 1.0)
         bounds_hz = points[moved, 0] * self.problem.speed_share / (1.0 - speeds[moved])
         if self._axis is not None and len(bounds_hz):
             return min(self._limit_hz, float(np.median(bounds_hz)))
@@ -230,24 +263,40 @@ class Structure:
 
     def _fitted(
         self, points: NDArray[np.float64], torques: NDArray[np.float64], limit_hz: float
-    ) -> tuple[tuple[float, float], bool]:
-        """c and b of the torque that is used, and whether trials have told them apart."""
+    ) -> tuple[tuple[float, float], bool | None]:
+        """c and b of the torque that is used, and whether trials have told them apart; None: nothing of torque."""
         good = torques > 0.0
         needs = np.stack([np.ones(len(points)), _pull(points)], axis=-1) / self._torque(points[:, 0])[:, None]
-        told = good
+        told = torques > LEAST
         if self._axis is None:
             told = good & (1.0 - torques > 1.02 * self.problem.speed_share * points[:, 0] / limit_hz)
         c, b = _fit(needs[told], 1.0 - torques[told])
         pulls = _pull(points[told])
         apart = len(pulls) > 0 and bool(pulls.max() > APART_PULLS * pulls.min())
         if self._axis is not None:
-            return (c, b), apart
+            return (c, b), apart if told.any() else None
         # what was limited by speed says that no more torque was used
         most = float(np.min((1.0 - torques[good]) / (needs[good] @ (c, b)), initial=1.0))
         return (c * most, b * most), apart
 
 
+def _terms(points: Grid) -> NDArray[np.float64]:
+    """What t0, S and n are multiplied by."""
+    speed, low = points[..., 0], np.minimum(points[..., 2], points[..., 0])
+    return np.stack([np.ones(speed.shape), 1.0 / speed, np.square(speed - low) / (1e3 * points[..., 1] * speed)], -1)
+
+
 _erf = np.vectorize(math.erf, otypes=[float])
+
+
+def _by_outcome(grid: Grid, held: Grid, lost: Grid) -> NDArray[np.float64]:
+    """The chance at each place where margins tell nothing: by how far it is beyond what held and short of what lost."""
+    beyond, short = (
+        np.min([(sign * np.log(grid / one) / NEAR).max(axis=-1) for one in them], axis=0, initial=FARTHEST).clip(0.0)
+        for sign, them in ((1.0, held), (-1.0, lost))
+    )
+    found: NDArray[np.float64] = short / np.maximum(beyond + short, 1e-9)
+    return found
 
 
 def _best(good: Sequence[Tried], wanted: float) -> float:
