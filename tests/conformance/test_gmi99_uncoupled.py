@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conformance.gmi99_desk import READY, STATUS, CardDesk, command, prepared, short
+from conformance.gmi99_desk import READY, STATUS, CardDesk, command, prepared, running, short
 from conformance.rows import shows
 
 X, Y, Z = 0x81, 0x82, 0x84
@@ -135,6 +135,50 @@ def test_function_6_tells_which_axes_have_left_the_interpolation() -> None:
     assert desk.controller._card.uncoupled == 4  # type: ignore[attr-defined]
     desk.finish()
     assert desk.controller._card.uncoupled == 0  # type: ignore[attr-defined]
+
+
+FOLLOWS = "OB 1\nU M 40.0\nSPB =OFF\nL KF 1\nSPA =GO\nOFF: L KF 0\nGO: L KF 30\nSPA FB 254\nBE\n"
+"""FB 254.30 with 1, and with 0 while M40.0 is set."""
+
+
+def followed(feed: int) -> tuple[float, float]:
+    """Turns of Z, 1000 increments each, told 600 1/min at f 10000, along a path of 20000 increments at that feed; and
+    its highest speed in Hz."""
+    desk = running(FOLLOWS)
+    desk.run(0.05)
+    desk.tell(command("N", 1_000, 40, 2), command("f", 10_000), p4(2, TURN, 600), command("f", feed))
+    desk.run(0.5)
+    assert desk.counts[2] == 0, "the path stands"
+    first = desk.ticks
+    desk.tell(command(X, 20_000))
+    desk.finish()
+    desk.run(0.2)
+    delta = desk.steps_since(first).delta[:, 2]
+    return delta.sum() / 1_000.0, float(delta.max()) / 0.004
+
+
+@shows("gmi99-1.4-1")
+@pytest.mark.parametrize("feed", [10_000, 5_000, 20_000])
+def test_the_speed_of_a_spindle_follows_the_feed(feed: int) -> None:
+    """600 1/min at 10000 Hz are 1 increment for each of the path: 20 turns, whatever feed comes later."""
+    turns, hz = followed(feed)
+    assert turns == pytest.approx(20.0, abs=0.2)
+    assert hz == pytest.approx(feed, rel=0.03)
+
+
+@shows("gmi99-1.4-1")
+def test_function_30_with_0_ends_it() -> None:
+    """The spindle turns with what it was told, 600 1/min, while the path stands."""
+    desk = running(FOLLOWS)
+    desk.run(0.05)
+    desk.tell(command("N", 1_000, 40, 2), command("f", 10_000), p4(2, TURN, 600))
+    desk.run(0.3)
+    assert desk.counts[2] == 0
+    desk.tell(command("p", 11, 40, 1))
+    desk.run(0.5)
+    first = desk.ticks
+    desk.run(0.4)
+    assert desk.steps_since(first).delta[:, 2].sum() == pytest.approx(4_000, abs=50)
 
 
 # what else may happen to them
