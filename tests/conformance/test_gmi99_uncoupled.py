@@ -139,12 +139,14 @@ def test_function_6_tells_which_axes_have_left_the_interpolation() -> None:
 
 FOLLOWS = "OB 1\nU M 40.0\nSPB =OFF\nL KF 1\nSPA =GO\nOFF: L KF 0\nGO: L KF 30\nSPA FB 254\nBE\n"
 """FB 254.30 with 1, and with 0 while M40.0 is set."""
+ONCE = r"OB 21|L KF 1|L KF 30|SPA FB 254|BE|OB 1|BE|".replace("|", "\n")
+"""With 1, when the PLC is started."""
 
 
-def followed(feed: int) -> tuple[float, float]:
+def followed(feed: int, plc: str) -> tuple[float, float]:
     """Turns of Z, 1000 increments each, told 600 1/min at f 10000, along a path of 20000 increments at that feed; and
     its highest speed in Hz."""
-    desk = running(FOLLOWS)
+    desk = running(plc)
     desk.run(0.05)
     desk.tell(command("N", 1_000, 40, 2), command("f", 10_000), p4(2, TURN, 600), command("f", feed))
     desk.run(0.5)
@@ -158,10 +160,12 @@ def followed(feed: int) -> tuple[float, float]:
 
 
 @shows("gmi99-1.4-1")
-@pytest.mark.parametrize("feed", [10_000, 5_000, 20_000])
-def test_the_speed_of_a_spindle_follows_the_feed(feed: int) -> None:
+@pytest.mark.parametrize(
+    ("feed", "plc"), [(10_000, FOLLOWS), (5_000, ONCE), (20_000, ONCE)], ids=["f", "half", "twice"]
+)
+def test_the_speed_of_a_spindle_follows_the_feed(feed: int, plc: str) -> None:
     """600 1/min at 10000 Hz are 1 increment for each of the path: 20 turns, whatever feed comes later."""
-    turns, hz = followed(feed)
+    turns, hz = followed(feed, plc)
     assert turns == pytest.approx(20.0, abs=0.2)
     assert hz == pytest.approx(feed, rel=0.03)
 
