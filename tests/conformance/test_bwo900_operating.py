@@ -65,7 +65,7 @@ def test_long_programs_are_kept() -> None:
 @pytest.mark.parametrize("size", [1_500_000, 3_000_000])
 def test_what_does_not_fit_into_the_memory_is_refused_and_the_rest_stays(size: int) -> None:
     """Programs of 1 MB, 198 bytes a block: the last one is smaller, and is replaced by one of its own size."""
-    desk = Desk.of("bwo900", carriage=CARRIAGE, settings={"program_memory_bytes": size})
+    desk = Desk.of("bwo900", carriage=CARRIAGE, settings={"nc_memory_bytes": size})
     block = "X1 {" + "-" * 184 + "}"
 
     def program(number: int, blocks: int) -> bytes:

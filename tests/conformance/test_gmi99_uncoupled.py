@@ -272,3 +272,40 @@ def test_no_counter_is_set_meanwhile() -> None:
     assert desk.counts[2] > 1_000
     desk.tell(command("O", 77, 0))
     assert desk.counts[0] == 77
+
+
+@shows("gmi99-3.1.1-68")
+def test_what_a_program_of_an_axis_may_have() -> None:
+    """Relative moves, rapid at the axis' own M, outputs and waits, and an end before the end."""
+    steps = (
+        command("G", 91), command(Z, 1_000), command("G", 90), command("f", 1_000), command(Z, 1_500), command("G", 0),
+        command("p", 10, 16, 3), command("p", 10, 14, 2), command(Z, 12_000), command("p", 3, 2), command(Z, 0),
+    )  # fmt: skip
+    desk = prepared(*record(0, command(X, 1)), *record(3, *steps), command("M", 20_000, 3))
+    desk.tell(p4(2, PROGRAM, 3))
+    desk.run(0.3)
+    first = desk.ticks
+    desk.run(0.2)
+    assert desk.steps_since(first).delta[:, 2].max() == 4, "f 1000"
+    assert not desk.outputs.get("a0.3", 0)
+    desk.run(0.4)
+    assert desk.outputs["a0.3"] == 1
+    first = desk.ticks
+    desk.finish()
+    assert desk.counts[2] == 12_000
+    assert desk.steps_since(first).delta[:, 2].max() == pytest.approx(80, abs=1), "M of Z is 20000 Hz"
+    assert not desk.controller.fault
+
+
+def test_an_axis_that_runs_a_program_does_not_turn_and_one_that_brakes_may_turn_again() -> None:
+    desk = prepared(*record(0, command(X, 1)), *UP_AND_DOWN, command("N", 1_000, 40, 1), command("N", 1_000, 40, 2))
+    desk.tell(p4(2, PROGRAM, 3), p4(2, TURN, 120), p4(1, TURN, 1_200))
+    assert desk.controller.fault
+    desk.run(0.6)
+    desk.tell(p4(1, TURN, 0), p4(1, TURN, 120))
+    desk.run(1.0)
+    first = desk.ticks
+    desk.run(0.3)
+    assert set(desk.steps_since(first).delta[:, 1].tolist()) == {8}
+    desk.run(1.0)
+    assert desk.counts[2] == 2_000

@@ -39,13 +39,13 @@ if TYPE_CHECKING:
 __all__ = ["create"]
 
 
-@takes({"plc_program": (), "program_memory_bytes": Limits("byte", 1, 1e9, whole=True)})
+@takes({"plc_program": (), "nc_memory_bytes": Limits("byte", 1, 1e9, whole=True)})
 def create(name: str, *, flash: bytes | None, settings: Mapping[str, Any]) -> Control:
     """Entry point of `isel_twin.controllers`. Settings: `plc_program`, STEP 5 text in place of the default program;
-    `program_memory_bytes`, M1256 beyond it, unless set none."""
+    `nc_memory_bytes`, M1256 beyond it, unless set none."""
     from isel_twin.firmware.bwo900.control import Control
 
     text = settings.get("plc_program")
     return Control(
-        flash, plc=None if text is None else str(text), memory_bytes=int(settings.get("program_memory_bytes", 0))
+        flash, plc=None if text is None else str(text), memory_bytes=int(settings.get("nc_memory_bytes", 0))
     )
