@@ -263,6 +263,13 @@ def test_a_limit_switch_stops_an_axis_that_turns() -> None:
     assert desk.status() & 0x40, "the indexer is not ready"
 
 
+def test_none_leaves_while_nothing_moves() -> None:
+    """N17 = 1: everything takes its time, and no set points are sent."""
+    desk = prepared(*record(0, command(X, 1)), *UP_AND_DOWN, command("N", 1, 17), p4(2, PROGRAM, 3), command(X, 500))
+    desk.finish()
+    assert (desk.controller.fault, desk.ticks) == (True, 0)
+
+
 def test_no_counter_is_set_meanwhile() -> None:
     desk = prepared(command("N", 1_000, 40, 2), p4(2, TURN, 120))
     desk.run(0.5)

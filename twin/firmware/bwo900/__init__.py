@@ -46,6 +46,4 @@ def create(name: str, *, flash: bytes | None, settings: Mapping[str, Any]) -> Co
     from isel_twin.firmware.bwo900.control import Control
 
     text = settings.get("plc_program")
-    return Control(
-        flash, plc=None if text is None else str(text), memory_bytes=int(settings.get("nc_memory_bytes", 0))
-    )
+    return Control(flash, plc=None if text is None else str(text), memory_bytes=int(settings.get("nc_memory_bytes", 0)))
