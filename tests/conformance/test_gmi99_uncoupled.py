@@ -316,3 +316,20 @@ def test_an_axis_that_runs_a_program_does_not_turn_and_one_that_brakes_may_turn_
     assert set(desk.steps_since(first).delta[:, 1].tolist()) == {8}
     desk.run(1.0)
     assert desk.counts[2] == 2_000
+
+
+def test_m_of_the_axis_bounds_how_fast_it_turns() -> None:
+    """1200 1/min of 1000 increments would be 20000 Hz: M of Y is 4000."""
+    desk = prepared(command("M", 4_000, 2), command("N", 1_000, 40, 1), p4(1, TURN, 1_200))
+    desk.run(0.3)
+    first = desk.ticks
+    desk.run(0.3)
+    assert set(desk.steps_since(first).delta[:, 1].tolist()) == {16}
+
+
+@pytest.mark.parametrize("frame", [command("m", 53), command("p", 3, 1, 0), command("G", 54)])
+def test_what_is_nothing_for_a_single_axis_ends_its_program(frame: str) -> None:
+    desk = prepared(*record(0, command(X, 1)), *record(3, command(Z, 500), frame, command(Z, 900)))
+    desk.tell(p4(2, PROGRAM, 3))
+    desk.run(2.0)
+    assert (desk.controller.fault, desk.counts[2]) == (True, 500)
