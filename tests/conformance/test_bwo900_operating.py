@@ -61,6 +61,25 @@ def test_long_programs_are_kept() -> None:
     assert said(desk) == []
 
 
+@shows("bwo900-1.5-2")
+@pytest.mark.parametrize("size", [1_500_000, 3_000_000])
+def test_what_does_not_fit_into_the_memory_is_refused_and_the_rest_stays(size: int) -> None:
+    """Programs of 1 MB, 198 bytes a block: the last one is smaller, and is replaced by one of its own size."""
+    desk = Desk.of("bwo900", carriage=CARRIAGE, settings={"nc_memory_bytes": size})
+    block = "X1 {" + "-" * 184 + "}"
+
+    def program(number: int, blocks: int) -> bytes:
+        return file(f"P{number}", *(f"N{100_000 + n} {block}" for n in range(blocks)))
+
+    fitting = size // 1_000_000
+    for number in range(1, fitting + 2):
+        desk.send(program(number, 5_000))
+    assert said(desk) == [1256]
+    assert sorted(desk.controller._execution._store) == [f"P{n}" for n in range(1, fitting + 1)]  # type: ignore[attr-defined]
+    desk.send(program(1, 5_000))
+    assert said(desk) == [1256, 1106]
+
+
 @shows("bwo900-1.5-3")
 def test_one_channel_and_three_axes() -> None:
     assert said(run("P1|N10 G0 X5 A5|N20 M30")) == [1216]

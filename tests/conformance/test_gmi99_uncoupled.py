@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conformance.gmi99_desk import READY, STATUS, CardDesk, command, prepared, short
+from conformance.gmi99_desk import READY, STATUS, CardDesk, command, prepared, running, short
 from conformance.rows import shows
 
 X, Y, Z = 0x81, 0x82, 0x84
@@ -137,6 +137,54 @@ def test_function_6_tells_which_axes_have_left_the_interpolation() -> None:
     assert desk.controller._card.uncoupled == 0  # type: ignore[attr-defined]
 
 
+FOLLOWS = "OB 1\nU M 40.0\nSPB =OFF\nL KF 1\nSPA =GO\nOFF: L KF 0\nGO: L KF 30\nSPA FB 254\nBE\n"
+"""FB 254.30 with 1, and with 0 while M40.0 is set."""
+ONCE = r"OB 21|L KF 1|L KF 30|SPA FB 254|BE|OB 1|BE|".replace("|", "\n")
+"""With 1, when the PLC is started."""
+
+
+def followed(feed: int, plc: str) -> tuple[float, float]:
+    """Turns of Z, 1000 increments each, told 600 1/min at f 10000, along a path of 20000 increments at that feed; and
+    its highest speed in Hz."""
+    desk = running(plc)
+    desk.run(0.05)
+    desk.tell(command("N", 1_000, 40, 2), command("f", 10_000), p4(2, TURN, 600), command("f", feed))
+    desk.run(0.5)
+    assert desk.counts[2] == 0, "the path stands"
+    first = desk.ticks
+    desk.tell(command(X, 20_000))
+    desk.finish()
+    desk.run(0.2)
+    delta = desk.steps_since(first).delta[:, 2]
+    return delta.sum() / 1_000.0, float(delta.max()) / 0.004
+
+
+@shows("gmi99-1.4-1")
+@pytest.mark.parametrize(
+    ("feed", "plc"), [(10_000, FOLLOWS), (5_000, ONCE), (20_000, ONCE)], ids=["f", "half", "twice"]
+)
+def test_the_speed_of_a_spindle_follows_the_feed(feed: int, plc: str) -> None:
+    """600 1/min at 10000 Hz are 1 increment for each of the path: 20 turns, whatever feed comes later."""
+    turns, hz = followed(feed, plc)
+    assert turns == pytest.approx(20.0, abs=0.2)
+    assert hz == pytest.approx(feed, rel=0.03)
+
+
+@shows("gmi99-1.4-1")
+def test_function_30_with_0_ends_it() -> None:
+    """The spindle turns with what it was told, 600 1/min, while the path stands."""
+    desk = running(FOLLOWS)
+    desk.run(0.05)
+    desk.tell(command("N", 1_000, 40, 2), command("f", 10_000), p4(2, TURN, 600))
+    desk.run(0.3)
+    assert desk.counts[2] == 0
+    desk.tell(command("p", 11, 40, 1))
+    desk.run(0.5)
+    first = desk.ticks
+    desk.run(0.4)
+    assert desk.steps_since(first).delta[:, 2].sum() == pytest.approx(4_000, abs=50)
+
+
 # what else may happen to them
 
 
@@ -215,6 +263,13 @@ def test_a_limit_switch_stops_an_axis_that_turns() -> None:
     assert desk.status() & 0x40, "the indexer is not ready"
 
 
+def test_none_leaves_while_nothing_moves() -> None:
+    """N17 = 1: everything takes its time, and no set points are sent."""
+    desk = prepared(*record(0, command(X, 1)), *UP_AND_DOWN, command("N", 1, 17), p4(2, PROGRAM, 3), command(X, 500))
+    desk.finish()
+    assert (desk.controller.fault, desk.ticks) == (True, 0)
+
+
 def test_no_counter_is_set_meanwhile() -> None:
     desk = prepared(command("N", 1_000, 40, 2), p4(2, TURN, 120))
     desk.run(0.5)
@@ -224,3 +279,57 @@ def test_no_counter_is_set_meanwhile() -> None:
     assert desk.counts[2] > 1_000
     desk.tell(command("O", 77, 0))
     assert desk.counts[0] == 77
+
+
+@shows("gmi99-3.1.1-68")
+def test_what_a_program_of_an_axis_may_have() -> None:
+    """Relative moves, rapid at the axis' own M, outputs and waits, and an end before the end."""
+    steps = (
+        command("G", 91), command(Z, 1_000), command("G", 90), command("f", 1_000), command(Z, 1_500), command("G", 0),
+        command("p", 10, 16, 3), command("p", 10, 14, 2), command(Z, 12_000), command("p", 3, 2), command(Z, 0),
+    )  # fmt: skip
+    desk = prepared(*record(0, command(X, 1)), *record(3, *steps), command("M", 20_000, 3))
+    desk.tell(p4(2, PROGRAM, 3))
+    desk.run(0.3)
+    first = desk.ticks
+    desk.run(0.2)
+    assert desk.steps_since(first).delta[:, 2].max() == 4, "f 1000"
+    assert not desk.outputs.get("a0.3", 0)
+    desk.run(0.4)
+    assert desk.outputs["a0.3"] == 1
+    first = desk.ticks
+    desk.finish()
+    assert desk.counts[2] == 12_000
+    assert desk.steps_since(first).delta[:, 2].max() == pytest.approx(80, abs=1), "M of Z is 20000 Hz"
+    assert not desk.controller.fault
+
+
+def test_an_axis_that_runs_a_program_does_not_turn_and_one_that_brakes_may_turn_again() -> None:
+    desk = prepared(*record(0, command(X, 1)), *UP_AND_DOWN, command("N", 1_000, 40, 1), command("N", 1_000, 40, 2))
+    desk.tell(p4(2, PROGRAM, 3), p4(2, TURN, 120), p4(1, TURN, 1_200))
+    assert desk.controller.fault
+    desk.run(0.6)
+    desk.tell(p4(1, TURN, 0), p4(1, TURN, 120))
+    desk.run(1.0)
+    first = desk.ticks
+    desk.run(0.3)
+    assert set(desk.steps_since(first).delta[:, 1].tolist()) == {8}
+    desk.run(1.0)
+    assert desk.counts[2] == 2_000
+
+
+def test_m_of_the_axis_bounds_how_fast_it_turns() -> None:
+    """1200 1/min of 1000 increments would be 20000 Hz: M of Y is 4000."""
+    desk = prepared(command("M", 4_000, 2), command("N", 1_000, 40, 1), p4(1, TURN, 1_200))
+    desk.run(0.3)
+    first = desk.ticks
+    desk.run(0.3)
+    assert set(desk.steps_since(first).delta[:, 1].tolist()) == {16}
+
+
+@pytest.mark.parametrize("frame", [command("m", 53), command("p", 3, 1, 0), command("G", 54)])
+def test_what_is_nothing_for_a_single_axis_ends_its_program(frame: str) -> None:
+    desk = prepared(*record(0, command(X, 1)), *record(3, command(Z, 500), frame, command(Z, 900)))
+    desk.tell(p4(2, PROGRAM, 3))
+    desk.run(2.0)
+    assert (desk.controller.fault, desk.counts[2]) == (True, 500)

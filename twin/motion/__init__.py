@@ -8,6 +8,7 @@ A motion is a sequence of ticks; at each tick every axis changes its command by 
     circle.py       the paths that are not straight: circle, helix
     step_run.py     a path, timed by a law, started at a time
     set_points.py   a plan with one tick a period, led evenly from tick to tick
+    together.py     several such plans, added
     listed.py       ticks that are stored as they are
     spreading.py    changes of counters in a given time, as ticks
     joined.py       such plans for chains of pieces: look-ahead, ramps, override, hold

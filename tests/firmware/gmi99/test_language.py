@@ -32,6 +32,16 @@ def test_text_to_telegrams_and_back(text: str, frame: str, words: str) -> None:
     assert LANGUAGE.frame(message.text) == data
 
 
+@pytest.mark.parametrize(("text", "words"), [
+    ("p4;1;513", "axis 2 runs program 1"), ("p4;120;514", "axis 2 turns with 120 1/min"),
+    ("p4;-120;258", "axis 1 turns with -120 1/min"), ("p4;0;256", "wait for the program of axis 1"),
+    ("p4;0;3", "programming"),
+])  # fmt: skip
+def test_axes_that_leave_the_interpolation_in_words(text: str, words: str) -> None:
+    (message,) = create_language("gmi99").messages(LANGUAGE.frame(text), True)
+    assert message.explanation == words
+
+
 @pytest.mark.parametrize(
     ("reply", "text", "words"),
     [

@@ -30,6 +30,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from isel_twin.base.parameters import Limits
 from isel_twin.controller import takes
 
 if TYPE_CHECKING:
@@ -38,10 +39,11 @@ if TYPE_CHECKING:
 __all__ = ["create"]
 
 
-@takes({"plc_program": ()})
+@takes({"plc_program": (), "nc_memory_bytes": Limits("byte", 1, 1e9, whole=True)})
 def create(name: str, *, flash: bytes | None, settings: Mapping[str, Any]) -> Control:
-    """Entry point of `isel_twin.controllers`. Settings: `plc_program`, STEP 5 text in place of the default program."""
+    """Entry point of `isel_twin.controllers`. Settings: `plc_program`, STEP 5 text in place of the default program;
+    `nc_memory_bytes`, M1256 beyond it, unless set none."""
     from isel_twin.firmware.bwo900.control import Control
 
     text = settings.get("plc_program")
-    return Control(flash, plc=None if text is None else str(text))
+    return Control(flash, plc=None if text is None else str(text), memory_bytes=int(settings.get("nc_memory_bytes", 0)))

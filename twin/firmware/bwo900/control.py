@@ -36,8 +36,9 @@ class Control:
     direction = (1,) * AXES
     output_names: Sequence[str] = (*MachinePlc.OUTPUTS, "spindle_speed", "drive_reset", "auto", "active", "message")
 
-    def __init__(self, flash: bytes | None, *, plc: str | None = None) -> None:
-        """flash: stored programs and parameters. plc: STEP 5 text in place of the default program."""
+    def __init__(self, flash: bytes | None, *, plc: str | None = None, memory_bytes: int = 0) -> None:
+        """flash: stored programs and parameters. plc: STEP 5 text in place of the default program. memory_bytes: of all
+        programs; 0: as many as there are."""
         self._parameters, store, self._flash_fault = memory.read(flash)
         self._hardware = hardware = Hardware(self._parameters, plc)
         self._axes, self._power, self._hand = hardware.axes, hardware.power, hardware.hand
@@ -46,7 +47,7 @@ class Control:
         self._channel, self._feeder = self._execution.channel, self._execution.feeder
         self._operating = Operating(self._execution)
         self._commands = Commands(self._operating, self._execution, store)
-        self._receiver = Receiver(self._parameters, store, self._commands.written, self._execution.locked)
+        self._receiver = Receiver(self._parameters, store, self._commands.written, self._execution.locked, memory_bytes)
 
     # ---- state ------------------------------------------------------------------------------------------------------
 

@@ -87,6 +87,7 @@ class Code(IntEnum):
     NO_TOOL = 1050, _KA, "tool group not found in the tool table"
     TOOL_WORN = 1053, _KA, "the life of the tool group is over"
     PROGRAM_BUSY = 1105, _A, "a program cannot be opened"
+    MEMORY_FULL = 1256, _A, "the memory for programs is full"
     PROGRAM_OVERWRITTEN = 1106, _A, "a program is overwritten"
     PROGRAM_KEPT = 1107, _A, "there is such a program, it is not overwritten"
     WRONG_FILE = 1110, _A, "wrong identifier of a file"

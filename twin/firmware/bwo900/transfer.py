@@ -44,7 +44,7 @@ class Receiver:
     """Reads files from the line.
 
     written: called with (number, value, area, channel) after a file has set a parameter. locked: True for a program
-    that must not be replaced now (M1105).
+    that must not be replaced now (M1105). memory_bytes: of all programs (M1256), 0: as many as there are.
     """
 
     def __init__(
@@ -53,8 +53,10 @@ class Receiver:
         store: Store,
         written: Callable[[int, float | None, str, int], None],
         locked: Callable[[str], bool],
+        memory_bytes: int = 0,
     ) -> None:
         self._parameters, self._store, self._written, self._locked = parameters, store, written, locked
+        self._memory_bytes = memory_bytes
         self._line = bytearray()
         self._number = 0
         self._sign = end_of_file(parameters)
@@ -149,6 +151,10 @@ class Receiver:
             return
         if self._locked(kind):
             yield ProgramError(Code.PROGRAM_BUSY, f"{kind} is being carried out")
+            return
+        others = sum(len(self._store[name].text) for name in self._store if name != kind)
+        if self._memory_bytes and others + len(program.text) > self._memory_bytes:
+            yield ProgramError(Code.MEMORY_FULL, f"{kind}; there are {self._memory_bytes} bytes")
             return
         if kind in self._store:
             if int(self._parameters.get(P.TRANSFER_OPTIONS)) & PROTECTED:

@@ -120,7 +120,11 @@ class Board:
     @property
     def run(self) -> SetPointRun | None:
         """The motion whose set points are sent."""
-        return self._under_way.run(self._motions, self.now_ns, self.power_on_ns)
+        return self._under_way.run
+
+    def send_motions(self) -> None:
+        """Take the motions under way now as what is sent; after everything that happens."""
+        self._under_way.take(self._motions, self.now_ns, self.power_on_ns)
 
     @property
     def _motions(self) -> tuple[SetPointRun, ...]:

@@ -161,6 +161,7 @@ class Gmi99:
             card.plc.advance(card.now_ns)
             card.flags_changed(program_ran=ran)
         self._sequencer.pump()
+        card.send_motions()
         card.refresh_flags()
         card.plc.look(card.now_ns)
 

@@ -27,7 +27,7 @@ class Card(Board):
         self.interpolator = Interpolator(self)
         self.off_path = Uncoupled(self, self.interpolator)
         self.drives = DriveBank(self, self.interpolator, self.off_path, self.queue, turn)
-        self.plc = CardPlc(self, self.interpolator, self.drives, self.queue)
+        self.plc = CardPlc(self, self.interpolator, self.off_path, self.drives, self.queue)
         self._moving_told = False
 
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:

@@ -79,6 +79,14 @@ class Interpolator:
         return self._board.path_run
 
     @property
+    def path_hz(self) -> float:
+        """Present speed of the path, as f gives it."""
+        if self.run is None:
+            return 0.0
+        assert self._plan is not None
+        return self._plan.speed(self.run.count(self._board.now_ns))
+
+    @property
     def at_rest(self) -> bool:
         return self._plan is None
 

@@ -81,6 +81,7 @@ T_WORDS = {
     11: "ask for the counter input",
     12: "ask for the PLC's program",
 }
+AXIS_WORDS = {0: "wait for the program of axis {0}", 1: "axis {0} runs program {1}", 2: "axis {0} turns with {2} 1/min"}
 ANSWERS = {"@": "position", "V": "version", "I": "two bytes", "N": "parameter", "Z": "zero point", "C": "counter"}
 
 
@@ -298,6 +299,8 @@ def _words(instruction: Instruction) -> str:
             return f"M function M{p1}" if p1 < 100 else "spindle speed" if p1 == 100 else "tool change"
         case "p" if (p1, p2) in P_WORDS:
             return P_WORDS[p1, p2].format(p3)
+        case "p" if p1 == 4 and p3 & 0xFF in AXIS_WORDS:
+            return AXIS_WORDS[p3 & 0xFF].format(p3 >> 8, p2, signed(p2))
         case "p" if p1 == 10 and p2 in directly.WORDS:
             return f"{directly.WORDS[p2]}: {p3}"
         case "p" if p1 == 11:

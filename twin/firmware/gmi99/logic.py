@@ -22,6 +22,7 @@ from isel_twin.firmware.gmi99.offsets import PLC_ZERO_LIMIT
 from isel_twin.firmware.gmi99.planner import PERIOD_NS
 from isel_twin.firmware.gmi99.queue import Queue
 from isel_twin.firmware.gmi99.settings import FINE, SLOTS
+from isel_twin.firmware.gmi99.uncoupled import Uncoupled
 from isel_twin.firmware.plc import ImageError, Plc, PlcMemory, PlcProgram, Rights
 from isel_twin.firmware.plc.assembler import assemble
 
@@ -32,7 +33,7 @@ READ = 0x8000
 ALL = 0xFFFF
 INVALID_STATUS = 0x0100
 EXTENDED = 254
-FUNCTIONS = 2, 3, 4, 5, 6, 8, 10, 12, 33
+FUNCTIONS = 2, 3, 4, 5, 6, 8, 10, 12, 30, 33
 
 
 @cache
@@ -51,8 +52,11 @@ def _rights() -> Rights:
 
 
 class CardPlc:
-    def __init__(self, board: Board, interpolator: Interpolator, drives: DriveBank, queue: Queue) -> None:
+    def __init__(
+        self, board: Board, interpolator: Interpolator, uncoupled: Uncoupled, drives: DriveBank, queue: Queue
+    ) -> None:
         self.board, self.interpolator, self.drives, self.queue = board, interpolator, drives, queue
+        self.uncoupled = uncoupled
         images = board.images
         self._outputs = bytearray(images.outputs)
         self._memory = PlcMemory(images.inputs, self._outputs, images.flags, images.data)
@@ -205,6 +209,9 @@ class CardPlc:
                     return 0, argument
                 low, high = board.settings.home_from[argument], board.settings.home_to[argument]
                 return int(low <= board.position[argument] <= high), argument
+            case 30:
+                if argument in (0, 1):
+                    self.uncoupled.follow_feed(on=argument == 1)
             case 33:
                 if argument in (0, 1, 2):
                     board.reduced_mode = argument

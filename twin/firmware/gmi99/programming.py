@@ -60,6 +60,8 @@ def _axis(card: Card, instruction: Instruction) -> Generator[Wait, None, None] |
         return card.off_path.wait(axis)
     if not card.drives.ready:
         raise OutOfRangeError("p4 while the indexer is not ready")
+    if card.settings.motion_off:
+        raise OutOfRangeError("p4 while nothing moves (N17)")
     if what == 2:
         card.off_path.turn(axis, signed(instruction.p2))
         return None

@@ -2,6 +2,8 @@
 
     p4;n;axis,1      program n, of which the moves of that axis, f, G0, G90, G91, p10 and p3;2 are for it
     p4;rpm;axis,2    it turns, N40 increments a revolution, in either sense; 0: it brakes, and is coupled again
+                     After FB 254.30 with 1 it follows the speed of the path from its next p4 on, in the proportion of
+                     its speed and f at that moment (6.1.4); FB 254.30 with 0 ends that
     p4;0;axis,0      a normal command that waits until the axis has done its program
 
 An axis moves with its own M and B from place to place, beside the others and the path. The stop flag holds it, a
@@ -33,7 +35,10 @@ class Uncoupled:
     def __init__(self, board: Board, interpolator: Interpolator) -> None:
         self._board, self._interpolator = board, interpolator
         self._programs: dict[int, tuple[Program, Wait]] = {}
-        self._turns_hz: dict[int, float] = {}
+        self._turns_hz: dict[int, float] = {}  # of each axis that turns, now
+        self._asked_hz: dict[int, float] = {}  # as p4 gave it
+        self._gears: dict[int, float] = {}  # of those that follow the path: Hz for each Hz of the path
+        self.follows_feed = False  # FB 254.30
         self._goals: dict[int, tuple[int, float]] = {}  # of each axis that moves: its place, Hz
         self._began: dict[int, int] = {}  # where each axis was when it left the interpolation
         self._ending: set[int] = set()  # axes that brake, and are coupled when they stand
@@ -53,6 +58,8 @@ class Uncoupled:
     def next_ns(self) -> int | None:
         board, run = self._board, self._board.uncoupled_run
         times = [wait.at_ns for _, wait in self._programs.values() if wait.at_ns is not None]
+        if self._gears and board.path_run is not None:
+            times.append(self._interpolator.grid_ns(board.now_ns + 1))
         if run is not None:
             plan = _indexer(run)
             times += [run.start_ns + plan.stands_at(axis) * run.period_ns for axis in self._began]
@@ -80,9 +87,19 @@ class Uncoupled:
             return
         self._uncouple(axis)
         self._ending.discard(axis)
-        most = self._board.settings.m_hz[axis + 1]
-        self._turns_hz[axis] = min(max(rev_min * per_turn / 60.0, -most), most)
-        self._turn(axis)
+        asked_hz = self._asked_hz[axis] = rev_min * per_turn / 60.0
+        self._gears.pop(axis, None)
+        if self.follows_feed and rev_min:
+            self._gears[axis] = asked_hz / (self._interpolator.feed_hz or self._board.settings.m_hz[0])
+            asked_hz = self._gears[axis] * self._interpolator.path_hz
+        self._set_speed(axis, asked_hz)
+
+    def follow_feed(self, *, on: bool) -> None:
+        """FB 254.30."""
+        self.follows_feed = on
+        for axis in [] if on else list(self._gears):
+            del self._gears[axis]
+            self._set_speed(axis, self._asked_hz[axis])
 
     def wait(self, axis: int) -> Program:
         """Until the axis has no program."""
@@ -101,6 +118,8 @@ class Uncoupled:
                 self._turn(axis)
         for axis in list(self._programs):
             self._go_on(axis)
+        for axis, gear in self._gears.items():
+            self._set_speed(axis, gear * self._interpolator.path_hz)
         for axis in [axis for axis in self._turns_hz if self._stands(axis) and not self._held]:
             self._turn(axis)
         for axis in [axis for axis in self._ending if self._stands(axis)]:
@@ -115,6 +134,7 @@ class Uncoupled:
             program.close()
         self._programs.clear()
         self._turns_hz.clear()
+        self._gears.clear()
         self._goals.clear()
         for axis in self._began:
             self._ending.add(axis)
@@ -195,9 +215,16 @@ class Uncoupled:
             place, stands = self._made(axis) + goal - self._board.counts[axis], self._stands(axis)
             self._plan(axis, lambda plan, tick: (plan.to if stands else plan.towards)(axis, tick, place, speed))
 
+    def _set_speed(self, axis: int, hz: float) -> None:
+        most = self._board.settings.m_hz[axis + 1]
+        limited = min(max(hz, -most), most)
+        if self._turns_hz.get(axis) != limited:
+            self._turns_hz[axis] = limited
+            self._turn(axis)
+
     def _turn(self, axis: int) -> None:
         wanted = self._turns_hz[axis]
-        if not wanted:
+        if not wanted and axis not in self._gears:
             del self._turns_hz[axis]
             self._ending.add(axis)
         now_hz = self._speed(axis)

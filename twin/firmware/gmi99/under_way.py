@@ -13,21 +13,21 @@ from isel_twin.motion.together import Part, Together
 class UnderWay:
     def __init__(self) -> None:
         self._motions: tuple[SetPointRun, ...] = ()
-        self._run: SetPointRun | None = None
+        self.run: SetPointRun | None = None
         self._serial = 0
 
-    def run(self, motions: tuple[SetPointRun, ...], now_ns: int, origin_ns: int) -> SetPointRun | None:
-        """origin_ns: a time of the grid, which all motions have in common."""
+    def take(self, motions: tuple[SetPointRun, ...], now_ns: int, origin_ns: int) -> None:
+        """Take the motions as they are now. origin_ns: a time of the grid, which they have in common."""
         before, self._motions = self._motions, motions
         if len(before) == len(motions) and all(a is b for a, b in zip(before, motions, strict=True)):
-            return self._run
+            return
         same = len(before) == len(motions) and all(a.continues(b) for a, b in zip(motions, before, strict=True))
-        shown = self._run
+        shown = self.run
         summed = shown is not None and isinstance(shown.plan, Together)
         if not motions:
-            self._run = None
+            self.run = None
         elif len(motions) == 1 and not (summed and (same or motions[0].start_ns < now_ns)):
-            self._run = motions[0]
+            self.run = motions[0]
         else:
             if not (same and summed):
                 self._serial += 1
@@ -35,8 +35,7 @@ class UnderWay:
                 start_ns = now_ns - (now_ns - origin_ns) % period_ns
                 shown = SetPointRun(_sum(motions, start_ns, self._serial), period_ns, start_ns)
             assert shown is not None
-            self._run = shown.with_plan(_sum(motions, shown.start_ns, self._serial))
-        return self._run
+            self.run = shown.with_plan(_sum(motions, shown.start_ns, self._serial))
 
 
 def _sum(motions: tuple[SetPointRun, ...], start_ns: int, serial: int) -> Together:
