@@ -105,8 +105,9 @@ def experiment(
             unknowns = unknowns_of(believed, fit, prior, wanted)
             covariance = None if known is None else _known(known, unknowns)
             candidates = experiments.blocks(believed, controller, wanted, unknowns, seed, supply or ())
-            how = {"known": covariance, "criterion": criterion, "crew": crew}
-            choice = choose(believed, controller, candidates, unknowns, blocks, **how)
+            choice = choose(
+                believed, controller, candidates, unknowns, blocks, known=covariance, criterion=criterion, crew=crew
+            )
             chosen = list(choice.blocks)
         made = experiments.assemble(name.name, chosen, language)
         predicted = _predicted(made, believed, controller, uncertain, seed, crew) if protocol else []

@@ -138,7 +138,7 @@ class _Trial:
         """By which the parameters move if it is fitted, too: the cost has no slope along them without it."""
         jacobian = self._design[:, : self._count]
         along = jacobian.T @ column
-        inner = np.linalg.solve(jacobian.T @ jacobian + np.eye(self._count), along)
+        inner: Floats = np.linalg.inv(jacobian.T @ jacobian + np.eye(self._count)) @ along
         free = float(column @ self._residuals) / (1.0 + float(column @ column) - float(along @ inner))
         moved: Floats = inner * free
         return moved

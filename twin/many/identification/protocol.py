@@ -110,7 +110,8 @@ def _straightness(language: Language, machine: Machine, name: str) -> list[Block
     travel_mm = machine.axes[CARRIAGES.index(name)].travel_mm
     found = []
     for across in (axis for axis in CARRIAGES if axis != name):
-        gauge, steps = f"straightness {name}_{across}", ()
+        gauge = f"straightness {name}_{across}"
+        steps: tuple[Step, ...] = ()
         read = Reading("", 1, across, math.nan, gauge=gauge)
         for number in range(ALONG):
             mm = EDGE_MM + number * (travel_mm - 2.0 * EDGE_MM) / (ALONG - 1)
