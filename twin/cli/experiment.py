@@ -66,16 +66,8 @@ def experiment(
     speeds. With --protocol it is a measuring day, and the twin's predictions stand sealed in NAME.toml, for
     `isel-twin identify --score NAME.toml`.
     """
-    if name.suffix:
-        files = f"{name.stem}.txt and {name.stem}.toml"
-        raise CallError(f"{name}: the name of an experiment has no ending; {files} will be made")
-    if not 1 <= blocks <= 100:
-        raise CallError(f"blocks {blocks}: must be from 1 to 100", option=True)
-    if not 2 <= uncertain <= 1000:
-        raise CallError(f"uncertain {uncertain}: must be from 2 to 1000", option=True)
+    _check(name, blocks, uncertain)
     options.check_workers(workers)
-    with call_errors():
-        need_scipy()
     job, form = name.with_suffix(".txt"), name.with_suffix(".toml")
     series, recording = name.with_name(f"{name.name}-stall.txt"), name.with_suffix(".mcap")
     options.check_writable(job, form, series, *([recording] if carry_out else []))
@@ -132,6 +124,18 @@ def experiment(
     else:
         _say_choice(job, form, choice, [item.name for item in unknowns], json)
     return 0
+
+
+def _check(name: Path, blocks: int, uncertain: int) -> None:
+    if name.suffix:
+        files = f"{name.stem}.txt and {name.stem}.toml"
+        raise CallError(f"{name}: the name of an experiment has no ending; {files} will be made")
+    if not 1 <= blocks <= 100:
+        raise CallError(f"blocks {blocks}: must be from 1 to 100", option=True)
+    if not 2 <= uncertain <= 1000:
+        raise CallError(f"uncertain {uncertain}: must be from 2 to 1000", option=True)
+    with call_errors():
+        need_scipy()
 
 
 def _predicted(
