@@ -4,8 +4,9 @@
     python -m tests.many.identification.coverage 200 --first 57      goes on after 56
 
 Each machine is drawn from what is believed: its numbers are u ~ N(0, 1) in the priors, cut at MOST, and in the whole
-study those of the laws that no fit is told of are drawn within their bands, too. The same job is carried out on it, with noise of its own; fitted; and it is counted, per parameter, whether the interval of 90 % holds
-the truth. Right are 85 to 95 % of them.
+study those of the laws that no fit is told of are drawn within their bands, too. The same job is carried out on it,
+with noise of its own; fitted; and it is counted, per parameter, whether the interval of 90 % holds the truth. Right are
+85 to 95 % of them.
 
 `Surface` makes twenty of them a matter of seconds: the day is always the same, so its predictions are one function of
 u, a cubic through a few real replays; the data are those of real twins.
