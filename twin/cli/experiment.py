@@ -67,6 +67,8 @@ def experiment(
     `isel-twin identify --score NAME.toml`.
     """
     _check(name, blocks, uncertain)
+    if protocol and (fit or prior or known or supply):
+        raise CallError("protocol: a measuring day is the same for all; leave --fit, --prior, --known, --supply away")
     options.check_workers(workers)
     job, form = name.with_suffix(".txt"), name.with_suffix(".toml")
     series, recording = name.with_name(f"{name.name}-stall.txt"), name.with_suffix(".mcap")
