@@ -82,6 +82,7 @@ def law(key: str, gained: float, share: float = 1.0) -> Law:
         ((2.9, 0.0), True, []),
         ((3.0, 0.0), True, ["0"]),
         ((5.0, 3.1), True, ["0", "1"]),  # within 3 of the best
+        ((6.0, 3.0), True, ["0", "1"]),
         ((50.0, 41.0, 39.0), False, ["0", "1"]),  # within a fifth of it
     ],
 )
