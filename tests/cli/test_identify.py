@@ -268,3 +268,6 @@ def test_without_recordings_a_score_is_all(scored: Path, tmp_path: Path, capsys:
     code, _, err = call(capsys, "experiment", tmp_path / "d", "--protocol", "--uncertain", "1")
     assert code == 2
     assert "--uncertain 1: must be from 2 to 1000" in err
+    code, _, err = call(capsys, "experiment", tmp_path / "d", "--protocol", "--fit", "supply")
+    assert code == 2
+    assert "protocol: a measuring day is the same for all; leave --fit" in err

@@ -72,16 +72,10 @@ def experiment(
     speeds. With --protocol it is a measuring day, and the twin's predictions stand sealed in NAME.toml, for
     `isel-twin identify --score NAME.toml`.
     """
-    if name.suffix:
-        files = f"{name.stem}.txt and {name.stem}.toml"
-        raise CallError(f"{name}: the name of an experiment has no ending; {files} will be made")
-    if not 1 <= blocks <= 100:
-        raise CallError(f"blocks {blocks}: must be from 1 to 100", option=True)
-    if not 2 <= uncertain <= 1000:
-        raise CallError(f"uncertain {uncertain}: must be from 2 to 1000", option=True)
+    _check(name, blocks, uncertain)
+    if protocol and (fit or prior or known or supply):
+        raise CallError("protocol: a measuring day is the same for all; leave --fit, --prior, --known, --supply away")
     options.check_workers(workers)
-    with call_errors():
-        need_scipy()
     job, form = name.with_suffix(".txt"), name.with_suffix(".toml")
     series, recording = name.with_name(f"{name.name}-stall.txt"), name.with_suffix(".mcap")
     options.check_writable(job, form, series, *([recording] if carry_out else []))
@@ -111,8 +105,9 @@ def experiment(
             unknowns = unknowns_of(believed, fit, prior, wanted)
             covariance = None if known is None else _known(known, unknowns)
             candidates = experiments.blocks(believed, controller, wanted, unknowns, seed, supply or ())
-            how = {"known": covariance, "criterion": criterion, "crew": crew}
-            choice = choose(believed, controller, candidates, unknowns, blocks, **how)
+            choice = choose(
+                believed, controller, candidates, unknowns, blocks, known=covariance, criterion=criterion, crew=crew
+            )
             chosen = list(choice.blocks)
         made = experiments.assemble(name.name, chosen, language)
         predicted = _predicted(made, believed, controller, uncertain, seed, crew) if protocol else []
@@ -137,6 +132,18 @@ def experiment(
     else:
         _say_choice(job, form, choice, [item.name for item in unknowns], json)
     return 0
+
+
+def _check(name: Path, blocks: int, uncertain: int) -> None:
+    if name.suffix:
+        files = f"{name.stem}.txt and {name.stem}.toml"
+        raise CallError(f"{name}: the name of an experiment has no ending; {files} will be made")
+    if not 1 <= blocks <= 100:
+        raise CallError(f"blocks {blocks}: must be from 1 to 100", option=True)
+    if not 2 <= uncertain <= 1000:
+        raise CallError(f"uncertain {uncertain}: must be from 2 to 1000", option=True)
+    with call_errors():
+        need_scipy()
 
 
 def _predicted(

@@ -90,10 +90,6 @@ def identify(
     fitted, held = _split(sessions, hold_out)
     names, held_names = [one.name for one in fitted], [one.name for one in held]
 
-    def say_prospect(prospect: Prospect) -> None:
-        if not json:
-            print("before the fit:", *prospect.lines, sep="\n  ", flush=True)
-
     with call_errors(journal), options.crew_of(workers) as crew, counted("replays") as tell:
         result = fit_sessions(
             known,
@@ -101,7 +97,7 @@ def identify(
             fitted,
             held,
             crew=crew,
-            told=say_prospect,
+            told=None if json else _say_prospect,
             progress=tell,
             journal=journal,
             gate=patch is not None,
@@ -131,6 +127,10 @@ def identify(
             atomic_write(target, content.encode())
             load_machine(patch)
     return code
+
+
+def _say_prospect(prospect: Prospect) -> None:
+    print("before the fit:", *prospect.lines, sep="\n  ", flush=True)
 
 
 def _scored(file: Path) -> Day:

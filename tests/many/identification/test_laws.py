@@ -53,18 +53,23 @@ def test_what_a_law_gains_is_how_it_predicts_each_part_from_the_others(one: floa
     assert (gained > 0.0) == (one == 3.0)
 
 
-def test_a_law_moves_what_was_fitted_to_where_both_would_be() -> None:
-    """Normal equations of (J c) with the prior, at a u where the fit alone has no slope."""
+@pytest.mark.parametrize("u", [0.0, -0.9])
+def test_a_law_moves_what_was_fitted_to_where_both_would_be(u: float) -> None:
+    """Least squares over both, and over what was fitted: u need not be the least cost's."""
     jacobian, column = np.array([2.0, 1.0, 0.0]), np.array([1.0, 1.0, 2.0])
     residuals = np.array([0.5, -1.0, 4.0])
-    u = -float(jacobian @ residuals)
-    both = np.column_stack([jacobian, column])
-    step = np.linalg.solve(both.T @ both + np.eye(2), -(both.T @ residuals + np.array([u, 0.0])))
+
+    def least(design: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, float]:
+        whole = np.concatenate((residuals, at))
+        every = np.concatenate((design, np.eye(len(at))))
+        step = np.linalg.lstsq(every, -whole, rcond=None)[0]
+        return step, float(((whole + every @ step) ** 2).sum())
+
+    one, alone = least(jacobian[:, None], np.array([u]))
+    both, less = least(np.column_stack([jacobian, column]), np.array([u, 0.0]))
     told = trial(residuals.tolist(), jacobian[:, None].tolist(), u)
-    assert told.moved(column).tolist() == pytest.approx([step[0]])
-    before = residuals @ residuals + u * u
-    after = residuals + both @ step
-    assert told.saved(column) == pytest.approx(before - (after @ after + (u + step[0]) ** 2 + step[1] ** 2))
+    assert told.moved(column).tolist() == pytest.approx([both[0] - one[0]])
+    assert told.saved(column) == pytest.approx(alone - less)
 
 
 def law(key: str, gained: float, share: float = 1.0) -> Law:
@@ -77,6 +82,7 @@ def law(key: str, gained: float, share: float = 1.0) -> Law:
         ((2.9, 0.0), True, []),
         ((3.0, 0.0), True, ["0"]),
         ((5.0, 3.1), True, ["0", "1"]),  # within 3 of the best
+        ((6.0, 3.0), True, ["0", "1"]),
         ((50.0, 41.0, 39.0), False, ["0", "1"]),  # within a fifth of it
     ],
 )

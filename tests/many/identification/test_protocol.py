@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from isel_twin.language import create_language, needed
+from isel_twin.language import MoveSettings, create_language, needed
 from isel_twin.machine import Machine, load_machine, with_overrides
+from isel_twin.many.identification import protocol as protocol_module
 from isel_twin.many.identification.experiment import Experiment, assemble, job_text
 from isel_twin.many.identification.measured import Measured, MeasuredError, Reading, read_measured, written
 from isel_twin.many.identification.protocol import characteristics, day
@@ -234,3 +235,29 @@ def test_chance_explains_one_or_two_of_ten() -> None:
     assert told(3, 10).holds
     assert not told(4, 10).holds
     assert not Day((*told(0, 10).scores, Score(line, 1.6)), "").holds
+
+
+@pytest.mark.parametrize("controller", ["ismif", "gmi99", "c142"])
+def test_a_day_is_planned_in_the_language_and_speeds_of_its_controller(
+    controller: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Five places, five times from either side, of each axis; the blocks of every experiment are left out here."""
+    monkeypatch.setattr(protocol_module, "blocks", lambda *_: [])
+    language = needed(create_language(controller), controller)
+    asked: list[int] = []
+
+    class Watched:
+        ranges = language.ranges
+
+        @staticmethod
+        def move(target: list[int], how: MoveSettings) -> list[bytes]:
+            asked.append(how.speed_hz)
+            return list(language.move(target, how))
+
+    monkeypatch.setattr(protocol_module, "create_language", lambda name: Watched)
+    blocks = day(load_machine("4030"), controller, ["x", "y"], seed=0)
+    low, high = language.ranges["speed_hz"]
+    assert all(low <= speed <= high for speed in asked)
+    assert max(asked) == min(10_000, high)
+    read = {block.name: sum(len(step.readings) for step in block.steps) for block in blocks}
+    assert (read["positioning x"], read["circle"], read["straightness y_z"], read["heights x"]) == (50, 32, 9, 8)

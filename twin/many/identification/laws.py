@@ -2,7 +2,7 @@
 
 Chi-square says that something is wrong, not what; and where all is well, several laws may say the same of these data
 and differ in what they say of a parameter. So each number of LAWS that the fit has left alone is moved by WIDE of a
-prior of half to twice at the result u, where the cost |r|^2 + |u|^2 has no slope along what was fitted:
+prior of half to twice at the result u of the cost |r|^2 + |u|^2:
 
     c = dr/dv               0 if within the scatter of the model; the other way as well if the law seems to help
     r + J du + c v          the data near u, with the law; without it v = 0
@@ -128,20 +128,22 @@ class _Trial:
         return self._likelihood(column[:, None]) - self._without
 
     def saved(self, column: Floats) -> float:
-        """By which the cost falls if it is fitted, too: (c'r)^2 / (1 + c'c - c'J (J'J + 1)^-1 J'c)."""
-        jacobian = self._design[:, : self._count]
-        along = jacobian.T @ column
-        inner = np.linalg.solve(jacobian.T @ jacobian + np.eye(self._count), along)
-        return float(column @ self._residuals) ** 2 / (1.0 + float(column @ column) - float(along @ inner))
+        """By which the least cost near u is less if it is fitted, too."""
+        return self._least(np.zeros((len(column), 0)))[1] - self._least(column[:, None])[1]
 
     def moved(self, column: Floats) -> Floats:
-        """By which the parameters move if it is fitted, too: the cost has no slope along them without it."""
-        jacobian = self._design[:, : self._count]
-        along = jacobian.T @ column
-        inner = np.linalg.solve(jacobian.T @ jacobian + np.eye(self._count), along)
-        free = float(column @ self._residuals) / (1.0 + float(column @ column) - float(along @ inner))
-        moved: Floats = inner * free
-        return moved
+        """By which the parameters of the least cost are elsewhere if it is fitted, too."""
+        return self._least(column[:, None])[0] - self._least(np.zeros((len(column), 0)))[0]
+
+    def _least(self, more: Floats) -> tuple[Floats, float]:
+        """Step [n] to the least |r|^2 + |u|^2, the residuals linear about u, and that cost; more: as below. The search
+        ends near it only, and a straight line has a slope there."""
+        design = np.column_stack([self._design[:, : self._count], more])
+        at = np.concatenate((self._at[: self._count], np.zeros(more.shape[1])))
+        inner = np.linalg.inv(design.T @ design + np.eye(len(at)))
+        step = -inner @ (design.T @ self._residuals + at)
+        residuals = self._residuals + design @ step
+        return step[: self._count], float(residuals @ residuals + (at + step) @ (at + step))
 
     def _likelihood(self, more: Floats) -> float:
         """ln of the likelihood of each part by a fit to the others, added up; more: further columns [data, m]."""

@@ -231,9 +231,9 @@ def _from_csv(line: Mapping[str | None, Any], place: Place) -> dict[str, Any]:
     return found
 
 
-_READING = ("recording", "command", "axis", "mm", "sigma_mm", "gauge", "push_n", "push_at", "at_s", "counter_mm")
-_READING += ("about_mm",)
-_RING = ("recording", "command", "axis", "push_n", "push_at", "frequency_hz", "damping")
+_PUSH = ("push_n", "push_at")
+_READING = ("recording", "command", "axis", "mm", "sigma_mm", "gauge", *_PUSH, "at_s", "counter_mm", "about_mm")
+_RING = ("recording", "command", "axis", *_PUSH, "frequency_hz", "damping")
 _SERIES = ("from_mm", "to_mm", "acceleration_hz_per_ms", "start_stop_hz", "held_hz", "lost_hz")
 _STALL = ("recording", "command", "axis", *_SERIES, "supply_v")
 

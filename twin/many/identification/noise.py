@@ -38,9 +38,8 @@ class Noise:
     def line(self) -> str:
         shown = (f"{1e3 * self.sigma:.2g}", f"{1e3 * self.stated:.2g}", "um" if self.unit == "mm" else "ms")
         what = "readings" if self.unit == "mm" else "durations"
-        return (
-            f"{self.recording}: {what} scatter by {shown[0]} {shown[2]}, by {self.repeats} repeats; stated {shown[1]}"
-        )
+        repeats = f"{self.repeats} repeat{'' if self.repeats == 1 else 's'}"
+        return f"{self.recording}: {what} scatter by {shown[0]} {shown[2]}, by {repeats}; stated {shown[1]}"
 
 
 def with_noise(session: Session) -> tuple[Session, list[Noise]]:

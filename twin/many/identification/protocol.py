@@ -89,19 +89,19 @@ def _positioning(tell: Teller, travel_mm: float, draw: np.random.Generator, runs
     """Five places, not evenly apart (errors of a turn would hide), up and down again, `runs` times."""
     name, between = f"positioning {tell.axis}", (travel_mm - 2.0 * EDGE_MM) / (PLACES - 1)
     odd = draw.uniform(-0.2, 0.2, PLACES) * between
-    scale = tell.steps_per_mm
+    scale, brisk = tell.steps_per_mm, _brisk(tell.language)
     places = [
         round((EDGE_MM + n * between + (odd[n] if 0 < n < PLACES - 1 else 0.0)) * scale) / scale for n in range(5)
     ]
     steps: tuple[Step, ...] = ()
     for run in range(runs):
-        steps += tell.move(places[0] - OVER_MM, BRISK)
+        steps += tell.move(places[0] - OVER_MM, brisk)
         for way, order in (("up", places), ("down", places[::-1])):
             if way == "down":
-                steps += tell.move(places[-1] + OVER_MM, BRISK)
+                steps += tell.move(places[-1] + OVER_MM, brisk)
             for mm in order:
                 read = (tell.reading(name, counter_mm=mm, sigma_mm=FAR_SIGMA_MM),)
-                steps += tell.move(mm, BRISK, read, comment=f"read the scale on {tell.axis}: run {run + 1}, {way}")
+                steps += tell.move(mm, brisk, read, comment=f"read the scale on {tell.axis}: run {run + 1}, {way}")
     return Block(name, f"{tell.axis}: ISO 230-2, {PLACES} places, {runs} times from either side, scale", steps)
 
 
@@ -110,7 +110,8 @@ def _straightness(language: Language, machine: Machine, name: str) -> list[Block
     travel_mm = machine.axes[CARRIAGES.index(name)].travel_mm
     found = []
     for across in (axis for axis in CARRIAGES if axis != name):
-        gauge, steps = f"straightness {name}_{across}", ()
+        gauge = f"straightness {name}_{across}"
+        steps: tuple[Step, ...] = ()
         read = Reading("", 1, across, math.nan, gauge=gauge)
         for number in range(ALONG):
             mm = EDGE_MM + number * (travel_mm - 2.0 * EDGE_MM) / (ALONG - 1)
@@ -133,12 +134,18 @@ def _heights(language: Language, machine: Machine, name: str) -> Block:
     return Block(f"heights {name}", f"{name}: its length with Z up and {deep_mm:g} mm down, scale at the tool", steps)
 
 
+def _brisk(language: Language) -> tuple[int, int, int]:
+    """BRISK as far as the controller goes."""
+    low, high = language.ranges["speed_hz"]
+    return min(max(BRISK[0], low), high), *BRISK[1:]
+
+
 def _go(
     language: Language, machine: Machine, mm: Mapping[str, float], readings: tuple[Reading, ...] = (), said: str = ""
 ) -> tuple[Step, ...]:
     """To a place; axes that are not named go to 0."""
     target = [round(mm.get(axis.name, 0.0) * axis.steps_per_mm) for axis in machine.axes]
-    *before, last = language.move(target, MoveSettings(*BRISK))
+    *before, last = language.move(target, MoveSettings(*_brisk(language)))
     return (*(Step(data) for data in before), Step(last, readings, comment=said))
 
 

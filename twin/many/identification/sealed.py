@@ -9,7 +9,7 @@ more than LOPSIDED, m and s are those of the logarithm: then U differs on both s
 
 Both the plan and the predictions are sealed: their SHA-256 stands in the form and in the first line of the job, and is
 shown. What a person fills in (FILLED) is not in it; all else, changed by one digit, does not match any more. Whoever
-wants to be believed shows the seal to somebody before the day.
+wants to be believed shows the seal to somebody before the day (many/19).
 
 Beyond |E_n| = 1 lies one result in twenty by chance, beyond 1.5 one in three hundred:
 

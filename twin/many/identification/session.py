@@ -349,11 +349,12 @@ def let_go(twin: Twin, ring: Ring) -> tuple[float, float]:
     twin.apply_force(axis, 0.0, ring.push_at)
     count = round(RING_S / RING_STEP_S)
     position_mm = np.empty(count)
+    times_s: NDArray[np.float64] = RING_STEP_S * np.arange(count, dtype=np.float64)
     for at in range(count):
         position_mm[at] = twin.position_mm[axis]
         twin.run(RING_STEP_S)
     try:
-        return ring_down(RING_STEP_S * np.arange(count), position_mm)
+        return ring_down(times_s, position_mm)
     except ValueError:
         return math.nan, math.nan
 
