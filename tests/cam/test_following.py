@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cam.played import END, FAST, Player, arc, axes_of, ideal_mm, line, lines_of, rapid, texts
+from cam.played import END, FAST, P, Player, arc, axes_of, ideal_mm, line, lines_of, rapid, texts
 
 from isel_twin import Twin
 from isel_twin.cam.following import Following
 from isel_twin.cam.settings import CamSettings
-from isel_twin.cam.toolpath import Element
+from isel_twin.cam.toolpath import Element, Tool
 from isel_twin.cam.written import MachineAxes
 from isel_twin.jobs.toolpaths import machine_axes
 
@@ -141,3 +141,11 @@ def test_an_arc_is_made_as_slowly_as_its_drives_follow_and_that_is_said_once(con
 def test_the_bound_is_a_setting() -> None:
     coarse = lines_of("bwo900", PART, CamSettings(following_mm=0.2), servo("bwo900"))
     assert not any("G04" in each.text for each in coarse)
+
+
+def test_a_cut_waits_for_the_way_back_from_a_change_of_the_tool() -> None:
+    """It goes on in the direction of before, and the tool comes down from above."""
+    settings = replace(FAST, tool_change=(300.0, 0.0, 1.0))
+    path = [line(10, 10, -5), line(20, 10, -5), Tool(P, 2), line(30, 10, -5), END]
+    *_, before, last = texts(lines_of("gmi99", path, settings, servo("gmi99")))
+    assert (before.endswith("H2"), last) == (True, "f10000 | 81h 30000")

@@ -141,6 +141,36 @@ def test_convert_leaves_no_file_where_something_is_wrong(folder: Path) -> None:
     assert made.read_text() == "mine\n"
 
 
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (("part.ncp", "--controller", "external"), "the language of external cannot write toolpaths; name another"),
+        (("part.ncp", "--controller", "bwo900"), "take a machine with servo drives, such as 4030-servo"),
+        (("part.ncp", "-o", "part.ncp"), "is named twice in this call"),
+        (("part.ncp", "-o", "."), "is a folder, not a file"),
+        (("part.ncp", "-o", "nowhere/made.txt"), "cannot write in folder nowhere"),
+        (("empty.nc",), "there is no line of a CAM program in it"),
+        (("nothing.nc",), "there is no such file"),
+        (("part.ncp", "--controller", "imc-s9"), "unknown controller 'imc-s9'"),
+        *(
+            [(("part.ncp", "-o", "/dev/full"), "/dev/full: No space left on device")]
+            if Path("/dev/full").exists()
+            else []
+        ),
+    ],
+)
+def test_what_cannot_be_converted_is_one_line_and_changes_nothing(
+    words: tuple[str, ...], why: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder)
+    (folder / "empty.nc").touch()
+    before = {file.name: file.read_bytes() for file in folder.iterdir()}
+    done = isel_twin("convert", *words)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+    assert why in done.stderr
+    assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
+
+
 def test_a_file_of_no_format_is_said_and_a_format_can_be_forced(folder: Path) -> None:
     file = folder / "odd.txt"
     file.write_text("what is this\n")
