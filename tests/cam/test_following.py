@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cam.played import END, FAST, Player, arc, axes_of, ideal_mm, line, lines_of, rapid, texts
+from cam.played import END, FAST, P, Player, arc, axes_of, ideal_mm, line, lines_of, rapid, texts
 
 from isel_twin import Twin
 from isel_twin.cam.following import Following
 from isel_twin.cam.settings import CamSettings
-from isel_twin.cam.toolpath import Element
+from isel_twin.cam.toolpath import Element, Tool
 from isel_twin.cam.written import MachineAxes
 from isel_twin.jobs.toolpaths import machine_axes
 
@@ -138,6 +138,23 @@ def test_an_arc_is_made_as_slowly_as_its_drives_follow_and_that_is_said_once(con
     assert sum(("F339.411" if controller == "bwo900" else "f5657") in each.text for each in lines) >= 1
 
 
+def test_a_line_of_the_gmi99_has_no_more_commands_than_the_card_buffers() -> None:
+    """Each cut with a feed of its own and a corner behind it: two commands beside the move."""
+    path = [rapid(50, 50, -5), *(line(50 + 0.3 * k, 50 + k % 2, -5, 8 + 0.01 * k) for k in range(1, 100)), END]
+    run = Player("gmi99", servo("gmi99")).play(path)
+    assert run.end_mm == pytest.approx((79.7, 51, 5))
+    *_, first, last = texts(run.lines)
+    assert [first.count("h "), last.count("h ")] == [45, 9]
+
+
 def test_the_bound_is_a_setting() -> None:
     coarse = lines_of("bwo900", PART, CamSettings(following_mm=0.2), servo("bwo900"))
     assert not any("G04" in each.text for each in coarse)
+
+
+def test_a_cut_waits_for_the_way_back_from_a_change_of_the_tool() -> None:
+    """It goes on in the direction of before, and the tool comes down from above."""
+    settings = replace(FAST, tool_change=(300.0, 0.0, 1.0))
+    path = [line(10, 10, -5), line(20, 10, -5), Tool(P, 2), line(30, 10, -5), END]
+    *_, before, last = texts(lines_of("gmi99", path, settings, servo("gmi99")))
+    assert (before.endswith("H2"), last) == (True, "f10000 | 81h 30000")

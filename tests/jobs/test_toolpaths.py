@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+import math
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -138,6 +141,36 @@ def test_convert_leaves_no_file_where_something_is_wrong(folder: Path) -> None:
     assert made.read_text() == "mine\n"
 
 
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (("part.ncp", "--controller", "external"), "the language of external cannot write toolpaths; name another"),
+        (("part.ncp", "--controller", "bwo900"), "take a machine with servo drives, such as 4030-servo"),
+        (("part.ncp", "-o", "part.ncp"), "is named twice in this call"),
+        (("part.ncp", "-o", "."), "is a folder, not a file"),
+        (("part.ncp", "-o", "nowhere/made.txt"), "cannot write in folder nowhere"),
+        (("empty.nc",), "there is no line of a CAM program in it"),
+        (("nothing.nc",), "there is no such file"),
+        (("part.ncp", "--controller", "imc-s9"), "unknown controller 'imc-s9'"),
+        *(
+            [(("part.ncp", "-o", "/dev/full"), "/dev/full: No space left on device")]
+            if Path("/dev/full").exists()
+            else []
+        ),
+    ],
+)
+def test_what_cannot_be_converted_is_one_line_and_changes_nothing(
+    words: tuple[str, ...], why: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder)
+    (folder / "empty.nc").touch()
+    before = {file.name: file.read_bytes() for file in folder.iterdir()}
+    done = isel_twin("convert", *words)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+    assert why in done.stderr
+    assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
+
+
 def test_a_file_of_no_format_is_said_and_a_format_can_be_forced(folder: Path) -> None:
     file = folder / "odd.txt"
     file.write_text("what is this\n")
@@ -166,13 +199,45 @@ def test_a_format_can_be_forced_by_an_option_and_by_the_settings(words: tuple[st
     assert back.returncode == 0
 
 
-def test_where_the_time_goes_is_said(folder: Path) -> None:
-    """Forty chords of 0.1 mm at 10 mm/s: 10 ms each, 30 on an iMC by its ramps."""
-    file = folder / "chords.nc"
-    file.write_text("G21 G90 F600\nG0 Z5\n" + "".join(f"G1 X{0.1 * k:.1f}\n" for k in range(1, 41)) + "M2\n")
-    *_, summary = told(file)
-    assert "ms in each of" in summary["job_file"]["told"]
-    assert "from rest to rest" in summary["job_file"]["told"]
+RING = "".join(f"MOVEABS X{1e4 * math.cos(k * math.tau / 158):.0f} Y{1e4 * math.sin(k * math.tau / 158):.0f}\n"
+               for k in range(1, 159))  # fmt: skip
+"""A circle of r = 10 mm in chords that leave it by 2 um."""
+
+
+def ramped_s(steps: int, hz: float) -> float:
+    """What an iMC takes for a move: 300 Hz at its begin and end, 100 000 Hz/s."""
+    ramp = (hz**2 - 300**2) / 2e5
+    if steps < 2 * ramp:
+        return 2 * ((300**2 + 1e5 * steps) ** 0.5 - 300) / 1e5
+    return 2 * (hz - 300) / 1e5 + (steps - 2 * ramp) / hz
+
+
+def ring_s() -> float:
+    """The ring on an iMC, at 10 mm/s along each chord."""
+    points = [(round(float(x) * 0.32), round(float(y) * 0.32)) for x, y in re.findall(r"X(\S+) Y(\S+)", RING)]
+    ways = [(abs(x - u), abs(y - v)) for (u, v), (x, y) in itertools.pairwise([(3200, 0), *points])]
+    return sum(ramped_s(max(way), round(3200 * max(way) / math.hypot(*way))) for way in ways)
+
+
+@pytest.mark.parametrize(
+    ("controller", "where"),
+    [
+        ("imc-s8", f"{1e3 * (ring_s() - math.tau) / 158:.0f} ms in each of 158 lines, from rest to rest"),
+        ("gmi99", "lines 63 to 122 +"),  # sixty moves in a line of the job
+        ("ismif", "ms in each of 158 lines"),
+    ],
+)
+def test_where_the_time_goes_is_said(controller: str, where: str, folder: Path) -> None:
+    """By the feeds 2 pi s; in the lines of the file that are made together."""
+    file = folder / "ring.ncp"
+    (folder / "isel-twin.toml").write_text("[cam]\nstart = [110, 80, 0]\nzero = [100, 80, 0]\n")
+    file.write_text(f"IMF_PBL\nVEL 10000\n{RING}PROGEND\n")
+    *_, summary = told(file, "--controller", controller, "--machine", CONTROLLERS[controller])
+    said, _, here = summary["job_file"]["told"].partition(" s by its feeds, ")
+    assert float(said.removeprefix("NCP: ")) == pytest.approx(math.tau, abs=0.06)
+    if controller == "imc-s8":
+        assert float(here.partition(" s here")[0]) == pytest.approx(ring_s(), abs=0.06)
+    assert where in here
 
 
 @pytest.mark.parametrize(

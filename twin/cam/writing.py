@@ -112,18 +112,14 @@ class _Writer:
                     yield from self._back(element)
                 rapid = isinstance(element, Rapid)
                 speed = element.speed_mm_s or rapid_mm_s if isinstance(element, Rapid) else element.feed_mm_s
-                if self._following.matters:
-                    way = [to - at for to, at in zip(element.to, course.point, strict=True)]
-                    if self._following.corner(way, way, speed):
-                        yield from commands.settled(place)
-                if (move := course.line(place, element.to, speed, rapid)) is not None:
-                    yield from commands.move(move)
+                yield from self._straight(place, element.to, speed, rapid)
             elif isinstance(element, Arc):
                 if self._away_from is not None:
                     yield from self._back(element)
                 if self._following.matters:
-                    element = self._followed(element)
-                    if self._following.corner(*directions(arcs.shape(element, course.point)), element.feed_mm_s):
+                    of = arcs.shape(element, course.point)
+                    element = self._followed(element, of)
+                    if self._following.corner(*directions(of), element.feed_mm_s):
                         yield from commands.settled(place)
                 for part in course.arc(element):
                     yield from commands.turn(part) if isinstance(part, Turn) else commands.move(part)
@@ -136,9 +132,16 @@ class _Writer:
                 yield from self._cautions()
         yield from self._end(place or Place(1))
 
-    def _followed(self, arc: Arc) -> Arc:
+    def _straight(self, place: Place, to: Point, speed: float, rapid: bool) -> Iterator[Written]:
+        if self._following.matters:
+            way = [end - at for end, at in zip(to, self._course.point, strict=True)]
+            if self._following.corner(way, way, speed):
+                yield from self._commands.settled(place)
+        if (move := self._course.line(place, to, speed, rapid)) is not None:
+            yield from self._commands.move(move)
+
+    def _followed(self, arc: Arc, of: arcs.Shape) -> Arc:
         """As slowly as the drives have to make it."""
-        of = arcs.shape(arc, self._course.point)
         radius = min(of.start_radius, of.end_radius)
         fastest = self._following.fastest_mm_s(radius)
         if arc.feed_mm_s <= fastest * (1.0 + CLOSE):
@@ -222,9 +225,7 @@ class _Writer:
         """By rapids, Z alone at the beginning or at the end."""
         x, y, z = self._course.point
         for point in ((x, y, to[2]) if z_first else (to[0], to[1], z), to):
-            move = self._course.line(place, point, self._settings.rapid_mm_s, rapid=True)
-            if move is not None:
-                yield from self._commands.move(move)
+            yield from self._straight(place, point, self._settings.rapid_mm_s, rapid=True)
         yield from self._commands.held()
 
     def _end(self, place: Place) -> Iterator[Written]:

@@ -200,28 +200,54 @@ class Watched:
             yield element
 
 
+QUEUED_S = 0.001  # a command that takes less is only taken in: it is made with one behind it
+
+
 def compared(source: Source, results: Sequence[Result]) -> str:
     """What CAM would say that the job takes, what it has taken, and where the difference is, in a line."""
+    told = f"{source.title}: {source.seconds:.1f} s by its feeds"
+    groups = _groups(source, results)
+    if not groups:
+        return told
+    told += f", {sum(made_s for _, made_s in groups.values()):.1f} s here"
+    more = {lines: made_s - said_s for lines, (said_s, made_s) in groups.items()}
+    surplus = sum(more.values())
+    if surplus < 0.02 * source.seconds:
+        return told
+    worst = sorted(more, key=lambda lines: -more[lines])[:3]
+    if sum(more[lines] for lines in worst) > 0.5 * surplus:
+        great = [lines for lines in worst if more[lines] > 0.05 * surplus]
+        return f"{told}: {', '.join(f'{_named(lines)} {more[lines]:+.1f} s' for lines in great)}"
+    number = sum(last - first + 1 for first, last in groups)
+    rest = ", from rest to rest" if all(first == last for first, last in groups) else ""
+    return f"{told}: {1e3 * surplus / number:.0f} ms in each of {number} lines{rest}"
+
+
+def _named(lines: tuple[int, int]) -> str:
+    first, last = lines
+    return f"line {first}" if first == last else f"lines {first} to {last}"
+
+
+def _groups(source: Source, results: Sequence[Result]) -> dict[tuple[int, int], tuple[float, float]]:
+    """Seconds by the feeds, and those taken, of lines of the file that are made together, by the first and the last."""
     taken: dict[int, float] = defaultdict(float)
     for number, begin_ns, end_ns in times(results):
         taken[number] += (end_ns - begin_ns) / SECOND_NS
-    moving = [number for number in taken if number in source.of_lines_s]
-    told = f"{source.title}: {source.seconds:.1f} s by its feeds"
-    if not moving:
-        return told
-    made_s = sum(taken[number] for number in moving)
-    more = {number: taken[number] - source.of_lines_s[number] for number in moving}
-    told += f", {made_s:.1f} s here"
-    surplus = made_s - sum(source.of_lines_s[number] for number in moving)
-    if surplus < 0.02 * source.seconds:
-        return told
-    worst = sorted(more, key=lambda number: -more[number])[:3]
-    share = sum(more[number] for number in worst)
-    if share > 0.5 * surplus:
-        where = ", ".join(f"line {number} {more[number]:+.1f} s" for number in worst if more[number] > 0.05 * surplus)
-    else:
-        where = f"{1e3 * surplus / len(moving):.0f} ms in each of {len(moving)} lines, from rest to rest"
-    return f"{told}: {where}"
+    groups: dict[tuple[int, int], tuple[float, float]] = {}
+    lines: list[int] = []
+    said_s = made_s = 0.0
+    for number in sorted(source.of_lines_s):
+        if number not in taken:  # made with the command before it
+            if groups:
+                (first, _), (before_said_s, before_s) = groups.popitem()
+                groups[first, number] = before_said_s + source.of_lines_s[number], before_s
+            continue
+        lines.append(number)
+        said_s, made_s = said_s + source.of_lines_s[number], made_s + taken[number]
+        if made_s >= QUEUED_S:
+            groups[lines[0], number] = said_s, made_s
+            lines, said_s, made_s = [], 0.0, 0.0
+    return groups
 
 
 def times(results: Sequence[Result]) -> Iterator[tuple[int, int, int]]:

@@ -21,7 +21,8 @@ from isel_twin.firmware.gmi99.settings import HIGHEST, RATIO_ONE
 
 LEAST_HZ, MOST_HZ = 5, 1_000_000  # of M
 FREE_HZ = 50_000  # up to here speeds need not be multiples of anything
-MOST_MOVES = 60  # in a line; the card buffers 100 and as many other commands
+MOST_MOVES = 60  # in a line; the card buffers 100
+MOST_OTHERS = 90  # commands for them: feeds, senses, waits; it buffers 100, too
 LONGEST_S = 20.0  # of a line
 SPINDLE = 0  # output A0.0
 OUTPUTS = range(96)
@@ -46,7 +47,7 @@ class Gmi99Commands:
         self._outputs = outputs
         self._hz = 0
         self._held: list[str] = []
-        self._moves = 0
+        self._moves = self._others = 0
         self._takes_s = 0.0
         self._rapid = False
         self._place: Place | None = None
@@ -94,11 +95,12 @@ class Gmi99Commands:
             centre = f"{round(u - at[x])} {round(v - at[y])}"
             self._held.append(f"G{sense} | {code} {centre} | {code} {to[x]} {to[y]}")
             self._moves += 1
+            self._others += 1
             at = to
 
     def _room(self, place: Place, takes_s: float, rapid: bool) -> Iterable[Written]:
         """What is held back, if a move that takes so long cannot join it."""
-        full = self._moves >= MOST_MOVES or self._takes_s + takes_s > LONGEST_S
+        full = self._moves >= MOST_MOVES or self._others >= MOST_OTHERS or self._takes_s + takes_s > LONGEST_S
         done = self.held() if full or rapid != self._rapid else ()
         self._rapid = rapid
         self._place = self._place or place
@@ -109,18 +111,20 @@ class Gmi99Commands:
     def _speed(self, mm_s: float) -> None:
         if (hz := round(mm_s * self._per_mm)) != self._hz:
             self._hz = hz
+            self._others += 1
             self._held.append(f"f{hz}")
 
     def held(self) -> Iterable[Written]:
         if not self._held:
             return ()
         line = Written(" | ".join(self._held), self._place)
-        self._held, self._moves, self._takes_s, self._place = [], 0, 0.0, None
+        self._held, self._moves, self._others, self._takes_s, self._place = [], 0, 0, 0.0, None
         return (line,)
 
     def settled(self, place: Place) -> Iterable[Written]:
         """By H, in the line of the moves before it."""
         if self._held[-1:] != [IN_POSITION]:
+            self._others += 1
             self._held.append(IN_POSITION)
             self._place = self._place or place
         return ()
