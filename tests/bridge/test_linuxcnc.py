@@ -153,6 +153,89 @@ def test_without_linuxcnc_it_says_so(words: tuple[str, ...]) -> None:
     assert (done.returncode, done.stderr) == (2, line)
 
 
+PROGRAM = """#!/bin/sh
+echo "session: called with $1 $2"
+for file in "${2%/*}"/*; do echo "log: $(basename "$file") $(stat -c %A "$file" | cut -c1-4)"; done
+echo "session: $ISEL_TWIN_MDI, $ISEL_TWIN_PATIENCE_S s"
+grep -h -E 'port=|HALFILE' "${2%/*}"/*.hal "$2"
+echo changed > "${2%/*}/isel4030.tbl"
+echo "isel_twin_rows: the twin does not answer"
+exit 3
+"""
+
+
+@pytest.fixture
+def pretending(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Programs in the place of LinuxCNC's, that tell how they are called; a folder with an INI."""
+    programs = tmp_path / "programs"
+    programs.mkdir()
+    for name, text in (("linuxcnc", PROGRAM), ("halrun", "#!/bin/sh\necho $1 > $0.called\n")):
+        (programs / name).write_text(text)
+        (programs / name).chmod(0o755)
+    monkeypatch.setenv("PATH", f"{programs}:{os.environ['PATH']}")
+    monkeypatch.setattr(kit, "MODULES", tmp_path / "modules")
+    folder = tmp_path / "ours"
+    shutil.copytree(INI.parent, folder)
+    (folder / "long.ngc").write_bytes(b"(" + b"x" * (1 << 20) + b")")
+    (folder / "macros").mkdir()
+    yield folder
+    assert (programs / "halrun.called").read_text() == "-U\n"
+
+
+def test_a_session_has_a_folder_of_its_own_and_leaves_the_users_alone(pretending: Path) -> None:
+    """Small files are copied, long ones and folders linked to. How it ends is what LinuxCNC's session says."""
+    before = (pretending / "isel4030.tbl").read_text()
+    with Session("127.0.0.1:1234", [400, 320, 1000], pretending / INI.name, "G0 X1", ["pendant.hal"], 7.5) as session:
+        ini = session.folder / INI.name
+        done = session.wait()
+        assert not session.running
+    assert done.code == 3
+    assert done.said == (f"called with -r {ini}", "G0 X1, 7.5 s", "isel_twin_rows: the twin does not answer")
+    told = done.log.splitlines()
+    for line in ("log: isel4030.tbl -rw-", "log: session.py -rwx", "log: long.ngc lrwx", "log: macros lrwx"):
+        assert line in told
+    assert "HALFILE = isel4030_sampler.hal" in told, "the component is not installed"
+    assert "HALFILE = pendant.hal" in told
+    reader = "loadusr -Wn isel-twin ./rows_by_sampler.py port=1234 scale=400,320,1000 period=[EMCMOT]SERVO_PERIOD"
+    assert reader in told
+    assert not session.folder.exists()
+    assert (pretending / "isel4030.tbl").read_text() == before
+
+
+def test_a_session_that_is_left_early_ends_and_makes_room(pretending: Path) -> None:
+    kit.MODULES.mkdir()
+    (kit.MODULES / "isel_twin_rows.so").touch()
+    (pretending.parent / "programs" / "linuxcnc").write_text("#!/bin/sh\nexec sleep 600\n")
+    for _ in range(2):
+        with Session("127.0.0.1:1234", [320] * 3) as session:
+            assert session.running
+            assert "port=1234 scale=320,320,320" in (session.folder / "isel4030.hal").read_text(), "in lockstep"
+        assert not session.running
+
+
+@pytest.mark.parametrize(
+    ("missing", "line"),
+    [
+        ("gcc", "no gcc, or no headers"),
+        ("hal.h", "no gcc, or no headers"),
+        ("modules", "not writable; call it with sudo"),
+    ],
+)
+def test_what_the_component_needs_is_named(
+    pretending: Path, monkeypatch: pytest.MonkeyPatch, missing: str, line: str
+) -> None:
+    programs = pretending.parent / "programs"
+    (programs / "halrun.called").write_text("-U\n")
+    monkeypatch.setattr(kit, "HEADERS", programs)
+    for name in {"gcc", "hal.h"} - {missing}:
+        (programs / name).write_text("#!/bin/sh\nexit 1\n")
+        (programs / name).chmod(0o755)
+    monkeypatch.setenv("PATH", str(programs))
+    with pytest.raises(LinuxCncError) as caught:
+        kit.install()
+    assert line in str(caught.value)
+
+
 class Hal(ModuleType):
     """LinuxCNC's Python module `hal` as the sampler's reader uses it: its samples come from here."""
 
