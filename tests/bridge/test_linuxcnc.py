@@ -7,10 +7,12 @@ names another folder for the headers. What LinuxCNC is not needed for is tested 
 
 from __future__ import annotations
 
+import fcntl
 import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
@@ -155,7 +157,8 @@ def test_without_linuxcnc_it_says_so(words: tuple[str, ...]) -> None:
 
 PROGRAM = """#!/bin/sh
 echo "session: called with $1 $2"
-for file in "${2%/*}"/*; do echo "log: $(basename "$file") $(stat -c %A "$file" | cut -c1-4)"; done
+for file in "${2%/*}"/*; do echo "log: $(basename "$file") $(stat -c %A "$file" | cut -c1-10)"; done
+echo "log: $(stat -c %A "${2%/*}") ${RTAPI_UID:-} ${RTAPI_FIFO_PATH:-}"
 echo "session: $ISEL_TWIN_MDI, $ISEL_TWIN_PATIENCE_S s"
 grep -h -E 'port=|HALFILE' "${2%/*}"/*.hal "$2"
 echo changed > "${2%/*}/isel4030.tbl"
@@ -192,8 +195,10 @@ def test_a_session_has_a_folder_of_its_own_and_leaves_the_users_alone(pretending
     assert done.code == 3
     assert done.said == (f"called with -r {ini}", "G0 X1, 7.5 s", "isel_twin_rows: the twin does not answer")
     told = done.log.splitlines()
-    for line in ("log: isel4030.tbl -rw-", "log: session.py -rwx", "log: long.ngc lrwx", "log: macros lrwx"):
-        assert line in told
+    for line in ("session.py -rwxr-xr-x", "long.ngc lrwxrwxrwx", "macros lrwxrwxrwx"):
+        assert f"log: {line}" in told
+    as_nobody = f"65534 {session.folder}/fifo" if os.geteuid() == 0 else " "
+    assert f"log: drwxrwxrwx {as_nobody}" in told, "open to the realtime part, which is no root"
     assert "HALFILE = isel4030_sampler.hal" in told, "the component is not installed"
     assert "HALFILE = pendant.hal" in told
     reader = "loadusr -Wn isel-twin ./rows_by_sampler.py port=1234 scale=400,320,1000 period=[EMCMOT]SERVO_PERIOD"
@@ -210,7 +215,22 @@ def test_a_session_that_is_left_early_ends_and_makes_room(pretending: Path) -> N
         with Session("127.0.0.1:1234", [320] * 3) as session:
             assert session.running
             assert "port=1234 scale=320,320,320" in (session.folder / "isel4030.hal").read_text(), "in lockstep"
+            with open(Path(tempfile.gettempdir()) / "isel-twin-linuxcnc.lock") as lock, pytest.raises(BlockingIOError):
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         assert not session.running
+
+
+@pytest.mark.parametrize(
+    ("code", "exit_code", "line"), [(0, 0, ""), (3, 3, "an emergency stop"), (9, 1, "did not come")]
+)
+def test_the_command_ends_as_linuxcnc_does(pretending: Path, code: int, exit_code: int, line: str) -> None:
+    program = pretending.parent / "programs" / "linuxcnc"
+    program.write_text(f"#!/bin/sh\necho 'session: done'\nexit {code}\n")
+    done = isel_twin("linuxcnc", "--ini", pretending / INI.name, "--", "--plant", "kinematic")
+    assert done.returncode == exit_code
+    assert done.stdout.splitlines()[0] == "done"
+    assert done.stdout.splitlines()[1].startswith("twin: ")
+    assert line in done.stderr
 
 
 @pytest.mark.parametrize(
@@ -228,9 +248,11 @@ def test_what_the_component_needs_is_named(
     (programs / "halrun.called").write_text("-U\n")
     monkeypatch.setattr(kit, "HEADERS", programs)
     for name in {"gcc", "hal.h"} - {missing}:
-        (programs / name).write_text("#!/bin/sh\nexit 1\n")
+        (programs / name).write_text("#!/bin/sh\necho no such thing >&2\nexit 1\n")
         (programs / name).chmod(0o755)
     monkeypatch.setenv("PATH", str(programs))
+    if missing != "modules":
+        kit.MODULES.mkdir()
     with pytest.raises(LinuxCncError) as caught:
         kit.install()
     assert line in str(caught.value)
