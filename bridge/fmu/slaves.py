@@ -115,9 +115,14 @@ class _TwinSlave(Fmi3Slave):
 
     def _set_fmu_state(self, state: Mapping[str, Any]) -> None:
         """Raises StateError for a state of another machine or controller."""
-        if state["twin"] is not None and self.twin is not None:
+        self.values = dict(state["values"])
+        if state["twin"] is None:
+            self.twin = None
+        else:
+            if self.twin is None:
+                self.exit_initialization_mode()  # a state of another instance
             self.twin.restore(state["twin"])
-        self.values, self._applied, self.time = dict(state["values"]), dict(state["applied"]), state["time"]
+        self._applied, self.time = dict(state["applied"]), state["time"]
 
     @staticmethod
     def _fmu_state_to_bytes(state: Any) -> bytes:

@@ -17,6 +17,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
+from isel_twin.base.errors import one_line
+
 MODULES = Path("/usr/lib/linuxcnc/modules")
 HEADERS = Path(os.environ.get("ISEL_TWIN_LINUXCNC", "/usr/include/linuxcnc"))
 COMPONENT = "isel_twin_rows"
@@ -59,7 +61,7 @@ def install() -> Path:
     source = Path(__file__).parent / f"{COMPONENT}.c"
     done = subprocess.run(["gcc", *flags, source, "-o", made, "-lm"], capture_output=True, text=True, check=False)
     if done.returncode:
-        raise LinuxCncError(f"{source.name} is not compiled: {done.stderr.splitlines()[0]}")
+        raise LinuxCncError(f"{source.name} is not compiled: {one_line(done.stderr)[:300] or 'gcc says nothing'}")
     return made
 
 

@@ -13,6 +13,7 @@ from fmpy.fmi3 import FMU3Slave
 from fmpy.validation import validate_fmu
 
 from isel_twin import Twin
+from isel_twin.core.spec import TwinSpec
 from tests.in_process import isel_twin
 
 START = {"plant": "mujoco", "seed": 3}
@@ -89,8 +90,20 @@ def model(built: Path, tmp_path: Path) -> Iterator[Callable[..., Model]]:
 def test_it_is_valid(built: Path, interface: str) -> None:
     path = str(built / f"{interface}.fmu")
     assert validate_fmu(path) == []
-    described = read_model_description(path).coSimulation
-    assert (described.canGetAndSetFMUstate, described.canSerializeFMUstate) == (True, True)
+    described = read_model_description(path)
+    means = described.coSimulation
+    assert (means.canGetAndSetFMUstate, means.canSerializeFMUstate) == (True, True)
+    units = {unit.name: unit.baseUnit for unit in described.unitDefinitions}
+    assert {name: (unit.factor, unit.kg, unit.m, unit.s, unit.A) for name, unit in units.items()} == {
+        "mm": (1e-3, 0, 1, 0, 0),
+        "mm/s": (1e-3, 0, 1, -1, 0),
+        "N": (1.0, 1, 1, -2, 0),
+        "V": (1.0, 1, 2, -3, -1),
+        "s": (1.0, 0, 0, 1, 0),
+    }
+    starts = {variable.name: variable.start for variable in described.modelVariables}
+    plain = TwinSpec()
+    assert (starts["machine"], starts["plant"], starts["seed"]) == (plain.machine, plain.plant, str(plain.seed))
 
 
 def test_bytes_of_a_host_to_the_bits_of_the_twin_and_back(model: Callable[..., Model]) -> None:
@@ -114,6 +127,7 @@ def test_bytes_of_a_host_to_the_bits_of_the_twin_and_back(model: Callable[..., M
         seen.append(one.place)
     assert replies[2] == "00"
     assert one.get("counter_x") == twin.counts[0]
+    assert one.get("time") == pytest.approx(one.time_s, abs=1e-8)
     assert twin.counts[0] > 100
     for again in (middle, one.fmu.deserializeFMUState(kept)):
         one.fmu.setFMUState(again)
@@ -121,6 +135,23 @@ def test_bytes_of_a_host_to_the_bits_of_the_twin_and_back(model: Callable[..., M
         for step in range(20, 40):
             one.step(STEP_S if step < 30 else STEP_S / 3)
             assert one.place == seen[step]
+
+
+def test_a_state_goes_into_another_instance(model: Callable[..., Model]) -> None:
+    """By its bytes, into one with other parameters that has not begun: it is the same twin then."""
+    one, other = model("serial"), model("serial", seed=8, plant="kinematic")
+    one.set("to_controller", "@07\r@0A1600,2000,800,2000,0,900,0,900\r")
+    for _ in range(5):
+        one.step()
+    kept = one.fmu.serializeFMUState(one.fmu.getFMUState())
+    other.fmu.reset()
+    other.fmu.setFMUState(other.fmu.deserializeFMUState(kept))
+    other.time_s = one.time_s
+    for _ in range(5):
+        one.step()
+        other.step()
+        assert other.place == one.place
+        assert other.get("from_controller") == one.get("from_controller")
 
 
 def test_set_points_of_another_control_and_a_hood(model: Callable[..., Model]) -> None:

@@ -7,10 +7,12 @@ names another folder for the headers. What LinuxCNC is not needed for is tested 
 
 from __future__ import annotations
 
+import fcntl
 import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
@@ -151,6 +153,109 @@ def test_without_linuxcnc_it_says_so(words: tuple[str, ...]) -> None:
     done = isel_twin("linuxcnc", *words)
     line = "isel-twin: linuxcnc is not installed: apt-get install linuxcnc-uspace\n"
     assert (done.returncode, done.stderr) == (2, line)
+
+
+PROGRAM = """#!/bin/sh
+echo "session: called with $1 $2"
+for file in "${2%/*}"/*; do echo "log: $(basename "$file") $(stat -c %A "$file" | cut -c1-10)"; done
+echo "log: $(stat -c %A "${2%/*}") ${RTAPI_UID:-} ${RTAPI_FIFO_PATH:-}"
+echo "session: $ISEL_TWIN_MDI, $ISEL_TWIN_PATIENCE_S s"
+grep -h -E 'port=|HALFILE' "${2%/*}"/*.hal "$2"
+echo changed > "${2%/*}/isel4030.tbl"
+echo "isel_twin_rows: the twin does not answer"
+exit 3
+"""
+
+
+@pytest.fixture
+def pretending(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Programs in the place of LinuxCNC's, that tell how they are called; a folder with an INI."""
+    programs = tmp_path / "programs"
+    programs.mkdir()
+    for name, text in (("linuxcnc", PROGRAM), ("halrun", "#!/bin/sh\necho $1 > $0.called\n")):
+        (programs / name).write_text(text)
+        (programs / name).chmod(0o755)
+    monkeypatch.setenv("PATH", f"{programs}:{os.environ['PATH']}")
+    monkeypatch.setattr(kit, "MODULES", tmp_path / "modules")
+    folder = tmp_path / "ours"
+    shutil.copytree(INI.parent, folder)
+    (folder / "long.ngc").write_bytes(b"(" + b"x" * (1 << 20) + b")")
+    (folder / "macros").mkdir()
+    yield folder
+    assert (programs / "halrun.called").read_text() == "-U\n"
+
+
+def test_a_session_has_a_folder_of_its_own_and_leaves_the_users_alone(pretending: Path) -> None:
+    """Small files are copied, long ones and folders linked to. How it ends is what LinuxCNC's session says."""
+    before = (pretending / "isel4030.tbl").read_text()
+    with Session("127.0.0.1:1234", [400, 320, 1000], pretending / INI.name, "G0 X1", ["pendant.hal"], 7.5) as session:
+        ini = session.folder / INI.name
+        done = session.wait()
+        assert not session.running
+    assert done.code == 3
+    assert done.said == (f"called with -r {ini}", "G0 X1, 7.5 s", "isel_twin_rows: the twin does not answer")
+    told = done.log.splitlines()
+    for line in ("session.py -rwxr-xr-x", "long.ngc lrwxrwxrwx", "macros lrwxrwxrwx"):
+        assert f"log: {line}" in told
+    as_nobody = f"65534 {session.folder}/fifo" if os.geteuid() == 0 else " "
+    assert f"log: drwxrwxrwx {as_nobody}" in told, "open to the realtime part, which is no root"
+    assert "HALFILE = isel4030_sampler.hal" in told, "the component is not installed"
+    assert "HALFILE = pendant.hal" in told
+    reader = "loadusr -Wn isel-twin ./rows_by_sampler.py port=1234 scale=400,320,1000 period=[EMCMOT]SERVO_PERIOD"
+    assert reader in told
+    assert not session.folder.exists()
+    assert (pretending / "isel4030.tbl").read_text() == before
+
+
+def test_a_session_that_is_left_early_ends_and_makes_room(pretending: Path) -> None:
+    kit.MODULES.mkdir()
+    (kit.MODULES / "isel_twin_rows.so").touch()
+    (pretending.parent / "programs" / "linuxcnc").write_text("#!/bin/sh\nexec sleep 600\n")
+    for _ in range(2):
+        with Session("127.0.0.1:1234", [320] * 3) as session:
+            assert session.running
+            assert "port=1234 scale=320,320,320" in (session.folder / "isel4030.hal").read_text(), "in lockstep"
+            with open(Path(tempfile.gettempdir()) / "isel-twin-linuxcnc.lock") as lock, pytest.raises(BlockingIOError):
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        assert not session.running
+
+
+@pytest.mark.parametrize(
+    ("code", "exit_code", "line"), [(0, 0, ""), (3, 3, "an emergency stop"), (9, 1, "did not come")]
+)
+def test_the_command_ends_as_linuxcnc_does(pretending: Path, code: int, exit_code: int, line: str) -> None:
+    program = pretending.parent / "programs" / "linuxcnc"
+    program.write_text(f"#!/bin/sh\necho 'session: done'\nexit {code}\n")
+    done = isel_twin("linuxcnc", "--ini", pretending / INI.name, "--", "--plant", "kinematic")
+    assert done.returncode == exit_code
+    assert done.stdout.splitlines()[0] == "done"
+    assert done.stdout.splitlines()[1].startswith("twin: ")
+    assert line in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("missing", "line"),
+    [
+        ("gcc", "no gcc, or no headers"),
+        ("hal.h", "no gcc, or no headers"),
+        ("modules", "not writable; call it with sudo"),
+    ],
+)
+def test_what_the_component_needs_is_named(
+    pretending: Path, monkeypatch: pytest.MonkeyPatch, missing: str, line: str
+) -> None:
+    programs = pretending.parent / "programs"
+    (programs / "halrun.called").write_text("-U\n")
+    monkeypatch.setattr(kit, "HEADERS", programs)
+    for name in {"gcc", "hal.h"} - {missing}:
+        (programs / name).write_text("#!/bin/sh\necho no such thing >&2\nexit 1\n")
+        (programs / name).chmod(0o755)
+    monkeypatch.setenv("PATH", str(programs))
+    if missing != "modules":
+        kit.MODULES.mkdir()
+    with pytest.raises(LinuxCncError) as caught:
+        kit.install()
+    assert line in str(caught.value)
 
 
 class Hal(ModuleType):

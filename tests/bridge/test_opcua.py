@@ -26,7 +26,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from isel_twin.bridge.opcua.access import Access, Readers, secure
 from isel_twin.bridge.opcua.nodes import NAMESPACES, NODES, program
-from isel_twin.bridge.operate.conditions import conditions
+from isel_twin.bridge.operate.conditions import conditions, emergency, powered
 from isel_twin.core.twin import Twin
 from tests.bridge.conftest import REPLY_S, Served
 from tests.in_process import isel_twin
@@ -233,6 +233,20 @@ def test_conditions_name_what_is_wrong() -> None:
         "lost_y": "y has lost -16 steps",
         "drive_z": "drive of z: too far behind",
     }
+
+
+@pytest.mark.parametrize(
+    ("changed", "power", "stopped"),
+    [
+        ({}, True, False),
+        ({"inputs": {"estop": "released"}}, True, False),
+        ({"inputs": {"estop": "pressed"}}, True, True),
+        ({"outputs": {"power": 0}}, False, True),
+        ({"outputs": {}}, True, False),
+    ],
+)
+def test_emergency_is_the_button_or_the_relay(changed: dict[str, Any], power: bool, stopped: bool) -> None:
+    assert (powered(state(**changed)), emergency(state(**changed))) == (power, stopped)
 
 
 @pytest.mark.parametrize(

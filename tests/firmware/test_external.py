@@ -17,7 +17,7 @@ from isel_twin.capture.player import Player
 from isel_twin.capture.ticks import Ticks
 from isel_twin.controller import create_controller
 from isel_twin.firmware.external import External
-from isel_twin.language import create_language
+from isel_twin.language import MoveSettings, create_language
 from isel_twin.machine import load_machine
 from isel_twin.motion import Listed
 from isel_twin.motion.spreading import spread
@@ -164,6 +164,8 @@ REFUSED = {
     "row 1000000 1 0 0 laser=1": "'laser=1'; allowed: NAME=VALUE",
     "row 1000000 1 0 0 stages=0 stages=1": "stages: stands twice",
     "row": "row: needs NS and the counters",
+    "row 1000000": "row: needs NS and the counters",
+    "row 1000000 stages=1": "row: needs NS and the counters",
     "go 0 1 2 3": "'0'; allowed: a whole number from 1",
     "go 1 1000 0 0": "go: takes 997000000000 ns",
     "out": "out: needs NAME=VALUE",
@@ -174,6 +176,7 @@ REFUSED = {
     "state now": "state: takes nothing",
     "row " + "9" * 1100: "a line of more than 1024 bytes",
     "\x00\xff": "'??': unknown",
+    "\x7f~": "'?~': unknown",
 }
 
 
@@ -210,6 +213,28 @@ def test_as_many_axes_as_the_other_control_has() -> None:
     twin.query(f"row {MS_NS} 1 2 3 4 5")
     assert twin.counts.tolist() == [1, 2, 3, 4, 5]
     assert len(twin.steps) == 1
+
+
+def test_one_axis_is_enough() -> None:
+    twin = switched_on(overrides={"controller.axes": 1})
+    assert twin.query(f"row {MS_NS} 1").startswith("ok ")
+    assert twin.counts[0] == 1
+
+
+def test_counters_go_with_a_row_and_a_motion_ends_a_while_behind_the_last_one() -> None:
+    """A tenth of a second without a step."""
+    twin = switched_on()
+    twin.write(f"row {1000 * MS_NS} 1000 0 0\n".encode())
+    twin.run(0.5)
+    assert twin.counts.tolist() == [500, 0, 0]
+    control = External()
+    control.power_on(0, {})
+    control.receive(0, f"row {MS_NS} 8 0 0\n".encode())
+    assert control.next_ns == MS_NS
+    control.advance(MS_NS)
+    assert control.next_ns == 101 * MS_NS
+    control.advance(101 * MS_NS)
+    assert (control.run, control.next_ns, control.counts) == (None, None, (8, 0, 0))
 
 
 # ---- what comes back -------------------------------------------------------------------------------------------------
@@ -358,6 +383,28 @@ def explained(lines: Sequence[bytes], sent: bool) -> list[str]:
     language = create_language("external")
     assert language is not None
     return [message.explanation for line in lines for message in language.messages(line, sent)]
+
+
+def test_a_switch_at_the_far_end_is_seen() -> None:
+    twin = switched_on(start_mm=(394.9, 100.0, 50.0))
+    struck = [bits(twin, twin.query(f"row {100 * MS_NS} {by} 0 0")) for by in (0, 64)]
+    assert [(one["limit_x2"], one["limit_x1"]) for one in struck] == [(1, 1), (0, 1)]
+
+
+def test_what_its_language_says_is_taken() -> None:
+    """Each line has an answer: one too few, or one error among them, and it is not accepted."""
+    language = create_language("external")
+    assert language is not None
+    twin = Twin(controller="external", plant="kinematic", start_mm=START_MM)
+    sent = b"".join([*language.reference(), *language.move((800, 0, 0), MoveSettings(speed_hz=4000))])
+    twin.write(sent)
+    twin.run_until_idle()
+    reply = twin.read()
+    assert twin.counts.tolist() == [800, 0, 0]
+    assert language.accepted(sent, reply)
+    assert not language.accepted(sent, reply.partition(b"\n")[2])
+    assert not language.accepted(sent, reply.replace(b"ok", b"error", 1))
+    assert not language.accepted(sent + b"state\n", reply)
 
 
 def test_the_log_has_words_for_it() -> None:
