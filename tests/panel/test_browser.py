@@ -124,6 +124,38 @@ def test_a_recording_made_while_somebody_watches_is_replayed(context: BrowserCon
     assert done.returncode == 0, done
 
 
+def test_the_scope_shows_the_session_of_a_served_machine_up_to_now(context: BrowserContext, tmp_path: Path) -> None:
+    """In a tab of its own, from the recording that is made; the E-stop stays in sight where the page is scrolled."""
+    context.set_default_timeout(WAIT_S * 1000)
+    file = tmp_path / "now.mcap"
+    kinematic = ("--plant", "kinematic", "--speed", "max")
+    process = start("serve", "--tcp", LOOPBACK, "--panel", LOOPBACK, "--record", str(file), *kinematic)
+    try:
+        info = json.loads(process.stdout.readline())
+        with serial.serial_for_url(f"socket://{info['tcp']}", timeout=WAIT_S) as host:
+            for command in ("@07", "@0N7", "@0A1600,800,0,30,0,30,0,30"):
+                host.write(command.encode() + b"\r")
+                assert host.read(1) == b"0", command
+        page = context.new_page()
+        page.set_viewport_size({"width": 1024, "height": 768})
+        page.route("**/scene", lambda route: route.fulfill(body=EMPTY, content_type="text/html"))
+        page.goto(info["panel"])
+        expect(page.locator("[data-axis=x] td:nth-child(2)")).to_have_text("1600")
+        header = page.locator("header").bounding_box()
+        assert header is not None
+        assert header["height"] < 60  # one row
+        page.evaluate("scrollTo(0, 500)")
+        expect(page.locator("#near [data-near=estop]")).to_be_in_viewport()
+        with context.expect_page() as opened:
+            page.locator("#scope").click()
+        session = opened.value
+        expect(session.locator("body")).to_have_attribute("data-ready", "true")
+        expect(session.locator("#lines code").nth(4)).to_have_text("@0A1600,800,0,30,0,30,0,30")
+    finally:
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(WAIT_S) == 0
+
+
 def test_open_the_hood_turn_the_key_press_the_probe_and_a_button(bench, open_panel):
     here = bench()
     page = open_panel(here)

@@ -74,3 +74,23 @@ def test_a_job_held_again_and_again_makes_the_whole_way(controller: str, round_m
     assert sender.state == "done", sender.why
     assert round(float(twin.counts[0] * twin.step_mm[0]), 6) == 50.0
     assert len(places) > 3
+
+
+def test_stop_forgets_the_vectors_that_are_stored() -> None:
+    """An iSMIF has three of them when its job begins. Stopped in the first one, X ends short of it, and the second one,
+    which it begins by itself, is broken off within a few rounds: far from its end, and the third is not made."""
+    here, _ = ready("ismif")
+    lines = parse_job("L1,X3000\nL2,Y3000\nL3,X-3000<1>\n", here.twin.language, "ismif")
+    here.sender.begin(lines)
+    while here.twin.counts[0] < 500:
+        here.sender.advance()
+        here.pass_ms(1)
+    here.sender.stop("by hand")
+    for _ in range(10_000):
+        here.sender.advance()
+        here.pass_ms(1)
+    x, y = here.twin.counts[:2].tolist()
+    assert here.twin.idle
+    assert here.sender.wait_s is None
+    assert 500 < x < 2000
+    assert y < 500

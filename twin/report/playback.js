@@ -36,7 +36,7 @@ async function read() {
   const starts = [];
   about.sizes.reduce((at, size) => { starts.push(at); return at + size; }, 4 + length);
   const column = (number, order, scale = 1) => unpacked(bytes.subarray(starts[number], starts[number] + about.sizes[number]), order, scale);
-  const session = { ...about, end: about.end_ns / 1e9, times: column(about.times, 2, 1e-9) };
+  const session = { ...about, end: about.end_ns / 1e9, interval: about.interval_ns / 1e9, times: column(about.times, 2, 1e-9) };
   session.samples = about.samples.map((one) => ({ ...one, values: one.columns.map((number) => column(number, 1)
     .map((value) => value === one.nothing ? NaN : value * one.step)) }));
   if (about.machine) session.places = about.machine.columns.map((number) => column(number, 1, about.machine.step));

@@ -129,6 +129,7 @@ def session(
     about: dict[str, Any] = {
         "axes": list(AXIS_NAMES[: recorded.axes]),
         "end_ns": recorded.end_ns,
+        "interval_ns": recorded.interval_ns * every,
         "left_out": left_out or [],
         "times": column(recorded.sample_times_ns[rows], 2),
         "samples": [

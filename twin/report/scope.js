@@ -251,10 +251,12 @@ class Scope {
         for (let j = i; j < Math.min(i + step, last + 1); j++) { if (values[j] < least) least = values[j]; if (values[j] > most) most = values[j]; }
         if (most < least) { on = false; continue; }
         const x = this.x(times[i]);
+        if (on && times[i] - times[i - 1] > 3 * this.session.interval) pen.lineTo(this.x(times[i] - this.session.interval), y(values[i - 1])); // nothing moved meanwhile
         on ? pen.lineTo(x, y(least)) : pen.moveTo(x, y(least));
         if (most > least) pen.lineTo(x, y(most));
         on = true;
       }
+      if (on && last === times.length - 1) pen.lineTo(this.x(this.session.end), y(values[last]));
       pen.stroke();
     });
     pen.fillStyle = this.ink.soft; pen.textAlign = "right"; pen.fillText(short(high), this.left + this.width - 3, top + 9); if (low < 0) pen.fillText(short(low), this.left + this.width - 3, bottom - 9);

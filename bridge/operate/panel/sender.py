@@ -56,6 +56,7 @@ class Sender(PanelEnd):
         self._ended = 0  # number of the line of the file with which it ended
         self.begin_ns = self.end_ns = self._moved_ns = 0
         self._single = self._held = False
+        self._broken: int | None = None  # motions begun when one was broken off, until the controller is idle
         # of the line that is being sent
         self._sent: Sent | None = None
         self._steps: Iterator[bytes | int | Wait] = iter(())
@@ -93,7 +94,7 @@ class Sender(PanelEnd):
         """single: only the first line of the file, then a pause."""
         self.lines, self.index, self.state, self.why = lines, 0, "running", ""
         self.begin_ns, self._sent, self._last = self._twin.time_ns, None, None
-        self._single, self._held = single, False
+        self._single, self._held, self._broken = single, False, None
 
     def hold(self) -> str:
         """Pause as soon as it can be; returns why this cannot be done, "" if it is."""
@@ -131,6 +132,23 @@ class Sender(PanelEnd):
         if self.host() is None and language is not None:
             data = language.give_up() if held and offers(language, HoldsMotion) else language.break_off()
             self._server.receive(self, data)
+            self._broken = self._begun
+
+    def _break_off_again(self) -> None:
+        """A controller with more motions in store makes the next one: it is broken off, too."""
+        assert self._broken is not None
+        language = self._twin.language
+        if self._twin.idle or language is None or self.host() is not None:
+            self._broken = None
+        elif self._begun > self._broken:
+            self._broken = self._begun
+            self._server.receive(self, language.break_off())
+
+    @property
+    def _begun(self) -> int:
+        """How many motions there have been."""
+        steps = self._twin.steps
+        return steps.dropped + len(steps.motions)
 
     def host(self) -> str | None:
         """The kind of an endpoint whose host holds the line."""
@@ -141,6 +159,8 @@ class Sender(PanelEnd):
     @property
     def wait_s(self) -> float | None:
         """Wall seconds until it has to be looked at though nothing happens."""
+        if self._broken is not None:
+            return LOOK_S
         if self.state not in ("running", "pausing") or self._server.pacer.paused:
             return None
         if self._until_ns is None or self.state == "pausing":
@@ -149,6 +169,8 @@ class Sender(PanelEnd):
 
     def advance(self) -> None:
         """Send what is due."""
+        if self._broken is not None:
+            self._break_off_again()
         if not self.active:
             return
         if (kind := self.host()) is not None:

@@ -8,10 +8,10 @@ from isel_twin.firmware.imc.device import Device
 from isel_twin.firmware.imc.replies import OK, SYNTAX, Refusal
 from isel_twin.firmware.imc.safety import State
 from isel_twin.firmware.imc.settings import AXES, ProgramState
-from isel_twin.version import VERSION
 
 AXIS_NAMES = "XYZA"
 END = "\r\n"
+REVISION = "0.1.0"  # of the emulated firmware
 
 
 def position(device: Device) -> str:
@@ -106,5 +106,5 @@ def user_info(device: Device) -> str:
 
 
 def version(device: Device) -> str:
-    """`@0V`, `@0?` (2.2.26)."""
-    return f"{OK}{device.profile.name}{END}isel-twin {VERSION}{END}"
+    """`@0V`, `@0?` (2.2.26): the revision of the emulated firmware (imc/50)."""
+    return f"{OK}{device.profile.name}{END}isel-twin {REVISION}{END}"

@@ -97,7 +97,7 @@ function begin(told) {
   about = told;
   updates.length = 0;
   plots = [];
-  put($("what"), `${about.machine} · ${about.controller}${about.physics ? "" : " · without physics"}`);
+  put($("what"), `${about.machine} · ${about.controller}${about.physics ? "" : " · kinematic"}`);
   document.title = `${about.machine} ${about.controller} · isel-twin`;
   $("link").dataset.state = "on";
   put($("link"), "connected");
