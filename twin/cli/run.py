@@ -114,7 +114,7 @@ def run(
             from isel_twin.jobs.checks.job import Inspection
             from isel_twin.jobs.checks.rules import Bounds
 
-            inspection = Inspection(made_on, Bounds(timeout_s=timeout))
+            inspection = Inspection(made_on, Bounds(timeout_s=timeout), golden=golden is not None)
         watchers = [show.result] if inspection is None else [show.result, inspection.take]
         with interruption() as stopped:
             made = played(made_on, lines, watchers, timeout, lambda: bool(stopped))
