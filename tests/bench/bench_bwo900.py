@@ -1,7 +1,7 @@
 """The BWO 900: blocks read and planned in a second, at full speed through 0.1 mm pieces, memory of a long program.
 
 Ten thousand blocks a second are a hundred metres a minute in pieces of 0.1 mm and more than the control itself reads
-(block cycle time 1.5 ms and less). Plain blocks on the short way take at most a quarter of the general one.
+(block cycle time 1.5 ms and less). Plain blocks on the short way take at most two ninths of the general one.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def test_plain_blocks_beside_the_general_way(benchmark: BenchmarkFixture) -> Non
     benchmark.pedantic(lambda: turns.append((general(), plan(BLOCKS // 4))), rounds=1)
     times = statistics.median(slow / fast for slow, fast in turns)
     benchmark.extra_info["general way, times the short one"] = times
-    assert times >= 4.0
+    assert times >= 4.5
 
 
 @pytest.mark.benchmark(group="bwo900")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs.checks import Bounds, check_job
 from isel_twin.jobs.checks.contour import Drawing, drawing
 from isel_twin.jobs.checks.incremental import MOST, IncrementalCheck
+from isel_twin.jobs.golden import Golden
 from isel_twin.jobs.job import JobError, Line, parse_job
 from isel_twin.jobs.toolpaths import source_of
 from isel_twin.language import create_language
@@ -47,6 +49,17 @@ def test_random_changes(controller: str) -> None:
 
 def test_random_changes_with_physics() -> None:
     assert differences("imc-s8", "mujoco", seed=2, number=3, length=6) == []
+
+
+@pytest.mark.parametrize("refused", [False, True])
+def test_without_a_golden_run_to_compare_with_all_else_is_the_same(refused: bool) -> None:
+    text = JOB.replace("@0A55,", "@0A9999999,") if refused else JOB
+    whole = check_job(HERE, CALL, lines(text))
+    assert check_job(HERE, CALL, lines(text), golden=False) == replace(whole, golden=Golden())
+    assert len(whole.golden.moves) == text.count("\n")
+    check = IncrementalCheck(HERE, CALL, Bounds(), golden=False)
+    check.check(lines(text.replace("@0A58,", "@0A7,")))
+    assert check.check(lines(text)) == replace(whole, golden=Golden())
 
 
 def test_what_a_change_costs() -> None:

@@ -39,6 +39,7 @@ def test_a_golden_run_is_compared(live: LiveJob) -> None:
     from tests.in_process import isel_twin
 
     live.job.write_bytes(JOB)
+    assert rules(live, JOB.replace(b"1600", b"1500")) == [], "there is none yet"
     assert isel_twin("golden", "record", live.job, "--plant", "kinematic").returncode == 0
     assert rules(live) == []
     assert ("golden", 3) in rules(live, JOB.replace(b"1600", b"1500"))

@@ -137,3 +137,11 @@ def test_the_last_motion_is_replaced_by_its_cut() -> None:
     assert record.delta.tolist() == [[5], [5]]
     record.append(StepRun(line((1,)), constant(1, 1000), START + 2 * PERIOD))
     assert record.delta.tolist() == [[5], [5], [1]]
+
+
+@pytest.mark.parametrize("made", [0, 1, 9, 10, 11, 16, 17])
+def test_the_way_since_a_number_of_ticks_is_the_sum_of_the_changes_after_it(made: int) -> None:
+    steps = Steps(2, [StepRun(line((10, -4)), constant(10, 1000), 0), StepRun(line((-3, 7)), constant(7, 1000), 10**9)])
+    assert steps.since(made) == tuple(steps.delta[made:].sum(axis=0, dtype=int).tolist())
+    steps.forget()
+    assert steps.since(12) == tuple(steps.delta[2:].sum(axis=0, dtype=int).tolist()), "dropped ones count"

@@ -264,6 +264,7 @@ def perform(asked: tuple[Task, Path | None]) -> Report:
     task, page = asked
     from isel_twin.jobs.checks.contour import drawing
     from isel_twin.jobs.checks.job import Inspection, beside_golden, check_job
+    from isel_twin.jobs.golden import golden_file
     from isel_twin.recordings.recorder import Recorder
 
     lines, source = read_source(task.job, task.call, task.form)
@@ -277,8 +278,10 @@ def perform(asked: tuple[Task, Path | None]) -> Report:
             recorder = stack.enter_context(Recorder(inspection.twin, INTERVAL_NS))
             watched.append((inspection, recorder))
 
-        report = check_job(task.job, task.call, lines, task.bounds, None if page is None else begun, drawn)
-        if task.golden:
+        golden = task.golden and golden_file(task.job).is_file()
+        looked = None if page is None else begun
+        report = check_job(task.job, task.call, lines, task.bounds, looked, drawn, golden=golden)
+        if golden:
             report = beside_golden(report, task.job, task.call)
         for inspection, recorder in watched:
             from isel_twin.report.report import write_report

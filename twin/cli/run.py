@@ -107,7 +107,7 @@ def run(
         writing = files.begin(made_on, {"job": job_name(job)}, stack)
         show: outputs.JobOutput
         show = outputs.JsonOutput() if json else stack.enter_context(outputs.TableOutput(made_on, lines))
-        inspection = None if report is None else _inspection(made_on, timeout)
+        inspection = None if report is None else _inspection(made_on, timeout, golden is not None)
         watchers = [show.result] if inspection is None else [show.result, inspection.take]
         with interruption() as stopped:
             made = played(made_on, lines, watchers, timeout, lambda: bool(stopped))
@@ -142,11 +142,11 @@ def _golden(job: Path) -> Golden | None:
         return load(file)
 
 
-def _inspection(twin: Twin, timeout_s: float) -> Inspection:
+def _inspection(twin: Twin, timeout_s: float, golden: bool) -> Inspection:
     from isel_twin.jobs.checks.job import Inspection
     from isel_twin.jobs.checks.rules import Bounds
 
-    return Inspection(twin, Bounds(timeout_s=timeout_s))
+    return Inspection(twin, Bounds(timeout_s=timeout_s), golden=golden)
 
 
 def _write_page(

@@ -135,7 +135,7 @@ class Seen:
         for i, axis in enumerate(self.machine.axes[: len(edge)]):
             if edge[i] < SLOW_RAD_S:
                 edge[i] = math.inf
-            elif isinstance(axis.motor, Motor) and isinstance(axis.stage, Stage):
+            elif not math.isnan(edge[i]) and isinstance(axis.motor, Motor) and isinstance(axis.stage, Stage):
                 from isel_twin.drives.stability import limit_rad_s
 
                 edge[i] = limit_rad_s(axis.motor, axis.stage) / edge[i]

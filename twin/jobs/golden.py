@@ -91,16 +91,14 @@ class Scribe:
         self._twin = twin
         self._ticks = twin.steps.made
         self.moves: list[Move] = []
-        self.way: NDArray[np.int64] = np.zeros(1, dtype=np.int64)  # int64 [axes], sum of the ticks of the last line
 
     def take(self, result: Result) -> None:
         """Take a line that has just ended; conditions are left to the verdict."""
-        steps = self._twin.steps
-        t_ns, delta = _since(steps, self._ticks)
+        steps, before = self._twin.steps, self._ticks
         self._ticks = steps.made
-        self.way = delta.sum(axis=0, dtype=np.int64)
         if result.condition:
             return
+        t_ns, delta = _since(steps, before)
         moving = np.flatnonzero((delta != 0).any(axis=1))  # a stopped motion may end with ticks that change nothing
         t_ns, delta = t_ns[moving] - result.time_ns, delta[moving].astype("<i4")
         size = max(WINDOW_TICKS, -(-len(t_ns) // WINDOWS))

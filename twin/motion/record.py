@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.motion.motion import Motion
+from isel_twin.motion.path import Displacement, added
 
 
 class Steps:
@@ -90,6 +91,17 @@ class Steps:
         if steps._motions:
             steps.replace_last(steps._motions[-1].cut(t_ns))
         return steps
+
+    def since(self, made: int) -> Displacement:
+        """Sum of the changes of each axis after the first `made` ticks, of which those of dropped motions count."""
+        way, left = (0,) * self.axes, self.made - made
+        for motion in reversed(self._motions):
+            ticks = motion.last - motion.first
+            if left < ticks:
+                _, delta = motion.window(motion.last - max(left, 0), motion.last)
+                return added(way, delta.sum(axis=0, dtype=np.int64).tolist())
+            way, left = added(way, motion.displacement(motion.end_ns)), left - ticks
+        return way
 
     @property
     def made(self) -> int:

@@ -46,9 +46,9 @@ class _Saved:
 class IncrementalCheck:
     """Checks one text of a job after the other, always with the same twin and bounds."""
 
-    def __init__(self, job: Path, call: TwinSpec, bounds: Bounds) -> None:
-        """call: without a flash file."""
-        self.job, self.call, self.bounds = job, call, bounds
+    def __init__(self, job: Path, call: TwinSpec, bounds: Bounds, *, golden: bool = True) -> None:
+        """call: without a flash file. golden: as for `Inspection`."""
+        self.job, self.call, self.bounds, self._golden = job, call, bounds, golden
         self.played = 0  # lines that the last check has played
         self._inspection: Inspection | None = None
         self._used = False  # its twin has played
@@ -88,7 +88,7 @@ class IncrementalCheck:
         return inspection.report(str(self.job), verdict, others)
 
     def _begin(self) -> Inspection:
-        self._inspection, self._used = Inspection(self.call.build(), self.bounds), False
+        self._inspection, self._used = Inspection(self.call.build(), self.bounds, golden=self._golden), False
         return self._inspection
 
     def _at(self, index: int, numbers: Mapping[int, int]) -> tuple[Inspection, int]:

@@ -46,7 +46,7 @@ class Report:
     job: str
     findings: tuple[Finding, ...]
     verdict: Verdict
-    golden: Golden  # the run, without its call
+    golden: Golden  # the run, without its call; empty if nobody asked for it
     unseen: tuple[str, ...] = ()  # nothing: all of a twin can be seen
 
     @property
@@ -155,14 +155,15 @@ class Mark:
 class Inspection:
     """Follows a job on a twin line by line, from before the first, and collects findings."""
 
-    def __init__(self, twin: Twin, bounds: Bounds | None = None) -> None:
+    def __init__(self, twin: Twin, bounds: Bounds | None = None, *, golden: bool = True) -> None:
+        """golden: take down the digests of the run, to be compared, which takes as long as a job without physics."""
         self.twin = twin
         self.bounds = bounds or Bounds()
         self.results: list[Result] = []
         self._watch = _Watch(twin, self.bounds)
         if self.bounds.clearance is not None:
             twin.watch_clearance()
-        self._scribe = Scribe(twin)
+        self._scribe = Scribe(twin) if golden else None
         self._findings: list[Finding] = []
         self._gone = np.zeros(len(twin.counts), dtype=np.bool_)
         self.setting: set[int] = set()  # numbers of the lines that set a counter, such as reference runs
@@ -173,20 +174,23 @@ class Inspection:
         self._met = len(self.twin.collisions)
         self._faults = [number for number, _ in self.twin.drive_faults]
         self._unpowered = int(self.twin.unpowered_steps.sum())
+        self._made = self.twin.steps.made
         self._expected = np.array(self.twin.counts)
 
     def mark(self) -> Mark:
         """Where it is between two lines."""
         contour = self._watch.contour
         way = Way() if contour is None else contour.way
-        return Mark(len(self.results), len(self._findings), len(self._scribe.moves), tuple(self._gone.tolist()), way)
+        moves = 0 if self._scribe is None else len(self._scribe.moves)
+        return Mark(len(self.results), len(self._findings), moves, tuple(self._gone.tolist()), way)
 
     def back(self, mark: Mark, lines: Mapping[int, int]) -> None:
         """Go on from a mark, with the twin in the state that it had then, after a line or more. lines: numbers of the
         lines before it now, by those that they had."""
         self.results[:] = [replace(one, number=lines[one.number]) for one in self.results[: mark.results]]
         self._findings[:] = [replace(one, line=one.line and lines[one.line]) for one in self._findings[: mark.findings]]
-        self._scribe.back(mark.moves, lines)
+        if self._scribe is not None:
+            self._scribe.back(mark.moves, lines)
         self.setting = {lines[number] for number in self.setting if number in lines}
         self._gone = np.array(mark.gone, dtype=np.bool_)
         self._watch.begin()
@@ -212,9 +216,11 @@ class Inspection:
             made = f"{unpowered - self._unpowered} steps are made while the stages have no power"
             self._findings.append(Finding("unpowered", made, result.number, result.end_ns))
         self._unpowered = unpowered
-        self._scribe.take(result)
-        counter_set = bool((np.array(result.counts) != self._expected + self._scribe.way).any())
-        self._expected = np.array(result.counts)
+        if self._scribe is not None:
+            self._scribe.take(result)
+        steps = twin.steps
+        counter_set = bool((np.array(result.counts) != self._expected + steps.since(self._made)).any())
+        self._expected, self._made = np.array(result.counts), steps.made
         if counter_set:
             self.setting.add(result.number)
         self._findings += self._watch.findings(result, counter_set)
@@ -257,7 +263,8 @@ class Inspection:
         if self.bounds.contour_mm is not None and self._watch.contour is None:
             findings.append(Finding("effect", "contour_mm: the job is no file of a CAM program that draws something"))
         placed = [_placed(finding, self.results) for finding in findings]
-        return Report(job, few(farthest(placed)), verdict, self._scribe.golden(verdict))
+        golden = Golden() if self._scribe is None else self._scribe.golden(verdict)
+        return Report(job, few(farthest(placed)), verdict, golden)
 
 
 def beside_golden(report: Report, job: Path, call: TwinSpec) -> Report:
@@ -275,13 +282,15 @@ def check_job(
     bounds: Bounds | None = None,
     begun: Callable[[Inspection], None] | None = None,
     drawn: Drawing | None = None,
+    *,
+    golden: bool = True,
 ) -> Report:
     """Play a job on a twin of its own and report findings; `Report.compared` adds differences from a golden run.
 
-    begun: called with the inspection before the first line. drawn: what a file of a CAM program draws. Raises CallError
-    for a call that cannot be carried out.
+    begun: called with the inspection before the first line. drawn: what a file of a CAM program draws. golden: as for
+    `Inspection`. Raises CallError for a call that cannot be carried out.
     """
-    inspection = Inspection(call.build(), bounds)
+    inspection = Inspection(call.build(), bounds, golden=golden)
     inspection.draw(drawn)
     if begun is not None:
         begun(inspection)

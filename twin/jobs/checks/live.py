@@ -88,7 +88,7 @@ class LiveJob:
         Raises GivenUp then, JobError for what is wrong with the text, CallError for anything else.
         """
         settings, task = self._task()
-        files = _stamps(settings, task)
+        files = _stamps(settings, task, golden_file(self.job))
         made = self._made
         if made is None or (made.task, made.files) != (task, files):
             with call_errors(settings):
@@ -140,7 +140,8 @@ class _Made:
         self.machine = task.call.fitted()
         self.cam = project.cam(settings, task.call.as_built)
         self.language = create_language(task.call.controller)
-        self.check = IncrementalCheck(task.job, task.call, task.bounds)
+        golden = task.golden and golden_file(task.job).is_file()
+        self.check = IncrementalCheck(task.job, task.call, task.bounds, golden=golden)
         demanded.check_switches(task.bounds, self.machine)
 
 

@@ -146,7 +146,7 @@ def _made(work: Work, point: Point) -> dict[str, Any]:
     lines = _lines(work, given, call)
     twin = perturbed_twin(call.with_(seed=0), point.seed, source="known")[0] if known else call.build()
     check_conditions(lines, twin)
-    inspection = Inspection(twin, work.bounds)
+    inspection = Inspection(twin, work.bounds, golden=False)
     verdict = played(twin, lines, [inspection.take], work.bounds.timeout_s).verdict
     results = inspection.results
     report = inspection.report(work.job_name, verdict)
