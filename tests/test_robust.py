@@ -124,6 +124,17 @@ def test_the_machine_is_changed_by_its_factors_and_in_nothing_else() -> None:
     assert other.payload_kg == pytest.approx(2.0 * factors["payload.mass"])
 
 
+def test_electronic_damping_is_drawn_where_a_file_sets_it(tmp_path: Path) -> None:
+    gain = 'damping_gain = { value = 2.0, unit = "1", grade = "setting", source = "digital drive" }'
+    (tmp_path / "machine.toml").write_text(f'based_on = "4030"\n[axes.x.stage]\n{gain}\n')
+    machine, plain = load_machine(tmp_path), load_machine("4030")
+    rows = [robust.perturbation(machine, 5, n)[1] for n in range(1, 60)]
+    factors = [row.pop("axes.x.stage.damping_gain") for row in rows]
+    assert math.exp(-0.7) <= min(factors) < 0.8
+    assert 1.2 < max(factors) <= math.exp(0.7)
+    assert rows == [robust.perturbation(plain, 5, n)[1] for n in range(1, 60)], "all else is drawn as without it"
+
+
 @pytest.mark.parametrize(("lost", "of", "bound"), [(0, 20, 0.139), (0, 60, 0.0487), (1, 20, 0.216), (20, 20, 1.0)])
 def test_a_frequency_and_its_bound(lost: int, of: int, bound: float) -> None:
     """Of Clopper and Pearson, one side, 95 %; without a loss 1 - 0.05^(1/n)."""

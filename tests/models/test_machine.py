@@ -192,6 +192,18 @@ def test_a_current_given_as_rms_is_a_peak_of_1_414_times_it(tmp_path, tables):
     assert with_overrides(machine, {"axes.x.stage.current": 2.0}).axes[0].stage.current_a == 2.0
 
 
+def test_an_override_of_the_current_may_be_its_rms_value():
+    machine = load_machine("4030")
+    assert [axis.stage.current_a for axis in with_overrides(machine, {"axes.all.stage.current_rms": 2.0}).axes] == (
+        pytest.approx([2.0 * 2**0.5] * 3, abs=1e-4)
+    )
+    assert with_overrides(machine, {"axes.y.stage.current_rms": 2.0}).axes[0].stage.current_a == 4.2
+    with pytest.raises(MachineError, match=r"axes\.y\.stage\.current: .*42\.42"):
+        with_overrides(machine, {"axes.y.stage.current_rms": 30.0})
+    with pytest.raises(MachineError, match=r"axes\.y\.stage\.current_rms: unknown key; did you mean"):
+        with_overrides(machine, {"axes.y.stage.current_rms": "much"})
+
+
 def test_a_current_given_twice_is_refused(tmp_path):
     peak = RMS.replace("3.0", "4.0")
     (tmp_path / "machine.toml").write_text(

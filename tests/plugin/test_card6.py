@@ -219,6 +219,21 @@ def test_it_runs_jobs(environment: dict[str, str], tmp_path: Path) -> None:
     assert "none of: move" in call.stderr
 
 
+def test_its_edges_are_those_that_need_no_other_commands(environment: dict[str, str], tmp_path: Path) -> None:
+    """Its language changes no speeds. X has 4.2 A times 0.424 Nm/A, and breaks away from 1.3 times 0.9 Nm."""
+    job = tmp_path / "job.txt"
+    job.write_text("zero\nmove 640 0 0 0 0 0 16000\n")
+    words = ["run", str(job), "--controller", "card6", "--edge", "--set", "axes.x.shaft_coulomb=0.9", "--json"]
+    command = [sys.executable, "-m", "isel_twin.cli", *words]
+    call = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=240)
+    assert call.stderr == ""
+    summary = json.loads(call.stdout.splitlines()[-1])
+    assert (call.returncode, list(summary["edge"])) == (0, ["x"])
+    assert list(summary["edge"]["x"]) == ["supply", "inductance", "load"]
+    assert 0.85 < summary["edge"]["x"]["load"] * 1.3 * 0.9 / 1.78 < 1.0
+    assert summary["edge_lines"]["x"]["load"] == 2
+
+
 SERIAL = """
 import serial, isel_twin
 port = serial.serial_for_url("twin://card6?plant=kinematic", timeout=5)

@@ -1,7 +1,7 @@
 """python -m tests.tuned grid | others JOB: what `isel-twin tune` finds, judged by what did not find it.
 
-    grid [NAME]    jobs on all controllers: 25 trials against a grid, of which everything is tried that is faster than the
-                   fastest that holds (what loses steps loses them with more of anything)
+    grid [NAME]    jobs on all controllers: 25 trials against a grid, of which everything is tried that is faster than
+                   the fastest that holds (what loses steps loses them with more of anything)
     others JOB     a job on 200 machines that are drawn as somebody else would: uniformly within the tolerances of
                    sheets and catalogues, all at once
 

@@ -108,6 +108,9 @@ def perturbation(
     for mass in tree["masses"]:
         draws.put(f"masses.{mass}", draws.of("masses"))
     draws.put("payload.mass", draws.of("payload"))
+    for name in CARRIAGES:
+        if "damping_gain" in tree["axes"][name].get("stage", ()):  # where the file says so; last, as it seldom does
+            draws.put(f"axes.{name}.stage.damping_gain", draws.of("stage.damping_gain"))
     if source == "known":
         draws.rest()
     return twin_seed, draws.factors, draws.overrides

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -20,6 +21,7 @@ class _Made(NamedTuple):
     machine: Machine
 
 
+_RMS = ".stage.current_rms"
 _MOST_MADE = 64
 # cache: machines by base and overrides, the last used at the end
 _made: OrderedDict[tuple[Any, ...], _Made] = OrderedDict()
@@ -28,7 +30,8 @@ _made: OrderedDict[tuple[Any, ...], _Made] = OrderedDict()
 def with_overrides(machine: Machine, overrides: Mapping[str, Any]) -> Machine:
     """The machine with some of its numbers changed, for experiments.
 
-    Keys are those of `describe`, values are in the file's unit: {"axes.x.backlash": 0.0, "axes.all.lead": 4.0}.
+    Keys are those of `describe`, values are in the file's unit: {"axes.x.backlash": 0.0, "axes.all.lead": 4.0}. As in
+    files the current of a stage may be given as RMS: {"axes.all.stage.current_rms": 2.0} is its peak, 2.83 A.
     The key "imperfections" takes a level: "ideal", "static", "dynamic" or "real".
     Raises MachineError for an unknown key or a value out of range.
     """
@@ -64,6 +67,8 @@ def with_fixtures(machine: Machine, fixtures: Sequence[Fixture]) -> Machine:
 
 def _changed(tree: Mapping[str, Any], key: str, value: Any, place: Place) -> Mapping[str, Any]:
     """The tree with one override; unchanged parts are shared."""
+    if key.endswith(_RMS) and isinstance(value, int | float) and not isinstance(value, bool):
+        key, value = key.removesuffix("_rms"), round(math.sqrt(2.0) * value, 4)
     _check_drive(tree, key, value, place)
     if key.startswith("axes.") and key.endswith(".drive"):
         return tree  # already at that level

@@ -45,7 +45,7 @@ STORED = 0.05  # of the mean time of lines with moves: where most take less, the
 SURPLUS = 0.06  # margin beyond the wanted one at which every third trial aims
 WORTH = 2e-4  # least chance of saving, over the time of the job, for which a trial is made
 APART = (0.03, 0.12, 0.8)  # logarithm of a setting over another's in the same batch
-NEAR = (0.1, 0.5, 0.5)  # logarithm of a setting over another's that are as likely to hold, where margins tell nothing
+NEAR = (0.2, 0.5, 0.5)  # logarithm of a setting over another's that are as likely to hold, where margins tell nothing
 FARTHEST = 6.0  # of those: where nothing has held or lost yet
 FAR = 0.03  # logarithm of a setting over the best one's, below which nothing is gained by halving
 BETWEEN = 3  # most trials of halving in a batch
@@ -148,18 +148,20 @@ class Structure:
         best = {wanted: _best(good, wanted) for wanted in fastest_hz}
         taken = np.zeros(time_s.shape, dtype=np.bool_)
         found: list[dict[str, int]] = []
+        held, lost = list(points[margins > 0.0]), list(points[margins == 0.0])
         for number in range(many):
             wanted = least + SURPLUS * (number % 3 == 2 and known is not None)
             hedge = 1.0 if known else HEDGES[number % len(HEDGES)]
             if known is None:
-                chance = _by_outcome(grid, points[margins >= max(wanted, LEAST)], points[margins < wanted + LEAST])
+                chance = _by_outcome(grid, held, lost)
             else:
                 by_torque = 1.0 - (c + hedge * b * _pull(grid)) / torque
                 chance = 0.5 * (1.0 + _erf((by_torque - wanted) / (UNSURE * math.sqrt(2.0))))
             chance[grid[..., 0] > fastest_hz[wanted]] = 0.0
-            for point in points[(margins < wanted) | (margins == 0.0)]:
+            keeps = (margins > 0.0) & (margins >= wanted)
+            for point in points[~keeps]:
                 chance[np.all(grid >= point, axis=-1)] = 0.0
-            for point in points[margins >= wanted]:
+            for point in points[keeps]:
                 chance[np.all(grid <= point, axis=-1)] = 0.0
             bound_s = min(best[wanted], float(time_s.max()))
             worth = np.where(taken, 0.0, np.maximum(bound_s - time_s, 0.0) * chance)
@@ -169,6 +171,9 @@ class Structure:
             found.append(self._values(grid[at]))
             if chance[at] > 0.5:
                 best[wanted] = min(best[wanted], float(time_s[at]))
+                held.append(grid[at])
+            else:
+                lost.append(grid[at])
             taken |= (np.abs(np.log(grid / grid[at])) / (NEAR if known is None else APART)).max(axis=-1) < 1.0
         been = [each.values for each in tried]
         again = [each for each in self._slower(good, least) if each not in been][:SLOWER]
@@ -254,12 +259,14 @@ class Structure:
 
     def _shown_limit_hz(self, points: NDArray[np.float64], speeds: NDArray[np.float64]) -> float:
         """The speed of zero growth of the weakest machine, as every trial shows it. A servo drive lags by its ramps,
-        too, so that a trial shows a lower bound; before that it is taken for 0.85 of the machine's as it is."""
+        too, and on short ways by less, so that each shows a lower bound; 0.85 of the closed form is another."""
         moved = (speeds > LEAST) & (speeds < 1.0)
         bounds_hz = points[moved, 0] * self.problem.speed_share / (1.0 - speeds[moved])
         if self._axis is not None and len(bounds_hz):
             return min(self._limit_hz, float(np.median(bounds_hz)))
-        return min(self._limit_hz, max(float(bounds_hz.max(initial=0.0)), 0.85 * self._limit_hz))
+        if self._axis is not None:
+            return self._limit_hz
+        return float(bounds_hz.max(initial=0.85 * self._limit_hz))
 
     def _fitted(
         self, points: NDArray[np.float64], torques: NDArray[np.float64], limit_hz: float
@@ -289,13 +296,13 @@ def _terms(points: Grid) -> NDArray[np.float64]:
 _erf = np.vectorize(math.erf, otypes=[float])
 
 
-def _by_outcome(grid: Grid, held: Grid, lost: Grid) -> NDArray[np.float64]:
+def _by_outcome(grid: Grid, held: Sequence[Grid], lost: Sequence[Grid]) -> NDArray[np.float64]:
     """The chance at each place where margins tell nothing: by how far it is beyond what held and short of what lost."""
     beyond, short = (
         np.min([(sign * np.log(grid / one) / NEAR).max(axis=-1) for one in them], axis=0, initial=FARTHEST).clip(0.0)
         for sign, them in ((1.0, held), (-1.0, lost))
     )
-    found: NDArray[np.float64] = short / np.maximum(beyond + short, 1e-9)
+    found: NDArray[np.float64] = np.square(short / np.maximum(beyond + short, 1e-9))
     return found
 
 
