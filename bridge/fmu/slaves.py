@@ -121,6 +121,7 @@ class _TwinSlave(Fmi3Slave):
         else:
             if self.twin is None:
                 self.exit_initialization_mode()  # a state of another instance
+            assert self.twin is not None
             self.twin.restore(state["twin"])
         self._applied, self.time = dict(state["applied"]), state["time"]
 
