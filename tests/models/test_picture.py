@@ -32,11 +32,16 @@ def drawn(make: Callable[[], NDArray[np.uint8]]) -> NDArray[np.uint8] | None:
 @pytest.mark.parametrize("name", machine_names())
 def test_a_picture_shows_the_machine_where_it_stands(name: str) -> None:
     machine = load_machine(name)
-    here = drawn(lambda: draw(machine, (10.0, 10.0, 10.0), height=300, width=400))
-    there = drawn(lambda: draw(machine, (250.0, 200.0, 100.0), height=300, width=400))
-    if here is not None and there is not None:
-        assert here.shape == there.shape == (300, 400, 3)
-        assert here.dtype == np.uint8
+
+    def two() -> NDArray[np.uint8]:
+        with Picture(machine, height=300, width=400) as picture:
+            return np.stack([picture.draw(place_mm) for place_mm in ((10.0, 10.0, 10.0), (250.0, 200.0, 100.0))])
+
+    both = drawn(two)
+    if both is not None:
+        here, there = both
+        assert both.shape == (2, 300, 400, 3)
+        assert both.dtype == np.uint8
         assert here.std() > 10.0, "not an empty picture"
         assert (here != there).any(axis=2).mean() > 0.02, "the machine has moved"
 
