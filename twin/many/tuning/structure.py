@@ -17,7 +17,8 @@ some trials. What holds is known only where it has been tried, but it has a shap
 Moves whose speed is their own, such as arcs, say nothing of that: what they need of torque no setting changes.
 
 A trial is the place, on a grid of all three, where (time that would be saved) times (chance that it keeps the wanted
-margin) is greatest; each further one of a batch is chosen as if those before had held. (many/11)
+margin) is greatest; each further one of a batch is chosen as if those before had come out as is likely (many/11). Where
+motors have no margin to tell, the chance is by how far a place is from what held and from what lost (many/20).
 """
 
 from __future__ import annotations
