@@ -19,12 +19,13 @@ from random import Random
 
 sys.path.append(str(Path(__file__).parents[1]))  # as pytest does
 
-from cam.played import FAST, Player, check_played
+from cam.played import FAST, Player, axes_of, check_played
 from cam.random_paths import random_path
 
 from isel_twin.base.quiet import quietly
 
 TURNS = {"imc-s8": 3, "ismif": 2, "gmi99": 2, "bwo900": 2}
+LAG_S = {"gmi99": 0.025, "bwo900": 0.025}  # of the 4030-servo: corners are exact stops
 MOST = 2  # motions behind the first rapid
 PARTS = (0.02, 0.05, 0.1, 0.25)  # of the box: radii up to 0.3 .. 3.75 mm
 TOLERANCES = (0.002, 0.01)  # mm
@@ -37,7 +38,7 @@ def checked(controller: str, numbers: Sequence[int], seed: int = 0) -> list[int]
     wrong, player = [], None
     for count, number in enumerate(numbers):
         if player is None or count % TOGETHER == 0:
-            player = Player(controller)
+            player = Player(controller, replace(axes_of(controller), lag_s=LAG_S.get(controller, 0.0)))
         random = Random(f"{seed} {controller} {number}")
         path = random_path(random, TURNS[controller], MOST, random.choice(PARTS))
         settings = replace(FAST, tolerance_mm=random.choice(TOLERANCES))

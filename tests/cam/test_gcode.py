@@ -251,6 +251,19 @@ def test_two_readings_of_centres_under_g71() -> None:
         told("gcode", start + neither)
 
 
+def test_a_feed_is_forgotten_where_its_mode_changes_and_only_there() -> None:
+    """Of one over minutes nothing is left in G94; F before a G94 of the head stays (cam/29)."""
+    for changed in ("G94\nF60\nG93\nG94", "F60\nG93\nG94"):
+        with pytest.raises(CamError, match="there is no feed yet"):
+            told("gcode", f"G21 G90\n{changed}\nG1 X5\nM2")
+    assert told("gcode", "G21 G90 F60\nG94\nG1 X5\nM2")[0] == "line 5 0 0 F1"
+
+
+def test_a_tool_below_r_is_lifted_where_it_stands() -> None:
+    path = told("gcode", "G21 G90 F60\nG0 X3 Y5 Z0\nG81 X1 Y2 Z-3 R1\nM2")
+    assert path[:4] == ["rapid 3 5 0", "rapid 3 5 1", "rapid 1 2 1", "line 1 2 -3 F1"]
+
+
 def test_the_dialect_of_din() -> None:
     settings = dataclasses.replace(UP, dialect="din")
     text = "%1\nG71 G90\nM70\nG0 X10\nF60\nG2 X-10 Y0 I0 J0\nG4 F2\nG91 G1 X1\nM-70\nM30\n"

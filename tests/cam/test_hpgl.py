@@ -149,3 +149,12 @@ def test_polygon_of_two_parts_is_closed_twice() -> None:
     assert [move.removesuffix(" -0.5 F10") for move in lines if "F10" in move] == [
         "line 10 0", "line 10 10", "line 0 0", "line 30 0", "line 30 10", "line 20 0"
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("degrees", "end", "sense"), [(90, "30 30", "ccw"), (-90, "10 10", "cw")])
+def test_an_arc_by_an_angle_turns_about_its_centre(degrees: int, end: str, sense: str) -> None:
+    """From (10, -10) beside the centre (20, 20)."""
+    path = told("hpgl", f"IN;PU1200,400;PD;AA800,800,{degrees};PU;", PEN)
+    (arc,) = [element for element in path if element.startswith("arc ")]
+    assert arc.startswith(f"arc {end} ")
+    assert f" about 20 20 {sense} " in arc

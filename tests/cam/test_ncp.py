@@ -318,3 +318,14 @@ def test_moves_add_up(moves: list[tuple[str, dict[str, int], str, str]]) -> None
         ends.append((Rapid if word.startswith("FAST") else Line, tuple(at)))
     path = [each for each in Ncp().read([*lines, "PROGEND"], UP) if isinstance(each, Rapid | Line)]
     assert [(type(each), tuple(round(mm * 1000) for mm in each.to)) for each in path] == ends
+
+
+@pytest.mark.parametrize(("plane", "turned"), [("XY", "YX"), ("XZ", "ZX"), ("YZ", "ZY")])
+def test_a_plane_may_be_named_in_either_order(plane: str, turned: str) -> None:
+    """As FreeCAD writes ZX; half a circle in each."""
+    a, b = plane
+    centre = {"X": "I5000", "Y": "J5000", "Z": "K5000"}[a], {"X": "I0", "Y": "J0", "Z": "K0"}[b]
+    text = f"IMF_PBL\nVEL 10000\nPLANE {{}}\nCWABS {' '.join(centre)} {a}10000 {b}0\nPROGEND"
+    made = told("ncp", text.format(plane))
+    assert made[0].startswith("arc ")
+    assert told("ncp", text.format(turned)) == made
