@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from isel_twin.machine import load_machine, with_overrides
+
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
 
 
@@ -61,59 +63,112 @@ def test_take_up_follows_the_direction_of_each_axis(monkeypatch: pytest.MonkeyPa
     assert not taken[:, 1:].any()
 
 
+class Layer:
+    """Stands for a layer of PyTorch: zeros, but for the bias of the feed."""
+
+    def __init__(self, inputs: int, outputs: int, feed: float = 0.0) -> None:
+        self.weight, self.bias = Part(np.zeros((outputs, inputs))), Part(np.zeros(outputs))
+        self.bias.values[0] = feed
+
+
+class Part:
+    def __init__(self, values: Any) -> None:
+        self.values = values
+
+    def detach(self) -> Part:
+        return self
+
+    def numpy(self) -> Any:
+        return self.values
+
+
 class Fed:
-    """Stands for a model of stable-baselines3: along the path at half the feed."""
+    """Stands for PPO of stable-baselines3: it has learned to go along the path at half the feed."""
 
     def __init__(self, policy: str, vector: Any, **settings: Any) -> None:
-        self.policy, self.vector, self.settings = policy, vector, settings
+        self.vector, self.settings, self.num_timesteps = vector, settings, 0
+        net = types.SimpleNamespace(policy_net=[Layer(35, 64, 0.5), object(), Layer(64, 64)])
+        self.policy = types.SimpleNamespace(mlp_extractor=net, action_net=Layer(64, 4))
+        self.ep_info_buffer = [{"r": 2.0, "l": 500}, {"r": 4.0, "l": 700}]
 
-    def learn(self, total_timesteps: int) -> None:
+    def learn(self, total_timesteps: int, callback: Any) -> None:
         """Make some steps, as a learner would."""
         observation, _ = self.vector.reset(seed=0)
         for _ in range(total_timesteps):
-            observation, *_ = self.vector.step(self.predict(observation)[0])
+            observation, *_ = self.vector.step(np.zeros(4, dtype=np.float32))
         assert self.vector.observation_space.contains(observation)
-
-    def save(self, file: str) -> None:
-        """Leave a file."""
-        Path(file).write_text("a model", encoding="utf-8")
-
-    def predict(self, observation: np.ndarray, deterministic: bool = True) -> tuple[np.ndarray, None]:
-        """Half the feed."""
-        return np.zeros(4, dtype=np.float32), None
+        callback.model, callback.num_timesteps = self, total_timesteps
+        callback._on_rollout_end()
 
 
-def test_ppo_learns_saves_and_is_judged_beside_plain_feed(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_ppo_is_wired_up_and_kept_without_pytorch(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     example = load("track_ppo", monkeypatch)
-    asked: dict[str, Any] = {}
+    names = ("torch", "stable_baselines3", "stable_baselines3.common", "stable_baselines3.common.callbacks")
+    torch, baselines, common, callbacks = (types.ModuleType(name) for name in names)
+    env_util = types.ModuleType("stable_baselines3.common.env_util")
+    torch.set_num_threads = lambda number: None  # type: ignore[attr-defined]
+    baselines.PPO, callbacks.BaseCallback = Fed, object  # type: ignore[attr-defined]
+    env_util.make_vec_env = lambda make, n_envs, seed: make()  # type: ignore[attr-defined]
+    for module in (torch, baselines, common, callbacks, env_util):
+        monkeypatch.setitem(sys.modules, module.__name__, module)
+    file = tmp_path / "policy.npz"
+    example.main(["--steps", "20", "--seeds", "1", "--file", str(file)])
+    assert file.with_suffix(".csv").read_text(encoding="utf-8") == "seed,steps,reward_mm,episode_s\n0,20,30.0,2.4\n"
+    learned, env = example.Net.kept(0, file), example.make()
+    assert learned.act(np.ones(35)).tolist() == [0.0, 0.0, 0.0, 0.0]
+    half = example.judge(learned, env, range(1000, 1002))
+    assert half["done"] == 2
+    assert half == example.judge(example.Led(example.CONSTANT), env, range(1000, 1002)), "the same paths and machines"
 
-    def make_vec_env(make: Any, n_envs: int, seed: int, vec_env_cls: Any) -> Any:
-        asked.update(n_envs=n_envs, seed=seed, vec_env_cls=vec_env_cls)
-        return make()
 
-    names = ("stable_baselines3", "stable_baselines3.common.env_util", "stable_baselines3.common.vec_env")
-    stand_in, env_util, vec_env = (types.ModuleType(name) for name in names)
-    stand_in.PPO, env_util.make_vec_env, vec_env.SubprocVecEnv = Fed, make_vec_env, object  # type: ignore[attr-defined]
-    for name, module in zip(names, (stand_in, env_util, vec_env), strict=True):
-        monkeypatch.setitem(sys.modules, name, module)
-    monkeypatch.setitem(sys.modules, "stable_baselines3.common", types.ModuleType("stable_baselines3.common"))
-    file = tmp_path / "model.zip"
-    found = example.main(["--steps", "20", "--file", str(file), "--episodes", "2"])
-    assert file.read_text(encoding="utf-8") == "a model"
-    assert asked == {"n_envs": 4, "seed": 0, "vec_env_cls": object}
-    assert found["done"] == 2
-    assert found == example.judge(example.Plain(), 2), "both do the same on the same paths and machines"
-    assert capsys.readouterr().out.splitlines()[1].startswith("learned")
-    again = example.main(["--judge", str(file), "--episodes", "2"], load=lambda name: example.Plain())
-    assert again == found
+def test_the_policies_that_are_kept_follow_paths_that_nobody_has_learned_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without PyTorch."""
+    example = load("track_ppo", monkeypatch)
+    learned = [name for name in example.everybody() if name.startswith("PPO")]
+    assert learned
+    for name in learned:
+        found = example.judge(example.everybody()[name], example.make(), range(1000, 1003))
+        assert found["done"] == 3
+        assert found["mm/s"] > 15.0
+
+
+def test_the_closed_form_of_take_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half the backlash; guide friction over the screw's stiffness; all friction over that of the motor's torque."""
+    example = load("track_ppo", monkeypatch)
+    machine = load_machine("4030")
+    bare = {"axes.all.backlash": 0.0, "axes.all.guide_friction": 0.0, "axes.all.shaft_coulomb": 0.0}
+    assert example.take_up_mm(with_overrides(machine, bare)).tolist() == [0.0, 0.0, 0.0]
+    play = with_overrides(machine, {**bare, "axes.all.backlash": 0.02})
+    assert example.take_up_mm(play) == pytest.approx([0.01] * 3)
+    stuck = with_overrides(machine, {**bare, "axes.x.shaft_coulomb": 0.09})
+    axis = stuck.axes[0]
+    radians = 0.09 / (50 * axis.motor.torque_constant_nm_per_a * axis.stage.current_a)
+    assert example.take_up_mm(stuck)[0] == pytest.approx(radians * 5.0 * (1.0 + axis.screw.lead_error) / (2.0 * np.pi))
+    soft = with_overrides(machine, {**bare, "axes.x.guide_friction": 30.0, "axes.x.stiffness": 30.0})
+    assert example.take_up_mm(soft)[0] > 1e-3, "30 N over 30 N/um, and what the motor yields"
+
+
+def test_a_corner_is_seen_as_far_ahead_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Right angles 3 and 0.7 mm ahead: no faster than sqrt(v0^2 + 2 a s), from which a ramp leads down to v0."""
+    example = load("track_ppo", monkeypatch)
+    led = example.Led(example.Numbers(40.0, 400.0, 4.0))
+    led.begin(load_machine("4030"))
+    seen = np.zeros(35)
+    for k, ahead in enumerate((0.5, 1.0, 2.0, 4.0, 8.0)):
+        seen[18 + 3 * k : 20 + 3 * k] = min(ahead, 3.0) / ahead, max(ahead - 3.0, 0.0) / ahead
+    speeds = [20.0 * (1.0 + float(led.act(seen)[0])) for _ in range(100)]
+    assert speeds[0] == pytest.approx(4.0 + 400.0 * 0.004, rel=1e-5), "it speeds up by its ramp"
+    assert speeds[-1] == pytest.approx(40.0), "at the feed, as it could still stop"
+    near = seen.copy()
+    for k, ahead in enumerate((0.5, 1.0, 2.0, 4.0, 8.0)):
+        near[18 + 3 * k : 20 + 3 * k] = min(ahead, 0.7) / ahead, max(ahead - 0.7, 0.0) / ahead
+    assert 20.0 * (1.0 + float(led.act(near)[0])) == pytest.approx(np.sqrt(16.0 + 2.0 * 400.0 * 0.7), rel=1e-4)
 
 
 @pytest.mark.parametrize(("name", "module"), [("track_cma", "cma"), ("track_ppo", "stable_baselines3")])
 def test_what_is_missing_is_one_line(name: str, module: str, monkeypatch: pytest.MonkeyPatch) -> None:
     example = load(name, monkeypatch)
     monkeypatch.setitem(sys.modules, module, None)
-    arguments = [example.make(), 1] if name == "track_cma" else [1, "model.zip"]
+    arguments = [example.make(), 1] if name == "track_cma" else [1, 0]
     with pytest.raises(SystemExit, match=r"is not here: pip install 'isel-twin\[learn\]'"):
         example.learn(*arguments)
