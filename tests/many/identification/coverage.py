@@ -29,9 +29,10 @@ from isel_twin.machine.spread import NORMAL_95, band, numbers, within
 from isel_twin.many.identification.experiment import Block, assemble, blocks
 from isel_twin.many.identification.fit import Fit, fit
 from isel_twin.many.identification.laws import LAWS
+from isel_twin.many.identification.replays import Call
 from isel_twin.many.identification.session import Session, predict, session_of
 from isel_twin.many.identification.stand_in import carry_out
-from isel_twin.many.identification.unknowns import Unknown, candidate, default_names, unknown
+from isel_twin.many.identification.unknowns import Unknown, candidate, changes, default_names, unknown
 from isel_twin.recordings.compare import traffic
 
 CONTROLLER = "imc-s8"
@@ -103,7 +104,7 @@ class Surface:
     """Predictions of one day as cubics of u, by replays at points that fill the priors evenly."""
 
     def __init__(self, machine: Machine, unknowns: Sequence[Unknown], session: Session, points: int) -> None:
-        self._machine, self._unknowns = machine, unknowns
+        self._unknowns = unknowns
         tried = 2.4 * MOST * (qmc.Halton(len(unknowns), seed=1).random(points) - 0.5)
         found = [
             predict(session, candidate(machine, unknowns, [i.value(x) for i, x in zip(unknowns, u, strict=True)]))
@@ -117,17 +118,14 @@ class Surface:
         every = (itertools.combinations_with_replacement(u.tolist(), degree) for degree in range(4))
         return [float(np.prod(factors)) for degree in every for factors in degree]
 
-    def predict(self, session: Session, machine: Machine) -> Floats:
-        """In place of a replay."""
-        u = [item.at(self._value(machine, item)) for item in self._unknowns]
+    def replayed(self, call: Call) -> Floats:
+        """In place of a replay; of a factor the first number counts."""
+        _, machine, unknowns, values = call
+        told = changes(machine, unknowns, values)
+        own = changes(machine, self._unknowns, [1.0 if item.factor else item.prior for item in self._unknowns])
+        u = [item.at(told[item.keys[0]] / (own[item.keys[0]] if item.factor else 1.0)) for item in self._unknowns]
         predicted: Floats = np.array(self._powers(np.array(u))) @ self._terms
         return predicted
-
-    def _value(self, machine: Machine, item: Unknown) -> float:
-        now, before = machine.tree, self._machine.tree
-        for part in item.keys[0].split("."):
-            now, before = now[part], before[part]
-        return float(now["value"]) / (float(before["value"]) if item.factor else 1.0)
 
 
 def main() -> None:

@@ -42,8 +42,8 @@ def test_intervals_hold_what_they_say(monkeypatch: pytest.MonkeyPatch, tmp_path:
     days: list[Session] = []
     for seed, u in enumerate(truths):
         days.append(hidden_day(machine, unknowns, u, chosen, seed, days[0] if days else None))
-    surface = Surface(machine, unknowns, days[0], 24)
-    monkeypatch.setattr(replays_module, "predict", surface.predict)
+    surface = Surface(machine, unknowns, days[0], 22)
+    monkeypatch.setattr(replays_module, "replayed", surface.replayed)
     results = [fit(machine, unknowns, [day], []) for day in days]
     counts = np.sum([held(result, u) for result, u in zip(results, truths, strict=True)], axis=0)
     low, high = bounds(MACHINES)
