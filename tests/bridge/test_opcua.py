@@ -7,6 +7,7 @@ import signal
 import socket
 import stat
 import sys
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from cryptography.hazmat.primitives.serialization import Encoding
 from cryptography.x509 import UniformResourceIdentifier
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
+from isel_twin.bridge.opcua import nodes
 from isel_twin.bridge.opcua.access import Access, Readers, secure
 from isel_twin.bridge.opcua.nodes import NAMESPACES, NODES, program
 from isel_twin.bridge.operate.conditions import conditions, emergency, powered
@@ -271,12 +273,75 @@ def test_without_the_extra_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     assert (done.returncode, done.stderr) == (2, "isel-twin: opcua needs asyncua: pip install 'isel-twin[opcua]'\n")
 
 
+def test_values_of_a_machine_at_work() -> None:
+    """Numbers of OPC 40501-1: OperationMode Setup is 2, ChannelState Active 0, ChannelMode Remote 5; the program's
+    state Running has the number 1 and the id 5041."""
+    told = state(idle=False, inputs={"key": "setup", "hood": "open"}, outputs={"power": 1, "spindle_runs": 1})
+    told |= {"machine": "4030", "seed": 7, "controller": "a controller", "keys": {}, "time_s": 1.5}
+    told |= {"position_mm": [1.0, 2.0, 3.0], "position_error_mm": [0.25, 0.0, -1.0], "lost_steps": [20.0, 0.0, 0.0]}
+    told |= {"drive_faults": [[0, "of no matter"], [0, ""], [2, "too hot"]]}
+    values = {node.path.replace("MT:", "").replace("Twin:", ""): node.value(told) for node in NODES}
+    what = ("ActualPosition", "CommandedPosition", "LostSteps", "DriveFault")
+    place = {"X": (1.0, 0.75, 20.0, ""), "Y": (2.0, 2.0, 0.0, ""), "Z": (3.0, 4.0, 0.0, "too hot")}
+    axes = {f"Axes/{axis}/{name}": one for axis in place for name, one in zip(what, place[axis], strict=True)}
+    assert values == {
+        "DI:Identification/DI:Manufacturer": "isel (simulated)",
+        "DI:Identification/DI:SerialNumber": "7",
+        "DI:Identification/DI:ProductInstanceUri": "urn:isel-twin:4030:7",
+        "DI:Identification/DI:Model": "4030",
+        "Monitoring/MachineTool/OperationMode": 2,
+        "Monitoring/Channel/Name": "a controller",
+        "Monitoring/Channel/ChannelState": 0,
+        "Monitoring/Channel/ChannelMode": 5,
+        "Monitoring/Channel/FeedOverride": 100.0,
+        "Monitoring/Spindle/Name": "spindle",
+        "Monitoring/Spindle/IsRotating": True,
+        "Production/ActiveProgram/Name": "",
+        "Production/ActiveProgram/NumberInList": 0,
+        "Production/ActiveProgram/State/CurrentState": "Running",
+        "Production/ActiveProgram/State/CurrentState/Id": 5041,
+        "Production/ActiveProgram/State/CurrentState/Number": 1,
+        **axes,
+        "Safety/EmergencyStop": False,
+        "Safety/Power": True,
+        "Safety/HoodClosed": False,
+        "Conditions": ["x has lost 20 steps", "drive of z: too hot"],
+        "VirtualTime": 1.5,
+    }
+
+
+@pytest.mark.parametrize(
+    ("changed", "channel"),
+    [({}, 2), ({"idle": False}, 0), ({"unfinished": "program 3"}, 1), ({"fault": True}, 1)],
+)
+def test_numbers_of_a_program_are_those_of_the_node_set(changed: dict[str, Any], channel: int) -> None:
+    """Numbers and ids as the published set has them: StateNumber of each state of ProductionStateMachineType."""
+    told = state(**changed, keys={})
+    values = {node.path.rpartition("/")[2]: node.value(told) for node in NODES[6:16]}
+    tree = ElementTree.parse(Path(nodes.__file__).parent / "nodesets" / "machine_tool.xml")
+    own = "{http://opcfoundation.org/UA/2011/03/UANodeSet.xsd}"
+    name = next(
+        one.get("BrowseName") for one in tree.iter(f"{own}UAObject") if one.get("NodeId") == f"ns=1;i={values['Id']}"
+    )
+    (number,) = [
+        int("".join(one.itertext()).split()[-1])
+        for one in tree.iter(f"{own}UAVariable")
+        if one.get("ParentNodeId") == f"ns=1;i={values['Id']}" and one.get("BrowseName") == "StateNumber"
+    ]
+    assert (name, number) == (f"1:{values['CurrentState']}", values["Number"])
+    assert values["MT:ChannelState"] == channel
+
+
 def test_control_with_programs_of_its_own_shows_mode_override_and_program() -> None:
+    """ChannelMode of OPC 40501-1: Automatic 0, MdaMdi 1, JogManual 2."""
     twin = Twin(controller="bwo900", machine="4030-servo", plant="kinematic")
-    told = {"keys": {**twin.key_values, "mode": "positioning", "override": 40.0, "program": 7}, "controller": "x"}
-    values = {
+    shown = {
         node.path.rpartition("MT:")[2]: node for node in NODES if "Channel/" in node.path or "Program" in node.path
     }
-    assert values["ChannelMode"].value(told) == 1
-    assert values["FeedOverride"].value(told) == 40.0
-    assert values["Name"].value(told) == "7"
+    numbers = {"hand": 2, "auto": 0, "single": 0, "positioning": 1}
+    assert set(numbers) == set(twin.keys["mode"].value)
+    for mode, number in numbers.items():
+        told = {"keys": {**twin.key_values, "mode": mode, "override": 40.0, "program": 7}}
+        values = [shown[name].value(told) for name in ("ChannelMode", "FeedOverride", "Name")]
+        assert values == [number, 40.0, "7"]
+    assert shown["Name"].value({"keys": twin.key_values}) == ""
