@@ -179,3 +179,26 @@ def test_it_is_served_to_this_computer_only(recording: Path) -> None:
     finally:
         process.send_signal(signal.SIGTERM)
         assert process.wait(WAIT_S) == 0
+
+
+def test_set_points_are_saved_as_commands(context: BrowserContext, tmp_path: Path) -> None:
+    """Of a card that leads servo drives: the sum of what was commanded, at each set point, and no pulses."""
+    (tmp_path / "job.txt").write_text("Q7;1\nf2000\nM5000\n81h 9000\n")
+    call = ("--controller", "gmi99", "--machine", "4030-servo", "--plant", "kinematic")
+    file = tmp_path / "led.mcap"
+    assert isel_twin("run", tmp_path / "job.txt", *call, "--record", file).returncode == 0
+    assert isel_twin("panel", file, "--html", tmp_path / "led.html").returncode == 0
+    page = context.new_page()
+    page.goto((tmp_path / "led.html").as_uri())
+    expect(page.locator("body")).to_have_attribute("data-ready", "true")
+    with page.expect_download() as saving:
+        page.locator("#vcd").click()
+    saving.value.save_as(tmp_path / "led.vcd")
+    text = (tmp_path / "led.vcd").read_text()
+    assert "step_x" not in text
+    code = text.split(" command_x $end")[0].rsplit(" ", 1)[1]
+    values = [
+        int(line[1:].split()[0], 2) for line in text.splitlines() if line.startswith("b") and line.endswith(f" {code}")
+    ]
+    signed = [value - (1 << 64) if value >> 63 else value for value in values]
+    assert signed[-1] == read(file).steps().delta[:, 0].sum()

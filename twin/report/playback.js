@@ -40,7 +40,7 @@ async function read() {
   session.samples = about.samples.map((one) => ({ ...one, values: one.columns.map((number) => column(number, 1)
     .map((value) => value === one.nothing ? NaN : value * one.step)) }));
   if (about.machine) session.places = about.machine.columns.map((number) => column(number, 1, about.machine.step));
-  if (about.ticks) session.ticks = { times: column(about.ticks.times, 2, 1e-9), moved: about.ticks.moved.map((number) => column(number, 0)) };
+  if (about.ticks) session.ticks = { led: about.ticks.led, times: column(about.ticks.times, 2, 1e-9), moved: about.ticks.moved.map((number) => column(number, 0)) };
   return session;
 }
 

@@ -14,9 +14,10 @@ function signals_of(session) {
     if (!rows.length) return;
     const times = Float64Array.from(rows, (k) => session.ticks.times[k]), values = Float64Array.from(rows, (k) => moved[k]), sums = new Float64Array(rows.length + 1);
     values.forEach((step, k) => { sums[k + 1] = sums[k] + step; });
-    found.push({ name: `step ${axis}`, unit: "steps/s", kind: "steps", axis, times, values, sums, shown: true });
+    const led = session.ticks.led; // set points, of any number of steps each
+    found.push({ name: `${led ? "set points" : "step"} ${axis}`, unit: "steps/s", kind: "steps", led, axis, times, values, sums, shown: true });
     const turns = rows.map((_, k) => k).filter((k) => k === 0 || values[k] < 0 !== values[k - 1] < 0);
-    found.push({ name: `dir ${axis}`, unit: "1: minus", kind: "bits", axis, times: Float64Array.from(turns, (k) => times[k]), values: turns.map((k) => values[k] < 0 ? 1 : 0), shown: true });
+    found.push({ name: `dir ${axis}`, unit: "1: minus", kind: "bits", led, axis, times: Float64Array.from(turns, (k) => times[k]), values: turns.map((k) => values[k] < 0 ? 1 : 0), shown: true });
   });
   const wanted = ["position_error_mm", "margin", "force_n", "velocity_mm_s"];
   for (const one of session.samples) found.push({ name: one.name.replace(/_(mm|n|mm_s|v)$/, "").replaceAll("_", " "), unit: one.unit === "1" ? "" : one.unit, kind: "curves", times: session.times, curves: one.values, axes: one.values.length > 1 ? session.axes : ["path"], shown: wanted.includes(one.name) });
@@ -304,16 +305,19 @@ function vcd(signals, a, b) {
   const scopes = {}, entries = [], begin = [], id = (number) => { let text = ""; do { text += String.fromCharCode(33 + number % 94); number = Math.floor(number / 94); } while (number); return text; };
   const add = (scope, name, kind, first, changes) => {
     const code = id(begin.length);
-    (scopes[scope] = scopes[scope] || []).push(`$var ${kind} ${kind === "real" ? 64 : 1} ${code} ${name.replaceAll(/[^\w]+/g, "_")} $end`);
+    (scopes[scope] = scopes[scope] || []).push(`$var ${kind} ${kind === "real" || kind === "integer" ? 64 : 1} ${code} ${name.replaceAll(/[^\w]+/g, "_")} $end`);
     begin.push(first === null ? "" : first(code));
     for (const [t, text] of changes) entries.push([Math.round(t * 1e9), text(code)]);
   };
+  const whole = (value) => (code) => `b${BigInt.asUintN(64, BigInt(value)).toString(2)} ${code}`; // two's complement
   for (const signal of signals) {
+    if (signal.led && signal.kind === "bits") continue; // the command tells its direction
     const from = last_before(signal.times, a) + 1, to = last_before(signal.times, b);
     if (entries.length + 2 * (to - from) > MOST_VCD) return null;
     const bit = (value) => (code) => `${value ? 1 : 0}${code}`, real = (value) => (code) => `r${value} ${code}`, word = (value) => (code) => `s${String(value).replaceAll(" ", "_") || "_"} ${code}`;
     const span = Array.from({ length: Math.max(0, to - from + 1) }, (_, i) => from + i);
-    if (signal.kind === "steps") add("step", signal.name, "wire", bit(0), span.flatMap((i) => [[signal.times[i], bit(1)], [signal.times[i] + Math.min(PULSE_S, i + 1 < signal.times.length ? (signal.times[i + 1] - signal.times[i]) / 2 : PULSE_S), bit(0)]]));
+    if (signal.led) add("step", `command ${signal.axis}`, "integer", whole(signal.sums[from]), span.map((i) => [signal.times[i], whole(signal.sums[i + 1])]));
+    else if (signal.kind === "steps") add("step", signal.name, "wire", bit(0), span.flatMap((i) => [[signal.times[i], bit(1)], [signal.times[i] + Math.min(PULSE_S, i + 1 < signal.times.length ? (signal.times[i + 1] - signal.times[i]) / 2 : PULSE_S), bit(0)]]));
     else if (signal.kind === "curves") signal.curves.forEach((values, k) => { if (!values.every(Number.isNaN)) add("machine", `${signal.name} ${signal.axes[k]} ${signal.unit}`.trim(), "real", from && !Number.isNaN(values[from - 1]) ? real(values[from - 1]) : null, span.filter((i) => !Number.isNaN(values[i])).map((i) => [signal.times[i], real(values[i])])); });
     else { const value = signal.kind === "bits" ? bit : word, [group, ...rest] = signal.name.split(" "); add(group === "dir" ? "step" : group, group === "dir" ? signal.name : rest.join(" "), signal.kind === "bits" ? "wire" : "string", from ? value(signal.values[from - 1]) : null, span.map((i) => [signal.times[i], value(signal.values[i])])); }
   }
