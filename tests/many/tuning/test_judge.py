@@ -10,9 +10,11 @@ import pytest
 from isel_twin.base.crew import here
 from isel_twin.jobs.result import Result
 from isel_twin.many.tuning import Judgement, confirm
+from isel_twin.many.tuning import judge as judge_module
 from isel_twin.many.tuning.judge import Made, Weather, judged, make
 from isel_twin.many.tuning.result import Held, Tried, front, tuned
 from isel_twin.many.tuning.settling import Settling
+from isel_twin.plant.mujoco import PlantError
 
 from .small import BRAVE, SAFE, problem
 
@@ -85,6 +87,16 @@ def test_a_job_that_is_refused_is_told_with_its_line() -> None:
     found = judged(asked.as_it_stands(), Weather.of(asked), range(1))
     assert found is not None
     assert (found.why, found.slipped) == ("line 2: @0M100,9000,0,30,0,30,0,30 (line 2): R: not referenced", False)
+
+
+def test_a_trial_on_which_the_simulation_runs_away_is_one_that_failed(monkeypatch: pytest.MonkeyPatch) -> None:
+    def runs_away(*_: object) -> None:
+        raise PlantError("axis y: runs away at 33.770500 s")
+
+    monkeypatch.setattr(judge_module, "played", runs_away)
+    asked = problem()
+    found = judged(asked.as_it_stands(), Weather.of(asked), range(2))
+    assert found == Judgement(0.0, 0.0, "axis y: runs away at 33.770500 s", 1, True)
 
 
 def test_confirmed_is_what_holds_on_machines_that_no_trial_has_seen() -> None:
