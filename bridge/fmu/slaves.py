@@ -84,12 +84,7 @@ class _TwinSlave(Fmi3Slave):
 
     def exit_initialization_mode(self) -> None:
         """Build the twin. Raises CallError with one line for wrong parameters."""
-        given = self.values
-        scenario = Path(given["scenario"]) if given["scenario"] else None
-        spec = TwinSpec(given["machine"], self._controller, given["plant"], int(given["seed"]), scenario)
-        self.twin = spec.with_(overrides=self._overrides()).build()
-        self._applied = {**dict.fromkeys(ACTS, False), "power_pressed": True}
-        self._begin(self.twin)
+        self.twin = self._built()
 
     def do_step(self, current_time: float, step_size: float) -> Fmi3StepResult:
         twin = self.twin
@@ -119,9 +114,7 @@ class _TwinSlave(Fmi3Slave):
         if state["twin"] is None:
             self.twin = None
         else:
-            if self.twin is None:
-                self.exit_initialization_mode()  # a state of another instance
-            assert self.twin is not None
+            self.twin = self.twin or self._built()  # it may be a state of another instance
             self.twin.restore(state["twin"])
         self._applied, self.time = dict(state["applied"]), state["time"]
 
@@ -150,6 +143,15 @@ class _TwinSlave(Fmi3Slave):
         raise NotImplementedError
 
     # Inside
+
+    def _built(self) -> Twin:
+        given = self.values
+        scenario = Path(given["scenario"]) if given["scenario"] else None
+        spec = TwinSpec(given["machine"], self._controller, given["plant"], int(given["seed"]), scenario)
+        twin = spec.with_(overrides=self._overrides()).build()
+        self._applied = {**dict.fromkeys(ACTS, False), "power_pressed": True}
+        self._begin(twin)
+        return twin
 
     def _given(self, variable: Any, start: Any) -> None:
         name = variable.name
