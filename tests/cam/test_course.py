@@ -10,6 +10,7 @@ from cam.played import END, FAST, TRAVEL, arc, axes_of, line, lines_of, rapid, t
 
 from isel_twin import Twin
 from isel_twin.cam.settings import CamSettings
+from isel_twin.cam.toolpath import CamError
 from isel_twin.cam.written import MachineAxes
 from isel_twin.jobs.toolpaths import machine_axes
 
@@ -89,3 +90,8 @@ def test_a_fine_tolerance_makes_more_chords() -> None:
     assert (coarse, fine) == (71, 141)
     assert fine == math.ceil(2 * math.pi / (2 * math.acos(1 - 0.0025 / 10)))
     assert FAST.tolerance_mm == 0.01
+
+
+def test_a_helix_that_leaves_the_travel_at_its_end_is_refused() -> None:
+    with pytest.raises(CamError, match=r"leads to Z 142\.000 mm of the machine, which travels from 0 to 140"):
+        lines_of("bwo900", [rapid(50, 60, -138), arc((50, 60, -142), (60, 60, 0)), END])
