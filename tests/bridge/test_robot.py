@@ -23,7 +23,8 @@ No Twin
     Get State
 
 Refused
-    Start Twin    plant=kinematic
+    ${info}=    Start Twin    plant=kinematic
+    Set Suite Variable    ${info}
     Send Command    @0x
 
 Another Reply
@@ -45,16 +46,14 @@ No Such Server
     Connect To Twin    127.0.0.1:1
 
 No Such Line
-    ${info}=    Start Twin    plant=kinematic
     Connect To Twin    ${info}[control]    127.0.0.1:1
 
 No Line
-    ${info}=    Start Twin    plant=kinematic
     Connect To Twin    ${info}[control]
     Start Command    @07
 
 The Twin Has Gone
-    Start Twin    plant=kinematic
+    Connect To Twin    ${info}[control]    ${info}[tcp]
     Let Happen    {"stop": true}
     Sleep    0.3
     Send Command    @07
