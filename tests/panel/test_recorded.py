@@ -13,10 +13,12 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import BrowserContext, Page, expect
 
+from isel_twin import Twin
 from isel_twin.capture.load import load
 from isel_twin.plant.scene import Poses
 from isel_twin.recordings.places import places
 from isel_twin.recordings.reading import Recorded, read
+from isel_twin.recordings.recording import FileRecording
 from tests.forked import start
 from tests.in_process import isel_twin
 from tests.panel.chromium import find_browser
@@ -154,7 +156,7 @@ def test_what_does_not_fit_is_left_out_and_told(recording: Path, tmp_path: Path)
     out = tmp_path / "small.html"
     done = isel_twin("panel", recording, "--html", out, "--most", f"{(size - 100) / 1e6:.6f}", "--json")
     told = json.loads(done.stdout)
-    assert told["left_out"] == ["of 2 samples, all but one"]
+    assert told["left_out"] == ["of 2 samples, all but one, for the size of the file"]
     assert told["bytes"] == out.stat().st_size <= size - 100
     done = isel_twin("panel", recording, "--html", tmp_path / "none.html", "--most", "0.01")
     assert (done.returncode, done.stderr.strip()) == (
@@ -162,6 +164,24 @@ def test_what_does_not_fit_is_left_out_and_told(recording: Path, tmp_path: Path)
         f"isel-twin: {recording}: is too long for a page of 0.01 MB",
     )
     assert not (tmp_path / "none.html").exists()
+
+
+def test_what_began_in_the_middle_is_shown_without_the_machine(tmp_path: Path, context: BrowserContext) -> None:
+    """Nobody knows where it stood; line, steps and samples are there."""
+    twin = Twin(plant="kinematic")
+    twin.query("@07")
+    twin.run(1.0)
+    recording = FileRecording(tmp_path / "late.mcap", twin, 10_000_000)
+    twin.query("@0A160,800,0,30,0,30,0,30")
+    recording.close()
+    done = isel_twin("panel", tmp_path / "late.mcap", "--html", tmp_path / "late.html", "--json")
+    (left_out,) = json.loads(done.stdout)["left_out"]
+    assert left_out.startswith("the machine in 3D: the recording does not begin at power-on")
+    page = context.new_page()
+    page.goto((tmp_path / "late.html").as_uri())
+    expect(page.locator("body")).to_have_attribute("data-ready", "true")
+    expect(page.locator("#stage")).to_contain_text("does not say where the machine was")
+    assert isel_twin("export", tmp_path / "late.mcap", tmp_path / "view.mcap").returncode == 2
 
 
 def test_it_is_served_to_this_computer_only(recording: Path) -> None:

@@ -51,7 +51,7 @@ def panel(
     if not recorded.whole:
         say(f"{recording}: has no end, it was cut off; the page has what there is")
     for what in left_out:
-        say(f"{recording}: left out for the size of the page: {what}")
+        say(f"{recording}: left out of the page: {what}")
     if html is not None:
         with call_errors(html):
             atomic_write(html, page.encode())

@@ -128,7 +128,7 @@ async function start() {
   try { session = await read(); } catch (error) { $("playback").append(make("p", {}, `This browser cannot read the recording: ${error.message}`)); return; }
   const scope = new Scope(session, (t) => { play(false); go_to(t); });
   $("playback").append(build_bar(), make("div", { class: "upper" }, build_machine(session), build_lines()), scope.node);
-  if (session.left_out.length) $("playback").append(make("p", { class: "told" }, `Left out for the size of this file: ${session.left_out.join("; ")}.`));
+  if (session.left_out.length) $("playback").append(make("p", { class: "told" }, `Left out: ${session.left_out.join("; ")}.`));
   showing.push((t) => scope.show(t));
   addEventListener("keydown", (event) => {
     if (event.target.matches("input:not([type=range]), select, textarea, button, summary") || event.ctrlKey || event.altKey || event.metaKey) return;

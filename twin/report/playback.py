@@ -87,8 +87,8 @@ def playback_page(recorded: Recorded, most_bytes: int | None = MOST_BYTES) -> tu
     every, steps = 1, True
     while True:
         left_out = [f"the machine in 3D: the recording {why}"] if why else []
-        left_out += [f"of {every} samples, all but one"] if every > 1 else []
-        left_out += [] if steps else ["single steps"]
+        left_out += [f"of {every} samples, all but one, for the size of the file"] if every > 1 else []
+        left_out += [] if steps else ["single steps, for the size of the file"]
         page = _page(recorded, session(recorded, machine, every, steps, left_out).data())
         if most_bytes is None or len(page) <= most_bytes:
             return page, left_out
