@@ -23,12 +23,13 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # what tests start by the hundr
 
 LONGEST = (
     "panel/test_browser.py", "golden/test_sessions.py", "many/identification/test_hidden.py", "test_robust.py",
-    "jobs/test_edge.py", "matrix/test_matrix.py", "cli/test_first_hour.py", "conformance/test_bwo900_parameters.py",
-    "smoke/test_every_command.py", "reliability/test_small.py", "conformance/test_bwo900_measuring.py",
-    "pytest_plugin/test_fixtures.py", "envs/test_learning_doc.py", "pytest_plugin/test_asserts.py",
-    "drives/test_curves.py", "recordings/test_replay.py", "bridge/test_first_start.py", "hunt/test_hunt.py",
+    "jobs/test_edge.py", "matrix/test_matrix.py", "test_collisions.py", "cli/test_first_hour.py",
+    "conformance/test_bwo900_parameters.py", "smoke/test_every_command.py", "reliability/test_small.py",
+    "test_compiling.py", "conformance/test_bwo900_measuring.py", "pytest_plugin/test_fixtures.py",
+    "envs/test_learning_doc.py", "pytest_plugin/test_asserts.py", "drives/test_curves.py",
+    "recordings/test_replay.py", "bridge/test_first_start.py", "hunt/test_hunt.py",
     "firmware/bwo900/test_properties.py", "cli/test_identify.py", "test_save.py", "cli/test_tune.py",
-    "many/studies/test_cluster.py", "many/tuning/test_study.py", "bridge/test_commissioning.py",
+    "many/studies/test_cluster.py", "many/tuning/test_study.py", "bridge/test_commissioning.py", "test_windows.py",
     "fuzz/test_readers.py", "firmware/bwo900/test_cycles_in_use.py", "conformance/test_bwo900_second_opinion.py",
     "many/identification/test_others.py", "many/studies/test_table.py", "conformance/test_bwo900_feed.py",
     "firmware/bwo900/test_on_the_machine.py", "bridge/test_virtual_host.py", "jobs/test_contour.py",
