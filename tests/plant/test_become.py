@@ -37,7 +37,7 @@ def flat(state: Any) -> list[Any]:
     if isinstance(state, np.ndarray):
         if state.dtype.names and "mj_step" in state.dtype.names:
             state = state.copy()
-            state["model"] = state["data"] = 0
+            state["model"] = state["data"] = state["step_at"] = 0
         return [state.dtype.str, state.shape, state.tobytes()]
     return [repr(state)]
 

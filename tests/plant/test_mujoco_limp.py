@@ -7,7 +7,7 @@ import pytest
 from plant.energy import mechanical_energy_j
 
 from isel_twin.machine import MachineError
-from isel_twin.plant.mujoco import PlantError
+from isel_twin.plant import PlantError
 
 from .conftest import PERIOD, ramp_ns, ticks
 

@@ -40,6 +40,7 @@ __all__ = [
     "Collision",
     "Cut",
     "Plant",
+    "PlantError",
     "Quantity",
     "Sampled",
     "Samples",
@@ -50,6 +51,10 @@ __all__ = [
 PLACES: Mapping[str, str] = {"tool": "tool", "table": "table_top"}  # where a force can act: name, site of the model
 MOST_CLEARANCE_MM = 20.0  # two bodies that never come nearer are not looked at
 Quantity = Literal["position", "lag", "fault", "touch"]  # what a threshold watches
+
+
+class PlantError(RuntimeError):
+    """A joint has run away: the state is meaningless."""
 
 
 @dataclass(frozen=True)

@@ -34,13 +34,14 @@ from isel_twin.plant.lead import no_leads
 from isel_twin.plant.margin import SPEEDS, available_torque
 from isel_twin.plant.memory import Parts
 from isel_twin.plant.model import MODELS, Asked, asked_of, compiled, found_targets, left_of_x, reach, tool_motion
-from isel_twin.plant.native import mj_step_address
+from isel_twin.plant.native import mj_step_address, time_step_address
 from isel_twin.plant.thread import SCREW, feel
 
 REST_TIME_S = 0.025  # standstill before the plant is frozen; a swinging joint is never slow for this long
 # Largest MuJoCo step times the highest frequency (rad/s) of the machine on all its springs, nuts and structure. Above 2
 # the exchange of forces feeds oscillations; stick-slip can feed them below that (decision plant/3).
 LARGEST_STEP_RATIO = 1.9
+FINER = 4, 5, 3, 2  # parts of a window while the structure is shaken: the first that divides it
 NEAR_M = 1e-9  # distance from a position switch at which the loop begins to compare; rounding is far below
 _LEAST_V = 5.0  # least Stage.supply_v; below it a motor's torque is taken as at this voltage
 _QUANTITIES = {"position": memory.POSITION, "lag": memory.LAG, "fault": memory.FAULT, "touch": memory.TOUCH}
@@ -268,10 +269,13 @@ def _power_on(machine: Machine, built: Built) -> None:
     parts.before[:] = parts.place[:] = data.qpos
     parts.rates[:] = data.qvel
     plant["substep_ns"] = machine.timing.substep_ns
-    plant["window"] = machine.timing.mujoco_step_ns // machine.timing.substep_ns
+    window = machine.timing.mujoco_step_ns // machine.timing.substep_ns
+    plant["window"] = plant["usual"] = window
+    plant["fine"] = next((window // parts for parts in FINER if window % parts == 0), window)
     plant["rest_windows"] = math.ceil(REST_TIME_S / step_s)
     plant["mj_step"] = mj_step_address()
     plant["model"] = model._address
+    plant["step_at"] = time_step_address(model)
     plant["data"] = data._address
     plant["lost_dof"] = -1
     plant["sample_at"] = kernel.NEVER

@@ -23,6 +23,10 @@ the moment at which friction stops a carriage: both are resolved at dt, not at h
 A drive gets the exact time mean of its command over the sub-step: the sum of the ticks, each weighted by the part of
 the sub-step that follows it, less the mean of the rest of the leads (lead.py).
 
+Shaken: a motor that has lost its step throws its nut to and fro, at a stop above all. Where the structure moves faster
+than SHAKEN_M_S, as no motion in step does, windows are cut into `fine` ones until it has been calm (plant/25): the
+exchange could not follow else, and would feed what it should damp.
+
 Rest: after `rest_windows` windows of standstill without leads the plant is frozen: all sub-steps up to the next tick or
 change of current are skipped (plant/6).
 
@@ -33,6 +37,7 @@ MuJoCo's step is called by its address (native.py). Between the stops, without c
 import math
 
 import numpy as np
+from numba import carray
 
 import isel_twin.plant
 from isel_twin.base.compiling import njit
@@ -42,11 +47,13 @@ from isel_twin.drives.servo import cool, servo_torque
 from isel_twin.drives.shaft import SERVO, at_rest, turn
 from isel_twin.plant import feed, glide, lead, margin, memory, native, teeth, thread, touch
 from isel_twin.plant.lead import begin, behind, mean_behind
-from isel_twin.plant.memory import APART, AXES, FRESH, LAG, PARTED_MM, POSITION, TOUCH, parts_of
+from isel_twin.plant.memory import APART, AXES, FRESH, LAG, PARTED_MM, POSITION, TOUCH, at_address, parts_of
 from isel_twin.plant.native import call_mj_step
 
 REST_M_S = 5e-6  # speed below which a joint counts as at rest
 HELD_M_S2 = 1e-3  # constraint acceleration beyond friction that counts as a carriage held; rounding is far below
+SHAKEN_M_S = 0.25  # speed of a joint of the structure beyond which windows become fine
+CALM = 40  # fine windows without it, after which they are as usual again
 FAR_M = 1e3  # a joint beyond this has run away
 NEVER = np.iinfo(np.int64).max
 
@@ -163,7 +170,14 @@ def _leave_window(memory):
         rates[j] = qvel[j]
     window_s = 1e-9 * plant.substep_ns * plant.window
     if not glide.glide(parts.joints_law, parts.mobility, window_s, qpos, qvel, parts.qacc, parts.qacc_smooth, qfrc):
-        call_mj_step(plant.mj_step, plant.model, plant.data)  # type: ignore[call-arg]
+        if plant.window == plant.usual:
+            call_mj_step(plant.mj_step, plant.model, plant.data)  # type: ignore[call-arg]
+        else:
+            step_s = carray(at_address(plant.step_at), (1,), np.float64)
+            usual_s = step_s[0]
+            step_s[0] = window_s
+            call_mj_step(plant.mj_step, plant.model, plant.data)  # type: ignore[call-arg]
+            step_s[0] = usual_s
         _feel(plant, axes, parts.touching, parts.touched_m, parts.found)
     for i in range(AXES):
         axis = axes[i]
@@ -174,7 +188,8 @@ def _leave_window(memory):
         if plant.lost_dof < 0 and not abs(qpos[j]) < FAR_M:
             plant.lost_dof = j
         quiet = quiet and abs(qvel[j]) < REST_M_S
-    plant.quiet = plant.quiet + 1 if quiet else 0
+    _pace(plant, axes, parts.supply[0], qvel)
+    plant.quiet = plant.quiet + 1 if quiet and plant.window == plant.usual else 0
     if plant.quiet >= plant.rest_windows:
         plant.frozen = 1
         plant.frozen_at = plant.now
@@ -193,6 +208,27 @@ def _leave_window(memory):
 
 
 @njit(nogil=True, error_model="numpy")
+def _pace(plant, axes, supply, qvel):
+    """Choose the next window: fine from when the structure is shaken until it has been calm."""
+    shaken = False
+    for j in range(qvel.shape[0]):
+        if abs(qvel[j]) > SHAKEN_M_S and not (axes[0].dof == j or axes[1].dof == j or axes[2].dof == j):
+            shaken = True
+    window = plant.window
+    if shaken:
+        window = plant.fine
+        plant.calm = 0
+    elif window != plant.usual:
+        plant.calm += 1
+        if plant.calm >= CALM and plant.now % plant.usual == 0:
+            window = plant.usual
+    if window != plant.window:
+        plant.window = window
+        supply.window_s = 1e-9 * plant.substep_ns * window
+        supply.charge_decay = math.exp(-supply.window_s / (supply.source_ohm * supply.capacitance_f))
+
+
+@njit(nogil=True, error_model="numpy")
 def look(memory):
     """Reset the least pull-out margins and largest speeds to those of now."""
     parts = parts_of(memory)
@@ -206,7 +242,8 @@ def look(memory):
 def _look(memory):
     """Lower the least pull-out margins to those of now, for motors whose stages are on."""
     parts = parts_of(memory)
-    now_ns = parts.plant[0].now * parts.plant[0].substep_ns
+    plant = parts.plant[0]
+    now_ns = plant.now * plant.substep_ns
     supply = parts.supply[0]
     faster = supply.source_v / max(supply.voltage_v, 1.0) if supply.on else 1.0
     for i in range(AXES):
@@ -222,7 +259,7 @@ def _look(memory):
             command = parts.commanded[i] - behind(parts.leads[i], now_ns)
             lag = (command - state.theta_rad * axis.steps_per_rad) * axis.full_steps
             speed_rad_s = faster * state.omega_rad_s
-            axis.turning_rad_s += 0.1 * (speed_rad_s - axis.turning_rad_s)
+            axis.turning_rad_s += 0.1 * (plant.window / plant.usual) * (speed_rad_s - axis.turning_rad_s)
             axis.fastest_rad_s = max(axis.fastest_rad_s, abs(axis.turning_rad_s))
             now = margin.margin(axis.mean_nm, lag, speed_rad_s, parts.available[i], axis.fraction)
         else:

@@ -34,7 +34,11 @@ SAMPLES = MOST_SAMPLES  # samples that can wait to be read
 PLANT = np.dtype(
     [
         ("substep_ns", "i8"),
-        ("window", "i8"),  # sub-steps in a MuJoCo step
+        ("window", "i8"),  # sub-steps in a MuJoCo step: `usual`, or `fine` while the structure is shaken
+        ("usual", "i8"),
+        ("fine", "i8"),
+        ("calm", "i8"),  # fine windows since it was last shaken
+        ("step_at", "i8"),  # address of the time step in the mjModel
         ("rest_windows", "i8"),  # windows of standstill before the plant is frozen
         ("mj_step", "i8"),  # address of the function
         ("model", "i8"),  # address of the mjModel

@@ -18,7 +18,7 @@ from isel_twin.drives.dynamics import BOTH, OPEN
 from isel_twin.drives.servo import CAUSES, cool, forget
 from isel_twin.drives.stage import AnyStage
 from isel_twin.machine import Machine, MachineError
-from isel_twin.plant import Threshold, kernel, memory, touch
+from isel_twin.plant import PlantError, Threshold, kernel, memory, touch
 from isel_twin.plant.altered import Alterations
 from isel_twin.plant.built import Built, build, find_available, find_free, rebuild
 from isel_twin.plant.collision import Collision
@@ -32,15 +32,11 @@ from isel_twin.plant.samples import GRID, LoopSamples
 
 _PHASES = {"": BOTH, "a": BOTH & ~1, "b": BOTH & ~2, "ab": OPEN}  # remaining phases, by the interrupted ones
 _NOW, _EDGE, _STRUCK, _LOST_DOF = map((memory.PLANT.names or ()).index, ("now", "edge", "struck", "lost_dof"))
-_ADDRESSES = ("mj_step", "model", "data")  # fields of memory.PLANT that belong to this process
+_ADDRESSES = ("mj_step", "model", "data", "step_at")  # fields of memory.PLANT that belong to this process
 _SAVED = tuple(name for name in memory.Parts._fields if name != "samples")  # which have been read
 _OWN = ("inertia", "mobility", "weight")  # arrays of `Built` beside the parts that change
 # what MuJoCo's next step depends on (mjSTATE_INTEGRATION), beside the parts and the time
 _DATA = ("qacc_warmstart", "act", "ctrl", "xfrc_applied", "eq_active", "mocap_pos", "mocap_quat", "userdata")
-
-
-class PlantError(RuntimeError):
-    """A joint has run away: the state is meaningless."""
 
 
 class MujocoPlant(LoopSamples):

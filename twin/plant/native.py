@@ -1,6 +1,7 @@
 """`mj_step` for compiled code: called by its address, an integer, so that the code can be cached.
 
 mj_step_address() -> int                     of the library that the mujoco package has loaded
+time_step_address(model) -> int              of the number in an mjModel
 call_mj_step(address, model, data)           in compiled code; model, data: addresses of mjModel and mjData
 """
 
@@ -35,6 +36,21 @@ def library(folder: Path) -> Path:
         for path in sorted(folder.glob(pattern)):
             return path
     raise FileNotFoundError(f"{folder}: no library of MuJoCo here ({', '.join(_LIBRARIES)})")
+
+
+_WORDS = 256  # of an mjModel, among which its options stand
+
+
+def time_step_address(model: mujoco.MjModel) -> int:
+    """Address of `model.opt.timestep`: the word that follows it. Raises RuntimeError if none or several do."""
+    words, kept = (ctypes.c_double * _WORDS).from_address(model._address), model.opt.timestep
+    found = set(range(_WORDS))
+    for step_s in (0.75 * kept, 1.25 * kept, kept):
+        model.opt.timestep = step_s
+        found = {word for word in found if words[word] == step_s}
+    if len(found) != 1:
+        raise RuntimeError("the time step is not where MuJoCo 4 has it; take a version that is allowed")
+    return int(model._address + 8 * found.pop())
 
 
 @cache

@@ -14,7 +14,7 @@ from isel_twin.many.tuning import judge as judge_module
 from isel_twin.many.tuning.judge import Made, Weather, judged, make
 from isel_twin.many.tuning.result import Held, Tried, front, tuned
 from isel_twin.many.tuning.settling import Settling
-from isel_twin.plant.mujoco import PlantError
+from isel_twin.plant import PlantError
 
 from .small import BRAVE, SAFE, problem
 

@@ -26,7 +26,7 @@ from isel_twin.jobs.result import Result
 from isel_twin.jobs.robust import perturbed_twin
 from isel_twin.many.tuning.settling import Settling
 from isel_twin.many.tuning.space import Candidate, Problem
-from isel_twin.plant.mujoco import PlantError
+from isel_twin.plant import PlantError
 
 if TYPE_CHECKING:
     from isel_twin.core.spec import TwinSpec
