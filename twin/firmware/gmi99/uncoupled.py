@@ -6,8 +6,8 @@
                      its speed and f at that moment (6.1.4); FB 254.30 with 0 ends that
     p4;0;axis,0      a normal command that waits until the axis has done its program
 
-An axis moves with its own M and B from place to place, beside the others and the path. The stop flag holds it, a
-break-off brakes it and forgets its program.
+An axis moves with its own M and B from place to place, beside the others and the path. The stop flag holds it
+(one that follows the path stands with it), a break-off brakes it and forgets its program.
 """
 
 from __future__ import annotations
@@ -228,7 +228,8 @@ class Uncoupled:
             del self._turns_hz[axis]
             self._ending.add(axis)
         now_hz = self._speed(axis)
-        if self._held or not wanted or wanted * now_hz < 0.0:
+        held = self._held and axis not in self._gears
+        if held or not wanted or wanted * now_hz < 0.0:
             self._brake(axis)
         else:
             place, stands = self._made(axis) + math.copysign(FAR, wanted), self._stands(axis)
