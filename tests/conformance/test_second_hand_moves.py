@@ -240,6 +240,42 @@ def test_an_emergency_position_beside_a_program() -> None:
 
 
 @shows("bwo900-8.7-22")
+@pytest.mark.parametrize("other", [{"p12312": 40}, {"p12333": TO_AND_FRO}, {"p12331": ONWARD}])
+def test_an_emergency_position_holds_what_else_the_plc_moves(other: dict[str, float]) -> None:
+    """Y, at 20 mm/s, brakes in 0.5 mm at most, and stays; its place is not told."""
+    desk = fresh(p12032=30, p12237=15, p12322=1200, p12323=1200, p8755=1200)
+    desk.send(parameters(**other))
+    desk.run(0.5)
+    there = mm(desk)[1]
+    desk.send(parameters(p12132=EMERGENCY))
+    desk.run(3.0)
+    assert (mm(desk)[0], said(desk)) == (30.0, [2000])
+    assert there < mm(desk)[1] <= there + 0.55
+    assert told(desk, 12_182, 12_381, 12_383, 12_392) == [1, 0, 0, 0]
+
+
+@shows("bwo900-8.7-21", "bwo900-8.7-22")
+def test_an_override_counts_on_the_way_and_not_for_an_emergency() -> None:
+    desk = fresh(p12122=1200, p12032=40)
+    desk.send(parameters(p12112=20))
+    desk.run(0.5)
+    desk.send(parameters(p11310=0))
+    desk.run(1.0)
+    held = mm(desk)[0]
+    desk.run(1.0)
+    assert (mm(desk)[0], told(desk, 12_192)) == (held, [0])
+    assert held == pytest.approx(10.0, abs=0.1)
+    desk.send(parameters(p11310=100))
+    desk.finish()
+    assert (mm(desk)[0], told(desk, 12_192)) == (20.0, [1])
+    desk.send(parameters(p12132=EMERGENCY))
+    desk.run(0.1)
+    desk.send(parameters(p11310=0))
+    desk.run(0.5)
+    assert (mm(desk)[0], told(desk, 12_182)) == (40.0, [1])
+
+
+@shows("bwo900-8.7-22")
 @pytest.mark.parametrize("way", [8.0, -8.0])
 def test_to_and_fro_with_its_rests_until_it_is_held(way: float) -> None:
     """There and back at 20 mm/s: 0.45 s each, and 0.5 s at the start, 0.25 s at the other end."""
