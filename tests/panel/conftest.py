@@ -136,8 +136,9 @@ def browser() -> Iterator[Callable[..., Browser]]:
         one.close()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def chromium() -> Iterator[Chromium]:
+    """For one file of tests: its event loop runs in this thread, where others want one of their own."""
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=find_browser(), args=list(ARGUMENTS))
         yield browser
