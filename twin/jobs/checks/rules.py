@@ -135,32 +135,29 @@ def few(findings: Sequence[Finding]) -> tuple[Finding, ...]:
 
 
 def of_margin(result: Result, bounds: Bounds) -> list[Finding]:
-    if bounds.margin is None or result.condition:
-        return []
-    return [
-        Finding(
-            "margin",
-            f"{name} keeps {100 * margin:.0f} %; at least {100 * bounds.margin:.0f} %",
-            result.number,
-            about=name,
-            off=bounds.margin - margin,
-        )
-        for name, margin in zip(AXIS_NAMES, result.margin, strict=False)
-        if margin is not None and margin < bounds.margin
-    ]
+    """Axes whose motors keep less torque in a line than the bound asks for."""
+    words = f"{{name}} keeps {{percent:.0f}} %; at least {100 * (bounds.margin or 0.0):.0f} %"
+    return _below("margin", result, result.margin, bounds.margin, words)
 
 
 def of_edge(result: Result, bounds: Bounds) -> list[Finding]:
-    if bounds.edge is None or result.condition:
+    """Axes that would swing out of step at less than the factor on the speed of a line that the bound asks for."""
+    words = f"{{name}} swings from {{value:.2f}} times this speed on; at least {bounds.edge or 0.0:g}"
+    return _below("edge", result, result.edge, bounds.edge, words)
+
+
+def _below(rule: str, result: Result, values: Sequence[float | None], least: float | None, words: str) -> list[Finding]:
+    """words: with {name} of the axis, and its {value} or {percent}."""
+    if least is None or result.condition:
         return []
     return [
         Finding(
-            "edge",
-            f"{name} swings from {edge:.2f} times this speed on; at least {bounds.edge:g}",
+            rule,
+            words.format(name=name, value=value, percent=100 * value),
             result.number,
             about=name,
-            off=bounds.edge - edge,
+            off=least - value,
         )
-        for name, edge in zip(AXIS_NAMES, result.edge, strict=False)
-        if edge is not None and edge < bounds.edge
+        for name, value in zip(AXIS_NAMES, values, strict=False)
+        if value is not None and value < least
     ]
