@@ -16,7 +16,9 @@ from hypothesis import strategies as st
 from isel_twin import Twin
 from isel_twin.cli import main
 from isel_twin.jobs.expect import Expected, ExpectError, excerpt, parse_condition, parse_expected
-from isel_twin.jobs.job import JobError, Line, Result, check_conditions, parse_job, play
+from isel_twin.jobs.job import JobError, Line, check_conditions, parse_job
+from isel_twin.jobs.result import Result
+from isel_twin.jobs.sending import play
 from isel_twin.jobs.verdict import Verdict, judge
 from isel_twin.language import create_language
 
