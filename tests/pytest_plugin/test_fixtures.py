@@ -13,6 +13,7 @@ import pytest
 from pytest_plugin.projects import INI, drawing_project, project, run, warm
 
 from isel_twin.cli import main
+from tests.forked import PATIENCE_S
 
 __all__ = ["drawing_project", "project", "warm"]
 pytest_plugins = ["pytester"]
@@ -38,7 +39,7 @@ def test_a_project_without_twins_pays_for_nothing(project: pytest.Pytester) -> N
         """
     )
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:hypothesispytest", "-p", "no:timeout"]
-    done = subprocess.run(command, cwd=project.path, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(command, cwd=project.path, capture_output=True, text=True, timeout=PATIENCE_S)
     assert done.returncode == 0, done.stdout
 
 
@@ -65,7 +66,7 @@ def test_every_fixture_in_a_test_that_passes(project: pytest.Pytester) -> None:
         def test_server(twin_server):
             twin_server.ask({"set": {"hood": "open"}})
             assert twin_server.ask({"state": True})["inputs"]["hood"] == "open"
-            with serial.serial_for_url(twin_server.url, timeout=30) as port:
+            with serial.serial_for_url(twin_server.url, timeout=900) as port:
                 port.write(b"@07\\r")
                 assert port.read() == b"0"
             assert twin_server.stop().inputs["hood"] == "open"
@@ -144,7 +145,7 @@ def test_a_server_on_every_kind_of_port(project: pytest.Pytester, endpoint: str,
         @pytest.mark.twin(endpoint="{endpoint}")
         def test_server(twin_server):
             assert twin_server.url.startswith("{begins}")
-            with serial.serial_for_url(twin_server.url, 19200, timeout=30) as port:
+            with serial.serial_for_url(twin_server.url, 19200, timeout=900) as port:
                 port.write(b"@07\\r")
                 assert port.read() == b"0"
         """
