@@ -91,6 +91,10 @@ def test_a_command(command: str, folder: Path) -> None:
     assert (done.returncode, "Traceback" in done.stderr) == (0, False), done
 
 
+def test_the_picture_of_a_motor_is_one(folder: Path) -> None:
+    assert (folder / "motor.png").read_bytes().startswith(b"\x89PNG")
+
+
 def test_all_commands_are_tried() -> None:
     assert {command.split()[0] for command in IN_ORDER} | set(SERVED) == {name for name in app if name[0] != "-"}
 
