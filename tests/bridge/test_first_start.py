@@ -10,6 +10,8 @@ import pytest
 from tests.bridge.conftest import Served, ask
 from tests.forked import run, start_anew
 
+pytestmark = pytest.mark.long(seconds=10)
+
 SESSION = ("@07", "@0d5000,5000,5000", "@0R7", "@0A 3200,10000,320,10000,0,30,0,30")
 
 

@@ -23,6 +23,8 @@ from isel_twin.core.twin import Twin
 from tests.forked import PATIENCE_S, PIPE, run, start, start_anew
 from tests.in_process import isel_twin
 
+pytestmark = pytest.mark.long(seconds=7)
+
 Call = tuple[int, str, str]
 
 
