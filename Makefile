@@ -21,8 +21,8 @@ $(READY): pyproject.toml
 demo: $(READY)       ## a host program drives the twin through a pseudo-terminal
 	@$(BIN)/python -m isel_twin.bridge.demo
 
-test: $(READY)       ## all tests, each file on one of three workers (some wait for browsers and ports)
-	$(BIN)/python -m pytest --numprocesses 3 --dist loadfile --no-loadscope-reorder
+test: $(READY)       ## all tests, each file on one of four workers, as many wait for browsers and ports
+	$(BIN)/python -m pytest --numprocesses 4 --dist loadfile --no-loadscope-reorder
 
 QUICK := \
 	tests/bridge/test_uart.py tests/bridge/test_pacing.py tests/bridge/test_protocol_twin.py tests/test_language.py \

@@ -21,21 +21,8 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # begun in the background
 
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # what tests start by the hundred would compile all sources each time
 
-LONGEST = (
-    "panel/test_browser.py", "golden/test_sessions.py", "many/identification/test_hidden.py", "test_robust.py",
-    "jobs/test_edge.py", "matrix/test_matrix.py", "test_collisions.py", "cli/test_first_hour.py",
-    "conformance/test_bwo900_parameters.py", "smoke/test_every_command.py", "reliability/test_small.py",
-    "test_compiling.py", "conformance/test_bwo900_measuring.py", "pytest_plugin/test_fixtures.py",
-    "envs/test_learning_doc.py", "pytest_plugin/test_asserts.py", "drives/test_curves.py",
-    "recordings/test_replay.py", "bridge/test_first_start.py", "hunt/test_hunt.py",
-    "firmware/bwo900/test_properties.py", "cli/test_identify.py", "test_save.py", "cli/test_tune.py",
-    "many/studies/test_cluster.py", "many/tuning/test_study.py", "bridge/test_commissioning.py", "test_windows.py",
-    "fuzz/test_readers.py", "firmware/bwo900/test_cycles_in_use.py", "conformance/test_bwo900_second_opinion.py",
-    "many/identification/test_others.py", "many/studies/test_table.py", "conformance/test_bwo900_feed.py",
-    "firmware/bwo900/test_on_the_machine.py", "bridge/test_virtual_host.py", "jobs/test_contour.py",
-    "cli/test_cli.py", "cli/test_run.py", "cli/test_programs.py",
-)  # fmt: skip
-"""Files that take more than six seconds of a processor, the longest first."""
+gc.disable()  # nothing of what is imported and collected is thrown away
+
 MANY = 200
 """Tests in a session from which on everything is compiled before the first of them."""
 
@@ -55,16 +42,16 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         _warm_up()
         if rewriting is not None:
             rewriting.wait()
+        gc.enable()  # it collects nothing itself
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Workers get long files first (with --no-loadscope-reorder), so that none has one left when the others are
     through."""
     if hasattr(config, "workerinput"):
-        here = Path(__file__).parent
-        first = {here / name: number for number, name in enumerate(LONGEST)}
         size = Counter(item.path for item in items)
-        items.sort(key=lambda item: (first.get(item.path, len(first)), -size[item.path]))
+        takes_s = {item.path: mark.kwargs["seconds"] for item in items for mark in item.iter_markers("long")}
+        items.sort(key=lambda item: (-takes_s.get(item.path, 0), -size[item.path]))
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
@@ -72,8 +59,8 @@ def pytest_collection_finish(session: pytest.Session) -> None:
 
     Without workers: compile if there is much to be done, so that no test is blamed for it.
     """
-    gc.collect()
     gc.freeze()
+    gc.enable()
     config = session.config
     if len(session.items) >= MANY and not hasattr(config, "workerinput") and not config.option.collectonly:
         _warm_up()

@@ -45,23 +45,17 @@ def test_the_twin_knows_no_cabinet_and_no_terminal() -> None:
         assert words(ROOT / "twin" / "core" / file, rf"(?<![\w.])({names})(?!\w)") == []
 
 
-@pytest.mark.parametrize(
-    "path",
-    [p for p in sources("twin", "bridge", "envs") if p != DEMONSTRATION],
-    ids=lambda path: str(path.relative_to(ROOT)),
-)
-def test_a_controllers_language_is_known_in_its_folder_only(path: Path) -> None:
+def test_a_controllers_language_is_known_in_its_folder_only() -> None:
     """No command, no end of a line, no byte with a meaning outside the firmware folders."""
-    if path.is_relative_to(ROOT / "twin" / "firmware") and path.parent.name != "firmware":
-        return
-    assert re.findall(r'b"[^"]*\\[rx]|@0|\bb"@', code(path)) == []
+    firmware = ROOT / "twin" / "firmware"
+    for path in sources("twin", "bridge", "envs"):
+        if path != DEMONSTRATION and not (path.is_relative_to(firmware) and path.parent != firmware):
+            assert (path.name, re.findall(r'b"[^"]*\\[rx]|@0|\bb"@', code(path))) == (path.name, [])
 
 
-@pytest.mark.parametrize(
-    "path", list(sources("twin/motion", "twin/plant", "twin/recordings")), ids=lambda path: str(path.relative_to(ROOT))
-)
-def test_ticks_are_not_packed(path: Path) -> None:
-    assert words(path, r"(?<!\.)\b(en|de)code\(|packed|PAIR|100 ps") == []
+def test_ticks_are_not_packed() -> None:
+    for path in sources("twin/motion", "twin/plant", "twin/recordings"):
+        assert words(path, r"(?<!\.)\b(en|de)code\(|packed|PAIR|100 ps") == []
 
 
 def test_machines_name_no_terminal() -> None:
@@ -69,16 +63,13 @@ def test_machines_name_no_terminal() -> None:
         assert words(path, "terminal|" + "|".join(re.escape(name) for name in TERMINALS)) == []
 
 
-@pytest.mark.parametrize(
-    "path", list(sources("twin", "bridge", "envs", "models")), ids=lambda p: str(p.relative_to(ROOT))
-)
-def test_only_the_pseudo_terminal_needs_posix(path: Path) -> None:
+def test_only_the_pseudo_terminal_needs_posix() -> None:
     """What only POSIX has may be asked for where it is used, with an answer for where it is missing."""
-    if path == ROOT / "bridge" / "serve" / "pty.py":
-        return
-    assert words(path, r"^(import|from) (fcntl|grp|posix|pty|pwd|resource|syslog|termios|tty)\b") == []
-    if path != DEMONSTRATION:
-        assert words(path, r"^(import|from) isel_twin\.bridge\.serve\.pty\b") == []
+    modules = r"^(import|from) (fcntl|grp|posix|pty|pwd|resource|syslog|termios|tty)\b"
+    for path in sources("twin", "bridge", "envs", "models"):
+        if path != ROOT / "bridge" / "serve" / "pty.py":
+            ours = "" if path == DEMONSTRATION else r"|^(import|from) isel_twin\.bridge\.serve\.pty\b"
+            assert words(path, modules + ours) == []
 
 
 ROOMS = re.findall(

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from isel_twin.base import compiling
+from tests.forked import PATIENCE_S
 
 ROOT = Path(__file__).parents[1]
 
@@ -46,7 +47,7 @@ def test_without_any_folder_to_write_in_all_is_compiled_anew(tmp_path: Path) -> 
     done = subprocess.run(
         [sys.executable, "-c", SESSION, str(tmp_path)],
         env={**environment, "HOME": nowhere, "XDG_CACHE_HOME": nowhere, "NUMBA_OPT": "1"},
-        cwd=tmp_path, capture_output=True, text=True, check=False, timeout=240,
+        cwd=tmp_path, capture_output=True, text=True, check=False, timeout=PATIENCE_S,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("23HS32-4004S at 48 V")
@@ -124,18 +125,3 @@ def test_the_index_names_no_code_that_is_not_written(tmp_path: Path, monkeypatch
     monkeypatch.setattr(new, "_save_data", lambda name, data: (seen.append(new.load("int8")), write(name, data)))
     new.save("int8", "new code")
     assert [*seen, new.load("int8")] == [None, "new code"]
-
-
-def test_a_fresh_installation_says_that_it_compiles_and_only_then(tmp_path: Path) -> None:
-    """`serve` does so before it listens: tests/bridge/test_first_start.py."""
-    (tmp_path / "job.txt").write_text("@07\n@0R7\n")
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "NUMBA_OPT": "1"}
-    call = [sys.executable, "-c", "from isel_twin.cli import main; main()"]
-    run = [*call, "run", "job.txt", "--plant", "kinematic"]
-    first, second = (
-        subprocess.run(run, env=environment, cwd=tmp_path, capture_output=True, text=True, check=True, timeout=240)
-        for _ in range(2)
-    )
-    assert "compiling the physics (once per installation) ...\n" in first.stderr
-    assert "compiled in " in first.stderr
-    assert second.stderr == ""

@@ -16,9 +16,12 @@ from hypothesis import strategies as st
 from isel_twin import Twin
 from isel_twin.cli import main
 from isel_twin.jobs.expect import Expected, ExpectError, excerpt, parse_condition, parse_expected
-from isel_twin.jobs.job import JobError, Line, Result, check_conditions, parse_job, play
+from isel_twin.jobs.job import JobError, Line, check_conditions, parse_job
+from isel_twin.jobs.result import Result
+from isel_twin.jobs.sending import play
 from isel_twin.jobs.verdict import Verdict, judge
 from isel_twin.language import create_language
+from tests.forked import PATIENCE_S
 
 FAR = "@07\n@0R7\n@0M160000,8000,8000,8000,0,30,0,30"
 """Ends at the switch at the far end of X."""
@@ -442,7 +445,8 @@ def test_a_mistake_is_shown_with_a_caret(call: Any, job: str) -> None:
 def test_a_job_from_standard_input_may_expect() -> None:
     done = subprocess.run(
         [sys.executable, "-m", "isel_twin.cli", "run", "-", "--plant", "kinematic"],
-        input="@07 => 0\n! hood == closed\n! lost == 0", capture_output=True, text=True, check=False, timeout=120,
+        input="@07 => 0\n! hood == closed\n! lost == 0", capture_output=True, text=True, check=False,
+        timeout=PATIENCE_S,
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, "")
     assert "3 expectations" in done.stdout

@@ -8,6 +8,7 @@ from threading import Barrier, Thread
 import pytest
 
 from isel_twin.base.quiet import quietly
+from tests.forked import PATIENCE_S
 
 LOG = logging.getLogger("isel_twin")
 
@@ -24,7 +25,7 @@ def test_nothing_below_the_level_is_said_meanwhile(caplog: pytest.LogCaptureFixt
 
 def test_two_threads_at_once_leave_the_log_as_it_was(caplog: pytest.LogCaptureFixture) -> None:
     """One begins before the other ends, and ends after it."""
-    steps = [Barrier(2, timeout=60) for _ in range(2)]
+    steps = [Barrier(2, timeout=PATIENCE_S) for _ in range(2)]
 
     def first() -> None:
         with quietly():

@@ -27,6 +27,7 @@ from isel_twin.core.told import OFTEN, Told
 from isel_twin.language import MoveSettings
 from isel_twin.recordings.recorder import Recorder
 from isel_twin.wiring import event_now
+from tests.forked import PATIENCE_S
 
 READY = ("@07", "@0R7")
 """Axes and a reference run of an imc-s8."""
@@ -176,7 +177,7 @@ twin = Twin(seed=44)
 twin.restore(pickle.loads(pathlib.Path({str(tmp_path / "state")!r}).read_bytes()))
 pathlib.Path({str(tmp_path / "seen")!r}).write_bytes(pickle.dumps(went(twin)))
 """
-    subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=PATIENCE_S)
     assert pickle.loads((tmp_path / "seen").read_bytes()) == went(twin)
 
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from isel_twin.core.twin import Twin
-from isel_twin.jobs.job import parse_job, play
+from isel_twin.jobs.job import parse_job
+from isel_twin.jobs.sending import play
 from isel_twin.jobs.verdict import SETTLE_S, Verdict, halfway, judge, lost
 
 SLIP = 32.0

@@ -33,7 +33,7 @@ from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.bridge.serve.pacing import HIGHEST_SPEED, LOWEST_SPEED
 from isel_twin.bridge.serve.server import Server
 from isel_twin.core.twin import Twin
-from isel_twin.jobs.job import MOST_EDGE
+from isel_twin.jobs.sending import MOST_EDGE
 from isel_twin.wiring import ACTS, EVENT_KEYS, event_now
 
 Answer = dict[str, Any]

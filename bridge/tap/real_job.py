@@ -1,6 +1,6 @@
 """A job sent to a real controller, and judged by what can be seen from outside.
 
-    lines --- converse (jobs/job.py), in real time ---> RealController --- RealPort ---> the controller
+    lines --- converse (jobs/sending.py), in real time ---> RealController --- RealPort ---> the controller
                                                              |
                                      the language: which commands want a reply, and is it complete?
 
@@ -27,8 +27,9 @@ from isel_twin.bridge.tap.tap import port_settings
 from isel_twin.controller import SerialFormat, offers
 from isel_twin.jobs.checks.job import of_answer, of_cycle, of_unsent
 from isel_twin.jobs.checks.rules import RULES, Bounds, Finding, few
-from isel_twin.jobs.job import Line, converse
+from isel_twin.jobs.job import Line
 from isel_twin.jobs.result import Result
+from isel_twin.jobs.sending import converse
 from isel_twin.language import RunsPrograms, TellsCounters, create_language, needed, readable
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ class SilentError(OSError):
 
 
 class RealController:
-    """The far end of a port, as `jobs.job.Partner`. Times are real, from 0 at the opening. Raises as RealPort."""
+    """The far end of a port, as `jobs.sending.Partner`. Times are real, from 0 at the opening. Raises as RealPort."""
 
     # of controllers that run programs, whose end cannot be heard: they are refused (`unfit`)
     commands_due = events_left = 0

@@ -16,6 +16,8 @@ import pytest
 
 from tests.forked import PATIENCE_S
 
+pytestmark = pytest.mark.long(seconds=8)
+
 PAGE = Path(__file__).parents[2] / "docs" / "bench.md"
 SECTION = "## A commissioning, step by step"
 PORT = "127.0.0.1:4002"

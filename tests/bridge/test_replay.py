@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from isel_twin.controller import controller_names
-from isel_twin.language import MoveSettings, create_language, needed
+from isel_twin.controller import controller_names, offers
+from isel_twin.language import MoveSettings, TakesSetPoints, create_language, needed
 from isel_twin.recordings.mcap import RecordingWriter
 from isel_twin.recordings.reading import read
 from tests.bridge.conftest import REPLY_S, STOP_S, until
@@ -86,10 +86,13 @@ def serve_session(serve: Callable[..., Any], tmp_path, controller: str, speed: s
     scenario = tmp_path / "scenario.toml"
     scenario.write_text(SCENARIO)
     path = tmp_path / "session.mcap"
+    language = create_language(controller)
+    silent = language.unwatched if offers(language, TakesSetPoints) else {}  # 1 s of it is 50 ms here
     machine = near_switches(tmp_path, 1.0, "4030-servo" if controller in ("gmi99", "bwo900") else "4030")
     served = serve(
         *("--controller", controller, "--machine", str(machine), "--scenario", str(scenario), "--seed", "4"),
         *("--record", str(path), "--control", "127.0.0.1:0"),
+        *(word for key, value in silent.items() for word in ("--set", f"{key}={value}")),
         speed=speed,
         plant="mujoco",
     )

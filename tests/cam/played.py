@@ -17,7 +17,8 @@ from isel_twin.cam.toolpath import Arc, Element, End, Line, Place, Point, Rapid
 from isel_twin.cam.written import MachineAxes, Written
 from isel_twin.controller import offers
 from isel_twin.jobs.job import Line as JobLine
-from isel_twin.jobs.job import parse_job, play
+from isel_twin.jobs.job import parse_job
+from isel_twin.jobs.sending import play
 from isel_twin.language import WritesToolpaths, create_language
 
 Points = NDArray[np.float64]  # [points, 3], mm

@@ -16,7 +16,8 @@ from isel_twin.capture.play import play as play_capture
 from isel_twin.capture.player import Player
 from isel_twin.capture.ticks import Ticks
 from isel_twin.cli import main
-from isel_twin.jobs.job import parse_job, play
+from isel_twin.jobs.job import parse_job
+from isel_twin.jobs.sending import play
 from isel_twin.jobs.verdict import SETTLE_S, judge
 from isel_twin.machine import load_machine
 from isel_twin.recordings.npz import write_npz

@@ -274,14 +274,6 @@ def test_machines_and_controllers_are_listed_and_described():
     assert "datasheet" in described
 
 
-def test_a_motor_is_shown_and_drawn(tmp_path):
-    picture = tmp_path / "torque.png"
-    done = isel_twin("motor", "23HS32-4004S", "--picture", picture)
-    assert done.returncode == 0, done.stderr
-    assert "predicted" in done.stdout
-    assert picture.read_bytes().startswith(b"\x89PNG")
-
-
 def test_output_that_nobody_reads_is_no_error_message(tmp_path):
     job = tmp_path / "job.txt"
     job.write_text("@07\n" * 20_000)

@@ -14,6 +14,8 @@ from isel_twin.core import warm
 from isel_twin.language import HasExample, create_language
 from tests.in_process import isel_twin
 
+pytestmark = pytest.mark.long(seconds=16)
+
 FAMILIES = ("imc-s8", "ismif", "gmi99", "bwo900")
 
 

@@ -22,6 +22,8 @@ from isel_twin.many.identification.measured import read_measured, written
 from isel_twin.many.identification.stand_in import carry_out, write_recording
 from tests.near import near_switches
 
+pytestmark = pytest.mark.long(seconds=15)
+
 
 def call(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
     with pytest.raises(SystemExit) as caught:

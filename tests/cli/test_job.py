@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from isel_twin import Twin
-from isel_twin.jobs.job import JobError, Line, decode_job, parse_job, play
+from isel_twin.jobs.job import JobError, Line, decode_job, parse_job
+from isel_twin.jobs.sending import play
 from isel_twin.language import create_language
 
 CONTROLLERS = ("imc-s8", "ismif")

@@ -15,6 +15,8 @@ from isel_twin.cli.tune_output import Table
 from isel_twin.core.warm import warm_up
 from tests.near import near_switches
 
+pytestmark = pytest.mark.long(seconds=15)
+
 JOB = """@07
 @0d5000,5000,5000
 @0R7

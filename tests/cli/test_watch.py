@@ -16,9 +16,15 @@ JOB = "@07\n@0R7\n@0A1600,3000,0,30,0,30,0,30\n"
 
 
 def test_a_file_is_judged_as_it_changes(tmp_path: Path) -> None:
-    """Written anew, emptied, taken away, replaced as editors do; Ctrl-C ends with the code of the last verdict."""
+    """Replaced as editors do, taken away, written anew; Ctrl-C ends with the code of the last verdict."""
     job, settings = tmp_path / "job.txt", tmp_path / "isel-twin.toml"
     job.write_text(JOB)
+
+    def replaced(text: str) -> None:
+        """Whole at any time."""
+        (tmp_path / "new").write_text(text)
+        (tmp_path / "new").rename(job)
+
     with start("check", "--watch", job, "--plant", "kinematic", "--json") as process:
 
         def told() -> dict[str, Any]:
@@ -29,12 +35,11 @@ def test_a_file_is_judged_as_it_changes(tmp_path: Path) -> None:
             return [(each["rule"], each["line"]) for each in told()["findings"]]
 
         assert found() == []
-        job.write_text(JOB + "@0Jfast\n")
+        replaced(JOB + "@0Jfast\n")
         assert found() == [("refused", 4)]
         job.unlink()
         assert told()["error"] == f"{job}: No such file or directory; waiting for it"
-        (tmp_path / "new").write_text(JOB + "@07 <300>\n")
-        (tmp_path / "new").rename(job)
+        replaced(JOB + "@07 <300>\n")
         assert told()["error"].startswith(f"{job}: line 4: <300>")
         job.write_text(JOB)
         while (last := told()).get("error"):  # an empty file, if it was looked at then

@@ -14,6 +14,8 @@ from typing import Any
 
 import pytest
 
+from tests.forked import PATIENCE_S
+
 PAGE = Path(__file__).parents[2] / "docs" / "controllers.md"
 
 MODULES = ("isel_twin_toy.py", "isel_twin_toy_language.py")
@@ -103,7 +105,7 @@ def run(plugins: Path, *arguments: str, stdin: str = "", code: int = 0) -> tuple
         capture_output=True,
         text=True,
         check=False,
-        timeout=120,
+        timeout=PATIENCE_S,
     )
     assert call.returncode == code, call.stderr
     return call.stdout.splitlines(), call.stderr
@@ -210,7 +212,7 @@ def test_rows_of_the_toys_manual_are_shown_as_the_page_has_it(plugins: Path, tmp
     def pytest_run(*words: str) -> str:
         command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *words]
         call = subprocess.run(
-            command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False, timeout=240
+            command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False, timeout=PATIENCE_S
         )
         return call.stdout
 

@@ -12,6 +12,8 @@ from tests.fuzz.mutate import mutated
 from tests.fuzz.readers import READERS
 from tests.fuzz.trial import trials
 
+pytestmark = pytest.mark.long(seconds=10)
+
 FILES = 200
 
 

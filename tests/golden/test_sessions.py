@@ -8,6 +8,8 @@ from golden.sessions import FILE, chunks, digest_of, names, session
 
 from isel_twin.controller import controller_names
 
+pytestmark = pytest.mark.long(seconds=29)
+
 KEPT = load(FILE)
 CHUNKS = chunks()
 SEEN: dict[str, str] = {}

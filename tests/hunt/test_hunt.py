@@ -33,6 +33,8 @@ from isel_twin.wiring import FAULTS, SerialLine, Wiring
 from isel_twin.wiring.cabinet import ELEMENTS, SafetyCabinet
 from isel_twin.wiring.contacts import Contacts
 
+pytestmark = pytest.mark.long(seconds=13)
+
 SEEDS = (*range(24), 43, 46, 56)
 """About 0.4 s of computing each; those after 23 are with physics."""
 

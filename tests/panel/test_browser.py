@@ -28,8 +28,8 @@ EMPTY = '<!doctype html><html lang="en"><title>no scene</title><main><h1>no scen
 PARTS = ("header", "#operate", "#stage", "#axes", "#plots", "#upper", "#lower")
 """Of the page, beside or below each other."""
 
-OPEN_S = 3.0
-"""In which the page is to be there."""
+OPEN_S = 1.0
+"""Of a processor, in which the page is to be there."""
 
 
 @dataclass
@@ -291,14 +291,18 @@ def test_with_the_scene_it_asks_nobody_else_says_no_error_and_stays_usable(bench
 
 
 def test_the_page_is_there_in_time(bench, open_panel):
-    """From the first request to the first frame; the best of three, since the computer may be busy with other tests."""
+    """From the request to the first frame, in seconds of the browser's processor, as the computer may be busy."""
     page = open_panel(bench())
-    took_s = []
-    for _ in range(3):
-        page.page.reload(wait_until="commit")
-        expect(page["#pad button"].first).to_be_visible()
-        took_s.append(page.page.evaluate("performance.now()") / 1000.0)
-    assert min(took_s) < OPEN_S
+    browser = page.page.context.new_cdp_session(page.page)
+    browser.send("Performance.enable", {"timeDomain": "threadTicks"})
+
+    def spent_s() -> float:
+        return {one["name"]: one["value"] for one in browser.send("Performance.getMetrics")["metrics"]}["TaskDuration"]
+
+    before_s = spent_s()
+    page.page.reload(wait_until="commit")
+    expect(page["#pad button"].first).to_be_visible()
+    assert 0.0 < spent_s() - before_s < OPEN_S
 
 
 @pytest.mark.parametrize(("width", "height"), [(1280, 800), (1920, 1080), (1000, 700)])

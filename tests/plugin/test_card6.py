@@ -16,6 +16,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.forked import PATIENCE_S
+
 HERE = Path(__file__).parent
 OPTIONS = ["--controller", "card6", "--plant", "kinematic"]
 
@@ -52,7 +54,7 @@ def told(environment: dict[str, str], tmp_path_factory: pytest.TempPathFactory) 
         programs[f"recorded {plant}"] = RECORDED.format(path=str(folder / f"{plant}.mcap"), plant=plant)
     command = [sys.executable, "-c", TOLD]
     given = json.dumps(programs)
-    call = subprocess.run(command, env=environment, input=given, capture_output=True, text=True, timeout=240)
+    call = subprocess.run(command, env=environment, input=given, capture_output=True, text=True, timeout=PATIENCE_S)
     assert call.returncode == 0, call.stderr
     return dict(map(json.loads, call.stdout.splitlines()))
 
@@ -206,14 +208,14 @@ def test_it_runs_jobs(environment: dict[str, str], tmp_path: Path) -> None:
     files = {"--steps": "s.npz", "--vcd": "s.vcd", "--trace": "s.parquet"}
     outputs = [word for option, name in files.items() for word in (option, str(tmp_path / name))]
     command = [sys.executable, "-m", "isel_twin.cli", "run", str(job), *OPTIONS, *outputs, "--json"]
-    call = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=240)
+    call = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
     assert call.stderr == ""
     *results, summary = map(json.loads, call.stdout.splitlines())
     assert (call.returncode, summary["ok"], summary["refused"]) == (0, True, 0)
     assert summary["counts"] == [640, 0, 0, 0, 0, 640]
     assert results[2]["reply"] == frame(0x81, b"K" + struct.pack(">6i", 640, 0, 0, 0, 0, 640)).hex(" ")
     job.write_text("zero\njump\n")
-    call = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=240)
+    call = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
     assert call.returncode == 2
     assert "line 2" in call.stderr
     assert "none of: move" in call.stderr
@@ -225,7 +227,7 @@ def test_its_edges_are_those_that_need_no_other_commands(environment: dict[str, 
     job.write_text("zero\nmove 640 0 0 0 0 0 16000\n")
     words = ["run", str(job), "--controller", "card6", "--edge", "--set", "axes.x.shaft_coulomb=0.9", "--json"]
     command = [sys.executable, "-m", "isel_twin.cli", *words]
-    call = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=240)
+    call = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
     assert call.stderr == ""
     summary = json.loads(call.stdout.splitlines()[-1])
     assert (call.returncode, list(summary["edge"])) == (0, ["x"])
@@ -254,7 +256,8 @@ def test_it_is_served(environment: dict[str, str]) -> None:
         assert server.stdout is not None
         try:
             host, port = json.loads(server.stdout.readline())["tcp"].split(":")
-            with socket.create_connection((host, int(port)), timeout=60) as line, line.makefile("rb") as replies:
+            address = host, int(port)
+            with socket.create_connection(address, PATIENCE_S) as line, line.makefile("rb") as replies:
                 line.sendall(frame(2, b"?"))
                 assert replies.read(6) == frame(0x82, b"K\x00")
         finally:

@@ -191,14 +191,8 @@ SAID = {
 TOO_FAST = Path(__file__).parents[1] / "jobs" / "failing" / "too_fast.txt"
 
 
-@pytest.mark.parametrize(
-    ("tests", "words"),
-    [(list(SAID), ()), (["test_replies", "test_path"], ("-n", "2"))],
-    ids=["alone", "workers"],
-)
-def test_assertions_pass_and_fail_with_what_was_when_and_where(
-    project: pytest.Pytester, tests: list[str], words: tuple[str, ...]
-) -> None:
+def test_assertions_pass_and_fail_with_what_was_when_and_where(project: pytest.Pytester) -> None:
+    """That workers send it on: test_fixtures.py, test_workers_share_a_folder."""
     project.makeini(INI)
     for name, content in {
         "square.txt": SQUARE,
@@ -213,11 +207,10 @@ def test_assertions_pass_and_fail_with_what_was_when_and_where(
     project.makeconftest(CONFTEST)
     file = project.makepyfile(TESTS).name
 
-    go = project.runpytest_subprocess if words else project.runpytest_inprocess
-    result = go("-q", "-p", "no:timeout", *words, *(f"{file}::{name}" for name in ("TestPass", *tests)))
-    result.assert_outcomes(passed=3, failed=len(tests))
+    result = project.runpytest_inprocess("-q", "-p", "no:timeout", file)
+    result.assert_outcomes(passed=3, failed=len(SAID))
     text = result.outlines
-    for name in tests:
+    for name in SAID:
         begin = next(k for k, line in enumerate(text) if line.strip("_ ") == name)
         end = next(k for k in range(begin, len(text)) if text[k].startswith("the test again: "))
         pytest.LineMatcher(text[begin:end]).fnmatch_lines([*SAID[name], "*twin: machine=4030*", "*recording: *"])

@@ -13,6 +13,9 @@ import pytest
 from pytest_plugin.projects import INI, drawing_project, project, run, warm
 
 from isel_twin.cli import main
+from tests.forked import PATIENCE_S
+
+pytestmark = pytest.mark.long(seconds=11)
 
 __all__ = ["drawing_project", "project", "warm"]
 pytest_plugins = ["pytester"]
@@ -38,7 +41,7 @@ def test_a_project_without_twins_pays_for_nothing(project: pytest.Pytester) -> N
         """
     )
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:hypothesispytest", "-p", "no:timeout"]
-    done = subprocess.run(command, cwd=project.path, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(command, cwd=project.path, capture_output=True, text=True, timeout=PATIENCE_S)
     assert done.returncode == 0, done.stdout
 
 
@@ -65,7 +68,7 @@ def test_every_fixture_in_a_test_that_passes(project: pytest.Pytester) -> None:
         def test_server(twin_server):
             twin_server.ask({"set": {"hood": "open"}})
             assert twin_server.ask({"state": True})["inputs"]["hood"] == "open"
-            with serial.serial_for_url(twin_server.url, timeout=30) as port:
+            with serial.serial_for_url(twin_server.url, timeout=900) as port:
                 port.write(b"@07\\r")
                 assert port.read() == b"0"
             assert twin_server.stop().inputs["hood"] == "open"
@@ -144,7 +147,7 @@ def test_a_server_on_every_kind_of_port(project: pytest.Pytester, endpoint: str,
         @pytest.mark.twin(endpoint="{endpoint}")
         def test_server(twin_server):
             assert twin_server.url.startswith("{begins}")
-            with serial.serial_for_url(twin_server.url, 19200, timeout=30) as port:
+            with serial.serial_for_url(twin_server.url, 19200, timeout=900) as port:
                 port.write(b"@07\\r")
                 assert port.read() == b"0"
         """
@@ -510,10 +513,16 @@ def test_folders_of_tests_with_odd_names_do_not_clash(project: pytest.Pytester) 
 
 
 def test_workers_share_a_folder(project: pytest.Pytester) -> None:
-    """Two real workers, each with a failing test of the same name in another file."""
+    """Two real workers, each with failing tests of the same names in another file; what they say gets through."""
     project.makeini(INI + "    isel_twin_artifacts = left\n")
     source = """
         import pytest
+        from isel_twin.jobs.checks.asserts import assert_replies
+
+        def test_told(watched):
+            watched.begin()
+            watched.twin.query("@07")
+            assert_replies(watched, ["1"])
 
         @pytest.mark.twin(seed=[1, 2])
         def test_it(twin_serial):
@@ -526,10 +535,11 @@ def test_workers_share_a_folder(project: pytest.Pytester) -> None:
     """
     project.makepyfile(test_one=source, test_two=source)
     result = project.runpytest_subprocess("-q", "-n", "2", "-p", "no:timeout")
-    result.assert_outcomes(passed=2, failed=2, errors=2)
+    result.assert_outcomes(passed=2, failed=4, errors=2)
+    result.stdout.fnmatch_lines(["E *another reply", "E *expected: '1'", "E *was:      '0'", "E *command:  @07"])
     result.stdout.fnmatch_lines(["twin: unknown machine '9999': *"])
     paths = recordings(result.stdout.str())
-    assert len(set(paths)) == 2
+    assert len(set(paths)) == 4
     assert all(path.is_file() and path.with_suffix(".png").is_file() for path in paths)
 
 

@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from tests.forked import PATIENCE_S
+
 PAGE = Path(__file__).parents[2] / "docs" / "ci.md"
 
 
@@ -30,7 +32,7 @@ def run_pytest(folder: Path) -> subprocess.CompletedProcess[str]:
     assert install == "pip install isel-twin pytest", "which is done where this test runs"
     words = command.split()
     return subprocess.run(
-        [sys.executable, *words[1:]], cwd=folder, capture_output=True, text=True, timeout=240, check=False
+        [sys.executable, *words[1:]], cwd=folder, capture_output=True, text=True, timeout=PATIENCE_S, check=False
     )
 
 

@@ -26,6 +26,8 @@ from isel_twin.recordings.replay import rebuilt, replay, versions
 from isel_twin.wiring import ACTS, ScenarioError, event_now
 from isel_twin.wiring.acts import BESIDE
 
+pytestmark = pytest.mark.long(seconds=10)
+
 INTERVAL_NS = 10_000_000
 CUT = {
     "diameter": 6.0,

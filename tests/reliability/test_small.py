@@ -10,6 +10,8 @@ from isel_twin.firmware.imc.controller import Imc
 from tests.reliability import connects, echo, feed, kills, memory, punctual, queries, strings, tap
 from tests.reliability.figures import Figure, table
 
+pytestmark = pytest.mark.long(seconds=13)
+
 GENEROUS = 50.0
 """Times a limit that a computer with other things to do may take."""
 

@@ -15,7 +15,8 @@ from isel_twin import Twin
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.jobs.checks.job import Inspection
 from isel_twin.jobs.checks.rules import Bounds
-from isel_twin.jobs.job import parse_job, play
+from isel_twin.jobs.job import parse_job
+from isel_twin.jobs.sending import play
 from isel_twin.jobs.verdict import judge
 from isel_twin.language import create_language
 from isel_twin.recordings.recorder import Recorder, sample_dtype

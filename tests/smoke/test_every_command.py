@@ -13,6 +13,9 @@ import pytest
 from isel_twin.cli import app
 from tests.forked import PATIENCE_S, start
 from tests.in_process import isel_twin
+from tests.near import near_switches
+
+pytestmark = pytest.mark.long(seconds=12)
 
 JOB = "@07\n@0N7\n@0A1600,800,0,30,0,30,0,30\n"
 JOBS = {
@@ -29,6 +32,7 @@ JOBS = {
 PLAN = '[sweep]\njob = "job.txt"\nplant = "kinematic"\nseeds = 2\n'
 HOST = 'import serial\nport = serial.Serial("COM1", timeout=5)\nport.write(b"@07\\r")\nassert port.read(1) == b"0"\n'
 KINEMATIC = ("--plant", "kinematic")
+NEAR = ("--machine", "near")
 IN_ORDER: dict[str, tuple[object, ...]] = {
     "doctor": (),
     "warm": (),
@@ -56,8 +60,8 @@ IN_ORDER: dict[str, tuple[object, ...]] = {
     "exec": (*KINEMATIC, "--", "python", "host.py"),
     "sweep": ("plan.toml", "--workers", "1"),
     "tune": ("job.txt", "--trials", "2", "--robust", "0", "--confirm", "1", "--margin", "0"),
-    "experiment": ("day", "--axes", "x", "--blocks", "1", "--fit", "friction.x", "--carry-out", "4030"),
-    "identify": ("day.mcap", "--measured", "day.toml", "--fit", "friction.x"),
+    "experiment": ("day", "--axes", "x", "--blocks", "1", "--fit", "friction.x", *NEAR, "--carry-out", "near"),
+    "identify": ("day.mcap", "--measured", "day.toml", "--fit", "friction.x", *NEAR),
     "plc assemble": ("plc.awl", "--out", "plc.bin"),
     "plc disassemble": ("plc.bin",),
     "plc explain": ("plc.awl",),
@@ -79,6 +83,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     }
     for name, text in files.items():
         (folder / name).write_text(text)
+    (folder / "near").mkdir()
+    near_switches(folder / "near", 1.0)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         yield folder
@@ -89,6 +95,10 @@ def test_a_command(command: str, folder: Path) -> None:
     """In the order of the table: later ones read what earlier ones have written."""
     done = isel_twin(*command.split(), *IN_ORDER[command])
     assert (done.returncode, "Traceback" in done.stderr) == (0, False), done
+
+
+def test_the_picture_of_a_motor_is_one(folder: Path) -> None:
+    assert (folder / "motor.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_all_commands_are_tried() -> None:

@@ -11,7 +11,8 @@ from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.capture.player import Player
 from isel_twin.core.snapshot import snapshot
-from isel_twin.jobs.job import Line, Result
+from isel_twin.jobs.job import Line
+from isel_twin.jobs.result import Result
 
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin

@@ -6,7 +6,7 @@ import os
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,7 +15,7 @@ from cyclopts import Parameter
 from isel_twin.base.crew import in_order
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import options
-from isel_twin.cli.jobs import FormatName, cam_settings, check_names, read_job, read_source
+from isel_twin.cli.jobs import FormatName, JobTwin, SettingsFile, cam_settings, check_names, read_job, read_source
 from isel_twin.cli.options import Whole
 from isel_twin.cli.outputs import many, put_off, tell
 
@@ -29,39 +29,53 @@ if TYPE_CHECKING:
 INTERVAL_NS = 10_000_000  # sampling interval of the pages
 
 
-def check(
-    *jobs: Annotated[Path, Parameter(help="Files of controller commands, one a line, or programs.")],
-    settings: Annotated[
-        Path | None, Parameter(help="File of bounds; without it isel-twin.toml beside each job, or above.")
-    ] = None,
-    machine: Annotated[str | None, Parameter(help="Name of a machine, or path of a machine folder.")] = None,
-    controller: Annotated[str | None, Parameter(help="Name of a controller.")] = None,
-    plant: Annotated[str | None, Parameter(help="mujoco or kinematic.")] = None,
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Demands(JobTwin):
+    """What jobs are played on, and what they must keep."""
+
     seed: Annotated[
         Whole | None, Parameter(help="A number: seed of power-on positions, switch scatter and bounce.")
-    ] = None,
-    scenario: Annotated[Path | None, Parameter(help="Events around the machine (TOML).")] = None,
-    set: options.Overrides = (),
-    margin: Annotated[float | None, Parameter(help="Least pull-out margin of each motor, a share from 0 to 1.")] = None,
-    edge: Annotated[
-        float | None, Parameter(help="Least factor on each speed until the motor swings, such as 1.2.")
-    ] = None,
-    deviation_mm: Annotated[float | None, Parameter(help="Most difference of counter and true position, mm.")] = None,
+    ] = None
+    scenario: Annotated[Path | None, Parameter(help="Events around the machine (TOML).")] = None
+    set: options.Overrides = ()
+    margin: Annotated[float | None, Parameter(help="Least pull-out margin of each motor, a share from 0 to 1.")] = None
+    edge: Annotated[float | None, Parameter(help="Least factor on each speed until the motor swings, such as 1.2.")] = (
+        None
+    )
+    deviation_mm: Annotated[float | None, Parameter(help="Most difference of counter and true position, mm.")] = None
     contour_mm: Annotated[
         float | None, Parameter(help="Most distance of the carriages from what a file of a CAM program cuts, mm.")
-    ] = None,
-    cycle_s: Annotated[float | None, Parameter(help="Most time from first command to end of the last, s.")] = None,
-    clearance: Annotated[float | None, Parameter(help="Least distance of what must not meet, mm.")] = None,
-    may_strike: Annotated[str | None, Parameter(help="End switches that may be struck, with commas; all.")] = None,
+    ] = None
+    cycle_s: Annotated[float | None, Parameter(help="Most time from first command to end of the last, s.")] = None
+    clearance: Annotated[float | None, Parameter(help="Least distance of what must not meet, mm.")] = None
+    may_strike: Annotated[str | None, Parameter(help="End switches that may be struck, with commas; all.")] = None
     robust: Annotated[
         Whole | None, Parameter(help="Number of other machines, as one can buy them, on which it is repeated.")
-    ] = None,
+    ] = None
     uncertain: Annotated[
         Whole | None, Parameter(help="Number of machines that this one may be, as far as its numbers are known.")
-    ] = None,
-    form: FormatName = None,
-    timeout: Annotated[float | None, Parameter(help="Virtual seconds a command may take.")] = None,
-    golden: Annotated[bool | None, Parameter(negative="no-golden", help="Compare with golden runs.")] = None,
+    ] = None
+    form: FormatName = None
+    timeout: Annotated[float | None, Parameter(help="Virtual seconds a command may take.")] = None
+    golden: Annotated[bool | None, Parameter(negative="no-golden", help="Compare with golden runs.")] = None
+
+    def asked(self) -> dict[str, Any]:
+        """The demands in the words of isel-twin.toml. Raises CallError for a wrong --set."""
+        asked = vars(self) | {"timeout_s": self.timeout, "set": options.parse_overrides(self.set) or None}
+        del asked["timeout"], asked["may_strike"]
+        if self.may_strike is not None:
+            asked["may_strike"] = tuple(name for name in self.may_strike.split(",") if name)
+        return asked
+
+
+DEFAULT_DEMANDS = Demands()
+
+
+def check(
+    *jobs: Annotated[Path, Parameter(help="Files of controller commands, one a line, or programs.")],
+    settings: SettingsFile = None,
+    demands: Demands = DEFAULT_DEMANDS,
     workers: options.Workers = 1,
     junit: Annotated[Path | None, Parameter(help="Write the findings as JUnit XML.")] = None,
     sarif: Annotated[Path | None, Parameter(help="Write the findings as SARIF 2.1.0.")] = None,
@@ -84,17 +98,10 @@ def check(
     With --isel-port the machine is a real one, and is moved by the jobs: replies and times are judged, what needs a
     look inside is named as not looked at. Ctrl-C breaks the motion off.
     """
-    asked: dict[str, Any] = {
-        "machine": machine, "controller": controller, "plant": plant, "seed": seed, "scenario": scenario,
-        "margin": margin, "edge": edge, "deviation_mm": deviation_mm, "contour_mm": contour_mm,
-        "cycle_s": cycle_s, "clearance": clearance, "robust": robust, "uncertain": uncertain,
-        "timeout_s": timeout, "golden": golden, "form": form, "set": options.parse_overrides(set) or None,
-    }  # fmt: skip
-    if may_strike is not None:
-        asked["may_strike"] = tuple(name for name in may_strike.split(",") if name)
+    asked = demands.asked()
     _check_options(asked, workers)
     if isel_port is not None:
-        inside = {"set": set, "may-strike": may_strike, "report": report, "watch": watch}
+        inside = {"set": demands.set, "may-strike": demands.may_strike, "report": report, "watch": watch}
         _check_outside(asked, inside, workers)
         asked |= {"plant": "kinematic", "golden": False}  # of the twin that only knows names
     if watch:
@@ -105,7 +112,7 @@ def check(
         return watch_job(jobs[0], settings, asked, json)
     tasks = _tasks(jobs, settings, asked)
     pages = _pages(tasks, report)
-    options.check_writable(junit, sarif, *pages, kept=(*jobs, settings, scenario))
+    options.check_writable(junit, sarif, *pages, kept=(*jobs, settings, demands.scenario))
 
     from isel_twin.jobs.checks.formats import as_annotations, as_json, as_words
     from isel_twin.jobs.checks.formats import junit as as_junit
@@ -134,7 +141,7 @@ def check(
 
 
 def _check_options(asked: dict[str, Any], workers: int) -> None:
-    from isel_twin.jobs.job import MOST_EDGE
+    from isel_twin.jobs.sending import MOST_EDGE
     from isel_twin.plant import MOST_CLEARANCE_MM
 
     for key, option in (("cycle_s", "cycle-s"), ("timeout_s", "timeout")):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,9 +11,8 @@ from cyclopts import Parameter
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.base.units import SECOND_NS
 from isel_twin.cli import options, sessions
-from isel_twin.cli.options import DEFAULT_TWIN, MachineName, Overrides, PlantName, Seed
 from isel_twin.cli.outputs import many, say, say_json
-from isel_twin.core.spec import MACHINE, TwinSpec
+from isel_twin.core.spec import TwinSpec
 
 if TYPE_CHECKING:
     from isel_twin.many.learning.explain import Explained
@@ -33,13 +33,7 @@ def compare(
     explain: Annotated[
         bool, Parameter(negative="no-explain", help="Look for what makes the twin answer as the other side does.")
     ] = True,
-    controller: Annotated[str, Parameter(help="Whose language frames the commands, if a recording does not say.")] = "",
-    machine: MachineName = MACHINE,
-    plant: PlantName = TwinSpec.plant,
-    seed: Seed = TwinSpec.seed,
-    flash: Annotated[Path | None, Parameter(help="The controller's flash memory; only read.")] = None,
-    scenario: options.ScenarioFile = None,
-    set: Overrides = (),
+    twin: options.SessionTwin = options.DEFAULT_SESSION_TWIN,
     start: sessions.StartMm = "",
     report: sessions.ReportPath = None,
     all: Annotated[bool, Parameter(help="Every command, not only those that differ.")] = False,
@@ -57,30 +51,28 @@ def compare(
     from isel_twin.recordings.reading import read
 
     limits = sessions.limits_of(time_tolerance, step_tolerance)
-    options.check_writable(report, kept=(a, b, flash, scenario))
+    options.check_writable(report, kept=(a, b, *twin.files))
     with call_errors(a):
         first = read(a)
     second = None
     if b is not None:
-        asked = (machine, plant, seed, flash, scenario, set, start)
-        if asked != (MACHINE, TwinSpec.plant, TwinSpec.seed, None, None, (), ""):
+        if (replace(twin, controller=""), start) != (options.DEFAULT_SESSION_TWIN, ""):
             raise CallError(f"{b}: says itself what it was made with; options of a twin go with one recording")
         with call_errors(b):
             second = read(b)
-    twin = options.TwinOptions(machine, DEFAULT_TWIN.controller, plant, seed, flash, scenario, set)
     with TemporaryDirectory(prefix="isel-twin-") as folder:
         explained = None
         if second is None:
-            spec = sessions.spec_for(first, twin, controller, start)
-            found, explained = _with_twin(first, controller, limits, spec, explain=explain)
+            spec = sessions.spec_for(first, twin, start)
+            found, explained = _with_twin(first, twin.controller, limits, spec, explain=explain)
         else:
-            languages = [sessions.language_of(each, controller) for each in (first, second)]
+            languages = [sessions.language_of(each, twin.controller) for each in (first, second)]
             with call_errors():
                 found = compare_recordings(first, second, languages[0], languages[1], limits)
             if not (found.pairs or found.only_a or found.only_b):
                 raise CallError(f"{a}, {b}: no host sends a command in them: there is nothing to compare")
             if explain and not found.same:
-                explained = _explained(first, second, controller, limits, Path(folder))
+                explained = _explained(first, second, twin.controller, limits, Path(folder))
     recordings = [first] if second is None else [first, second]
     verdict, lines = sessions.verdict(found, explained), sessions.words(found, explained)
     names = str(a), "the twin of this call" if b is None else str(b)

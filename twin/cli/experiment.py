@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -24,8 +25,37 @@ if TYPE_CHECKING:
     from isel_twin.machine import Machine
     from isel_twin.many.identification.choice import Choice
     from isel_twin.many.identification.experiment import Experiment
+    from isel_twin.many.identification.measured import Measured
     from isel_twin.many.identification.sealed import Predicted
     from isel_twin.many.identification.unknowns import Unknown
+
+CLOCK_NOISE_S = 0.0005  # standard deviation of what a host's clock adds to an arrival
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class StandIn:
+    """A twin that carries the experiment out in place of the real machine."""
+
+    carry_out: Annotated[
+        str, Parameter(help="A machine whose twin stands in for the real one: writes NAME.mcap and fills in NAME.toml.")
+    ] = ""
+    carry_out_seed: Annotated[
+        Whole, Parameter(help="A number: seed of that twin and of the errors of gauge and clock.")
+    ] = 1
+    gauge_noise_mm: Annotated[float, Parameter(help="Standard deviation of its gauge, mm.")] = 0.005
+
+    def measured(self, made: Experiment, machine: Machine, controller: str, recording: Path) -> Measured:
+        """What this machine's twin has shown; its recording is written."""
+        from isel_twin.many.identification.stand_in import carry_out, write_recording
+
+        noise = {"noise_mm": self.gauge_noise_mm, "time_noise_s": CLOCK_NOISE_S}
+        recorded, found = carry_out(made, machine, controller, seed=self.carry_out_seed, **noise)
+        write_recording(recording, recorded)
+        return found
+
+
+NOBODY = StandIn()
 
 
 def experiment(
@@ -49,13 +79,7 @@ def experiment(
     seed: Annotated[
         Whole, Parameter(help="A number: seed of places, speeds and forces; another one is another experiment.")
     ] = 0,
-    carry_out: Annotated[
-        str, Parameter(help="A machine whose twin stands in for the real one: writes NAME.mcap and fills in NAME.toml.")
-    ] = "",
-    carry_out_seed: Annotated[
-        Whole, Parameter(help="A number: seed of that twin and of the errors of gauge and clock.")
-    ] = 1,
-    gauge_noise_mm: Annotated[float, Parameter(help="Standard deviation of its gauge, mm.")] = 0.005,
+    stand_in: StandIn = NOBODY,
     protocol: Annotated[
         bool, Parameter(help="A measuring day by ISO 230 with predictions, in place of chosen blocks.")
     ] = False,
@@ -78,7 +102,7 @@ def experiment(
     options.check_workers(workers)
     job, form = name.with_suffix(".txt"), name.with_suffix(".toml")
     series, recording = name.with_name(f"{name.name}-stall.txt"), name.with_suffix(".mcap")
-    options.check_writable(job, form, series, *([recording] if carry_out else []))
+    options.check_writable(job, form, series, *([recording] if stand_in.carry_out else []))
     from isel_twin.base.axes import CARRIAGES
     from isel_twin.base.files import atomic_write
     from isel_twin.language import create_language, needed
@@ -87,8 +111,6 @@ def experiment(
     from isel_twin.many.identification.choice import choose
     from isel_twin.many.identification.measured import written
     from isel_twin.many.identification.protocol import day
-    from isel_twin.many.identification.stand_in import carry_out as carried_out
-    from isel_twin.many.identification.stand_in import write_recording
 
     wanted = [axis.strip() for axis in axes.split(",") if axis.strip()]
     if not wanted or any(axis not in CARRIAGES for axis in wanted):
@@ -96,7 +118,7 @@ def experiment(
     with call_errors():
         believed = with_overrides(load_machine(machine), options.parse_overrides(set))
         language = needed(create_language(controller), controller)
-        real = load_machine(carry_out) if carry_out else None
+        real = load_machine(stand_in.carry_out) if stand_in.carry_out else None
     choice = None
     with call_errors(), options.crew_of(workers) as crew:
         if protocol:
@@ -115,12 +137,7 @@ def experiment(
         text = experiments.job_text(made, language)
         if series_text := experiments.series_text(made, believed, language):
             atomic_write(series, series_text.encode())
-        filled = made.template()
-        if real is not None:
-            recorded, filled = carried_out(
-                made, real, controller, seed=carry_out_seed, noise_mm=gauge_noise_mm, time_noise_s=0.0005
-            )
-            write_recording(recording, recorded)
+        filled = made.template() if real is None else stand_in.measured(made, real, controller, recording)
         told, seal = written(filled, made.comments()), ""
         if protocol:
             head = {"machine": believed.name, "digest": believed.digest, "controller": controller}

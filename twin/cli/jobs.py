@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -24,7 +25,22 @@ if TYPE_CHECKING:
 FormatName = Annotated[
     str | None, Parameter(name="--format", help="Format of the job file, whatever it looks like: ncp, gcode, hpgl.")
 ]
+SettingsFile = Annotated[
+    Path | None, Parameter(help="File of bounds; without it isel-twin.toml beside each job, or above.")
+]
 
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class JobTwin:
+    """What jobs are played on; None: as isel-twin.toml says, or by default."""
+
+    machine: Annotated[str | None, Parameter(help="Name of a machine, or path of a machine folder.")] = None
+    controller: Annotated[str | None, Parameter(help="Name of a controller.")] = None
+    plant: Annotated[str | None, Parameter(help="mujoco or kinematic.")] = None
+
+
+AS_THE_FILE_SAYS = JobTwin()
 JOB_BYTES = 1 << 24  # longest job file: 16 MiB, some four hundred thousand moves
 PROGRAM_BYTES = 1 << 30  # longest file for a controller that runs programs
 

@@ -9,9 +9,7 @@ from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import options, sessions
-from isel_twin.cli.options import DEFAULT_TWIN, MachineName, Overrides, PlantName, Seed
 from isel_twin.cli.outputs import say, say_json
-from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
     from isel_twin.many.learning.explain import Explained
@@ -23,13 +21,7 @@ def learn(
     recording: Annotated[Path, Parameter(help="File that `tap`, or --record NAME.mcap, has made.")],
     /,
     *,
-    controller: Annotated[str, Parameter(help="Which one it has, if the recording does not say.")] = "",
-    machine: MachineName = MACHINE,
-    plant: PlantName = TwinSpec.plant,
-    seed: Seed = TwinSpec.seed,
-    flash: Annotated[Path | None, Parameter(help="The controller's flash memory; only read.")] = None,
-    scenario: options.ScenarioFile = None,
-    set: Overrides = (),
+    twin: options.SessionTwin = options.DEFAULT_SESSION_TWIN,
     out: Annotated[Path | None, Parameter(name=("--out", "-o"), help="A flash memory with what was found.")] = None,
     time_tolerance: sessions.TimeTolerance = None,
     step_tolerance: sessions.StepTolerance = 1,
@@ -46,11 +38,10 @@ def learn(
     from isel_twin.recordings.reading import read
 
     limits: Limits = sessions.limits_of(time_tolerance, step_tolerance)
-    options.check_writable(out, kept=(recording, flash, scenario))
+    options.check_writable(out, kept=(recording, *twin.files))
     with call_errors(recording):
         recorded = read(recording)
-    call = options.TwinOptions(machine, DEFAULT_TWIN.controller, plant, seed, flash, scenario, set)
-    spec = sessions.spec_for(recorded, call, controller, "")
+    spec = sessions.spec_for(recorded, twin, "")
     session = sessions.session_of(recorded, spec.controller, limits)
     told = told_alone(session)
     with call_errors():

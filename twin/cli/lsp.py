@@ -5,22 +5,15 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import redirect_stdout
-from pathlib import Path
-from typing import Annotated
-
-from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError
+from isel_twin.cli.jobs import AS_THE_FILE_SAYS, JobTwin, SettingsFile
 
 
 def lsp(
     *,
-    settings: Annotated[
-        Path | None, Parameter(help="File of bounds; without it isel-twin.toml beside each job, or above.")
-    ] = None,
-    machine: Annotated[str | None, Parameter(help="Name of a machine, or path of a machine folder.")] = None,
-    controller: Annotated[str | None, Parameter(help="Name of a controller.")] = None,
-    plant: Annotated[str | None, Parameter(help="mujoco or kinematic.")] = None,
+    settings: SettingsFile = None,
+    twin: JobTwin = AS_THE_FILE_SAYS,
 ) -> int:
     """Serve an editor: findings of `check` while a job is typed, figures of each line, what a command means.
 
@@ -33,7 +26,7 @@ def lsp(
         if (error.name or "").partition(".")[0] not in ("pygls", "lsprotocol"):
             raise
         raise CallError("lsp needs pygls: pip install 'isel-twin[lsp]'") from None
-    server = JobServer(settings, {"machine": machine, "controller": controller, "plant": plant})
+    server = JobServer(settings, vars(twin))
     given, out = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")  # the server closes them
     try:
         with redirect_stdout(sys.stderr):  # nothing else may be said there

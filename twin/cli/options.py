@@ -95,7 +95,19 @@ class TwinOptions:
         return self.flash, self.scenario
 
 
+@Parameter(name="*")
+@dataclass(frozen=True)
+class SessionTwin(TwinOptions):
+    """The twin that is driven as in a recording, and compared with it."""
+
+    controller: Annotated[
+        str, Parameter(help="Its controller, whose language frames the commands, if the recording does not say.")
+    ] = ""
+    flash: Annotated[Path | None, Parameter(help="The controller's flash memory; only read.")] = None
+
+
 DEFAULT_TWIN = TwinOptions()
+DEFAULT_SESSION_TWIN = SessionTwin()
 TOKEN = "ISEL_TWIN_TOKEN"  # environment variable
 TOKEN_CHARACTERS = 4096
 STANDARD_INPUT = "/dev/stdin"  # the file for `-`

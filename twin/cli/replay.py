@@ -14,8 +14,7 @@ from isel_twin.base.errors import CallError, call_errors
 from isel_twin.base.units import SECOND_NS
 from isel_twin.cli import options, sessions
 from isel_twin.cli.files import RecordPath, begin, check_record, keep
-from isel_twin.cli.options import DEFAULT_TWIN, Overrides
-from isel_twin.core.spec import MACHINE, TwinSpec
+from isel_twin.core.spec import TwinSpec
 
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
@@ -31,13 +30,7 @@ def replay(
     speed: Annotated[str, Parameter(help="Times real time, or max: as fast as possible.")] = "max",
     record: RecordPath = None,
     interval: Annotated[float, Parameter(help="Of a real controller: time between two samples of --record, s.")] = 0.01,
-    controller: Annotated[str, Parameter(help="Of a real controller: which one the twin has.")] = "",
-    machine: Annotated[options.MachineName, Parameter(help="Of a real controller: the twin's machine.")] = MACHINE,
-    plant: Annotated[options.PlantName, Parameter(help="Of a real controller: the twin's plant.")] = TwinSpec.plant,
-    seed: Annotated[options.Seed, Parameter(help="Of a real controller: a number, the twin's seed.")] = TwinSpec.seed,
-    flash: Annotated[Path | None, Parameter(help="Of a real controller: the twin's flash memory; only read.")] = None,
-    scenario: Annotated[Path | None, Parameter(help="Of a real controller: timed events (TOML).")] = None,
-    set: Annotated[Overrides, Parameter(help="Of a real controller: KEY=VALUE, a parameter of the machine.")] = (),
+    twin: options.SessionTwin = options.DEFAULT_SESSION_TWIN,
     start: sessions.StartMm = "",
     time_tolerance: sessions.TimeTolerance = None,
     step_tolerance: sessions.StepTolerance = 1,
@@ -50,7 +43,8 @@ def replay(
     With the same versions there is none, to the bit; other versions are reported.
 
     A recording of a real controller (`tap`) is played to a twin of the call, as its host would, and compared to its
-    end as `compare` does. Without --start the twin is switched on where the first reference runs take as long as then.
+    end as `compare` does; options of a twin, --start and --report are for those only. Without --start the twin is
+    switched on where the first reference runs take as long as then.
     """
     import time
     from tempfile import TemporaryDirectory
@@ -63,7 +57,7 @@ def replay(
     with call_errors():
         factor = parse_speed(speed)
     check_record(record)
-    options.check_writable(record, report, kept=(recording, flash, scenario))
+    options.check_writable(record, report, kept=(recording, *twin.files))
     with call_errors(recording):
         recorded = read(recording)
     pacer = Pacer(factor, 0)
@@ -71,16 +65,14 @@ def replay(
     with ExitStack() as stack:
         output = _Output(record, interval, recording, report, json, stack)
         if recorded.of_twin:
-            asked = (controller, machine, plant, seed, flash, scenario, set, start, report)
-            names = "controller", "machine", "plant", "seed", "flash", "scenario", "set", "start", "report"
-            usual = ("", MACHINE, TwinSpec.plant, TwinSpec.seed, None, None, (), "", None)
-            for name, value, default in zip(names, asked, usual, strict=True):
-                if value != default:
+            asked = vars(twin) | {"start": start, "report": report}
+            usual = vars(options.DEFAULT_SESSION_TWIN) | {"start": "", "report": None}
+            for name, value in asked.items():
+                if value != usual[name]:
                     raise CallError(f"{name}: the recording of a twin says it itself; leave it out", option=True)
             folder = Path(stack.enter_context(TemporaryDirectory(prefix="isel-twin-")))
             return _twin_again(recorded, folder, pace, output)
-        call = options.TwinOptions(machine, DEFAULT_TWIN.controller, plant, seed, flash, scenario, set)
-        return _host_again(recorded, sessions.spec_for(recorded, call, controller, start), limits, pace, output)
+        return _host_again(recorded, sessions.spec_for(recorded, twin, start), limits, pace, output)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -58,10 +58,10 @@ def parse_start(text: str) -> tuple[float, ...] | None:
     return places
 
 
-def spec_for(recorded: Recorded, twin: options.TwinOptions, controller: str, start: str) -> TwinSpec:
+def spec_for(recorded: Recorded, twin: options.SessionTwin, start: str) -> TwinSpec:
     """The twin of a call, with the controller of the recording unless another is asked for. Its flash is read only.
     Raises CallError."""
-    name = name_of(recorded, controller)
+    name = name_of(recorded, twin.controller)
     image = None
     if twin.flash is not None:
         with call_errors(twin.flash):

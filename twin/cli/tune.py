@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -27,40 +27,84 @@ if TYPE_CHECKING:
     from isel_twin.many.tuning.study import Study
 
 
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Demands:
+    """What a setting has to hold."""
+
+    margin: Annotated[
+        float, Parameter(help="Least pull-out margin that the tuned job has to keep, a share from 0 to 1.")
+    ] = 0.2
+    edge: Annotated[
+        float,
+        Parameter(help="Least edge, a factor: speed from which on a motor swings over the speed at which it turns."),
+    ] = 1.0
+    settle_mm: Annotated[
+        float | None, Parameter(help="A move takes until its carriages ring by no more than this, mm.")
+    ] = None
+    robust: Annotated[
+        Whole, Parameter(help="Number of other machines, as one can buy them, on which each setting is judged.")
+    ] = 5
+    uncertain: Annotated[
+        Whole,
+        Parameter(help="And the number of machines that this one may be, as far as its numbers are known: bands."),
+    ] = 0
+    confirm: Annotated[
+        Whole, Parameter(help="Number of further machines on which it must lose no step (149: at most 2 % do).")
+    ] = 149
+
+    def check(self) -> None:
+        """Raise CallError for what cannot be demanded."""
+        _check_numbers(robust=(self.robust, 0), uncertain=(self.uncertain, 0), confirm=(self.confirm, 1))
+        if not 0.0 <= self.margin <= 1.0:
+            raise CallError(f"margin {self.margin:g}: must be from 0 to 1", option=True)
+        if not 0.5 <= self.edge <= 3.0:
+            raise CallError(f"edge {self.edge:g}: must be from 0.5 to 3", option=True)
+        if self.settle_mm is not None and not 0.0 < self.settle_mm <= 10.0:
+            raise CallError(f"settle-mm {self.settle_mm:g}: must be a distance up to 10, such as 0.01", option=True)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Space:
+    """Which settings may be tried."""
+
+    each_move: Annotated[bool, Parameter(help="Settings of its own for each move; equal lines share them.")] = False
+    speed: Annotated[str | None, Parameter(help="LOW:HIGH in Hz, of rapid ways; one number: fixed.")] = None
+    acceleration: Annotated[str | None, Parameter(help="LOW:HIGH in Hz/ms.")] = None
+    start_stop: Annotated[str | None, Parameter(help="LOW:HIGH in Hz.")] = None
+    rapid: Annotated[
+        Whole | None, Parameter(help="Speeds in the job from here (Hz) are rapid; slower ones are feeds and stay.")
+    ] = None
+
+    def ranges(self) -> dict[str, tuple[int, int]]:
+        """Least and greatest value of each setting whose option is given. Raises CallError."""
+        settings = {"speed": "speed_hz", "acceleration": "acceleration_hz_per_ms", "start_stop": "start_stop_hz"}
+        ranges = {}
+        for option, setting in settings.items():
+            if (text := getattr(self, option)) is not None:
+                low, colon, high = text.partition(":")
+                try:
+                    ranges[setting] = int(low), int(high if colon else low)
+                except ValueError:
+                    said = f"{option.replace('_', '-')} {text}"
+                    raise CallError(f"{said}: must be LOW:HIGH, for example 5000:20000", option=True) from None
+        return ranges
+
+
+HOLDS = Demands()
+ANY = Space()
+
+
 def tune(
     job: Annotated[Path, Parameter(help="File of controller commands, one a line.")],
     /,
     *,
-    each_move: Annotated[bool, Parameter(help="Settings of its own for each move; equal lines share them.")] = False,
     trials: Annotated[
         Whole, Parameter(help="Number of settings that are tried, those of earlier calls among them.")
     ] = 25,
-    margin: Annotated[
-        float, Parameter(help="Least pull-out margin that the tuned job has to keep, a share from 0 to 1.")
-    ] = 0.2,
-    edge: Annotated[
-        float,
-        Parameter(help="Least edge, a factor: speed from which on a motor swings over the speed at which it turns."),
-    ] = 1.0,
-    settle_mm: Annotated[
-        float | None, Parameter(help="A move takes until its carriages ring by no more than this, mm.")
-    ] = None,
-    robust: Annotated[
-        Whole, Parameter(help="Number of other machines, as one can buy them, on which each setting is judged.")
-    ] = 5,
-    uncertain: Annotated[
-        Whole,
-        Parameter(help="And the number of machines that this one may be, as far as its numbers are known: bands."),
-    ] = 0,
-    confirm: Annotated[
-        Whole, Parameter(help="Number of further machines on which it must lose no step (149: at most 2 % do).")
-    ] = 149,
-    speed: Annotated[str | None, Parameter(help="LOW:HIGH in Hz, of rapid ways; one number: fixed.")] = None,
-    acceleration: Annotated[str | None, Parameter(help="LOW:HIGH in Hz/ms.")] = None,
-    start_stop: Annotated[str | None, Parameter(help="LOW:HIGH in Hz.")] = None,
-    rapid: Annotated[
-        Whole | None, Parameter(help="Speeds in the job from here (Hz) are rapid; slower ones are feeds and stay.")
-    ] = None,
+    demands: Demands = HOLDS,
+    space: Space = ANY,
     machine: options.MachineName = MACHINE,
     controller: options.ControllerName = TwinSpec.controller,
     seed: Annotated[
@@ -104,10 +148,12 @@ def tune(
         raise CallError("-: the tuned job stands beside the job; name a file")
     options.check_one_crew(workers, cluster)
     workers = 1 if workers is None else workers
-    _check_numbers(trials, robust, uncertain, confirm, workers, batch, margin, edge, seed, rapid, settle_mm)
+    demands.check()
+    rapid = 1 if space.rapid is None else space.rapid
+    _check_numbers(trials=(trials, 1), workers=(workers, 1), batch=(batch, 1), seed=(seed, 0), rapid=(rapid, 1))
     crew = options.crew_of(workers, cluster)
     options.check_seconds("timeout", timeout, 0.0)
-    ranges = _ranges({"speed": speed, "acceleration": acceleration, "start-stop": start_stop})
+    ranges = space.ranges()
     database = storage if storage is not None else str(job.with_name(f"{job.stem}.tune.db"))
     file = None if "://" in database else Path(database)
     out = out or job.with_name(f"{job.stem}.tuned{job.suffix}")
@@ -121,19 +167,20 @@ def tune(
     from isel_twin.core.warm import told_of_compiling
 
     with call_errors(job):
-        how: dict[str, Any] = {"each_move": each_move, "rapid_hz": rapid, "ranges": ranges, "timeout_s": timeout}
-        how |= {"repetitions": robust, "uncertain": uncertain, "settle_mm": settle_mm}
-        how["speed_share"] = (1.0 - margin) * edge  # at that edge the margin of speed is the one asked for
+        how: dict[str, Any] = {"each_move": space.each_move, "rapid_hz": space.rapid, "ranges": ranges}
+        how |= {"repetitions": demands.robust, "uncertain": demands.uncertain, "settle_mm": demands.settle_mm}
+        # at that edge the margin of speed is the one asked for
+        how |= {"speed_share": (1.0 - demands.margin) * demands.edge, "timeout_s": timeout}
         how["flash"] = flash.read_bytes() if flash is not None else None
-        problem = _problem(job, source, call, confirm, picture, how)
+        problem = _problem(job, source, call, demands.confirm, picture, how)
     with ExitStack() as stack:
-        begun = _study(problem, file or database, stack, name=study, seed=seed, batch=batch, least=margin)
+        begun = _study(problem, file or database, stack, name=study, seed=seed, batch=batch, least=demands.margin)
         stack.enter_context(told_of_compiling())
         stopped = stack.enter_context(interruption())
-        show = Json() if json else stack.enter_context(Table(trials, confirm))
+        show = Json() if json else stack.enter_context(Table(trials, demands.confirm))
         stack.enter_context(crew)
         stack.enter_context(_failures())
-        found = _tuned(job, begun, trials, confirm, crew, stopped, show)
+        found = _tuned(job, begun, trials, demands.confirm, crew, stopped, show)
         if picture is not None:
             _draw(picture, job, begun, found)
         written = [] if found is None else _write(job, found, out, permanent)
@@ -141,46 +188,11 @@ def tune(
     return 128 + stopped[0] if stopped else int(found is None)
 
 
-def _check_numbers(
-    trials: int,
-    robust: int,
-    uncertain: int,
-    confirm: int,
-    workers: int,
-    batch: int,
-    margin: float,
-    edge: float,
-    seed: int,
-    rapid: int | None,
-    settle_mm: float | None,
-) -> None:
-    for name, value, low in (
-        ("trials", trials, 1), ("robust", robust, 0), ("uncertain", uncertain, 0), ("confirm", confirm, 1),
-        ("workers", workers, 1),
-        ("batch", batch, 1), ("seed", seed, 0), ("rapid", 1 if rapid is None else rapid, 1),
-    ):  # fmt: skip
+def _check_numbers(**numbers: tuple[int, int]) -> None:
+    """Raise CallError for a value below its least one."""
+    for name, (value, low) in numbers.items():
         if value < low:
             raise CallError(f"{name} {value}: must be a whole number from {low}", option=True)
-    if not 0.0 <= margin <= 1.0:
-        raise CallError(f"margin {margin:g}: must be from 0 to 1", option=True)
-    if not 0.5 <= edge <= 3.0:
-        raise CallError(f"edge {edge:g}: must be from 0.5 to 3", option=True)
-    if settle_mm is not None and not 0.0 < settle_mm <= 10.0:
-        raise CallError(f"settle-mm {settle_mm:g}: must be a distance up to 10, such as 0.01", option=True)
-
-
-def _ranges(texts: dict[str, str | None]) -> dict[str, tuple[int, int]]:
-    """Least and greatest value of each setting whose option is given. Raises CallError."""
-    settings = {"speed": "speed_hz", "acceleration": "acceleration_hz_per_ms", "start-stop": "start_stop_hz"}
-    ranges = {}
-    for option, text in texts.items():
-        if text is not None:
-            low, colon, high = text.partition(":")
-            try:
-                ranges[settings[option]] = int(low), int(high if colon else low)
-            except ValueError:
-                raise CallError(f"{option} {text}: must be LOW:HIGH, for example 5000:20000", option=True) from None
-    return ranges
 
 
 def _problem(

@@ -24,8 +24,9 @@ import numpy as np
 
 from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.base.crew import GivenUp, Stop, given_up
-from isel_twin.jobs.job import Line, play
+from isel_twin.jobs.job import Line
 from isel_twin.jobs.result import Result
+from isel_twin.jobs.sending import play
 from isel_twin.jobs.verdict import Verdict, judge, lost
 
 if TYPE_CHECKING:

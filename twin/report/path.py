@@ -15,7 +15,7 @@ from isel_twin.report.columns import Columns
 from isel_twin.report.svg import WIDTH, Mark, apart, badge, line, nice, number
 
 if TYPE_CHECKING:
-    from isel_twin.jobs.job import Result
+    from isel_twin.jobs.result import Result
 
 COLOURS = ("#1f4e9e", "#2a86b8", "#35a07c", "#c9a227", "#dd7a1c", "#c02a1d")  # of deviations, from small to large
 LEAST_UM = 1.0  # smaller deviations have one colour: they are rounding errors

@@ -18,7 +18,7 @@ from isel_twin.report.path import COLOURS, LEAST_UM
 from isel_twin.report.svg import Mark
 
 if TYPE_CHECKING:
-    from isel_twin.jobs.job import Result
+    from isel_twin.jobs.result import Result
 
 
 def draw(

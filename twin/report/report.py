@@ -31,8 +31,7 @@ if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
     from isel_twin.jobs.checks.job import Report
     from isel_twin.jobs.checks.rules import Bounds, Finding
-    from isel_twin.jobs.job import Result
-    from isel_twin.jobs.result import Part
+    from isel_twin.jobs.result import Part, Result
     from isel_twin.recordings.recorder import Recorder
 
 ROWS = 1000  # most commands listed, beside those with a finding

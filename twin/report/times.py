@@ -24,7 +24,7 @@ from isel_twin.report.svg import WIDTH, Mark, apart, badge, escape, nice, number
 from isel_twin.wiring.contacts import FAULTS
 
 if TYPE_CHECKING:
-    from isel_twin.jobs.job import Result
+    from isel_twin.jobs.result import Result
     from isel_twin.recordings.recorder import Change, Recorder
 
 MM_FROM_UM = 1000.0  # deviations and errors from here on are shown in mm

@@ -21,8 +21,9 @@ from isel_twin.bridge.serve.loop import FileWatch
 from isel_twin.bridge.serve.server import Server
 from isel_twin.controller import offers
 from isel_twin.core.twin import Twin
-from isel_twin.jobs.job import Line, Sent, Wait, conversation, ends_job, look
+from isel_twin.jobs.job import Line
 from isel_twin.jobs.result import Result
+from isel_twin.jobs.sending import Sent, Wait, conversation, ends_job, look
 from isel_twin.language import HoldsMotion, readable
 
 TIMEOUT_S = 86_400.0  # virtual seconds: somebody stands beside it

@@ -12,6 +12,7 @@ import serial
 
 from isel_twin import Twin
 from tests.bridge.conftest import Served
+from tests.forked import PATIENCE_S
 
 JOB = """# reference, a square of 10 mm, status
 $HZXY<1>
@@ -65,7 +66,7 @@ def test_job_file(tmp_path: Path) -> None:
     """In the physics: everything accepted, nothing lost, back at the start of the square."""
     (tmp_path / "square.job").write_text(JOB, encoding="utf-8")
     command = [sys.executable, "-m", "isel_twin.cli", "run", "--controller", "ismif", "--json", "square.job"]
-    call = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=200)
+    call = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
     *lines, summary = [json.loads(line) for line in call.stdout.splitlines()]
     ack, done = "\r", "\r\x02\r"
     assert [line["reply"] for line in lines] == [done, ack, ack, ack, ack, done, "@X000000\r", "@LY0\r"]

@@ -9,13 +9,12 @@ An image is replaced as a whole; an unreadable one means defaults and the output
 
 from __future__ import annotations
 
-import json
-import zlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
-from isel_twin.base.parameters import parse_json
+from isel_twin.firmware import flash_image
+from isel_twin.firmware.flash_image import build, whole
 
 SLOTS = 6
 ZERO_POINTS = 16
@@ -91,23 +90,17 @@ class Stored:
 
 
 def encode(stored: Stored) -> bytes:
-    body = json.dumps(asdict(stored), separators=(",", ":")).encode("ascii")
-    return MAGIC + b"%08x\n" % zlib.crc32(body) + body
+    return flash_image.encode(MAGIC, asdict(stored))
 
 
 def decode(image: bytes) -> Stored | None:
     """Content of a flash image; None if it is damaged or has values that no command could have stored."""
-    head, _, body = image.partition(b"\n")
-    if head != MAGIC + b"%08x" % zlib.crc32(body):
-        return None
     try:
-        tree = parse_json(body)
-        names = [{f.name for f in fields(kind)} for kind in (Stored, Settings)]
-        if [tree.keys(), tree["settings"].keys()] != names:
+        tree = flash_image.decode(MAGIC, image)
+        if tree.keys() != {f.name for f in fields(Stored)}:
             return None
-        values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in tree["settings"].items()}
         stored = Stored(
-            Settings(**values),
+            build(Settings, tree["settings"]),
             tuple(map(tuple, tree["zero_points"])),
             tuple(map(tuple, tree["fine"])),
             tree["data"],
@@ -126,14 +119,14 @@ def _possible(stored: Stored) -> bool:
         _axes(settings.m_hz, SLOTS + 1, 5, 1_000_000)
         and _axes(settings.b_hz_per_ms, SLOTS + 1, 1, 30_000)
         and _axes(settings.r_hz, SLOTS + 1, 0, 1_000_000)
-        and all(_whole(getattr(settings, name), low, high) for name, low, high in NUMBERS.values())
+        and all(whole(getattr(settings, name), low, high) for name, low, high in NUMBERS.values())
         and (settings.addresses == () or _axes(settings.addresses, SLOTS, 0, 255))
         and all(_axes(axes, SLOTS, -size, size - 1) for axes in (settings.home_from, settings.home_to))
         and _axes(settings.per_turn, SLOTS, 0, size - 1)
         and _axes(settings.ratios, SLOTS, 1, RATIO_ONE)
         and _axes(settings.no_influence, SLOTS, 0, 1)
-        and _whole(settings.tool_speed, 0, 1)
-        and _whole(settings.override, 0, 1)
+        and whole(settings.tool_speed, 0, 1)
+        and whole(settings.override, 0, 1)
         and len(stored.zero_points) == ZERO_POINTS
         and len(stored.fine) == FINE
         and all(_axes(axes, SLOTS, -size, size - 1) for axes in (*stored.zero_points, *stored.fine))
@@ -145,9 +138,4 @@ def _possible(stored: Stored) -> bool:
 
 
 def _axes(values: Any, count: int, low: int, high: int) -> bool:
-    return isinstance(values, tuple) and len(values) == count and all(_whole(value, low, high) for value in values)
-
-
-def _whole(value: Any, low: int, high: int) -> bool:
-    """True for a whole number (no bool) in this range."""
-    return type(value) is int and low <= value <= high
+    return isinstance(values, tuple) and len(values) == count and all(whole(value, low, high) for value in values)

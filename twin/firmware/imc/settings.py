@@ -11,14 +11,13 @@ or has a value that no command would have stored counts as none: the device take
 from __future__ import annotations
 
 import enum
-import json
-import zlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cache
 from typing import Any
 
-from isel_twin.base.parameters import parse_json
+from isel_twin.firmware import flash_image
+from isel_twin.firmware.flash_image import build, whole
 from isel_twin.firmware.imc.profile import Profile
 
 MAGIC = b"isel-twin imc flash 1 "
@@ -112,8 +111,7 @@ class Flash:
 
 
 def encode(flash: Flash) -> bytes:
-    body = json.dumps(asdict(flash), separators=(",", ":")).encode("utf-8")
-    return MAGIC + b"%08x\n" % zlib.crc32(body) + body
+    return flash_image.encode(MAGIC, asdict(flash))
 
 
 WHOLE = 0, (1 << 23) - 1  # range of numbers without a narrower one
@@ -140,16 +138,13 @@ RANGES: Mapping[str, tuple[tuple[int, int], ...]] = {
 
 def decode(image: bytes) -> Flash | None:
     """None if the image is damaged or holds values that no command could have stored."""
-    head, _, body = image.partition(b"\n")
-    if head != MAGIC + b"%08x" % zlib.crc32(body):
-        return None
     try:
-        tree = parse_json(body)
+        tree = flash_image.decode(MAGIC, image)
         program = tree["program"]
         lines = tuple((code, tuple(values)) for code, values in program["lines"])
-        modal = _build(Modal, program["modal"])
+        modal = build(Modal, program["modal"])
         stored = StoredProgram(ProgramState(program["state"]), lines, program["axes"], modal)
-        flash = Flash(_build(Settings, tree["settings"]), stored)
+        flash = Flash(build(Settings, tree["settings"]), stored)
     except (ValueError, TypeError, KeyError, RecursionError):
         return None
     return flash if _possible(flash) else None
@@ -162,10 +157,10 @@ def _possible(flash: Flash) -> bool:
         all(_in_range(name, settings[name]) for name in settings.keys() & RANGES.keys())
         and is_user_info(settings["user_info"])
         and all(_in_range(name, value) if name in RANGES else isinstance(value, bool) for name, value in modal.items())
-        and _whole(program.axes, program.state is not ProgramState.EMPTY, MASK[1])
+        and whole(program.axes, program.state is not ProgramState.EMPTY, MASK[1])
         and program.axes in AXIS_SETS
         and all(
-            isinstance(code, str) and all(_whole(value, -WHOLE[1] - 1, WHOLE[1]) for value in values)
+            isinstance(code, str) and all(whole(value, -WHOLE[1] - 1, WHOLE[1]) for value in values)
             for code, values in program.lines
         )
     )
@@ -183,18 +178,5 @@ def _in_range(name: str, value: Any) -> bool:
     return (
         isinstance(value, tuple) == (len(ranges) > 1)
         and len(numbers) == len(ranges)
-        and all(_whole(number, *limits) for number, limits in zip(numbers, ranges, strict=True))
+        and all(whole(number, *limits) for number, limits in zip(numbers, ranges, strict=True))
     )
-
-
-def _whole(value: Any, low: int, high: int) -> bool:
-    """True for a whole number (no bool) in this range."""
-    return type(value) is int and low <= value <= high
-
-
-def _build(kind: type[Any], tree: dict[str, Any]) -> Any:
-    """A frozen dataclass from its JSON form: lists are tuples. Raises TypeError or KeyError for other fields."""
-    values = {f.name: tree[f.name] for f in fields(kind)}
-    if len(values) != len(tree):
-        raise TypeError("unknown fields")
-    return kind(**{name: tuple(value) if isinstance(value, list) else value for name, value in values.items()})

@@ -26,9 +26,10 @@ from isel_twin.core.state import StateError, TwinState
 from isel_twin.jobs.checks.contour import Drawing
 from isel_twin.jobs.checks.job import Inspection, Mark, Report, repeated
 from isel_twin.jobs.checks.rules import Bounds
-from isel_twin.jobs.job import JobError, Line, check_conditions, ends_job, play
+from isel_twin.jobs.job import JobError, Line, check_conditions
 from isel_twin.jobs.playing import Played
 from isel_twin.jobs.result import Result
+from isel_twin.jobs.sending import ends_job, play
 from isel_twin.jobs.verdict import judge
 
 MOST = 64  # saved states of a job

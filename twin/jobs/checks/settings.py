@@ -49,8 +49,8 @@ from isel_twin.base.errors import CallError
 from isel_twin.base.parameters import Limits, Place, boolean, known, plain, read_toml, table, text
 from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs.checks.rules import Bounds
-from isel_twin.jobs.job import MOST_EDGE
 from isel_twin.jobs.project import SettingsError, fixtures
+from isel_twin.jobs.sending import MOST_EDGE
 from isel_twin.machine import Fixture, Machine
 from isel_twin.plant import MOST_CLEARANCE_MM
 

@@ -219,14 +219,9 @@ def _grown(call: Call, job: Job, allowance: float) -> _Pocket:
 def circle(call: Call) -> Iterator[CycleMove]:
     """G74: from the middle outwards, a spiral in each layer."""
     job, turn = _circular(call)
-    radius = _radius(call, job, job.allowance)
-    yield from to_middle(job)
-    for layer, floor in enumerate(job.floors):
-        yield from down(job, layer)
-        yield from mill(job, _spiral(call, job, radius, turn))
-        yield from mill(job, [_away(radius, turn)])
-        yield level(job, floor + RETRACT_MM, Kind.RAPID)
-        yield rapid(job, (0.0, 0.0))
+    yield from _layers(call, job, turn)
+    yield level(job, job.floors[-1] + RETRACT_MM, Kind.RAPID)
+    yield rapid(job, (0.0, 0.0))
     yield from up(job)
 
 
@@ -234,17 +229,9 @@ def circle_finished(call: Call) -> Iterator[CycleMove]:
     """G75: the same, then circles with half the feed until the pocket has its size."""
     job, turn = _circular(call)
     finishing = finishing_cuts(call, job)
-    radius = _radius(call, job, job.allowance)
-    yield from to_middle(job)
-    for layer, floor in enumerate(job.floors):
-        yield from down(job, layer)
-        yield from mill(job, _spiral(call, job, radius, turn))
-        yield from mill(job, [_away(radius, turn)])
-        if layer < len(job.floors) - 1:
-            yield level(job, floor + RETRACT_MM, Kind.RAPID)
-            yield rapid(job, (0.0, 0.0))
+    yield from _layers(call, job, turn)
     slow = FINISHING * job.feed
-    at = _away(radius, turn).end
+    at = _away(_radius(call, job, job.allowance), turn).end
     for allowance in finishing:
         grown = _radius(call, job, allowance)
         yield from mill(job, [Way(at, (grown, 0.0), ((at[0] + grown) / 2.0, 0.0), turn)], slow)
@@ -252,6 +239,19 @@ def circle_finished(call: Call) -> Iterator[CycleMove]:
         at = _away(grown, turn).end
     yield level(job, job.height, Kind.LINE, job.feed)
     yield CycleMove(Kind.LINE, job.place((0.0, 0.0)), None, job.feed)
+
+
+def _layers(call: Call, job: Job, turn: int) -> Iterator[CycleMove]:
+    """A spiral in each layer; the tool stays at the end of the last one."""
+    radius = _radius(call, job, job.allowance)
+    yield from to_middle(job)
+    for layer in range(len(job.floors)):
+        if layer:
+            yield level(job, job.floors[layer - 1] + RETRACT_MM, Kind.RAPID)
+            yield rapid(job, (0.0, 0.0))
+        yield from down(job, layer)
+        yield from mill(job, _spiral(call, job, radius, turn))
+        yield from mill(job, [_away(radius, turn)])
 
 
 def _circular(call: Call) -> tuple[Job, int]:
