@@ -25,8 +25,7 @@ from gymnasium.vector.utils import batch_space
 from numba import carray
 from numpy.typing import ArrayLike, NDArray
 
-from isel_twin.base.compiling import njit
-from isel_twin.drives.dynamics import drop_stale_code
+from isel_twin.base.compiling import contains, njit
 from isel_twin.envs import tracking
 from isel_twin.envs.track import TrackPath, ended, infos
 from isel_twin.envs.tracking import LANE, SIZE, TRACK, aim, take_step
@@ -202,4 +201,4 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
         return said
 
 
-drop_stale_code(take_steps, tracking.__file__, kernel.__file__, *kernel.CONTAINED)
+contains(__name__, tracking.__file__, kernel.__file__, *kernel.CONTAINED)

@@ -17,9 +17,8 @@ import math
 
 import numpy as np
 
-from isel_twin.base.compiling import njit
+from isel_twin.base.compiling import contains, njit
 from isel_twin.core.seen import SLOW_RAD_S
-from isel_twin.drives.dynamics import drop_stale_code
 from isel_twin.plant import kernel
 from isel_twin.plant.kernel import advance
 from isel_twin.plant.memory import AXES, parts_of
@@ -255,4 +254,4 @@ def take_step(memory, tracks, lanes, shape_mm, path, t_ns, delta, no_leads, acti
     return over
 
 
-drop_stale_code(take_step, kernel.__file__, *kernel.CONTAINED)
+contains(__name__, kernel.__file__, *kernel.CONTAINED)

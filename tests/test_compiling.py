@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from isel_twin.base import compiling
+from isel_twin.base import compiled_code, compiling
 from tests.forked import PATIENCE_S
 
 ROOT = Path(__file__).parents[1]
@@ -60,7 +60,7 @@ def test_without_any_folder_to_write_in_all_is_compiled_anew(tmp_path: Path) -> 
 @pytest.fixture
 def silent(monkeypatch: pytest.MonkeyPatch) -> None:
     """As if nothing had been said yet."""
-    monkeypatch.setattr(compiling, "_said", False)
+    monkeypatch.setattr(compiled_code, "_said", False)
 
 
 @pytest.mark.usefixtures("silent")
@@ -96,13 +96,13 @@ def test_what_is_no_matter_of_folders_is_raised(monkeypatch: pytest.MonkeyPatch)
 
     monkeypatch.setattr("numba.core.caching.FunctionCache.__init__", fail)
     with pytest.raises(RuntimeError, match="something else"):
-        compiling.njit()(lambda n: n)
+        compiling.njit()(lambda n: n)(1)
 
 
 def test_codes_for_other_types_never_share_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two processes compile a function at the same time for other types, and neither sees the other's index. What one
     of them has stored may be compiled again, but is never taken for the other's."""
-    first, second = (compiling._Files(str(tmp_path), "advance", "source") for _ in range(2))
+    first, second = (compiled_code._Files(str(tmp_path), "advance", "source") for _ in range(2))
     write = first._save_data
 
     def write_late(name: str, data: object) -> None:
@@ -110,7 +110,7 @@ def test_codes_for_other_types_never_share_a_file(tmp_path: Path, monkeypatch: p
         write(name, data)
 
     with monkeypatch.context() as at_once:
-        at_once.setattr(compiling._Files, "_load_index", lambda _: {})
+        at_once.setattr(compiled_code._Files, "_load_index", lambda _: {})
         at_once.setattr(first, "_save_data", write_late)
         first.save("int8", "code for int8")
     assert (second.load("int8"), second.load("int32")) == ("code for int8", None)
@@ -118,7 +118,7 @@ def test_codes_for_other_types_never_share_a_file(tmp_path: Path, monkeypatch: p
 
 def test_the_index_names_no_code_that_is_not_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """While a new source is compiled, the code of the old one is not loaded for it."""
-    old, new = (compiling._Files(str(tmp_path), "advance", source) for source in ("old source", "new source"))
+    old, new = (compiled_code._Files(str(tmp_path), "advance", source) for source in ("old source", "new source"))
     old.save("int8", "old code")
     seen: list[object] = []
     write = new._save_data

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import platform
 import signal
 import subprocess
 import sys
@@ -10,13 +11,25 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from isel_twin.base.crew import Crew, Lost, LostError, cluster, finished, given_up, here, in_order, local
+from isel_twin.base.crew import (
+    Crew,
+    Lost,
+    LostError,
+    MismatchError,
+    cluster,
+    finished,
+    given_up,
+    here,
+    in_order,
+    local,
+    versions,
+)
 from isel_twin.base.errors import CallError
 
 ITEMS = [10, 11, 12, 13, 14]
@@ -90,6 +103,54 @@ def test_an_item_that_kills_its_workers_is_lost_and_the_others_are_not() -> None
     fake = Fake({11: KilledWorker("task died on 4 workers"), 13: KeyError()})
     found = dict(finished(double, ITEMS, crew(fake, [])))
     assert found == {0: 20, 1: Lost("task died on 4 workers"), 2: 24, 3: Lost("the cluster is gone"), 4: 28}
+
+
+@pytest.mark.parametrize(
+    ("package", "there", "said"),
+    [
+        ("numba", "0.60.0", "numba 0.60.0 instead of {numba}"),
+        ("Python", "3.99", "Python 3.99 instead of {Python}"),
+        ("isel-twin", "0.9", "isel-twin 0.9 instead of {isel-twin}"),
+    ],
+)
+def test_a_worker_of_a_cluster_with_other_versions_computes_nothing(
+    package: str, there: str, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It may join at any time: here before the third item."""
+    asked = dict(versions())
+
+    class Elsewhere(Fake):
+        def submit(self, function: Callable[..., Any], /, *items: Any, **_: Any) -> Future[Any]:
+            found = {**asked, package: there} if items[0] == 12 else asked
+            future: Future[Any] = Future()
+            with monkeypatch.context() as worker:
+                worker.setattr("isel_twin.base.crew.versions", lambda: found)
+                try:
+                    future.set_result(function(*items))
+                except MismatchError as error:
+                    future.set_exception(error)
+            return future
+
+    remote = Crew(lambda: nullcontext(Elsewhere({})), 1, far="cluster tcp://a:1")
+    made: list[tuple[int, Any]] = []
+    with pytest.raises(CallError) as caught:
+        made.extend(finished(double, ITEMS, remote))
+    assert str(caught.value) == (
+        f"cluster tcp://a:1: a worker on {platform.node()} has {said.format(**asked)}: install the same there"
+    )
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        ModuleNotFoundError("No module named 'isel_twin'"),
+        AttributeError("Can't get attribute '_alike' on <module 'isel_twin.base.crew' from 'crew.py'>"),
+    ],
+)
+def test_a_worker_of_a_cluster_without_the_package(error: Exception) -> None:
+    remote = Crew(lambda: nullcontext(Fake({11: error})), 1, far="cluster tcp://a:1")
+    with pytest.raises(CallError, match=r"cluster tcp://a:1: a worker has no isel-twin .*: install it there"):
+        list(finished(double, ITEMS, remote))
 
 
 def test_an_error_of_the_function_is_raised() -> None:

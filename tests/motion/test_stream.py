@@ -194,16 +194,39 @@ def test_the_rate_on_a_ramp_is_that_of_the_ramp() -> None:
 
 def test_a_line_may_be_made_without_its_ticks() -> None:
     """Half of a line of 30 and 10 steps: as many ticks, and where they lead; the rest comes tick by tick."""
-    some, run = Stream(3), StepRun(line((30, -10, 0)), constant(30, 1000), 0)
-    assert some.straight(5 * MS) is None, "nothing moves"
+    some, run, wide = Stream(3), StepRun(line((30, -10, 0)), constant(30, 1000), 0), ([-99] * 3, [99] * 3)
+    assert some.straight(5 * MS, *wide) is None, "nothing moves"
     some.follow(run, 0)
-    assert some.straight(15 * MS) == (15, (15, -5, 0))
+    assert some.straight(15 * MS, *wide) == (15 * MS, 15, (15, -5, 0))
     some.skip(15)
     assert some.rate_hz() == pytest.approx([1000.0, -1000.0 / 3.0, 0.0], rel=0.1)
-    assert some.straight(15 * MS) == (0, (0, 0, 0))
+    assert some.straight(15 * MS, *wide) == (15 * MS, 0, (0, 0, 0))
     times, changes = make(some, 1 << 60)
     assert times == [k * MS for k in range(16, 31)]
     assert np.sum(changes, axis=0).tolist() == [15, -5, 0]
     assert len(some.steps(1 << 60)) == 30
     some.follow(SetPointRun(table((1, 0, 0)), PERIOD, 30 * MS), 30 * MS)
-    assert some.straight(1 << 60) is None, "what is led has no steps that could be left out"
+    assert some.straight(1 << 60, *wide) is None, "what is led has no steps that could be left out"
+
+
+@pytest.mark.parametrize(
+    ("below", "above", "tick"),
+    [
+        ([-9] * 3, [9, 9, 9], 9),  # the leading axis makes a step a tick
+        ([-9, -3, -9], [99] * 3, 8),  # 10 steps on 30 ticks fall at ticks 2, 5, 8, ..: decision motion/5
+        ([-9, -1, -9], [2, 99, 99], 2),  # both at once
+        ([-1] * 3, [99, 1, 1], 2),
+    ],
+)
+def test_a_line_is_made_up_to_the_first_tick_that_takes_an_axis_so_far(below, above, tick) -> None:
+    """And what is left ends where all of it does, wherever the first part has ended."""
+    for first in (0, 4):
+        some, run = Stream(3), StepRun(line((30, -10, 0)), trapezoid(30, 5000, 300, 100_000), 0)
+        some.follow(run, 0)
+        some.skip(first)
+        ends = np.array([run.displacement_after(k) for k in range(first, 31)])
+        far = np.flatnonzero(((ends - ends[0] <= below) | (ends - ends[0] >= above)).any(axis=1))[0]
+        t_ns = run.window(0, 30)[0][first + far - 1]
+        assert some.straight(1 << 60, below, above) == (t_ns, far, tuple(ends[far] - ends[0]))
+        if first == 0:
+            assert far == tick

@@ -1,108 +1,116 @@
 """Compiled functions that are cached between processes where a folder can be written to.
 
-    @njit(nogil=True, error_model="numpy")         numba's njit with cache=True
+    @njit(nogil=True, error_model="numpy")         numba's njit with cache=True, at the first call
     def advance(...): ...
 
-numba caches compiled code in `__pycache__` beside the source, else in the user's cache folder or in NUMBA_CACHE_DIR. It
-raises if it cannot write there or the disk is full. Here the function works all the same: it is compiled again in each
-process, and the log says once what that costs and what to do.
+    contains(__name__, other.__file__)             this module's compiled functions contain code of another file
+
+Importing numba takes a third of a second: who calls no compiled function does without it. From its first call on a
+function is numba's own in each module that has it under its name, so that later calls cost what they do with numba.
 """
 
 from __future__ import annotations
 
-import hashlib
-import logging
-import pickle
-from collections.abc import Callable
+import functools
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
-import numba
-from numba.core.caching import FunctionCache, IndexDataCacheFile
-from numba.core.environment import Environment, lookup_environment
-from numba.core.runtime import rtsys
+Tell = Callable[[str], None]
 
-log = logging.getLogger("isel_twin")
-
-_said = False
+_CONTAINED: dict[str, tuple[str, ...]] = {}  # module: other files whose code its compiled functions contain
+_WATCHES: list[_Watch] = []  # those who are told of compiling, the last first
+_MAKING = threading.RLock()
 
 
 def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     """numba's njit with these options and, if possible, a cache on the disk."""
-
-    def decorate(function: Callable[..., Any]) -> Any:
-        compiled: Any = numba.njit(**options)(function)
-        try:
-            compiled._cache = _Cache(function)
-        except RuntimeError as error:
-            if "cannot cache function" not in str(error):
-                raise
-            _say("no folder to keep compiled code in, so each start compiles it anew; name one by NUMBA_CACHE_DIR")
-        return compiled
-
-    return decorate
+    return lambda function: Compiled(function, options)
 
 
-class _Cache(FunctionCache):
-    """numba's own cache, except that a full disk is no error, loading is fast, and processes may compile at once."""
+def contains(module: str, *files: str) -> None:
+    """Code of other files is compiled into functions of this module: when they have changed, its cached code is stale.
 
-    def __init__(self, function: Callable[..., Any]) -> None:
-        super().__init__(function)
-        self._cache_file = _Files(self._cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp())
-
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Cached code needs only memory management. numba would prepare for compiling first, which imports hundreds of
-        modules, including scipy: 0.4 s of CPU time. It still does so before it compiles."""
-        rtsys.initialize(target_context)
-        with self._guard_against_spurious_io_errors():
-            return self._load_overload(sig, target_context)
-
-    def save_overload(self, sig: Any, data: Any) -> None:
-        try:
-            super().save_overload(sig, data)
-        except OSError as error:
-            _say(
-                f"compiled code cannot be kept ({error.strerror or error}), so each start compiles it anew; "
-                "name a folder for it by NUMBA_CACHE_DIR"
-            )
+    numba checks only the file of the function itself. Call it beside the functions."""
+    _CONTAINED[module] = files
 
 
-class _Files(IndexDataCacheFile):
-    """The files of one function: an index, and the code for each combination of types.
+class Compiled:
+    """A function that numba compiles, or loads from the cache, when it is first needed; then numba's dispatcher."""
 
-    numba numbers the codes, and writes the index first: a process that compiles at the same time for other types takes
-    the same number, and one that loads may read the code of an earlier source. Either runs the wrong code. Here the
-    name of a file follows from the types, and the index names it after it is written.
-    """
+    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
+        functools.update_wrapper(self, function)
+        self.py_func = function
+        self._options = options
 
-    def save(self, key: Any, data: Any) -> None:
-        name = self._data_name(int(hashlib.sha256(repr(key).encode()).hexdigest()[:15], 16))
-        self._save_data(name, data)
-        self._save_index({**self._load_index(), key: name})
+    @functools.cached_property
+    def _dispatcher(self) -> Any:
+        from isel_twin.base.compiled_code import dispatcher, drop_stale_code
 
-    def _load_data(self, name: str) -> Any:
-        with open(self._data_path(name), "rb") as file:
-            return _Unpickler(file).load()
+        with _MAKING:
+            if "_dispatcher" in self.__dict__:  # another thread was faster
+                return self.__dict__["_dispatcher"]
+            module, name = self.py_func.__module__, self.py_func.__name__
+            made = dispatcher(self.py_func, self._options)
+            if files := _CONTAINED.pop(module, ()):
+                drop_stale_code(made, *files)
+            for place in list(sys.modules.values()):
+                if getattr(place, "__dict__", {}).get(name) is self:
+                    setattr(place, name, made)
+            return made
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self._dispatcher(*arguments)
+
+    def __getattr__(self, name: str) -> Any:
+        """All else that a dispatcher has: numba asks for its type when a function that calls it is compiled."""
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return getattr(self._dispatcher, name)
 
 
-class _Unpickler(pickle.Unpickler):
-    """Imports no module for the sake of its globals, which compiled code does not use: 20 ms less at every start."""
-
-    def find_class(self, module: str, name: str) -> Any:
-        return _environment if name == "_rebuild_env" else super().find_class(module, name)
+def log_compiling(text: str) -> None:
+    """A line on standard error."""
+    print(f"isel-twin: {text}", file=sys.stderr, flush=True)
 
 
-def _environment(module: str, constants: list[Any], name: str) -> Environment:
-    found = lookup_environment(name)
-    if found is None:
-        found = Environment._memo[name] = Environment({"__name__": module})
-        found.consts[:] = constants
-        found.env_name = name
-    return found
+@contextmanager
+def told_of_compiling(tell: Tell = log_compiling) -> Iterator[None]:
+    """Report in a line of text when numba begins to compile in the block, and at the end how long it took; nothing if
+    all is cached."""
+    watch = _Watch(tell)
+    _WATCHES.append(watch)
+    try:
+        yield
+    finally:
+        _WATCHES.remove(watch)
+    if watch.spent_s > 0.0:
+        tell(f"compiled in {watch.spent_s:.1f} s")
 
 
-def _say(line: str) -> None:
-    """Log a line once in a process, not once a function."""
-    global _said
-    if not _said:
-        _said = True
-        log.warning("%s", line)
+def compiling(begins: bool) -> None:
+    """A compilation begins or ends: those who want to know are told."""
+    for watch in _WATCHES:
+        watch.take(begins)
+
+
+class _Watch:
+    """Times compilation (not loading); a compilation within another counts once."""
+
+    def __init__(self, tell: Tell) -> None:
+        self._tell = tell
+        self._depth = 0
+        self._began_s = 0.0
+        self.spent_s = 0.0
+
+    def take(self, begins: bool) -> None:
+        if begins and self._depth == 0:
+            if self.spent_s == 0.0:
+                self._tell("compiling the physics (once per installation) ...")
+            self._began_s = time.perf_counter()
+        self._depth += 1 if begins else -1
+        if not begins and self._depth == 0:
+            self.spent_s += time.perf_counter() - self._began_s

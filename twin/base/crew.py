@@ -18,9 +18,11 @@ Local workers
 from __future__ import annotations
 
 import functools
+import importlib.metadata
 import logging
 import multiprocessing
 import os
+import platform
 import re
 import signal
 import sys
@@ -34,6 +36,7 @@ from itertools import count
 from typing import Any, TypeVar
 
 from isel_twin.base.errors import CallError, one_line
+from isel_twin.version import VERSION
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -63,6 +66,17 @@ class Lost:
     why: str
 
 
+class MismatchError(RuntimeError):
+    """The computing process has other versions than the one that asks, or another machine of that name."""
+
+
+@functools.cache
+def versions() -> dict[str, str]:
+    """What results depend on, in this process: a worker must have the same."""
+    packages = {name: importlib.metadata.version(name) for name in ("numba", "mujoco")}
+    return {"Python": ".".join(platform.python_version_tuple()[:2]), "isel-twin": VERSION, **packages}
+
+
 class Crew:
     """Workers, started when first needed. They stay within `with crew:`, otherwise for one call of `finished`."""
 
@@ -71,11 +85,14 @@ class Crew:
         begin: Callable[[], AbstractContextManager[Executor | None]],
         ahead: int = 1,
         flags: MutableSequence[int] | None = None,
+        far: str = "",
     ) -> None:
         """begin: makes the executor, and another one after its workers have died; None: compute here. ahead: items
-        submitted at a time. flags [CALLS]: shared with the workers; 1: that call of `finished` is given up."""
+        submitted at a time. flags [CALLS]: shared with the workers; 1: that call of `finished` is given up. far: name
+        of a crew whose workers may have other versions."""
         self._begin = begin
         self.ahead = ahead
+        self.far = far
         self._flags = flags
         self._calls = count()
         self._users = 0
@@ -127,7 +144,7 @@ def cluster(address: str) -> Crew:
         import distributed  # noqa: F401
     except ImportError:
         raise CallError("cluster needs distributed: pip install 'isel-twin[cluster]'", option=True) from None
-    return Crew(lambda: _dask(address), 256)
+    return Crew(lambda: _dask(address), 256, far=f"cluster {address}")
 
 
 def finished(
@@ -136,7 +153,8 @@ def finished(
     """Index and result of each item, in the order of completion. Closing the iterator gives up the rest.
 
     stop: called now and then; True ends the iteration. An exception of the function is raised here, unless it says that
-    its worker is gone. Raises CallError if all workers die again and again.
+    its worker is gone. Raises CallError if all workers die again and again, and for a worker of a cluster that has
+    other `versions`: it may come at any time, so it is asked with each item.
     """
     to_do = list(range(len(items)))[::-1]
     slot = next(crew._calls) % CALLS
@@ -165,6 +183,10 @@ def finished(
                         to_do.append(index)
                         broken = True
                         continue
+                    except Exception as error:
+                        if crew.far and (why := _mismatch(error)):
+                            raise CallError(f"{crew.far}: {why}") from error
+                        raise
                     deaths = 0
                     yield index, result
                 if broken:
@@ -216,6 +238,8 @@ def _submit(
         crew._flags[slot] = 0
         shared = crew._flags if isinstance(crew._flags, bytearray) else None
         work = functools.partial(_work, function, shared, slot)
+    elif crew.far:
+        work = functools.partial(_alike, function, versions())
     while to_do and len(pending) < crew.ahead:
         try:
             future = executor.submit(work, items[to_do[-1]])
@@ -234,6 +258,15 @@ def _result(future: Future[Result]) -> Result | Lost:
         if type(error).__name__ != "KilledWorker":  # distributed's, which need not be installed
             raise
         return Lost(one_line(str(error)))
+
+
+def _mismatch(error: Exception) -> str:
+    """Why a worker of a cluster is none for this caller; "" if the error is the function's own."""
+    if isinstance(error, MismatchError):
+        return str(error)
+    if isinstance(error, ModuleNotFoundError | AttributeError) and "isel_twin" in str(error):
+        return f"a worker has no isel-twin {VERSION} ({one_line(str(error))}): install it there"
+    return ""
 
 
 _asked = threading.local()
@@ -262,6 +295,15 @@ def _work(function: Callable[[Item], Result], shared: Sequence[int] | None, slot
     flags = _flags if shared is None else shared
     with _asking(lambda: bool(flags[slot])):
         return function(item)
+
+
+def _alike(function: Callable[[Item], Result], asked: dict[str, str], item: Item) -> Result:
+    """The function's result, in a worker of a cluster. Raises MismatchError if it is another worker than asked for."""
+    here = versions()
+    other = [f"{name} {here[name]} instead of {version}" for name, version in asked.items() if here[name] != version]
+    if other:
+        raise MismatchError(f"a worker on {platform.node()} has {', '.join(other)}: install the same there")
+    return function(item)
 
 
 @contextmanager

@@ -110,8 +110,8 @@ def _try_out(plan: Plan) -> None:
 
 def _fill(table: Table, plan: Plan, crew: Crew, json: bool) -> int:
     """Make the missing rows; return an exit code if stopped, else 0."""
-    from isel_twin.base.crew import Lost, finished
-    from isel_twin.many.studies.row import MismatchError, compute
+    from isel_twin.base.crew import Lost, MismatchError, finished
+    from isel_twin.many.studies.row import compute
 
     missing = table.missing()
     had = len(table.rows)

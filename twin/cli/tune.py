@@ -163,8 +163,8 @@ def tune(
     call = clamped(TwinSpec(machine, controller, "mujoco", seed, scenario, None, overrides=overrides), job)
 
     _, source = read_source(job, call, form)  # reports errors with their line
+    from isel_twin.base.compiling import told_of_compiling
     from isel_twin.cli.tune_output import Json, Table
-    from isel_twin.core.warm import told_of_compiling
 
     with call_errors(job):
         how: dict[str, Any] = {"each_move": space.each_move, "rapid_hz": space.rapid, "ranges": ranges}

@@ -318,14 +318,18 @@ class Twin(Operated, Seen, Connected, Saved):
 
     def _go_straight(self, plant: GoesStraight, until_ns: int) -> bool:
         """Let the plant make the ticks to until_ns as one; False if it has to be told of each."""
-        ahead = self._stream.straight(until_ns)
+        room = plant.room(until_ns)
+        if room is None:
+            return False
+        if self._sense is not None:
+            room = _turned(room, self._sense.tolist())
+        ahead = self._stream.straight(until_ns, *room)
         if ahead is None:
             return False
-        count, way = ahead
+        until_ns, count, way = ahead
         if self._sense is not None:
             way = tuple([n * sense for n, sense in zip(way, self._sense.tolist(), strict=True)])
-        if not plant.go_straight(until_ns, way):
-            return False
+        plant.go_straight(until_ns, way)
         self._stream.skip(count)
         if not self._wiring.stages_powered:
             self.unpowered_steps = self.unpowered_steps + np.abs(way)
@@ -398,3 +402,9 @@ class Twin(Operated, Seen, Connected, Saved):
     def _controller_is_due(self) -> bool:
         next_ns = self._controller.next_ns
         return next_ns is not None and next_ns <= self.time_ns
+
+
+def _turned(room: tuple[list[int], list[int]], sense: Sequence[int]) -> tuple[list[int], list[int]]:
+    """The room of each axis below and above, with the axes of sense -1 the other way round."""
+    ways = [(low, high) if way > 0 else (-high, -low) for way, low, high in zip(sense, *room, strict=False)]
+    return [low for low, _ in ways], [high for _, high in ways]

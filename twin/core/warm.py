@@ -9,17 +9,15 @@ of one type. tests/test_warm.py plays sessions with every controller that compil
 
 from __future__ import annotations
 
-import sys
-import time
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba.core import event
 
 from isel_twin.base.axes import CARRIAGES
+from isel_twin.base.compiling import log_compiling, told_of_compiling
 from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.controller import Compiles, PluginError, controller_names, create_controller, offers
 from isel_twin.drives.library import MOTORS
@@ -34,22 +32,7 @@ from isel_twin.plant.lead import no_leads
 from isel_twin.plant.touch import TARGET, Felt
 
 
-def _log(text: str) -> None:
-    print(f"isel-twin: {text}", file=sys.stderr, flush=True)
-
-
-@contextmanager
-def told_of_compiling(tell: Callable[[str], None] = _log) -> Iterator[None]:
-    """Report in a line of text when numba begins to compile in the block, and at the end how long it took; nothing if
-    all is cached."""
-    listener = _Listener(tell)
-    with event.install_listener("numba:compile", listener):
-        yield
-    if listener.spent_s > 0.0:
-        tell(f"compiled in {listener.spent_s:.1f} s")
-
-
-def warm_up(plant: str, tell: Callable[[str], None] = _log, controllers: Iterable[str] = ()) -> None:
+def warm_up(plant: str, tell: Callable[[str], None] = log_compiling, controllers: Iterable[str] = ()) -> None:
     """Load or compile all that a twin with this plant ("mujoco" or "kinematic") and one of these controllers needs."""
     with told_of_compiling(tell):
         time_law = trapezoid(2000, 10_000, 400, 100_000)  # its ramps have 499 ticks
@@ -81,7 +64,7 @@ def warm_up(plant: str, tell: Callable[[str], None] = _log, controllers: Iterabl
                 controller.warm_up()
 
 
-def warm_up_all(tell: Callable[[str], None] = _log) -> None:
+def warm_up_all(tell: Callable[[str], None] = log_compiling) -> None:
     """Load or compile what twins with either plant and any installed controller that works need."""
     working = []
     for name in controller_names():
@@ -128,25 +111,3 @@ def _plant(name: str, machine_name: str = "4030") -> Plant:
 def _up_to(until_ns: int, t_ns: Any, delta: Any) -> tuple[Any, Any]:
     count = int(np.searchsorted(t_ns, until_ns, side="right"))
     return t_ns[:count], delta[:count]
-
-
-class _Listener(event.Listener):
-    """Times compilation (not loading); a compilation within another counts once."""
-
-    def __init__(self, tell: Callable[[str], None]) -> None:
-        self._tell = tell
-        self._depth = 0
-        self._began_s = 0.0
-        self.spent_s = 0.0
-
-    def on_start(self, event: event.Event) -> None:
-        if self._depth == 0:
-            if self.spent_s == 0.0:
-                self._tell("compiling the physics (once per installation) ...")
-            self._began_s = time.perf_counter()
-        self._depth += 1
-
-    def on_end(self, event: event.Event) -> None:
-        self._depth -= 1
-        if self._depth == 0:
-            self.spent_s += time.perf_counter() - self._began_s

@@ -39,8 +39,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.base.compiling import njit
-from isel_twin.drives.dynamics import BOTH, axis_parameters, drop_stale_code, step_axis
+from isel_twin.base.compiling import contains, njit
+from isel_twin.drives.dynamics import BOTH, FILES, axis_parameters, step_axis
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.screw import Screw
 from isel_twin.drives.shaft import axis_states
@@ -81,7 +81,7 @@ def follow(parameters, states, command, load_torque_nm, limit):
     return len(command)
 
 
-drop_stale_code(follow)
+contains(__name__, *FILES)
 
 
 def pull_out_torque(

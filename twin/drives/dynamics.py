@@ -28,16 +28,12 @@ For lambda the command is smoothed between its pulses.
 
 from __future__ import annotations
 
-import contextlib
-import hashlib
 import math
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.base.compiling import njit
+from isel_twin.base.compiling import contains, njit
 from isel_twin.drives import shaft, trigonometry
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.screw import Screw
@@ -208,29 +204,5 @@ def stepper_torque(p, s, command, phases, current_fraction, load_torque_nm):
     return torque, drag, steady
 
 
-_FILES = (__file__, shaft.__file__, trigonometry.__file__)
-
-
-def drop_stale_code(function: Any, *files: str) -> None:
-    """Delete numba's cached code of a function if other files compiled into it have changed. numba checks only the
-    function's own file, so a digest of the others is kept beside the code.
-
-    files: the others, by default those of `step_axis`. Call it right after the function is defined.
-    """
-    cache = function._cache
-    if cache.cache_path is None:  # no cache
-        return
-    folder = Path(cache.cache_path)
-    stamp = folder / f"{function.__module__}.drives"
-    digest = hashlib.sha256(b"".join(Path(file).read_bytes() for file in files or _FILES)).hexdigest()
-    with contextlib.suppress(OSError):
-        if stamp.is_file() and stamp.read_text() == digest:
-            return
-        module = function.__module__.rpartition(".")[2]
-        for file in folder.glob(f"{module}.*.nb[ci]"):
-            file.unlink(missing_ok=True)
-        folder.mkdir(parents=True, exist_ok=True)
-        stamp.write_text(digest)
-
-
-drop_stale_code(step_axis, shaft.__file__, trigonometry.__file__)
+FILES = (__file__, shaft.__file__, trigonometry.__file__)  # whose code `step_axis` contains
+contains(__name__, *FILES)

@@ -38,8 +38,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.base.compiling import njit
-from isel_twin.drives.dynamics import BOTH, axis_parameters, drop_stale_code, step_axis
+from isel_twin.base.compiling import contains, njit
+from isel_twin.drives.dynamics import BOTH, FILES, axis_parameters, step_axis
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.screw import Screw
 from isel_twin.drives.shaft import axis_states
@@ -251,7 +251,7 @@ def quarter(parameters, states, command, load_nm, x, out):
     out[5] = s.lag_rad
 
 
-drop_stale_code(quarter)
+contains(__name__, *FILES)
 
 
 LOAD_SHARE = 0.1  # load over the torque at standstill; the limit changes little with it

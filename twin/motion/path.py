@@ -85,6 +85,11 @@ class StepLine:
         check_range(0, k, self.ticks)
         return tuple([even(k, n, self.ticks) for n in self.steps])
 
+    def tick_of(self, axis: int, place: int) -> int:
+        """The first tick after which this axis has made so many of its steps, by the rule of `even`: step j falls at
+        the first k with 2 k |n| + N >= 2 N j, at ceil((2 j - 1) N / (2 |n|))."""
+        return -((1 - 2 * abs(place)) * self.ticks // (2 * abs(self.steps[axis])))
+
 
 def check_range(first: int, last: int, ticks: int) -> None:
     """Raise IndexError unless ticks first + 1 .. last exist."""
@@ -102,7 +107,7 @@ def even(k: int, n: int, ticks: int) -> int:
 def fill_even(delta: NDArray[np.int8], axis: int, first: int, n: int, ticks: int) -> None:
     """Write the steps of this axis into its column of zeros: delta[i, axis] is tick first + 1 + i; |n| <= ticks.
 
-    By the rule of `even`, step j falls at the first tick k with 2 k |n| + N >= 2 N j: at ceil((2 j - 1) N / (2 |n|)).
+    Step j falls at the tick that `StepLine.tick_of` says.
     """
     if not n:
         return

@@ -10,6 +10,7 @@ controller's motion whenever that may have changed (`follow`).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -103,14 +104,23 @@ class Stream:
         end = max(at, int(self._t_ns.searchsorted(t_ns, side="right")))
         return self._t_ns[at:end], self._delta[at:end]
 
-    def straight(self, t_ns: int) -> tuple[int, Displacement] | None:
-        """Number of ticks still to be made up to t_ns, and where they lead, on a line: no axis turns on the way. None
-        for other motions, and without one: `until` tells each tick."""
+    def straight(self, t_ns: int, below: Sequence[int], above: Sequence[int]) -> tuple[int, int, Displacement] | None:
+        """The ticks still to be made up to t_ns, or up to the first one that takes an axis as far from here as below or
+        above [axes] say: time, number, and where they lead, on a line: no axis turns on the way. None for other
+        motions, and without one: `until` tells each tick."""
         motion = self._motion
         if not isinstance(motion, StepRun) or not isinstance(motion.path, StepLine):
             return None
-        tick = motion.count(t_ns)
-        return tick - self._made, between(motion.path.displacement(self._made), motion.path.displacement(tick))
+        path, made, tick = motion.path, self._made, motion.count(t_ns)
+        here = path.displacement(made)
+        way = between(here, path.displacement(tick))
+        out = [i for i, (low, n, high) in enumerate(zip(below, way, above, strict=False)) if not low < n < high]
+        if out:
+            tick = min(path.tick_of(i, here[i] + (above[i] if way[i] > 0 else below[i])) for i in out)
+            t_ns = motion.start_ns + int(motion.law.times(tick - motion.first - 1, tick - motion.first)[0])
+            tick = motion.count(t_ns)
+            way = between(here, path.displacement(tick))
+        return t_ns, tick - made, way
 
     def more_after(self, count: int) -> bool:
         """True if ticks follow that are not expanded yet once `count` of the present ones are made."""

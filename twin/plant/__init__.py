@@ -336,9 +336,13 @@ class Sampled(Protocol):
 class GoesStraight(Protocol):
     """A plant that need not be told of each step of a straight way."""
 
-    def go_straight(self, until_ns: int, way: Sequence[int]) -> bool:
-        """Advance to until_ns while each axis goes one way by so many counts, [axes] in the sense of the motors, if
-        that leads to the same as all the steps in between would; return whether it does. False changes nothing."""
+    def room(self, until_ns: int) -> tuple[list[int], list[int]] | None:
+        """How far each axis may go from here, below and above, in counts [axes] in the sense of the motors, until
+        something may change that the plant looks out for; None if it has to be told of each step up to until_ns."""
+
+    def go_straight(self, until_ns: int, way: Sequence[int]) -> None:
+        """Advance to until_ns while each axis goes one way by so many counts, [axes] in the sense of the motors. It
+        leaves its `room` with the last step at most."""
 
 
 MOST_SAMPLES = 2048  # unread samples that a plant keeps

@@ -13,8 +13,7 @@ import math
 
 import numpy as np
 
-from isel_twin.base.compiling import njit
-from isel_twin.drives.dynamics import drop_stale_code
+from isel_twin.base.compiling import contains, njit
 from isel_twin.plant import lead
 from isel_twin.plant.lead import begin, behind
 
@@ -183,5 +182,4 @@ def places_on_the_way(start_ns, until_ns, lead_ns, t_ns, delta, commanded, leads
         n += 1
 
 
-drop_stale_code(lead_on, lead.__file__)
-drop_stale_code(places_on_the_way, lead.__file__)
+contains(__name__, lead.__file__)

@@ -22,8 +22,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.base.compiling import njit
-from isel_twin.drives.dynamics import drop_stale_code
+from isel_twin.base.compiling import contains, njit
 from isel_twin.plant import native
 from isel_twin.plant.model import blank
 from isel_twin.plant.native import call_mj_step, mj_step_address
@@ -157,4 +156,4 @@ def _agrees(joints, mobility, h_s, mj_step, model, data, bounds, qpos, qvel, qfr
     return True
 
 
-drop_stale_code(_agrees, str(native.__file__))
+contains(__name__, str(native.__file__))

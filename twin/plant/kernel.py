@@ -40,7 +40,7 @@ import numpy as np
 from numba import carray
 
 import isel_twin.plant
-from isel_twin.base.compiling import njit
+from isel_twin.base.compiling import contains, njit
 from isel_twin.drives import dynamics, servo, shaft, trigonometry
 from isel_twin.drives.dynamics import OPEN, stepper_torque
 from isel_twin.drives.servo import cool, servo_torque
@@ -499,4 +499,4 @@ _DRIVES = dynamics, servo, shaft, trigonometry
 _PARTS = feed, glide, lead, margin, memory, native, teeth, thread, touch
 # files whose code the compiled loop contains
 CONTAINED = tuple(str(module.__file__) for module in (isel_twin.plant, *_DRIVES, *_PARTS))
-dynamics.drop_stale_code(advance, *CONTAINED)
+contains(__name__, *CONTAINED)

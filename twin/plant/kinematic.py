@@ -110,7 +110,7 @@ class KinematicPlant(PathSamples):
         for number, place in enumerate(self._places):
             self.set_trip_point(int(place), switches[number].limit)
             self._struck[number] = self._strike[number] < 0.0
-        self._room: tuple[list[int], list[int]] | None = None  # `bounds`, until a switch changes
+        self._bounds: tuple[list[int], list[int]] | None = None  # `bounds`, until a switch changes
         self._state = (
             self._commanded,
             self._leads,
@@ -129,21 +129,31 @@ class KinematicPlant(PathSamples):
         self._sample(before, t_ns, delta, lead_ns)
         return reached
 
-    def go_straight(self, until_ns: int, way: Sequence[int]) -> bool:
-        """Only where no switch changes and nothing is looked out for."""
+    def room(self, until_ns: int) -> tuple[list[int], list[int]] | None:
+        """Up to the step that may change a switch; none where something is looked out for."""
         if self._sample_ns <= until_ns or self._along or self._felt or self._led_until_ns > self.time_ns:
-            return False
-        if self._room is None:
+            return None
+        if self._bounds is None:
             low, high = bounds.py_func(len(self._commanded), *self._state[2:])
-            self._room = low.tolist(), high.tolist()
-        there = []
-        for now, steps, low, high in zip(self._commanded.tolist(), way, *self._room, strict=False):
-            if not (low < now < high and low < now + steps < high):
-                return False
-            there.append(now + steps)
+            self._bounds = low.tolist(), high.tolist()
+        now = self._commanded.tolist()
+        below = [low - at for low, at in zip(self._bounds[0], now, strict=True)]
+        above = [high - at for high, at in zip(self._bounds[1], now, strict=True)]
+        return (below, above) if max(below) < 0 < min(above) else None
+
+    def go_straight(self, until_ns: int, way: Sequence[int]) -> None:
+        assert self._bounds is not None
+        there = [now + steps for now, steps in zip(self._commanded.tolist(), way, strict=False)]
         self._commanded[: len(there)] = there
         self.edge, self.time_ns = False, until_ns
-        return True
+        if all(low < now < high for now, low, high in zip(there, *self._bounds, strict=False)):
+            return
+        _, _, axis, sense, strike, release, struck = self._state
+        beyond = sense * self._commanded[axis] > np.where(struck, release, strike)
+        self.edge = bool((beyond != struck).any())
+        if self.edge:
+            struck[...] = beyond
+            self._bounds = None
 
     def _advance(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any], lead_ns: int) -> int:
         if self._felt is None:
@@ -253,7 +263,7 @@ class KinematicPlant(PathSamples):
             made, changed = make_steps(t_ns, delta, *self._state)
             self.edge = changed
             if changed:
-                self._room = None
+                self._bounds = None
             self.time_ns = int(t_ns[made - 1]) if changed else until_ns
             return self.time_ns
         struck = self._struck.copy()
@@ -264,7 +274,7 @@ class KinematicPlant(PathSamples):
             self._settling.lead(t_ns[:made], delta[:made], lead_ns)
         self.edge = bool((struck != self._struck).any())
         if self.edge:
-            self._room = None
+            self._bounds = None
         return self.time_ns
 
     def trips(self) -> NDArray[np.bool_]:
@@ -296,7 +306,7 @@ class KinematicPlant(PathSamples):
         step_mm, start_mm = self._step_mm[switch.axis], self._start_mm[switch.axis]
         self._strike[number] = switch.sense * (position_mm - start_mm) / step_mm
         self._release[number] = self._strike[number] - switch.hysteresis / step_mm
-        self._room = None
+        self._bounds = None
 
     @property
     def position_mm(self) -> NDArray[np.float64]:
@@ -413,7 +423,7 @@ class KinematicPlant(PathSamples):
         if self._along is not None:
             self._along.begun, touching = state["contact"]
             self._along.touching = touching.copy()
-        self._room = None
+        self._bounds = None
         self._aim()
 
     @property

@@ -16,9 +16,8 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 import isel_twin.plant
-from isel_twin.base.compiling import njit
+from isel_twin.base.compiling import contains, njit
 from isel_twin.drives import shaft
-from isel_twin.drives.dynamics import drop_stale_code
 from isel_twin.drives.shaft import AXIS_PARAMETERS, AXIS_STATE
 from isel_twin.plant import MOST_SAMPLES, cutting, feed, glide, lead, thread, touch
 from isel_twin.plant.cutting import CUT
@@ -249,4 +248,4 @@ def memory_of(parts: Parts) -> NDArray[np.void]:
 
 # The compiled code depends on the fields of the records and on their number.
 _RECORDS = isel_twin.plant, shaft, cutting, feed, glide, lead, thread, touch
-drop_stale_code(parts_of, *(str(module.__file__) for module in _RECORDS))
+contains(__name__, *(str(module.__file__) for module in _RECORDS))

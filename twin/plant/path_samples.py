@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.axes import CARRIAGES
-from isel_twin.base.compiling import njit
+from isel_twin.base.compiling import contains, njit
 from isel_twin.base.units import SECOND_NS
-from isel_twin.drives.dynamics import drop_stale_code
 from isel_twin.plant import MOST_SAMPLES, Samples, lead
 from isel_twin.plant.lead import begin, behind
 
@@ -48,7 +47,7 @@ def commands_at(times_ns, lead_ns, t_ns, delta, commanded, leads):
     return counts, left, speeds
 
 
-drop_stale_code(commands_at, lead.__file__)
+contains(__name__, lead.__file__)
 
 
 class PathSamples:

@@ -51,12 +51,15 @@ class Contacts:
         self._contacts = {contact.name: contact for contact in contacts}
         wired = {terminal: tuple(n for n in names if n in self._contacts) for terminal, names in terminals.items()}
         self._terminals = {terminal: names for terminal, names in wired.items() if names}
+        self._leads_to = {name: [t for t, names in self._terminals.items() if name in names] for name in self._contacts}
         self._closed = dict.fromkeys(signals, True) | {contact.name: contact.type == "opener" for contact in contacts}
         self._faults: dict[str, str] = {}
         self._random = random
         self._pending: list[tuple[int, int, str, bool]] = []
         self._sequence = 0
-        self._levels: dict[str, bool] | None = None
+        self._levels: dict[str, bool] = {}
+        self._stale = True  # wires have changed, so that any level may have
+        self._moved: list[str] = []  # contacts that have changed since levels were last asked for
         self._swapped: dict[str, str] = {}  # the partner of each swapped contact, both ways
         self._worn: list[str] = []  # worn contacts that changed at this instant, whose chatter is not yet drawn
 
@@ -84,14 +87,18 @@ class Contacts:
 
     def levels(self) -> dict[str, bool]:
         """Level (True: high) of every wired terminal."""
-        if self._levels is None:
-            self._levels = {
-                terminal: all(self._high(name) for name in names) for terminal, names in self._terminals.items()
-            }
+        if self._stale:
+            self._levels = {terminal: self._level(terminal) for terminal in self._terminals}
+        elif self._moved:
+            moved = [self._swapped.get(name, name) for name in self._moved]
+            terminals = [terminal for name in moved for terminal in self._leads_to.get(name, ())]
+            self._levels = self._levels | {terminal: self._level(terminal) for terminal in terminals}
+        self._stale = False
+        self._moved.clear()
         return self._levels
 
     def set_fault(self, name: str, fault: str) -> None:
-        self._levels = None
+        self._stale = True
         if fault == "ok":
             self._faults.pop(name, None)
         else:
@@ -106,7 +113,7 @@ class Contacts:
     def swap(self, name: str, other: str) -> None:
         """Exchange the wires of two contacts; "": restore those of `name`. Contacts that are already swapped are
         restored first."""
-        self._levels = None
+        self._stale = True
         for one in (name, other):
             partner = self._swapped.pop(one, None)
             if partner is not None:
@@ -120,7 +127,7 @@ class Contacts:
             if self._faults.get(name) == "bounce":
                 self._worn.append(name)
             self._closed[name] = closed
-            self._levels = None
+            self._moved.append(name)
 
     def strike(self, name: str, struck: bool, t_ns: int) -> None:
         """Strike or release a position switch at t_ns: it changes now and then chatters."""
@@ -146,7 +153,7 @@ class Contacts:
             _, _, name, closed = heapq.heappop(self._pending)
             if self._closed[name] != closed:
                 self._closed[name] = closed
-                self._levels = None
+                self._moved.append(name)
             due = True
         return due
 
@@ -162,6 +169,9 @@ class Contacts:
         """Drop the bounces of a contact that are still to come."""
         self._pending = [entry for entry in self._pending if entry[2] != name]
         heapq.heapify(self._pending)
+
+    def _level(self, terminal: str) -> bool:
+        return all([self._high(name) for name in self._terminals[terminal]])
 
     def _high(self, name: str) -> bool:
         name = self._swapped.get(name, name)

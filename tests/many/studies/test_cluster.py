@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from isel_twin.base.crew import versions
 from isel_twin.cli import main
 from tests.forked import PATIENCE_S
 from tests.many.studies.conftest import COMMAND
@@ -91,6 +92,23 @@ def test_a_job_is_tuned_on_a_cluster_as_here(
         told.append([json.loads(line) for line in capsys.readouterr().out.splitlines()])
     assert told[0] == told[1]
     assert told[0][-1]["confirmed"]["lost"] == 0
+
+
+@pytest.mark.slow
+def test_nothing_is_tuned_on_workers_with_other_versions(
+    dask: tuple[str, list[int]], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here = versions()
+    monkeypatch.setattr("isel_twin.base.crew.versions", lambda: {**here, "mujoco": "4.99"})
+    job = tmp_path / "job.txt"
+    job.write_text("@07\n@0R7\n@0M1600,5000,0,30,0,30,0,30\n", encoding="utf-8")
+    with pytest.raises(SystemExit) as caught:
+        main(["tune", str(job), "--trials", "1", "--cluster", dask[0], "--storage", str(tmp_path / "tune.db")])
+    assert caught.value.code == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"isel-twin: cluster {dask[0]}: a worker on ")
+    assert line.endswith(f" has mujoco {here['mujoco']} instead of 4.99: install the same there")
+    assert not (tmp_path / "job.tuned.txt").exists()
 
 
 def test_processes_of_this_computer_of_which_one_is_killed(plans: Path) -> None:

@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from isel_twin.base.axes import CARRIAGES
+from isel_twin.base.crew import MismatchError
 from isel_twin.base.errors import one_line
 from isel_twin.base.quiet import quietly
 from isel_twin.core.spec import TwinSpec
@@ -52,10 +53,6 @@ OUTCOMES: Mapping[str, tuple[str, str, str]] = {
     "events_late": ("int64", "1", "events of the scenario that were still to come at the end"),
     "reply": ("string", "", "the last reply"),
 }
-
-
-class MismatchError(RuntimeError):
-    """The computing process has another version of the package, or another machine of that name."""
 
 
 UNCERTAIN = "uncertain"
@@ -113,10 +110,6 @@ def compute(work: Work, point: Point) -> dict[str, Any]:
 
 
 def _check(work: Work) -> None:
-    from isel_twin.version import VERSION
-
-    if work.version != VERSION:
-        raise MismatchError(f"isel-twin {VERSION} computes there, {work.version} asks")
     if work.machine_digest:
         name = work.spec.machine_name
         try:

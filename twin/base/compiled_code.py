@@ -1,0 +1,136 @@
+"""What numba compiles, and where it is kept: imported when a compiled function is first needed (compiling.py).
+
+numba caches compiled code in `__pycache__` beside the source, else in the user's cache folder or in NUMBA_CACHE_DIR. It
+raises if it cannot write there or the disk is full. Here the function works all the same: it is compiled again in each
+process, and the log says once what that costs and what to do.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import pickle
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba.core import event
+from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.environment import Environment, lookup_environment
+from numba.core.runtime import rtsys
+
+from isel_twin.base.compiling import compiling
+
+log = logging.getLogger("isel_twin")
+
+_said = False
+
+
+def dispatcher(function: Callable[..., Any], options: dict[str, Any]) -> Any:
+    """numba's njit of a function with these options and, if possible, a cache on the disk."""
+    compiled: Any = numba.njit(**options)(function)
+    try:
+        compiled._cache = _Cache(function)
+    except RuntimeError as error:
+        if "cannot cache function" not in str(error):
+            raise
+        _say("no folder to keep compiled code in, so each start compiles it anew; name one by NUMBA_CACHE_DIR")
+    return compiled
+
+
+def drop_stale_code(function: Any, *files: str) -> None:
+    """Delete numba's cached code of a function's module if other files compiled into it have changed. numba checks only
+    the function's own file, so a digest of the others is kept beside the code."""
+    cache = function._cache
+    if cache.cache_path is None:  # no cache
+        return
+    folder = Path(cache.cache_path)
+    stamp = folder / f"{function.__module__}.drives"
+    digest = hashlib.sha256(b"".join(Path(file).read_bytes() for file in files)).hexdigest()
+    with suppress(OSError):
+        if stamp.is_file() and stamp.read_text() == digest:
+            return
+        module = function.__module__.rpartition(".")[2]
+        for file in folder.glob(f"{module}.*.nb[ci]"):
+            file.unlink(missing_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
+        stamp.write_text(digest)
+
+
+class _Told(event.Listener):
+    def on_start(self, _: event.Event) -> None:
+        compiling(begins=True)
+
+    def on_end(self, _: event.Event) -> None:
+        compiling(begins=False)
+
+
+event.register("numba:compile", _Told())
+
+
+class _Cache(FunctionCache):
+    """numba's own cache, except that a full disk is no error, loading is fast, and processes may compile at once."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        self._cache_file = _Files(self._cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp())
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Cached code needs only memory management. numba would prepare for compiling first, which imports hundreds of
+        modules, including scipy: 0.4 s of CPU time. It still does so before it compiles."""
+        rtsys.initialize(target_context)
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        try:
+            super().save_overload(sig, data)
+        except OSError as error:
+            _say(
+                f"compiled code cannot be kept ({error.strerror or error}), so each start compiles it anew; "
+                "name a folder for it by NUMBA_CACHE_DIR"
+            )
+
+
+class _Files(IndexDataCacheFile):
+    """The files of one function: an index, and the code for each combination of types.
+
+    numba numbers the codes, and writes the index first: a process that compiles at the same time for other types takes
+    the same number, and one that loads may read the code of an earlier source. Either runs the wrong code. Here the
+    name of a file follows from the types, and the index names it after it is written.
+    """
+
+    def save(self, key: Any, data: Any) -> None:
+        name = self._data_name(int(hashlib.sha256(repr(key).encode()).hexdigest()[:15], 16))
+        self._save_data(name, data)
+        self._save_index({**self._load_index(), key: name})
+
+    def _load_data(self, name: str) -> Any:
+        with open(self._data_path(name), "rb") as file:
+            return _Unpickler(file).load()
+
+
+class _Unpickler(pickle.Unpickler):
+    """Imports no module for the sake of its globals, which compiled code does not use: 20 ms less at every start."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        return _environment if name == "_rebuild_env" else super().find_class(module, name)
+
+
+def _environment(module: str, constants: list[Any], name: str) -> Environment:
+    found = lookup_environment(name)
+    if found is None:
+        found = Environment._memo[name] = Environment({"__name__": module})
+        found.consts[:] = constants
+        found.env_name = name
+    return found
+
+
+def _say(line: str) -> None:
+    """Log a line once in a process, not once a function."""
+    global _said
+    if not _said:
+        _said = True
+        log.warning("%s", line)
