@@ -245,9 +245,16 @@ def test_a_session_that_is_left_early_ends_and_makes_room(pretending: Path) -> N
         assert not session.running
 
 
+SLOW = """#!/bin/sh
+sleep 1
+echo $2 > "${0%/*}/begun"
+sleep 600
+"""
+
+
 def test_a_signal_ends_linuxcnc_and_the_twin(pretending: Path) -> None:
     """Nothing of either is left."""
-    (pretending.parent / "programs" / "linuxcnc").write_text('#!/bin/sh\nsleep 1\necho $2 > "${0%/*}/begun"\nsleep 600\n')
+    (pretending.parent / "programs" / "linuxcnc").write_text(SLOW)
     begun = pretending.parent / "programs" / "begun"
     call = [sys.executable, "-m", "isel_twin.cli", "linuxcnc", "--ini", pretending / INI.name, "--"]
     process = subprocess.Popen([*call, "--plant", "kinematic"], stderr=subprocess.PIPE, text=True)
@@ -374,9 +381,9 @@ def by_sampler(
         next(waits)
 
     with monkeypatch.context() as patch:
-        patch.setattr(program.select, "select", lambda *_: ([prompt] * prompt, [], []))  # type: ignore[attr-defined]
-        patch.setattr(program.time, "sleep", sleep)  # type: ignore[attr-defined]
-        program.main()  # type: ignore[attr-defined]
+        patch.setattr(program.select, "select", lambda *_: ([prompt] * prompt, [], []))
+        patch.setattr(program.time, "sleep", sleep)
+        program.main()
     return hal
 
 

@@ -100,7 +100,7 @@ def row(sample, scale, period):
 
 
 class Gate:
-    """Holds LinuxCNC: its threads go on, and call nothing."""
+    """Holds LinuxCNC: its threads go on, and call nothing (bridge/31)."""
 
     def __init__(self):
         self._hal = ctypes.CDLL("liblinuxcnchal.so.0")
