@@ -2,7 +2,7 @@
 
     state -> alerts (conditions.py) -> which have begun or ended -> an event at Notification/Messages, and at the server
 
-Who subscribes at the server gets by ConditionRefresh what is active already. Nobody has to acknowledge anything (bridge/32).
+Who subscribes at the server gets by ConditionRefresh what is active already. Nobody acknowledges anything (bridge/32).
 """
 
 from __future__ import annotations
