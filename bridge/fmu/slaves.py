@@ -87,10 +87,11 @@ class _TwinSlave(Fmi3Slave):
         self.twin = self._built()
 
     def do_step(self, current_time: float, step_size: float) -> Fmi3StepResult:
-        twin = self.twin
-        end_ns = round((current_time + step_size) * SECOND_NS)
+        twin, end_s = self.twin, current_time + step_size
+        end_ns = round(end_s * SECOND_NS) if math.isfinite(end_s) else -1
         if twin is None or end_ns < twin.time_ns:
-            self.log("time runs backwards; set an earlier state first", Fmi3Status.discard)
+            why = "time runs backwards; set an earlier state first" if twin else "there is no twin: it is terminated"
+            self.log(why, Fmi3Status.discard)
             return Fmi3StepResult(status=Fmi3Status.discard)
         try:
             self._operate(twin)
@@ -109,13 +110,16 @@ class _TwinSlave(Fmi3Slave):
         return {"values": dict(self.values), "applied": dict(self._applied), "time": self.time, "twin": state}
 
     def _set_fmu_state(self, state: Mapping[str, Any]) -> None:
-        """Raises StateError for a state of another machine or controller."""
-        self.values = dict(state["values"])
-        if state["twin"] is None:
-            self.twin = None
-        else:
-            self.twin = self.twin or self._built()  # it may be a state of another instance
-            self.twin.restore(state["twin"])
+        """Raises StateError for a state of another machine or controller, and changes nothing."""
+        before, self.values = (self.values, self._applied), dict(state["values"])
+        try:
+            twin = None if state["twin"] is None else self.twin or self._built()  # it may be of another instance
+            if twin is not None:
+                twin.restore(state["twin"])
+        except ValueError:
+            self.values, self._applied = before
+            raise
+        self.twin = twin
         self._applied, self.time = dict(state["applied"]), state["time"]
 
     @staticmethod

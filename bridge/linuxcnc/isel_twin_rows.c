@@ -98,6 +98,13 @@ static void rows(void *unused, long period) {
   *pin->estop_ok = level(levels, 7) && level(levels, 8);
 }
 
+/* Say why, as the twin has it: another client has its port, it has other axes, its watchdog has struck. */
+static int refused(const char *answer) {
+  rtapi_print_msg(RTAPI_MSG_ERR, "isel_twin_rows: the twin says: %s", answer);
+  errno = ECONNREFUSED;
+  return -1;
+}
+
 /* Connect, and learn which bit is which; 0, or -1. */
 static int begin(void) {
   static char answer[LINE];
@@ -111,13 +118,15 @@ static int begin(void) {
   setsockopt(line, IPPROTO_TCP, TCP_NODELAY, &at_once, sizeof at_once);
   setsockopt(line, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
   snprintf(text, sizeof text, "names\n");
-  if (ask(answer) < 0 || strncmp(answer, "names axes=3 ", 13)) return -1;
+  if (ask(answer) < 0) return -1;
+  if (strncmp(answer, "names axes=3 ", 13)) return refused(answer);
   for (n = 0; n < 9; n++) bit[n] = -1;
   for (at = -2; (word = strtok_r(rest, " \n", &rest)); at++)
     for (n = 0; n < 9; n++)
       if (!strcmp(word, NAMES[n])) bit[n] = at;
   snprintf(text, sizeof text, "set 0 0 0\n"); /* LinuxCNC begins at 0, wherever the machine stands */
-  return ask(answer);
+  if (ask(answer) < 0) return -1;
+  return strncmp(answer, "ok ", 3) ? refused(answer) : 0;
 }
 
 static int make_pins(void) {

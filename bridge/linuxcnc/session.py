@@ -9,10 +9,11 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import signal
 import subprocess
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -30,7 +31,8 @@ TOLD = ("session: ", "rows_by_sampler: ", f"{COMPONENT}: ")  # beginnings of lin
 NOBODY = 65534
 GRACE_S = 30.0  # wall time for LinuxCNC to end behind its session
 TEXT_BYTES = 1 << 20  # larger files beside an INI are not copied but linked to
-_HARDWARE = re.compile(r"\s*(HALFILE|POSTGUI_HALFILE|HALUI|DISPLAY)\s*=", re.IGNORECASE)
+LOG = ".isel-twin.log"  # in the session's folder: all that LinuxCNC prints
+_HARDWARE = re.compile(r"\s*(HALFILE|POSTGUI_HALFILE|HALCMD|SHUTDOWN|HALUI|DISPLAY)\s*=", re.IGNORECASE)
 _SECTION = re.compile(r"\s*\[(\w+)\]")
 
 
@@ -71,6 +73,8 @@ def changed(ini: str, hal_files: Sequence[str]) -> str:
     sections: list[str] = []
     joints, unit = "", "mm"
     for line in ini.splitlines():
+        if line.startswith("#INCLUDE"):
+            raise LinuxCncError(f"{line}: write that file's lines into the INI: hardware in it would be started")
         if found := _SECTION.match(line):
             sections.append(found[1].upper())
         if not _HARDWARE.match(line):
@@ -135,14 +139,14 @@ class Session:
             self.folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="isel-twin-linuxcnc-")))
             self.folder.chmod(0o777)  # for the realtime part, which runs as nobody if root starts it
             self._fill(ini, address.rpartition(":")[2], scale, keep)
+            log = stack.enter_context(open(self.folder / LOG, "wb"))
             self._process = subprocess.Popen(
                 [*self.command, "-r", str(self.folder / ini.name)],
                 env=self._environment(mdi),
                 stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
+                stdout=log,
                 stderr=subprocess.STDOUT,
-                text=True,
-                errors="replace",
+                start_new_session=True,
             )
             stack.callback(self._end)
             self._stack = stack.pop_all()
@@ -160,9 +164,10 @@ class Session:
     def wait(self) -> Outcome:
         """How it ends. Raises LinuxCncError if it does not."""
         try:
-            log, _ = self._process.communicate(timeout=self._patience_s + 2 * GRACE_S)
+            self._process.wait(self._patience_s + 2 * GRACE_S)
         except subprocess.TimeoutExpired:
             raise LinuxCncError(f"LinuxCNC has not ended {2 * GRACE_S:g} s after its session's time") from None
+        log = (self.folder / LOG).read_text("utf-8", "replace")
         said = [line.removeprefix("session: ") for line in log.splitlines() if line.startswith(TOLD)]
         return Outcome(self._process.returncode, tuple(said), log)
 
@@ -184,20 +189,26 @@ class Session:
             (self.folder / path.name).chmod(0o755)
 
     def _environment(self, mdi: str) -> Mapping[str, str]:
-        own = {"HOME": str(self.folder), "ISEL_TWIN_MDI": mdi, "ISEL_TWIN_PATIENCE_S": f"{self._patience_s:g}"}
+        own = {
+            "DISPLAY": "",
+            "HOME": str(self.folder),
+            "ISEL_TWIN_MDI": mdi,
+            "ISEL_TWIN_PATIENCE_S": f"{self._patience_s:g}",
+        }
         if os.geteuid() == 0:  # which LinuxCNC's realtime part refuses to be
             own |= {"RTAPI_UID": str(NOBODY), "RTAPI_FIFO_PATH": str(self.folder / "fifo")}
         return {**os.environ, **own}
 
     def _end(self) -> None:
         if self.running:
-            self._process.terminate()
+            os.killpg(self._process.pid, signal.SIGTERM)  # its script waits for the display before it heeds a signal
             try:
-                self._process.communicate(timeout=GRACE_S)
+                self._process.wait(GRACE_S)
             except subprocess.TimeoutExpired:
-                self._process.kill()
-                self._process.communicate()
-        subprocess.run(["halrun", "-U"], capture_output=True, check=False)
+                os.killpg(self._process.pid, signal.SIGKILL)
+                self._process.wait()
+        with suppress(subprocess.TimeoutExpired):
+            subprocess.run(["halrun", "-U"], capture_output=True, check=False, timeout=GRACE_S)
 
 
 @contextmanager
@@ -205,6 +216,10 @@ def _only_one() -> Iterator[None]:
     """Wait until no other session runs on this computer."""
     import fcntl  # LinuxCNC is for Linux
 
-    with open(Path(tempfile.gettempdir()) / "isel-twin-linuxcnc.lock", "a") as lock:
+    path = Path(tempfile.gettempdir()) / "isel-twin-linuxcnc.lock"
+    with suppress(FileExistsError):
+        os.close(os.open(path, os.O_CREAT | os.O_EXCL, 0o644))
+        path.chmod(0o644)  # whatever the umask: the lock is for all users
+    with open(path) as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         yield

@@ -15,17 +15,18 @@ import selectors
 import socket
 import time
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 
 from isel_twin.bridge.mtconnect.items import ITEMS, UNAVAILABLE, values
 from isel_twin.bridge.operate.client import ClientError
 from isel_twin.bridge.operate.conditions import State
-from isel_twin.bridge.serve.outbox import Outbox
+from isel_twin.bridge.serve.loop import Wake, woken_by_signals
+from isel_twin.bridge.serve.outbox import OUTBOX_BYTES, Outbox
 from isel_twin.bridge.serve.tcp import keep_alive, listen
 
 HEARTBEAT_MS = 10_000
 AGENTS = 16  # connections at once
 LINE_BYTES = 4096  # most bytes of an agent without an end of line
-LATE_BYTES = 1 << 20  # an agent that leaves so much unread is dropped
 
 
 def lines(now: Mapping[str, str], before: Mapping[str, str], stamp: str) -> list[str]:
@@ -73,20 +74,23 @@ class Adapter:
         self._agents: list[_Agent] = []
         self._known: dict[str, str] = {}
         self._stopped = False
+        self._wake = Wake()
 
     def stop(self) -> None:
         """End `run` soon; for signal handlers."""
         self._stopped = True
+        self._wake()
 
     def run(self) -> None:
         """Until `stop`, or until the machine has gone: the agents are told that nothing is available."""
         due_s = 0.0
         try:
-            while not self._stopped:
-                if (now_s := time.monotonic()) >= due_s:
-                    due_s = now_s + self._interval_s
-                    self._tell(values(self._state()))
-                self._wait(max(0.0, due_s - time.monotonic()))
+            with woken_by_signals(self._wake):
+                while not self._stopped:
+                    if (now_s := time.monotonic()) >= due_s:
+                        due_s = now_s + self._interval_s
+                        self._tell(values(self._state()))
+                    self._wait(max(0.0, due_s - time.monotonic()))
         except ClientError:
             pass
         finally:
@@ -94,6 +98,7 @@ class Adapter:
             for agent in list(self._agents):
                 self._drop(agent)
             self._listener.close()
+            self._wake.close()
 
     def _tell(self, now: dict[str, str]) -> None:
         told = lines(now, self._known, _stamp())
@@ -103,15 +108,13 @@ class Adapter:
 
     def _wait(self, wait_s: float) -> None:
         with selectors.DefaultSelector() as selector:
-            selector.register(self._listener, selectors.EVENT_READ, None)
+            selector.register(self._listener, selectors.EVENT_READ, self._accept)
+            selector.register(self._wake.watch.file, self._wake.watch.events, self._wake.watch.handler)
             for agent in self._agents:
                 events = selectors.EVENT_READ | (selectors.EVENT_WRITE if agent.outbox else 0)
-                selector.register(agent.connection, events, agent)
+                selector.register(agent.connection, events, partial(self._serve, agent))
             for key, _ in selector.select(wait_s):
-                if key.data is None:
-                    self._accept()
-                else:
-                    self._serve(key.data)
+                key.data()
 
     def _accept(self) -> None:
         try:
@@ -143,14 +146,14 @@ class Adapter:
         self._put(agent, [f"* PONG {HEARTBEAT_MS}" for line in whole if line.strip() == b"* PING"])
 
     def _put(self, agent: _Agent, told: Iterable[str]) -> None:
+        """Send lines. An agent that leaves too much unread is dropped: it would miss some, and gets everything anew."""
         data = "".join(f"{line}\n" for line in told).encode()
         try:
-            if data:
+            if len(agent.outbox) + len(data) > OUTBOX_BYTES:
+                self._drop(agent)
+            elif data:
                 agent.outbox.put(data)
         except OSError:
-            self._drop(agent)
-            return
-        if len(agent.outbox) > LATE_BYTES:
             self._drop(agent)
 
     def _drop(self, agent: _Agent) -> None:

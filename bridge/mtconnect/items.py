@@ -11,10 +11,11 @@ from typing import Any
 from xml.etree import ElementTree
 
 from isel_twin.base.axes import CARRIAGES
-from isel_twin.bridge.operate.conditions import State, conditions, emergency, powered
+from isel_twin.bridge.operate.conditions import State, conditions, emergency, powered, program
 
 SCHEMA = "urn:mtconnect.org:MTConnectDevices:2.0"
 UNAVAILABLE = "UNAVAILABLE"
+EXECUTION = {"Running": "ACTIVE", "Ended": "READY", "Interrupted": "INTERRUPTED", "Aborted": "STOPPED"}
 
 
 @dataclass(frozen=True)
@@ -50,12 +51,6 @@ def _condition(name: str) -> Callable[[State], str]:
     return lambda state: conditions(state)[name]
 
 
-def _execution(state: State) -> str:
-    if state["idle"]:
-        return "READY"
-    return "ACTIVE" if powered(state) else "INTERRUPTED"
-
-
 ITEMS: tuple[Item, ...] = (
     Item("avail", "device", "EVENT", "AVAILABILITY", lambda s: "AVAILABLE"),
     *(item for at, axis in enumerate(CARRIAGES) for item in _axis_items(at, axis)),
@@ -63,7 +58,7 @@ ITEMS: tuple[Item, ...] = (
     Item("sys", "controller", "CONDITION", "SYSTEM", _condition("power")),
     Item("logic", "controller", "CONDITION", "LOGIC_PROGRAM", _condition("controller")),
     Item("comms", "controller", "CONDITION", "COMMUNICATIONS", _condition("line")),
-    Item("exec", "path", "EVENT", "EXECUTION", _execution),
+    Item("exec", "path", "EVENT", "EXECUTION", lambda s: EXECUTION[program(s)]),
     Item(
         "mode",
         "path",

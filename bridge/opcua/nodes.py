@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from isel_twin.base.axes import CARRIAGES
-from isel_twin.bridge.operate.conditions import State, conditions, emergency, powered
+from isel_twin.bridge.operate.conditions import State, conditions, emergency, powered, program
 
 OWN = "urn:isel-twin"
 NAMESPACES = {
@@ -24,8 +24,9 @@ NAMESPACES = {
 """By the prefixes used here; names without one are of OPC UA itself."""
 
 MACHINE_TOOL = 13  # MachineToolType in the namespace MT; all ids are of the published node set
-OPTIONAL = (("MT:Monitoring/MT:Channel", 16), ("MT:Monitoring/MT:Spindle", 22))
-"""Optional objects and their types in MT: ChannelMonitoringType, SpindleMonitoringType."""
+MESSAGES = "MT:Notification/MT:Messages"
+OPTIONAL = (("MT:Monitoring/MT:Channel", 16), ("MT:Monitoring/MT:Spindle", 22), (MESSAGES, 38))
+"""Optional objects and their types in MT: ChannelMonitoringType, SpindleMonitoringType, MessagesType."""
 
 # states of the program: its number, and the id in MT of the state's object
 PROGRAM = {"Running": (1, 5041), "Ended": (2, 5038), "Interrupted": (3, 5040), "Aborted": (4, 5037)}
@@ -54,15 +55,6 @@ class Node:
 
 UNITS = {"mm": (5066068, "mm", "millimetre"), "s": (5457219, "s", "second"), "%": (20529, "%", "percent")}
 """Of a unit: its code in UNECE recommendation 20, packed as OPC 10000-8 has it, symbol and name."""
-
-
-def program(state: State) -> str:
-    """State of the program, or of a host's lines: a name of PROGRAM."""
-    if state["fault"]:
-        return "Aborted"
-    if state["idle"]:
-        return "Interrupted" if state["unfinished"] else "Ended"
-    return "Running" if powered(state) else "Interrupted"
 
 
 def _program_name(state: State) -> str:

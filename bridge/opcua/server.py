@@ -10,6 +10,7 @@ import asyncio
 import datetime
 import logging
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +18,11 @@ from asyncua import Server, ua
 from asyncua.common.instantiate_util import instantiate
 from asyncua.common.node import Node as UaNode
 
-from isel_twin.bridge.opcua.access import Access, Readers, application_uri, secure
-from isel_twin.bridge.opcua.nodes import MACHINE_TOOL, NAMESPACES, NODES, OPTIONAL, OWN, UNITS, Node
+from isel_twin.bridge.opcua.access import Access, Readers, secure
+from isel_twin.bridge.opcua.alerts import ALERT, Alerts, node_id
+from isel_twin.bridge.opcua.nodes import MACHINE_TOOL, MESSAGES, NAMESPACES, NODES, OPTIONAL, OWN, UNITS, Node
 from isel_twin.bridge.operate.client import Client, ClientError
-from isel_twin.bridge.operate.conditions import State
+from isel_twin.bridge.operate.conditions import State, alerts
 from isel_twin.version import VERSION
 
 SETS = ("di", "ia", "machinery", "machine_tool")  # in the order of their needs
@@ -29,10 +31,6 @@ CLIENTS = 16  # connections at once
 AGAIN_S = 1.0  # wall time between two tries to reach a twin that has gone
 FULL, NO_DATA = 255, 1  # ServiceLevel (OPC 10000-4, 6.6.2.4.2)
 UNECE = "http://www.opcfoundation.org/UA/units/un/cefact"
-
-
-def _id(name: Any, index: Any = 0) -> ua.NodeId:
-    return ua.NodeId(name, index)
 
 
 def _now(value: ua.Variant, status: int = ua.StatusCodes.Good) -> ua.DataValue:
@@ -48,6 +46,7 @@ class Machine:
         self._index: dict[str, int] = {}  # of a namespace, by its prefix
         self._nodes: dict[Node, ua.NodeId] = {}
         self._known: dict[Node, Any] = {}
+        self._alerts: Alerts
 
     async def build(self, state: State) -> None:
         """Take the types in and make the machine, with the mandatory nodes of its type and those of NODES."""
@@ -55,11 +54,14 @@ class Machine:
         for name in SETS:
             await self._server.import_xml(str(folder / f"{name}.xml"))
         self._index = {prefix: await self._server.register_namespace(uri) for prefix, uri in NAMESPACES.items()}
-        machines = self._server.get_node(_id(MACHINES, self._index["Machinery"]))
+        machines = self._server.get_node(node_id(MACHINES, self._index["Machinery"]))
         root = await self._object(machines, f"Twin:{state['machine']}", MACHINE_TOOL)
         for path, kind in OPTIONAL:
             *above, name = path.split("/")
             await self._object(await root.get_child([self._name(part) for part in above]), name, kind)
+        messages = await root.get_child([self._name(part) for part in MESSAGES.split("/")])
+        self._alerts = Alerts(self._server, root, messages)
+        await self._alerts.build(node_id(ALERT, self._index["MT"]))
         for node in NODES:
             self._nodes[node] = (await self._variable(root, node, state)).nodeid
 
@@ -70,6 +72,7 @@ class Machine:
             if node not in self._known or self._known[node] != value:
                 self._known[node] = value
                 await self._server.write_attribute_value(where, _now(self._variant(node, value)))
+        await self._alerts.show(alerts(state))
         await self._level(FULL)
 
     async def lose(self) -> None:
@@ -79,24 +82,25 @@ class Machine:
                 del self._known[node]
                 gone = _now(ua.Variant(), ua.StatusCodes.BadNoCommunication)
                 await self._server.write_attribute_value(where, gone)
+        await self._alerts.show({}, gone=True)
         await self._level(NO_DATA)
 
     # Inside
 
     async def _level(self, level: int) -> None:
         told = ua.DataValue(ua.Variant(level, ua.VariantType.Byte))
-        await self._server.write_attribute_value(_id(ua.ObjectIds.Server_ServiceLevel), told)
+        await self._server.write_attribute_value(node_id(ua.ObjectIds.Server_ServiceLevel), told)
 
     def _variant(self, node: Node, value: Any) -> ua.Variant:
         if node.kind == "LocalizedText":
             value = ua.LocalizedText(value, "en")
         if node.kind == "NodeId":
-            value = _id(value, self._index["MT"])
+            value = node_id(value, self._index["MT"])
         return ua.Variant(value, ua.VariantType[node.kind], is_array=isinstance(value, list))
 
     async def _object(self, above: UaNode, name: str, kind: int) -> UaNode:
         """A new object of a type of MT, with the mandatory nodes of that type."""
-        return await above.add_object(*self._ids(above, name), _id(kind, self._index["MT"]), False)
+        return await above.add_object(*self._ids(above, name), node_id(kind, self._index["MT"]), False)
 
     async def _variable(self, root: UaNode, node: Node, state: State) -> UaNode:
         """The variable of a node: one that its object's type has made, else a new one, in new folders."""
@@ -114,12 +118,12 @@ class Machine:
 
     async def _new(self, above: UaNode, name: str, node: Node, state: State) -> UaNode:
         ids, value = self._ids(above, name), self._variant(node, node.value(state))
-        kind = _id(value.VariantType.value)
+        kind = node_id(value.VariantType.value)
         if not name.startswith("Twin:"):
             return await above.add_property(*ids, value.Value, value.VariantType, kind)
         if not node.unit:
             return await above.add_variable(*ids, value.Value, value.VariantType, kind)
-        analog = self._server.get_node(_id(ua.ObjectIds.AnalogUnitType))
+        analog = self._server.get_node(node_id(ua.ObjectIds.AnalogUnitType))
         found, *_ = await instantiate(above, analog, *ids, instantiate_optional=False)
         await found.write_attribute(ua.AttributeIds.DataType, ua.DataValue(ua.Variant(kind)))
         return found
@@ -132,7 +136,7 @@ class Machine:
         """Id, as asyncua makes those of a type's nodes, and browse name of a new node."""
         own, bare = self._index["Twin"], self._name(name)
         inside = f"{above.nodeid.Identifier!s}." if above.nodeid.NamespaceIndex == own else ""
-        return _id(f"{inside}{bare.Name}", own), bare
+        return node_id(f"{inside}{bare.Name}", own), bare
 
     async def _there(self, above: UaNode, name: str) -> UaNode | None:
         try:
@@ -147,21 +151,26 @@ class Serving:
     def __init__(self, url: str, connect: Callable[[], Client], interval_s: float, access: Access | None) -> None:
         """url: opc.tcp://HOST:PORT/. connect: raises ClientError while there is no twin."""
         self._url, self._connect, self._interval_s, self._access = url, connect, interval_s, access
-        self._stopped = False
+        self._end = asyncio.Event()
+        self._loop: asyncio.AbstractEventLoop | None = None
 
     def stop(self) -> None:
         """End `run` soon; for signal handlers."""
-        self._stopped = True
+        if self._loop is None:
+            self._end.set()
+        else:
+            self._loop.call_soon_threadsafe(self._end.set)
 
     async def run(self, state: State, said: Callable[[], object]) -> None:
         """Serve until `stop`, beginning with this state of the twin. said: called when it listens. Raises OSError."""
+        self._loop = asyncio.get_running_loop()
         logging.getLogger("asyncua").setLevel(logging.CRITICAL)  # it logs what strangers send, with tracebacks
         server = Server(user_manager=Readers(self._access.password if self._access else None))
         server.iserver.max_connections = CLIENTS
+        server.iserver.bind_condition_methods = True  # ConditionRefresh
         await server.init()
         server.set_endpoint(self._url)
         server.set_server_name("isel-twin")
-        await server.set_application_uri(application_uri())
         now = datetime.datetime.now(datetime.UTC)
         await server.set_build_info(OWN, "isel-twin", "isel-twin", VERSION, VERSION, now)
         await secure(server, self._access)
@@ -173,12 +182,16 @@ class Serving:
             await self._follow(machine)
 
     async def _follow(self, machine: Machine) -> None:
-        while not self._stopped:
+        while not self._end.is_set():
             try:
                 with await asyncio.to_thread(self._connect) as client:
-                    while not self._stopped:
+                    while not self._end.is_set():
                         await machine.show(await asyncio.to_thread(client.ask, {"state": True}))
-                        await asyncio.sleep(self._interval_s)
+                        await self._pause(self._interval_s)
             except ClientError:
                 await machine.lose()
-                await asyncio.sleep(AGAIN_S)
+                await self._pause(AGAIN_S)
+
+    async def _pause(self, seconds: float) -> None:
+        with suppress(TimeoutError):
+            await asyncio.wait_for(self._end.wait(), seconds)

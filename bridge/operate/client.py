@@ -13,8 +13,17 @@ import socket
 from collections.abc import Mapping
 from typing import Any, Self
 
-CONNECT_S = 10.0  # wall time for the server to accept the connection and to answer requests other than waits
-_WAITS = frozenset({"wait", "step"})
+CONNECT_S = 10.0  # wall time for the server to accept the connection, and to answer behind the time of a wait
+PATIENCE_S = 60.0  # default limit of a wait, in wall time
+
+
+def _limit_s(request: Mapping[str, Any]) -> float | None:
+    """Wall time within which an answer comes; None: a step of virtual time takes what it takes."""
+    if "step" in request:
+        return None
+    wait = request.get("wait")
+    patience = wait.get("wall_s", PATIENCE_S) if isinstance(wait, Mapping) else 0.0
+    return CONNECT_S + (float(patience) if isinstance(patience, int | float) else 0.0)
 
 
 class ClientError(Exception):
@@ -47,7 +56,7 @@ class Client:
     def ask(self, request: Mapping[str, Any]) -> dict[str, Any]:
         """The answer to a request (bridge/operate/control.py). Raises ClientError with the server's reason."""
         try:
-            self._socket.settimeout(None if _WAITS & request.keys() else CONNECT_S)
+            self._socket.settimeout(_limit_s(request))
             self._socket.sendall(json.dumps(request).encode() + b"\n")
             line = self._line()
         except TimeoutError:

@@ -3,12 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from isel_twin.base.axes import CARRIAGES
 
 State = Mapping[str, Any]
 """The answer to {"state": true}."""
+
+# how grave an alert is, of 1000
+WRONG = 800  # one of `conditions`
+STOPPED = 700  # E-stop
+OPEN = 500  # hood
+STRUCK = 300  # end switch: every reference run does that
+
+
+@dataclass(frozen=True)
+class Alert:
+    """Something that an operator is told. severity: 1 to 1000."""
+
+    text: str
+    severity: int
 
 
 def powered(state: State) -> bool:
@@ -19,6 +34,15 @@ def powered(state: State) -> bool:
 def emergency(state: State) -> bool:
     """Is the E-stop pressed, or the safety relay open?"""
     return state["inputs"].get("estop") == "pressed" or not powered(state)
+
+
+def program(state: State) -> str:
+    """State of the program, or of a host's lines: Running, Ended, Interrupted, Aborted."""
+    if state["fault"]:
+        return "Aborted"
+    if state["idle"]:
+        return "Interrupted" if state["unfinished"] else "Ended"
+    return "Running" if powered(state) else "Interrupted"
 
 
 def conditions(state: State) -> dict[str, str]:
@@ -37,3 +61,15 @@ def conditions(state: State) -> dict[str, str]:
         told[f"lost_{axis}"] = f"{axis} has lost {lost:.0f} steps" if abs(lost) >= slip / 2.0 else ""
         told[f"drive_{axis}"] = f"drive of {axis}: {cause}" if number else ""
     return told
+
+
+def alerts(state: State) -> dict[str, Alert]:
+    """What is wrong, and what stops a machine, by its name: those of `conditions`, `estop`, `hood`, `limit_x1` ..."""
+    told = {name: Alert(text, WRONG) for name, text in conditions(state).items() if text}
+    inputs = state["inputs"]
+    if inputs.get("estop") == "pressed":
+        told["estop"] = Alert("the E-stop is pressed", STOPPED)
+    if inputs.get("hood", "closed") != "closed":
+        told["hood"] = Alert("the hood is open", OPEN)
+    struck = [name for name, contact in inputs.items() if name.startswith("limit_") and contact == "struck"]
+    return told | {name: Alert(f"end switch {name.removeprefix('limit_')} is struck", STRUCK) for name in struck}

@@ -30,6 +30,7 @@ from typing import Any
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.base.parameters import FileError, Limits, Place, hint, known, plain, table
 from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
+from isel_twin.bridge.operate.client import PATIENCE_S
 from isel_twin.bridge.serve.pacing import HIGHEST_SPEED, LOWEST_SPEED
 from isel_twin.bridge.serve.server import Server
 from isel_twin.core.twin import Twin
@@ -39,7 +40,6 @@ from isel_twin.wiring import ACTS, EVENT_KEYS, event_now
 Answer = dict[str, Any]
 
 LOOK_NS = 1 * MILLISECOND_NS  # sampling interval of positions in waits, virtual time
-PATIENCE_S = 60.0  # default limit of a wait in wall time
 REMARKS = 10  # last remarks of the controller, and last collisions, in a state
 
 _STEP_S = Limits("s", 1e-9, 3600.0)

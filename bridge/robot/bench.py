@@ -10,7 +10,9 @@ from typing import Any, Literal
 
 from robot.api.deco import keyword, library
 
-from isel_twin.bridge.operate.client import Client, ClientError
+from isel_twin.base.axes import CARRIAGES
+from isel_twin.bridge.operate.client import CONNECT_S, Client, ClientError
+from isel_twin.bridge.operate.conditions import conditions
 from isel_twin.bridge.operate.started import Started
 from isel_twin.bridge.serve.tcp import parse_address
 from isel_twin.language import Language, create_language
@@ -76,8 +78,9 @@ class Bench:
         try:
             self._client = Client(control, os.environ.get("ISEL_TWIN_TOKEN") or None)
             if tcp:
-                self._line = socket.create_connection(parse_address(tcp))
+                self._line = socket.create_connection(parse_address(tcp), CONNECT_S)
                 self._language = create_language(self._state["controller"])
+                self._arrived()  # nothing, or that somebody else has the line
         except OSError as error:
             raise AssertionError(f"{tcp}: {error.strerror or error}") from None
         except (ClientError, ValueError) as error:
@@ -205,13 +208,11 @@ class Bench:
     def no_step_should_be_lost(self) -> None:
         """By the rule of all verdicts: half a slip of the motor is a loss, less is load angle."""
         state = self._state
-        axes = list(zip("xyz", state["lost_steps"], state["slip_steps"], strict=False))
-        lost = [f"{axis} {steps:.0f}" for axis, steps, slip in axes if abs(steps) >= slip / 2.0]
-        forgotten = [
-            f"{axis} {steps:.0f}" for axis, steps in zip("xyz", state["forgotten_steps"], strict=False) if steps
-        ]
-        if lost or forgotten:
-            raise AssertionError(f"steps are lost: {', '.join([*lost, *forgotten])}")
+        told = [text for name, text in conditions(state).items() if text and name.startswith("lost_")]
+        forgotten = zip(CARRIAGES, state["forgotten_steps"], strict=False)
+        told += [f"{axis} had lost {steps:.0f} steps before its counter was set" for axis, steps in forgotten if steps]
+        if told:
+            raise AssertionError("; ".join(told))
 
     @keyword("Margin Should Be At Least", tags=["verdict"])
     def margin_should_be_at_least(self, percent: float) -> None:
@@ -251,6 +252,7 @@ class Bench:
             raise AssertionError("there is no line to the controller: Connect To Twin with its tcp address")
         data = self._language.frame(command)
         try:
+            self._line.settimeout(CONNECT_S)
             self._line.sendall(data)
         except OSError as error:
             raise AssertionError(f"{CLOSED}: {error.strerror or error}") from None
@@ -279,7 +281,7 @@ class Bench:
             except OSError:
                 piece = b""
             if not piece:
-                raise AssertionError(CLOSED)
+                raise AssertionError(reply.decode("latin-1").strip() or CLOSED)
             reply += piece
 
     def _disconnect(self) -> None:

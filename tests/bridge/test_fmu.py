@@ -154,6 +154,18 @@ def test_a_state_goes_into_another_instance(model: Callable[..., Model]) -> None
         assert other.get("from_controller") == one.get("from_controller")
 
 
+def test_a_state_of_another_machine_is_refused_and_changes_nothing(model: Callable[..., Model]) -> None:
+    one, other, same = model("serial"), model("serial", machine="4030-hf"), model("serial", machine="4030-hf")
+    kept = one.fmu.serializeFMUState(one.fmu.getFMUState())
+    with pytest.raises(Exception, match=r"fmi3SetFMUState|failed"):
+        other.fmu.setFMUState(other.fmu.deserializeFMUState(kept))
+    assert other.get("machine") == "4030-hf"
+    for each in (other, same):
+        each.set("hood_open", True)
+        each.step()
+    assert (other.get("power"), other.place) == (same.get("power"), same.place)
+
+
 def test_set_points_of_another_control_and_a_hood(model: Callable[..., Model]) -> None:
     one = model("steps")
     twin = Twin(controller="external", overrides={"controller.watchdog_ms": 0}, **START)

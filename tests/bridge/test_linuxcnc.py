@@ -1,18 +1,24 @@
 """LinuxCNC itself, unmodified and without a screen, moves the twin.
 
-Where it is installed with its headers (linuxcnc-uspace, linuxcnc-uspace-dev, gcc) and these tests run as root: the
-component is put into LinuxCNC's folder of modules as these tests see it only (a mount of their own). ISEL_TWIN_LINUXCNC
-names another folder for the headers. What LinuxCNC is not needed for is tested everywhere.
+By a sampler where it is installed (linuxcnc-uspace). In lockstep where its headers are, too (linuxcnc-uspace-dev, gcc),
+and these tests run as root: the component is put into LinuxCNC's folder of modules as these tests see it only (a mount
+of their own). ISEL_TWIN_LINUXCNC names another folder for the headers. What LinuxCNC is not needed for is tested
+everywhere.
 """
 
 from __future__ import annotations
 
+import ctypes
 import fcntl
 import os
+import runpy
 import shutil
+import signal
+import socket
 import subprocess
 import sys
 import tempfile
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
@@ -37,10 +43,13 @@ FAST = {
 }
 
 
-def lacks() -> str:
-    for program in ("linuxcnc", "gcc", "unshare"):
+def lacks(*programs: str) -> str:
+    """What is missing for sessions, in lockstep with these programs."""
+    for program in ("linuxcnc", *programs):
         if shutil.which(program) is None:
             return f"{program} is not installed"
+    if not programs:
+        return ""
     if not (kit.HEADERS / "hal.h").is_file():
         return f"LinuxCNC's headers are not in {kit.HEADERS}: linuxcnc-uspace-dev, or ISEL_TWIN_LINUXCNC"
     tried = subprocess.run(["unshare", "-m", "true"], capture_output=True, check=False)
@@ -48,6 +57,7 @@ def lacks() -> str:
 
 
 with_linuxcnc = pytest.mark.skipif(bool(lacks()), reason=lacks())
+in_lockstep = pytest.mark.skipif(bool(lacks("gcc", "unshare")), reason=lacks("gcc", "unshare"))
 
 
 @pytest.fixture(scope="module")
@@ -63,11 +73,9 @@ def modules(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 
 @pytest.fixture
-def linuxcnc(tmp_path: Path, modules: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[LinuxCnc]:
-    """As the fixture of the plugin, on a machine whose switches are near, with the component seen by it only."""
-    mounted = f'mount --bind {modules} {kit.MODULES} && exec linuxcnc "$@"'
-    monkeypatch.setattr(Session, "command", ("unshare", "-m", "sh", "-c", mounted, "sh"))
-    monkeypatch.setattr(kit, "lockstep", lambda: True)
+def sampler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[LinuxCnc]:
+    """As the fixture of the plugin, on a machine whose switches are near, without the component."""
+    monkeypatch.setattr(kit, "lockstep", lambda: False)
     machine = str(near_switches(tmp_path, 8.0))
     twin = Twin(machine=machine, controller="external", seed=5, overrides={"controller.watchdog_ms": 0})
     served = ServedTwin(twin)
@@ -75,10 +83,22 @@ def linuxcnc(tmp_path: Path, modules: Path, monkeypatch: pytest.MonkeyPatch) -> 
     served.stop()
 
 
-@with_linuxcnc
-def test_it_homes_runs_a_square_and_the_hood_stops_it(linuxcnc: LinuxCnc) -> None:
+@pytest.fixture
+def linuxcnc(sampler: LinuxCnc, modules: Path, monkeypatch: pytest.MonkeyPatch) -> LinuxCnc:
+    """The same with the component, which is seen by these tests only."""
+    mounted = f'mount --bind {modules} {kit.MODULES} && exec linuxcnc "$@"'
+    monkeypatch.setattr(Session, "command", ("unshare", "-m", "sh", "-c", mounted, "sh"))
+    monkeypatch.setattr(kit, "lockstep", lambda: True)
+    return sampler
+
+
+@pytest.mark.parametrize(
+    "way", [pytest.param("linuxcnc", marks=in_lockstep), pytest.param("sampler", marks=with_linuxcnc)]
+)
+def test_it_homes_runs_a_square_and_the_hood_stops_it(way: str, request: pytest.FixtureRequest) -> None:
     """Home is where the switches are, so what it believes is machine coordinates within trip point, hysteresis and
     backlash of the switch (0.5 mm); it loses nothing. Then the hood is forced open in motion."""
+    linuxcnc: LinuxCnc = request.getfixturevalue(way)
     ask = linuxcnc.served.ask
     with linuxcnc.begin(mdi=f"{SQUARE}\nG1 X100", timeout_s=LIMIT_S) as session:
         while (seen := ask({"state": True}))["machine_position_mm"][0] < 40.0:
@@ -97,7 +117,7 @@ def test_it_homes_runs_a_square_and_the_hood_stops_it(linuxcnc: LinuxCnc) -> Non
     assert abs(seen["machine_position_mm"][1] - 10.0) < 0.5
 
 
-@with_linuxcnc
+@in_lockstep
 def test_too_fast_it_notices_nothing_and_the_twin_does(linuxcnc: LinuxCnc, tmp_path: Path) -> None:
     """With an INI of its own, that asks for more than the motors can."""
     text = INI.read_text()
@@ -118,6 +138,7 @@ def test_too_fast_it_notices_nothing_and_the_twin_does(linuxcnc: LinuxCnc, tmp_p
 
 def test_an_ini_keeps_all_but_its_hardware_and_its_display() -> None:
     ini = "[DISPLAY]\nDISPLAY = axis\nCYCLE_TIME = 0.1\n[HAL]\nHALFILE = mesa.hal\nPOSTGUI_HALFILE = p.hal\n"
+    ini += "HALCMD = net a\n"
     text = changed(f"{ini}[KINS]\nKINEMATICS = trivkins\nJOINTS = 3\n", ["twin.hal", "pendant.hal"])
     assert text == (
         "[DISPLAY]\nDISPLAY = ./session.py\nCYCLE_TIME = 0.1\n[HAL]\nHALFILE = twin.hal\nHALFILE = pendant.hal\n"
@@ -129,6 +150,7 @@ def test_an_ini_keeps_all_but_its_hardware_and_its_display() -> None:
 @pytest.mark.parametrize(
     ("ini", "line"),
     [
+        ("#INCLUDE mesa.inc\n[DISPLAY]\n[HAL]\n[KINS]\nJOINTS = 3\n", "#INCLUDE mesa.inc: write that file's lines"),
         ("[DISPLAY]\n[KINS]\nJOINTS = 3\n", "must have one section [HAL]"),
         ("[DISPLAY]\n[HAL]\n[KINS]\nJOINTS = 4\n", "[KINS]JOINTS = 4; allowed: 3"),
         ("[DISPLAY]\n[HAL]\n[KINS]\n", "[KINS]JOINTS = nothing; allowed: 3"),
@@ -208,16 +230,41 @@ def test_a_session_has_a_folder_of_its_own_and_leaves_the_users_alone(pretending
 
 
 def test_a_session_that_is_left_early_ends_and_makes_room(pretending: Path) -> None:
+    """As LinuxCNC's script does, it waits for its display before it heeds a signal; and it says very much."""
     kit.MODULES.mkdir()
     (kit.MODULES / "isel_twin_rows.so").touch()
-    (pretending.parent / "programs" / "linuxcnc").write_text("#!/bin/sh\nexec sleep 600\n")
+    (pretending.parent / "programs" / "linuxcnc").write_text("#!/bin/sh\nseq 99999\nsleep 600\necho over\n")
     for _ in range(2):
         with Session("127.0.0.1:1234", [320] * 3) as session:
             assert session.running
+            while "99999" not in (session.folder / kit.LOG).read_text():
+                pass
             assert "port=1234 scale=320,320,320" in (session.folder / "isel4030.hal").read_text(), "in lockstep"
             with open(Path(tempfile.gettempdir()) / "isel-twin-linuxcnc.lock") as lock, pytest.raises(BlockingIOError):
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         assert not session.running
+
+
+SLOW = """#!/bin/sh
+sleep 1
+echo $2 > "${0%/*}/begun"
+sleep 600
+"""
+
+
+def test_a_signal_ends_linuxcnc_and_the_twin(pretending: Path) -> None:
+    """Nothing of either is left."""
+    (pretending.parent / "programs" / "linuxcnc").write_text(SLOW)
+    begun = pretending.parent / "programs" / "begun"
+    call = [sys.executable, "-m", "isel_twin.cli", "linuxcnc", "--ini", pretending / INI.name, "--"]
+    process = subprocess.Popen([*call, "--plant", "kinematic"], stderr=subprocess.PIPE, text=True)
+    while not (begun.exists() and (folder := begun.read_text().rpartition("/")[0])):
+        assert process.poll() is None
+    process.send_signal(signal.SIGTERM)
+    _, told = process.communicate()  # until the twin, too, has closed it
+    assert process.returncode != 0
+    assert "Traceback" not in told
+    assert not Path(folder).exists()
 
 
 @pytest.mark.parametrize(
@@ -265,7 +312,8 @@ class Hal(ModuleType):
 
     def __init__(self, pieces: list[list[tuple[Any, ...]]]) -> None:
         super().__init__("hal")
-        self.pieces, self.pins, self.is_ready = pieces, {}, False
+        self.pieces, self.is_ready = pieces, False
+        self.pins: dict[str, Any] = {}
         self.component = self.stream = lambda *_: self
 
     def newpin(self, name: str, kind: int, way: int) -> None:
@@ -295,21 +343,48 @@ class Hal(ModuleType):
         self.pins[name] = value
 
 
-def by_sampler(monkeypatch: pytest.MonkeyPatch, port: str, pieces: list[list[tuple[Any, ...]]]) -> Hal:
-    """Run the reader to its end; the pins."""
+class Threads:
+    """LinuxCNC's library of HAL, as far as it holds and lets go."""
+
+    def __init__(self, refuses: bool = False) -> None:
+        self.calls: list[str] = []
+        self._refuses = refuses
+
+    def hal_stop_threads(self) -> int:
+        self.calls.append("stop")
+        return -1 if self._refuses else 0
+
+    def hal_start_threads(self) -> int:
+        self.calls.append("start")
+        return 0
+
+
+def by_sampler(
+    monkeypatch: pytest.MonkeyPatch,
+    port: str,
+    pieces: list[list[tuple[Any, ...]]],
+    threads: Threads | None = None,
+    prompt: bool = True,
+) -> Hal:
+    """Run the reader to its end; the pins. prompt: answers come soon."""
     hal = Hal(pieces)
     monkeypatch.setitem(sys.modules, "hal", hal)
     monkeypatch.setattr(sys, "argv", ["rows_by_sampler.py", f"port={port}", "scale=320,320,320", "period=1000000"])
+    monkeypatch.setattr(ctypes, "CDLL", lambda _: threads or Threads())
     program = ModuleType("rows_by_sampler")
     exec((KIT / "rows_by_sampler.py").read_text(), program.__dict__)
     waits = iter(range(len(pieces) + 1))
-    monkeypatch.setattr(program.time, "sleep", lambda s: next(waits) if hal.is_ready and s < 0.1 else end())  # type: ignore[attr-defined]
-    program.main()  # type: ignore[attr-defined]
+
+    def sleep(s: float) -> None:
+        if s > 0.1:
+            raise KeyboardInterrupt
+        next(waits)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(program.select, "select", lambda *_: ([prompt] * prompt, [], []))
+        patch.setattr(program.time, "sleep", sleep)
+        program.main()
     return hal
-
-
-def end() -> None:
-    raise KeyboardInterrupt
 
 
 @pytest.fixture
@@ -333,20 +408,161 @@ def test_by_a_sampler_set_points_move_the_twin_and_its_switches_come_back(
     assert capsys.readouterr().err == ""
 
 
+@pytest.mark.parametrize(
+    ("rows", "prompt", "refuses", "calls"),
+    [
+        ([5, 5], True, False, []),
+        ([6], True, False, ["stop", "start"]),
+        ([6, 7, 1], True, False, ["stop", "start", "stop", "start"]),
+        ([1], False, False, ["stop", "start"]),
+        ([6, 6], True, True, ["stop", "stop"]),
+    ],
+)
+def test_by_a_sampler_linuxcnc_is_held_while_it_is_ahead(
+    served: ServedTwin,
+    monkeypatch: pytest.MonkeyPatch,
+    rows: list[int],
+    prompt: bool,
+    refuses: bool,
+    calls: list[str],
+) -> None:
+    """By more than five rows, or while an answer is late; where its threads cannot be stopped they are not started."""
+    threads, still = Threads(refuses), (0.0, 0.0, 0.0, False, False)
+    looks = [look for n in rows for look in ([still] * n, [])]
+    hal = by_sampler(monkeypatch, served.address.rpartition(":")[2], looks, threads, prompt)
+    assert (threads.calls, hal["silent"], hal["refused"]) == (calls, 0, 0)
+    assert served.ask({"state": True})["time_ns"] >= sum(rows) * 1_000_000
+
+
 def test_by_a_sampler_what_goes_wrong_is_an_emergency_stop(
     served: ServedTwin, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A row that is refused; a twin that is too late; no twin."""
+    """Rows that are refused; a twin that is too late; one that goes. LinuxCNC is not held then, so that it sees it."""
     port = served.address.rpartition(":")[2]
-    hal = by_sampler(monkeypatch, port, [[(0.0, 0.0, 0.0, True, True)], [(9.0e9, 0.0, 0.0, True, False)]])
-    assert (hal["refused"], hal["power-ok"], hal["silent"]) == (1, False, 0)
-    assert "rows_by_sampler: error '2880000000000'; allowed" in capsys.readouterr().err
+    too_far = [(9.0e9, 0.0, 0.0, True, False), (9.0e9, 0.0, 0.0, True, False)]
+    hal = by_sampler(monkeypatch, port, [[(0.0, 0.0, 0.0, True, True)], too_far])
+    assert (hal["refused"], hal["power-ok"], hal["silent"]) == (2, False, 0)
+    told = capsys.readouterr().err
+    assert "rows_by_sampler: error '2880000000000'; allowed" in told
+    assert told.count("\n") == 1, "the first of many"
     served.ask({"set": {"estop": "pressed"}})
     hal = by_sampler(monkeypatch, port, [[(0.0, 0.0, 0.0, False, False)]])
     assert (hal["power-ok"], hal["estop-ok"]) == (False, False)
     hal = by_sampler(monkeypatch, port, [[(0.0, 0.0, 0.0, True, False)] * 501])
     assert (hal["power-ok"], hal["silent"]) == (False, 1)
     assert "it is 501 rows late" in capsys.readouterr().err
-    hal = by_sampler(monkeypatch, "1", [])
-    assert (hal["power-ok"], hal["silent"]) == (False, 1)
-    assert "the twin at 127.0.0.1:1: " in capsys.readouterr().err
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        threads, dies = Threads(), threading.Thread(target=one_that_dies, args=(listener,))
+        dies.start()
+        hal = by_sampler(monkeypatch, str(listener.getsockname()[1]), [[(0.0, 0.0, 0.0, True, True)] * 6], threads)
+        dies.join()
+    assert (hal["power-ok"], hal["estop-ok"], hal["silent"], threads.calls) == (False, False, 1, ["stop", "start"])
+    assert "it has closed the line" in capsys.readouterr().err
+
+
+def one_that_dies(listener: socket.socket) -> None:
+    """A twin that goes at its first rows."""
+    connection = listener.accept()[0]
+    with connection, connection.makefile("rwb", buffering=0) as line:
+        for answer in (b"names axes=3 limit_x1\n", b"ok 0 1 0\n"):
+            line.readline()
+            line.write(answer)
+        connection.recv(65_536)
+
+
+def test_by_a_sampler_a_session_without_its_twin_does_not_begin(
+    served: ServedTwin, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nobody there; one that has another client; one with other axes; one whose watchdog has struck. LinuxCNC waits for
+    components that are not ready, so the program ends."""
+
+    def told(port: str) -> str:
+        with pytest.raises(SystemExit) as done:
+            by_sampler(monkeypatch, port, [])
+        assert not sys.modules["hal"].is_ready
+        return str(done.value.code)
+
+    assert "the twin at 127.0.0.1:1: " in told("1")
+    port = served.address.rpartition(":")[2]
+    with socket.create_connection(("127.0.0.1", int(port))):
+        assert "in use by another client" in told(port)
+    for settings, line in (({"controller.axes": 4}, "names axes=4 "), ({}, "the watchdog has switched")):
+        twin = Twin(controller="external", plant="kinematic", overrides=settings)
+        if not settings:
+            twin.query("out stages=1")
+            twin.run(2.0)
+        other = ServedTwin(twin)
+        try:
+            assert line in told(other.address.rpartition(":")[2])
+        finally:
+            other.stop()
+
+
+class LinuxCncModule(ModuleType):
+    """LinuxCNC's Python module as the session uses it. A line of MDI takes `busy` looks until it has ended; then come
+    these messages."""
+
+    STATE_ESTOP, STATE_ESTOP_RESET, STATE_ON, MODE_MANUAL, MODE_MDI, EXEC_DONE, INTERP_IDLE = range(7)
+    NML_ERROR, NML_TEXT, OPERATOR_ERROR, OPERATOR_TEXT = 1, 2, 11, 12
+    error = RuntimeError
+
+    def __init__(self, messages: dict[str, list[tuple[int, str]]], busy: int = 3) -> None:
+        super().__init__("linuxcnc")
+        self.stat = self.command = self.error_channel = lambda: self
+        self.task_state, self.exec_state, self.interp_state, self.inpos = self.STATE_ESTOP, 5, 6, True
+        self.homed, self.joint_actual_position = [False] * 3, [0.0] * 3
+        self._messages, self._busy, self._left, self._line = messages, busy, 0, ""
+        self.ended: list[str] = []
+
+    def state(self, state: int) -> None:
+        self.task_state = state
+
+    def mode(self, _: int) -> None:
+        self._left = 0
+
+    def home(self, _: int) -> None:
+        self.homed = [True] * 3
+
+    def mdi(self, line: str) -> None:
+        self._left, self._line = self._busy, line
+        if line == "M9 (hood)":
+            self.task_state = self.STATE_ESTOP
+
+    def wait_complete(self, _: float = 5.0) -> int:
+        self._left = max(0, self._left - 1)
+        if self._left:
+            return -1
+        self.ended += [self._line] if self._line else []
+        return 1
+
+    def poll(self) -> Any:
+        told = self._messages.get(self._line, [])
+        return told.pop(0) if told and not self._left else None
+
+
+@pytest.mark.parametrize(
+    ("mdi", "messages", "code", "last"),
+    [
+        ("G0 X1\nG0 X2", {}, 0, "done"),
+        ("G0 X1\nG0 X2", {"G0 X1": [(12, "a message")]}, 0, "done"),
+        ("G0 X1\nG0 X2", {"G0 X2": [(12, "a message"), (11, "wrong")]}, 1, "G0 X2: wrong"),
+        ("M9 (hood)", {}, 3, "M9 (hood): emergency stop"),
+    ],
+)
+def test_a_session_waits_for_each_line_and_ends_at_an_error(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    mdi: str,
+    messages: dict[str, list[tuple[int, str]]],
+    code: int,
+    last: str,
+) -> None:
+    """Also where the task is idle still, as it has not begun. Messages of a program are no errors."""
+    module = LinuxCncModule(messages)
+    monkeypatch.setitem(sys.modules, "linuxcnc", module)
+    monkeypatch.setenv("ISEL_TWIN_MDI", mdi)
+    with pytest.raises(SystemExit) as done:
+        runpy.run_path(str(KIT / "session.py"))
+    assert done.value.code == code
+    assert capsys.readouterr().out.splitlines()[-1] == f"session: {last}"
+    assert code == 3 or [*dict.fromkeys(module.ended)] == mdi.splitlines()

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import datetime
+import itertools
 import json
 import re
 import signal
 import socket
 import struct
+import threading
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import pytest
 
-from isel_twin.bridge.mtconnect.adapter import lines
-from isel_twin.bridge.mtconnect.items import ITEMS
+from isel_twin.bridge.mtconnect.adapter import Adapter, lines
+from isel_twin.bridge.mtconnect.items import ITEMS, SCHEMA, devices, values
 from tests.bridge.conftest import REPLY_S, Served
 from tests.in_process import isel_twin
 
@@ -144,6 +147,143 @@ def test_agents_that_go_wrong_trouble_no_other(adapter: tuple[Any, Served, Path]
     assert "in use" in second.stderr
     agent.socket.sendall(b"* PING\n")
     agent.until(lambda _: len(agent.pongs) == 2)
+
+
+def state(**changed: Any) -> dict[str, Any]:
+    """As the control port tells it, of a machine where nothing is wrong."""
+    plain = {"idle": True, "fault": False, "unfinished": "", "outputs": {"power": 1}, "faults": {}, "inputs": {}}
+    axes = {"lost_steps": [0, 0, 0], "slip_steps": [32, 32, 32], "drive_faults": [[0, ""]] * 3}
+    places = {"position_mm": [1.0, 2.0, 3.0], "position_error_mm": [0.25, 0.0, -1.0]}
+    return {**plain, **axes, **places, **changed}
+
+
+def test_values_of_a_machine_where_nothing_is_wrong_and_of_one_in_trouble() -> None:
+    fine = values(state())
+    assert fine == {
+        **{"avail": "AVAILABLE", "estop": "ARMED", "sys": "", "logic": "", "comms": "", "exec": "READY"},
+        **{"mode": "SEMI_AUTOMATIC", "hood": "CLOSED", "power": "ON"},
+        **{"Xact": "1.0000", "Xcom": "0.7500", "Xpos": "", "Xdrive": ""},
+        **{"Yact": "2.0000", "Ycom": "2.0000", "Ypos": "", "Ydrive": ""},
+        **{"Zact": "3.0000", "Zcom": "4.0000", "Zpos": "", "Zdrive": ""},
+    }
+    changed = {"lost_steps": [15.9, -16.0, 0], "faults": {"line_cut": True}, "fault": True, "outputs": {"power": 0}}
+    inputs = {"estop": "pressed", "hood": "forced", "key": "setup"}
+    told = values(state(**changed, inputs=inputs, drive_faults=[[0, ""], [0, ""], [3, "too hot"]]))
+    assert {key: value for key, value in told.items() if value != fine[key]} == {
+        **{"estop": "TRIGGERED", "power": "OFF", "hood": "OPEN", "mode": "MANUAL", "exec": "STOPPED"},
+        **{"sys": "the safety relay is open", "Ypos": "y has lost -16 steps", "Zdrive": "drive of z: too hot"},
+        **{"logic": "the controller has an error that no reply has told", "comms": "the line to the host is cut"},
+    }
+
+
+@pytest.mark.parametrize(
+    ("changed", "execution"),
+    [
+        ({}, "READY"),
+        ({"idle": False}, "ACTIVE"),
+        ({"idle": False, "outputs": {"power": 0}}, "INTERRUPTED"),
+        ({"unfinished": "program 3"}, "INTERRUPTED"),
+        ({"fault": True}, "STOPPED"),
+    ],
+)
+def test_execution(changed: dict[str, Any], execution: str) -> None:
+    assert values(state(**changed))["exec"] == execution
+
+
+def test_devices_of_a_machine() -> None:
+    """The whole file: components as part 2 of the standard nests them, and each item in its own."""
+    root = ElementTree.fromstring(devices({"machine": "my machine", "controller": "a controller"}))
+    assert root.tag == f"{{{SCHEMA}}}MTConnectDevices"
+    inside = f"{{{SCHEMA}}}"
+
+    def nested(element: ElementTree.Element) -> Any:
+        plain = element.tag.removeprefix(inside)
+        if plain == "DataItem":
+            return "|".join(value for name, value in element.attrib.items() if name != "id")
+        named = " ".join([plain, *element.attrib.values()])
+        return {named: [nested(one) for one in element] or element.text}
+
+    mm = "MILLIMETER|MILLIMETER"
+
+    def axis(name: str) -> Any:
+        samples = [
+            f"{name}{kind}|SAMPLE|POSITION|{sub}|{mm}" for kind, sub in (("act", "ACTUAL"), ("com", "COMMANDED"))
+        ]
+        told = [*samples, f"{name}pos|CONDITION|POSITION", f"{name}drive|CONDITION|SYSTEM"]
+        return {f"Linear {name.lower()} {name}": [{"DataItems": told}]}
+
+    conditions = ("sys|CONDITION|SYSTEM", "logic|CONDITION|LOGIC_PROGRAM", "comms|CONDITION|COMMUNICATIONS")
+    door = {"DataItems": ["hood|EVENT|DOOR_STATE"]}
+    path = {"DataItems": ["exec|EVENT|EXECUTION", "mode|EVENT|CONTROLLER_MODE"]}
+    assert nested(root[0][0]) == {
+        "Device d isel-my machine-twin my_machine": [
+            {"Description isel (simulated) my machine": "controlled by a controller"},
+            {"DataItems": ["avail|EVENT|AVAILABILITY"]},
+            {
+                "Components": [
+                    {"Axes axes base": [{"Components": [axis("X"), axis("Y"), axis("Z")]}]},
+                    {
+                        "Controller c controller": [
+                            {"DataItems": ["estop|EVENT|EMERGENCY_STOP", *conditions]},
+                            {"Components": [{"Path p path": [path]}]},
+                        ]
+                    },
+                    {"Doors doors": [{"Components": [{"Door hood_door hood": [door]}]}]},
+                    {
+                        "Systems systems": [
+                            {"Components": [{"Electric electric supply": [{"DataItems": ["power|EVENT|POWER_STATE"]}]}]}
+                        ]
+                    },
+                ]
+            },
+        ]
+    }
+    assert {one.get("id") for one in root.iter(f"{inside}DataItem")} == {item.key for item in ITEMS}
+
+
+def test_an_agent_that_does_not_read_is_dropped_before_it_misses_a_line() -> None:
+    """Small buffers of the operating system; positions change at every look, and 2000 of them are 240 kB."""
+    enough, looks = threading.Event(), itertools.count()
+
+    def look() -> dict[str, Any]:
+        if (number := next(looks)) == 2000:
+            enough.set()
+        return state(position_mm=[float(number)] * 3)
+
+    adapter = Adapter("127.0.0.1:0", look, 0.0001)
+    adapter._listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
+    with socket.socket() as agent:
+        agent.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        agent.settimeout(REPLY_S)
+        agent.connect(("127.0.0.1", int(adapter.address.rpartition(":")[2])))
+        running = threading.Thread(target=adapter.run)
+        running.start()
+        assert enough.wait(REPLY_S)
+        told = b""
+        with suppress(ConnectionResetError):
+            while piece := agent.recv(65_536):
+                told += piece
+    adapter.stop()
+    running.join(REPLY_S)
+    seen = [float(text) for text in re.findall(rb"Xact\|(\d+\.0000)\|", told)]
+    assert 10 < len(seen) < 2000
+    assert seen == [seen[0] + number for number in range(len(seen))]
+
+
+def test_a_stop_does_not_wait_for_the_next_look() -> None:
+    looked = threading.Event()
+
+    def look() -> dict[str, Any]:
+        looked.set()
+        return state()
+
+    adapter = Adapter("127.0.0.1:0", look, 3600.0)
+    running = threading.Thread(target=adapter.run)
+    running.start()
+    looked.wait(REPLY_S)
+    adapter.stop()
+    running.join(REPLY_S)
+    assert not running.is_alive()
 
 
 def test_texts_with_bars_are_quoted() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import signal
 import socket
 import stat
@@ -15,6 +16,7 @@ from typing import Any
 import pytest
 from asyncua import Client, Server, tools, ua
 from asyncua.common.node import Node
+from asyncua.crypto import cert_gen
 from asyncua.crypto.cert_gen import (
     dump_private_key_as_pem,
     generate_private_key,
@@ -27,8 +29,13 @@ from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from isel_twin.bridge.opcua import nodes
 from isel_twin.bridge.opcua.access import Access, Readers, secure
-from isel_twin.bridge.opcua.nodes import NAMESPACES, NODES, program
-from isel_twin.bridge.operate.conditions import conditions, emergency, powered
+from isel_twin.bridge.opcua.alerts import ALERT, GONE
+from isel_twin.bridge.opcua.nodes import MESSAGES, NAMESPACES, NODES
+from isel_twin.bridge.opcua.server import Serving
+from isel_twin.bridge.operate.client import Client as ControlClient
+from isel_twin.bridge.operate.conditions import alerts, conditions, emergency, powered, program
+from isel_twin.bridge.pytest.kept import ServedTwin
+from isel_twin.bridge.serve.tcp import listen
 from isel_twin.core.twin import Twin
 from tests.bridge.conftest import REPLY_S, Served
 from tests.in_process import isel_twin
@@ -161,9 +168,123 @@ def test_the_companion_specification_and_what_happens(
     assert shown.stop(signal.SIGTERM) == 0
 
 
-def test_beyond_loopback_with_a_password_over_an_encrypted_channel(tmp_path: Path) -> None:
+class Told:
+    """What a subscription has told: of each event its name, whether it is active, text and severity."""
+
+    def __init__(self) -> None:
+        self.events: list[Any] = []
+
+    def event_notification(self, event: Any) -> None:
+        self.events.append(event)
+
+    @property
+    def short(self) -> list[tuple[str, bool]]:
+        return [(event.ErrorCode, getattr(event, "ActiveState/Id")) for event in self.events if event.ErrorCode]
+
+    async def until(self, *wanted: tuple[str, bool]) -> None:
+        async with asyncio.timeout(REPLY_S):
+            while not {*wanted} <= {*self.short}:
+                await asyncio.sleep(0.01)
+
+
+class Still:
+    """The client of a twin that stays as it is."""
+
+    def __init__(self, state: Any) -> None:
+        self._state = state
+
+    def __enter__(self) -> Still:
+        return self
+
+    def __exit__(self, *_: object) -> None: ...
+
+    def ask(self, _: Any) -> Any:
+        return self._state
+
+
+def test_alerts_begin_and_end_and_who_comes_later_is_told() -> None:
+    """Hood, E-stop, an end switch that is struck and steps that are lost at the stop behind it; the twin goes."""
+    served = ServedTwin(Twin(controller="external", start_mm=(0.5, 100.0, 50.0)))
+    listener, where = listen("127.0.0.1:0")
+    listener.close()
+    told, server_told, late = Told(), Told(), Told()
+
     async def look() -> None:
-        access = Access(tmp_path / "server", "secret")
+        ready = asyncio.Event()
+        serving = Serving(f"opc.tcp://{where}/", lambda: ControlClient(served.control), 0.01, None)
+        before = served.ask({"state": True})
+        running = asyncio.create_task(serving.run(before, ready.set))
+        await ready.wait()
+        async with Client(f"opc.tcp://{where}/") as client:
+            kind = ua.NodeId(ALERT, (await client.get_namespace_array()).index(NAMESPACES["MT"]))
+            messages = await (await machine_in(client)).get_child(await named(client, MESSAGES))
+            for handler, source in ((told, messages), (server_told, client.nodes.server)):
+                await (await client.create_subscription(10, handler)).subscribe_events(source, kind)
+            with socket.create_connection(served.address.rsplit(":", 1)) as line, line.makefile("rb") as answers:
+                line.sendall(b"out power_request=1 stages=1 brake=1\n")
+                answers.readline()
+                for element, states in (("hood", ("open", "closed")), ("estop", ("pressed", "released"))):
+                    for active, state in zip((True, False), states, strict=True):
+                        await asyncio.to_thread(served.ask, {"set": {element: state}})
+                        await told.until((element, active))
+                await asyncio.to_thread(served.ask, {"set": {"power": "on"}})
+                await told.until(("power", False))
+                line.sendall(b"go 3000 -3200 0 0\n")
+                answers.readline()
+                await told.until(("limit_x1", True), ("lost_x", True))
+            subscription = await client.create_subscription(10, late)
+            await subscription.subscribe_events(client.nodes.server, kind)
+            condition = client.get_node(ua.NodeId(ua.ObjectIds.ConditionType))
+            number = ua.Variant(subscription.subscription_id, ua.VariantType.UInt32)
+            await condition.call_method("0:ConditionRefresh", number)
+            await late.until(("limit_x1", True), ("lost_x", True))
+            await asyncio.to_thread(served.stop)
+            for handler in (told, server_told):
+                await handler.until(("limit_x1", False), ("lost_x", False))
+            serving.stop()
+            await running
+        slow = Serving(f"opc.tcp://{where}/", lambda: Still(before), 3600.0, None)
+        ready.clear()
+        running = asyncio.create_task(slow.run(before, ready.set))
+        await ready.wait()
+        slow.stop()
+        async with asyncio.timeout(REPLY_S):
+            await running
+
+    asyncio.run(look())
+    assert told.short[:6] == [
+        *(("hood", True), ("hood", False), ("power", True), ("estop", True), ("estop", False), ("power", False))
+    ]
+    assert {*late.short[:2]} == {("limit_x1", True), ("lost_x", True)}
+    assert server_told.short == told.short
+    events = {(event.ErrorCode, getattr(event, "ActiveState/Id")): event for event in told.events}
+    for name, text, severity in (
+        ("hood", "the hood is open", 500),
+        ("estop", "the E-stop is pressed", 700),
+        ("power", "the safety relay is open", 800),
+        ("limit_x1", "end switch x1 is struck", 300),
+    ):
+        begun = events[name, True]
+        assert (begun.Message.Text, begun.Severity, begun.Retain, begun.Quality.is_good()) == (
+            text,
+            severity,
+            True,
+            True,
+        )
+        assert (begun.SourceName, begun.ConditionName, begun.ActiveState.Text) == ("4030", name, "Active")
+        assert events[name, False].Retain is False
+        assert events[name, False].NodeId == begun.NodeId, "the same condition"
+    assert events["lost_x", True].Message.Text.startswith("x has lost ")
+    assert (events["hood", False].Message.Text, events["hood", False].Quality.is_good()) == ("the hood is open", True)
+    gone = events["lost_x", False]
+    assert (gone.Message.Text, gone.Quality.name) == (GONE, BAD)
+    assert len({event.EventId for event in told.events}) == len(told.events)
+
+
+def test_beyond_loopback_with_a_password_over_an_encrypted_channel(tmp_path: Path) -> None:
+    access = Access(tmp_path / "server", "secret")
+
+    async def look() -> None:
         server = Server(user_manager=Readers(access.password))
         await server.init()
         server.set_endpoint("opc.tcp://127.0.0.1:0/")
@@ -194,12 +315,43 @@ def test_beyond_loopback_with_a_password_over_an_encrypted_channel(tmp_path: Pat
                 async with client:
                     level = client.get_node(ua.NodeId(ua.ObjectIds.Server_ServiceLevel))
                     assert await level.read_value() == 255
-        before = (tmp_path / "server" / "key.pem").read_bytes()
-        await secure(server, access)
-        assert (tmp_path / "server" / "key.pem").read_bytes() == before, "the second time it is the same"
 
     asyncio.run(look())
     assert stat.S_IMODE((tmp_path / "server" / "key.pem").stat().st_mode) == 0o600
+
+
+def test_a_key_is_made_once_and_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A disk that is full leaves no half of a key. Later it is the same key, for the URI of its certificate, though the
+    computer has another name; what is no certificate is refused with its name."""
+    access = Access(tmp_path / "server", "secret")
+    folder, host = access.folder, socket.gethostname()
+
+    async def look() -> None:
+        server = Server()
+        await server.init()
+        with monkeypatch.context() as patch:
+            patch.setattr(cert_gen, "dump_private_key_as_pem", lambda _: full())
+            with pytest.raises(OSError, match="No space"):
+                await secure(server, access)
+        assert [path.name for path in folder.iterdir()] == ["certificate.der"]
+        await secure(server, access)
+        before = (folder / "key.pem").read_bytes()
+        with monkeypatch.context() as patch:
+            patch.setattr(socket, "gethostname", lambda: "another")
+            await secure(server, access)
+            assert server.get_application_uri() == f"urn:{host}:isel-twin"
+            await secure(server, None)
+            assert server.get_application_uri() == "urn:another:isel-twin"
+        assert (folder / "key.pem").read_bytes() == before
+        (folder / "certificate.der").write_bytes(b"no certificate")
+        with pytest.raises(ValueError, match=r"certificate\.der: no certificate"):
+            await secure(server, access)
+
+    asyncio.run(look())
+
+
+def full() -> bytes:
+    raise OSError(errno.ENOSPC, "No space left on device")
 
 
 def state(**changed: Any) -> dict[str, Any]:
@@ -234,6 +386,14 @@ def test_conditions_name_what_is_wrong() -> None:
         "line": "the line to the host is cut",
         "lost_y": "y has lost -16 steps",
         "drive_z": "drive of z: too far behind",
+    }
+
+
+def test_alerts_are_conditions_and_what_stops_a_machine() -> None:
+    assert alerts(state(inputs={"hood": "closed", "estop": "released", "limit_x1": "free", "probe": "touched"})) == {}
+    told = alerts(state(inputs={"hood": "forced", "estop": "pressed", "limit_y2": "struck"}, fault=True))
+    assert {name: alert.severity for name, alert in told.items()} == {
+        **{"controller": 800, "estop": 700, "hood": 500, "limit_y2": 300}
     }
 
 

@@ -52,7 +52,13 @@ No Line
     Connect To Twin    ${info}[control]
     Start Command    @07
 
+Somebody Else Has The Line
+    ${other}=    Evaluate    __import__('socket').create_connection($info['tcp'].rsplit(':', 1))
+    Set Suite Variable    ${other}
+    Connect To Twin    ${info}[control]    ${info}[tcp]
+
 The Twin Has Gone
+    Evaluate    $other.close()
     Connect To Twin    ${info}[control]    ${info}[tcp]
     Let Happen    {"stop": true}
     Sleep    0.3
@@ -75,6 +81,7 @@ REASONS = (
     "127.0.0.1:1: ",
     "127.0.0.1:1: Connection refused",
     "there is no line to the controller",
+    "is in use by another client",
     "close",
     "is there a serve --control?",
     "the twin does not start: ",

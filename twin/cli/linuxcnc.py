@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
 
@@ -36,6 +37,7 @@ def linuxcnc(
     from isel_twin.bridge.operate.client import Client, ClientError
     from isel_twin.bridge.operate.conditions import conditions
     from isel_twin.bridge.operate.started import Started
+    from isel_twin.bridge.serve.loop import on_signals
     from isel_twin.cli.outputs import say
     from isel_twin.language import set_points_language
 
@@ -48,22 +50,20 @@ def linuxcnc(
             raise LinuxCncError(lacking())
     controller, language = set_points_language()
     settings = [word for name, value in language.unwatched.items() for word in ("--set", f"{name}={value}")]
-    try:
-        started = Started("--controller", controller, "--speed", "max", *settings, *serve)
-    except ClientError as error:
-        raise CallError(str(error)) from None
-    try:
-        with call_errors(ini), Client(started.info["control"]) as client:
-            scale = scale_of(client.ask({"state": True}))
-            say(f"{started.info['machine']}, {'in lockstep' if lockstep() else 'by a sampler'}")
-            lines = "\n".join(mdi or [])
-            with Session(started.info["tcp"], scale, ini or INI, lines, keep or (), timeout) as session:
-                done = session.wait()
-            state = client.ask({"state": True})
-    except ClientError as error:
-        raise CallError(f"the twin has gone: {error}") from None
-    finally:
-        started.stop()
+    with ExitStack() as stack:
+        stack.enter_context(on_signals(_interrupt))  # whatever ends this process ends what it has started
+        try:
+            started = Started("--controller", controller, "--speed", "max", *settings, *serve)
+            stack.callback(started.stop)
+            with call_errors(ini), Client(started.info["control"]) as client:
+                scale = scale_of(client.ask({"state": True}))
+                say(f"{started.info['machine']}, {'in lockstep' if lockstep() else 'by a sampler'}")
+                lines = "\n".join(mdi or [])
+                with Session(started.info["tcp"], scale, ini or INI, lines, keep or (), timeout) as session:
+                    done = session.wait()
+                state = client.ask({"state": True})
+        except ClientError as error:
+            raise CallError(str(error)) from None
     for line in done.said if done.said else done.log.splitlines()[-20:]:
         print(line)
     for text in filter(None, conditions(state).values()):
@@ -73,3 +73,7 @@ def linuxcnc(
         say(f"LinuxCNC ends with {done.code}: {CODES.get(done.code, 'it did not come to its session')}")
         return done.code if done.code in CODES else 1
     return NOT_WELL if any(conditions(state).values()) else 0
+
+
+def _interrupt() -> None:
+    raise KeyboardInterrupt

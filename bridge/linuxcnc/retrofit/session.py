@@ -21,11 +21,13 @@ def until(true, what, running=True):
     """Wait for it; an error that LinuxCNC tells ends the session."""
     while True:
         stat.poll()
+        over = true()
         if running and stat.task_state == linuxcnc.STATE_ESTOP:
             finish(3, f"{what}: emergency stop")
-        if told := errors.poll():
-            finish(1, f"{what}: {told[1]}")
-        if true():
+        while told := errors.poll():
+            if told[0] in (linuxcnc.NML_ERROR, linuxcnc.OPERATOR_ERROR):  # others are messages of a program
+                finish(1, f"{what}: {told[1]}")
+        if over:
             return
         if time.monotonic() > END:
             finish(2, f"{what}: not in time")
@@ -33,7 +35,8 @@ def until(true, what, running=True):
 
 
 def done(what):
-    """Wait for the end of what was commanded."""
+    """Wait for the end of what was commanded; a busy task may not have begun yet."""
+    until(lambda: command.wait_complete(0.05) != -1, what)
     idle = linuxcnc.EXEC_DONE, linuxcnc.INTERP_IDLE, True
     until(lambda: (stat.exec_state, stat.interp_state, bool(stat.inpos)) == idle, what)
 
@@ -60,7 +63,6 @@ def main():
     command.wait_complete()
     for line in filter(None, os.environ.get("ISEL_TWIN_MDI", "").splitlines()):
         command.mdi(line)
-        command.wait_complete(0.1)
         done(line)
         print(f"session: {line}: {' '.join(f'{mm:.4f}' for mm in stat.joint_actual_position[:3])}", flush=True)
     finish(0, "done")
