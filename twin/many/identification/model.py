@@ -25,6 +25,7 @@ from isel_twin.many.identification.session import MISSED, Datum, Session
 from isel_twin.many.identification.unknowns import Unknown
 
 STEP = 0.8  # step of the differences, in standard deviations of the prior
+WIDE = 2.0 * STEP  # of a number that is moved alone, to see what it would explain
 CLIFF = 5.0  # largest ratio of the differences of a step up and a step down; beyond it one of them is no slope
 CHANCE = 4.0  # standard deviations by which the sum of squares of differences must exceed the scatter to count
 BOUND = 3.0  # limit of the search, in standard deviations of the prior
@@ -120,16 +121,20 @@ class Model:
             found[indices, column] = 1.0 / self._sigma[indices]
         return found
 
-    def freedom(self, residuals: Floats) -> int:
+    def freedom(self, residuals: Floats, parameters: int) -> int:
         """Data less zeros less parameters, at least 1, and the bounds that are missed."""
-        values = int((self._side == 0).sum()) - len(self._groups) - len(self.unknowns)
-        return max(1, values) + int(((self._side != 0) & (residuals**2 > HALF)).sum())
+        values = int((self._side == 0).sum()) - len(self._groups) - parameters
+        return max(1, values) + int(self.missed(residuals).sum())
 
-    def chi2(self, residuals: Floats) -> float:
-        """Per degree of freedom; a bound adds what it costs beyond a prediction that is the bound."""
+    def missed(self, residuals: Floats) -> NDArray[np.bool_]:
+        """[data], True for a bound on whose other side the prediction is."""
+        return np.asarray((self._side != 0) & (residuals**2 > HALF))
+
+    def squares(self, residuals: Floats) -> float:
+        """Their sum; a bound adds what it costs beyond a prediction that is the bound."""
         squares = np.clip(residuals, -50.0, 50.0) ** 2
         squares[self._side != 0] = np.maximum(0.0, squares[self._side != 0] - HALF)
-        return float(squares.sum()) / self.freedom(residuals)
+        return float(squares.sum())
 
     def residuals_at(self, u: Floats) -> Floats:
         return self.residuals(self.predictions([u])[0])

@@ -49,7 +49,7 @@ def page(title: str, result: Fit, fitted: Sequence[str], held: Sequence[str], da
         "<h3>Correlations</h3>",
         _correlations(result),
         "</section>",
-        _laws(result) if result.competition.laws else "",
+        _laws(result) if result.laws else "",
         "<section><h2>Residuals: root mean square, in standard deviations of the data</h2>",
         _errors(result),
         "</section>",
@@ -121,23 +121,23 @@ def _correlations(result: Fit) -> str:
 
 
 def _laws(result: Fit) -> str:
-    """What was not fitted, the likeliest first; moved: the parameter it would move most."""
-    names = [one.unknown.name for one in result.estimates]
+    """Numbers that were not asked for, the likeliest to be elsewhere first."""
+    found = {one.unknown.keys[0]: one for one in result.beside}
     rows = []
-    for one in result.competition.laws:
-        most = max(range(len(names)), key=lambda at: abs(one.moved[at]))
-        cells = (f"{one.gained:+.1f}", f"{one.weight:.0%}", f"{escape(names[most])} {one.moved[most]:+.2f}")
+    for one in result.laws:
+        own = found.get(one.key)
+        where = f"{own.value:.4g} ({own.low:.4g} .. {own.high:.4g}) {escape(own.unknown.unit)}" if own else ""
         rows.append(
-            f"<tr><th scope='row' class='text'>{escape(one.law)}</th>"
-            + "".join(f"<td>{cell}</td>" for cell in cells)
-            + f"<td class='code'>{escape(one.key)}</td></tr>"
+            f"<tr><th scope='row' class='text'>{escape(one.law)}</th><td>{one.gained:+.1f}</td><td>{where}</td>"
+            f"<td class='code'>{escape(one.key)}</td></tr>"
         )
-    head = "".join(f"<th scope='col'>{name}</th>" for name in ("gained", "weight", "moves most", "number"))
+    head = "".join(f"<th scope='col'>{name}</th>" for name in ("gained", "fitted beside", "number"))
     return (
-        "<section><h2>Laws that were not fitted</h2><div class='wide'><table><thead><tr>"
+        "<section><h2>Numbers that were not asked for</h2><div class='wide'><table><thead><tr>"
         f"<th scope='col' class='text'>law</th>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
-        "<p>Gained: logarithm of how much likelier what is held back from the fit is with this law than without it. "
-        "Weight: among all laws and what was fitted. Moves: in standard deviations of the prior.</p></section>"
+        "<p>Gained: logarithm of how much likelier what is held back from the fit is with this number free than as it "
+        "stands in the file. Those that the data see are fitted beside the others, within what is known of "
+        "them.</p></section>"
     )
 
 
