@@ -9,7 +9,7 @@ fit is not asked for, within what is known of them, too. The same job is carried
 fitted; and it is counted, per parameter, whether the interval of 90 % holds the truth. Right are 85 to 95 % of them.
 
 `Surface` makes many of them a matter of minutes: a short day (a push, two coasts) is always the same, so its
-predictions are one function of u, a cubic through some hundreds of real replays; the data are those of real twins. How
+predictions are one function of u, a cubic through 250 real replays; the data are those of real twins. How
 far the cubic is off, by leaving each replay out, is printed in standard deviations of the data.
 """
 
@@ -43,6 +43,7 @@ from isel_twin.recordings.compare import traffic
 from tests.near import near_switches
 
 CONTROLLER = "imc-s8"
+HALF_TO_TWICE = 0.3  # deviation of a logarithm, from which the curvature of a prediction bends, too
 MOST = 1.8  # standard deviations: beyond them a candidate may be no machine
 NORMAL_90 = 1.645
 GAUGE_MM = 0.005
@@ -111,6 +112,7 @@ class Surface:
         replays: Replays | None = None,
     ) -> None:
         self._unknowns = unknowns
+        self._wide = np.array([item.deviation >= HALF_TO_TWICE for item in unknowns])
         tried = 2.4 * MOST * (qmc.Halton(len(unknowns), seed=1).random(points) - 0.5)
         values = ([i.value(x) for i, x in zip(unknowns, u, strict=True)] for u in tried.tolist())
         calls = [(session, machine, tuple(unknowns), one) for one in values]
@@ -120,10 +122,10 @@ class Surface:
         left_out = (found - powers @ self._terms) / np.maximum(1.0 - leverage, 1e-9)[:, None]
         self.off = np.sqrt(np.mean((left_out / [item.sigma for item in session.data]) ** 2, axis=0))  # [data]
 
-    @staticmethod
-    def _powers(u: Floats) -> list[float]:
-        """All products of at most three of the u."""
-        every = (itertools.combinations_with_replacement(u.tolist(), degree) for degree in range(4))
+    def _powers(self, u: Floats) -> list[float]:
+        """All products of at most two of the u, and of three of those that are hardly known."""
+        several = [(u, 0), (u, 1), (u, 2), (u[self._wide], 3)]
+        every = (itertools.combinations_with_replacement(of.tolist(), degree) for of, degree in several)
         return [float(np.prod(factors)) for degree in every for factors in degree]
 
     def replayed(self, call: Call) -> Floats:
@@ -201,7 +203,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, help="what is known by now, a line of JSON for each machine, and replays")
     parser.add_argument("number", type=int)
-    parser.add_argument("--surface", type=int, nargs="?", const=360, help="through so many replays, 360")
+    parser.add_argument("--surface", type=int, nargs="?", const=250, help="through so many replays, 250")
     call = parser.parse_args()
     call.folder.mkdir(parents=True, exist_ok=True)
     done = call.folder / "machines.jsonl"

@@ -93,7 +93,7 @@ def test_series_that_never_lost_bound_from_one_side(by_balance: None) -> None:
     damping, iron = fit_series(measured).estimates
     assert damping.value < damping.unknown.prior
     assert iron.value <= iron.unknown.prior
-    assert damping.remaining < 1.0
+    assert damping.high < 0.5 * damping.unknown.high
     model = Model(MACHINE, UNKNOWNS, [stand_alone("day", measured, "imc-s8")])
     lossy, loss_free = (float((model.residuals_at(np.full(2, u)) ** 2).sum()) for u in (2.0, -2.0))
     assert lossy > 20.0  # more is excluded

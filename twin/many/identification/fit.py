@@ -20,8 +20,7 @@ named (many/15). Laws that predict better than what the file says, by data held 
 Numbers behind a common factor that no datum moves, or that the data do not tell apart, are found as well (reach.py).
 
 **The search** asks for a Jacobian by differences at its start only, as each costs 2 n replays; on its way it is
-corrected by the steps taken. Where the search ends another one starts, until one ends near its start. Bounds have a
-kink, which such corrections do not see: from where one is missed, every step asks for differences.
+corrected by the steps taken. Where the search ends another one starts, until one ends near its start.
 
 **Held back**: the root mean square of r over recordings that are not fitted, before (at the prior) and after. If it
 grows, the result is refused.
@@ -233,11 +232,10 @@ def fit(
     model, asked = Model(machine, unknowns, fitted, Replays(crew, progress, journal)), len(unknowns)
     model = model.wider(beside(model))
     zero = np.zeros(len(model.unknowns))
-    first = model.jacobian(zero)
-    expected = prospect(unknowns, first[:, :asked])
+    expected = prospect(unknowns, model.jacobian(zero)[:, :asked])
     if told is not None:
         told(expected)
-    u, last = _searched(model, first)
+    u, last = _searched(model)
     after = model.residuals_at(u)
     freedom = model.freedom(after, asked)
     chi2 = (model.squares(after) + float(u[asked:] @ u[asked:])) / freedom
@@ -285,31 +283,26 @@ def fit(
     )
 
 
-def _searched(model: Model, last: Floats) -> tuple[Floats, Floats]:
-    """The u of the least cost and the Jacobian there, or near. last: the Jacobian at 0."""
+def _searched(model: Model) -> tuple[Floats, Floats]:
+    """The u of the least cost and the Jacobian there, or near."""
     from scipy.optimize import least_squares
 
-    count = len(model.unknowns)
-    u = np.zeros(count)
-
-    def residuals(u: Floats) -> Floats:
-        return np.concatenate((model.residuals_at(u), u))
-
-    def differences(u: Floats) -> Floats:
-        return np.concatenate((model.jacobian(u, central=not u.any()), np.eye(count)))
-
+    u = np.zeros(len(model.unknowns))
     for _ in range(MOST_SEARCHES):
-        start = u
-        secants = _Secants(residuals, u, np.concatenate((last, np.eye(count))))
-        slope = differences if model.missed(model.residuals_at(u)).any() else secants
+        secants = _Secants(model, u)
         solved = least_squares(
-            residuals, start, jac=slope, bounds=(-BOUND, BOUND), ftol=ENOUGH, xtol=ENOUGH, max_nfev=MOST_CALLS
+            lambda u: np.concatenate((model.residuals_at(u), u)),
+            u,
+            jac=secants,
+            bounds=(-BOUND, BOUND),
+            ftol=ENOUGH,
+            xtol=ENOUGH,
+            max_nfev=MOST_CALLS,
         )
-        u = np.round(solved.x, 12)  # as predictions are known by
+        start, u = u, np.round(solved.x, 12)  # as predictions are known by
         if float(np.abs(u - start).max(initial=0.0)) < NEAR:
-            break
-        last = model.jacobian(u)
-    return u, last
+            return u, model.jacobian(start)
+    return u, model.jacobian(u)
 
 
 def _covariance(jacobian: Floats, chi2: float) -> Floats:
@@ -320,19 +313,23 @@ def _covariance(jacobian: Floats, chi2: float) -> Floats:
 class _Secants:
     """A Jacobian for the search that costs no replay: that of the start, corrected by each step that was taken.
 
-    Broyden (1965): J += (dr - J du) du' / |du|^2, so that J explains the last step exactly.
+    Broyden (1965): J += (dz - J du) du' / |du|^2, so that J explains the last step exactly. z are the deviations, which
+    go on evenly where the residual of a bound bends (model.py).
     """
 
-    def __init__(self, residuals: Callable[[Floats], Floats], u: Floats, jacobian: Floats) -> None:
-        self._residuals, self._u, self._jacobian = residuals, u, jacobian
+    def __init__(self, model: Model, u: Floats) -> None:
+        self._model, self._u, self._trend = model, u, model.trend(u)
+
+    def _deviations(self, u: Floats) -> Floats:
+        return self._model.deviations(self._model.predictions([u])[0])
 
     def __call__(self, u: Floats) -> Floats:
-        du = u - self._u
+        du, now = u - self._u, self._deviations(u)
         if du.any():
-            dr = self._residuals(u) - self._residuals(self._u)
-            self._jacobian = self._jacobian + np.outer(dr - self._jacobian @ du, du) / float(du @ du)
+            dz = now - self._deviations(self._u)
+            self._trend = self._trend + np.outer(dz - self._trend @ du, du) / float(du @ du)
             self._u = u.copy()
-        return self._jacobian
+        return np.concatenate((self._model.slope(now)[:, None] * self._trend, np.eye(len(u))))
 
 
 def _misfits(data: Sequence[Datum], residuals: Floats) -> tuple[tuple[Datum, float], ...]:

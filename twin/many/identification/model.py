@@ -99,13 +99,7 @@ class Model:
 
     def residuals(self, predicted: Floats) -> Floats:
         """r [data], without the zeros of gauges (many/10)."""
-        difference = self._value - predicted
-        weight = 1.0 / self._sigma**2
-        for indices in self._groups:
-            own = indices[np.isfinite(difference[indices])]
-            if len(own):
-                difference[own] -= np.average(difference[own], weights=weight[own])
-        found = np.where(np.isfinite(difference), difference / self._sigma, MISSED)
+        found = self.deviations(predicted)
         bounds = self._side != 0
         if bounds.any():
             from scipy.special import log_ndtr
@@ -113,6 +107,28 @@ class Model:
             side = self._side[bounds]
             found[bounds] = side * np.sqrt(-2.0 * log_ndtr(-side * found[bounds]))
         return np.clip(found, -MISSED, MISSED)
+
+    def deviations(self, predicted: Floats) -> Floats:
+        """(measured - predicted) / sigma [data] without the zeros of gauges: r, but of bounds."""
+        difference = self._value - predicted
+        weight = 1.0 / self._sigma**2
+        for indices in self._groups:
+            own = indices[np.isfinite(difference[indices])]
+            if len(own):
+                difference[own] -= np.average(difference[own], weights=weight[own])
+        return np.clip(np.where(np.isfinite(difference), difference / self._sigma, MISSED), -MISSED, MISSED)
+
+    def slope(self, deviations: Floats) -> Floats:
+        """dr [data] by these deviations: 1, but of bounds, where the normal density over P goes with it."""
+        found, bounds = np.ones(len(deviations)), self._side != 0
+        if bounds.any():
+            from scipy.special import log_ndtr
+
+            at = -self._side[bounds] * deviations[bounds]
+            likely = log_ndtr(at)
+            density = np.exp(-0.5 * at**2 - likely) / math.sqrt(2.0 * math.pi)
+            found[bounds] = density / np.sqrt(np.maximum(-2.0 * likely, 1e-12))
+        return found
 
     def zeros(self) -> Floats:
         """dr [data, groups] by the unknown zero of each group, per its unit."""
@@ -141,9 +157,16 @@ class Model:
 
     def jacobian(self, u: Floats, *, central: bool = True) -> Floats:
         """dr/du [data, n] by differences of STEP; not central: upwards only, for a first look at half the cost."""
+        return self._differences(self.residuals, u, central)
+
+    def trend(self, u: Floats) -> Floats:
+        """d(deviations)/du [data, n] by central differences of STEP."""
+        return self._differences(self.deviations, u, True)
+
+    def _differences(self, of: Callable[[Floats], Floats], u: Floats, central: bool) -> Floats:
         away = STEP * np.eye(len(u))
         points = [one for step in away for one in ((u + step, u - step) if central else (u + step,))]
-        here, *found = [self.residuals(one) for one in self.predictions([u, *points])]
+        here, *found = [of(one) for one in self.predictions([u, *points])]
         if central:
             pairs = zip(found[::2], found[1::2], strict=True)
             columns = [self._between(ahead - here, here - back) / STEP for ahead, back in pairs]
