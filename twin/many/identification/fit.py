@@ -255,31 +255,31 @@ def fit(
     other = Model(machine, model.unknowns, held, model.replays)
     before_held, after_held = (other.residuals(one) for one in other.predictions([zero, u]))
     return Fit(
-        estimates[:asked],
-        correlation[:asked, :asked],
-        covariance[:asked, :asked],
-        u[:asked],
-        chi2,
-        expected,
-        by_kind(other.data, before_held),
-        by_kind(other.data, after_held),
-        by_kind(model.data, model.residuals_at(zero)),
-        by_kind(model.data, after),
-        tuple(
+        estimates=estimates[:asked],
+        correlation=correlation[:asked, :asked],
+        covariance=covariance[:asked, :asked],
+        u=u[:asked],
+        chi2=chi2,
+        prospect=expected,
+        before=by_kind(other.data, before_held),
+        after=by_kind(other.data, after_held),
+        fitted_before=by_kind(model.data, model.residuals_at(zero)),
+        fitted_after=by_kind(model.data, after),
+        held=tuple(
             (item, item.value - item.sigma * one, item.value - item.sigma * two)
             for item, one, two in zip(other.data, before_held.tolist(), after_held.tolist(), strict=True)
         ),
-        model.replays.count,
-        limit,
-        _misfits(model.data, after),
-        unreached,
-        alike,
-        laws,
-        tuple(one for each in noise for one in each),
-        estimates[asked:],
-        correlation[:asked, asked:],
-        tuple((deviation[:asked] / np.sqrt(np.diag(alone))).tolist()),
-        lost,
+        replays=model.replays.count,
+        chi2_limit=limit,
+        misfits=_misfits(model.data, after),
+        unreached=unreached,
+        alike=alike,
+        laws=laws,
+        noise=tuple(one for each in noise for one in each),
+        beside=estimates[asked:],
+        shared=correlation[:asked, asked:],
+        widened=tuple((deviation[:asked] / np.sqrt(np.diag(alone))).tolist()),
+        unrecovered=lost,
     )
 
 

@@ -95,13 +95,9 @@ def left_alone(machine: Machine, unknowns: Sequence[Unknown], axes: Iterable[str
 
 def beside(model: Model) -> list[Unknown]:
     """Those of them that the data see, at the prior."""
-    axes = dict.fromkeys(axis for session in model.sessions for axis in session.measured.axes)
-    able = left_alone(model.machine, model.unknowns, axes)
-    wider = model.wider(able)
-    steps = STEP * np.eye(len(wider.unknowns))[len(model.unknowns) :]
-    base = np.zeros(len(wider.unknowns))
-    here, *found = [wider.residuals(one) for one in wider.predictions([base, *(base - step for step in steps)])]
-    seen = (float(np.linalg.norm(wider.told(here - one))) / STEP for one in found)
+    able, zero = left_alone(model.machine, model.unknowns, model.axes), np.zeros(len(model.unknowns))
+    here, found = model.residuals_at(zero), model.apart(zero, [(item, -STEP) for item in able])
+    seen = (float(np.linalg.norm(model.told(here - one))) / STEP for one in found)
     return [item for item, size in zip(able, seen, strict=True) if size >= MATTERS]
 
 
@@ -133,14 +129,11 @@ def compete(model: Model, asked: int, u: Floats, jacobian: Floats) -> tuple[Law,
 
 def _moved_alone(model: Model, added: Sequence[Unknown], u: Floats, trial: _Trial) -> dict[str, Floats]:
     """By key: dr [data] by one of these numbers more."""
-    wider = model.wider(added)
-    base, here = np.concatenate((u, np.zeros(len(added)))), model.residuals_at(u)
-    ways = WIDE * np.eye(len(base))[len(u) :]
-    back = [wider.residuals(one) for one in wider.predictions([base - way for way in ways])]
-    columns = [wider.told(here - one) / WIDE for one in back]
+    here, back = model.residuals_at(u), model.apart(u, [(item, -WIDE) for item in added])
+    columns = [model.told(here - one) / WIDE for one in back]
     helping = [index for index, column in enumerate(columns) if column.any() and trial.gained(column) > 0.0]
-    for index, ahead in zip(helping, wider.predictions([base + ways[index] for index in helping]), strict=True):
-        columns[index] = wider.told(wider.residuals(ahead) - back[index]) / (2.0 * WIDE)
+    for index, ahead in zip(helping, model.apart(u, [(added[index], WIDE) for index in helping]), strict=True):
+        columns[index] = model.told(ahead - back[index]) / (2.0 * WIDE)
     return {item.keys[0]: column for item, column in zip(added, columns, strict=True)}
 
 
@@ -204,12 +197,11 @@ def folds(data: Sequence[Datum]) -> NDArray[np.int64]:
 def _candidates(model: Model, asked: int, u: Floats) -> list[tuple[Unknown, str]]:
     """The numbers that could explain something, with a prior of half to twice what they are at u, and their laws."""
     machine = model.machine
-    axes = dict.fromkeys(axis for session in model.sessions for axis in session.measured.axes)
     fitted = {key for item in model.unknowns[:asked] if len(item.keys) == 1 for key in item.keys}
     now = {row.parameter: float(row.value) for row in rows(machine.tree) if isinstance(row.value, int | float)}
     now |= changes(machine, model.unknowns, model.values(u))
     found = []
-    for axis in axes:
+    for axis in model.axes:
         for part, law in LAWS.items():
             key = f"axes.{axis}.{part}"
             if key in fitted or not now.get(key):

@@ -73,6 +73,11 @@ class Model:
         """The same data, with more parameters behind the others."""
         return Model(self.machine, [*self.unknowns, *more], self.sessions, self.replays)
 
+    @property
+    def axes(self) -> list[str]:
+        """Those that something was measured of."""
+        return list(dict.fromkeys(axis for session in self.sessions for axis in session.measured.axes))
+
     def values(self, u: Floats) -> list[float]:
         return [item.value(float(one)) for item, one in zip(self.unknowns, u, strict=True)]
 
@@ -80,16 +85,20 @@ class Model:
         """float64 [data] for each of several u."""
         keys = [tuple(np.round(point, 12).tolist()) for point in points]
         new = list(dict.fromkeys(key for key in keys if key not in self._known))
-        calls = [
-            (session, self.machine, self.unknowns, self.values(np.array(key)))
-            for key in new
-            for session in self.sessions
-        ]
-        pieces = self.replays.make(calls)
-        count = len(self.sessions)
-        for index, key in enumerate(new):
-            self._known[key] = np.concatenate([np.zeros(0), *pieces[index * count : (index + 1) * count]])
+        told = self._made([(self.unknowns, self.values(np.array(key))) for key in new])
+        self._known |= dict(zip(new, told, strict=True))
         return [self._known[key] for key in keys]
+
+    def apart(self, u: Floats, more: Sequence[tuple[Unknown, float]]) -> list[Floats]:
+        """Residuals [data] at u with one number more each, so many deviations from its prior."""
+        points = [((*self.unknowns, item), [*self.values(u), item.value(by)]) for item, by in more]
+        return [self.residuals(one) for one in self._made(points)]
+
+    def _made(self, points: Sequence[tuple[tuple[Unknown, ...], list[float]]]) -> list[Floats]:
+        """Predictions of all sessions with each of these numbers."""
+        pieces = self.replays.make([(session, self.machine, *point) for point in points for session in self.sessions])
+        count = len(self.sessions)
+        return [np.concatenate([np.zeros(0), *pieces[at * count : (at + 1) * count]]) for at in range(len(points))]
 
     def between(self, wanted: Floats, predicted: Floats) -> Floats:
         """r [data] of other data in the place of those measured, bounds left out."""

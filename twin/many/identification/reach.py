@@ -76,11 +76,8 @@ def behind_factors(
     if not factors:
         return (), ()
     single = [(at, replace(item, keys=(key,))) for at, item in factors for key in item.keys]
-    wider = model.wider([item for _, item in single])
-    base = np.concatenate((u, [u[at] for at, _ in single]))
-    points = [base - WIDE * np.eye(len(base))[len(u) + index] for index in range(len(single))]
-    here = model.residuals_at(u)
-    columns = [wider.told(here - wider.residuals(one)) / WIDE for one in wider.predictions(points)]
+    here, moved = model.residuals_at(u), model.apart(u, [(item, u[at] - WIDE) for at, item in single])
+    columns = [model.told(here - one) / WIDE for one in moved]
     unreached: list[OutOfReach] = []
     reached: list[int] = []
     for at, factor in factors:

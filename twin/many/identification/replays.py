@@ -41,24 +41,26 @@ class Replays:
         """crew: None: this process. progress: called with the number of replays. journal: None: none."""
         self._crew, self._progress, self._journal = crew, progress, journal
         self._known = {} if journal is None else _read(journal)
-        self.count = 0  # those that were read count, too
+        self._asked: set[str] = set()
 
     def make(self, calls: Sequence[Call]) -> list[Floats]:
         """float64 [data of its session] of each call; one that was made before is not made again."""
         keys = [_key(call) for call in calls]
         missing = {key: call for key, call in zip(keys, calls, strict=True) if key not in self._known}
         made = in_order(replayed, list(missing.values()), self._crew)
-        found = []
-        for key in keys:
-            values = self._known.get(key)
-            if values is None:
-                values = next(made)
-                self._keep(key, values)
-            found.append(values)
-            self.count += 1
-            if self._progress is not None:
-                self._progress(self.count)
-        return found
+        for key in dict.fromkeys(keys):
+            if key in missing:
+                self._keep(key, next(made))
+            if key not in self._asked:
+                self._asked.add(key)
+                if self._progress is not None:
+                    self._progress(self.count)
+        return [self._known[key] for key in keys]
+
+    @property
+    def count(self) -> int:
+        """How many different ones there were; those that were read count, too."""
+        return len(self._asked)
 
     def _keep(self, key: str, values: Floats) -> None:
         self._known[key] = values
