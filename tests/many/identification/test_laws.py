@@ -145,7 +145,8 @@ def test_an_interval_holds_what_other_numbers_leave_open(heavier: Fit) -> None:
     )
     assert times > 1.5
     assert (
-        f"{times:.1f} times as wide, as other numbers are not known: axes.x.specimen.rotor_inertia" in heavier.doubts[0]
+        f"{times:.1f} times as wide, as other numbers are known only roughly: axes.x.specimen.rotor_inertia"
+        in heavier.doubts[0]
     )
     told = as_json(heavier, ["day"], [])
     assert [one["name"] for one in told["beside"]] == ["axes.x.specimen.rotor_inertia"]

@@ -190,13 +190,10 @@ class Fit:
 
     def _wider(self, at: int) -> str:
         """A parameter whose interval is wider by what was fitted beside, and the two numbers that did most."""
-        most = np.argsort(-np.abs(self.shared[at]))[:2]
-        named = " and ".join(
-            f"{key} ({LAWS.get(key.split('.', 2)[-1], 'friction')})"
-            for key in (self.beside[index].unknown.keys[0] for index in most if abs(self.shared[at, index]) >= BLAMED)
-        )
-        name = self.estimates[at].unknown.name
-        return f"{name}: its interval is {self.widened[at]:.1f} times as wide, as other numbers are not known: {named}"
+        shared, items = np.abs(self.shared[at]), [one.unknown for one in self.beside]
+        named = " and ".join(_in_words(items[index]) for index in np.argsort(-shared)[:2] if shared[index] >= BLAMED)
+        wide = f"{self.estimates[at].unknown.name}: its interval is {self.widened[at]:.1f} times as wide"
+        return f"{wide}, as other numbers are known only roughly: {named}"
 
     @property
     def worse(self) -> bool:
@@ -281,6 +278,11 @@ def fit(
         widened=tuple((deviation[:asked] / np.sqrt(np.diag(alone))).tolist()),
         unrecovered=lost,
     )
+
+
+def _in_words(item: Unknown) -> str:
+    """A number that is fitted beside: its name and what it stands for."""
+    return item.name if item.factor else f"{item.name} ({LAWS[item.keys[0].split('.', 2)[2]]})"
 
 
 def _searched(model: Model) -> tuple[Floats, Floats]:

@@ -121,23 +121,19 @@ def _correlations(result: Fit) -> str:
 
 
 def _laws(result: Fit) -> str:
-    """Numbers that were not asked for, the likeliest to be elsewhere first."""
-    found = {one.unknown.keys[0]: one for one in result.beside}
-    rows = []
-    for one in result.laws:
-        own = found.get(one.key)
-        where = f"{own.value:.4g} ({own.low:.4g} .. {own.high:.4g}) {escape(own.unknown.unit)}" if own else ""
-        rows.append(
-            f"<tr><th scope='row' class='text'>{escape(one.law)}</th><td>{one.gained:+.1f}</td><td>{where}</td>"
-            f"<td class='code'>{escape(one.key)}</td></tr>"
-        )
-    head = "".join(f"<th scope='col'>{name}</th>" for name in ("gained", "fitted beside", "number"))
+    """Numbers that were not asked for: what was fitted beside, and what each would gain."""
+    beside = f"<h3>Fitted beside, within what is known of them</h3>{_estimates(result.beside)}" if result.beside else ""
+    rows = "".join(
+        f"<tr><th scope='row' class='text'>{escape(one.law)}</th><td>{one.gained:+.1f}</td>"
+        f"<td class='code'>{escape(one.key)}</td></tr>"
+        for one in result.laws
+    )
+    head = "".join(f"<th scope='col'>{name}</th>" for name in ("gained", "number"))
     return (
-        "<section><h2>Numbers that were not asked for</h2><div class='wide'><table><thead><tr>"
-        f"<th scope='col' class='text'>law</th>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
+        f"<section><h2>Numbers that were not asked for</h2>{beside}<h3>Laws</h3><div class='wide'><table><thead><tr>"
+        f"<th scope='col' class='text'>law</th>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
         "<p>Gained: logarithm of how much likelier what is held back from the fit is with this number free than as it "
-        "stands in the file. Those that the data see are fitted beside the others, within what is known of "
-        "them.</p></section>"
+        "stands in the file.</p></section>"
     )
 
 
