@@ -59,6 +59,9 @@ def test_a_number_that_somebody_sets_is_of_its_kind_again(shop: Machine) -> None
     assert "interval" not in other.tree["axes"]["x"]["backlash"]
     kind = math.exp(1.96 * 0.5)
     assert band("axes.x.backlash", other.tree["axes"]["x"]["backlash"]) == pytest.approx((0.04 / kind, 0.04 * kind))
+    supply = with_overrides(shop, {"axes.x.stage.supply": 40.0}).tree["axes"]["x"]["stage"]["supply"]
+    ends = 40.0 * (0.88 + 0.025 * 0.16), 40.0 * (1.04 - 0.025 * 0.16)  # -12 to +4 %, even; 95 % of that
+    assert band("axes.x.stage.supply", supply) == pytest.approx(ends)
 
 
 @pytest.mark.parametrize(

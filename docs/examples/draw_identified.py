@@ -21,7 +21,7 @@ LONGEST = 4.0  # of a bar of E_n; what is more is written beside it
 
 
 def intervals(told: dict[str, Any]) -> Figure:
-    """Prior range, interval, and what of it is the disagreement of laws, in standard deviations of the prior."""
+    """Prior range, interval, and what of it other numbers make, in standard deviations of the prior."""
     figure = Figure(figsize=(7.5, 0.55 * len(told["parameters"]) + 1.2), layout="constrained")
     axes = figure.subplots()
     for row, (one, widened) in enumerate(zip(told["parameters"], told["widened"], strict=True)):
@@ -39,7 +39,7 @@ def intervals(told: dict[str, Any]) -> Figure:
         axes.plot([middle], [row], "k|", markersize=14)
     axes.set_yticks(range(len(told["parameters"])), [one["name"] for one in told["parameters"]])
     axes.invert_yaxis()
-    axes.set_xlabel("standard deviations of the prior; grey: its 95 %, light: what other laws make of the interval")
+    axes.set_xlabel("standard deviations of the prior; grey: its 95 %, light: what other numbers make of the interval")
     return figure
 
 

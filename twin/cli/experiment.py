@@ -180,6 +180,8 @@ def _sealed(form: str, job: str, head: Mapping[str, Any], predicted: Sequence[Pr
 
 
 def _say_day(job: Path, form: Path, predicted: Sequence[Predicted], seal: str, json: bool) -> None:
+    from isel_twin.many.identification.protocol import COLD
+
     if json:
         told = [
             {"what": one.what, "unit": one.unit, "value": one.value, "band": [one.low, one.high]} for one in predicted
@@ -190,6 +192,7 @@ def _say_day(job: Path, form: Path, predicted: Sequence[Predicted], seal: str, j
     for one in predicted:
         band = f"{one.low:.4g} .. {one.high:.4g}"
         print(f"{one.what:<44} {one.value:>10.4g}  {band:<22} {one.unit}".rstrip())
+    print(f"measure it {COLD}")
     print(f"sealed: {seal}")
 
 

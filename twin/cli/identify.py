@@ -247,12 +247,20 @@ def _split(sessions: Sequence[Session], hold_out: Sequence[str] | None) -> tuple
 
 def _print(result: Fit) -> None:
     print()
-    print(f"{'parameter':<18} {'value':>10}  {'95 % interval':<24} {'unit':<5} {'prior range':<20} {'of prior':>8}")
-    for one in result.estimates:
+    told = [(one.unknown.name, one) for one in result.estimates] + [
+        (f"+ {one.unknown.name}", one) for one in result.beside
+    ]
+    width = max(18, *(len(name) for name, _ in told))
+    print(
+        f"{'parameter':<{width}} {'value':>10}  {'95 % interval':<24} {'unit':<5} {'prior range':<20} {'of prior':>8}"
+    )
+    for name, one in told:
         item = one.unknown
         span, before = f"{one.low:.4g} .. {one.high:.4g}", f"{item.low:.4g} .. {item.high:.4g}"
-        line = f"{item.name:<18} {one.value:>10.4g}  {span:<24} {item.unit:<5} {before:<20} {one.remaining:>8.0%}"
+        line = f"{name:<{width}} {one.value:>10.4g}  {span:<24} {item.unit:<5} {before:<20} {one.remaining:>8.0%}"
         print(f"{line}  {one.note}".rstrip())
+    if result.beside:
+        print("+: not asked for, fitted beside the others within what is known of it")
     names = [one.unknown.name for one in result.estimates]
     for noise in result.noise:
         print(f"noise: {noise.line}")

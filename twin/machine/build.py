@@ -198,6 +198,8 @@ def _complete(tree: dict[str, Any]) -> None:
     for name, axis in axes.items():
         if isinstance(axis, dict) and axis.get("drive", DEFAULT_DRIVE) == "stepper":
             whole = {"specimen": _AS_ITS_SHEET, **axis}
+            if isinstance(own := axis.get("specimen"), dict):
+                whole["specimen"] = {**_AS_ITS_SHEET, **own}
             if isinstance(stage := axis.get("stage"), dict):
                 whole["stage"] = {"kind": _KIND, **stage}
             if whole != axis:

@@ -120,17 +120,30 @@ def test_an_interval_is_as_wide_as_the_likelihood_wants(curve: float, lower: flo
         share = 1.0 - curve * max(0.0, u[0]) / (1.96 * deviation)
         return np.array([20.0 * u[0] * share, 0.0])
 
-    model = cast(
-        Model,
-        SimpleNamespace(
-            residuals_at=residuals,
-            residuals=lambda predicted: predicted,
-            predictions=lambda us: [residuals(u) for u in us],
-        ),
-    )
+    model = stub(residuals, lambda us: [residuals(u) for u in us])
     jacobian = np.array([[20.0], [0.0]])
-    ends = profile(model, np.zeros(1), jacobian, np.array([[deviation**2]]), 0.5)
+    ends = profile(model, 1, np.zeros(1), jacobian, np.array([[deviation**2]]), 0.5)
     assert ends[0] / (1.96 * deviation) == pytest.approx([lower, upper], rel=0.01)
+
+
+def test_each_end_of_each_parameter_is_tried_with_the_others_where_they_are_best() -> None:
+    """Two parameters that go together, and a datum that neither moves; beyond the upper end of the second the residuals
+    are half of the plane's. Its cost there, over the first one by the normal equation: a (r + a d) + u + d = 0."""
+    plane = np.array([[20.0, 12.0], [0.0, 9.0], [0.0, 0.0]])
+    covariance = np.linalg.inv(plane.T @ plane + np.eye(2))
+    end = 1.96 * math.sqrt(covariance[1, 1])
+
+    def residuals(u: np.ndarray) -> np.ndarray:
+        return plane @ u * (0.5 if u[1] > 0.99 * end else 1.0) + np.array([0.0, 0.0, 2.0])
+
+    ends = profile(stub(residuals, lambda us: [residuals(u) for u in us]), 2, np.zeros(2), plane, covariance, 0.7)
+    at = 1.96 * covariance[:, 1] / math.sqrt(covariance[1, 1])
+    a, r = plane[:, 0], residuals(at)
+    d = -(a @ r + at[0]) / (a @ a + 1.0)
+    cost = float(((r + a * d) ** 2).sum() + (at[0] + d) ** 2 + at[1] ** 2) - 2.0**2
+    expected = 1.96 * np.sqrt(np.diag(covariance))[:, None] * np.array([[1.0, 1.0], [1.0, 1.96 / math.sqrt(cost)]])
+    assert cost < 0.6 * 1.96**2
+    assert ends == pytest.approx(expected, rel=1e-3)
 
 
 def test_an_end_is_no_farther_than_can_be_told_and_what_is_unknown_is_not_asked() -> None:
@@ -141,14 +154,9 @@ def test_an_end_is_no_farther_than_can_be_told_and_what_is_unknown_is_not_asked(
         asked.append(len(points))
         return [np.zeros(1) for _ in points]
 
-    model = cast(
-        Model,
-        SimpleNamespace(
-            residuals_at=lambda u: np.zeros(1), residuals=lambda predicted: predicted, predictions=predictions
-        ),
-    )
+    model = stub(lambda u: np.zeros(1), predictions)
     covariance = np.diag([0.01**2, 0.95**2])
-    ends = profile(model, np.zeros(2), np.array([[100.0, 0.0]]), covariance, 1.0)
+    ends = profile(model, 2, np.zeros(2), np.array([[100.0, 0.0]]), covariance, 1.0)
     assert asked == [2]
     assert ends[0] == pytest.approx(FARTHEST * 1.96 * 0.01)
     assert ends[1] == pytest.approx(1.96 * 0.95)

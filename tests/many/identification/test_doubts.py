@@ -11,6 +11,7 @@ import pytest
 
 from isel_twin.language import create_language, needed
 from isel_twin.machine import Machine, load_machine, with_overrides
+from isel_twin.machine.spread import numbers
 from isel_twin.many.identification import replays as replays_module
 from isel_twin.many.identification.experiment import assemble, blocks
 from isel_twin.many.identification.fit import Fit, fit
@@ -141,8 +142,10 @@ def test_guide_and_screw_friction_that_differ_are_called_inseparable(
 def coasting(monkeypatch: pytest.MonkeyPatch, changed: dict[str, float], *names: str) -> Fit:
     """A fit to coasts of a machine with these numbers of the file multiplied."""
     machine = load_machine("4030")
-    x = machine.tree["axes"]["x"]
-    hidden = with_overrides(machine, {f"axes.x.{key}": times * x[key]["value"] for key, times in changed.items()})
+    values = {key: float(entry["value"]) for key, entry in numbers(machine.tree)}
+    hidden = with_overrides(
+        machine, {f"axes.x.{key}": times * values[f"axes.x.{key}"] for key, times in changed.items()}
+    )
     monkeypatch.setattr(replays_module, "predict", lambda session, one: np.array(coasted_mm(one)))
     draw = np.random.default_rng(4)
     overruns = [mm + draw.normal(0.0, 0.005) for mm in coasted_mm(hidden)]

@@ -88,8 +88,10 @@ def test_page_and_json_say_it(fitted: tuple[Fit, list[Prospect]]) -> None:
 @pytest.mark.slow
 def test_predictions_of_what_was_held_back_are_told(fitted: tuple[Fit, list[Prospect]], found: Found) -> None:
     """Of data without an unknown zero they are what a replay on either machine gives."""
-    values = [item.prior for item in found.unknowns], [estimate.value for estimate in fitted[0].estimates]
-    machines = [candidate(found.believed, found.unknowns, one) for one in values]
+    every = [*fitted[0].estimates, *fitted[0].beside]
+    unknowns = [one.unknown for one in every]
+    values = [item.prior for item in unknowns], [one.value for one in every]
+    machines = [candidate(found.believed, unknowns, one) for one in values]
     replayed = [predict(found.sessions[1], machine) for machine in machines]
     own = [at for at, (item, _, _) in enumerate(fitted[0].held) if not item.group]
     assert own

@@ -110,6 +110,13 @@ def predicted(near: Machine, planned: Experiment) -> list[Predicted]:
     return predict_day(planned, near, CONTROLLER, number=3, seed=1)
 
 
+def test_the_job_says_that_growth_by_heat_takes_a_second_day(planned: Experiment) -> None:
+    assert (
+        "[1] x: ISO 230-2, 5 places, 2 times from either side, scale; on the cold machine: growth by heat takes a "
+        "second day, measured warm" in job_text(planned, LANGUAGE)
+    )
+
+
 def test_each_error_of_geometry_is_a_number_of_the_day(near: Machine) -> None:
     """Lead 0.05 %, 11.5 um/m by each of 20 K, square by 0.4 mm/m, bow 40 um, turn 0.5 mm/m: each where it shows, though
     all are there. The straightedge is 100 of 120 mm: (5/6)^2 of the bow."""

@@ -45,7 +45,7 @@ def test_the_first_that_was_measured_behind_the_end_is_named() -> None:
 def test_there_is_a_degree_of_freedom_at_least() -> None:
     """One number measured, one looked for: chi-square is over 1, not over 0."""
     scatter = stand_alone("day", Measured(repeats=(Repeats("day", "x", (0.0, 0.1)),)), "imc-s8")
-    assert Model(MACHINE, [unknown(MACHINE, "backlash.x")], [scatter]).freedom(np.ones(1)) == 1
+    assert Model(MACHINE, [unknown(MACHINE, "backlash.x")], [scatter]).freedom(np.ones(1), 1) == 1
 
 
 def test_repeats_scatter_as_switch_and_gauge_do() -> None:

@@ -93,7 +93,7 @@ def test_series_that_never_lost_bound_from_one_side(by_balance: None) -> None:
     damping, iron = fit_series(measured).estimates
     assert damping.value < damping.unknown.prior
     assert iron.value <= iron.unknown.prior
-    assert damping.remaining < 1.0
+    assert damping.high < 0.5 * damping.unknown.high
     model = Model(MACHINE, UNKNOWNS, [stand_alone("day", measured, "imc-s8")])
     lossy, loss_free = (float((model.residuals_at(np.full(2, u)) ** 2).sum()) for u in (2.0, -2.0))
     assert lossy > 20.0  # more is excluded
@@ -115,13 +115,16 @@ def test_a_bound_costs_what_its_outcome_is_unlikely(stall: Stall, side: float) -
 def test_a_bound_is_no_degree_of_freedom() -> None:
     stalls = (STALL, STALL, STALL, NEVER, AT_ONCE)
     model = Model(MACHINE, [], [stand_alone("day", Measured(stalls=stalls), "imc-s8")])
-    assert model.chi2(np.array([1.0, 1.0, 2.0, 0.5, 0.0])) == pytest.approx(6.0 / 3)
+    residuals = np.array([1.0, 1.0, 2.0, 0.5, 0.0])
+    assert (model.squares(residuals), model.freedom(residuals, 0)) == (pytest.approx(6.0), 3)
 
 
 def test_a_bound_that_is_missed_counts() -> None:
     """As what it costs more than a prediction that is the bound."""
     model = Model(MACHINE, [], [stand_alone("day", Measured(stalls=(STALL, NEVER)), "imc-s8")])
-    assert model.chi2(np.array([1.0, 4.0])) == pytest.approx((1.0 + 16.0 - 2.0 * math.log(2.0)) / 2)
+    residuals = np.array([1.0, 4.0])
+    assert model.squares(residuals) == pytest.approx(1.0 + 16.0 - 2.0 * math.log(2.0))
+    assert model.freedom(residuals, 0) == 2
 
 
 def test_the_search_ends_soon_beyond_a_speed_that_held() -> None:

@@ -9,18 +9,18 @@ its prior standard deviation afterwards; for s < 1 the data say less than the pr
 
 The noise of gauges and clocks is estimated from repeats first (noise.py).
 
+**Beside** what was asked for, numbers that were left alone and that the data see are fitted within what is known of
+them (laws.py). They are parameters of u like the others, behind them, and a datum each: u^2 counts in chi^2.
+
 **After it**: cov = (J'J / max(1, chi^2) + 1)^-1 with chi^2 per degree of freedom: a bad fit claims no precision, and no
 fit is less sure than the prior. 95 % intervals are in u, so never negative for a positive value, and as wide as the
-profile of the likelihood wants them (profile.py). A chi^2 beyond the
-quantile FITS of its distribution says that the model does not explain the data: then no number is `measured`, whatever
-its interval, and the data that misfit most are named (many/15). Laws that were not fitted compete with what was, by
-data held back from both: those that predict better are named, and what those as good disagree about widens the
-intervals (laws.py). Numbers behind a common factor that no datum moves, or that the data do not tell apart, are found
-as well (reach.py).
+profile of the likelihood wants them (profile.py). A chi^2 beyond the quantile FITS of its distribution says that the
+model does not explain the data: then no number is `measured`, whatever its interval, and the data that misfit most are
+named (many/15). Laws that predict better than what the file says, by data held back from both, are named (laws.py).
+Numbers behind a common factor that no datum moves, or that the data do not tell apart, are found as well (reach.py).
 
 **The search** asks for a Jacobian by differences at its start only, as each costs 2 n replays; on its way it is
-corrected by the steps taken. Where the search ends another one starts, until one ends near its start. Bounds have a
-kink, which such corrections do not see: with them every step asks for differences.
+corrected by the steps taken. Where the search ends another one starts, until one ends near its start.
 
 **Held back**: the root mean square of r over recordings that are not fitted, before (at the prior) and after. If it
 grows, the result is refused.
@@ -38,7 +38,7 @@ import numpy as np
 from isel_twin.base.crew import Crew
 from isel_twin.machine import Machine
 from isel_twin.machine.spread import NORMAL_95
-from isel_twin.many.identification.laws import Competition, Law, compete
+from isel_twin.many.identification.laws import LAWS, Law, beside, compete, rivals
 from isel_twin.many.identification.model import BOUND, NOT_IDENTIFIED, WEAK, Floats, Model
 from isel_twin.many.identification.noise import Noise, with_noise
 from isel_twin.many.identification.profile import profile
@@ -55,7 +55,8 @@ ENOUGH = 0.01  # relative change of cost and point at which the search ends: bel
 MOST_CALLS = 12  # evaluations in the search, each a replay of what is fitted
 NEAR = 0.25  # way of a search, in standard deviations of the prior, over which a Jacobian stays that of its start
 MOST_SEARCHES = 3
-DISAGREE = 1.5  # times as wide an interval, from which the disagreement of laws is said
+WIDER = 1.5  # times as wide an interval by what was fitted beside, from which it is said
+BLAMED = 0.3  # correlation from which what was fitted beside is named for that
 
 
 @dataclass(frozen=True)
@@ -141,10 +142,11 @@ class Fit:
     misfits: tuple[tuple[Datum, float], ...] = ()  # fitted data of the largest residuals beyond MISFIT, and these
     unreached: tuple[OutOfReach, ...] = ()
     alike: tuple[Alike, ...] = ()
-    competition: Competition = field(default_factory=lambda: Competition((), np.zeros((0, 0))))
+    laws: tuple[Law, ...] = ()  # the likeliest first
     noise: tuple[Noise, ...] = ()
-    widened: tuple[float, ...] = ()  # by parameter: what the disagreement of laws makes of the interval, at least 1
-
+    beside: tuple[Estimate, ...] = ()  # numbers that were not asked for and that the data see
+    shared: Floats = field(default_factory=lambda: np.zeros((0, 0)))  # [n, beside], correlation
+    widened: tuple[float, ...] = ()  # by parameter: what these make of the interval, at least 1
     unrecovered: tuple[str, ...] = ()  # families that the fit does not find back
 
     @property
@@ -160,7 +162,7 @@ class Fit:
             f"{name}: put elsewhere by a standard deviation, the fit does not find it back; so it is an estimate"
             for name in self.unrecovered
         ]
-        lines += [self._disagreement(at) for at, times in enumerate(self.widened) if times >= DISAGREE]
+        lines += [self._wider(at) for at, times in enumerate(self.widened) if times >= WIDER]
         would = [f"{one.key} ({one.law}, {self._said(one)})" for one in self.suspects]
         apart = "; these data do not tell them apart" if len(would) > 1 else "; fit it, too"
         if not self.explains:
@@ -180,18 +182,18 @@ class Fit:
 
     @property
     def suspects(self) -> tuple[Law, ...]:
-        """Laws that were not fitted and predict better what is held back, and alike."""
-        return self.competition.rivals(self.explains)
+        """Laws that predict better what is held back than the file does, and alike."""
+        return rivals(self.laws, self.explains)
 
     def _said(self, one: Law) -> str:
         return f"{one.share:.0%} of the excess" if not self.explains else f"e^{one.gained:.0f} times as likely"
 
-    def _disagreement(self, at: int) -> str:
-        """A parameter whose interval laws have widened that predict as well, and the two that did most."""
-        most = sorted(self.competition.laws, key=lambda one: -one.weight * one.moved[at] ** 2)[:2]
-        named = " and ".join(f"{one.key} ({one.law})" for one in most if one.weight * abs(one.moved[at]) > 0.0)
-        name = self.estimates[at].unknown.name
-        return f"{name}: its interval is {self.widened[at]:.1f} times as wide, as other laws predict as well: {named}"
+    def _wider(self, at: int) -> str:
+        """A parameter whose interval is wider by what was fitted beside, and the two numbers that did most."""
+        shared, items = np.abs(self.shared[at]), [one.unknown for one in self.beside]
+        named = " and ".join(_in_words(items[index]) for index in np.argsort(-shared)[:2] if shared[index] >= BLAMED)
+        wide = f"{self.estimates[at].unknown.name}: its interval is {self.widened[at]:.1f} times as wide"
+        return f"{wide}, as other numbers are known only roughly: {named}"
 
     @property
     def worse(self) -> bool:
@@ -220,101 +222,116 @@ def fit(
     journal: of replays, to go on from. gate: try whether each family is found back (recovery.py). Raises ImportError
     without SciPy, OSError and ValueError for the journal.
     """
-    from scipy.optimize import least_squares
     from scipy.stats import chi2 as chi2_of
 
     known, noise = zip(*(with_noise(session) for session in (*fitted, *held)), strict=True)
     fitted, held = known[: len(fitted)], known[len(fitted) :]
-    model = Model(machine, unknowns, fitted, Replays(crew, progress, journal))
-    count = len(unknowns)
-    zero = np.zeros(count)
-    last = model.jacobian(zero)
-    expected = prospect(unknowns, last)
+    model, asked = Model(machine, unknowns, fitted, Replays(crew, progress, journal)), len(unknowns)
+    model = model.wider(beside(model))
+    zero = np.zeros(len(model.unknowns))
+    expected = prospect(unknowns, model.jacobian(zero)[:, :asked])
     if told is not None:
         told(expected)
-
-    def residuals(u: Floats) -> Floats:
-        return np.concatenate((model.residuals_at(u), u))
-
-    def differences(u: Floats) -> Floats:
-        return np.concatenate((model.jacobian(u, central=not u.any()), np.eye(count)))
-
-    bounded = any(item.side for item in model.data)
-    u = zero
-    for _ in range(MOST_SEARCHES):
-        start = u
-        secants = _Secants(residuals, u, np.concatenate((last, np.eye(count))))
-        slope = differences if bounded else secants
-        solved = least_squares(
-            residuals, start, jac=slope, bounds=(-BOUND, BOUND), ftol=ENOUGH, xtol=ENOUGH, max_nfev=MOST_CALLS
-        )
-        u = np.round(solved.x, 12)  # as predictions are known by
-        if float(np.abs(u - start).max(initial=0.0)) < NEAR:
-            break
-        last = model.jacobian(u)
+    u, last = _searched(model)
     after = model.residuals_at(u)
-    chi2 = model.chi2(after)
-    freedom = model.freedom(after)
+    freedom = model.freedom(after, asked)
+    chi2 = (model.squares(after) + float(u[asked:] @ u[asked:])) / freedom
     limit = float(chi2_of.ppf(FITS, freedom)) / freedom
     unreached, alike = behind_factors(model, u, last, chi2)
-    competition = compete(model, u, last)
-    covariance: Floats = np.asarray(np.linalg.inv(last.T @ last / max(1.0, chi2) + np.eye(count)), dtype=np.float64)
-    alone = np.sqrt(np.diag(covariance))
-    ends = np.hypot(
-        profile(model, u, last, covariance, chi2), NORMAL_95 * np.sqrt(np.diag(competition.spread))[:, None]
-    )
-    covariance = covariance + competition.spread
+    covariance, alone = _covariance(last, chi2), _covariance(last[:, :asked], chi2)
     deviation = np.sqrt(np.diag(covariance))
-    estimates = []
-    for index, item in enumerate(unknowns):
-        low, high = item.value(u[index] - ends[index, 0]), item.value(u[index] + ends[index, 1])
-        estimates.append(Estimate(item, item.value(u[index]), low, high, float(deviation[index])))
-    lost = unrecovered(model, u, last, deviation) if gate else ()
-    other = Model(machine, unknowns, held, model.replays)
+    ends = NORMAL_95 * np.outer(deviation, np.ones(2))
+    ends[:asked] = profile(model, asked, u, last, covariance, chi2)
+    estimates = tuple(
+        Estimate(item, item.value(at), item.value(at - down), item.value(at + up), float(own))
+        for item, at, (down, up), own in zip(model.unknowns, u.tolist(), ends.tolist(), deviation, strict=True)
+    )
+    correlation = covariance / np.outer(deviation, deviation)
+    laws = compete(model, asked, u, last)
+    lost = unrecovered(model, u, last, deviation[:asked]) if gate else ()
+    other = Model(machine, model.unknowns, held, model.replays)
     before_held, after_held = (other.residuals(one) for one in other.predictions([zero, u]))
     return Fit(
-        tuple(estimates),
-        covariance / np.outer(deviation, deviation),
-        covariance,
-        u,
-        chi2,
-        expected,
-        by_kind(other.data, before_held),
-        by_kind(other.data, after_held),
-        by_kind(model.data, model.residuals_at(zero)),
-        by_kind(model.data, after),
-        tuple(
+        estimates=estimates[:asked],
+        correlation=correlation[:asked, :asked],
+        covariance=covariance[:asked, :asked],
+        u=u[:asked],
+        chi2=chi2,
+        prospect=expected,
+        before=by_kind(other.data, before_held),
+        after=by_kind(other.data, after_held),
+        fitted_before=by_kind(model.data, model.residuals_at(zero)),
+        fitted_after=by_kind(model.data, after),
+        held=tuple(
             (item, item.value - item.sigma * one, item.value - item.sigma * two)
             for item, one, two in zip(other.data, before_held.tolist(), after_held.tolist(), strict=True)
         ),
-        model.replays.count,
-        limit,
-        _misfits(model.data, after),
-        unreached,
-        alike,
-        competition,
-        tuple(one for each in noise for one in each),
-        tuple((deviation / alone).tolist()),
-        lost,
+        replays=model.replays.count,
+        chi2_limit=limit,
+        misfits=_misfits(model.data, after),
+        unreached=unreached,
+        alike=alike,
+        laws=laws,
+        noise=tuple(one for each in noise for one in each),
+        beside=estimates[asked:],
+        shared=correlation[:asked, asked:],
+        widened=tuple((deviation[:asked] / np.sqrt(np.diag(alone))).tolist()),
+        unrecovered=lost,
     )
+
+
+def _in_words(item: Unknown) -> str:
+    """A number that is fitted beside: its name and what it stands for."""
+    return item.name if item.factor else f"{item.name} ({LAWS[item.keys[0].split('.', 2)[2]]})"
+
+
+def _searched(model: Model) -> tuple[Floats, Floats]:
+    """The u of the least cost and the Jacobian there, or near."""
+    from scipy.optimize import least_squares
+
+    u = np.zeros(len(model.unknowns))
+    for _ in range(MOST_SEARCHES):
+        secants = _Secants(model, u)
+        solved = least_squares(
+            lambda u: np.concatenate((model.residuals_at(u), u)),
+            u,
+            jac=secants,
+            bounds=(-BOUND, BOUND),
+            ftol=ENOUGH,
+            xtol=ENOUGH,
+            max_nfev=MOST_CALLS,
+        )
+        start, u = u, np.round(solved.x, 12)  # as predictions are known by
+        if float(np.abs(u - start).max(initial=0.0)) < NEAR:
+            return u, model.jacobian(start)
+    return u, model.jacobian(u)
+
+
+def _covariance(jacobian: Floats, chi2: float) -> Floats:
+    inner = jacobian.T @ jacobian / max(1.0, chi2) + np.eye(jacobian.shape[1])
+    return np.asarray(np.linalg.inv(inner), dtype=np.float64)
 
 
 class _Secants:
     """A Jacobian for the search that costs no replay: that of the start, corrected by each step that was taken.
 
-    Broyden (1965): J += (dr - J du) du' / |du|^2, so that J explains the last step exactly.
+    Broyden (1965): J += (dz - J du) du' / |du|^2, so that J explains the last step exactly. z are the deviations, which
+    go on evenly where the residual of a bound bends (model.py).
     """
 
-    def __init__(self, residuals: Callable[[Floats], Floats], u: Floats, jacobian: Floats) -> None:
-        self._residuals, self._u, self._jacobian = residuals, u, jacobian
+    def __init__(self, model: Model, u: Floats) -> None:
+        self._model, self._u, self._trend = model, u, model.trend(u)
+
+    def _deviations(self, u: Floats) -> Floats:
+        return self._model.deviations(self._model.predictions([u])[0])
 
     def __call__(self, u: Floats) -> Floats:
-        du = u - self._u
+        du, now = u - self._u, self._deviations(u)
         if du.any():
-            dr = self._residuals(u) - self._residuals(self._u)
-            self._jacobian = self._jacobian + np.outer(dr - self._jacobian @ du, du) / float(du @ du)
+            dz = now - self._deviations(self._u)
+            self._trend = self._trend + np.outer(dz - self._trend @ du, du) / float(du @ du)
             self._u = u.copy()
-        return self._jacobian
+        return np.concatenate((self._model.slope(now)[:, None] * self._trend, np.eye(len(u))))
 
 
 def _misfits(data: Sequence[Datum], residuals: Floats) -> tuple[tuple[Datum, float], ...]:

@@ -25,6 +25,7 @@ from isel_twin.many.identification.session import MISSED, Datum, Session
 from isel_twin.many.identification.unknowns import Unknown
 
 STEP = 0.8  # step of the differences, in standard deviations of the prior
+WIDE = 2.0 * STEP  # of a number that is moved alone, to see what it would explain
 CLIFF = 5.0  # largest ratio of the differences of a step up and a step down; beyond it one of them is no slope
 CHANCE = 4.0  # standard deviations by which the sum of squares of differences must exceed the scatter to count
 BOUND = 3.0  # limit of the search, in standard deviations of the prior
@@ -72,6 +73,11 @@ class Model:
         """The same data, with more parameters behind the others."""
         return Model(self.machine, [*self.unknowns, *more], self.sessions, self.replays)
 
+    @property
+    def axes(self) -> list[str]:
+        """Those that something was measured of."""
+        return list(dict.fromkeys(axis for session in self.sessions for axis in session.measured.axes))
+
     def values(self, u: Floats) -> list[float]:
         return [item.value(float(one)) for item, one in zip(self.unknowns, u, strict=True)]
 
@@ -79,16 +85,20 @@ class Model:
         """float64 [data] for each of several u."""
         keys = [tuple(np.round(point, 12).tolist()) for point in points]
         new = list(dict.fromkeys(key for key in keys if key not in self._known))
-        calls = [
-            (session, self.machine, self.unknowns, self.values(np.array(key)))
-            for key in new
-            for session in self.sessions
-        ]
-        pieces = self.replays.make(calls)
-        count = len(self.sessions)
-        for index, key in enumerate(new):
-            self._known[key] = np.concatenate([np.zeros(0), *pieces[index * count : (index + 1) * count]])
+        told = self._made([(self.unknowns, self.values(np.array(key))) for key in new])
+        self._known |= dict(zip(new, told, strict=True))
         return [self._known[key] for key in keys]
+
+    def apart(self, u: Floats, more: Sequence[tuple[Unknown, float]]) -> list[Floats]:
+        """Residuals [data] at u with one number more each, so many deviations from its prior."""
+        points = [((*self.unknowns, item), [*self.values(u), item.value(by)]) for item, by in more]
+        return [self.residuals(one) for one in self._made(points)]
+
+    def _made(self, points: Sequence[tuple[tuple[Unknown, ...], list[float]]]) -> list[Floats]:
+        """Predictions of all sessions with each of these numbers."""
+        pieces = self.replays.make([(session, self.machine, *point) for point in points for session in self.sessions])
+        count = len(self.sessions)
+        return [np.concatenate([np.zeros(0), *pieces[at * count : (at + 1) * count]]) for at in range(len(points))]
 
     def between(self, wanted: Floats, predicted: Floats) -> Floats:
         """r [data] of other data in the place of those measured, bounds left out."""
@@ -98,13 +108,7 @@ class Model:
 
     def residuals(self, predicted: Floats) -> Floats:
         """r [data], without the zeros of gauges (many/10)."""
-        difference = self._value - predicted
-        weight = 1.0 / self._sigma**2
-        for indices in self._groups:
-            own = indices[np.isfinite(difference[indices])]
-            if len(own):
-                difference[own] -= np.average(difference[own], weights=weight[own])
-        found = np.where(np.isfinite(difference), difference / self._sigma, MISSED)
+        found = self.deviations(predicted)
         bounds = self._side != 0
         if bounds.any():
             from scipy.special import log_ndtr
@@ -113,6 +117,28 @@ class Model:
             found[bounds] = side * np.sqrt(-2.0 * log_ndtr(-side * found[bounds]))
         return np.clip(found, -MISSED, MISSED)
 
+    def deviations(self, predicted: Floats) -> Floats:
+        """(measured - predicted) / sigma [data] without the zeros of gauges: r, but of bounds."""
+        difference = self._value - predicted
+        weight = 1.0 / self._sigma**2
+        for indices in self._groups:
+            own = indices[np.isfinite(difference[indices])]
+            if len(own):
+                difference[own] -= np.average(difference[own], weights=weight[own])
+        return np.clip(np.where(np.isfinite(difference), difference / self._sigma, MISSED), -MISSED, MISSED)
+
+    def slope(self, deviations: Floats) -> Floats:
+        """dr [data] by these deviations: 1, but of bounds, where the normal density over P goes with it."""
+        found, bounds = np.ones(len(deviations)), self._side != 0
+        if bounds.any():
+            from scipy.special import log_ndtr
+
+            at = -self._side[bounds] * deviations[bounds]
+            likely = log_ndtr(at)
+            density = np.exp(-0.5 * at**2 - likely) / math.sqrt(2.0 * math.pi)
+            found[bounds] = density / np.sqrt(np.maximum(-2.0 * likely, 1e-12))
+        return found
+
     def zeros(self) -> Floats:
         """dr [data, groups] by the unknown zero of each group, per its unit."""
         found = np.zeros((len(self.data), len(self._groups)))
@@ -120,25 +146,36 @@ class Model:
             found[indices, column] = 1.0 / self._sigma[indices]
         return found
 
-    def freedom(self, residuals: Floats) -> int:
+    def freedom(self, residuals: Floats, parameters: int) -> int:
         """Data less zeros less parameters, at least 1, and the bounds that are missed."""
-        values = int((self._side == 0).sum()) - len(self._groups) - len(self.unknowns)
-        return max(1, values) + int(((self._side != 0) & (residuals**2 > HALF)).sum())
+        values = int((self._side == 0).sum()) - len(self._groups) - parameters
+        return max(1, values) + int(self.missed(residuals).sum())
 
-    def chi2(self, residuals: Floats) -> float:
-        """Per degree of freedom; a bound adds what it costs beyond a prediction that is the bound."""
+    def missed(self, residuals: Floats) -> NDArray[np.bool_]:
+        """[data], True for a bound on whose other side the prediction is."""
+        return np.asarray((self._side != 0) & (residuals**2 > HALF))
+
+    def squares(self, residuals: Floats) -> float:
+        """Their sum; a bound adds what it costs beyond a prediction that is the bound."""
         squares = np.clip(residuals, -50.0, 50.0) ** 2
         squares[self._side != 0] = np.maximum(0.0, squares[self._side != 0] - HALF)
-        return float(squares.sum()) / self.freedom(residuals)
+        return float(squares.sum())
 
     def residuals_at(self, u: Floats) -> Floats:
         return self.residuals(self.predictions([u])[0])
 
     def jacobian(self, u: Floats, *, central: bool = True) -> Floats:
         """dr/du [data, n] by differences of STEP; not central: upwards only, for a first look at half the cost."""
+        return self._differences(self.residuals, u, central)
+
+    def trend(self, u: Floats) -> Floats:
+        """d(deviations)/du [data, n] by central differences of STEP."""
+        return self._differences(self.deviations, u, True)
+
+    def _differences(self, of: Callable[[Floats], Floats], u: Floats, central: bool) -> Floats:
         away = STEP * np.eye(len(u))
         points = [one for step in away for one in ((u + step, u - step) if central else (u + step,))]
-        here, *found = [self.residuals(one) for one in self.predictions([u, *points])]
+        here, *found = [of(one) for one in self.predictions([u, *points])]
         if central:
             pairs = zip(found[::2], found[1::2], strict=True)
             columns = [self._between(ahead - here, here - back) / STEP for ahead, back in pairs]

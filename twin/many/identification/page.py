@@ -49,7 +49,7 @@ def page(title: str, result: Fit, fitted: Sequence[str], held: Sequence[str], da
         "<h3>Correlations</h3>",
         _correlations(result),
         "</section>",
-        _laws(result) if result.competition.laws else "",
+        _laws(result) if result.laws else "",
         "<section><h2>Residuals: root mean square, in standard deviations of the data</h2>",
         _errors(result),
         "</section>",
@@ -121,23 +121,19 @@ def _correlations(result: Fit) -> str:
 
 
 def _laws(result: Fit) -> str:
-    """What was not fitted, the likeliest first; moved: the parameter it would move most."""
-    names = [one.unknown.name for one in result.estimates]
-    rows = []
-    for one in result.competition.laws:
-        most = max(range(len(names)), key=lambda at: abs(one.moved[at]))
-        cells = (f"{one.gained:+.1f}", f"{one.weight:.0%}", f"{escape(names[most])} {one.moved[most]:+.2f}")
-        rows.append(
-            f"<tr><th scope='row' class='text'>{escape(one.law)}</th>"
-            + "".join(f"<td>{cell}</td>" for cell in cells)
-            + f"<td class='code'>{escape(one.key)}</td></tr>"
-        )
-    head = "".join(f"<th scope='col'>{name}</th>" for name in ("gained", "weight", "moves most", "number"))
+    """Numbers that were not asked for: what was fitted beside, and what each would gain."""
+    beside = f"<h3>Fitted beside, within what is known of them</h3>{_estimates(result.beside)}" if result.beside else ""
+    rows = "".join(
+        f"<tr><th scope='row' class='text'>{escape(one.law)}</th><td>{one.gained:+.1f}</td>"
+        f"<td class='code'>{escape(one.key)}</td></tr>"
+        for one in result.laws
+    )
+    head = "".join(f"<th scope='col'>{name}</th>" for name in ("gained", "number"))
     return (
-        "<section><h2>Laws that were not fitted</h2><div class='wide'><table><thead><tr>"
-        f"<th scope='col' class='text'>law</th>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
-        "<p>Gained: logarithm of how much likelier what is held back from the fit is with this law than without it. "
-        "Weight: among all laws and what was fitted. Moves: in standard deviations of the prior.</p></section>"
+        f"<section><h2>Numbers that were not asked for</h2>{beside}<h3>Laws</h3><div class='wide'><table><thead><tr>"
+        f"<th scope='col' class='text'>law</th>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
+        "<p>Gained: logarithm of how much likelier what is held back from the fit is with this number free than as it "
+        "stands in the file.</p></section>"
     )
 
 

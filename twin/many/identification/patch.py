@@ -8,15 +8,16 @@
 
 Only identified numbers are in it, and of a common factor only those that a datum moves. Their grade is `measured` if
 recordings were held back and are predicted better, the model explains what was fitted, and the fit finds the number's
-family back when it is put elsewhere; without that, or if a number is known only roughly or not told apart from others
-of its factor, it is `estimate`. Whatever the grade, the interval stands beside it: `--uncertain` draws from it, and
-another identification begins with it.
+family back when it is put elsewhere. Without that it is `estimate`; so is a number that is known only roughly, not told
+apart from others of its factor, or fitted beside those that were asked for, which hold together with it. Whatever the
+grade, the interval stands beside it: `--uncertain` draws from it, and another identification begins with it.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +25,7 @@ from isel_twin.base.parameters import rows
 from isel_twin.base.toml import toml_line
 from isel_twin.machine import Machine
 from isel_twin.machine.spread import NORMAL_95
-from isel_twin.many.identification.fit import Fit
-from isel_twin.many.identification.laws import Law
+from isel_twin.many.identification.fit import Estimate, Fit
 from isel_twin.many.identification.model import WEAK
 from isel_twin.many.identification.recovery import family
 from isel_twin.many.identification.unknowns import Unknown, candidate, changes
@@ -46,11 +46,12 @@ def patch(
     kept = {one.key for one in result.unreached}
     alone = {key: left for one in result.alike for key, left in one.remaining.items()}
     units = {row.parameter: row.unit for row in rows(machine.tree)}
-    for estimate in result.estimates:
+    for estimate in (*result.estimates, *result.beside):
         item = estimate.unknown
         if not estimate.identified:
             continue
         sure = estimate.remaining < WEAK and family(item.name) not in result.unrecovered
+        sure = sure and estimate not in result.beside
         grade = "measured" if held and result.explains and sure else "estimate"
         if item.flag:
             flags[item.flag] = None
@@ -98,11 +99,6 @@ def patch(
     return "\n".join(lines) + "\n"
 
 
-def _law(one: Law) -> dict[str, Any]:
-    told = {"key": one.key, "law": one.law, "share": one.share, "gained": one.gained, "weight": one.weight}
-    return told | {"moved": list(one.moved)}
-
-
 def _number(machine: Machine, item: Unknown, key: str, value: float) -> float:
     found = changes(machine, [item], [value])[key]
     return found if item.whole else float(f"{found:.6g}")
@@ -112,31 +108,33 @@ def _step_ms(result: Fit, machine: Machine, controller: str) -> float | None:
     """The time step that the identified machine needs, if it differs."""
     from isel_twin.many.identification.session import model_twin
 
-    known = [estimate for estimate in result.estimates if estimate.identified]
+    known = [estimate for estimate in (*result.estimates, *result.beside) if estimate.identified]
     found = candidate(machine, [one.unknown for one in known], [one.value for one in known])
     step_ns = model_twin(found, controller).machine.timing.mujoco_step_ns
     return None if step_ns == machine.timing.mujoco_step_ns else step_ns * 1e-6
 
 
+def _told(one: Estimate) -> dict[str, Any]:
+    return {
+        "name": one.unknown.name,
+        "keys": list(one.unknown.keys),
+        "factor": one.unknown.factor,
+        "unit": one.unknown.unit,
+        "prior": [one.unknown.low, one.unknown.prior, one.unknown.high],
+        "prior_source": one.unknown.source,
+        "value": one.value,
+        "interval": [one.low, one.high],
+        "of_prior": one.remaining,
+        "identified": one.identified,
+        "note": one.note,
+    }
+
+
 def as_json(result: Fit, fitted: Sequence[str], held: Sequence[str]) -> dict[str, Any]:
     """The result in JSON's types, also for `isel-twin experiment --known`."""
     return {
-        "parameters": [
-            {
-                "name": one.unknown.name,
-                "keys": list(one.unknown.keys),
-                "factor": one.unknown.factor,
-                "unit": one.unknown.unit,
-                "prior": [one.unknown.low, one.unknown.prior, one.unknown.high],
-                "prior_source": one.unknown.source,
-                "value": one.value,
-                "interval": [one.low, one.high],
-                "of_prior": one.remaining,
-                "identified": one.identified,
-                "note": one.note,
-            }
-            for one in result.estimates
-        ],
+        "parameters": [_told(one) for one in result.estimates],
+        "beside": [_told(one) for one in result.beside],
         "correlation": result.correlation.tolist(),
         "covariance": result.covariance.tolist(),
         "singular_values": list(result.prospect.singular),
@@ -147,8 +145,8 @@ def as_json(result: Fit, fitted: Sequence[str], held: Sequence[str]) -> dict[str
         "doubts": list(result.doubts),
         "unreached": [one.key for one in result.unreached],
         "not_told_apart": [{"name": one.unknown, "of_prior": one.remaining} for one in result.alike],
-        "suspects": [_law(one) for one in result.suspects],
-        "laws": [_law(one) for one in result.competition.laws],
+        "suspects": [asdict(one) for one in result.suspects],
+        "laws": [asdict(one) for one in result.laws],
         "noise": [
             {"recording": one.recording, "unit": one.unit, "stated": one.stated, "sigma": one.sigma, "of": one.repeats}
             for one in result.noise

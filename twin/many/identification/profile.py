@@ -22,19 +22,17 @@ from isel_twin.many.identification.model import NOT_IDENTIFIED, Floats, Model
 FARTHEST = 3.0
 
 
-def profile(model: Model, u: Floats, jacobian: Floats, covariance: Floats, chi2: float) -> Floats:
-    """float64 [n, 2]: how far both ends lie from u, NORMAL_95 standard deviations or more. jacobian: at u."""
-    count, scale = len(u), max(1.0, chi2)
-    deviation = np.sqrt(np.diag(covariance))
+def profile(model: Model, asked: int, u: Floats, jacobian: Floats, covariance: Floats, chi2: float) -> Floats:
+    """float64 [asked, 2]: how far both ends lie from u, NORMAL_95 standard deviations or more, of the first `asked`
+    parameters. jacobian: at u."""
+    scale = max(1.0, chi2)
+    deviation = np.sqrt(np.diag(covariance))[:asked]
     ends = NORMAL_95 * np.outer(deviation, np.ones(2))
-    known = [at for at in range(count) if deviation[at] < NOT_IDENTIFIED]
-    way = {at: covariance[:, at] / deviation[at] for at in known}
-    points = [u + side * NORMAL_95 * way[at] for at in known for side in (-1.0, 1.0)]
+    known = [(at, side) for at in range(asked) if deviation[at] < NOT_IDENTIFIED for side in (0, 1)]
+    points = [u + (-1.0, 1.0)[side] * NORMAL_95 * covariance[:, at] / deviation[at] for at, side in known]
     here = _cost(model.residuals_at(u), u, jacobian, scale, None)
-    found = (model.residuals(one) for one in model.predictions(points))
-    for index, (point, residuals) in enumerate(zip(points, found, strict=True)):
-        at, side = known[index // 2], index % 2
-        more = _cost(residuals, point, jacobian, scale, at) - here
+    for (at, side), point, predicted in zip(known, points, model.predictions(points), strict=True):
+        more = _cost(model.residuals(predicted), point, jacobian, scale, at) - here
         farther = NORMAL_95 / math.sqrt(max(more, 1e-9))
         ends[at, side] *= min(max(1.0, farther), FARTHEST)
     return ends

@@ -16,8 +16,8 @@ The terms are those of the standards, with x the deviation from the place comman
 
 A straightedge is laid down by its ends, so a gauge on it shows the bow alone. A guide that turns makes a length greater
 by its angle times what the arm is longer: the lengths at two heights differ by a (z_2 - z_1), whatever the lead is.
-Growth by heat is a longer lead: who wants it measures positioning cold and warm, and fits `axes.x.screw_warming` to the
-warm day with the lead that the cold one gave.
+Growth by heat is a longer lead, so one day cannot tell it, and the job says so: who wants it measures a second day,
+warm, and fits `axes.x.screw_warming` to that one with the lead that the cold one gave.
 
 A circle at rest does not show what a fast one does. Squareness is read from it: a second axis that leans by q gives the
 radius q/2 sin 2a over its mean. Characteristics are computed from a filled form, whoever filled it: so the twin's
@@ -48,6 +48,7 @@ ALONG = 9  # places along a straightedge
 TWICE = 2  # readings of a length
 BRISK = (10_000, 100, 300)  # speed, acceleration and start-stop frequency on long ways
 FASTEST_HZ = 12_000  # of a coast: a machine that stalls before it is stopped says nothing of its friction
+COLD = "on the cold machine: growth by heat takes a second day, measured warm"
 
 Floats = NDArray[np.float64]
 
@@ -102,7 +103,8 @@ def _positioning(tell: Teller, travel_mm: float, draw: np.random.Generator, runs
             for mm in order:
                 read = (tell.reading(name, counter_mm=mm, sigma_mm=FAR_SIGMA_MM),)
                 steps += tell.move(mm, brisk, read, comment=f"read the scale on {tell.axis}: run {run + 1}, {way}")
-    return Block(name, f"{tell.axis}: ISO 230-2, {PLACES} places, {runs} times from either side, scale", steps)
+    what = f"{tell.axis}: ISO 230-2, {PLACES} places, {runs} times from either side, scale; {COLD}"
+    return Block(name, what, steps)
 
 
 def _straightness(language: Language, machine: Machine, name: str) -> list[Block]:

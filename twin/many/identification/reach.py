@@ -3,7 +3,7 @@
 A factor such as `stiffness.y` multiplies several numbers. The data may depend on one of them alone: a push at the tool
 of a machine whose table moves along Y bends the frame and never loads the screw. Or they depend on a sum: guides and
 shaft both brake a coast. The factor is found all the same, and says nothing of the screw, and little of either
-friction. So after the fit each number is moved alone, by twice the step of model.py and to the side where it is less,
+friction. So after the fit each number is moved alone, by WIDE of its factor's prior and to the side where it is less,
 which data of softer, lighter and smoother machines show better:
 
     J_k = (r - r(number moved)) / WIDE          0 if within the scatter of the model
@@ -24,10 +24,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from isel_twin.many.identification.model import NOT_IDENTIFIED, STEP, WEAK, Floats, Model
+from isel_twin.many.identification.model import NOT_IDENTIFIED, WEAK, WIDE, Floats, Model
 
 SHARE = 0.2
-WIDE = 2.0 * STEP
 REMEDIES = (  # what would reach a key, by its beginning and end; {of} is its axis
     ("axes.", ".stiffness", "a push along {of} at what this axis moves (`push_at`)"),
     ("structure.", ".stiffness", "a push along its axis at the other side, tool or table (`push_at`)"),
@@ -77,11 +76,8 @@ def behind_factors(
     if not factors:
         return (), ()
     single = [(at, replace(item, keys=(key,))) for at, item in factors for key in item.keys]
-    wider = model.wider([item for _, item in single])
-    base = np.concatenate((u, [u[at] for at, _ in single]))
-    points = [base - WIDE * np.eye(len(base))[len(u) + index] for index in range(len(single))]
-    here = model.residuals_at(u)
-    columns = [wider.told(here - wider.residuals(one)) / WIDE for one in wider.predictions(points)]
+    here, moved = model.residuals_at(u), model.apart(u, [(item, u[at] - WIDE) for at, item in single])
+    columns = [model.told(here - one) / WIDE for one in moved]
     unreached: list[OutOfReach] = []
     reached: list[int] = []
     for at, factor in factors:

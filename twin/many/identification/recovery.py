@@ -24,9 +24,9 @@ TOLERANCE = 0.25  # of the way, beside the interval
 
 
 def unrecovered(model: Model, u: Floats, jacobian: Floats, deviation: Floats) -> tuple[str, ...]:
-    """Families that are not found back; deviation [n]: of the u after the fit."""
+    """Families that are not found back; deviation: of the u after the fit, of the first ones, which were asked for."""
     families: dict[str, list[int]] = {}
-    for at, item in enumerate(model.unknowns):
+    for at, item in enumerate(model.unknowns[: len(deviation)]):
         if deviation[at] < WEAK:
             families.setdefault(family(item.name), []).append(at)
     inner = np.linalg.inv(jacobian.T @ jacobian + np.eye(len(u)))

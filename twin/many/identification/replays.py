@@ -1,6 +1,6 @@
 """The replays of a fit: made by a crew, counted, and kept in a journal, so that a fit that was killed goes on.
 
-    journal    {"key": SHA-256 of session, machine and numbers, "values": [...]}     a line of JSON for each replay
+    journal    {"key": SHA-256 of session, machine and new numbers, "values": [...]}     a line of JSON for each replay
 
 A replay depends on nothing else (replays have one seed), so one that is in the journal need not be made again: the same
 call after a kill reads what was made, asks for the rest, and ends with the same bits. A last line that was torn off is
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from isel_twin.base.crew import Crew, in_order
 from isel_twin.machine import Machine
+from isel_twin.machine.spread import numbers
 from isel_twin.many.identification.session import Session, predict
 from isel_twin.many.identification.unknowns import Unknown, candidate, changes
 from isel_twin.version import VERSION
@@ -40,28 +41,30 @@ class Replays:
         """crew: None: this process. progress: called with the number of replays. journal: None: none."""
         self._crew, self._progress, self._journal = crew, progress, journal
         self._known = {} if journal is None else _read(journal)
-        self.count = 0  # those that were read count, too
+        self._asked: set[str] = set()
 
     def make(self, calls: Sequence[Call]) -> list[Floats]:
-        """float64 [data of its session] of each call."""
-        keys = [_key(call) if self._journal is not None else "" for call in calls]
-        missing = [call for call, key in zip(calls, keys, strict=True) if key not in self._known]
-        made = in_order(replayed, missing, self._crew)
-        found = []
-        for key in keys:
-            values = self._known.get(key)
-            if values is None:
-                values = next(made)
-                self._keep(key, values)
-            found.append(values)
-            self.count += 1
-            if self._progress is not None:
-                self._progress(self.count)
-        return found
+        """float64 [data of its session] of each call; one that was made before is not made again."""
+        keys = [_key(call) for call in calls]
+        missing = {key: call for key, call in zip(keys, calls, strict=True) if key not in self._known}
+        made = in_order(replayed, list(missing.values()), self._crew)
+        for key in dict.fromkeys(keys):
+            if key in missing:
+                self._keep(key, next(made))
+            if key not in self._asked:
+                self._asked.add(key)
+                if self._progress is not None:
+                    self._progress(self.count)
+        return [self._known[key] for key in keys]
+
+    @property
+    def count(self) -> int:
+        """How many different ones there were; those that were read count, too."""
+        return len(self._asked)
 
     def _keep(self, key: str, values: Floats) -> None:
+        self._known[key] = values
         if self._journal is not None:
-            self._known[key] = values
             with self._journal.open("a", encoding="utf-8") as file:
                 file.write(json.dumps({"key": key, "values": values.tolist()}) + "\n")
 
@@ -74,7 +77,10 @@ def replayed(call: Call) -> Floats:
 
 def _key(call: Call) -> str:
     session, machine, unknowns, values = call
-    told = sorted(changes(machine, unknowns, values).items()), sorted(item.flag for item in unknowns)
+    flags = {item.flag for item in unknowns if item.flag and not getattr(machine.imperfections, item.flag)}
+    believed = {key: f"{entry['value']:.12g}" for key, entry in numbers(machine.tree)}
+    new = ((key, f"{value:.12g}") for key, value in changes(machine, unknowns, values).items())
+    told = sorted(one for one in new if one[1] != believed.get(one[0])), sorted(flags)
     return hashlib.sha256(f"{VERSION} {machine.digest} {_session_key(session)} {told!r}".encode()).hexdigest()
 
 
