@@ -38,8 +38,13 @@ def rounding_mm(degrees: float, speed_mm_s: float) -> float:
     return float(np.minimum(np.abs(at[:, 1]), np.abs(at @ (-turn[1], turn[0]))).max())
 
 
+def bounded(held_mm: float = 0.0, reset_s: float = 0.0127, **bounds: float) -> Following:
+    axes = replace(axes_of("bwo900"), lag_s=LAG_S, held_mm=held_mm, reset_s=reset_s)
+    return Following(axes, CamSettings(**bounds))
+
+
 def is_sharp(degrees: float, speed_mm_s: float, bound_mm: float = 0.02) -> bool:
-    following = Following(LAG_S, bound_mm)
+    following = bounded(following_mm=bound_mm)
     following.corner((1, 0, 0), (1, 0, 0), speed_mm_s)
     to = math.cos(math.radians(degrees)), math.sin(math.radians(degrees)), 0.0
     return following.corner(to, to, speed_mm_s)
@@ -60,7 +65,7 @@ def test_a_way_back_is_as_sharp_as_a_right_angle_and_what_goes_straight_on_is_no
 
 
 def test_what_has_no_length_is_no_corner() -> None:
-    following = Following(LAG_S, 0.02)
+    following = bounded()
     assert not following.corner((1, 0, 0), (1, 0, 0), 20.0)
     assert not following.corner((0, 0, 0), (0, 0, 0), 20.0)
     assert not following.corner((1, 0, 0), (1, 0, 0), 20.0)
@@ -69,10 +74,52 @@ def test_what_has_no_length_is_no_corner() -> None:
 
 @pytest.mark.parametrize("radius", [0.5, 5.0])
 def test_an_arc_at_the_fastest_speed_shrinks_by_the_bound(radius: float) -> None:
-    speed, step_s = Following(LAG_S, 0.02).fastest_mm_s(radius), 1e-4
+    (speed, _), step_s = bounded().fastest_mm_s(radius), 1e-4
     angles = speed / radius * step_s * np.arange(20_000)
     follows = behind(LAG_S, radius * np.column_stack([np.cos(angles), np.sin(angles)]), step_s)
     assert radius - np.linalg.norm(follows[-1]) == pytest.approx(0.02, rel=0.07)
+
+
+def held_mm(mm_s2: float, held: float, reset_s: float) -> float:
+    """By how much an arc has left a drive that stands, when error and integral have the torque to turn it: by steps."""
+    t, dt, integral = 0.0, 1e-5, 0.0
+    while True:
+        t += dt
+        error = mm_s2 * t * (LAG_S + 0.5 * t)
+        integral += error * dt
+        if error + integral / reset_s >= held:
+            return 0.5 * mm_s2 * t * t
+
+
+@pytest.mark.parametrize(("held", "reset_s", "bound"), [(0.2, 0.0127, 0.02), (0.1, 0.01, 0.005), (0.3, 0.05, 0.05)])
+@pytest.mark.parametrize("radius", [0.5, 20.0])
+def test_friction_holds_a_drive_that_turns_round_by_the_bound(
+    held: float, reset_s: float, bound: float, radius: float
+) -> None:
+    speed, why = bounded(held, reset_s, reversal_mm=bound).fastest_mm_s(radius)
+    assert held_mm(speed**2 / radius, held, reset_s) == pytest.approx(bound, rel=0.01)
+    assert why == f"friction holds a drive that turns round by {bound:g} mm at most ([cam] reversal_mm)"
+
+
+def test_an_arc_is_as_slow_as_the_tighter_bound_asks() -> None:
+    lag, why = bounded(0.2, following_mm=1e-4, reversal_mm=0.02).fastest_mm_s(5.0)
+    assert lag == pytest.approx(math.sqrt(2.0 * 5.0 * 1e-4) / LAG_S)
+    assert "following_mm" in why
+    assert bounded(0.2, reversal_mm=0.0).fastest_mm_s(5.0) == bounded().fastest_mm_s(5.0)
+
+
+@pytest.mark.parametrize("held", [0.01, 0.062])
+def test_what_is_never_held_by_as_much_is_not_slowed(held: float) -> None:
+    """Its error alone, or error and integral, turn it before the arc has left it by 0.02 mm, at any speed."""
+    assert bounded(held, following_mm=0.0, reversal_mm=0.02).fastest_mm_s(5.0)[0] == math.inf
+
+
+def test_without_a_bound_for_corners_none_is_sharp() -> None:
+    following = bounded(0.2, following_mm=0.0, reversal_mm=0.02)
+    assert following.matters
+    following.corner((1, 0, 0), (1, 0, 0), 50.0)
+    assert not following.corner((0, 1, 0), (0, 1, 0), 50.0)
+    assert not bounded(0.0, following_mm=0.0, reversal_mm=0.02).matters
 
 
 def servo(controller: str) -> MachineAxes:
@@ -92,13 +139,20 @@ PART: list[Element] = [
 
 
 def test_a_machine_says_by_what_its_drives_follow() -> None:
-    lags = [
-        machine_axes(Twin(machine=machine, controller=controller, plant="kinematic").machine).lag_s
+    """Z has the least inertia of screws: what turns its shaft round, over J w_v Kv, is its error (machine.toml)."""
+    steps, servos = [
+        machine_axes(Twin(machine=machine, controller=controller, plant="kinematic").machine)
         for machine, controller in (("4030", "imc-s8"), ("4030-servo", "gmi99"))
     ]
-    assert lags == [0.0, LAG_S]
-    with pytest.raises(ValueError, match="lag_s is -1"):
-        replace(axes_of("imc-s8"), lag_s=-1.0)
+    assert (steps.lag_s, steps.held_mm) == (0.0, 0.0)
+    turns_nm = 0.09 * (1.0 + 1.3) + 30.0 * 5e-3 / (2.0 * math.pi) / 0.9
+    inertia = 4e-5 + 5e-6 + 0.85 * math.pi / 32.0 * 7850.0 * 0.016**4 * 0.28
+    error = turns_nm / (inertia * 2.0 * math.pi * 50.0 * 40.0) * 5.0 / (2.0 * math.pi)
+    assert (servos.lag_s, servos.held_mm) == (LAG_S, pytest.approx(error))
+    assert servos.reset_s == pytest.approx(4.0 / (2.0 * math.pi * 50.0))
+    for wrong, why in (("lag_s", "lag_s is -1"), ("held_mm", "held_mm -1"), ("reset_s", "reset_s is -1")):
+        with pytest.raises(ValueError, match=why):
+            replace(axes_of("imc-s8"), **{wrong: -1.0})
 
 
 def test_sharp_corners_are_exact_stops_of_the_bwo_900() -> None:

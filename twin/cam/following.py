@@ -5,7 +5,14 @@ behind by v T, T the inverse of their gain; stepper motors are not.
                         | '         across the old one grows by v T (t / T - 1 + exp(-t / T)): both are v T sin / e
     arc:     the radius shrinks by (v T)^2 / 2 r
 
-Beyond the bound of the settings a corner becomes an exact stop, and an arc is made more slowly (language/8).
+    reversal: where an axis turns round in an arc, friction holds it until its loops have the torque: as much as an
+              error E would give alone, or an integral of E over R. When it has stood for t, the arc has left it by
+              b = a t^2 / 2, a = v^2 / r; its error, as it is behind by T, is a t (T + t / 2), so that
+
+                  a t (T + t / 2) + a t^2 (T / 2 + t / 6) / R = E
+
+Beyond the bounds of the settings a corner becomes an exact stop, and an arc is made more slowly (language/8,
+language/9).
 """
 
 from __future__ import annotations
@@ -14,15 +21,19 @@ import math
 from collections.abc import Sequence
 
 from isel_twin.cam.arcs import Shape
+from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import Point
+from isel_twin.cam.written import MachineAxes
 
 
 class Following:
-    """Follows the directions of the motions of a toolpath. lag_s: T; bound_mm: 0 for none."""
+    """Follows the directions of the motions of a toolpath."""
 
-    def __init__(self, lag_s: float, bound_mm: float) -> None:
-        self.matters = lag_s > 0.0 and bound_mm > 0.0  # False: nothing here makes a difference
-        self._lag_s, self._bound_mm = lag_s, bound_mm
+    def __init__(self, axes: MachineAxes, settings: CamSettings) -> None:
+        self._lag_s, self._held_mm, self._reset_s = axes.lag_s, axes.held_mm, axes.reset_s
+        self._bound_mm = settings.following_mm if axes.lag_s else 0.0  # 0: none
+        self._reversal_mm = settings.reversal_mm if axes.held_mm else 0.0
+        self.matters = bool(self._bound_mm or self._reversal_mm)  # False: nothing here makes a difference
         self._before: tuple[float, float, float] | None = None  # direction of the last motion, length 1
         self._speed_mm_s = 0.0
 
@@ -34,16 +45,33 @@ class Following:
             return False
         before, before_mm_s = self._before, self._speed_mm_s
         self._before, self._speed_mm_s = last, speed_mm_s
-        if before is None:
+        if before is None or not self._bound_mm:
             return False
         along = sum(u * v for u, v in zip(before, first, strict=True))
         across = math.sqrt(max(1.0 - along * along, 0.0)) if along > 0.0 else 1.0
         lag_mm = math.sqrt(before_mm_s * speed_mm_s) * self._lag_s
         return across * lag_mm / math.e > self._bound_mm
 
-    def fastest_mm_s(self, radius_mm: float) -> float:
-        """In an arc of this radius."""
-        return math.sqrt(2.0 * radius_mm * self._bound_mm) / self._lag_s
+    def fastest_mm_s(self, radius_mm: float) -> tuple[float, str]:
+        """In an arc of this radius, and why."""
+        fastest, why = math.inf, ""
+        if self._bound_mm:
+            fastest = math.sqrt(2.0 * radius_mm * self._bound_mm) / self._lag_s
+            why = f"its drives follow within {self._bound_mm:g} mm ([cam] following_mm)"
+        if self._reversal_mm and (slow := math.sqrt(radius_mm * self._turning_mm_s2())) < fastest:
+            fastest = slow
+            why = f"friction holds a drive that turns round by {self._reversal_mm:g} mm at most ([cam] reversal_mm)"
+        return fastest, why
+
+    def _turning_mm_s2(self) -> float:
+        """The acceleration a with which an axis may turn round, so that it is held until the arc has left it by b: with
+        a = 2 b / t^2 in E of above, t^2 b / 3 R - t (E - b - b T / R) + 2 b T = 0."""
+        left_mm, lag_s, reset_s = self._reversal_mm, self._lag_s, self._reset_s
+        square, minus = left_mm / (3.0 * reset_s), self._held_mm - left_mm * (1.0 + lag_s / reset_s)
+        root = minus**2 - 8.0 * square * left_mm * lag_s
+        if minus <= 0.0 or root < 0.0:
+            return math.inf  # it is never held for as long
+        return 2.0 * left_mm / ((minus + math.sqrt(root)) / (2.0 * square)) ** 2
 
 
 def directions(of: Shape) -> tuple[Point, Point]:

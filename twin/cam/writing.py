@@ -93,7 +93,7 @@ def written(path: Toolpath, axes: MachineAxes, settings: CamSettings, commands: 
 class _Writer:
     def __init__(self, axes: MachineAxes, settings: CamSettings, commands: Commands) -> None:
         self._course = Course(axes, settings, commands)
-        self._following = Following(axes.lag_s, settings.following_mm)
+        self._following = Following(axes, settings)
         self._commands = commands
         self._settings = settings
         self._running: Spindle | None = None
@@ -143,12 +143,10 @@ class _Writer:
     def _followed(self, arc: Arc, of: arcs.Shape) -> Arc:
         """As slowly as the drives have to make it."""
         radius = min(of.start_radius, of.end_radius)
-        fastest = self._following.fastest_mm_s(radius)
+        fastest, why = self._following.fastest_mm_s(radius)
         if arc.feed_mm_s <= fastest * (1.0 + CLOSE):
             return arc
-        bound = f"{self._settings.following_mm:g} mm ([cam] following_mm)"
-        text = f"an arc of r {radius:.3g} mm is made at {fastest:.3g} mm/s: its drives follow within {bound}"
-        self._course.caution("arc", arc.place, text)
+        self._course.caution("arc", arc.place, f"an arc of r {radius:.3g} mm is made at {fastest:.3g} mm/s: {why}")
         return arc._replace(feed_mm_s=fastest)
 
     def _event(self, element: Element) -> Iterator[Written]:

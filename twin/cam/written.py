@@ -21,6 +21,9 @@ class MachineAxes:
     travel_mm: tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
     top_mm_s: tuple[float, float, float] | None = None  # None: what the controller makes, the axis follows
     lag_s: float = 0.0  # by which drives follow, the slowest of them; stepper motors do not
+    # following error by which the speed loop of a drive, without its integral, turns an axis round against friction ...
+    held_mm: float = 0.0
+    reset_s: float = 1.0  # ... and the time in which the integral of an error does as much as the error itself
 
     def __post_init__(self) -> None:
         if not all(steps > 0 for steps in self.steps_mm):
@@ -29,8 +32,10 @@ class MachineAxes:
             raise ValueError(f"travel_mm is {self.travel_mm}; each is the least and the greatest reading")
         if self.top_mm_s is not None and not all(top > 0 for top in self.top_mm_s):
             raise ValueError(f"top_mm_s is {self.top_mm_s}; each must be more than 0")
-        if self.lag_s < 0:
-            raise ValueError(f"lag_s is {self.lag_s}; it must be 0 or more")
+        if self.lag_s < 0 or self.held_mm < 0:
+            raise ValueError(f"lag_s is {self.lag_s}, held_mm {self.held_mm}; both must be 0 or more")
+        if not self.reset_s > 0:
+            raise ValueError(f"reset_s is {self.reset_s}; it must be more than 0")
 
     @property
     def count(self) -> int:

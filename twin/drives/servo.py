@@ -55,7 +55,6 @@ def servo_parameters(
         )
     resistance = motor.resistance_ohm + drive.extra_resistance_ohm
     gain = -math.expm1(-resistance * dt_s / motor.inductance_h) / resistance
-    reset_s = drive.integral_ratio / drive.speed_bandwidth_rad_s
     rad = 2.0 * math.pi / drive.increments_per_rev
     p["kind"] = SERVO
     p["pole_pairs"] = 1.0
@@ -69,7 +68,7 @@ def servo_parameters(
     p["position_gain_rad_s"] = drive.position_gain_per_s * rad
     p["forward_rad_s"] = drive.feed_forward * rad / drive.loop_period_s
     p["speed_gain_a_s"] = p["inertia_kgm2"] * drive.speed_bandwidth_rad_s / motor.torque_constant_nm_per_a
-    p["integral_share"] = drive.loop_period_s / reset_s
+    p["integral_share"] = drive.loop_period_s / drive.reset_s
     p["peak_a"] = drive.peak_current_a
     p["rated_a"] = motor.rated_current_a
     p["lag_limit"] = drive.lag_limit

@@ -106,6 +106,11 @@ class ServoDrive:
         """By which the axis is behind at constant speed."""
         return (1.0 - self.feed_forward) / self.position_gain_per_s
 
+    @property
+    def reset_s(self) -> float:
+        """In which the integral of an error of the speed has as much effect as the error itself."""
+        return self.integral_ratio / self.speed_bandwidth_rad_s
+
     def loss_w(self, current_fraction: float) -> float:
         """Heat it makes while switched on, at a fraction of the rated current."""
         return self.quiescent_w + self.extra_resistance_ohm * (self.rated_current_a * current_fraction) ** 2

@@ -58,10 +58,13 @@ def machine_axes(machine: Machine) -> MachineAxes:
     the controller's: the last millimetres of the travel may be beyond the far switch.
     """
     x, y, z = machine.axes
+    servos = [(axis, axis.stage) for axis in (x, y, z) if isinstance(axis.stage, ServoDrive)]
     return MachineAxes(
         steps_mm=(1.0 / x.step_mm, 1.0 / y.step_mm, 1.0 / z.step_mm),
         travel_mm=((0.0, x.travel_mm), (0.0, y.travel_mm), (0.0, z.travel_mm)),
-        lag_s=max(abs(axis.stage.lag_s) if isinstance(axis.stage, ServoDrive) else 0.0 for axis in (x, y, z)),
+        lag_s=max((abs(drive.lag_s) for _, drive in servos), default=0.0),
+        held_mm=max((axis.held_mm for axis, _ in servos), default=0.0),
+        reset_s=max((drive.reset_s for _, drive in servos), default=1.0),
     )
 
 

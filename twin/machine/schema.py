@@ -95,6 +95,29 @@ class Axis:
         return isinstance(self.stage, ServoDrive)
 
     @property
+    def turning_nm(self) -> float:
+        """Torque by which the shaft is driven less before it turns round than when it begins to turn the other way."""
+        guide_nm = self.guide_friction_n * self.screw.travel_m_per_rad / self.screw.efficiency
+        return self.screw.coulomb_nm * (1.0 + self.screw.breakaway_ratio) + guide_nm
+
+    @property
+    def held_mm(self) -> float:
+        """Following error by which the speed loop of a servo drive, without its integral, turns it round against
+        friction; 0 for a stepper motor, which has its torque from a lag of less than a step."""
+        if not isinstance(self.stage, ServoDrive):
+            return 0.0
+        inertia_kgm2 = self.motor.rotor_inertia_kgm2 + self.screw.inertia_kgm2
+        stiffness_nm = inertia_kgm2 * self.stage.speed_bandwidth_rad_s * self.stage.position_gain_per_s  # a radian
+        return self.turning_nm / stiffness_nm * 1e3 * self.screw.travel_m_per_rad
+
+    @property
+    def lost_mm(self) -> float:
+        """By which the carriage stays behind the shaft in either sense: half the play, and the give of the nut under
+        the friction of the guide. Twice that is the reversal error at rest."""
+        give_m = self.guide_friction_n / self.screw.stiffness_n_per_m if self.screw.stiffness_n_per_m else 0.0
+        return 0.5 * self.screw.backlash_mm + 1e3 * give_m
+
+    @property
     def steps_per_rev(self) -> int:
         """Full steps of the motor times microsteps, or encoder increments."""
         if isinstance(self.stage, ServoDrive):
