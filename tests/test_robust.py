@@ -124,12 +124,21 @@ def test_the_machine_is_changed_by_its_factors_and_in_nothing_else() -> None:
     assert other.payload_kg == pytest.approx(2.0 * factors["payload.mass"])
 
 
-def test_electronic_damping_is_drawn_where_a_file_sets_it(tmp_path: Path) -> None:
-    gain = 'damping_gain = { value = 2.0, unit = "1", grade = "setting", source = "digital drive" }'
-    (tmp_path / "machine.toml").write_text(f'based_on = "4030"\n[axes.x.stage]\n{gain}\n')
+@pytest.mark.parametrize(
+    "says",
+    [
+        'damping_gain = { value = 2.0, unit = "1", grade = "setting", source = "digital drive" }',
+        'kind = "digital"',
+    ],
+)
+def test_electronic_damping_is_drawn_where_a_stage_has_it(says: str, tmp_path: Path) -> None:
+    (tmp_path / "machine.toml").write_text(f'based_on = "4030"\n[axes.x.stage]\n{says}\n')
     machine, plain = load_machine(tmp_path), load_machine("4030")
     rows = [robust.perturbation(machine, 5, n)[1] for n in range(1, 60)]
-    factors = [row.pop("axes.x.stage.damping_gain") for row in rows]
+    factors = [row.pop("axes.x.specimen.damping_gain") for row in rows]
+    overrides = robust.perturbation(machine, 5, 1)[2]
+    drawn = [axis.stage.damping_gain for axis in with_overrides(machine, overrides).axes]
+    assert drawn == pytest.approx([2.0 * factors[0], 0.0, 0.0])
     assert math.exp(-0.7) <= min(factors) < 0.8
     assert 1.2 < max(factors) <= math.exp(0.7)
     assert rows == [robust.perturbation(plain, 5, n)[1] for n in range(1, 60)], "all else is drawn as without it"

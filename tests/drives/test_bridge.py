@@ -79,6 +79,12 @@ def test_the_kind_of_the_stage_decides_when_a_motor_swings_itself_out_of_step(na
     assert [_twin_holds(like, rpm) for rpm in (0.8 * first_lost, 1.2 * first_lost)] == [True, False]
 
 
+def test_electronic_damping_alone_moves_the_first_loss() -> None:
+    """Kind digital is kind fast that damps; 48 V and 0.6 Nm: first lost at 800 and at 1600 rev/min."""
+    holds = {kind: _twin_holds(stage("23HS32-4004S", 48.0, kind=kind), 1100) for kind in ("fast", "digital")}
+    assert holds == {"fast": False, "digital": True}
+
+
 def _rise(t: NDArray[np.float64], over_s: float) -> NDArray[np.float64]:
     q = np.clip(t / over_s, 0.0, 1.0)
     return q * q * (3 - 2 * q)

@@ -37,10 +37,11 @@ class Bench:
         address: str = LOOPBACK,
         token: str | None = None,
         machine: str = "4030",
+        plant: str = "kinematic",
     ) -> None:
         self.panel = Panel(address, token)
         self.line = TcpEndpoint(LOOPBACK)
-        self.twin = Twin(machine, controller, plant="kinematic", line_speed=speed is not None)
+        self.twin = Twin(machine, controller, plant=plant, line_speed=speed is not None)
         if ready:
             assert self.twin.language is not None
             for data in self.twin.language.reference():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 import re
 import signal
 from collections.abc import Callable
@@ -16,6 +17,7 @@ import pytest
 import serial
 from playwright.sync_api import Browser, BrowserContext, Locator, Page, expect
 
+from isel_twin.drives.stability import limit_rad_s
 from tests.forked import start
 from tests.in_process import isel_twin
 from tests.panel.chromium import find_browser
@@ -99,6 +101,27 @@ def test_the_emergency_stop_in_motion(bench, open_panel):
     )  # a second click does not release it
     page['#elements [data-release="estop"]'].click()
     expect(page['[data-element="estop"]']).to_have_attribute("aria-pressed", "false")
+    assert page.said == []
+
+
+def test_the_edge_of_each_axis_is_seen(bench, open_panel):
+    """A motor at half of the speed from which on a swing of its rotor grows has an edge of 2, beyond that speed one
+    below 1, in red; Y, which has not moved since its reference run, keeps what it had."""
+    here = bench(speed=5.0, ready=True, plant="mujoco")
+    page = open_panel(here)
+    axis = here.twin.machine.axes[0]
+    limit_hz = limit_rad_s(axis.motor, axis.stage) * axis.steps_per_rev / (2.0 * math.pi)
+    edge = page["[data-axis=x] td:nth-child(9)"]
+    expect(page["#axes th:nth-child(9)"]).to_have_text("edge")
+    page.say(f"@0A 64000,{round(limit_hz / 2.0)},0,30,0,30,0,30")
+    expect(edge).to_have_text("2.00")
+    expect(edge).not_to_have_class("lost")
+    other = page["[data-axis=y] td:nth-child(9)"].inner_text()
+    expect(page.message("twin", "0")).to_have_count(1)
+    page.say(f"@0A -64000,{round(1.05 * limit_hz)},0,30,0,30,0,30")
+    expect(edge).to_have_text("0.95")
+    expect(edge).to_have_class("lost")
+    expect(page["[data-axis=y] td:nth-child(9)"]).to_have_text(other)
     assert page.said == []
 
 

@@ -17,10 +17,11 @@ def machines(*, json: Json = False) -> int:
 def motors(*, json: Json = False) -> int:
     """List the motors of the library: figures of their sheets, what the sheet's current means, and source."""
     from isel_twin.cli.outputs import say_json
-    from isel_twin.drives.library import SHEETS, figures
+    from isel_twin.drives.library import NEVER_STATED, SHEETS, figures
 
     if json:
-        say_json({name: figures(sheet) for name, sheet in SHEETS.items()})
+        guesses = {name: [*sheet.estimated, *NEVER_STATED] for name, sheet in SHEETS.items()}
+        say_json({name: {**figures(sheet), "estimated": guesses[name]} for name, sheet in SHEETS.items()})
         return 0
     print(f"{'motor':18} {'NEMA':>4} {'A peak':>6} {'ohm':>6} {'mH':>6} {'Nm/A':>6} {'g cm2':>6}  source; its current")
     for name, sheet in SHEETS.items():
@@ -29,6 +30,7 @@ def motors(*, json: Json = False) -> int:
         numbers += f" {m.torque_constant_nm_per_a:6.3f} {m.rotor_inertia_kgm2 * 1e7:6.0f}"
         guessed = "".join(f"; {key} estimated" for key in sheet.estimated)
         print(f"{name:18} {sheet.frame:4} {numbers}  {sheet.source}; {sheet.current}{guessed}")
+    print(f"estimated for all: {', '.join(NEVER_STATED)}")
     return 0
 
 

@@ -21,6 +21,7 @@ PEAK = "peak"  # the maker's curve fits only if the sheet's current is the peak
 RMS = "RMS"  # the sheet, or the chart of its drive, says so
 DIRECT = "direct current in both phases, taken for the peak"
 UNMARKED = "unmarked, taken for the peak"
+NEVER_STATED = ("iron_loss_ohm", "iron_knee_rad_s")  # fields of `Motor` that are estimated for every motor
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class Sheet:
     current: str  # what the sheet's current means
     source: str
     grade: str = "datasheet"  # of all numbers but the estimated ones
-    estimated: tuple[str, ...] = ()  # fields of `Motor` that nobody states; iron loss and its knee are never stated
+    estimated: tuple[str, ...] = ()  # fields of `Motor` that its sheet does not state, beside NEVER_STATED
 
 
 def _sheet(

@@ -130,6 +130,7 @@ class Specimen:
     iron_loss: float = number("1", 0.0, 10.0, key="iron_loss", default=1.0)
     iron_knee: float = number("1", 0.1, 10.0, key="iron_knee", default=1.0)
     supply_factor: float = number("1", 0.5, 1.2, key="supply_factor", default=1.0)  # of the stage
+    damping_gain: float = number("1", 0.1, 10.0, key="damping_gain", default=1.0)  # of the stage, where it damps
 
     def __post_init__(self) -> None:
         check(self)

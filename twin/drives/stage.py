@@ -35,6 +35,7 @@ from isel_twin.drives.servo_drive import ServoDrive
 
 KINDS = ("slow", "mixed", "fast", "digital")
 DIGITAL_GAIN = 2.0  # electronic damping of a digital drive (drives/9)
+MOST_DAMPING = 5.0
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ class Stage:
     mixed_decay: float = number("1", 0.0, 1.0, key="mixed_decay", optional=True, default=0.3)
     # electronic damping: advance of the current vector over the swing of the load angle; 0: none; nan: by kind.
     # Microstep only.
-    damping_gain: float = number("1", 0.0, 5.0, key="damping_gain", optional=True, default=math.nan)
+    damping_gain: float = number("1", 0.0, MOST_DAMPING, key="damping_gain", optional=True, default=math.nan)
     # corner of the low pass that separates the mean load angle from its swing
     damping_corner_hz: float = number("Hz", 10.0, 2000.0, key="damping_corner", optional=True, default=300.0)
     # largest error of the angle at which motor and stage hold, over a full step

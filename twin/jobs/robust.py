@@ -38,6 +38,7 @@ from isel_twin.base.errors import CallError, call_errors
 from isel_twin.base.quiet import quietly
 from isel_twin.core.finer import finely
 from isel_twin.core.spec import TwinSpec
+from isel_twin.drives.stage import Stage
 from isel_twin.jobs.playing import played
 from isel_twin.jobs.verdict import Verdict
 from isel_twin.machine import Machine, with_overrides
@@ -108,9 +109,9 @@ def perturbation(
     for mass in tree["masses"]:
         draws.put(f"masses.{mass}", draws.of("masses"))
     draws.put("payload.mass", draws.of("payload"))
-    for name in CARRIAGES:
-        if "damping_gain" in tree["axes"][name].get("stage", ()):  # where the file says so; last, as it seldom does
-            draws.put(f"axes.{name}.stage.damping_gain", draws.of("stage.damping_gain"))
+    for of in machine.axes:
+        if isinstance(of.stage, Stage) and of.stage.damping_gain:  # last, as few have it
+            draws.put(f"axes.{of.name}.specimen.damping_gain", draws.of("specimen.damping_gain"))
     if source == "known":
         draws.rest()
     return twin_seed, draws.factors, draws.overrides

@@ -22,7 +22,7 @@ from isel_twin.drives.motor import Motor, Specimen
 from isel_twin.drives.screw import Rod, Screw
 from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
 from isel_twin.drives.spindle import Spindle
-from isel_twin.drives.stage import Stage
+from isel_twin.drives.stage import MOST_DAMPING, Stage
 from isel_twin.drives.supply import Supply, check_fit
 from isel_twin.machine.fixture import read_fixtures
 from isel_twin.machine.schema import (
@@ -288,6 +288,7 @@ def _stepper(
     return specimen.of(motor), dataclasses.replace(
         stage,
         supply_factor=min(1.0, stage.supply_factor * specimen.supply_factor),
+        damping_gain=min(MOST_DAMPING, stage.damping_gain * specimen.damping_gain),
         step_error=stage.step_error if on.step_accuracy else 0.0,
         current_offset=stage.current_offset if on.current_offset else 0.0,
     )

@@ -10,7 +10,7 @@ Two questions are asked of it:
     motor       R normal 4 % (at most 10), L normal 8 % (at most 20), torque constant +-8 %, rotor inertia normal 5 %,
                 detent log-normal 25 %, iron loss 40 %, its knee 30 %
     stage       current normal 3 %, part of the supply that drives it normal 5 % (at most 10), supply -12 to +4 %;
-                electronic damping, where the file sets it, log-normal 35 %
+                electronic damping, where the stage has it, log-normal 35 %
     friction    of guides and of screws log-normal 35 %
     screw       efficiency 0.80 to 0.95, stiffness log-normal 35 %, backlash log-normal 50 %
     frame       stiffness log-normal 35 %, damping log-normal 47 %; squareness, guides log-normal 50 %
@@ -78,7 +78,6 @@ def _log_normal(size: float) -> Law:
 LAWS: Mapping[str, Law] = {
     "stage.supply": Law("uniform", low=0.88, high=1.04),  # transformer and rectifier; of a servo drive, too
     "stage.current": _normal(0.03),
-    "stage.damping_gain": _log_normal(0.35),  # electronic; no maker says how much
     "specimen.resistance": _normal(0.04),
     "specimen.inductance": _normal(0.08),
     "specimen.torque_constant": Law("uniform", low=0.92, high=1.08),
@@ -87,6 +86,7 @@ LAWS: Mapping[str, Law] = {
     "specimen.iron_loss": _log_normal(0.4),
     "specimen.iron_knee": _log_normal(0.3),
     "specimen.supply_factor": _normal(0.05),
+    "specimen.damping_gain": _log_normal(0.35),  # electronic; no maker says how much
     "guide_friction": _log_normal(0.35),
     "shaft_coulomb": _log_normal(0.35),
     "shaft_viscous": _log_normal(0.35),

@@ -1,4 +1,8 @@
-"""The teeth of a cutter in one sub-step, compiled; the equations are in cutting.py."""
+"""The teeth of a cutter in one sub-step, compiled; the equations are in cutting.py.
+
+A tooth that enters or leaves within the sub-step has its force for the part in which it cuts, at the middle of that
+part: so the mean over a turn is the integral, however coarsely sub-steps divide it.
+"""
 
 import math
 
@@ -20,18 +24,23 @@ def bite(cut, now, x_m_s, y_m_s):
     along = 0.0
     leftwards = 0.0
     turns = cut.turns * (now - cut.start + 0.5)
+    half_rad = math.pi * cut.turns
     for tooth in range(cut.flutes):
         place = turns + tooth / cut.flutes
         phi = 2.0 * math.pi * (place - math.floor(place))
-        if cut.enter_rad <= phi <= cut.leave_rad:
-            sine, cosine = math.sin(phi), math.cos(phi)
+        if phi + half_rad > 2.0 * math.pi + cut.enter_rad:
+            phi -= 2.0 * math.pi
+        low, high = max(phi - half_rad, cut.enter_rad), min(phi + half_rad, cut.leave_rad)
+        if low < high:
+            share, middle = 0.5 * (high - low) / half_rad, 0.5 * (low + high)
+            sine, cosine = math.sin(middle), math.cos(middle)
             tangential_n = cut.n_per_m * min(speed, cut.most_m_s) * cut.tooth_s * sine
             if cut.m != 0.0 and tangential_n > 0.0:
                 tangential_n *= (1e3 * min(speed, cut.most_m_s) * cut.tooth_s * sine) ** -cut.m
-            along -= tangential_n * (cosine + cut.radial * sine)
-            leftwards += tangential_n * (sine - cut.radial * cosine)
-            along -= cut.edge_n * cosine + cut.edge_radial_n * sine
-            leftwards += cut.edge_n * sine - cut.edge_radial_n * cosine
+            along -= share * tangential_n * (cosine + cut.radial * sine)
+            leftwards += share * tangential_n * (sine - cut.radial * cosine)
+            along -= share * (cut.edge_n * cosine + cut.edge_radial_n * sine)
+            leftwards += share * (cut.edge_n * sine - cut.edge_radial_n * cosine)
     along /= speed
     leftwards *= cut.left / speed
     cut.x_n = along * cut.x_m_s - leftwards * cut.y_m_s

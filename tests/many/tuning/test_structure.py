@@ -82,9 +82,14 @@ def test_twenty_five_trials_come_near_the_best(
     assert searched(lambda values: made(values, limit_hz, strongest, overshoot), 0.2) <= 1.0 + behind
 
 
-@pytest.mark.parametrize(("limit_hz", "strongest"), [(19_000.0, 900.0), (15_000.0, 300.0)])
-def test_so_they_do_where_only_losses_and_the_time_of_all_moves_are_told(limit_hz: float, strongest: float) -> None:
-    assert searched(lambda values: stored(values, limit_hz, strongest), 0.0) <= 1.04
+@pytest.mark.parametrize(
+    ("limit_hz", "strongest", "behind"),
+    [(19_000.0, 900.0, 0.02), (15_000.0, 300.0, 0.045), (20_500.0, 300.0, 0.04), (19_000.0, 1800.0, 0.02)],
+)
+def test_so_they_do_where_only_losses_and_the_time_of_all_moves_are_told(
+    limit_hz: float, strongest: float, behind: float
+) -> None:
+    assert searched(lambda values: stored(values, limit_hz, strongest), 0.0) <= 1.0 + behind
 
 
 def test_nothing_is_tried_that_something_lesser_has_lost() -> None:

@@ -18,7 +18,7 @@ Moves whose speed is their own, such as arcs, say nothing of that: what they nee
 
 A trial is the place, on a grid of all three, where (time that would be saved) times (chance that it keeps the wanted
 margin) is greatest; each further one of a batch is chosen as if those before had come out as is likely (many/11). Where
-motors have no margin to tell, the chance is by how far a place is from what held and from what lost (many/20).
+no margin is asked for, lost steps alone decide, of which margins tell nothing: outcomes.py has that chance (many/20).
 """
 
 from __future__ import annotations
@@ -35,19 +35,21 @@ from isel_twin.drives.motor import Motor
 from isel_twin.drives.stage import Stage
 from isel_twin.machine import Axis
 from isel_twin.many.tuning.judge import LEAST
+from isel_twin.many.tuning.outcomes import Thresholds
 from isel_twin.many.tuning.result import Tried
 from isel_twin.many.tuning.space import SETTINGS, Problem, fails_from_hz
 
 SPEEDS = 64  # of a table of torques
 POINTS = {"speed_hz": 41, "acceleration_hz_per_ms": 121, "start_stop_hz": 9}  # of the grid
+POINTS_OF_OUTCOMES = {**POINTS, "start_stop_hz": 33}  # where no margin says how far a start is from failing
 UNSURE = 0.06  # standard deviation of a margin of torque that the model says
 SHARES = (0.3, 0.5, 0.2)  # of the time of a job: that which no setting changes, ways, ramps
 STORED = 0.01  # of the mean time of lines with moves: where most take less, they only store them
 SURPLUS = 0.06  # margin beyond the wanted one at which every third trial aims
 WORTH = 2e-4  # least chance of saving, over the time of the job, for which a trial is made
 APART = (0.03, 0.12, 0.8)  # logarithm of a setting over another's in the same batch
-NEAR = (0.2, 0.5, 0.5)  # logarithm of a setting over another's that are as likely to hold, where margins tell nothing
-FARTHEST = 6.0  # of those: where nothing has held or lost yet
+PART = 4  # where outcomes decide, so much of a batch goes before the next ones are chosen
+CAREFUL = (1.05, 1.25, 1.25)  # how much more of each setting every third trial then wants to hold
 FAR = 0.03  # logarithm of a setting over the best one's, below which nothing is gained by halving
 BETWEEN = 3  # most trials of halving in a batch
 MISSED = 0.03  # of the margin, that less speed can mend
@@ -114,7 +116,7 @@ class Structure:
         settings = next(iter(self.problem.settings(values).values()))
         return np.array([float(getattr(settings, setting)) for setting in SETTINGS])
 
-    def _grid(self, speeds_hz: Sequence[float]) -> Grid:
+    def _grid(self, speeds_hz: Sequence[float] = (), points: Mapping[str, int] = POINTS) -> Grid:
         """All places, and those with further speeds."""
         fixed = self.place(self.problem.nearest())
         axes = []
@@ -123,10 +125,10 @@ class Structure:
             if one is None:
                 places = np.array([value])
             elif one.log:
-                places = np.geomspace(one.low, one.high, POINTS[setting])
+                places = np.geomspace(one.low, one.high, points[setting])
             else:
                 more = [min(max(speed, one.low), one.high) for speed in speeds_hz if math.isfinite(speed)]
-                places = np.concatenate([np.linspace(one.low, one.high, POINTS[setting]), more])
+                places = np.concatenate([np.linspace(one.low, one.high, points[setting]), more])
             axes.append(np.unique(np.floor(places)))
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
 
@@ -136,6 +138,8 @@ class Structure:
         good = [each for each in tried if each.judgement.good]
         if not good:
             return []
+        if self._axis is not None and least < LEAST:
+            return self._by_outcomes(tried, max(1, many // PART))
         points = np.array([self.place(each.values) for each in tried])
         margins = np.array([each.judgement.margin if each.judgement.good else 0.0 for each in tried])
         torques, speeds = np.array([self._kept(each) for each in tried]).T
@@ -149,15 +153,11 @@ class Structure:
         best = {wanted: _best(good, wanted) for wanted in fastest_hz}
         taken = np.zeros(time_s.shape, dtype=np.bool_)
         found: list[dict[str, int]] = []
-        held, lost = list(points[margins > 0.0]), list(points[margins == 0.0])
         for number in range(many):
-            wanted = least + SURPLUS * (number % 3 == 2 and known is not None)
+            wanted = least + SURPLUS * (number % 3 == 2)
             hedge = 1.0 if known else HEDGES[number % len(HEDGES)]
-            if known is None:
-                chance = _by_outcome(grid, held, lost)
-            else:
-                by_torque = 1.0 - (c + hedge * b * _pull(grid)) / torque
-                chance = 0.5 * (1.0 + _erf((by_torque - wanted) / (UNSURE * math.sqrt(2.0))))
+            by_torque = 1.0 - (c + hedge * b * _pull(grid)) / torque
+            chance = 0.5 * (1.0 + _erf((by_torque - wanted) / (UNSURE * math.sqrt(2.0))))
             chance[grid[..., 0] > fastest_hz[wanted]] = 0.0
             keeps = (margins > 0.0) & (margins >= wanted)
             for point in points[~keeps]:
@@ -172,16 +172,45 @@ class Structure:
             found.append(self._values(grid[at]))
             if chance[at] > 0.5:
                 best[wanted] = min(best[wanted], float(time_s[at]))
-                held.append(grid[at])
-            else:
-                lost.append(grid[at])
-            taken |= (np.abs(np.log(grid / grid[at])) / (NEAR if known is None else APART)).max(axis=-1) < 1.0
+            taken |= (np.abs(np.log(grid / grid[at])) / APART).max(axis=-1) < 1.0
         been = [each.values for each in tried]
         again = [each for each in self._slower(good, least) if each not in been][:SLOWER]
         halfway = [each for each in self._between(tried, least) if each not in (*been, *again, *found)]
         if not found:
             return [*again, *halfway[:BETWEEN]]
         return [*again, *found][: many - len(halfway[:1])] + halfway[:1]
+
+    def _by_outcomes(self, tried: Sequence[Tried], many: int) -> list[dict[str, int]]:
+        """The next trials where nothing but lost steps decides, which no margin foretells. Every third wants that more
+        than itself holds: CAREFUL times as much of everything."""
+        good = [each for each in tried if each.judgement.good]
+        assert self._axis is not None
+        thresholds, grid = Thresholds.of(self._axis, self._limit_hz), self._grid(points=POINTS_OF_OUTCOMES)
+        time_s, places = self._times(grid, good, tried), self._over_torque(grid)
+        points = self._over_torque(np.array([self.place(each.values) for each in tried]))
+        times_s = np.array([each.judgement.time_s for each in tried])
+        holds = np.array([each.judgement.good for each in tried])
+        been, found = [each.values for each in tried], list[dict[str, int]]()
+        for number in range(len(tried), len(tried) + many):
+            more = np.array(CAREFUL if number % 3 == 2 else (1.0, 1.0, 1.0))
+            chances, chance = (thresholds.chance(at * more, points[holds], points[~holds]) for at in (points, places))
+            best_s = times_s[holds & ((chances > 0.5) | bool(np.all(more == 1.0)))].min(initial=times_s[holds].max())
+            worth = np.maximum(best_s - time_s, 0.0) * chance
+            at = np.unravel_index(int(worth.argmax()), worth.shape)
+            while worth[at] > 0.0 and self._values(grid[at]) in (*been, *found):
+                worth[at] = 0.0
+                at = np.unravel_index(int(worth.argmax()), worth.shape)
+            if worth[at] > WORTH * best_s:
+                found.append(self._values(grid[at]))
+                points, times_s = np.concatenate([points, places[at][None]]), np.append(times_s, time_s[at])
+                holds = np.append(holds, chance[at] > 0.5)
+        return found
+
+    def _over_torque(self, points: Grid) -> Grid:
+        """Places with their acceleration over the torque at their speed."""
+        made = points.copy()
+        made[..., 1] /= np.maximum(self._torque(points[..., 0].ravel()).reshape(points.shape[:-1]), 0.01)
+        return made
 
     def _slower(self, good: Sequence[Tried], least: float) -> list[dict[str, int]]:
         """Those that missed the margin by little, with as much less speed, the fastest first. The speed of zero growth
@@ -211,11 +240,14 @@ class Structure:
         values = dict(zip(SETTINGS, point.tolist(), strict=True))
         return {one.name: one.nearest(round(values[setting])) for setting, one in self._names.items()}
 
-    def _times(self, grid: Grid, good: Sequence[Tried]) -> NDArray[np.float64]:
-        """Time of the job at each place of a grid."""
+    def _times(self, grid: Grid, good: Sequence[Tried], tried: Sequence[Tried] = ()) -> NDArray[np.float64]:
+        """Time of the job at each place of a grid. tried: others, which tell of it as well if they came to its end:
+        a controller takes as long whether its motors follow or not."""
         problem, known = self.problem, good[0]
         if self._at_once(known):
-            return self._times_at_once(grid, good)
+            whole = len(known.judgement.moves)
+            ended = [each for each in tried if not each.judgement.good and len(each.judgement.moves) == whole]
+            return self._times_at_once(grid, [*good, *ended])
         settings = problem.settings(known.values)
         total = np.full(grid.shape[:-1], known.judgement.time_s)
         for move, made in zip(problem.moves, known.judgement.moves, strict=True):
@@ -271,8 +303,8 @@ class Structure:
 
     def _fitted(
         self, points: NDArray[np.float64], torques: NDArray[np.float64], limit_hz: float
-    ) -> tuple[tuple[float, float], bool | None]:
-        """c and b of the torque that is used, and whether trials have told them apart; None: nothing of torque."""
+    ) -> tuple[tuple[float, float], bool]:
+        """c and b of the torque that is used, and whether trials have told them apart."""
         good = torques > 0.0
         needs = np.stack([np.ones(len(points)), _pull(points)], axis=-1) / self._torque(points[:, 0])[:, None]
         told = torques > LEAST
@@ -282,7 +314,7 @@ class Structure:
         pulls = _pull(points[told])
         apart = len(pulls) > 0 and bool(pulls.max() > APART_PULLS * pulls.min())
         if self._axis is not None:
-            return (c, b), apart if told.any() else None
+            return (c, b), apart
         # what was limited by speed says that no more torque was used
         most = float(np.min((1.0 - torques[good]) / (needs[good] @ (c, b)), initial=1.0))
         return (c * most, b * most), apart
@@ -295,16 +327,6 @@ def _terms(points: Grid) -> NDArray[np.float64]:
 
 
 _erf = np.vectorize(math.erf, otypes=[float])
-
-
-def _by_outcome(grid: Grid, held: Sequence[Grid], lost: Sequence[Grid]) -> NDArray[np.float64]:
-    """The chance at each place where margins tell nothing: by how far it is beyond what held and short of what lost."""
-    beyond, short = (
-        np.min([(sign * np.log(grid / one) / NEAR).max(axis=-1) for one in them], axis=0, initial=FARTHEST).clip(0.0)
-        for sign, them in ((1.0, held), (-1.0, lost))
-    )
-    found: NDArray[np.float64] = np.square(short / np.maximum(beyond + short, 1e-9))
-    return found
 
 
 def _best(good: Sequence[Tried], wanted: float) -> float:
