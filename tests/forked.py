@@ -209,6 +209,7 @@ def _be_command(request: dict[str, Any], files: list[int]) -> NoReturn:
         os.close(file)
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    sys.dont_write_bytecode = True  # whose files may not grow would leave half of one for all others
     os.chdir(request["folder"])
     os.environ.clear()
     os.environ.update(request["environment"])

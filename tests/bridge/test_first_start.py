@@ -35,7 +35,9 @@ def test_it_is_compiled_before_it_listens(tmp_path: Path, monkeypatch: pytest.Mo
     for path in tmp_path.rglob("time_law._fill_ramp-*"):
         path.unlink()
     for told in (True, False):
-        done = run("run", "-", "--plant", "kinematic", input="@07\n@0R7\n", start=start_anew)
+        done = run(
+            "run", "-", "--plant", "kinematic", "--steps", tmp_path / "steps.npz", input="@07\n@0R7\n", start=start_anew
+        )
         assert done.returncode == 0
         assert ("compiling the physics (once per installation) ...\n" in done.stderr) == told
         assert done.stderr.startswith("isel-twin: compil") == told

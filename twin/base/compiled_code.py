@@ -21,7 +21,7 @@ from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.environment import Environment, lookup_environment
 from numba.core.runtime import rtsys
 
-from isel_twin.base.compiling import compiling
+from isel_twin.base.compile_watch import compiling
 
 log = logging.getLogger("isel_twin")
 

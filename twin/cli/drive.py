@@ -86,7 +86,7 @@ def drive(
     if files.sampled and (samples := ticks.over_ns / SECOND_NS / interval) > MOST_SAMPLES:
         raise CallError(f"interval {interval:g}: makes {samples:.1e} samples of this capture; take more", option=True)
     with ExitStack() as stack:
-        from isel_twin.base.compiling import told_of_compiling
+        from isel_twin.base.compile_watch import told_of_compiling
         from isel_twin.capture.play import Strikes, lines_of, play
         from isel_twin.capture.player import NAME, Player
         from isel_twin.jobs.playing import followed

@@ -64,7 +64,7 @@ def exec_(
     options.check_kind("steps", steps, ".npz")
     options.check_writable(steps, record, kept=(*twin.files, None if program.path is None else Path(program.path)))
     driven = twin.spec(line_speed=True).build()
-    from isel_twin.base.compiling import told_of_compiling
+    from isel_twin.base.compile_watch import told_of_compiling
     from isel_twin.recordings.write import write_trace
 
     with ExitStack() as stack:

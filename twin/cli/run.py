@@ -99,7 +99,7 @@ def run(
     with ExitStack() as stack:
         made_on = call.build(keep_motions=None if files.needs_stream else 1)
 
-        from isel_twin.base.compiling import told_of_compiling
+        from isel_twin.base.compile_watch import told_of_compiling
         from isel_twin.jobs.playing import played
 
         check_names(job, lines, made_on)

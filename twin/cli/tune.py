@@ -163,7 +163,7 @@ def tune(
     call = clamped(TwinSpec(machine, controller, "mujoco", seed, scenario, None, overrides=overrides), job)
 
     _, source = read_source(job, call, form)  # reports errors with their line
-    from isel_twin.base.compiling import told_of_compiling
+    from isel_twin.base.compile_watch import told_of_compiling
     from isel_twin.cli.tune_output import Json, Table
 
     with call_errors(job):

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from isel_twin.base.axes import CARRIAGES
-from isel_twin.base.compiling import log_compiling, told_of_compiling
+from isel_twin.base.compile_watch import log_compiling, told_of_compiling
 from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.controller import Compiles, PluginError, controller_names, create_controller, offers
 from isel_twin.drives.library import MOTORS
