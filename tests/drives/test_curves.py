@@ -25,6 +25,8 @@ from isel_twin.drives.motor import Motor, from_datasheet
 from isel_twin.drives.screw import Screw
 from isel_twin.drives.stage import Stage
 
+pytestmark = pytest.mark.long(seconds=10)
+
 NEMA23 = MOTORS["23HS32-4004S"]
 FOUR_FIELDS = Motor(
     resistance_ohm=0.65,

@@ -14,6 +14,8 @@ from isel_twin.cam.toolpath import Arc, Dwell, Element, Line, Place, Point, Rapi
 from isel_twin.jobs.checks.contour import Contour, Drawing, drawing
 from tests.in_process import isel_twin
 
+pytestmark = pytest.mark.long(seconds=11)
+
 DOWN = CamSettings(start=(0.0, 0.0, 0.0), z_sign=-1)
 
 

@@ -25,6 +25,8 @@ from isel_twin.language import create_language
 from tests import forked
 from tests.in_process import isel_twin
 
+pytestmark = pytest.mark.long(seconds=19)
+
 LONG = "@07\n@0N7\n@0J60\n@0A64000,{hz},0,30,0,30,0,30\n"
 """200 mm of X: at 48 V and 60 Hz/ms all is lost from between 25 500 and 26 000 Hz on."""
 

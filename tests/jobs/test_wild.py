@@ -12,6 +12,8 @@ import pytest
 from tests.cam.wild import WILD
 from tests.in_process import isel_twin
 
+pytestmark = pytest.mark.long(seconds=6)
+
 CONTROLLERS = {"imc-s8": "4030", "ismif": "4030", "gmi99": "4030-servo", "bwo900": "4030-servo"}
 ORDER = [*CONTROLLERS]
 SETTINGS = "[cam]\nzero = [100, 80, 40]\nplunge_mm_s = 10.0\ndepth_mm = 1.0\nfeed_mm_s = 10.0\nrapid_mm_s = 30.0\n"

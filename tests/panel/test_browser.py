@@ -24,7 +24,10 @@ from tests.panel.chromium import find_browser
 from tests.panel.conftest import LOOPBACK, WAIT_S, Bench
 
 WHERE = find_browser()
-pytestmark = pytest.mark.skipif(WHERE is None, reason="there is no Chromium or Chrome; `make browser` installs one")
+pytestmark = [
+    pytest.mark.skipif(WHERE is None, reason="there is no Chromium or Chrome; `make browser` installs one"),
+    pytest.mark.long(seconds=60),
+]
 
 EMPTY = '<!doctype html><html lang="en"><title>no scene</title><main><h1>no scene</h1></main></html>'
 PARTS = ("header", "#operate", "#stage", "#axes", "#plots", "#upper", "#lower")
@@ -328,31 +331,29 @@ def test_the_page_is_there_in_time(bench, open_panel):
     assert 0.0 < spent_s() - before_s < OPEN_S
 
 
-@pytest.mark.parametrize(("width", "height"), [(1280, 800), (1920, 1080), (1000, 700)])
 @pytest.mark.parametrize("controller", ["imc-s8", "ismif"])
-def test_one_page_for_every_controller_and_nothing_overlaps(
-    bench, open_panel, controller: str, width: int, height: int
-):
+def test_one_page_for_every_controller_and_nothing_overlaps(bench, open_panel, controller: str):
     page = open_panel(bench(controller=controller))
-    page.page.set_viewport_size({"width": width, "height": height})
     page["[data-tab=ports]"].click()
     expect(page["#ports .port"].first).to_be_visible()
     expect(page["#outputs .lamp"].first).to_be_visible()
     expect(page["#axes tbody tr"].first).to_be_visible()
-    boxes = {name: page[name].bounding_box() for name in PARTS}
-    for name, box in boxes.items():
-        assert box is not None, name
-        assert box["width"] > 100, name
-        assert box["height"] > 30, name
-        assert box["x"] >= 0, name
-        assert box["x"] + box["width"] <= width, name
-    for one, other in itertools.combinations(PARTS, 2):
-        assert apart(boxes[one], boxes[other]), (one, other)
-    beyond = page.page.evaluate(
-        "[document.documentElement, ...document.querySelectorAll('#ports, #operate, #lower, #plots, #stage')]"
-        ".map(node => [node.id, node.scrollWidth - node.clientWidth])"
-    )
-    assert [name for name, pixels in beyond if pixels > 0] == []
+    for width, height in ((1280, 800), (1920, 1080), (1000, 700)):
+        page.page.set_viewport_size({"width": width, "height": height})
+        boxes = {name: page[name].bounding_box() for name in PARTS}
+        for name, box in boxes.items():
+            assert box is not None, name
+            assert box["width"] > 100, (width, name)
+            assert box["height"] > 30, (width, name)
+            assert box["x"] >= 0, (width, name)
+            assert box["x"] + box["width"] <= width, (width, name)
+        for one, other in itertools.combinations(PARTS, 2):
+            assert apart(boxes[one], boxes[other]), (width, one, other)
+        beyond = page.page.evaluate(
+            "[document.documentElement, ...document.querySelectorAll('#ports, #operate, #lower, #plots, #stage')]"
+            ".map(node => [node.id, node.scrollWidth - node.clientWidth])"
+        )
+        assert [name for name, pixels in beyond if pixels > 0] == [], width
     assert page.said == []
 
 
@@ -362,19 +363,19 @@ def apart(one: dict[str, float], other: dict[str, float]) -> bool:
     return beside or any(a["y"] + a["height"] <= b["y"] + 0.5 for a, b in ((one, other), (other, one)))
 
 
-@pytest.mark.parametrize("width", [1000, 1500])
-def test_names_of_terminals_have_room_however_long_they_are(bench, open_panel, width: int):
+def test_names_of_terminals_have_room_however_long_they_are(bench, open_panel):
     """A control with programs names its terminals limit_x1, not p1.0."""
     page = open_panel(bench(controller="bwo900", machine="4030-servo"))
-    page.page.set_viewport_size({"width": width, "height": 900})
     page["[data-tab=ports]"].click()
     expect(page["#ports .port"].first).to_be_visible()
-    over = page.page.evaluate(
-        "[...document.querySelectorAll('#ports .port')].filter(node => { const c = node.querySelector('code');"
-        "return c.scrollWidth > c.clientWidth || c.getBoundingClientRect().right > node.querySelector('.name')"
-        ".getBoundingClientRect().left; }).map(node => node.dataset.port)"
-    )
-    assert over == []
+    for width in (1000, 1500):
+        page.page.set_viewport_size({"width": width, "height": 900})
+        over = page.page.evaluate(
+            "[...document.querySelectorAll('#ports .port')].filter(node => { const c = node.querySelector('code');"
+            "return c.scrollWidth > c.clientWidth || c.getBoundingClientRect().right > node.querySelector('.name')"
+            ".getBoundingClientRect().left; }).map(node => node.dataset.port)"
+        )
+        assert over == [], width
 
 
 def test_a_server_that_goes_and_one_that_takes_its_place(bench, open_panel):

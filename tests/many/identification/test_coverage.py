@@ -27,6 +27,8 @@ from isel_twin.many.identification.unknowns import unknown
 from tests.many.identification.coverage import CONTROLLER, GAUGE_MM, Surface, bounds, drawn, held, hidden_day
 from tests.near import near_switches
 
+pytestmark = pytest.mark.long(seconds=6)
+
 NAMES = ("friction.x", "backlash.x", "stiffness.x")
 MACHINES = 20
 

@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
-import dataclasses
 import pickle
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from isel_twin.base.crew import here
+from isel_twin.language import create_language, needed
 from isel_twin.machine import load_machine
+from isel_twin.many.identification.experiment import assemble, blocks
 from isel_twin.many.identification.fit import Fit, Prospect, fit, prospect
 from isel_twin.many.identification.model import Model
 from isel_twin.many.identification.page import page
 from isel_twin.many.identification.patch import as_json, patch
 from isel_twin.many.identification.replays import Replays
-from isel_twin.many.identification.session import Session, predict
+from isel_twin.many.identification.session import predict, session_of
+from isel_twin.many.identification.stand_in import carry_out
 from isel_twin.many.identification.unknowns import candidate, unknown
-from tests.many.identification.conftest import CONTROLLER, NAMES, TRUE, Found
+from tests.many.identification.conftest import CONTROLLER, GAUGE_MM, NAMES, TRUE, Found, wanted
+
+pytestmark = pytest.mark.long(seconds=27)
 
 
 @pytest.fixture(scope="session")
@@ -102,7 +107,7 @@ def test_predictions_of_what_was_held_back_are_told(fitted: tuple[Fit, list[Pros
 
 @pytest.mark.slow
 def test_as_good_as_before_is_not_worse(fitted: tuple[Fit, list[Prospect]]) -> None:
-    assert not dataclasses.replace(fitted[0], after=fitted[0].before).worse
+    assert not replace(fitted[0], after=fitted[0].before).worse
 
 
 def test_a_true_model_predicts_within_the_noise(found: Found) -> None:
@@ -115,15 +120,13 @@ def test_a_true_model_predicts_within_the_noise(found: Found) -> None:
 
 def test_a_replay_gives_the_same_bits(found: Found) -> None:
     machine = candidate(found.believed, found.unknowns, TRUE)
-    session = dataclasses.replace(
-        found.sessions[0], measured=dataclasses.replace(found.sessions[0].measured, stalls=())
-    )
+    session = replace(found.sessions[0], measured=replace(found.sessions[0].measured, stalls=()))
     assert predict(session, machine).tobytes() == predict(session, machine).tobytes()
 
 
 def test_any_executor_gives_the_same_bits(found: Found) -> None:
     session = found.sessions[1]
-    session = dataclasses.replace(session, measured=dataclasses.replace(session.measured, stalls=()))
+    session = replace(session, measured=replace(session.measured, stalls=()))
     points = [np.zeros(len(found.unknowns)), np.full(len(found.unknowns), 0.3)]
     assert pickle.loads(pickle.dumps((session, found.believed, found.unknowns)))[0] == session  # for processes
     with ThreadPoolExecutor(2) as pool:
@@ -144,11 +147,11 @@ def test_the_first_reference_run_says_nothing_of_the_machine(found: Found) -> No
 def test_a_zero_of_the_gauge_makes_no_difference(found: Found) -> None:
     session = found.sessions[1]
     shifted = tuple(
-        dataclasses.replace(reading, mm=reading.mm + 1.0) if "push" in reading.gauge else reading
+        replace(reading, mm=reading.mm + 1.0) if "push" in reading.gauge else reading
         for reading in session.measured.readings
     )
-    other = dataclasses.replace(session, measured=dataclasses.replace(session.measured, readings=shifted, stalls=()))
-    same = dataclasses.replace(session, measured=dataclasses.replace(session.measured, stalls=()))
+    other = replace(session, measured=replace(session.measured, readings=shifted, stalls=()))
+    same = replace(session, measured=replace(session.measured, stalls=()))
     zero = np.zeros(len(found.unknowns))
     one, two = (Model(found.believed, found.unknowns, [each]).residuals_at(zero) for each in (same, other))
     assert one == pytest.approx(two, abs=1e-6)
@@ -194,17 +197,11 @@ def test_a_fit_that_predicts_worse_is_not_promoted(fitted_badly: Fit) -> None:
 @pytest.fixture
 def fitted_badly(found: Found) -> Fit:
     """Fitted to a gauge whose screw was turned in the middle: it says 0.1 mm more whenever the nut came from above."""
-    session = found.sessions[1]
-    readings = [reading for reading in session.measured.readings if "reversal" in reading.gauge]
-    wrong = tuple(
-        dataclasses.replace(reading, mm=reading.mm + 0.1 * (number % 2)) for number, reading in enumerate(readings)
-    )
-    bad = dataclasses.replace(session, measured=dataclasses.replace(session.measured, readings=wrong, stalls=()))
-    good = dataclasses.replace(
-        session, measured=dataclasses.replace(session.measured, readings=tuple(readings), stalls=())
-    )
-    return fit(found.believed, [unknown(found.believed, "backlash.x")], [_named(bad, "bad")], [good])
-
-
-def _named(session: Session, name: str) -> Session:
-    return dataclasses.replace(session, name=name)
+    language = needed(create_language(CONTROLLER), CONTROLLER)
+    every = blocks(found.believed, CONTROLLER, ["x"], found.unknowns, 1)
+    experiment = assemble("day", wanted(every, "reversal"), language)
+    recorded, measured = carry_out(experiment, found.hidden, CONTROLLER, seed=41, noise_mm=GAUGE_MM, time_noise_s=0.0)
+    good = session_of(recorded, measured, CONTROLLER, found.believed)
+    wrong = tuple(replace(one, mm=one.mm + 0.1 * (number % 2)) for number, one in enumerate(measured.readings))
+    bad = replace(good, name="bad", measured=replace(good.measured, readings=wrong))
+    return fit(found.believed, [unknown(found.believed, "backlash.x")], [bad], [good])

@@ -17,6 +17,8 @@ from tests.forked import PATIENCE_S
 from tests.many.studies.conftest import COMMAND
 from tests.near import near_switches
 
+pytestmark = pytest.mark.long(seconds=17)
+
 ROWS = 24
 PLAN = """
 [sweep]

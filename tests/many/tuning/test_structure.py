@@ -15,6 +15,8 @@ from isel_twin.many.tuning.judge import LEAST, Made
 from isel_twin.many.tuning.result import Tried
 from isel_twin.many.tuning.structure import Structure, move_time_s, steps_of
 
+pytestmark = pytest.mark.long(seconds=7)
+
 STEPS = (32_000, 9_600, 320)
 JOB = "@07\n@0R7\n" + "".join(f"@0A{n},10000,0,30,0,30,0,30\n" for n in STEPS)
 PROBLEM = Problem(JOB, TwinSpec("4030", "imc-s8"), speed_share=0.8)

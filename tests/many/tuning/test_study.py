@@ -21,6 +21,8 @@ from isel_twin.many.tuning.study import Study, StudyError
 
 from .small import problem
 
+pytestmark = pytest.mark.long(seconds=12)
+
 
 def invented(candidate: Any, weather: Any, numbers: Any, least: float = 0.0, stop: Any = None) -> Judgement | None:
     """In place of the twin: faster is quicker; beyond 2000 Hz/ms, 25 kHz on the way there, or 14 kHz on the way back
