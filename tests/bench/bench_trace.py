@@ -85,8 +85,9 @@ finally:
 @pytest.mark.parametrize("plant", ["kinematic", "mujoco"])
 @pytest.mark.parametrize("name", ["trace.parquet", "dump.vcd", "report.html"])
 def test_outputs(benchmark: BenchmarkFixture, tmp_path: Path, name: str, plant: str) -> None:
-    """CPU time that an output adds to a run of ten moves, over that of the run without it, start included: at most a
-    half beside physics, once the time of the run where nothing but a counter is computed."""
+    """CPU time that an output adds to a run of ten moves, start included: at most half the run beside physics. Where
+    nothing but a counter is computed the run is its start, without numba, which samples need: at most 1.3 times the
+    import of numba and MuJoCo."""
     (tmp_path / "job.txt").write_text("@07\n@0R7\n" + MOVES * 5)
     option = f"--{Path(name).suffix[1:].replace('parquet', 'trace').replace('html', 'report')}"
 
@@ -95,8 +96,10 @@ def test_outputs(benchmark: BenchmarkFixture, tmp_path: Path, name: str, plant: 
         done = subprocess.run(command, capture_output=True, text=True, check=True)
         return float(done.stderr.split("cpu")[1])
 
-    turns = [(cpu_of_run_s(), cpu_of_run_s(option, str(tmp_path / name))) for _ in range(3)]
-    alone_s, both_s = map(min, zip(*turns, strict=True))
+    path = str(tmp_path / name)
+    turns = [(cpu_of_run_s(), cpu_of_run_s(option, path), cpu_s(IMPORTS)) for _ in range(3)]
+    alone_s, both_s, imports_s = map(min, zip(*turns, strict=True))
     benchmark.extra_info["added, over the run"] = both_s / alone_s - 1.0
-    benchmark.pedantic(cpu_of_run_s, (option, str(tmp_path / name)), rounds=1)
-    assert both_s / alone_s - 1.0 <= (0.5 if plant == "mujoco" else 1.0)
+    benchmark.extra_info["added, over an import"] = (both_s - alone_s) / imports_s
+    benchmark.pedantic(cpu_of_run_s, (option, path), rounds=1)
+    assert both_s - alone_s <= (0.5 * alone_s if plant == "mujoco" else 1.3 * imports_s)
