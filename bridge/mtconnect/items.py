@@ -99,7 +99,7 @@ def devices(state: State) -> bytes:
         _items(linear, f"axis {axis.upper()}")
     controller = ElementTree.SubElement(inner, "Controller", id="c", name="controller")
     _items(controller, "controller")
-    path = _component(ElementTree.SubElement(controller, "Components"), "Path", "p", name="path", inside=False)
+    path = _component(ElementTree.SubElement(controller, "Components"), "Path", "p", name="path")
     _items(path, "path")
     door = _component(_component(inner, "Doors", "doors"), "Door", "hood_door", name="hood")
     _items(door, "door")
@@ -109,11 +109,11 @@ def devices(state: State) -> bytes:
     return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
 
 
-def _component(above: ElementTree.Element, kind: str, ident: str, name: str = "", inside: bool = True) -> Any:
+def _component(above: ElementTree.Element, kind: str, ident: str, name: str = "") -> Any:
     """A component; a group of components gives what they are put into."""
     made = ElementTree.SubElement(above, kind, {"id": ident, **({"name": name} if name else {})})
     groups = ("Axes", "Doors", "Systems")
-    return ElementTree.SubElement(made, "Components") if inside and kind in groups else made
+    return ElementTree.SubElement(made, "Components") if kind in groups else made
 
 
 def _items(component: ElementTree.Element, where: str) -> None:

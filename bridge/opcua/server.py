@@ -25,6 +25,8 @@ from isel_twin.bridge.operate.client import Client, ClientError
 from isel_twin.bridge.operate.conditions import State, alerts
 from isel_twin.version import VERSION
 
+log = logging.getLogger("isel_twin")
+
 SETS = ("di", "ia", "machinery", "machine_tool")  # in the order of their needs
 MACHINES = 1001  # the folder of all machines, in the namespace Machinery
 CLIENTS = 16  # connections at once
@@ -182,13 +184,18 @@ class Serving:
             await self._follow(machine)
 
     async def _follow(self, machine: Machine) -> None:
+        gone = False
         while not self._end.is_set():
             try:
                 with await asyncio.to_thread(self._connect) as client:
                     while not self._end.is_set():
                         await machine.show(await asyncio.to_thread(client.ask, {"state": True}))
+                        gone = False
                         await self._pause(self._interval_s)
-            except ClientError:
+            except ClientError as error:
+                if not gone:
+                    log.warning("the twin has gone, it is looked for every second: %s", error)
+                gone = True
                 await machine.lose()
                 await self._pause(AGAIN_S)
 

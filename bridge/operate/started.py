@@ -16,15 +16,16 @@ STOP_S = 30.0
 
 
 class Started:
-    """`isel-twin serve` with these options, a free port for its host and one for control. info: what it prints.
+    """`isel-twin serve` with these options, a free port for its host and one for control. info: what it prints. It ends
+    with this process, also if that is killed.
 
     Raises ClientError if it does not start; why is on standard error by then.
     """
 
     def __init__(self, *options: str) -> None:
         call = [sys.executable, "-m", "isel_twin.cli", "serve", *options]
-        call += ["--tcp", "127.0.0.1:0", "--control", "127.0.0.1:0"]
-        self._process = subprocess.Popen(call, stdout=subprocess.PIPE, text=True)
+        call += ["--tcp", "127.0.0.1:0", "--control", "127.0.0.1:0", "--end-with-stdin"]
+        self._process = subprocess.Popen(call, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         assert self._process.stdout is not None
         ready, _, _ = select.select([self._process.stdout], [], [], START_S)
         line = self._process.stdout.readline() if ready else ""
@@ -41,6 +42,7 @@ class Started:
         except subprocess.TimeoutExpired:
             self._process.kill()
             code = self._process.wait()
-        if self._process.stdout is not None:
-            self._process.stdout.close()
+        for pipe in (self._process.stdin, self._process.stdout):
+            if pipe is not None:
+                pipe.close()
         return code

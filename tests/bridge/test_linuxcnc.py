@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import ctypes
 import fcntl
+import math
 import os
 import runpy
 import shutil
@@ -314,7 +315,15 @@ class Hal(ModuleType):
         super().__init__("hal")
         self.pieces, self.is_ready = pieces, False
         self.pins: dict[str, Any] = {}
-        self.component = self.stream = lambda *_: self
+
+    def component(self, name: str) -> Hal:
+        assert name == "isel-twin"
+        return self
+
+    def stream(self, component: Hal, key: int, kinds: str) -> Hal:
+        """Sampler 0: SAMPLER_SHMEM_KEY of LinuxCNC's streamer.h."""
+        assert (component, key, kinds) == (self, 0x48534130, "fffbb")
+        return self
 
     def newpin(self, name: str, kind: int, way: int) -> None:
         self.pins[name] = 0
@@ -448,9 +457,13 @@ def test_by_a_sampler_what_goes_wrong_is_an_emergency_stop(
     served.ask({"set": {"estop": "pressed"}})
     hal = by_sampler(monkeypatch, port, [[(0.0, 0.0, 0.0, False, False)]])
     assert (hal["power-ok"], hal["estop-ok"]) == (False, False)
+    hal = by_sampler(monkeypatch, port, [[(0.0, 0.0, 0.0, True, False)] * 500])
+    assert hal["silent"] == 0
     hal = by_sampler(monkeypatch, port, [[(0.0, 0.0, 0.0, True, False)] * 501])
     assert (hal["power-ok"], hal["silent"]) == (False, 1)
     assert "it is 501 rows late" in capsys.readouterr().err
+    hal = by_sampler(monkeypatch, port, [[(math.nan, 0.0, 0.0, True, False)]])
+    assert (hal["power-ok"], hal["silent"]) == (False, 1)
     with socket.create_server(("127.0.0.1", 0)) as listener:
         threads, dies = Threads(), threading.Thread(target=one_that_dies, args=(listener,))
         dies.start()

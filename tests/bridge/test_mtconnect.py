@@ -192,7 +192,10 @@ def test_execution(changed: dict[str, Any], execution: str) -> None:
 
 def test_devices_of_a_machine() -> None:
     """The whole file: components as part 2 of the standard nests them, and each item in its own."""
-    root = ElementTree.fromstring(devices({"machine": "my machine", "controller": "a controller"}))
+    text = devices({"machine": "my machine", "controller": "a controller"})
+    assert text.startswith(b"<?xml version")
+    assert len(text.splitlines()) > 50, "for people, too"
+    root = ElementTree.fromstring(text)
     assert root.tag == f"{{{SCHEMA}}}MTConnectDevices"
     inside = f"{{{SCHEMA}}}"
 

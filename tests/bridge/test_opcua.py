@@ -202,7 +202,7 @@ class Still:
         return self._state
 
 
-def test_alerts_begin_and_end_and_who_comes_later_is_told() -> None:
+def test_alerts_begin_and_end_and_who_comes_later_is_told(caplog: pytest.LogCaptureFixture) -> None:
     """Hood, E-stop, an end switch that is struck and steps that are lost at the stop behind it; the twin goes."""
     served = ServedTwin(Twin(controller="external", start_mm=(0.5, 100.0, 50.0)))
     listener, where = listen("127.0.0.1:0")
@@ -243,6 +243,7 @@ def test_alerts_begin_and_end_and_who_comes_later_is_told() -> None:
                 await handler.until(("limit_x1", False), ("lost_x", False))
             serving.stop()
             await running
+        assert caplog.text.count("the twin has gone, it is looked for every second: ") == 1
         slow = Serving(f"opc.tcp://{where}/", lambda: Still(before), 3600.0, None)
         ready.clear()
         running = asyncio.create_task(slow.run(before, ready.set))

@@ -57,6 +57,29 @@ def test_it_serves_with_standard_error_closed() -> None:
         assert process.wait(STOP_S) == 0
 
 
+def test_it_ends_with_the_program_that_has_started_it(tmp_path: Path) -> None:
+    """However that ends, its end of the pipe is closed; the recording is whole. What comes by the pipe is dropped."""
+    call = (*SERVE, "--end-with-stdin", "--record", str(tmp_path / "session.mcap"))
+    with subprocess.Popen(call, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        process.stdin.write(b"@07\r")
+        process.stdin.flush()
+        assert process.stdout.readline()
+        assert process.poll() is None
+        process.stdin.close()
+        assert process.wait(STOP_S) == 0
+    assert isel_twin("export", tmp_path / "session.mcap", tmp_path / "session.npz").returncode == 0
+
+
+def test_it_cannot_end_with_what_does_not_end() -> None:
+    done = subprocess.run(
+        (*SERVE, "--end-with-stdin"), stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "isel-twin: standard input is no pipe: start it by a program that holds one\n"
+
+
 def test_a_flash_file_that_is_links_in_a_circle(tmp_path: Path) -> None:
     one, other = tmp_path / "one", tmp_path / "other"
     one.symlink_to(other)

@@ -46,6 +46,10 @@ def serve(
     ] = False,
     record: RecordPath = None,
     interval: options.Interval = 0.01,
+    end_with_stdin: Annotated[
+        bool,
+        Parameter(help="End when standard input, a pipe, does: with the program that has started it."),
+    ] = False,
     log: Annotated[
         Literal["events", "wire"], Parameter(help="events: who comes and goes. wire: every message, in words, too.")
     ] = "events",
@@ -80,6 +84,7 @@ def serve(
         if (stderr := file_number(sys.stderr)) is not None:
             stack.enter_context(log_to(stderr, count=log != "wire"))
         endpoints = open_endpoints(pty, tcp, rfc2217, stack)
+        parent = _parent() if end_with_stdin else None
         port = _control_port(control, token, stack)
         page = _panel(panel, token, stack)
         served = call.build(keep_motions=KEPT_MOTIONS)
@@ -90,7 +95,7 @@ def serve(
         warm_up(twin.plant, controllers=[twin.controller])
         taps: list[WireTap] = [WireLog(create_language(twin.controller))] if log == "wire" else []
         taps += [] if page is None else [page.monitor]
-        guests: list[Guest] = [guest for guest in (port, page) if guest is not None]
+        guests: list[Guest] = [guest for guest in (port, page, parent) if guest is not None]
         if recording is not None:
             taps.append(TimeTap(recording))
             guests.append(Freshness(recording))
@@ -138,6 +143,16 @@ def _panel(address: str | None, token: str | None, stack: ExitStack) -> Panel | 
         raise CallError("panel needs viser: pip install 'isel-twin[panel]'", option=True) from None
     stack.callback(page.close)
     return page
+
+
+def _parent() -> Guest:
+    from isel_twin.bridge.serve.parent import Parent
+
+    file = file_number(sys.stdin)
+    if file is None:
+        raise CallError("end-with-stdin: there is no standard input", option=True)
+    with call_errors():
+        return Parent(file)
 
 
 def file_number(stream: TextIO) -> int | None:

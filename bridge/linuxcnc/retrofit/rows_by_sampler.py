@@ -147,7 +147,7 @@ def main():
     try:
         try:
             carry(component, twin, bit, samples, lambda sample: row(sample, scale, period), gate)
-        except OSError as error:
+        except (OSError, ValueError, ArithmeticError) as error:  # a set point may be no number
             component["silent"] = 1
             component["power-ok"] = component["estop-ok"] = False
             print(f"{where}: {error}", file=sys.stderr)
