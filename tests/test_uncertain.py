@@ -54,6 +54,15 @@ def test_a_number_is_known_as_its_grade_says(shop: Machine) -> None:
     assert bands["axes.all.lead"] is bands["axes.x.travel"] is bands["payload.mass"] is None
 
 
+def test_a_single_number_of_a_specimen_leaves_the_others_as_their_sheet(tmp_path: Path) -> None:
+    said = 'iron_loss = { value = 1.3, unit = "1", grade = "measured", source = "coasts" }'
+    (tmp_path / "machine.toml").write_text(f'based_on = "4030"\n[axes.x.specimen]\n{said}\n')
+    specimen = load_machine(tmp_path).tree["axes"]["x"]["specimen"]
+    assert {key: entry["value"] for key, entry in specimen.items() if entry["value"] != 1.0} == {"iron_loss": 1.3}
+    assert set(specimen) == set(load_machine("4030").tree["axes"]["x"]["specimen"])
+    assert band("axes.x.specimen.iron_loss", specimen["iron_loss"]) == pytest.approx((1.3 / 1.1, 1.3 * 1.1))
+
+
 def test_a_number_that_somebody_sets_is_of_its_kind_again(shop: Machine) -> None:
     other = with_overrides(shop, {"axes.x.backlash": 0.04})
     assert "interval" not in other.tree["axes"]["x"]["backlash"]
