@@ -169,6 +169,8 @@ BODY = "G21\nG0 X0\nF100\n"
         ("G83 X5 Z-2 R1", "column 1: G83 wants Q of more than 0, the depth of a peck"),
         ("G83 X5 Z-2 R1 Q0.0001", "column 1: more than 10000 pecks; write a larger Q"),
         ("G82 X5 Z-2 R1", "column 1: G82 wants P, its dwell in seconds"),
+        ("G89 X5 Z-2 R1", "column 1: G89 wants P, its dwell in seconds"),
+        ("G73 X5 Z-2 R1 Q0.0001", "column 1: more than 10000 pecks; write a larger Q"),
         ("G81 X5 Z-2 R1 L0", "column 15: L must be a whole number 1 .. 10000"),
         ("G93 G1 X5", "column 1: in G93 each line of G1, G2 and G3 wants F"),
         ("G10 L2 P11 X0", "column 8: G10 wants P 0 .. 9, the number of the system"),
@@ -188,6 +190,20 @@ def test_errors_name_the_place_and_the_remedy(line: str, error: str) -> None:
         told("gcode", f"{BODY}{line}\nM2\n")
     assert str(caught.value).startswith(f"line 4, {error}")
     assert "\n" not in str(caught.value)
+
+
+def test_r_counts_from_where_the_series_began_in_g91() -> None:
+    """From Z5, which is not where the program counts from; Z counts from R."""
+    assert told("gcode", "G21 G90 F60\nG0 Z5\nG91 G81 X1 Z-3 R-2\nM2\n", UP)[1:-1] == [
+        *("rapid 1 0 5", "rapid 1 0 3", "line 1 0 0 F1", "rapid 1 0 5"),
+    ]
+
+
+def test_a_depth_of_whole_pecks_has_no_peck_more() -> None:
+    """0.1 three times is a little more than 0.3 in binary numbers; a dwell of no time is one."""
+    made = told("gcode", "G21 G90 F60\nG0 Z1\nG83 X0 Z-0.3 R0 Q0.1\nG82 X1 Z-1 R0 P0\nM2\n", UP)
+    assert [each for each in made if each.startswith("line 0")] == [f"line 0 0 -0.{k} F1" for k in (1, 2, 3)]
+    assert made.count("dwell 0") == 1
 
 
 @pytest.mark.parametrize(

@@ -201,6 +201,11 @@ HEAD = "IMF_PBL_V1.0\nFASTVEL 40000\n"
             "DRILLDEF C2 D1000000 F1 O1 V10\nDRILL X1",
             "line 4, column 1: DRILL: more than 10000 pecks; write a larger O",
         ),
+        ("DRILLDEF T-5", "line 3, column 1: DRILLDEF: T must not be negative"),
+        ("DRILLDEF D-500", "line 3, column 1: DRILLDEF: D must not be negative"),
+        ("DRILLDEF R-1", "line 3, column 1: DRILLDEF: R must not be negative"),
+        ("DRILLDEF S-1", "line 3, column 1: DRILLDEF: S must not be negative"),
+        ("DRILLDEF O0", "line 3, column 1: DRILLDEF: O must be more than 0"),
         ("DRILLDEF I5", "line 3, column 1: DRILLDEF: I, by which pecks shrink, is not made; write I0"),
         ("PLANE AB", "line 3, column 1: PLANE: 'AB' is no plane; allowed: XY, XZ, YZ"),
     ],
@@ -241,6 +246,14 @@ def test_a_default_feed_is_said() -> None:
     assert told("ncp", "IMF_PBL\nMOVEABS X1000\nMOVEABS X2000\nPROGEND", settings) == [
         "caution", "line 1 0 0 F3", "line 2 0 0 F3", "end"
     ]  # fmt: skip
+
+
+def test_pecks_go_back_to_r_above_the_last_depth_and_no_higher_than_the_safe_height() -> None:
+    """The first 1 mm, then 0.5 mm each; R 0.3 mm, then 5 mm, which is above the 1 mm of S."""
+    body = "IMF_PBL\nVEL 1000\nDRILLDEF C2 S1000 D1500 F1000 O500 R{}\nDRILL X0\nPROGEND"
+    first, last = ["rapid 0 0 1", "line 0 0 -1 F1", "rapid 0 0 1"], ["line 0 0 -1.5 F1", "rapid 0 0 1", "end"]
+    assert told("ncp", body.format(300)) == [*first, "rapid 0 0 -0.7", *last]
+    assert told("ncp", body.format(5000)) == [*first, *last]
 
 
 PRODUCERS = {

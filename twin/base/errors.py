@@ -35,6 +35,8 @@ def call_errors(about: object = None) -> Iterator[None]:
         where = error.filename2 or error.filename or about
         if isinstance(error, FileNotFoundError):
             raise CallError(f"{where}: there is no such file") from error
+        if isinstance(error, IsADirectoryError):
+            raise CallError(f"{where}: is a folder, not a file") from error
         raise CallError(f"{f'{where}: ' if where else ''}{error.strerror or error}") from error
     except ValueError as error:
         raise CallError(one_line(str(error))) from error

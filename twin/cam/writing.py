@@ -65,7 +65,8 @@ class Commands(Limits, Protocol):
     def spindle(self, turns: int, speed_rpm: float | None) -> Iterable[str] | None:
         """None: it cannot be switched."""
 
-    def coolant(self, number: int, on: bool) -> Iterable[str] | None: ...
+    def coolant(self, number: int, on: bool) -> Iterable[str] | None:
+        """number: as `Coolant` has it, a key of COOLANT."""
 
     def output(self, name: str, on: bool) -> Iterable[str] | None:
         """By its number in the settings (language/7)."""
@@ -107,22 +108,15 @@ class _Writer:
         place = None
         for element in path:
             place = element.place
-            if isinstance(element, (Line, Rapid)):
+            if isinstance(element, (Line, Rapid, Arc)):
                 if self._away_from is not None:
                     yield from self._back(element)
-                rapid = isinstance(element, Rapid)
-                speed = element.speed_mm_s or rapid_mm_s if isinstance(element, Rapid) else element.feed_mm_s
-                yield from self._straight(place, element.to, speed, rapid)
-            elif isinstance(element, Arc):
-                if self._away_from is not None:
-                    yield from self._back(element)
-                if self._following.matters:
-                    of = arcs.shape(element, course.point)
-                    element = self._followed(element, of)
-                    if self._following.corner(*directions(of), element.feed_mm_s):
-                        yield from commands.settled(place)
-                for part in course.arc(element):
-                    yield from commands.turn(part) if isinstance(part, Turn) else commands.move(part)
+                if isinstance(element, Line):
+                    yield from self._straight(place, element.to, element.feed_mm_s, rapid=False)
+                elif isinstance(element, Rapid):
+                    yield from self._straight(place, element.to, element.speed_mm_s or rapid_mm_s, rapid=True)
+                else:
+                    yield from self._arc(element)
             elif isinstance(element, End):
                 break
             else:
@@ -139,6 +133,15 @@ class _Writer:
                 yield from self._commands.settled(place)
         if (move := self._course.line(place, to, speed, rapid)) is not None:
             yield from self._commands.move(move)
+
+    def _arc(self, arc: Arc) -> Iterator[Written]:
+        if self._following.matters:
+            of = arcs.shape(arc, self._course.point)
+            arc = self._followed(arc, of)
+            if self._following.corner(*directions(of), arc.feed_mm_s):
+                yield from self._commands.settled(arc.place)
+        for part in self._course.arc(arc):
+            yield from self._commands.turn(part) if isinstance(part, Turn) else self._commands.move(part)
 
     def _followed(self, arc: Arc, of: arcs.Shape) -> Arc:
         """As slowly as the drives have to make it."""
@@ -158,7 +161,7 @@ class _Writer:
                 yield from self._spindle(element)
             case Coolant():
                 lines = commands.coolant(element.number, element.on)
-                yield from self._switched(lines, place, COOLANT.get(element.number, f"coolant{element.number}"))
+                yield from self._switched(lines, place, COOLANT[element.number])
                 (self._cooled.add if element.on else self._cooled.discard)(element.number)
             case Output():
                 yield from self._output(element)

@@ -15,7 +15,16 @@ from cyclopts import Parameter
 from isel_twin.base.crew import in_order
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import options
-from isel_twin.cli.jobs import FormatName, JobTwin, SettingsFile, cam_settings, check_names, read_job, read_source
+from isel_twin.cli.jobs import (
+    FormatName,
+    JobTwin,
+    SettingsFile,
+    cam_settings,
+    check_file,
+    check_names,
+    read_job,
+    read_source,
+)
 from isel_twin.cli.options import Whole
 from isel_twin.cli.outputs import many, put_off, tell
 
@@ -177,6 +186,7 @@ def _tasks(jobs: Sequence[Path], settings: Path | None, asked: dict[str, Any]) -
     for job in jobs:
         if str(job) == options.STANDARD_INPUT:
             raise CallError("-: bounds stand beside a job; name a file")
+        check_file(job)
         if job.is_dir():
             raise CallError(f"{job}: is a folder, not a file; name its jobs")
         with call_errors(job):

@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import options
-from isel_twin.cli.jobs import FormatName, cam_settings, job_name
+from isel_twin.cli.jobs import FormatName, cam_settings, check_file, job_name
 from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
@@ -45,6 +45,7 @@ def convert(
 
     if options.is_standard_input(file):
         raise CallError("-: settings stand beside a file; name it")
+    check_file(file)
     options.check_writable(out, kept=(file,))
     call = TwinSpec(machine, controller, "kinematic", overrides=options.parse_overrides(set))
     with call_errors(job_name(file)):

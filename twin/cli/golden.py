@@ -10,7 +10,7 @@ from cyclopts import App, Parameter
 
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import options
-from isel_twin.cli.jobs import FormatName, check_names, clamped, read_job
+from isel_twin.cli.jobs import FormatName, check_file, check_names, clamped, read_job
 from isel_twin.cli.options import Whole
 from isel_twin.cli.outputs import many, say_json
 from isel_twin.core.spec import TwinSpec
@@ -109,7 +109,8 @@ def _files(jobs: Sequence[Path]) -> list[tuple[Path, Path]]:
             raise CallError("-: a golden run stands beside its job; name a file")
         if job == file:
             raise CallError(f"{job}: is a golden run, not a job; name the job itself")
-        if not job.is_file():
+        check_file(job)
+        if job.is_dir() or not job.exists():
             raise CallError(f"{job}: {'is a folder, not a file' if job.is_dir() else 'there is no such file'}")
     if len({file.resolve() for _, file in files}) < len(files):
         raise CallError("two of the jobs share one golden file; give them different names")

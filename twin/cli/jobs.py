@@ -49,6 +49,13 @@ def job_name(job: Path) -> str:
     return "standard input" if is_standard_input(job) else str(job)
 
 
+def check_file(job: Path) -> None:
+    """Raise CallError for a pipe: only `run` reads a job once and keeps nothing beside it."""
+    with call_errors(job):
+        if job.is_fifo():
+            raise CallError(f"{job}: is a pipe, which can be read only once; save it to a file")
+
+
 def read_job(job: Path, call: TwinSpec, form: str | None = None) -> Sequence[Line]:
     """The lines of a job file, or of standard input, for the controller of a call. Raises CallError."""
     return read_source(job, call, form)[0]

@@ -15,7 +15,7 @@ from cyclopts import Parameter
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import options
 from isel_twin.cli.interruption import interruption
-from isel_twin.cli.jobs import FormatName, clamped, job_name, read_source
+from isel_twin.cli.jobs import FormatName, check_file, clamped, job_name, read_source
 from isel_twin.cli.options import Whole
 from isel_twin.core.spec import MACHINE, TwinSpec
 
@@ -146,6 +146,7 @@ def tune(
     """
     if options.is_standard_input(job):
         raise CallError("-: the tuned job stands beside the job; name a file")
+    check_file(job)
     options.check_one_crew(workers, cluster)
     workers = 1 if workers is None else workers
     demands.check()

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping
 
 from isel_twin.cam.course import Move, Turn, halves
 from isel_twin.cam.toolpath import CamError, Place
-from isel_twin.cam.writing import pause, remark
+from isel_twin.cam.writing import COOLANT, pause, remark
 from isel_twin.cam.written import MachineAxes, Written
 from isel_twin.firmware.gmi99.instruction import MOVE_BIT
 from isel_twin.firmware.gmi99.planner import factor
@@ -136,7 +136,7 @@ class Gmi99Commands:
         return self._switch("spindle", self._outputs.get("spindle", SPINDLE), bool(turns))
 
     def coolant(self, number: int, on: bool) -> Iterable[str] | None:
-        return self.output("coolant" if number == 1 else "coolant2", on)
+        return self.output(COOLANT[number], on)
 
     def output(self, name: str, on: bool) -> Iterable[str] | None:
         return self._switch(name, self._outputs[name], on) if name in self._outputs else None

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Sequence
 from isel_twin.cam.course import Move, Turn
 from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import CamError, Place
-from isel_twin.cam.writing import pause, remark
+from isel_twin.cam.writing import COOLANT, pause, remark
 from isel_twin.cam.written import MachineAxes, Written
 from isel_twin.firmware.imc.profile import Profile
 from isel_twin.motion.circle import squared_radius
@@ -111,7 +111,7 @@ class ImcCommands:
         return [f"@0B{self._spindle_port},{abs(turns)}"]
 
     def coolant(self, number: int, on: bool) -> Iterable[str] | None:
-        return self.output("coolant" if number == 1 else "coolant2", on)
+        return self.output(COOLANT[number], on)
 
     def output(self, name: str, on: bool) -> Iterable[str] | None:
         """A bit of the user port; the others stay."""

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping
 
 from isel_twin.cam.course import Move, Turn
 from isel_twin.cam.toolpath import CamError, Place
-from isel_twin.cam.writing import pause, remark
+from isel_twin.cam.writing import COOLANT, pause, remark
 from isel_twin.cam.written import AXES, MachineAxes, Written
 from isel_twin.firmware.ismif.commands import SPEEDS_HZ
 
@@ -83,7 +83,7 @@ class IsmifCommands:
         )
 
     def coolant(self, number: int, on: bool) -> Iterable[str] | None:
-        return self.output("coolant" if number == 1 else "coolant2", on)
+        return self.output(COOLANT[number], on)
 
     def output(self, name: str, on: bool) -> Iterable[str] | None:
         if name not in self._outputs:
