@@ -10,6 +10,7 @@ import sys
 import time
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -166,6 +167,43 @@ def test_places_from_which_the_job_meets_a_switch_are_passed_over() -> None:
     for seed in (1006, 1007):
         assert played(call.with_(seed=seed).build(), lines).verdict.refused == 1
     assert edge.alike(call, lines, range(1006, 1008), 4) == ()
+
+
+def test_each_edge_is_the_first_loss_of_three_seeds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of seed 1005 and the next two that do not meet a switch, 1008 and 1009; here the last of them loses earliest."""
+    first = {"speed": 1.5, "supply": 0.6, "inductance": 2.0, "load": 4.0}
+    asked: set[int] = set()
+
+    def losers(_: TwinSpec, __: Any, quantity: str, axes: tuple[str, ...], factor: float, seed: int, ___: float) -> Any:
+        asked.add(seed)
+        sign = -1 if quantity == "supply" else 1
+        beyond = (factor / first[quantity] * (0.97**-sign if seed == 1009 else 1.0)) ** sign >= 1.0
+        return dict.fromkeys(axes, seed - 1000) if beyond else {}
+
+    monkeypatch.setattr(edge, "losers", losers)
+    lines = parse_job("@07\n@0N7\n@0J200\n@0A0,30,64000,15000,0,30,0,30\n", create_language("imc-s8"), "imc-s8")
+    verdict = verdict_of(8000)
+    moved = [axis for axis, found in zip("xyz", verdict.edge, strict=False) if found]
+    found = list(edge.edges(TwinSpec(plant="kinematic", seed=1005), lines, verdict, timeout_s=60.0))
+    assert asked == {1005, 1008, 1009}
+    expected = [("speed", axis) for axis in moved]
+    expected += [(quantity, axis) for axis in moved for quantity in ("supply", "inductance", "load")]
+    assert [(each.quantity, each.axis) for each in found] == expected
+    for each in found:
+        nearest = first[each.quantity] * (0.97 if each.quantity != "supply" else 1.0 / 0.97)
+        assert each.factor == pytest.approx(nearest, rel=0.025), each
+        assert each.line in (5, 9)
+    monkeypatch.setattr(edge, "losers", lambda *_: {})
+    none = list(edge.edges(TwinSpec(plant="kinematic", seed=1005), lines, verdict, timeout_s=60.0))
+    assert [(each.quantity, each.axis) for each in none] == expected
+    assert {(each.factor, each.line, each.closed_loop) for each in none} == {(None, None, False)}
+
+
+def test_a_rotor_that_rests_halfway_has_lost_in_the_last_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    lines = parse_job(LONG.format(hz=8000), create_language("imc-s8"), "imc-s8")
+    halfway = SimpleNamespace(verdict=SimpleNamespace(halfway=(False, True, False, False)))
+    monkeypatch.setattr(edge, "played", lambda *_: halfway)
+    assert edge.losers(TwinSpec(plant="kinematic"), lines, "speed", ("x",), 1.0, seed=0) == {"y": 4}
 
 
 def test_a_seed_that_loses_steps_is_a_loss_and_not_passed_over() -> None:
