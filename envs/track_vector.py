@@ -22,7 +22,6 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
-from numba import carray
 from numpy.typing import ArrayLike, NDArray
 
 from isel_twin.base.compiling import contains, njit
@@ -31,7 +30,7 @@ from isel_twin.envs.track import TrackPath, ended, infos
 from isel_twin.envs.tracking import LANE, SIZE, TRACK, aim, take_step
 from isel_twin.envs.wrappers import AlongPath, Randomised
 from isel_twin.plant import kernel
-from isel_twin.plant.memory import AXES, MEMORY, at_address
+from isel_twin.plant.memory import AXES, MEMORY, array_at
 
 _ARRAYS = ("memory", "track", "lanes", "shape_mm", "path", "t_ns", "delta")
 # Addresses of an environment's arrays, and their lengths.
@@ -52,19 +51,19 @@ def take_steps(places, no_leads, along, asked, actions, observations, overs, fir
         if overs[k] == _IDLE:
             continue
         place = places[k]
-        track = carray(at_address(place.track), (1,), TRACK)
-        lanes = carray(at_address(place.lanes), (AXES,), LANE)
-        path = carray(at_address(place.path), (place.points, 4), np.float64)
+        track = array_at(place.track, (1,), TRACK)
+        lanes = array_at(place.lanes, (AXES,), LANE)
+        path = array_at(place.path, (place.points, 4), np.float64)
         if along[0] > 0.0:
             aim(track, lanes, path, along[0], along[1], asked[k], actions[k])
         overs[k] = take_step(
-            carray(at_address(place.memory), (1,), MEMORY),
+            array_at(place.memory, (1,), MEMORY),
             track,
             lanes,
-            carray(at_address(place.shape_mm), (AXES, place.joints), np.float64),
+            array_at(place.shape_mm, (AXES, place.joints), np.float64),
             path,
-            carray(at_address(place.t_ns), (place.pulses,), np.int64),
-            carray(at_address(place.delta), (place.pulses, AXES), np.int32),
+            array_at(place.t_ns, (place.pulses,), np.int64),
+            array_at(place.delta, (place.pulses, AXES), np.int32),
             no_leads,
             actions[k],
             observations[k],

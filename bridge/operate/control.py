@@ -12,11 +12,13 @@ use the same functions. No sockets here.
     {"settable": true}                  everything that can be set, with its states
     {"keys": true}                      the controller's own keys, {"key": {"mode": "auto"}}, and their values
     {"wait": {"output": "spindle", "is": 1}}      until it is true (`_condition`)
+    {"wait": {"level": "p1.0", "is": 1, "edge": true}}         until it becomes true: it has to be otherwise before
     {"stop": true}                      the server ends, as by SIGTERM
 
 Each acts in the loop of the server, at the present virtual time, which the answer contains. A wait ends when its
-condition is met: levels, states, idleness and times to the nanosecond, positions and counters within LOOK_NS. With
-`"pause": true` virtual time stops at that instant. A wrong request is a ControlError of one line, and changes nothing.
+condition is met: levels, states, idleness, collisions and times to the nanosecond, positions and counters at multiples
+of LOOK_NS. With `"pause": true` virtual time stops at that instant, the same one however fast time runs. A wrong
+request is a ControlError of one line, and changes nothing.
 """
 
 from __future__ import annotations
@@ -50,8 +52,9 @@ _MM = Limits("mm", -1e5, 1e5)
 _COUNT = Limits("steps", -1e10, 1e10)
 
 _ACTIONS = ("pause", "resume", "step", "speed", "state", "settable", "keys", "wait", "stop")
-_CONDITIONS = ("output", "input", "level", "position", "count", "idle", "time")
-_WAIT_KEYS = (*_CONDITIONS, "is", "above", "below", "timeout_s", "wall_s", "pause")
+_CONDITIONS = ("output", "input", "level", "position", "count", "idle", "time", "collision", "fault")
+_CONDITION_KEYS = (*_CONDITIONS, "is", "above", "below", "edge")
+_WAIT_KEYS = (*_CONDITION_KEYS, "timeout_s", "wall_s", "pause")
 _SWITCH_STATES = ("free", "struck", "ok")
 
 
@@ -182,6 +185,12 @@ class Operator:
         until_ns = None if timeout_ns is None else self._twin.time_ns + timeout_ns
         return self._add(Pending(condition, until_ns, self._pacer.wall_s + wall_s, "wait", pause))
 
+    def trigger(self, value: Any, place: Place) -> Pending:
+        """Pause at the instant at which a condition of `wait` becomes true, however long that takes."""
+        content = table(value, place)
+        known(content, _CONDITION_KEYS, place)
+        return self.wait(self._edge({**content, "edge": True}, place), None, math.inf, pause=True)
+
     def forget(self, pending: Pending) -> None:
         """Drop a request whose client has gone."""
         if pending in self._pending:
@@ -293,7 +302,7 @@ class Operator:
     def _wait(self, value: Any, place: Place) -> Pending:
         content = table(value, place)
         known(content, _WAIT_KEYS, place)
-        condition = self._condition(content, place)
+        condition = self._edge(content, place)
         timeout_ns = None
         if "timeout_s" in content:
             where = place.at("timeout_s")
@@ -304,11 +313,30 @@ class Operator:
             raise place.at("pause").wrong(f"{_shown(pause)}; allowed: true, false")
         return self.wait(condition, timeout_ns, wall_s, pause)
 
+    def _edge(self, content: dict[str, Any], place: Place) -> _Condition:
+        """The condition or, with `edge`, that it becomes so after it has not been."""
+        edge = content.get("edge", False)
+        if not isinstance(edge, bool):
+            raise place.at("edge").wrong(f"{_shown(edge)}; allowed: true, false")
+        condition = self._condition(content, place)
+        if not edge:
+            return condition
+        armed = False
+
+        def met() -> bool:
+            nonlocal armed
+            so = condition.met()
+            begins, armed = so and armed, not so
+            return begins
+
+        return _Condition(met, condition.look_ns)
+
     def _condition(self, content: dict[str, Any], place: Place) -> _Condition:
         """Exactly one of these.
 
             {"output": NAME, "is": NUMBER}     {"input": NAME, "is": STATE}     {"level": TERMINAL, "is": 0 or 1}
             {"position": AXIS, "above": MM}    {"count": AXIS, "below": STEPS}  {"idle": true}    {"time": SECONDS}
+            {"collision": true}                two bodies have met since        {"fault": true}   the controller's error
 
         Positions are true ones in the zero and direction of the counters; `above` and `below` may be combined.
         """
@@ -319,10 +347,16 @@ class Operator:
         (key,) = keys
         value, where = content[key], place.at(key)
         self._check_companions(content, key, place)
-        if key == "idle":
+        if key in ("idle", "collision", "fault"):
             if value is not True:
                 raise where.wrong(f"{_shown(value)}; allowed: true")
-            return _Condition(lambda: twin.idle)
+            before = len(twin.collisions)
+            so = {
+                "idle": lambda: twin.idle,
+                "collision": lambda: len(twin.collisions) > before,
+                "fault": lambda: bool(twin.fault),
+            }
+            return _Condition(so[key])
         if key == "time":
             time_ns = round(plain(value, _TIME_S, where) * SECOND_NS)
             return _Condition(lambda: twin.time_ns >= time_ns, lambda: time_ns)
@@ -366,10 +400,18 @@ class Operator:
             for name, otherwise in (("above", -math.inf), ("below", math.inf))
         )
 
-        def met() -> bool:
+        def within() -> bool:
             return bool(low < (twin.position_mm if key == "position" else twin.counts)[axis] < high)
 
-        return _Condition(met, lambda: twin.time_ns + LOOK_NS)
+        so = within()
+
+        def met() -> bool:
+            nonlocal so  # in between it stays: how time is cut depends on the wall clock
+            if twin.time_ns % LOOK_NS == 0 or twin.idle:
+                so = within()
+            return so
+
+        return _Condition(met, lambda: (twin.time_ns // LOOK_NS + 1) * LOOK_NS)
 
 
 def _number(value: Any, rule: Limits, place: Place) -> Any:

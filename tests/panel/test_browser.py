@@ -30,7 +30,7 @@ pytestmark = [
 ]
 
 EMPTY = '<!doctype html><html lang="en"><title>no scene</title><main><h1>no scene</h1></main></html>'
-PARTS = ("header", "#operate", "#stage", "#axes", "#plots", "#upper", "#lower")
+PARTS = ("header", "#operate", "#stage", "#axes", "#plots", "#trigger", "#upper", "#lower")
 """Of the page, beside or below each other."""
 
 OPEN_S = 1.0
@@ -148,6 +148,46 @@ def test_a_recording_made_while_somebody_watches_is_replayed(context: BrowserCon
         assert process.wait(WAIT_S) == 0
     done = isel_twin("replay", file)
     assert done.returncode == 0, done
+
+
+def test_a_trigger_pauses_the_machine_and_the_scope_shows_the_time_around_it(
+    context: BrowserContext, tmp_path: Path
+) -> None:
+    """The switch of X is struck in the reference run: armed by the form, seen in the scope, gone on with."""
+    file = tmp_path / "now.mcap"
+    kinematic = ("--plant", "kinematic", "--speed", "50")
+    process = start("serve", "--tcp", LOOPBACK, "--panel", LOOPBACK, "--record", str(file), *kinematic)
+    try:
+        info = json.loads(process.stdout.readline())
+        page = context.new_page()
+        page.route("**/scene", lambda route: route.fulfill(body=EMPTY, content_type="text/html"))
+        page.goto(info["panel"])
+        page.locator("#triggersignal").select_option(label="input limit x1")
+        page.locator("#triggeract").select_option("becomes struck")
+        page.locator("#arm").click()
+        expect(page.locator("#triggered")).to_have_text("armed: input limit x1 becomes struck")
+        for text in ("@07", "@0R7"):
+            page.locator("#text").fill(text)
+            page.locator("#text").press("Enter")
+        expect(page.locator("#pause")).to_have_text("Go on")
+        hit_s = float(page.locator("#triggered").inner_text().split(" s: ")[0])
+        expect(page.locator("#time")).to_have_text(f"{hit_s:.3f}")
+        expect(page.locator("#arm")).to_have_attribute("aria-pressed", "false")
+        with context.expect_page() as opened:
+            page.locator("#around").click()
+        scope = opened.value
+        expect(scope.locator("body")).to_have_attribute("data-ready", "true")
+        shown = scope.evaluate("[now, session.end]")
+        assert shown[0] == pytest.approx(hit_s, abs=1e-6)
+        assert shown[1] == pytest.approx(hit_s, abs=0.02)
+        page.locator("#pause").click()
+        expect(page.locator("#pause")).to_have_text("Pause")
+        expect(page.locator("#time")).not_to_have_text(f"{hit_s:.3f}")
+        page.locator("#disarm").click()
+        expect(page.locator("#triggered")).to_have_text("")
+    finally:
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(WAIT_S) == 0
 
 
 def test_the_scope_shows_the_session_of_a_served_machine_up_to_now(context: BrowserContext, tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ process, and the log says once what that costs and what to do.
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import logging
 import pickle
@@ -28,9 +29,12 @@ log = logging.getLogger("isel_twin")
 _said = False
 
 
-def dispatcher(function: Callable[..., Any], options: dict[str, Any]) -> Any:
-    """numba's njit of a function with these options and, if possible, a cache on the disk."""
-    compiled: Any = numba.njit(**options)(function)
+def dispatcher(function: Callable[..., Any], options: dict[str, Any], kept: bool = True) -> Any:
+    """numba's njit of a function with these options and, if possible, a cache on the disk; no entry for C, which would
+    be a tenth of what there is to compile."""
+    compiled: Any = numba.njit(no_cfunc_wrapper=True, **options)(function)
+    if not kept:
+        return compiled
     try:
         compiled._cache = _Cache(function)
     except RuntimeError as error:
@@ -60,11 +64,25 @@ def drop_stale_code(function: Any, *files: str) -> None:
 
 
 class _Told(event.Listener):
+    """Tells of compiling, one thread at a time. Meanwhile no garbage is looked for: numba makes millions of objects
+    that all stay, and looking through them is a tenth of the time."""
+
+    def __init__(self) -> None:
+        self._depth, self._collects = 0, False
+
     def on_start(self, _: event.Event) -> None:
+        if self._depth == 0 and (collects := gc.isenabled()):
+            self._collects = collects
+            gc.disable()
+        self._depth += 1
         compiling(begins=True)
 
     def on_end(self, _: event.Event) -> None:
         compiling(begins=False)
+        self._depth -= 1
+        if self._depth == 0 and self._collects:
+            self._collects = False
+            gc.enable()
 
 
 event.register("numba:compile", _Told())

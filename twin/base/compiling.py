@@ -21,9 +21,13 @@ _CONTAINED: dict[str, tuple[str, ...]] = {}  # module: other files whose code it
 _MAKING = threading.RLock()
 
 
-def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """numba's njit with these options and, if possible, a cache on the disk."""
-    return lambda function: Compiled(function, options)
+def njit(*, inner: bool = False, **options: Any) -> Callable[[Callable[..., Any]], Any]:
+    """numba's njit with these options and, if possible, a cache on the disk.
+
+    inner: compiled functions call it, so that it needs no entry for Python, which is a part of the compiling. Python
+    can call it all the same: then it is compiled for that anew in each process.
+    """
+    return lambda function: Compiled(function, options, inner)
 
 
 def contains(module: str, *files: str) -> None:
@@ -36,32 +40,50 @@ def contains(module: str, *files: str) -> None:
 class Compiled:
     """A function that numba compiles, or loads from the cache, when it is first needed; then numba's dispatcher."""
 
-    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
+    def __init__(self, function: Callable[..., Any], options: dict[str, Any], inner: bool = False) -> None:
         functools.update_wrapper(self, function)
         self.py_func = function
-        self._options = options
+        self._options, self._inner = options, inner
 
     @functools.cached_property
     def _dispatcher(self) -> Any:
-        from isel_twin.base.compiled_code import dispatcher, drop_stale_code
+        from isel_twin.base.compiled_code import dispatcher
 
         with _MAKING:
             if "_dispatcher" in self.__dict__:  # another thread was faster
                 return self.__dict__["_dispatcher"]
-            module, name = self.py_func.__module__, self.py_func.__name__
-            made = dispatcher(self.py_func, self._options)
-            if files := _CONTAINED.pop(module, ()):
-                drop_stale_code(made, *files)
+            if self._inner:
+                return dispatcher(self.py_func, self._options, kept=False)
+            name, made = self.py_func.__name__, self._kept(self._options)
             for place in list(sys.modules.values()):
                 if getattr(place, "__dict__", {}).get(name) is self:
                     setattr(place, name, made)
             return made
 
+    @property
+    def _numba_type_(self) -> Any:
+        """What numba takes it for in a compiled function that calls it."""
+        return (self._within if self._inner else self._dispatcher)._numba_type_
+
+    @functools.cached_property
+    def _within(self) -> Any:
+        """The dispatcher without an entry for Python."""
+        with _MAKING:
+            return self._kept({**self._options, "no_cpython_wrapper": True})
+
+    def _kept(self, options: dict[str, Any]) -> Any:
+        from isel_twin.base.compiled_code import dispatcher, drop_stale_code
+
+        made = dispatcher(self.py_func, options)
+        if files := _CONTAINED.pop(self.py_func.__module__, ()):
+            drop_stale_code(made, *files)
+        return made
+
     def __call__(self, *arguments: Any) -> Any:
         return self._dispatcher(*arguments)
 
     def __getattr__(self, name: str) -> Any:
-        """All else that a dispatcher has: numba asks for its type when a function that calls it is compiled."""
+        """All else that a dispatcher has."""
         if name.startswith("__"):
             raise AttributeError(name)
         return getattr(self._dispatcher, name)

@@ -244,7 +244,7 @@ def _iron(omega, drag, knee, two, torque_nm):
         torque_nm[k] = drag * omega[k] / (1.0 + (omega[k] / knee) ** two)
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(inner=True, nogil=True, error_model="numpy")
 def _highest(current, centre, radius, two):
     """The point of largest imaginary part in |i| <= current and |i - centre| <= radius; 0 if they do not meet."""
     if abs(1j * current - centre) <= radius:

@@ -86,7 +86,7 @@ def axis_parameters(
     return p
 
 
-@njit(error_model="numpy")
+@njit(inner=True, error_model="numpy")
 def _corner(angle_rad):
     """The switched counterpart of the cosine: 1 up to pi/4, 0 at pi/2, -1 from 3 pi/4; linear between.
 
@@ -96,7 +96,7 @@ def _corner(angle_rad):
     return min(1.0, max(-1.0, 2.0 - abs(wrapped) * (4.0 / math.pi)))
 
 
-@njit(error_model="numpy")
+@njit(inner=True, error_model="numpy")
 def _shape(p, s, phi):
     """Wanted currents at an electrical angle, turned and shifted by the stage's errors."""
     if p.stepped != 0.0:
@@ -112,7 +112,7 @@ def _shape(p, s, phi):
     s.shape_b = shape_b + p.current_offset
 
 
-@njit(error_model="numpy")
+@njit(inner=True, error_model="numpy")
 def _phase(p, current_a, wanted_a, emf_v):
     """Phase current after a sub-step: the wanted one, as far as the supply can drive it. Drops in the switches reduce
     the voltage that drives a current, not the one against which it flows back (drives/1), which is a part of the supply
@@ -128,7 +128,7 @@ def _phase(p, current_a, wanted_a, emf_v):
     return wanted_a
 
 
-@njit(error_model="numpy")
+@njit(inner=True, error_model="numpy")
 def step_axis(p, s, command, phases, current_fraction, nut_position_m, nut_velocity_m_s, load_torque_nm):
     """Advance one drive by one sub-step; return the force on the nut in N (mean over the sub-step).
 
@@ -147,7 +147,7 @@ def step_axis(p, s, command, phases, current_fraction, nut_position_m, nut_veloc
     return turn(p, s, torque, drag, nut_position_m, nut_velocity_m_s, steady)
 
 
-@njit(error_model="numpy", forceinline=True)
+@njit(inner=True, error_model="numpy", forceinline=True)
 def stepper_torque(p, s, command, phases, current_fraction, load_torque_nm):
     """The motor's part of `step_axis`, as `turn` takes it: torque, drag, steady."""
     omega = s.omega_rad_s

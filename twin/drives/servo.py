@@ -79,7 +79,7 @@ def servo_parameters(
     return p
 
 
-@njit(error_model="numpy")
+@njit(inner=True, error_model="numpy")
 def _off(s):
     """Open the loops; latched faults stay."""
     s.on = 0
@@ -89,7 +89,7 @@ def _off(s):
     s.arrived = 0
 
 
-@njit(error_model="numpy")
+@njit(inner=True, error_model="numpy")
 def fail(s, cause):
     s.fault = cause
     s.cause = cause
@@ -107,7 +107,7 @@ def step_servo(p, s, command, phases, current_fraction, nut_position_m, nut_velo
     return turn(p, s, torque - load_torque_nm, drag, nut_position_m, nut_velocity_m_s, steady)
 
 
-@njit(error_model="numpy", forceinline=True)
+@njit(inner=True, error_model="numpy", forceinline=True)
 def servo_torque(p, s, command, phases):
     """The motor's part of `step_servo`, as `turn` takes it: torque, drag, steady."""
     omega = s.omega_rad_s

@@ -160,7 +160,7 @@ def axis_states(n: int) -> NDArray[np.void]:
     return states
 
 
-@njit(error_model="numpy", forceinline=True)
+@njit(inner=True, error_model="numpy", forceinline=True)
 def turn(p, s, torque, drag, nut_position_m, nut_velocity_m_s, steady):
     """Turn the shaft by a torque for one sub-step; return the mean force on the nut in N.
 
@@ -212,7 +212,7 @@ def turn(p, s, torque, drag, nut_position_m, nut_velocity_m_s, steady):
     return s.force_n
 
 
-@njit(error_model="numpy")
+@njit(inner=True, error_model="numpy")
 def at_rest(s):
     """True if the last sub-step changed neither angle nor currents. With the same arguments further ones change nothing
     either (with friction, not a bit): time may be skipped until an argument changes."""

@@ -24,7 +24,7 @@ _HALF_PI_HIGH = 1.57079632673412561417  # the first 33 bits of pi/2
 _HALF_PI_LOW = 6.07710050650619224932e-11
 
 
-@njit(error_model="numpy")
+@njit(inner=True, error_model="numpy")
 def sine_and_cosine(angle_rad):
     if not abs(angle_rad) < FAR_RAD:
         return math.sin(angle_rad), math.cos(angle_rad)

@@ -211,7 +211,7 @@ def block_positions(
                 end -= 1
             end = min(max(end, k), last + 1)
         part = out[k - first : end - first]
-        positions(k, period_s, block.phases, block.piece, sine, block.table[:, LENGTH], block.corner, part)
+        positions(k, period_s, block.phases, block.piece, sine, block.table, block.corner, part)
         if block.curves:
             _bend(block, period_s, sine, k, part)
         k = end

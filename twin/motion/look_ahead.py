@@ -54,7 +54,7 @@ def faults(displacement, length, speed, limit, acceleration, entry):
     return 0
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(inner=True, nogil=True, error_model="numpy")
 def _slack(v, mean, length):
     """Rounding error of v^2 on a piece."""
     return NOISE * v * v + 2.0 * mean * PLACE_NOISE * length
@@ -135,7 +135,7 @@ def lay(t, s, v, table, wanted, factor, phases, piece, back):
     return count, settled, kept
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(inner=True, nogil=True, error_model="numpy")
 def _phase(phases, row, t, dt, s0, s1, v0, v1):
     phases[row, T] = t
     phases[row, DT] = dt
@@ -175,7 +175,7 @@ def brake(t, s, v, table, factor, phases, piece, back):
     return count, False
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(inner=True, nogil=True, error_model="numpy")
 def _place(x, phases, row, sine):
     """Place on the piece x seconds after the beginning of a phase, at most its end."""
     dt, s1 = phases[row, DT], phases[row, S1]
@@ -213,7 +213,7 @@ def places(k, period_s, phases, piece, sine, place, number):
 
 
 @njit(nogil=True, error_model="numpy")
-def positions(k, period_s, phases, piece, sine, length, corner, out):
+def positions(k, period_s, phases, piece, sine, table, corner, out):
     """out[i, axis]: position at tick k + i in whole increments, on straight pieces. corner: [pieces + 1, axes]."""
     row, last = np.searchsorted(phases[:, T], k * period_s, side="right") - 1, phases.shape[0] - 1
     for i in range(out.shape[0]):
@@ -230,5 +230,5 @@ def positions(k, period_s, phases, piece, sine, length, corner, out):
             whole = np.rint(begin)
             way = corner[j + 1, axis] - begin if row >= 0 else 0.0
             out[i, axis] = np.int64(whole) + np.int64(
-                np.rint(begin - whole + (way * place / length[j] if row >= 0 else 0.0))
+                np.rint(begin - whole + (way * place / table[j, LENGTH] if row >= 0 else 0.0))
             )

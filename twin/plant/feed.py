@@ -58,7 +58,7 @@ def supply_state(supply: Supply | None, stages: Sequence[AnyStage], window_s: fl
     return state
 
 
-@njit(error_model="numpy")
+@njit(inner=True, error_model="numpy")
 def feed(supply, axes, drives, states):
     """Advance the voltage to the end of a window in which the stages took `energy_j`, and pass it to the drives. axes
     [3] AXIS, drives [3] AXIS_PARAMETERS, states [3] AXIS_STATE. A stage without enough voltage is off."""

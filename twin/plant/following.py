@@ -20,7 +20,7 @@ from isel_twin.plant.lead import begin, behind
 _FAR = 1 << 62  # a count that no axis reaches
 
 
-@njit()
+@njit(inner=True)
 def bounds(axes, axis, sense, strike, release, struck):
     """Open interval of counts, low and high int64 [axes], in which no switch of an axis changes outside leads."""
     low, high = np.full(axes, -_FAR), np.full(axes, _FAR)
@@ -37,13 +37,13 @@ def bounds(axes, axis, sense, strike, release, struck):
     return low, high
 
 
-@njit()
+@njit(inner=True)
 def _changes(s, t_ns, commanded, leads, axis, sense, strike, release, struck):
     beyond = sense[s] * (commanded[axis[s]] - behind(leads[axis[s]], t_ns))
     return (beyond > (release[s] if struck[s] else strike[s])) != struck[s]
 
 
-@njit()
+@njit(inner=True)
 def _switch(t_ns, commanded, leads, axis, sense, strike, release, struck):
     """Set the switches by the carriages; True if one has changed."""
     changed = False
@@ -90,7 +90,7 @@ def make_steps(t_ns, delta, commanded, leads, axis, sense, strike, release, stru
             return made, True
 
 
-@njit()
+@njit(inner=True)
 def _first_change(start_ns, until_ns, commanded, leads, axis, sense, strike, release, struck):
     """First time after start_ns at which a switch changes, until_ns + 1 if none does by then; no tick in between.
 

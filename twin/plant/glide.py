@@ -46,7 +46,7 @@ JOINT = np.dtype(
 )
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(inner=True, nogil=True, error_model="numpy")
 def glide(joints, mobility, h_s, qpos, qvel, qacc, qacc_smooth, qfrc):
     """One step of h_s with the forces qfrc on the joints: joints [nv] JOINT, mobility [nv, nv], q... as MuJoCo's.
 

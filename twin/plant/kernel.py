@@ -37,7 +37,6 @@ MuJoCo's step is called by its address (native.py). Between the stops, without c
 import math
 
 import numpy as np
-from numba import carray
 
 import isel_twin.plant
 from isel_twin.base.compiling import contains, njit
@@ -47,7 +46,7 @@ from isel_twin.drives.servo import cool, servo_torque
 from isel_twin.drives.shaft import SERVO, at_rest, turn
 from isel_twin.plant import feed, glide, lead, margin, memory, native, teeth, thread, touch
 from isel_twin.plant.lead import begin, behind, mean_behind
-from isel_twin.plant.memory import APART, AXES, FRESH, LAG, PARTED_MM, POSITION, TOUCH, at_address, parts_of
+from isel_twin.plant.memory import APART, AXES, FRESH, LAG, PARTED_MM, POSITION, TOUCH, array_at, parts_of
 from isel_twin.plant.native import call_mj_step
 
 REST_M_S = 5e-6  # speed below which a joint counts as at rest
@@ -58,7 +57,7 @@ FAR_M = 1e3  # a joint beyond this has run away
 NEVER = np.iinfo(np.int64).max
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(inner=True, nogil=True, error_model="numpy")
 def _lower_at(axis):
     """Sub-step in which the current of an axis is lowered (plant/7); NEVER if not asked for or done."""
     if axis.lowering == 0 or axis.phases == OPEN or axis.fraction == axis.idle_fraction:
@@ -66,7 +65,7 @@ def _lower_at(axis):
     return axis.still_since + axis.idle_delay
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(inner=True, nogil=True, error_model="numpy")
 def _wake(plant, axes, drives, states, supply, feeler):
     """Leave the frozen state; the elapsed part of the window gets the force that held the carriage."""
     if plant.frozen == 0:
@@ -117,7 +116,7 @@ def begin_window(memory):
         axis.sum_nut_n = 0.0
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(inner=True, nogil=True, error_model="numpy")
 def _feel(plant, axes, touching, touched_m, found):
     """Which pairs touch, after a step of MuJoCo; one that begins to is news."""
     for k in range(touching.shape[0]):
@@ -133,7 +132,7 @@ def _feel(plant, axes, touching, touched_m, found):
                     touching[k] = APART
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(inner=True, nogil=True, error_model="numpy")
 def _leave_window(memory):
     """One MuJoCo step with the mean forces of the window; freezes the plant after a long enough standstill."""
     parts = parts_of(memory)
@@ -173,7 +172,7 @@ def _leave_window(memory):
         if plant.window == plant.usual:
             call_mj_step(plant.mj_step, plant.model, plant.data)  # type: ignore[call-arg]
         else:
-            step_s = carray(at_address(plant.step_at), (1,), np.float64)
+            step_s = array_at(plant.step_at, (1,), np.float64)
             usual_s = step_s[0]
             step_s[0] = window_s
             call_mj_step(plant.mj_step, plant.model, plant.data)  # type: ignore[call-arg]
@@ -207,7 +206,7 @@ def _leave_window(memory):
             axes[i].rest_m_s2 += springs[0, i, j] * (qpos[j] - before[j]) + springs[1, i, j] * (qvel[j] - rates[j])
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(inner=True, nogil=True, error_model="numpy")
 def _pace(plant, axes, supply, qvel):
     """Choose the next window: fine from when the structure is shaken until it has been calm."""
     shaken = False
@@ -238,7 +237,7 @@ def look(memory):
     _look(memory)
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(inner=True, nogil=True, error_model="numpy")
 def _look(memory):
     """Lower the least pull-out margins to those of now, for motors whose stages are on."""
     parts = parts_of(memory)
@@ -268,11 +267,12 @@ def _look(memory):
         axis.untaken = min(axis.untaken, now)
 
 
-@njit(nogil=True, error_model="numpy")
-def _take(parts, at):
+@njit(inner=True, nogil=True, error_model="numpy")
+def _take(memory, at):
     """Take a sample: the sub-step `at` (now or, if nothing moves, later), places and speeds of the joints [nv],
     commanded and rotors [m], current fractions, margins and forces on the nuts [3], supply voltage. Places are those
     `sample_ahead_ns` after it."""
+    parts = parts_of(memory)
     plant, axes = parts.plant[0], parts.axes
     if plant.sampled == parts.samples.shape[0]:
         return
@@ -307,9 +307,10 @@ def _take(parts, at):
     row[at_axes + 3 * AXES] = parts.supply[0].voltage_v if parts.supply[0].on else math.nan
 
 
-@njit(nogil=True, error_model="numpy")
-def _feel_tip(parts):
+@njit(inner=True, nogil=True, error_model="numpy")
+def _feel_tip(memory):
     """Set deflection and push of the feeler by where the tool is over the table."""
+    parts = parts_of(memory)
     x_m, y_m, z_m, shape = 0.0, 0.0, 0.0, parts.shape
     for j in range(parts.qpos.shape[0]):
         q = parts.qpos[j]
@@ -327,11 +328,11 @@ def feel_now(memory):
     """Let the feeler, and thresholds of it, be as the machine stands."""
     parts = parts_of(memory)
     if parts.feeler[0].on:
-        _feel_tip(parts)
+        _feel_tip(memory)
         _pass(memory)
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(inner=True, nogil=True, error_model="numpy")
 def _pass(memory):
     """Compare with all thresholds at the end of a sub-step; True if one was passed or left."""
     parts = parts_of(memory)
@@ -387,7 +388,7 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
             plant.now = max(plant.now, wakes)
             if plant.sample_every and plant.sample_at <= plant.now:
                 if plant.held == 0:
-                    _take(parts, plant.sample_at)
+                    _take(memory, plant.sample_at)
                     plant.held = 1
                 plant.sample_at += ((plant.now - plant.sample_at) // plant.sample_every + 1) * plant.sample_every
             if plant.now == until:
@@ -472,10 +473,10 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
             if plant.lost_dof >= 0:
                 break
         if plant.now == plant.sample_at:
-            _take(parts, plant.now)
+            _take(memory, plant.now)
             plant.sample_at += plant.sample_every
         if feeler.on:
-            _feel_tip(parts)
+            _feel_tip(memory)
             if feeler.broken > 1:
                 plant.struck = 1
         near = plant.watched != 0

@@ -48,13 +48,13 @@ def all_behind(leads: NDArray[np.void], t_ns: int) -> NDArray[np.float64]:
     return behind_steps
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(inner=True, nogil=True, error_model="numpy")
 def behind(lead, t_ns):
     """Microsteps still to come at t_ns, which is not before the last tick. Exact if it fits into 53 bits."""
     return lead.pending * max(lead.end_ns - t_ns, 0) / lead.lead_ns
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(inner=True, nogil=True, error_model="numpy")
 def mean_behind(lead, start_ns, end_ns, dt_ns):
     """Integral of `behind` from start_ns to end_ns, over dt_ns."""
     last_ns = min(end_ns, lead.end_ns)
@@ -63,7 +63,7 @@ def mean_behind(lead, start_ns, end_ns, dt_ns):
     return lead.pending * (last_ns - start_ns) * (2 * lead.end_ns - start_ns - last_ns) / (2.0 * lead.lead_ns * dt_ns)
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(inner=True, nogil=True, error_model="numpy")
 def begin(lead, t_ns, change, lead_ns):
     lead.pending = behind(lead, t_ns) + change
     lead.end_ns = t_ns + lead_ns

@@ -42,7 +42,7 @@ def available_torque(motor: Motor, stage: Stage) -> NDArray[np.float64]:
     return np.where(net > 0.0, net + iron_torques(motor, omega), 0.0)
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(inner=True, nogil=True, error_model="numpy")
 def margin(torque_nm, lag_full_steps, speed_rad_s, available_nm, fraction):
     """Pull-out margin at one moment. torque_nm: mean over a window; speed_rad_s: as the voltage scales it;
     available_nm: `available_torque`; fraction: of the nominal current, which may be lowered at rest."""

@@ -11,8 +11,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import carray, types
+from numba import types
 from numba.extending import intrinsic
+from numba.np import arrayobj
 from numpy.typing import NDArray
 
 import isel_twin.plant
@@ -179,53 +180,57 @@ MEMORY = np.dtype(
 
 
 @intrinsic
-def _pointer(typingctx: Any, address: Any) -> Any:
+def _array(typingctx: Any, address: Any, shape: Any, dtype: Any) -> Any:
+    """numba's carray of an address, in place: carray is compiled for each type and number of dimensions."""
+    array = types.Array(dtype.dtype, len(shape), "C")
+
     def build(context, builder, signature, arguments):
-        return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
+        pointer = builder.inttoptr(arguments[0], context.get_value_type(types.voidptr))
+        return arrayobj.np_cfarray(context, builder, array(types.voidptr, shape), (pointer, arguments[1]))
 
-    return types.voidptr(types.int64), build
-
-
-at_address: Any = _pointer  # `_pointer` as compiled code calls it: with the address alone
+    return array(types.int64, shape, dtype), build
 
 
-@njit(nogil=True, error_model="numpy")
+array_at: Any = _array  # `_array` as compiled code calls it: address, shape, type
+
+
+@njit(inner=True, nogil=True, error_model="numpy")
 def parts_of(memory):
     """The arrays of a MEMORY."""
     n, at = memory[0].joints, memory[0]
     return Parts(
-        carray(at_address(at.plant), (1,), PLANT),
-        carray(at_address(at.axes), (AXES,), AXIS),
-        carray(at_address(at.drives), (AXES,), AXIS_PARAMETERS),
-        carray(at_address(at.screws), (AXES,), SCREW),
-        carray(at_address(at.states), (AXES,), AXIS_STATE),
-        carray(at_address(at.thresholds), (at.number_of_thresholds,), THRESHOLD),
-        carray(at_address(at.commanded), (at.commands,), np.int64),
-        carray(at_address(at.leads), (at.commands,), LEAD),
-        carray(at_address(at.available), (AXES, at.speeds), np.float64),
-        carray(at_address(at.joints_law), (n,), JOINT),
-        carray(at_address(at.mobility), (n, n), np.float64),
-        carray(at_address(at.push), (2, n), np.float64),
-        carray(at_address(at.springs), (2, AXES, n), np.float64),
-        carray(at_address(at.cut), (1,), CUT),
-        carray(at_address(at.tip_nuts), (AXES, AXES), np.float64),
-        carray(at_address(at.tip_joints), (AXES, n), np.float64),
-        carray(at_address(at.feeler), (1,), FEELER),
-        carray(at_address(at.targets), (at.number_of_targets,), TARGET),
-        carray(at_address(at.shape), (AXES, n), np.float64),
-        carray(at_address(at.supply), (1,), SUPPLY),
-        carray(at_address(at.before), (n,), np.float64),
-        carray(at_address(at.rates), (n,), np.float64),
-        carray(at_address(at.touching), (at.pairs,), np.int64),
-        carray(at_address(at.touched_m), (at.pairs, AXES), np.float64),
-        carray(at_address(at.found), (at.pairs,), np.float64),
-        carray(at_address(at.samples), (SAMPLES, at.fields), np.float64),
-        carray(at_address(at.place), (n,), np.float64),
-        carray(at_address(at.qpos), (n,), np.float64),
-        carray(at_address(at.qvel), (n,), np.float64),
-        carray(at_address(at.qacc), (n,), np.float64),
-        carray(at_address(at.qacc_smooth), (n,), np.float64),
-        carray(at_address(at.qfrc), (n,), np.float64),
+        array_at(at.plant, (1,), PLANT),
+        array_at(at.axes, (AXES,), AXIS),
+        array_at(at.drives, (AXES,), AXIS_PARAMETERS),
+        array_at(at.screws, (AXES,), SCREW),
+        array_at(at.states, (AXES,), AXIS_STATE),
+        array_at(at.thresholds, (at.number_of_thresholds,), THRESHOLD),
+        array_at(at.commanded, (at.commands,), np.int64),
+        array_at(at.leads, (at.commands,), LEAD),
+        array_at(at.available, (AXES, at.speeds), np.float64),
+        array_at(at.joints_law, (n,), JOINT),
+        array_at(at.mobility, (n, n), np.float64),
+        array_at(at.push, (2, n), np.float64),
+        array_at(at.springs, (2, AXES, n), np.float64),
+        array_at(at.cut, (1,), CUT),
+        array_at(at.tip_nuts, (AXES, AXES), np.float64),
+        array_at(at.tip_joints, (AXES, n), np.float64),
+        array_at(at.feeler, (1,), FEELER),
+        array_at(at.targets, (at.number_of_targets,), TARGET),
+        array_at(at.shape, (AXES, n), np.float64),
+        array_at(at.supply, (1,), SUPPLY),
+        array_at(at.before, (n,), np.float64),
+        array_at(at.rates, (n,), np.float64),
+        array_at(at.touching, (at.pairs,), np.int64),
+        array_at(at.touched_m, (at.pairs, AXES), np.float64),
+        array_at(at.found, (at.pairs,), np.float64),
+        array_at(at.samples, (SAMPLES, at.fields), np.float64),
+        array_at(at.place, (n,), np.float64),
+        array_at(at.qpos, (n,), np.float64),
+        array_at(at.qvel, (n,), np.float64),
+        array_at(at.qacc, (n,), np.float64),
+        array_at(at.qacc_smooth, (n,), np.float64),
+        array_at(at.qfrc, (n,), np.float64),
     )
 
 

@@ -11,7 +11,7 @@ from isel_twin.base.compiling import njit
 LEAST_M_S = 1e-6  # feed below which a tooth rubs and takes no chip
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(inner=True, nogil=True, error_model="numpy")
 def bite(cut, now, x_m_s, y_m_s):
     """Forces x_n, y_n of sub-step `now`, with the screws moving tool over table by x_m_s, y_m_s."""
     cut.x_m_s += cut.gain * (x_m_s - cut.x_m_s)

@@ -70,7 +70,7 @@ NEWS = 2  # of `broken`
 EXACT_MM = 1e-6  # to which a place between two others is found
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(inner=True, nogil=True, error_model="numpy")
 def distance(target, x_m, y_m, z_m):
     """Distance of a point from a target, and its gradient in x, y, z. Inside it is negative."""
     dx, dy, dz = x_m - target.x_m, y_m - target.y_m, z_m - target.z_m
@@ -107,7 +107,7 @@ def distance(target, x_m, y_m, z_m):
     return up, 0.0, 0.0, up_z
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(inner=True, nogil=True, error_model="numpy")
 def feel(feeler, targets, x_m, y_m, z_m):
     """Set deflection and push of a feeler with the tool's point at this place."""
     feeler.push_n[0] = 0.0

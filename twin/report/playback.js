@@ -3,7 +3,7 @@
 "use strict";
 
 const $ = (id) => document.getElementById(id);
-const SPEEDS = [0.01, 0.1, 0.25, 0.5, 1, 2, 5, 10, 20], ROWS = 160; // times real time; lines of the session that are shown
+const SPEEDS = [0.01, 0.1, 0.25, 0.5, 1, 2, 5, 10, 20], ROWS = 160, AROUND_S = 0.05; // times real time; lines of the session that are shown; window at a time asked for
 
 function make(tag, attributes = {}, ...children) {
   const node = document.createElement(tag);
@@ -134,7 +134,9 @@ async function start() {
     if (event.target.matches("input:not([type=range]), select, textarea, button, summary") || event.ctrlKey || event.altKey || event.metaKey) return;
     if (event.key === " ") { event.preventDefault(); play(!playing); } else scope.key(event);
   });
-  go_to(0);
+  const asked = /^#t=([\d.]+)$/.exec(location.hash); // seconds: a panel opens its scope there
+  go_to(asked ? Number(asked[1]) : 0);
+  if (asked) scope.look_at(now - AROUND_S, now + AROUND_S);
   document.body.dataset.ready = "true";
 }
 

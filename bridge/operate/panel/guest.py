@@ -11,6 +11,7 @@ Requests are those of the control port (bridge/operate/control.py) with a number
     {"id": 9, "say": "@0P"}                            as a host: commands as in a job file (`PanelEnd`)
     {"id": 10, "job": {"start": true}}                 a job file: job.py
     {"id": 11, "desk": {"home": true}}                 moves by hand: desk.py
+    {"id": 12, "trigger": {"level": "p1.0", "is": 1}}  pause when it becomes so (`Operator.trigger`); false: no more
 
 A frame is the state of the control port with further data for the panel; there are none without browsers. Sampling does
 not change the twin by a bit.
@@ -97,6 +98,7 @@ class Panel(Guest):
         self._line = PanelEnd()  # of who types
         self._pending: list[tuple[int, Any, Pending]] = []
         self._gone: dict[int, Mapping[str, Any]] = {}
+        self._trigger: tuple[Mapping[str, Any], Pending] | None = None  # of all browsers together
         self._next_s = 0.0
         self._last: Frame = {}
         self._met = 0  # collisions that have been shown
@@ -200,7 +202,7 @@ class Panel(Guest):
 
     def _ask(self, client: int, request: dict[str, Any]) -> dict[str, Any] | Pending:
         place = Place("request", ControlError)
-        kinds = ("ask", "say", "job", "desk")
+        kinds = ("ask", "say", "job", "desk", "trigger")
         known(request, ("id", "gone", *kinds), place)
         if len([key for key in kinds if key in request]) != 1:
             raise place.wrong(f"nothing to do; allowed: one of {', '.join(kinds)}")
@@ -212,10 +214,28 @@ class Panel(Guest):
             if self._desk is None:
                 raise place.at("desk").wrong("nobody knows the controller's language; allowed: with one")
             return self._desk.ask(request["desk"], self._free)
+        if "trigger" in request:
+            return self._set_trigger(request["trigger"], place.at("trigger"))
         result = self._operator.ask(request["ask"])
         if isinstance(gone := request.get("gone"), dict):
             self._gone[client] = gone
         return result
+
+    def _set_trigger(self, content: Any, place: Place) -> dict[str, Any]:
+        assert self._server is not None
+        self._server.present()
+        armed = None if content is False else (content, self._operator.trigger(content, place))
+        if self._trigger is not None:
+            self._operator.forget(self._trigger[1])
+        self._trigger = armed
+        return {"trigger": self._shown_trigger()}
+
+    def _shown_trigger(self) -> dict[str, Any] | None:
+        """What the trigger waits for, and the virtual time of its pause; None: there is none."""
+        if self._trigger is None:
+            return None
+        content, pending = self._trigger
+        return {"when": content, "hit_s": None if pending.answer is None else pending.answer["time_s"]}
 
     def _say(self, text: Any) -> dict[str, Any]:
         """Send text to the controller like a host that takes the line. Raises ControlError while a network host holds
@@ -305,6 +325,7 @@ class Panel(Guest):
         for collision in twin.collisions[self._met :]:
             lines.append({"s": collision.time_ns / SECOND_NS, "who": "", "text": "", "means": str(collision)})
         self._met = len(twin.collisions)
+        frame["trigger"] = self._shown_trigger()
         frame["job"] = self._job.shown
         frame["desk"] = None if self._desk is None else self._desk.shown
         if lines or frame != self._last:

@@ -46,6 +46,7 @@ def pages() -> dict[str, tuple[str, bytes]]:
         "/panel.css": (style, (page / "panel.css").read_bytes()),
         "/panel.js": (script, (page / "panel.js").read_bytes()),
         "/desk.js": (script, (page / "desk.js").read_bytes()),
+        "/trigger.js": (script, (page / "trigger.js").read_bytes()),
         "/scene": (html, scene.encode()),
     }
 

@@ -106,7 +106,7 @@ function begin(told) {
   $("recording").hidden = !about.recording;
   $("scope").hidden = !about.recording;
   if (about.recording) $("recording").download = about.recording;
-  build_time(); build_elements(); build_keys(); build_outputs(); build_axes(); build_ports(); build_faults(); build_plots(); build_job(); build_desk();
+  build_time(); build_elements(); build_keys(); build_outputs(); build_axes(); build_ports(); build_faults(); build_plots(); build_job(); build_desk(); build_trigger();
 }
 
 function build_time() {
@@ -500,6 +500,8 @@ function draw() {
     }
     pen.textBaseline = "alphabetic"; pen.textAlign = "left"; pen.fillText(`${begin.toFixed(1)} s`, left, height - 2);
     pen.textAlign = "right"; pen.fillText(`${end.toFixed(1)} s`, width - 4, height - 2);
+    const hit_s = frame && frame.trigger ? frame.trigger.hit_s : null;
+    if (hit_s !== null && hit_s >= begin && hit_s <= end) { pen.strokeStyle = colour("warned"); pen.beginPath(); pen.moveTo(x(hit_s), top); pen.lineTo(x(hit_s), bottom); pen.stroke(); }
     about.axes.slice(0, 4).forEach((_, axis) => {
       pen.strokeStyle = inks[axis]; pen.lineWidth = 1.3; pen.beginPath();
       let on = false;
