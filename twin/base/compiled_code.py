@@ -12,6 +12,7 @@ import logging
 import pickle
 from collections.abc import Callable
 from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +21,6 @@ from numba.core import event
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.environment import Environment, lookup_environment
 from numba.core.runtime import rtsys
-
-from isel_twin.base.compiling import compiling
 
 log = logging.getLogger("isel_twin")
 
@@ -59,15 +58,21 @@ def drop_stale_code(function: Any, *files: str) -> None:
         stamp.write_text(digest)
 
 
+@lru_cache(1)
+def tell_of_compiling(take: Callable[[bool], None]) -> None:
+    """Call take(True) whenever a compilation begins and take(False) when it ends."""
+    event.register("numba:compile", _Told(take))
+
+
 class _Told(event.Listener):
+    def __init__(self, take: Callable[[bool], None]) -> None:
+        self._take = take
+
     def on_start(self, _: event.Event) -> None:
-        compiling(begins=True)
+        self._take(True)
 
     def on_end(self, _: event.Event) -> None:
-        compiling(begins=False)
-
-
-event.register("numba:compile", _Told())
+        self._take(False)
 
 
 class _Cache(FunctionCache):

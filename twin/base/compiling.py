@@ -48,9 +48,10 @@ class Compiled:
 
     @functools.cached_property
     def _dispatcher(self) -> Any:
-        from isel_twin.base.compiled_code import dispatcher, drop_stale_code
+        from isel_twin.base.compiled_code import dispatcher, drop_stale_code, tell_of_compiling
 
         with _MAKING:
+            tell_of_compiling(compiling)
             if "_dispatcher" in self.__dict__:  # another thread was faster
                 return self.__dict__["_dispatcher"]
             module, name = self.py_func.__module__, self.py_func.__name__
