@@ -125,3 +125,39 @@ def test_the_index_names_no_code_that_is_not_written(tmp_path: Path, monkeypatch
     monkeypatch.setattr(new, "_save_data", lambda name, data: (seen.append(new.load("int8")), write(name, data)))
     new.save("int8", "new code")
     assert [*seen, new.load("int8")] == [None, "new code"]
+
+
+OUTER = """
+import inner
+from inner import more
+from isel_twin.base.compiling import contains, njit
+
+@njit()
+def outer(n):
+    return more(n)
+
+contains(__name__, inner.__file__)
+"""
+INNER = """
+from isel_twin.base.compiling import njit
+
+@njit()
+def more(n):
+    return n + {by}
+"""
+
+
+def test_code_of_another_file_that_has_changed_is_compiled_anew(tmp_path: Path) -> None:
+    """numba asks only whether the function's own file has changed. And nobody imports it before the first call."""
+    (tmp_path / "outer.py").write_text(OUTER)
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "NUMBA_OPT": "1"}
+    code = "import sys; from outer import outer; early = 'numba' in sys.modules; print(early, outer(1), outer(2))"
+    told = []
+    for by in (1, 100):
+        (tmp_path / "inner.py").write_text(INNER.format(by=by))
+        call = [sys.executable, "-c", code]
+        done = subprocess.run(
+            call, env=environment, cwd=tmp_path, capture_output=True, text=True, check=True, timeout=240
+        )
+        told.append(done.stdout)
+    assert told == ["False 2 3\n", "False 101 102\n"]
