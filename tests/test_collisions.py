@@ -25,6 +25,8 @@ from isel_twin.plant import Clearance, Collision
 
 from .crashes.stl import write_stl
 
+pytestmark = pytest.mark.long(seconds=16)
+
 JAW = Fixture("vise_jaw", "box", (100.0, 20.0, 140.0), (100.0, 60.0, 0.0))
 ABOVE_MM = 147.0 - 140.0  # Z at which the cutter's end meets the jaw
 STEP_MM = 1.0 / 320.0

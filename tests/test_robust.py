@@ -29,9 +29,12 @@ from isel_twin.jobs.job import parse_job
 from isel_twin.language import create_language
 from isel_twin.machine import load_machine, with_overrides
 from tests import forked
+from tests.near import near_switches
+
+pytestmark = pytest.mark.long(seconds=25)
 
 SOUND = "@07\n@0R7\n@0A1600,5000,800,5000,0,900,0,900\n"
-AT_36_V = """based_on = "4030"
+AT_36_V = """based_on = "../near"
 [axes.all.stage]
 supply = { value = 36.0, unit = "V", grade = "setting", source = "the supply in question" }
 """
@@ -43,7 +46,9 @@ NEAR_STALL = "@07\n@0R7\n@0J100\n@0z1\n@0M32000,20500,0,900,0,900,0,30\n"
 def run(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Any:
     """run(job, words...) -> exit code, lines of standard output, standard error; in a folder with a machine `m36`."""
     warm_up("mujoco")  # says nothing of it, as the first of all jobs does
-    (tmp_path / "m36").mkdir()
+    for name in ("near", "m36"):
+        (tmp_path / name).mkdir()
+    near_switches(tmp_path / "near", 2.0)
     (tmp_path / "m36" / "machine.toml").write_text(AT_36_V)
     monkeypatch.chdir(tmp_path)
 

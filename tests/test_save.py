@@ -29,6 +29,8 @@ from isel_twin.recordings.recorder import Recorder
 from isel_twin.wiring import event_now
 from tests.forked import PATIENCE_S
 
+pytestmark = pytest.mark.long(seconds=10)
+
 READY = ("@07", "@0R7")
 """Axes and a reference run of an imc-s8."""
 PLACE = Place(Path("test"), ValueError)

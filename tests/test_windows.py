@@ -18,6 +18,8 @@ from isel_twin.bridge.serve import tcp
 from isel_twin.plant import native
 from tests.forked import PATIENCE_S
 
+pytestmark = pytest.mark.long(seconds=9)
+
 BARE = str(Path(__file__).with_name("bare.py"))
 WAIT_S = PATIENCE_S
 

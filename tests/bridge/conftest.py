@@ -57,7 +57,10 @@ class Served:
         """End it if it still runs."""
         if self.process.poll() is None:
             self.process.terminate()
-        self.process.communicate(timeout=STOP_S)
+        try:
+            self.process.communicate(timeout=STOP_S)
+        finally:
+            self.process.kill()
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -14,6 +14,8 @@ from isel_twin.firmware.bwo900.programs import feed as feed_module
 from isel_twin.firmware.bwo900.programs.feed import HIGH, ROOM, Feed
 from isel_twin.wiring import ScenarioError, event_now
 
+pytestmark = pytest.mark.long(seconds=7)
+
 FEED = parameters(p8811=1, p8800=12, p8683=2, p8684=1)
 REFERENCE = parameters(p8683=1, p12530=1, p12330=1, p12130=1)
 

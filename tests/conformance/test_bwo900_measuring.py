@@ -21,6 +21,8 @@ from conformance.rows import case, shows
 from isel_twin import Twin
 from isel_twin.machine import Fixture
 
+pytestmark = pytest.mark.long(seconds=11)
+
 GAUGE_AT, BORE_AT = (624.96, 324.3), (600.35, 299.8)
 """The printed centre; one near X600 Y300, where the printed example begins."""
 TABLE_Z = 250.23

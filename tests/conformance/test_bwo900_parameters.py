@@ -14,6 +14,8 @@ from conformance.rows import shows
 from isel_twin.firmware.bwo900.realtime.path import circumradius
 from isel_twin.testing import Desk
 
+pytestmark = pytest.mark.long(seconds=11)
+
 
 def feeds(desk: Desk, limit_s: float = 60.0) -> tuple[np.ndarray, np.ndarray]:
     """Places in mm [n, 3] and path speeds in mm/min [n], one every 2 ms, from Start of P1 to its end."""

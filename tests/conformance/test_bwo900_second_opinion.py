@@ -19,6 +19,8 @@ from isel_twin.recordings.reading import read
 from isel_twin.recordings.recording import FileRecording
 from isel_twin.recordings.replay import rebuilt, replay
 
+pytestmark = pytest.mark.long(seconds=7)
+
 BALL_MM, STATED_MM = 3.0, 0.003
 CYCLE = "N30 P141:2 P143:60 P144:1 P147:500 P504:4 P149:510"
 GAUGE = "N40 P140:1 P150:520 P520:120.4 P521:89.7 P523:32"
