@@ -6,10 +6,14 @@ import io
 import re
 import textwrap
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import robot
+
+from isel_twin.bridge.robot import bench
 
 PAGE = Path(__file__).parents[2] / "docs" / "connections.md"
 SUITE = textwrap.dedent(re.findall(r"with bench\.robot\n\n((?:(?:    .*)?\n)+)", PAGE.read_text("utf-8"))[0])
@@ -97,6 +101,27 @@ def run(folder: Path, suite: str) -> tuple[int, list[tuple[str, str]]]:
     tree = ElementTree.parse(folder / "output.xml")
     found = [test.find("status") for test in tree.iter("test")]
     return code, [(one.get("status", ""), one.text or "") for one in found if one is not None]
+
+
+@pytest.fixture(autouse=True)
+def started(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Any]]:
+    """The twins that a suite starts. All have ended with it, each before the next one begins."""
+    running: list[Any] = []
+
+    class Noted(bench.Started):
+        def __init__(self, *options: str) -> None:
+            assert not running, "the one before must have ended"
+            super().__init__(*options)
+            running.append(self)
+
+        def stop(self) -> int:
+            if self in running:  # not if it did not start
+                running.remove(self)
+            return int(super().stop() or 0)
+
+    monkeypatch.setattr(bench, "Started", Noted)
+    yield running
+    assert not running
 
 
 def test_the_suite_of_the_page_passes(tmp_path: Path) -> None:
