@@ -30,6 +30,9 @@ CODES = {1: "an error of LinuxCNC", 2: "not in time", 3: "an emergency stop"}  #
 TOLD = ("session: ", "rows_by_sampler: ", f"{COMPONENT}: ")  # beginnings of lines of ours in LinuxCNC's log
 NOBODY = 65534
 GRACE_S = 30.0  # wall time for LinuxCNC to end behind its session
+PATIENCE_S = (
+    10  # wall time for an answer of LinuxCNC's motion: it may wait for the twin, which may have to load something
+)
 TEXT_BYTES = 1 << 20  # larger files beside an INI are not copied but linked to
 LOG = ".isel-twin.log"  # in the session's folder: all that LinuxCNC prints
 _HARDWARE = re.compile(r"\s*(HALFILE|POSTGUI_HALFILE|HALCMD|SHUTDOWN|HALUI|DISPLAY)\s*=", re.IGNORECASE)
@@ -77,12 +80,14 @@ def changed(ini: str, hal_files: Sequence[str]) -> str:
             raise LinuxCncError(f"{line}: write that file's lines into the INI: hardware in it would be started")
         if found := _SECTION.match(line):
             sections.append(found[1].upper())
-        if not _HARDWARE.match(line):
+        if not (_HARDWARE.match(line) or re.match(r"\s*COMM_TIMEOUT\s*=", line, re.IGNORECASE)):
             kept.append(line)
         if sections[-1:] == ["KINS"] and (value := re.match(r"\s*JOINTS\s*=\s*(\d+)", line, re.IGNORECASE)):
             joints = value[1]
         if sections[-1:] == ["TRAJ"] and (value := re.match(r"\s*LINEAR_UNITS\s*=\s*(\w+)", line, re.IGNORECASE)):
             unit = value[1].lower()
+        if found and sections[-1] == "EMCMOT":
+            kept.append(f"COMM_TIMEOUT = {PATIENCE_S}")
         if found and sections[-1] == "DISPLAY":
             kept.append("DISPLAY = ./session.py")
         if found and sections[-1] == "HAL":

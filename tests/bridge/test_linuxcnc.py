@@ -139,11 +139,11 @@ def test_too_fast_it_notices_nothing_and_the_twin_does(linuxcnc: LinuxCnc, tmp_p
 
 def test_an_ini_keeps_all_but_its_hardware_and_its_display() -> None:
     ini = "[DISPLAY]\nDISPLAY = axis\nCYCLE_TIME = 0.1\n[HAL]\nHALFILE = mesa.hal\nPOSTGUI_HALFILE = p.hal\n"
-    ini += "HALCMD = net a\n"
+    ini += "HALCMD = net a\n[EMCMOT]\nCOMM_TIMEOUT = 1\nEMCMOT = motmod\n"
     text = changed(f"{ini}[KINS]\nKINEMATICS = trivkins\nJOINTS = 3\n", ["twin.hal", "pendant.hal"])
     assert text == (
         "[DISPLAY]\nDISPLAY = ./session.py\nCYCLE_TIME = 0.1\n[HAL]\nHALFILE = twin.hal\nHALFILE = pendant.hal\n"
-        "[KINS]\nKINEMATICS = trivkins\nJOINTS = 3\n"
+        "[EMCMOT]\nCOMM_TIMEOUT = 10\nEMCMOT = motmod\n[KINS]\nKINEMATICS = trivkins\nJOINTS = 3\n"
     )
     assert changed(INI.read_text(), ["isel4030.hal"]).splitlines().count("HALFILE = isel4030.hal") == 1
 

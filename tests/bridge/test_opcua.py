@@ -202,6 +202,17 @@ class Still:
         return self._state
 
 
+async def listening(serving: Serving, state: Any) -> asyncio.Task[None]:
+    """The task of a server, once it listens. Raises what has ended it before."""
+    ready = asyncio.Event()
+    running = asyncio.create_task(serving.run(state, ready.set))
+    waiting = asyncio.create_task(ready.wait())
+    await asyncio.wait({running, waiting}, return_when=asyncio.FIRST_COMPLETED)
+    if running.done():
+        running.result()
+    return running
+
+
 def test_alerts_begin_and_end_and_who_comes_later_is_told(caplog: pytest.LogCaptureFixture) -> None:
     """Hood, E-stop, an end switch that is struck and steps that are lost at the stop behind it; the twin goes."""
     served = ServedTwin(Twin(controller="external", start_mm=(0.5, 100.0, 50.0)))
@@ -210,11 +221,9 @@ def test_alerts_begin_and_end_and_who_comes_later_is_told(caplog: pytest.LogCapt
     told, server_told, late = Told(), Told(), Told()
 
     async def look() -> None:
-        ready = asyncio.Event()
         serving = Serving(f"opc.tcp://{where}/", lambda: ControlClient(served.control), 0.01, None)
         before = served.ask({"state": True})
-        running = asyncio.create_task(serving.run(before, ready.set))
-        await ready.wait()
+        running = await listening(serving, before)
         async with Client(f"opc.tcp://{where}/") as client:
             kind = ua.NodeId(ALERT, (await client.get_namespace_array()).index(NAMESPACES["MT"]))
             messages = await (await machine_in(client)).get_child(await named(client, MESSAGES))
@@ -245,9 +254,7 @@ def test_alerts_begin_and_end_and_who_comes_later_is_told(caplog: pytest.LogCapt
             await running
         assert caplog.text.count("the twin has gone, it is looked for every second: ") == 1
         slow = Serving(f"opc.tcp://{where}/", lambda: Still(before), 3600.0, None)
-        ready.clear()
-        running = asyncio.create_task(slow.run(before, ready.set))
-        await ready.wait()
+        running = await listening(slow, before)
         slow.stop()
         async with asyncio.timeout(REPLY_S):
             await running

@@ -6,10 +6,14 @@ import io
 import re
 import textwrap
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import robot
+
+from isel_twin.bridge.robot import bench
 
 PAGE = Path(__file__).parents[2] / "docs" / "connections.md"
 SUITE = textwrap.dedent(re.findall(r"with bench\.robot\n\n((?:(?:    .*)?\n)+)", PAGE.read_text("utf-8"))[0])
@@ -99,8 +103,103 @@ def run(folder: Path, suite: str) -> tuple[int, list[tuple[str, str]]]:
     return code, [(one.get("status", ""), one.text or "") for one in found if one is not None]
 
 
+@pytest.fixture(autouse=True)
+def started(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Any]]:
+    """The twins that a suite starts. All have ended with it, each before the next one begins."""
+    running: list[Any] = []
+
+    class Noted(bench.Started):
+        def __init__(self, *options: str) -> None:
+            assert not running, "the one before must have ended"
+            super().__init__(*options)
+            running.append(self)
+
+        def stop(self) -> int:
+            if self in running:  # not if it did not start
+                running.remove(self)
+            return int(super().stop() or 0)
+
+    monkeypatch.setattr(bench, "Started", Noted)
+    yield running
+    assert not running
+
+
 def test_the_suite_of_the_page_passes(tmp_path: Path) -> None:
     code, results = run(tmp_path, SUITE)
+    assert (code, [status for status, _ in results]) == (0, ["PASS", "PASS"]), results
+
+
+class Slipped:
+    """The client of a twin that has lost steps of y now, of z before its counter was set."""
+
+    def __init__(self, *_: object) -> None: ...
+
+    def ask(self, _: Any) -> dict[str, Any]:
+        axes = {
+            "lost_steps": [15.0, -16.0, 0.0, 0.0],
+            "slip_steps": [32.0] * 4,
+            "forgotten_steps": [0.0, 0.0, 32.0, 0.0],
+        }
+        quiet = {"outputs": {"power": 1}, "inputs": {}, "faults": {}, "fault": False, "drive_faults": [[0, ""]] * 4}
+        return {**axes, **quiet, "margin": [None, 0.5, 0.1, None]}
+
+
+def test_verdicts_name_the_axis(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half a slip, 16 steps, is a loss; a margin as large as demanded is enough."""
+    monkeypatch.setattr(bench, "Client", Slipped)
+    here = bench.Bench()
+    here.connect_to_twin("127.0.0.1:4002")
+    line = "y has lost -16 steps; z had lost 32 steps before its counter was set"
+    with pytest.raises(AssertionError, match=f"^{line}$"):
+        here.no_step_should_be_lost()
+    here.margin_should_be_at_least(10.0)
+    with pytest.raises(AssertionError, match=r"^z had a margin of 10\.0%, less than 11 %$"):
+        here.margin_should_be_at_least(11.0)
+
+
+OPERATOR = """
+*** Settings ***
+Library    isel_twin.bridge.robot.Bench
+
+*** Test Cases ***
+Elements And Contacts
+    Start Twin    plant=kinematic
+    Open Hood
+    Input Should Be    hood    open
+    Close Hood
+    Input Should Be    hood    closed
+    Press Emergency Stop
+    Input Should Be    estop    pressed
+    Output Should Be    power    0
+    Release Emergency Stop
+    Input Should Be    estop    released
+    Set Input    power    on
+    Output Should Be    power    1
+    Break    limit_x2
+    ${state}=    Get State
+    Should Be Equal    ${state}[faults]    ${{ {'limit_x2': 'broken'} }}
+    Mend    limit_x2
+    ${state}=    Get State
+    Should Be Empty    ${state}[faults]
+
+Time Stands Still And Goes On
+    Send Command    @07
+    Send Command    @0N7
+    Start Command    @0A16000,2000,0,900,0,900,0,900
+    Wait Until Position    x    above=6
+    ${then}=    Get State
+    Sleep    0.05
+    ${state}=    Get State
+    Should Be Equal    ${state}[time_ns]    ${then}[time_ns]
+    Resume
+    Wait Until Idle
+    Position Should Be    x    50    within=0
+    Margin Should Be At Least    0
+"""
+
+
+def test_what_an_operator_does(tmp_path: Path) -> None:
+    code, results = run(tmp_path, OPERATOR)
     assert (code, [status for status, _ in results]) == (0, ["PASS", "PASS"]), results
 
 
