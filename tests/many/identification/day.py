@@ -1,6 +1,6 @@
 """A measuring day from end to end, on a stand-in that differs from the model in five ways of which no fit is told.
 
-    python -m tests.many.identification.day FOLDER [N]          N machines for the bands, 20: three minutes of CPU time
+    python -m tests.many.identification.day FOLDER [N]          N machines for the bands, 20: some minutes of CPU time
 
 Day 1 is planned and sealed on the 4030, a twin of the stand-in is measured: the score names what differs. Day 2 is
 planned on the stand-in's own numbers: nothing is left to differ in.
