@@ -49,12 +49,12 @@ def _gcode(element: Element, file: _File) -> Words:
                 yield f"G0 {words}"
         case Line(_, to, feed_mm_s):
             if words := file.axes(to, _mm):
-                yield f"G1 {words}{_changed(file, f' F{_plain(60.0 * feed_mm_s, 3)}')}"
+                yield f"G1 {words}{_f(file, feed_mm_s)}"
         case Arc(_, to, centre, 2, turns, feed_mm_s):
             from_x, from_y, _ = file.point
             way = f"I{_mm(centre[0] - from_x)} J{_mm(centre[1] - from_y)}"
             words = file.axes(to, _mm, always="XY")
-            yield f"{'G3' if turns > 0 else 'G2'} {words} {way}{_changed(file, f' F{_plain(60.0 * feed_mm_s, 3)}')}"
+            yield f"{'G3' if turns > 0 else 'G2'} {words} {way}{_f(file, feed_mm_s)}"
         case Spindle(_, turns):
             yield {1: "M3", -1: "M4"}.get(turns, "M5")
         case Coolant(_, number, on):
@@ -95,6 +95,10 @@ def _ncp(element: Element, file: _File) -> Words:
 
 
 WRITERS: Mapping[str, Callable[[Toolpath], Words]] = {"gcode": gcode, "ncp": ncp}
+
+
+def _f(file: _File, feed_mm_s: float) -> str:
+    return _changed(file, f" F{_plain(60.0 * feed_mm_s, 3)}")
 
 
 def _velocity(file: _File, feed_mm_s: float) -> Words:
