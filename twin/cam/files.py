@@ -3,7 +3,9 @@
     Line to X 10 at 30 mm/s    ---    G1 X10 F1800     |    VEL 30000  MOVEABS X10000
     Arc about (5, 5)           ---    G2 X10 Y10 I5    |    CWABS I5000 J5000 X10000 Y10000
 
-Whoever reads it with `zero = [0, 0, 0]` in [cam] gets the same toolpath, NCP within half a micrometre.
+Taken are rapids, lines, arcs about Z, spindle, coolant and remarks: what a host has sent becomes no more than that
+(isel_twin.jobs.recovered). Whoever reads it with `zero = [0, 0, 0]` in [cam] gets the same toolpath, NCP within half a
+micrometre.
 """
 
 from __future__ import annotations
@@ -34,7 +36,7 @@ class _File:
 
 
 def gcode(path: Toolpath) -> Words:
-    """Lines of RS274, mm and mm/min; what has no word there is a remark."""
+    """Lines of RS274, mm and mm/min."""
     file = _File()
     yield from ("%", "G21 G90 G91.1 G94 G17 G40 G49 G80")
     for element in path:
