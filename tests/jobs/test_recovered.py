@@ -93,15 +93,16 @@ def test_the_words_of_a_toolpath() -> None:
         Coolant(at, 2, False),
         Spindle(at, -1),
         Spindle(at, 0),
+        Line(at, (20.0 / 3.0, 10.0, -1.0), 1.0 / 7.0),
     ]
     assert [*WRITERS["gcode"](iter(path))][2:-2] == [
         *("M3", "M8", "G0 X10 Z5", "G1 Z-1 F300", "G1 X20", "G3 X20 Y10 I0 J5 F600", "G2 X20 Y10 I0 J-2.5"),
-        *("(a [slot])", "M7", "M9", "M4", "M5"),
+        *("(a [slot])", "M7", "M9", "M4", "M5", "G1 X6.66667 F8.571"),
     ]
     assert [*WRITERS["ncp"](iter(path))][1:-1] == [
         *("SPINDLE CW ON", "COOLANT ON", "FASTABS X10000 Z5000", "VEL 5000", "MOVEABS Z-1000", "MOVEABS X20000"),
         *("VEL 10000", "CCWABS I20000 J5000 X20000 Y10000", "CWABS I20000 J7500", "; a (slot)", "COOLANT2 ON"),
-        *("COOLANT2 OFF", "SPINDLE CCW ON", "SPINDLE OFF"),
+        *("COOLANT2 OFF", "SPINDLE CCW ON", "SPINDLE OFF", "VEL 143", "MOVEABS X6667"),
     ]
 
 
