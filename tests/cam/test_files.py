@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import itertools
+import re
 import tracemalloc
 from collections import deque
 from collections.abc import Iterable, Iterator
@@ -13,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from isel_twin.base.parameters import FileError, Place
-from isel_twin.cam.reader import LONGEST, head_of, text_lines
+from isel_twin.cam.reader import LONGEST, head_of, mostly, text_lines
 from isel_twin.cam.registry import reader_for, reader_named, reader_names
 from isel_twin.cam.settings import CamSettings, read_cam
 from isel_twin.cam.toolpath import CamError, Element, End
@@ -220,6 +221,28 @@ def test_the_marks_of_editors_and_of_old_systems_are_no_text() -> None:
     marked = b"\xef\xbb\xbfIMF_PBL\r\nVEL 9\r\n\x1a\x00\x00"
     assert list(text_lines(io.BytesIO(marked))) == ["IMF_PBL\n", "VEL 9\n"]
     assert list(text_lines(io.BytesIO(b"(by a program\0)\nG21\n"))) == ["(by a program\0)\n", "G21\n"]
+
+
+def test_tabs_and_a_few_marks_of_plotters_are_text() -> None:
+    """Four control characters are; five in the first 512 bytes are not, behind them they are."""
+    for mark in b"\x03\t\x0b\x0c\r\x1b":
+        assert head_of(b"LB" + 5 * bytes([mark]) + b";G1 X1\n")
+    assert head_of(b"G1 X\x01\x02\x04\x05\n")
+    assert head_of(b"G1 X1\n" * 100 + b"\x01\x02\x04\x05\x06\n")
+    with pytest.raises(CamError, match="the file is no text"):
+        head_of(b"G1 X\x01\x02\x04\x05\x06\n")
+
+
+def test_a_file_that_cuts_as_high_as_it_travels_is_plausible() -> None:
+    assert told("gcode", "G21 G90 F60\nG0 X1\nG1 X2\nM2\n", UP) == ["rapid 1 0 0", "line 2 0 0 F1", "end"]
+    assert told("gcode", "G21 G90 F60\nG0 X1\nG1 X2 Z0.001\nM2\n", UP)[-2:] == ["caution", "end"]
+    assert "caution" not in told("gcode", "G21 G90 F60\nG0 X1 Z5\nG1 X2 Z1\nM2\n", UP)
+
+
+def test_a_format_is_claimed_by_more_than_a_quarter_of_its_statements() -> None:
+    pattern = re.compile("G")
+    assert not mostly("G1\nG2\n" + "X\n" * 6, pattern)
+    assert mostly("G1\nG2\nG3\n" + "X\n" * 5, pattern)
 
 
 def test_a_file_is_known_behind_any_number_of_remarks() -> None:

@@ -167,6 +167,7 @@ BODY = "G21\nG0 X0\nF100\n"
         ("G81 X5 Z-2 R-3", "column 1: R -3 is below Z -2; a hole goes down from R"),
         ("G81 X5 Z-2", "column 1: G81 wants R; write it where G81 begins"),
         ("G83 X5 Z-2 R1", "column 1: G83 wants Q of more than 0, the depth of a peck"),
+        ("G73 X5 Z-2 R1", "column 1: G73 wants Q of more than 0, the depth of a peck"),
         ("G83 X5 Z-2 R1 Q0.0001", "column 1: more than 10000 pecks; write a larger Q"),
         ("G82 X5 Z-2 R1", "column 1: G82 wants P, its dwell in seconds"),
         ("G89 X5 Z-2 R1", "column 1: G89 wants P, its dwell in seconds"),

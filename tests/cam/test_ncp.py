@@ -201,6 +201,10 @@ HEAD = "IMF_PBL_V1.0\nFASTVEL 40000\n"
             "DRILLDEF C2 D1000000 F1 O1 V10\nDRILL X1",
             "line 4, column 1: DRILL: more than 10000 pecks; write a larger O",
         ),
+        (
+            "DRILLDEF C2 D1000 V10\nDRILL X1",
+            "line 4, column 1: DRILL: C2 drills in pecks; write DRILLDEF F and O",
+        ),
         ("DRILLDEF T-5", "line 3, column 1: DRILLDEF: T must not be negative"),
         ("DRILLDEF D-500", "line 3, column 1: DRILLDEF: D must not be negative"),
         ("DRILLDEF R-1", "line 3, column 1: DRILLDEF: R must not be negative"),
@@ -246,6 +250,12 @@ def test_a_default_feed_is_said() -> None:
     assert told("ncp", "IMF_PBL\nMOVEABS X1000\nMOVEABS X2000\nPROGEND", settings) == [
         "caution", "line 1 0 0 F3", "line 2 0 0 F3", "end"
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize("words", ["F500", "O500", "F500 O500"])
+def test_one_of_f_and_o_is_every_peck(words: str) -> None:
+    body = f"IMF_PBL\nVEL 1000\nDRILLDEF C2 S1000 D1000 {words}\nDRILL X0\nPROGEND"
+    assert [each for each in told("ncp", body) if each.startswith("line")] == ["line 0 0 -0.5 F1", "line 0 0 -1 F1"]
 
 
 def test_pecks_go_back_to_r_above_the_last_depth_and_no_higher_than_the_safe_height() -> None:

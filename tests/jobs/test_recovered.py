@@ -16,7 +16,7 @@ from isel_twin.cam.files import WRITERS
 from isel_twin.cam.reader import text_lines
 from isel_twin.cam.registry import reader_named
 from isel_twin.cam.settings import CamSettings
-from isel_twin.cam.toolpath import Arc, Element, Line, Rapid, Spindle
+from isel_twin.cam.toolpath import Arc, Coolant, Element, Line, Place, Rapid, Remark, Spindle
 from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs.recovered import CHORD_MM, recovered
 from isel_twin.jobs.toolpaths import source_of
@@ -74,6 +74,36 @@ def test_the_way_is_that_of_the_part(controller: str) -> None:
         text = "\n".join(write(iter(path))).encode()
         again = list(reader_named(name).read(text_lines(io.BytesIO(text)), CamSettings()))
         assert apart_mm(way(again), asked) < bound_mm + 0.001, name
+
+
+def test_the_words_of_a_toolpath() -> None:
+    """Axes and feeds that do not change are left out, and so is a move of no length; NCP has whole um."""
+    at = Place(1)
+    path = [
+        Spindle(at, 1),
+        Coolant(at, 1, True),
+        Rapid(at, (10.0, 0.0, 5.0)),
+        Rapid(at, (10.0, 0.0, 5.0)),
+        Line(at, (10.0, 0.0, -1.0), 5.0),
+        Line(at, (20.0, 0.0, -1.0), 5.0),
+        Arc(at, (20.0, 10.0, -1.0), (20.0, 5.0, 0.0), 2, 1, 10.0),
+        Arc(at, (20.0, 10.0, -1.0), (20.0, 7.5, 0.0), 2, -1, 10.0),
+        Remark(at, "a (slot)"),
+        Coolant(at, 2, True),
+        Coolant(at, 2, False),
+        Spindle(at, -1),
+        Spindle(at, 0),
+        Line(at, (20.0 / 3.0, 10.0, -1.0), 1.0 / 7.0),
+    ]
+    assert [*WRITERS["gcode"](iter(path))][2:-2] == [
+        *("M3", "M8", "G0 X10 Z5", "G1 Z-1 F300", "G1 X20", "G3 X20 Y10 I0 J5 F600", "G2 X20 Y10 I0 J-2.5"),
+        *("(a [slot])", "M7", "M9", "M4", "M5", "G1 X6.66667 F8.571"),
+    ]
+    assert [*WRITERS["ncp"](iter(path))][1:-1] == [
+        *("SPINDLE CW ON", "COOLANT ON", "FASTABS X10000 Z5000", "VEL 5000", "MOVEABS Z-1000", "MOVEABS X20000"),
+        *("VEL 10000", "CCWABS I20000 J5000 X20000 Y10000", "CWABS I20000 J7500", "; a (slot)", "COOLANT2 ON"),
+        *("COOLANT2 OFF", "SPINDLE CCW ON", "SPINDLE OFF", "VEL 143", "MOVEABS X6667"),
+    ]
 
 
 @pytest.mark.parametrize("name", WRITERS)

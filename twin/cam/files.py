@@ -3,7 +3,9 @@
     Line to X 10 at 30 mm/s    ---    G1 X10 F1800     |    VEL 30000  MOVEABS X10000
     Arc about (5, 5)           ---    G2 X10 Y10 I5    |    CWABS I5000 J5000 X10000 Y10000
 
-Whoever reads it with `zero = [0, 0, 0]` in [cam] gets the same toolpath, NCP within half a micrometre.
+Taken are rapids, lines, arcs about Z, spindle, coolant and remarks: what a host has sent becomes no more than that
+(isel_twin.jobs.recovered). Whoever reads it with `zero = [0, 0, 0]` in [cam] gets the same toolpath, NCP within half a
+micrometre.
 """
 
 from __future__ import annotations
@@ -34,7 +36,7 @@ class _File:
 
 
 def gcode(path: Toolpath) -> Words:
-    """Lines of RS274, mm and mm/min; what has no word there is a remark."""
+    """Lines of RS274, mm and mm/min."""
     file = _File()
     yield from ("%", "G21 G90 G91.1 G94 G17 G40 G49 G80")
     for element in path:
@@ -49,12 +51,12 @@ def _gcode(element: Element, file: _File) -> Words:
                 yield f"G0 {words}"
         case Line(_, to, feed_mm_s):
             if words := file.axes(to, _mm):
-                yield f"G1 {words}{_changed(file, f' F{_plain(60.0 * feed_mm_s, 3)}')}"
+                yield f"G1 {words}{_f(file, feed_mm_s)}"
         case Arc(_, to, centre, 2, turns, feed_mm_s):
             from_x, from_y, _ = file.point
             way = f"I{_mm(centre[0] - from_x)} J{_mm(centre[1] - from_y)}"
             words = file.axes(to, _mm, always="XY")
-            yield f"{'G3' if turns > 0 else 'G2'} {words} {way}{_changed(file, f' F{_plain(60.0 * feed_mm_s, 3)}')}"
+            yield f"{'G3' if turns > 0 else 'G2'} {words} {way}{_f(file, feed_mm_s)}"
         case Spindle(_, turns):
             yield {1: "M3", -1: "M4"}.get(turns, "M5")
         case Coolant(_, number, on):
@@ -95,6 +97,10 @@ def _ncp(element: Element, file: _File) -> Words:
 
 
 WRITERS: Mapping[str, Callable[[Toolpath], Words]] = {"gcode": gcode, "ncp": ncp}
+
+
+def _f(file: _File, feed_mm_s: float) -> str:
+    return _changed(file, f" F{_plain(60.0 * feed_mm_s, 3)}")
 
 
 def _velocity(file: _File, feed_mm_s: float) -> Words:
