@@ -139,3 +139,39 @@ def test_a_fresh_installation_says_that_it_compiles_and_only_then(tmp_path: Path
     assert "compiling the physics (once per installation) ...\n" in first.stderr
     assert "compiled in " in first.stderr
     assert second.stderr == ""
+
+
+OUTER = """
+import inner
+from inner import more
+from isel_twin.base.compiling import contains, njit
+
+@njit()
+def outer(n):
+    return more(n)
+
+contains(__name__, inner.__file__)
+"""
+INNER = """
+from isel_twin.base.compiling import njit
+
+@njit()
+def more(n):
+    return n + {by}
+"""
+
+
+def test_code_of_another_file_that_has_changed_is_compiled_anew(tmp_path: Path) -> None:
+    """numba asks only whether the function's own file has changed. And nobody imports it before the first call."""
+    (tmp_path / "outer.py").write_text(OUTER)
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "NUMBA_OPT": "1"}
+    code = "import sys; from outer import outer; early = 'numba' in sys.modules; print(early, outer(1), outer(2))"
+    told = []
+    for by in (1, 100):
+        (tmp_path / "inner.py").write_text(INNER.format(by=by))
+        call = [sys.executable, "-c", code]
+        done = subprocess.run(
+            call, env=environment, cwd=tmp_path, capture_output=True, text=True, check=True, timeout=240
+        )
+        told.append(done.stdout)
+    assert told == ["False 2 3\n", "False 101 102\n"]

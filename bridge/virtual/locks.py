@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from isel_twin.bridge.virtual import cpython
+from isel_twin.bridge.virtual.host_thread import HostThread
 from isel_twin.bridge.virtual.stand_in import StandIn
 from isel_twin.bridge.virtual.turns import Turns, here
 
@@ -118,8 +119,10 @@ def _start(real: Callable[..., Any]) -> StandIn:
     """`_thread.start_new_thread`, and its successor of Python 3.13, which takes keywords of its own."""
 
     def virtual(active: Turns, function: Callable[..., Any], args: Any = (), kwargs: Any = None, /, **own: Any) -> Any:
-        task = active.spawn(function)
-        return cpython.started(real, lambda: active.body(task, function, args, kwargs or {}), own)
+        def start(task: HostThread) -> Any:
+            return cpython.started(real, lambda: active.body(task, function, args, kwargs or {}), own)
+
+        return active.start_thread(function, start)
 
     return StandIn(real, virtual)
 

@@ -45,10 +45,12 @@ class Signals:
                     self.handlers[number] = signal.signal(number, self.deferred(handler))
 
     def restore(self) -> None:
-        """Restore every handler, including those that the host replaced."""
-        for number, handler in self.handlers.items():
+        """Restore every handler, including those that the host replaced, and raise again what none has handled."""
+        for number, handler in reversed(self.handlers.items()):  # Ctrl-C, which may raise, comes last
             if handler is not None:  # None: installed by C code, cannot be restored
                 signal.signal(number, handler)
+        while self._come:
+            signal.raise_signal(self._come.pop(0)[1])
 
     def deliver(self) -> None:
         while self._come:

@@ -53,6 +53,7 @@ EPOCH_NS = 1_767_225_600 * SECOND_NS  # `time.time_ns()` at power-on: 2026-01-01
 UPTIME_NS = 1000 * SECOND_NS  # `time.monotonic_ns()` then: hosts may take 0 for "never"
 STRIKES = 3  # times a thread may ignore the end of the host
 GRACE_S = 2.0  # real time for a thread to end
+LOOK_UP_S = 0.1  # real time for which the main thread does not hear a signal
 
 _get_ident = _thread.get_ident
 
@@ -102,17 +103,22 @@ class Turns:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
-        global _active
+        self.over()
         try:
             self._catch_up()
-            self.end_threads()
+            self._end_threads()
         finally:
-            _active = None
             self._as_before()
 
+    def over(self) -> None:
+        """The host has ended: signals wait from here on, until all is as before."""
+        self._inside = True
+
     def _as_before(self) -> None:
+        global _active
         if self._undo is not None:
             self._undo()
+        _active = None
         self.signals.restore()
 
     def _replace(self) -> Callable[[], None]:
@@ -168,7 +174,7 @@ class Turns:
             chosen = self._choose()
             if chosen is not task:
                 self._hand_over(chosen)
-                task.turn.acquire()
+                self._take_turn(task)
             self._inside = False
             self._check(task)
             if task is self._main:
@@ -179,13 +185,26 @@ class Turns:
                 return False
             # otherwise a signal was handled, and the wait goes on
 
+    def _take_turn(self, task: HostThread) -> None:
+        if task is not self._main:
+            task.turn.acquire()
+        else:  # looks up now and then: a signal to another thread, or just before it waits, does not wake it
+            while not task.turn.acquire(timeout=LOOK_UP_S):
+                pass
+
     def in_real_time(self, call: Callable[..., Any], *args: Any) -> Any:
         """Make a call of a library with the real functions, while virtual time stands still."""
         self._inside = True
         try:
             return call(*args)
         finally:
-            self._inside = False
+            self._go_on()
+
+    def _go_on(self) -> None:
+        """Back to the host's code, and to signals that have come meanwhile."""
+        self._inside = False
+        if self.signals and self._running is self._main:
+            self.signals.deliver()
 
     def end(self, kind: str, reason: str) -> None:
         """End the host: HostEnded is raised in all its threads, in the calling one at its next wait."""
@@ -194,17 +213,27 @@ class Turns:
 
     # Threads
 
-    def spawn(self, function: Callable[..., object]) -> HostThread:
-        """A task for a new thread of the host, last in the row. The thread must run `body(task, ...)`."""
+    def start_thread(self, function: Callable[..., object], start: Callable[[HostThread], Any]) -> Any:
+        """Put a new thread of the host last in the row and start it, both or neither, whatever signal comes.
+
+        start: starts a thread that runs `body(task, ...)`; what it returns is returned.
+        """
         thread = getattr(function, "__self__", None)
         if isinstance(thread, threading.Thread):
             task = self._tasks[thread] = HostThread(thread.name, daemon=thread.daemon)
             self._listen(thread)
         else:
             task = HostThread("a thread", daemon=True)
-        self._waiting.append(task)
         task.deadline_ns = self.now_ns
-        return task
+        self._inside = True
+        try:
+            self._waiting.append(task)
+            return start(task)
+        except BaseException:
+            self._waiting.remove(task)
+            raise
+        finally:
+            self._go_on()
 
     def _listen(self, thread: threading.Thread) -> None:
         """Print nothing for HostEnded in a thread, and note uncaught exceptions."""
@@ -243,7 +272,7 @@ class Turns:
         main = self._main
         self.wait(lambda: all(task.daemon or task is main for task in self._waiting), None, "the end of its threads")
 
-    def end_threads(self) -> None:
+    def _end_threads(self) -> None:
         """End all threads but the calling one, the main one; those that do not end are abandoned."""
         self.end("over", "the host is over")
         self._exempt = True
@@ -253,7 +282,7 @@ class Turns:
             if not self._main.turn.acquire(timeout=GRACE_S):
                 task.strikes = STRIKES  # it computes, or waits in real time
                 self._running = self._main
-            self._inside = False
+            self._inside = True
             if not task.ended:
                 self._leave(task)
 
@@ -275,7 +304,7 @@ class Turns:
 
     def _at_work(self) -> bool:
         """True while a signal must wait: time passes, or another thread has its turn."""
-        return _active is self and (self._inside or self._running.ident != _get_ident())
+        return self._inside or self._running.ident != _get_ident()
 
     # The row
 
@@ -387,7 +416,7 @@ class Turns:
             self._catch_up()
             self._fetch()
         finally:
-            self._inside = False
+            self._go_on()
         return self.inbox
 
     def send(self, data: bytes) -> None:
@@ -399,7 +428,7 @@ class Turns:
             if self._wire is not None:
                 self._wire.carry(self.twin.time_ns, data, True)
         finally:
-            self._inside = False
+            self._go_on()
 
 
 _active: Turns | None = None

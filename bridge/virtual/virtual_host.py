@@ -151,7 +151,11 @@ def run_host(
     with _put_back(), VirtualTime(twin, port, wire=wire, limit_s=limit_s) as time:
         if give_up is not None:
             time.give_up = lambda: give_up(time)
-        code, ending = _run(program, time)
+        try:
+            code, ending = _run(program, time)
+        except KeyboardInterrupt:  # between two calls of the host
+            code, ending = INTERRUPTED, "interrupt"
+        time.over()
     if time.broken is not None:
         raise time.broken
     if ending == "interrupt" and raise_interrupt:

@@ -33,4 +33,6 @@ class VirtualTime(Turns):
         self.network = Network()
 
     def _replace(self) -> Callable[[], None]:
+        import isel_twin.base.compiled_code  # noqa: F401  (numba takes real locks and threads, not those of a host)
+
         return replace_all(self, stand_ins(self.ports))

@@ -97,6 +97,12 @@ def timed(work: Callable[[], None]) -> float:
     return time.perf_counter() - began
 
 
+def cpu_s(work: Callable[[], object]) -> float:
+    began_s = time.process_time()
+    work()
+    return time.process_time() - began_s
+
+
 @pytest.mark.benchmark(group="plant, three axes at 10 kHz")
 def test_plant_beside_bare_mujoco(benchmark: Any) -> None:
     """Interleaved, so that a busy machine troubles both alike."""
@@ -201,7 +207,8 @@ def test_default_beside_reference_time_steps(benchmark: Any) -> None:
 
 @pytest.mark.benchmark(group="plant, two in two threads")
 def test_two_plants_in_two_threads(benchmark: Any) -> None:
-    """1: two take twice as long as one; 2: two take as long as one (on two free cores)."""
+    """By the clock, 1: two take twice as long as one; 2: two take as long as one (on two free cores). What 1.8 asks for
+    is bounded in CPU time, which other work leaves alone: two threads spend at most a ninth more than one."""
     moves = [there_and_back(powered(load_machine("4030"))) for _ in range(2)]
     for move in moves:
         move()
@@ -216,3 +223,6 @@ def test_two_plants_in_two_threads(benchmark: Any) -> None:
 
     benchmark.pedantic(both, setup=lambda: alone.append(timed(moves[0])), rounds=11)
     benchmark.extra_info["work done in the time of one"] = 2.0 * statistics.median(alone) / benchmark.stats.stats.median
+    apart, together = (min(cpu_s(work) for _ in range(5)) for work in (lambda: [move() for move in moves], both))
+    benchmark.extra_info["CPU time in threads over that one after the other"] = together / apart
+    assert together <= apart / 0.9

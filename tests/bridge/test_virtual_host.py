@@ -20,7 +20,7 @@ import serial
 from serial import serialutil
 
 from isel_twin.base.errors import CallError
-from isel_twin.bridge.virtual import windows
+from isel_twin.bridge.virtual import cpython, windows
 from isel_twin.bridge.virtual.host_code import LIBRARIES
 from isel_twin.bridge.virtual.turns import EPOCH_NS, here
 from isel_twin.bridge.virtual.virtual_host import HostProgram, parse_program, run_host
@@ -618,6 +618,86 @@ def test_ctrl_c_that_the_host_does_not_catch_stops_the_test_runner(host):
     threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
     with pytest.raises(KeyboardInterrupt):
         host("import time\nwhile True: time.sleep(0.01)")
+    assert here() is None
+
+
+INTERRUPTED = """
+import threading, time
+def busy():
+    while True: time.sleep(0.01)
+try: threading.Thread(target=busy, daemon=True).start()
+except KeyboardInterrupt: raise SystemExit(9)
+time.sleep(10)
+"""
+
+
+@pytest.mark.parametrize("after", [False, True], ids=["before", "after"])
+def test_ctrl_c_while_a_thread_starts(after, host, monkeypatch):
+    """A thread in the row that never runs would be waited for without end."""
+    started = cpython.started
+
+    def interrupted(*words):
+        if not after:
+            signal.raise_signal(signal.SIGINT)
+        result = started(*words)
+        if after:
+            signal.raise_signal(signal.SIGINT)
+        return result
+
+    monkeypatch.setattr(cpython, "started", interrupted)
+    assert host(INTERRUPTED).code == 9
+    assert here() is None
+
+
+def test_ctrl_c_that_another_thread_gets(host):
+    """It does not wake the main thread, as one that comes just before that one waits."""
+    text = """
+def busy():
+    time.sleep(1)
+    signal.pthread_kill(threading.get_ident(), signal.SIGINT)
+    while True: time.sleep(0.01)
+threading.Thread(target=busy, daemon=True).start()
+try: threading.Event().wait()
+except KeyboardInterrupt: sys.exit(9)
+"""
+    assert host(OPEN + "import signal\n" + text).code == 9
+
+
+def test_a_thread_that_cannot_start_is_not_waited_for(host, monkeypatch):
+    def refused(*_):
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(cpython, "started", refused)
+    text = "try: threading.Thread(target=print).start()\nexcept RuntimeError: time.sleep(1); sys.exit(8)"
+    assert host(OPEN + text).code == 8
+
+
+def test_ctrl_c_during_a_call_of_the_port_comes_after_it(host, twin, monkeypatch):
+    """And not at the next wait, which a host that computes does not come to."""
+    write = twin.write
+
+    def interrupted(data):
+        signal.raise_signal(signal.SIGINT)
+        write(data)
+
+    monkeypatch.setattr(twin, "write", interrupted)
+    text = "try: port.write(b'@07\\r')\nexcept KeyboardInterrupt: print(port.read()); sys.exit(9)"
+    assert host(OPEN + text).code == 9
+
+
+@pytest.mark.parametrize("moment", ["_end_threads", "_as_before"])
+def test_ctrl_c_when_the_host_has_ended_leaves_nothing_of_it(moment, host, monkeypatch):
+    now = getattr(VirtualTime, moment)
+
+    def interrupted(self):
+        signal.raise_signal(signal.SIGINT)
+        now(self)
+
+    monkeypatch.setattr(VirtualTime, moment, interrupted)
+    before = [time.sleep, threading.Lock, signal.getsignal(signal.SIGINT)]
+    with pytest.raises(KeyboardInterrupt):
+        host("import threading, time\nthreading.Thread(target=time.sleep, args=(9,), daemon=True).start()")
+    assert [time.sleep, threading.Lock, signal.getsignal(signal.SIGINT)] == before
     assert here() is None
 
 

@@ -171,19 +171,19 @@ def test_a_host_that_never_ends_is_ended(host):
     ids=["uncaught", "caught", "caught, and time goes on"],
 )
 @pytest.mark.parametrize(
-    "loop",
+    ("begin", "loop"),
     [
-        "while True: time.sleep(0.5)",
-        "while True: time.time()",
-        "while True: len(sys.argv)",
-        "threading.Thread(target=busy, daemon=True).start(); threading.Event().wait()",
+        ("pass", "while True: time.sleep(0.5)"),
+        ("pass", "while True: time.time()"),
+        ("pass", "while True: len(sys.argv)"),
+        ("threading.Thread(target=busy, daemon=True).start()", "threading.Event().wait()"),
     ],
     ids=["sleep", "clock", "computing", "another thread"],
 )
-def test_ctrl_c(loop, ending, code, out, host):
+def test_ctrl_c(begin, loop, ending, code, out, host):
     text = (
         "import sys, time, threading\ndef busy():\n    while True: time.sleep(0.01)\n"
-        f"try:\n    print('going', flush=True)\n    {loop}\n{ending or 'finally: pass'}\n"
+        f"{begin}\ntry:\n    print('going', flush=True)\n    {loop}\n{ending or 'finally: pass'}\n"
     )
     process = start("--plant", "kinematic", "--", "python", host(text))
     assert process.stdout is not None

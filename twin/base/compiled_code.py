@@ -13,6 +13,7 @@ import logging
 import pickle
 from collections.abc import Callable
 from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +22,6 @@ from numba.core import event
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.environment import Environment, lookup_environment
 from numba.core.runtime import rtsys
-
-from isel_twin.base.compiling import compiling
 
 log = logging.getLogger("isel_twin")
 
@@ -64,11 +63,18 @@ def drop_stale_code(function: Any, *files: str) -> None:
         stamp.write_text(digest)
 
 
+@lru_cache(1)
+def tell_of_compiling(take: Callable[[bool], None]) -> None:
+    """Call take(True) whenever a compilation begins and take(False) when it ends."""
+    event.register("numba:compile", _Told(take))
+
+
 class _Told(event.Listener):
     """Tells of compiling, one thread at a time. Meanwhile no garbage is looked for: numba makes millions of objects
     that all stay, and looking through them is a tenth of the time."""
 
-    def __init__(self) -> None:
+    def __init__(self, take: Callable[[bool], None]) -> None:
+        self._take = take
         self._depth, self._collects = 0, False
 
     def on_start(self, _: event.Event) -> None:
@@ -76,17 +82,14 @@ class _Told(event.Listener):
             self._collects = collects
             gc.disable()
         self._depth += 1
-        compiling(begins=True)
+        self._take(True)
 
     def on_end(self, _: event.Event) -> None:
-        compiling(begins=False)
+        self._take(False)
         self._depth -= 1
         if self._depth == 0 and self._collects:
             self._collects = False
             gc.enable()
-
-
-event.register("numba:compile", _Told())
 
 
 class _Cache(FunctionCache):

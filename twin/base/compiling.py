@@ -52,9 +52,10 @@ class Compiled:
 
     @functools.cached_property
     def _dispatcher(self) -> Any:
-        from isel_twin.base.compiled_code import dispatcher
+        from isel_twin.base.compiled_code import dispatcher, tell_of_compiling
 
         with _MAKING:
+            tell_of_compiling(compiling)
             if "_dispatcher" in self.__dict__:  # another thread was faster
                 return self.__dict__["_dispatcher"]
             if self._inner:

@@ -52,6 +52,7 @@ FIRST_RPM = 60.0
 LAST_RPM = 6000.0
 PATIENCE = 600  # quarter periods
 STATES = 6  # currents, speed, load angle; smoothed command and low pass of the electronic damping
+AT_REST = axis_states(1)
 
 
 @dataclass(frozen=True)
@@ -176,7 +177,7 @@ class _Map:
     def __init__(
         self, parameters: NDArray[np.void], stage: Stage, load_nm: float, omega: float, count: int, used: int
     ) -> None:
-        self.parameters, self.used = parameters, used
+        self.parameters, self.used, self._states = parameters, used, AT_REST.copy()
         counter = np.arange(count + 1) * (stage.microsteps / count)
         self.command = 0.5 * (counter[1:] + counter[:-1])
         self.load_nm = load_nm
@@ -184,7 +185,7 @@ class _Map:
 
     def __call__(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
         out = np.empty(STATES)
-        quarter(self.parameters, axis_states(1), self.command, self.load_nm, state, out)
+        quarter(self.parameters, AT_REST, self._states, self.command, self.load_nm, state, out)
         return out[: self.used]
 
     def settle(self, state: NDArray[np.float64]) -> bool:
@@ -225,17 +226,17 @@ class _Map:
 
     def slope(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
         """dF/dx by central differences."""
-        columns = []
-        for k in range(self.used):
-            away = np.zeros(STATES)
-            away[k] = 1e-5 * self.scale[k]
-            columns.append((self(state + away) - self(state - away)) / (2.0 * away[k]))
-        return np.array(columns).T
+        columns = np.empty((self.used, self.used))
+        away = 1e-5 * self.scale
+        differences(self.parameters, AT_REST, self._states, self.command, self.load_nm, state, away, columns)
+        return columns.T
 
 
 @njit(nogil=True)
-def quarter(parameters, states, command, load_nm, x, out):
-    """Advance the drive parameters[0] by a quarter electrical period from state x [6]; the state then to out [6]."""
+def quarter(parameters, at_rest, states, command, load_nm, x, out):
+    """Advance the drive parameters[0] by a quarter electrical period from state x [6]; the state then to out [6].
+    states: of the drive on the way, from at_rest on."""
+    states[0] = at_rest[0]
     p, s = parameters[0], states[0]
     half_pi = 0.5 * np.pi
     s.current_a_a, s.current_b_a, s.omega_rad_s = x[0], x[1], x[2]
@@ -249,6 +250,21 @@ def quarter(parameters, states, command, load_nm, x, out):
     out[3] = half_pi - p.pole_pairs * s.theta_rad
     out[4] = s.smooth_rad - p.phase_offset_rad - half_pi
     out[5] = s.lag_rad
+
+
+@njit(nogil=True, error_model="numpy")
+def differences(parameters, at_rest, states, command, load_nm, x, away, columns):
+    """What `quarter` makes of x [6] with each of its numbers away [n] further up, less what it makes of it as far
+    down, over the way between: to columns [n, n], one for each number that is moved."""
+    tried, up, down = x.copy(), np.empty_like(x), np.empty_like(x)
+    for k in range(columns.shape[0]):
+        tried[k] = x[k] + away[k]
+        quarter(parameters, at_rest, states, command, load_nm, tried, up)
+        tried[k] = x[k] - away[k]
+        quarter(parameters, at_rest, states, command, load_nm, tried, down)
+        tried[k] = x[k]
+        for i in range(columns.shape[1]):
+            columns[k, i] = (up[i] - down[i]) / (2.0 * away[k])
 
 
 contains(__name__, *FILES)

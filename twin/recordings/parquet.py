@@ -40,10 +40,11 @@ ROWS = 65_536  # rows of a row group
 def write_parquet(path: str | os.PathLike[str], recorder: Samples) -> None:
     """Write all samples so far. Raises OSError."""
     history = {key: [c for c in recorder.changes if (c.group, c.name) == key] for key in recorder.names()}
-    schema = _told(_table(np.empty(0, dtype=recorder.dtype), history).schema)
+    empty = _columns(np.empty(0, dtype=recorder.dtype), history)
+    schema = _told(pa.schema([(name, column.type) for name, column in empty.items()]))
     with replacing(path) as temporary, pq.ParquetWriter(temporary, schema, compression="zstd") as writer:
         for piece in recorder.samples(ROWS):
-            writer.write_table(_table(piece, history).cast(schema))
+            writer.write_table(pa.Table.from_arrays(list(_columns(piece, history).values()), schema=schema))
 
 
 def _told(schema: pa.Schema) -> pa.Schema:
@@ -59,20 +60,38 @@ def _told(schema: pa.Schema) -> pa.Schema:
     return pa.schema(fields, metadata={"creator": "isel-twin"})
 
 
-def _table(piece: NDArray[np.void], history: dict[tuple[str, str], list[Change]]) -> pa.Table:
-    columns: dict[str, pa.Array] = {"time_ns": pa.array(piece["time_ns"])}
+def _columns(piece: NDArray[np.void], history: dict[tuple[str, str], list[Change]]) -> dict[str, pa.Array]:
+    columns = {"time_ns": _numbers(piece["time_ns"])}
     for pattern, field in (("count_{}", "counts"), ("position_{}_mm", "position_mm"), ("lost_{}_steps", "lost_steps")):
         for axis, column in zip(AXIS_NAMES, piece[field].T, strict=False):
-            columns[pattern.format(axis)] = pa.array(np.ascontiguousarray(column))
+            columns[pattern.format(axis)] = _numbers(column)
     for (group, name), changes in history.items():
         columns[f"{group}_{name}"] = _held(piece["time_ns"], changes)
-    return pa.table(columns)
+    return columns
+
+
+def _numbers(column: NDArray[Any], nulls: int = 0) -> pa.Array:
+    """A column with so many nulls first. From its buffers: `pa.array` would import pandas where that is installed."""
+    data = [_known(len(column), nulls), pa.py_buffer(np.ascontiguousarray(column))]
+    return pa.Array.from_buffers(pa.from_numpy_dtype(column.dtype), len(column), data, nulls)
+
+
+def _known(rows: int, nulls: int) -> pa.Buffer | None:
+    """The bits that say which rows are not null."""
+    return pa.py_buffer(np.packbits(np.arange(rows) >= nulls, bitorder="little")) if nulls else None
 
 
 def _held(time_ns: NDArray[np.int64], changes: Sequence[Change]) -> pa.Array:
     """The value at each time: that of the last change before or at it."""
-    last = np.searchsorted(np.array([change.time_ns for change in changes]), time_ns, side="right") - 1
-    text = any(isinstance(change.value, str) for change in changes)
-    values: list[Any] = [str(change.value) if text else change.value for change in changes]
-    known = pa.array(values, type=pa.string() if text else pa.int64())
-    return known.take(pa.array(last, mask=last < 0))
+    begin = np.searchsorted(time_ns, [change.time_ns for change in changes], side="left")
+    rows = np.diff(begin, append=len(time_ns))
+    nulls = int(begin[0]) if len(begin) else len(time_ns)
+    if not any(isinstance(change.value, str) for change in changes):
+        values = np.array([0, *(change.value for change in changes)], dtype=np.int64)
+        return _numbers(np.repeat(values, [nulls, *rows]), nulls)
+    texts = [b"", *(str(change.value).encode() for change in changes)]
+    lengths = np.repeat([len(text) for text in texts], [nulls, *rows])
+    offsets = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
+    data = b"".join([text * count for text, count in zip(texts, [nulls, *rows.tolist()], strict=True)])
+    buffers = [_known(len(time_ns), nulls), pa.py_buffer(offsets), pa.py_buffer(data)]
+    return pa.Array.from_buffers(pa.string(), len(time_ns), buffers, nulls)
