@@ -8,7 +8,7 @@ READY := $(VENV)/.ready
 .PHONY: help demo test quick bench conformance golden lint types format clean
 
 help:                ## show the commands
-	@grep -hE '^[a-z]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 16
+	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 16
 
 $(READY): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
@@ -87,7 +87,10 @@ release: $(RELEASE)/.ready ## REPOSITORY=https://HOST/OWNER/NAME: the commit's f
 	$(RELEASE)/bin/python -m tests.release "$(REPOSITORY)"
 	$(RELEASE)/bin/twine check --strict dist/*
 
-.PHONY: site
+.PHONY: site docs-run
+docs-run: $(READY) ## run what the pages print: commands and programs, in a project of their own
+	@$(BIN)/python -m tests.printed
+
 site: build/site/.ready ## the pages as a site in build/site/html; a broken link fails
 	build/site/bin/sphinx-build -W --keep-going -q -b html docs build/site/html
 build/site/.ready:

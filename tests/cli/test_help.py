@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import pty
 import re
+import select
 import shutil
 import subprocess
 import typing
@@ -13,6 +16,7 @@ import pytest
 from cyclopts import App
 
 from isel_twin.cli import app
+from tests.forked import PATIENCE_S
 from tests.in_process import isel_twin
 
 UNIT = re.compile(r"(?i:seconds?|number|share|factor)|\b(s|us|mm|Hz|bit/s|MB|steps)\b", re.IGNORECASE)
@@ -65,12 +69,16 @@ def test_a_shell_takes_the_completion_and_knows_each_command(shell: str, tmp_pat
         assert (done.returncode, done.stderr) == (0, "")
 
 
+BEGUN = (("isel-twin swe", "sweep"), ("isel-twin run --rob", "--robust"), ("isel-twin golden re", "record"))
+"""Begun lines, and what the tab key offers."""
+
+
 def test_bash_completes_commands_options_and_choices(tmp_path: Path) -> None:
     """As at the tab key: what the function of the script offers for a line that is begun."""
     if shutil.which("bash") is None:
         pytest.skip("there is no bash here")
     (tmp_path / "completion").write_text(app.generate_completion(shell="bash"))
-    for line, offered in (("isel-twin swe", "sweep"), ("isel-twin run --rob", "--robust")):
+    for line, offered in BEGUN:
         ask = (
             f"source ./completion; words=({line}); COMP_WORDS=(${{words[@]}}); COMP_CWORD=$((${{#words[@]}} - 1)); "
             f"COMP_LINE='{line}'; COMP_POINT={len(line)}; "
@@ -79,6 +87,51 @@ def test_bash_completes_commands_options_and_choices(tmp_path: Path) -> None:
         )
         done = subprocess.run(["bash", "-c", ask], cwd=tmp_path, capture_output=True, text=True, check=False)
         assert offered in done.stdout.split(), (line, done)
+
+
+def test_fish_completes_commands_and_options(tmp_path: Path) -> None:
+    if shutil.which("fish") is None:
+        pytest.skip("there is no fish here")
+    (tmp_path / "completion").write_text(app.generate_completion(shell="fish"))
+    for line, offered in BEGUN:
+        ask = f"source completion; complete -C '{line}'"
+        done = subprocess.run(["fish", "-c", ask], cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert offered in done.stdout.split(), (line, done)
+
+
+def test_zsh_completes_commands_and_options_once_it_is_installed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A person's shell with compinit, the installed script, and the tab key on a terminal."""
+    if (zsh := shutil.which("zsh")) is None:
+        pytest.skip("there is no zsh here")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    (tmp_path / ".zshrc").write_text("autoload -Uz compinit; compinit -u\n")
+    assert isel_twin("--install-completion", "--shell", "zsh").returncode == 0
+    with (tmp_path / ".zshrc").open("a") as file:
+        file.write("\nPS1='READY>'\n")
+    child, terminal = pty.fork()
+    if child == 0:
+        os.environ.pop("ZDOTDIR", None)
+        os.environ["TERM"] = "dumb"
+        os.execv(zsh, ["zsh", "-i"])
+    try:
+        _seen(terminal, "READY>")
+        for line, offered in BEGUN:
+            os.write(terminal, f"{line}\t".encode())
+            _seen(terminal, f"{offered} ")
+            os.write(terminal, b"\x15")  # the line anew
+    finally:
+        os.close(terminal)
+        os.waitpid(child, 0)
+
+
+def _seen(terminal: int, text: str) -> None:
+    """Read from a terminal until it has said this."""
+    said = ""
+    while text not in said:
+        assert select.select([terminal], [], [], PATIENCE_S)[0], said
+        said += os.read(terminal, 4096).decode(errors="replace")
 
 
 @pytest.mark.parametrize("shell", SHELLS)

@@ -32,7 +32,8 @@ _said = False
 def dispatcher(function: Callable[..., Any], options: dict[str, Any], kept: bool = True) -> Any:
     """numba's njit of a function with these options and, if possible, a cache on the disk; no entry for C, which would
     be a tenth of what there is to compile."""
-    compiled: Any = numba.njit(no_cfunc_wrapper=True, **options)(function)
+    all_options: dict[str, Any] = {"no_cfunc_wrapper": True, **options}
+    compiled: Any = numba.njit(**all_options)(function)
     if not kept:
         return compiled
     try:

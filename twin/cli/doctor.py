@@ -10,6 +10,7 @@ from isel_twin.base.units import SECOND_NS
 from isel_twin.cli.options import Json
 
 LONGEST_NS = 120 * SECOND_NS  # virtual time for a reference run
+WIDE = 15  # columns of what was looked at
 NEWEST = (3, 14)  # Python that the tests know
 PURPOSES = {
     "panel": "the operator panel in a browser",
@@ -38,22 +39,27 @@ def doctor(*, json: Json = False) -> int:
     Exit code 0 if nothing is wrong; what is optional may be missing.
     """
     found: list[Finding] = []
-    for examine in (_python, _libraries, _extras, _compiled, _plugins, _terminal, _socket, _listed, _job):
-        try:
-            found += examine()
-        except Exception as error:  # whatever is wrong with an installation is what is asked for
-            name = examine.__name__.strip("_")
-            why = " ".join(str(error).split()) or type(error).__name__
-            found.append(Finding(name, "wrong", why, "install isel-twin anew"))
+    for one in _findings():
+        found.append(one)
+        if not json:
+            remedy = f"; {one.remedy}" if one.remedy else ""
+            print(f"{one.state:8} {one.what:{WIDE}}  {one.found}{remedy}", flush=True)
+    well = all(one.state != "wrong" for one in found)
     if json:
         from isel_twin.cli.outputs import say_json
 
-        say_json({"ok": all(one.state != "wrong" for one in found), "findings": [asdict(one) for one in found]})
-    else:
-        wide = max(len(one.what) for one in found)
-        for one in found:
-            print(f"{one.state:8} {one.what:{wide}}  {one.found}{'; ' + one.remedy if one.remedy else ''}")
-    return 1 if any(one.state == "wrong" for one in found) else 0
+        say_json({"ok": well, "findings": [asdict(one) for one in found]})
+    return 0 if well else 1
+
+
+def _findings() -> Iterator[Finding]:
+    for examine in (_python, _libraries, _extras, _plugins, _terminal, _socket, _listed, _compiled, _job):
+        try:
+            yield from examine()
+        except Exception as error:  # whatever is wrong with an installation is what is asked for
+            name = examine.__name__.strip("_")
+            why = " ".join(str(error).split()) or type(error).__name__
+            yield Finding(name, "wrong", why, "install isel-twin anew")
 
 
 def _python() -> Iterator[Finding]:
@@ -105,10 +111,16 @@ def _extras() -> Iterator[Finding]:
 
 
 def _compiled() -> Iterator[Finding]:
+    from isel_twin.base.compiling import log_compiling
     from isel_twin.core.warm import kept_in, warm_up_all
 
     told: list[str] = []
-    warm_up_all(told.append)
+
+    def tell(text: str) -> None:
+        told.append(text)
+        log_compiling(text)  # it takes a while
+
+    warm_up_all(tell)
     folder = kept_in()
     if folder is None:
         remedy = "name a folder for it by NUMBA_CACHE_DIR"

@@ -57,7 +57,7 @@ def init(
     called = "" if controller == TwinSpec.controller else f" --controller {controller}"
     called += "" if example.machine == MACHINE else f" --machine {example.machine}"
     print(f"{len(texts)} files in {folder.resolve()}: " + ", ".join(texts))
-    print("there:")
+    print("there:" if folder == Path() else f"go there (cd {folder}), then:")
     for command, purpose in (
         (f"isel-twin run {square}{called}", "a job of the controller, and its verdict"),
         (f"isel-twin run jobs/plate.nc{called}", "a file of a CAM program"),

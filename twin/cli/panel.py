@@ -58,6 +58,8 @@ def panel(
         if json:
             told = {"recording": str(recording), "html": str(html), "bytes": len(page.encode())}
             say_json({**told, "whole": recorded.whole, "left_out": left_out})
+        else:
+            print(f"{html}: {len(page.encode()) / 1e6:.1f} MB; plays by itself in a browser")
         return 0
     with call_errors():
         site = RecordedSite(address, page, token)

@@ -118,6 +118,7 @@ class Table(Output):
 
     def confirms(self, tried: Tried) -> None:
         doing = f"confirms trial {tried.number}"
+        print(f"{doing} on {many(self._confirm, 'machine')} that no trial has seen", flush=True)
         self._progress.update(self._task, description=doing, total=self._confirm, completed=0)
 
     def confirmed(self, repetition: Judgement) -> None:

@@ -140,7 +140,7 @@ class Scope {
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.clearRect(0, 0, canvas.clientWidth, height);
     pen.font = "11px system-ui, sans-serif"; pen.textBaseline = "middle";
-    this.ink = Object.fromEntries(["ink", "soft", "line", "x", "y", "z", "a", "path", "mark", "chip"].map((name) => [name, colour(name)]));
+    this.ink = Object.fromEntries(["ink", "soft", "line", "paper", "x", "y", "z", "a", "path", "mark", "chip"].map((name) => [name, colour(name)]));
     this.#grid(pen, height);
     let top = 0, said = [];
     for (const signal of rows) {
@@ -233,7 +233,9 @@ class Scope {
     for (let px = 1; px <= this.width; px++) { const to = last_before(times, this.time(this.left + px)) + 1; rates.push((sums[to] - sums[before]) / (b - a) * this.width); before = to; }
     const most = rates.reduce((big, rate) => Math.max(big, Math.abs(rate)), 1);
     rates.forEach((rate, px) => { if (rate) pen.fillRect(this.left + px, middle, 1.2, -rate / most * room); });
-    pen.fillStyle = this.ink.soft; pen.textAlign = "right"; pen.fillText(`${Math.round(most)} steps/s`, this.left + this.width - 3, top + 8);
+    const fastest = `${Math.round(most)} steps/s`, wide = pen.measureText(fastest).width + 6;
+    pen.fillStyle = this.ink.paper; pen.fillRect(this.left + this.width - wide, top + 1, wide, 14); // to be read before pulses
+    pen.fillStyle = this.ink.soft; pen.textAlign = "right"; pen.fillText(fastest, this.left + this.width - 3, top + 8);
   }
 
   draw_curves(pen, { times, curves, axes }, { top, bottom }) {

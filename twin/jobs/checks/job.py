@@ -261,7 +261,7 @@ class Inspection:
         findings += [*self._collisions(self.results[-1].number if self.results else None), *self._clearance()]
         findings += [*_of_verdict(verdict, self._gone, self.results, self.bounds), *others]
         if self.bounds.contour_mm is not None and self._watch.contour is None:
-            findings.append(Finding("effect", "contour_mm: the job is no file of a CAM program that draws something"))
+            findings.append(Finding("effect", "contour_mm has no effect: no file of a CAM program, or none that cuts"))
         placed = [_placed(finding, self.results) for finding in findings]
         golden = Golden() if self._scribe is None else self._scribe.golden(verdict)
         return Report(job, few(farthest(placed)), verdict, golden)
