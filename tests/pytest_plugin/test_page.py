@@ -7,7 +7,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from tests.forked import PATIENCE_S
+
+pytestmark = pytest.mark.long(seconds=7)
 
 PAGE = Path(__file__).parents[2] / "docs" / "ci.md"
 

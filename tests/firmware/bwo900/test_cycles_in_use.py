@@ -20,6 +20,8 @@ from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
 from isel_twin.firmware.bwo900.messages import MESSAGES, ProgramError
 from isel_twin.testing import Desk, StillBusyError
 
+pytestmark = pytest.mark.long(seconds=8)
+
 TOOLS: Final = {"p21000": 1.0, "p21010": 4.0, "p21020": 2.0, "p21030": 3.0}
 """T1 with radius 4 mm, T2 with radius 3 mm."""
 FIRST: Final = "P1|N10 G00 G54 G90 X30 Y30 Z11 F3000 S900 T2 M06 M03"

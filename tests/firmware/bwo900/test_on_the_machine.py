@@ -21,6 +21,8 @@ from scipy import signal
 
 from isel_twin import Twin
 
+pytestmark = pytest.mark.long(seconds=9)
+
 JOBS: Final = Path(__file__).parents[2] / "jobs" / "bwo900"
 START_MM: Final = (30.0, 30.0, 30.0)
 KV: Final = 40.0

@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+import pytest
 from conformance.bwo900_desk import REFERENCE, file, parameters, said, start, value
 from firmware.bwo900.draughtsman import CORNER_EXPONENTS, SAGITTA, ZERO_POINTS, Curve, Draughtsman, programs
 from firmware.bwo900.retold import retold
@@ -30,6 +31,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from isel_twin.testing import Desk, switches
+
+pytestmark = pytest.mark.long(seconds=9)
 
 T_S = 0.002
 EMPTY_S = 0.0015
