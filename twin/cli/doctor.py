@@ -111,7 +111,7 @@ def _extras() -> Iterator[Finding]:
 
 
 def _compiled() -> Iterator[Finding]:
-    from isel_twin.base.compiling import log_compiling
+    from isel_twin.base.compile_watch import log_compiling
     from isel_twin.core.warm import kept_in, warm_up_all
 
     told: list[str] = []
