@@ -185,12 +185,15 @@ Elements And Contacts
 Time Stands Still And Goes On
     Send Command    @07
     Send Command    @0N7
-    Start Command    @0A16000,2000,0,900,0,900,0,900
-    Wait Until Position    x    above=6
+    Let Happen    {"pause": true}
     ${then}=    Get State
+    Start Command    @0A16000,2000,0,900,0,900,0,900
     Sleep    0.05
     ${state}=    Get State
     Should Be Equal    ${state}[time_ns]    ${then}[time_ns]
+    Position Should Be    x    0
+    Resume
+    Wait Until Position    x    above=6
     Resume
     Wait Until Idle
     Position Should Be    x    50    within=0
