@@ -130,13 +130,15 @@ def test_an_interval_is_as_wide_as_the_likelihood_wants(curve: float, lower: flo
 
 def test_each_end_of_each_parameter_is_tried_with_the_others_where_they_are_best() -> None:
     """Two parameters that go together, and a datum that neither moves; beyond the upper end of the second the residuals
-    are half of the plane's. Its cost there, over the first one by the normal equation: a (r + a d) + u + d = 0."""
+    are half of the plane's, and 1 more, which the first takes away. Its cost there, over the first one by the normal
+    equation: a (r + a d) + u + d = 0."""
     plane = np.array([[20.0, 12.0], [0.0, 9.0], [0.0, 0.0]])
     covariance = np.linalg.inv(plane.T @ plane + np.eye(2))
     end = 1.96 * math.sqrt(covariance[1, 1])
 
     def residuals(u: np.ndarray) -> np.ndarray:
-        return plane @ u * (0.5 if u[1] > 0.99 * end else 1.0) + np.array([0.0, 0.0, 2.0])
+        beyond = u[1] > 0.99 * end
+        return plane @ u * (0.5 if beyond else 1.0) + np.array([1.0 if beyond else 0.0, 0.0, 2.0])
 
     ends = profile(stub(residuals, lambda us: [residuals(u) for u in us]), 2, np.zeros(2), plane, covariance, 0.7)
     at = 1.96 * covariance[:, 1] / math.sqrt(covariance[1, 1])
