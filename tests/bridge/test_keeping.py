@@ -91,7 +91,7 @@ def test_a_flash_memory_is_a_regular_file(file):
     refused = isel_twin("serve", "--plant", "kinematic", "--flash", file)
     assert refused.returncode == 2
     (line,) = refused.stderr.splitlines()
-    assert "no regular file" in line or "directory" in line
+    assert "no regular file" in line or "is a folder" in line
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -28,7 +28,6 @@ from isel_twin.firmware.ismif.commands import COMMANDS, CommandError, parse
 from isel_twin.motion.step_run import StepRun
 from isel_twin.plant.built import find_free
 from isel_twin.plant.kinematic import KinematicPlant
-from isel_twin.plant.mujoco import MujocoPlant
 from isel_twin.wiring import FAULTS, SerialLine, Wiring
 from isel_twin.wiring.cabinet import ELEMENTS, SafetyCabinet
 from isel_twin.wiring.contacts import Contacts
@@ -114,21 +113,16 @@ def _deaf_contact(patch: Patch) -> None:
 
 
 def _lost_tick(patch: Patch) -> None:
-    """Once the plants do not get a tick that the record has."""
-    calls = []
+    """Once the plant does not get a tick that the record has, after the reference run."""
+    ways = []
+    go_straight = KinematicPlant.go_straight
 
-    def losing(advance: Callable[..., int]) -> Callable[..., int]:
-        def lose(plant: Any, until_ns: int, t_ns: Any, delta: Any, lead_ns: int = 0) -> int:
-            if len(t_ns):
-                calls.append(len(t_ns))
-            if len(t_ns) and len(calls) == 5:
-                t_ns, delta = t_ns[1:], delta[1:]
-            return advance(plant, until_ns, t_ns, delta, lead_ns)
+    def losing(plant: Any, until_ns: int, way: Sequence[int]) -> None:
+        ways.append(way)
+        lost = np.sign(way) if len(ways) == 25 else np.zeros(len(way))
+        go_straight(plant, until_ns, [int(steps - one) for steps, one in zip(way, lost, strict=True)])
 
-        return lose
-
-    for plant in (KinematicPlant, MujocoPlant):
-        patch.setattr(plant, "advance", losing(plant.advance))
+    patch.setattr(KinematicPlant, "go_straight", losing)
 
 
 def _no_way_back(patch: Patch) -> None:

@@ -190,10 +190,13 @@ class Structure:
         points = self._over_torque(np.array([self.place(each.values) for each in tried]))
         times_s = np.array([each.judgement.time_s for each in tried])
         holds = np.array([each.judgement.good for each in tried])
+        speeds = np.array([self._kept(each)[1] for each in tried])
+        within = grid[..., 0] <= 0.999 * self._shown_limit_hz(points, speeds) / self.problem.speed_share
         been, found = [each.values for each in tried], list[dict[str, int]]()
         for number in range(len(tried), len(tried) + many):
             more = np.array(CAREFUL if number % 3 == 2 else (1.0, 1.0, 1.0))
             chances, chance = (thresholds.chance(at * more, points[holds], points[~holds]) for at in (points, places))
+            chance = np.where(within, chance, 0.0)  # the edge that is asked for
             best_s = times_s[holds & ((chances > 0.5) | bool(np.all(more == 1.0)))].min(initial=times_s[holds].max())
             worth = np.maximum(best_s - time_s, 0.0) * chance
             at = np.unravel_index(int(worth.argmax()), worth.shape)
