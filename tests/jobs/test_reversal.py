@@ -13,7 +13,7 @@ import pytest
 
 from isel_twin import Twin
 from isel_twin.cam.settings import CamSettings
-from isel_twin.jobs.job import play
+from isel_twin.jobs.sending import play
 from isel_twin.jobs.toolpaths import source_of
 from isel_twin.machine import Axis
 
