@@ -5,7 +5,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: help demo test quick bench conformance golden lint types format clean
+.PHONY: help demo test thorough quick bench conformance golden lint types format clean
 
 help:                ## show the commands
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 16
@@ -22,7 +22,11 @@ demo: $(READY)       ## a host program drives the twin through a pseudo-terminal
 	@$(BIN)/python -m isel_twin.bridge.demo
 
 test: $(READY)       ## all tests, each file on one of four workers, as many wait for browsers and ports
-	$(BIN)/python -m pytest --numprocesses 4 --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest --numprocesses 4 --dist loadfile --no-loadscope-reorder $(PROFILE)
+
+thorough: PROFILE := --hypothesis-profile thorough
+thorough: test       ## the same, with four times as many of the worlds that are drawn at random
+
 
 QUICK := \
 	tests/bridge/test_uart.py tests/bridge/test_pacing.py tests/bridge/test_protocol_twin.py tests/test_language.py \

@@ -13,7 +13,10 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-settings.register_profile("isel-twin", deadline=None)  # an example may take as long as a busy computer needs
+from tests.thorough import ALL, PART
+
+for profile, examples in (("isel-twin", PART), ("thorough", ALL)):
+    settings.register_profile(profile, deadline=None, max_examples=examples)  # as long as a busy computer needs
 settings.load_profile("isel-twin")
 
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # begun in the background: what tests start would be deaf to it

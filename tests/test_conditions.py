@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from isel_twin import Twin
 from isel_twin.controller import Output, create_controller
 from isel_twin.wiring import ScenarioError
+from tests.thorough import drawn
 
 START_MM = (30.0, 30.0, 30.0)
 OUT = "@0A8000,8000,0,30,0,30,0,30"  # 25 mm at 25 mm/s
@@ -328,7 +329,7 @@ def test_the_same_bits_however_time_is_cut(controller: str, plant: str, timed: b
     whole = played(controller, plant, timed, ())
     assert whole[7] <= 2, "nearly all of it happens"
 
-    @settings(max_examples=examples, deadline=None, derandomize=True)
+    @settings(max_examples=drawn(examples), deadline=None, derandomize=True)
     @given(st.lists(st.floats(0.0, END_S), max_size=60))
     def cut(cuts: list[float]) -> None:
         assert played(controller, plant, timed, cuts) == whole

@@ -25,6 +25,7 @@ from tests.cam.test_gcode import PROGRAMS
 from tests.cam.test_hpgl import FIGURES, PEN, STAR
 from tests.cam.test_ncp import HOLES, LINES, OUTPUTS, RELATIVE, RINGS
 from tests.cam.test_ncp import PRODUCERS as NCP
+from tests.thorough import drawn
 
 FILES = [
     *(("ncp", text) for text in (LINES, RINGS, HOLES, RELATIVE, OUTPUTS, *NCP.values())),
@@ -185,7 +186,7 @@ WORDS = st.lists(
 
 @pytest.mark.parametrize("name", ["ncp", "gcode", "hpgl"])
 @given(data=st.one_of(st.binary(max_size=300), WORDS, WORDS.map(lambda data: b"IMF_PBL\nVEL 9\n" + data)))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=drawn(150), deadline=None)
 def test_any_bytes_are_read_or_refused_in_one_line(name: str, data: bytes) -> None:
     head = data.decode("latin-1")
     assert reader_for(head) is None or reader_for(head).name in reader_names()

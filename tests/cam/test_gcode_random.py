@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from isel_twin.cam.gcode import GCode
 from isel_twin.cam.toolpath import Arc, Line, Rapid
 from tests.cam.short import UP
+from tests.thorough import drawn
 
 NUMBERS = st.integers(-99_999, 99_999).map(lambda thousandths: f"{thousandths / 1000:.3f}")
 MODES = st.sampled_from(["G90", "G91", "G20", "G21", "F120", "F33.5", "(remark)", "", "G40 G49"])
@@ -86,7 +87,7 @@ def flat(element: object) -> tuple[Any, ...]:
 
 
 @given(st.lists(BLOCKS, max_size=25))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=drawn(150), deadline=None)
 def test_as_a_tiny_evaluator(blocks: list[Any]) -> None:
     by_hand = Evaluator()
     for block in blocks:

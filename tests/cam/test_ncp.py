@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from isel_twin.cam.ncp import Ncp
 from isel_twin.cam.toolpath import CamError, Line, Rapid
 from tests.cam.short import UP, cautions, seconds, told
+from tests.thorough import drawn
 
 LINES = """IMF_PBL_V1.0
 N10 FASTVEL 40000
@@ -331,7 +332,7 @@ MOVES = st.tuples(
 
 
 @given(st.lists(MOVES, max_size=20))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=drawn(100), deadline=None)
 def test_moves_add_up(moves: list[tuple[str, dict[str, int], str, str]]) -> None:
     at, ends, lines = [0, 0, 0], [], ["IMF_PBL", "VEL 1000"]
     for word, axes, before, behind in moves:

@@ -19,6 +19,7 @@ from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import CamError, Caution, Element, Line, Place, Remark, Spindle
 from isel_twin.controller import offers
 from isel_twin.language import WritesToolpaths, create_language
+from tests.thorough import drawn
 
 CONTROLLERS = ["imc-s8", "ismif", "gmi99", "bwo900"]
 FINE = CamSettings(rapid_mm_s=30.0, tolerance_mm=0.002)
@@ -52,7 +53,7 @@ def test_four_controllers_make_the_same_path() -> None:
 
 
 @given(path=paths(turns=1, most=2))
-@hypothesis_settings(max_examples=2, deadline=None)
+@hypothesis_settings(max_examples=drawn(2), deadline=None)
 def test_four_controllers_make_any_path_alike(path: list[Element]) -> None:
     check_alike(path)
 

@@ -15,6 +15,7 @@ from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import CamError, Coolant, Dwell, Element, Output, Rapid, Remark, Spindle, Stop, Tool
 from isel_twin.controller import offers
 from isel_twin.language import RunsPrograms, create_language
+from tests.thorough import drawn
 
 BEGIN = ["P1", "N10 G17 G40 G53 G90 G94", "N20 P8816:1800"]
 
@@ -125,6 +126,6 @@ def test_a_circle_takes_its_length_by_feed_and_its_ramps() -> None:
 
 
 @given(path=paths())
-@hypothesis_settings(max_examples=10, deadline=None)
+@hypothesis_settings(max_examples=drawn(10), deadline=None)
 def test_any_path_is_made(path: list[Element]) -> None:
     check_made("bwo900", path)

@@ -13,6 +13,7 @@ from hypothesis import settings as hypothesis_settings
 from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import CamError, Coolant, Dwell, Element, Place, Rapid, Spindle
 from isel_twin.cam.written import MachineAxes
+from tests.thorough import drawn
 
 BEGIN = ["Q4;1", "Q3;1", "G90", "G94", "M50000"]
 
@@ -115,6 +116,6 @@ def test_a_circle_takes_its_length_by_feed() -> None:
 
 
 @given(path=paths())
-@hypothesis_settings(max_examples=8, deadline=None)
+@hypothesis_settings(max_examples=drawn(8), deadline=None)
 def test_any_path_is_made(path: list[Element]) -> None:
     check_made("gmi99", path)

@@ -31,6 +31,7 @@ from isel_twin.cam.writing import written
 from isel_twin.cam.written import MachineAxes
 from isel_twin.firmware.imc.profile import load_profile
 from isel_twin.firmware.imc.writing import ImcCommands
+from tests.thorough import drawn
 
 BEGIN = ["@07", "@0d5000,5000,5000", "@0R7", "@0z1"]
 ABOVE = rapid(50, 50, -5)
@@ -151,7 +152,7 @@ def test_the_number_of_chords_follows_from_the_tolerance() -> None:
 
 
 @given(path=paths(turns=3))
-@hypothesis_settings(max_examples=12, deadline=None)
+@hypothesis_settings(max_examples=drawn(12), deadline=None)
 def test_any_path_is_made(path: list[Element]) -> None:
     check_made("imc-s8", path)
 

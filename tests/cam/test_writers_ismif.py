@@ -10,6 +10,7 @@ from hypothesis import settings as hypothesis_settings
 
 from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import CamError, Coolant, Dwell, Element, Spindle
+from tests.thorough import drawn
 
 
 def job(path: list[Element], settings: CamSettings = FAST) -> list[str]:
@@ -82,6 +83,6 @@ def test_arcs_are_chords(element: Element) -> None:
 
 
 @given(path=paths())
-@hypothesis_settings(max_examples=8, deadline=None)
+@hypothesis_settings(max_examples=drawn(8), deadline=None)
 def test_any_path_is_made(path: list[Element]) -> None:
     check_made("ismif", path)

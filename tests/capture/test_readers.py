@@ -16,6 +16,7 @@ from isel_twin.capture.load import load
 from isel_twin.capture.table import Table
 from isel_twin.capture.vcd import Dump
 from isel_twin.capture.wave import CaptureError, Wave
+from tests.thorough import drawn
 
 MAP = ["x.step=D0,x.dir=D1"]
 STEPS = [0, 1, 0, 1, 0, 1, 0], [1, 1, 1, 1, 0, 0, 0]
@@ -157,7 +158,7 @@ waves = st.builds(
     st.lists(st.integers(1, 10**9), max_size=30),
 )
 pairs = st.tuples(waves, waves)
-relaxed = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+relaxed = settings(max_examples=drawn(60), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 def changes(wave: tuple[Wave, ...]) -> list[int]:

@@ -12,6 +12,7 @@ from isel_twin.capture.mapping import parse_map
 from isel_twin.capture.player import GAP_NS, Player
 from isel_twin.capture.ticks import Needs, Offence, Ticks, ticks_of
 from isel_twin.capture.wave import Capture, Wave
+from tests.thorough import drawn
 
 
 def wave(*t_ns: int, first: bool = False) -> Wave:
@@ -136,7 +137,7 @@ def streams(draw: st.DrawFn) -> Ticks:
     return Ticks(t_ns, np.array(delta, dtype=np.int8), int(t_ns[-1]))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=drawn(40), deadline=None)
 @given(streams(), st.lists(st.integers(1, 10**9), max_size=4))
 def test_a_twin_makes_every_tick_of_a_player_however_time_is_cut(ticks: Ticks, cuts: list[int]) -> None:
     player = Player(ticks)

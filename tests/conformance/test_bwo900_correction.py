@@ -26,6 +26,7 @@ from isel_twin.firmware.bwo900.geometry.contour import Contour
 from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Straight
 from isel_twin.firmware.bwo900.geometry.offset import Offset
 from isel_twin.firmware.bwo900.messages import ProgramError
+from tests.thorough import drawn
 
 NEAR = 1e-5
 SIDES = {"G41": 1.0, "G42": -1.0}
@@ -137,7 +138,7 @@ def possible(draw: st.DrawFn) -> Job:
 
 @shows("bwo900-7.3-5")
 @given(jobs(), st.sampled_from(["G17", "G18", "G19"]), st.data())
-@settings(max_examples=3 * EXAMPLES, deadline=None, suppress_health_check=UNFIT)
+@settings(max_examples=drawn(3 * EXAMPLES), deadline=None, suppress_health_check=UNFIT)
 def test_a_tool_rolls_along_every_contour_it_can(job: Job, plane: str, data: st.DataObject) -> None:
     """With blocks without a path, moves across the plane and helices in between; a message where it cannot."""
     pieces, side, radius = job
@@ -166,7 +167,7 @@ def test_a_tool_rolls_along_every_contour_it_can(job: Job, plane: str, data: st.
 
 @shows("bwo900-7.3-6")
 @given(possible())
-@settings(max_examples=EXAMPLES, deadline=None, suppress_health_check=UNFIT)
+@settings(max_examples=drawn(EXAMPLES), deadline=None, suppress_health_check=UNFIT)
 def test_backwards_with_the_other_side_it_is_the_same_path(job: Job) -> None:
     pieces, side, radius = job
     back = [
@@ -186,7 +187,7 @@ def test_backwards_with_the_other_side_it_is_the_same_path(job: Job) -> None:
     st.sampled_from(["G17", "G18", "G19"]),
     st.sampled_from(["G61", "G62", "G61 G62", "G45 P160:7 P161:-3 P163:33.5", "G92 X3 Y4 Z5"]),
 )
-@settings(max_examples=EXAMPLES, deadline=None, suppress_health_check=UNFIT)
+@settings(max_examples=drawn(EXAMPLES), deadline=None, suppress_health_check=UNFIT)
 def test_frames_move_the_corrected_path_as_a_whole(job: Job, plane: str, head: str) -> None:
     """A mirrored, turned or shifted program gives the mirrored, turned or shifted path, or the same message."""
     u, v, _ = AXES[plane]
@@ -220,7 +221,7 @@ def away(element: Element, piece: Piece) -> tuple[float, float]:
 
 @shows("bwo900-7.4-2")
 @given(jobs(), st.data())
-@settings(max_examples=EXAMPLES, deadline=None, suppress_health_check=UNFIT)
+@settings(max_examples=drawn(EXAMPLES), deadline=None, suppress_health_check=UNFIT)
 def test_another_radius_counts_from_the_end_of_the_next_element(job: Job, data: st.DataObject) -> None:
     """The corner with the old radius, the end of the element behind it with the new one; lines and circles (7.4)."""
     pieces, side, first = job
@@ -240,7 +241,7 @@ def test_another_radius_counts_from_the_end_of_the_next_element(job: Job, data: 
 
 @shows("bwo900-7.3-4")
 @given(jobs(), st.data())
-@settings(max_examples=EXAMPLES, deadline=None, suppress_health_check=UNFIT)
+@settings(max_examples=drawn(EXAMPLES), deadline=None, suppress_health_check=UNFIT)
 def test_a_change_of_sides_goes_around_the_corner(job: Job, data: st.DataObject) -> None:
     pieces, side, radius = job
     at = data.draw(st.integers(0, len(pieces) - 1))
@@ -260,7 +261,7 @@ def test_a_change_of_sides_goes_around_the_corner(job: Job, data: st.DataObject)
 
 @shows("bwo900-8.5-8")
 @given(possible(), st.sampled_from([0.0, 30.0, 100.0, 179.0]))
-@settings(max_examples=EXAMPLES, deadline=None, suppress_health_check=UNFIT)
+@settings(max_examples=drawn(EXAMPLES), deadline=None, suppress_health_check=UNFIT)
 def test_outer_corners_are_prolonged_up_to_an_angle(job: Job, threshold: float) -> None:
     """P8845: arcs above it (0: 120 degrees), below it both are prolonged to where they meet."""
     pieces, side, radius = job
@@ -294,7 +295,7 @@ def pieces_of(blocks: Sequence[PathBlock]) -> list[Piece]:
 
 @shows("bwo900-7.3-8")
 @given(jobs(), st.data())
-@settings(max_examples=2 * EXAMPLES, deadline=None, suppress_health_check=UNFIT)
+@settings(max_examples=drawn(2 * EXAMPLES), deadline=None, suppress_health_check=UNFIT)
 def test_corners_that_are_put_in_are_corrected_too(job: Job, data: st.DataObject) -> None:
     """G12 and G123 first, then the radius: along the contour that they make, with moves across the plane in between."""
     pieces, side, radius = job

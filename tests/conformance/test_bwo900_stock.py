@@ -17,6 +17,7 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
+from tests.thorough import drawn
 
 FEED, PLUNGE, RADIUS_P = 1_000.0, 240.0, "p21010"
 TOP = 1.25
@@ -131,7 +132,7 @@ def analysed(setting: Setting, radius: float, block: str, before: str = "") -> A
 
 @shows("bwo900-5.2-12")
 @pytest.mark.parametrize("cycle", ["G71", "G72", "G73", "G74", "G75"])
-@settings(max_examples=20, deadline=None, derandomize=True, phases=QUICK)
+@settings(max_examples=drawn(20), deadline=None, derandomize=True, phases=QUICK)
 @given(data=st.data(), setting=SETTINGS)
 def test_a_pocket_is_cut_out(cycle: str, data: st.DataObject, setting: Setting) -> None:
     values, radius = data.draw(pockets(cycle))
@@ -169,7 +170,7 @@ def patterns(draw: st.DrawFn, apart: float) -> tuple[str, Places]:
 
 @shows("bwo900-5.4-9")
 @pytest.mark.parametrize("cycle", ["G71", "G72", "G73", "G74", "G75"])
-@settings(max_examples=4, deadline=None, derandomize=True, phases=QUICK)
+@settings(max_examples=drawn(4), deadline=None, derandomize=True, phases=QUICK)
 @given(data=st.data(), setting=SETTINGS)
 def test_pockets_at_the_places_of_a_pattern(cycle: str, data: st.DataObject, setting: Setting) -> None:
     values, radius = data.draw(pockets(cycle))
@@ -181,7 +182,7 @@ def test_pockets_at_the_places_of_a_pattern(cycle: str, data: st.DataObject, set
 
 @shows("bwo900-5.4-9")
 @pytest.mark.parametrize("cycle", ["G81", "G83", "G84", "G85"])
-@settings(max_examples=10, deadline=None, derandomize=True, phases=QUICK)
+@settings(max_examples=drawn(10), deadline=None, derandomize=True, phases=QUICK)
 @given(data=st.data(), setting=SETTINGS, depth=shares(1.0, 30.0), radius=shares(0.5, 4.0))
 def test_holes_at_the_places_of_a_pattern(
     cycle: str, data: st.DataObject, setting: Setting, depth: float, radius: float

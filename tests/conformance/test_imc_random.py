@@ -16,6 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from isel_twin.testing import Desk
+from tests.thorough import drawn
 
 numbers = st.one_of(
     st.integers(-300, 300),
@@ -100,7 +101,7 @@ def act(desk: Desk, action: str, value: Any) -> None:
 
 
 @shows("imc-5-1", "imc-5-22", "imc-5-23", "imc-5-24", "imc-5-26")
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=drawn(100), deadline=None)
 @given(script=st.lists(actions, min_size=5, max_size=40))
 def test_replies_are_the_manuals_and_no_step_without_power(script: list[tuple[str, Any]]) -> None:
     desk = fresh(carriage=MIDDLE)
@@ -119,7 +120,7 @@ letters = st.text("@0123456789,-+. \r\nAMRiNz", max_size=40).map(str.encode)
 
 
 @shows("imc-5-11")
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=drawn(120), deadline=None)
 @given(
     chunks=st.lists(st.one_of(st.binary(max_size=30), st.text("@0123456789,-+. \r\nAMRiNz", max_size=40)), max_size=12)
 )

@@ -25,6 +25,7 @@ from isel_twin.drives.library import MOTORS
 from isel_twin.drives.screw import Screw
 from isel_twin.drives.shaft import AXIS_STATE, at_rest, axis_states
 from isel_twin.drives.stage import Stage
+from tests.thorough import drawn
 
 NEMA23 = MOTORS["23HS32-4004S"]
 NO_DETENT = dataclasses.replace(NEMA23, detent_torque_nm=0.0)
@@ -323,7 +324,7 @@ SCREWS = st.builds(
 
 
 @given(SCREWS, st.floats(2, 50), st.floats(-60, 60), st.floats(-0.1, 0.1), st.floats(-400, 400))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=drawn(60), deadline=None)
 def test_a_drive_without_current_never_gains_energy(
     screw: Screw, mass_kg: float, omega: float, v_m_s: float, push_n: float
 ) -> None:
@@ -365,7 +366,7 @@ def test_without_any_loss_the_energy_stays_for_ever() -> None:
     st.floats(-100, 100),
     st.floats(-1e3, 1e3),
 )
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=drawn(100), deadline=None)
 def test_finite_arguments_give_finite_results(
     phases: int, command: float, theta: float, omega: float, x_m: float, v_m_s: float, load_nm: float
 ) -> None:

@@ -30,6 +30,7 @@ from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
 from isel_twin.drives.servo_report import servo_table
 from isel_twin.drives.shaft import axis_states
 from isel_twin.machine import load_machine
+from tests.thorough import drawn
 
 DT = 25e-6
 ON, OFF = 3, 0
@@ -272,7 +273,7 @@ def test_a_broken_cable_carries_no_current_and_the_drive_learns_it_by_its_follow
     st.sampled_from([0.0, 1e6, 3e7]), st.floats(0, 3000), st.floats(2, 50), st.floats(-60, 60), st.floats(-400, 400),
     st.booleans(),
 )  # fmt: skip
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=drawn(40), deadline=None)
 def test_a_drive_without_current_never_gains_energy(
     inertia, coulomb, viscous, backlash, stiffness, damping, mass_kg, omega, push_n, faulty
 ):

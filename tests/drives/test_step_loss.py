@@ -17,6 +17,7 @@ from isel_twin.drives.curves import mean_command
 from isel_twin.drives.library import MOTORS
 from isel_twin.drives.screw import Screw
 from isel_twin.drives.stage import Stage
+from tests.thorough import drawn
 
 STAGE_48 = Stage(supply_v=48, current_a=4.2, microsteps=8)
 STAGE_36 = Stage(supply_v=36, current_a=4.2, microsteps=8)
@@ -97,7 +98,7 @@ def test_the_lag_after_a_move_stays_within_the_friction_band() -> None:
 
 
 @given(st.lists(st.floats(0.0, 30.0), min_size=1, max_size=40))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=drawn(200), deadline=None)
 def test_mean_command_is_the_time_mean_of_the_counter(increments: list[float]) -> None:
     """Against a sum over a fine grid of the counter floor(phase)."""
     phase = np.concatenate([[0.0], np.cumsum(increments)])

@@ -9,11 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from isel_twin.drives.trigonometry import FAR_RAD, sine_and_cosine
+from tests.thorough import drawn
 
 LAST_DIGIT = 2.0**-52
 
 
-@settings(max_examples=2000)
+@settings(max_examples=drawn(2000))
 @given(
     st.floats(-FAR_RAD, FAR_RAD)
     | st.floats(-10.0, 10.0)

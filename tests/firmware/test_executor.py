@@ -14,6 +14,7 @@ from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.firmware.activity import Activity, Ended, Listen, Pause, Travel, Unfinished
 from isel_twin.firmware.executor import Executor
 from isel_twin.motion import Displacement, Stream, TimeLaw, constant, line, trapezoid
+from tests.thorough import drawn
 
 MS = MILLISECOND_NS
 
@@ -217,7 +218,7 @@ def test_unfinished_work_is_told_and_a_fault_in_the_firmware_is_not_hidden(toy: 
 # --- counters -------------------------------------------------------------------------------------------------------
 
 
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=drawn(50))
 @given(t_ns=st.integers(0, SECOND_NS), way=st.tuples(st.integers(-900, 900), st.integers(-900, 900)))
 def test_counters_are_what_they_were_and_what_has_been_made_since(t_ns: int, way: Displacement) -> None:
     toy = Toy()
@@ -240,7 +241,7 @@ def test_as_many_counters_as_axes() -> None:
 # --- stop and go on -------------------------------------------------------------------------------------------------
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=drawn(60))
 @given(
     ways=st.lists(st.tuples(st.integers(-700, 700), st.integers(-700, 700)), min_size=1, max_size=3),
     stops=st.lists(st.tuples(st.integers(0, 400 * MS), st.integers(0, 50 * MS)), max_size=6),
@@ -314,7 +315,7 @@ def test_a_second_stop_in_the_ramp_changes_nothing(toy: Toy) -> None:
     assert toy.ticks[0].tolist() == once.ticks[0].tolist()
 
 
-@settings(max_examples=50)
+@settings(max_examples=drawn(50))
 @given(ns=st.integers(0, 1000), stops=st.lists(st.tuples(st.integers(0, 400), st.integers(0, 400)), max_size=5))
 def test_a_pause_stands_still_while_parked(ns: int, stops: list[tuple[int, int]]) -> None:
     """Whoever asks for what was left waits exactly so long, not counting the stops."""

@@ -1,4 +1,4 @@
-"""Same bytes in, same bits out: the digests of all golden sessions are those on file."""
+"""Same bytes in, same bits out: the digests of the golden sessions are those on file. `make thorough` plays them all."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from golden.digest import LENGTH, REMEDY, load, save
 from golden.sessions import FILE, chunks, digest_of, names, session
 
 from isel_twin.controller import controller_names
+from tests.thorough import drawn
 
-pytestmark = pytest.mark.long(seconds=29)
+pytestmark = pytest.mark.long(seconds=8)
 
 KEPT = load(FILE)
 CHUNKS = chunks()
@@ -17,7 +18,10 @@ SEEN: dict[str, str] = {}
 
 @pytest.mark.parametrize("chunk", CHUNKS)
 def test_sessions_are_those_on_file(chunk: str, update_golden: bool) -> None:
-    seen = {name: digest_of(session(name)) for name in CHUNKS[chunk]}
+    sessions = CHUNKS[chunk]
+    if not update_golden and not chunk.startswith("fixed"):
+        sessions = sessions[:: len(sessions) // drawn(len(sessions))]
+    seen = {name: digest_of(session(name)) for name in sessions}
     raised = {name: value for name, value in seen.items() if len(value) != LENGTH}
     assert not raised, raised
     if update_golden:

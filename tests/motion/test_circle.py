@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from isel_twin.motion import circle
 from isel_twin.motion.circle import Circle, squared_radius
+from tests.thorough import drawn
 
 RADII = [7, 8, 9, 10, 13, 20, 25, 64, 99, 100, 200, 401, 1000, 5001, 20_000]
 OCTANTS = [8 + 45 * k for k in range(8)]
@@ -179,14 +180,14 @@ def test_octants_with_the_formulas_of_the_field(radius: float, clockwise: bool, 
     st.sampled_from([-1, 0, 1]),
     st.booleans(),
 )
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=drawn(200))
 def test_any_parameters_make_one_step_a_tick(d: int, x: int, y: int, rx: int, ry: int, clockwise: bool) -> None:
     path = points(circle(300, d, x, y, rx, ry, clockwise), x, y)
     assert off(path, math.hypot(x, y)) <= 3.5
 
 
 @given(st.integers(-3, 3), st.integers(-3, 3), st.integers(-100, 100), st.booleans())
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=drawn(100))
 def test_the_centre_is_no_trap(x: int, y: int, d: int, clockwise: bool) -> None:
     path = points(circle(200, d, x, y, 1, 1, clockwise), x, y)
     assert np.abs(path).max() <= 6
@@ -228,7 +229,7 @@ def test_helix_spreads_the_third_axis(third_axis: int, third_steps: int) -> None
 
 
 @given(st.lists(st.integers(0, 160_000), min_size=1, max_size=6))
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=drawn(30))
 def test_windows_and_displacements_do_not_depend_on_how_they_are_cut(cuts: list[int]) -> None:
     """160000 ticks: some twenty checkpoints."""
     spiral = circle(160_000, -10_000, 20_000, 0, -1, 1, False, (1, 0), 3, -5000)

@@ -20,6 +20,7 @@ from isel_twin.motion import SetPointRun
 from isel_twin.motion.joined import Joined, joined
 from isel_twin.motion.pieces import Pieces, chain, piece
 from isel_twin.motion.stretch import Stretch, since, written
+from tests.thorough import drawn
 
 PERIOD_NS = 4_000_000
 PERIOD_S = 0.004
@@ -567,7 +568,7 @@ def within_limits(motion: Joined, parts: Sequence[Part], free: Sequence[tuple[in
                 assert motion.speed(k) <= most * (1 + 1e-9) + slope * PERIOD_S, j
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=drawn(60), deadline=None, derandomize=True)
 @given(parts_of_jobs, st.booleans())
 def test_no_limit_is_exceeded_and_the_end_is_exact(parts: list[Part], sine: bool) -> None:
     motion = plan(parts, sine)
@@ -581,7 +582,7 @@ def test_no_limit_is_exceeded_and_the_end_is_exact(parts: list[Part], sine: bool
         assert np.all(np.abs(np.array(motion.displacement(k)) - np.array(expected, dtype=float)) <= 0.5 + 1e-4)
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=drawn(40), deadline=None, derandomize=True)
 @given(parts_of_jobs, st.booleans(), st.integers(1, 400))
 def test_windows_of_a_plan_do_not_depend_on_how_they_are_cut(parts: list[Part], sine: bool, size: int) -> None:
     motion = plan(parts, sine)
@@ -593,7 +594,7 @@ def test_windows_of_a_plan_do_not_depend_on_how_they_are_cut(parts: list[Part], 
         assert motion.displacement(k) == tuple(whole[:k].sum(axis=0, dtype=np.int64))
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=drawn(40), deadline=None, derandomize=True)
 @given(parts_of_jobs, st.booleans())
 def test_mirrored_jobs_mirror(parts: list[Part], sine: bool) -> None:
     mirrored = [replace(part, way=(-part.way[0], part.way[1])) for part in parts]
@@ -601,7 +602,7 @@ def test_mirrored_jobs_mirror(parts: list[Part], sine: bool) -> None:
     assert np.array_equal(there.deltas(0, there.ticks) * np.array([-1, 1]), back.deltas(0, back.ticks))
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=drawn(40), deadline=None, derandomize=True)
 @given(parts_of_jobs, st.booleans(), st.integers(1, 5))
 def test_a_chain_that_came_in_bits_is_that_which_came_at_once(parts: list[Part], sine: bool, size: int) -> None:
     at_once, motion = plan(parts, sine), plan(parts[:size], sine)
@@ -625,7 +626,7 @@ happenings = st.lists(
 )
 
 
-@settings(max_examples=120, deadline=None, derandomize=True)
+@settings(max_examples=drawn(120), deadline=None, derandomize=True)
 @given(parts_of_jobs, st.booleans(), happenings)
 def test_replanned_motions_keep_what_was_made_and_every_limit(
     parts: list[Part], sine: bool, what: list[tuple[float, tuple[str, object]]]
@@ -730,7 +731,7 @@ def test_what_is_forgotten_takes_no_room_and_changes_nothing_that_comes() -> Non
     assert np.array_equal(np.vstack(made), whole.deltas(0, whole.ticks))
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=drawn(100), deadline=None, derandomize=True)
 @given(parts_of_jobs, st.booleans(), happenings, st.randoms(use_true_random=False))
 def test_a_plan_that_forgets_goes_on_like_one_that_does_not(
     parts: list[Part], sine: bool, what: list[tuple[float, tuple[str, object]]], chance: random.Random

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from isel_twin.motion import line
+from tests.thorough import drawn
 
 steps = st.lists(st.integers(-300, 300), min_size=1, max_size=8).map(tuple)
 
@@ -45,7 +46,7 @@ def test_every_sign_and_every_set_of_axes(signs: tuple[int, ...]) -> None:
 
 
 @given(steps)
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=drawn(100))
 def test_any_line_follows_the_floor_rule(n: tuple[int, ...]) -> None:
     motion = line(n)
     assert (motion.axes, motion.ticks) == (len(n), max(abs(i) for i in n))
@@ -55,7 +56,7 @@ def test_any_line_follows_the_floor_rule(n: tuple[int, ...]) -> None:
 
 
 @given(steps, st.lists(st.integers(0, 300), max_size=5))
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=drawn(60))
 def test_windows_do_not_depend_on_how_they_are_cut(n: tuple[int, ...], cuts: list[int]) -> None:
     motion = line(n)
     edges = sorted({0, motion.ticks, *(min(cut, motion.ticks) for cut in cuts)})

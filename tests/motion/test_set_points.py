@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from motion.plans import Table, table
 
 from isel_twin.motion import SetPointRun
+from tests.thorough import drawn
 
 START = 7_000_000_001
 PERIOD = 4_000_000
@@ -34,7 +35,7 @@ def ticks_of(run: SetPointRun, k0: int, k1: int) -> list[tuple[int, tuple[int, .
 
 
 @given(rows, st.integers(1, 10**10), st.data())
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=drawn(100))
 def test_any_window_is_the_part_of_the_plan(
     plan_rows: list[tuple[int, ...]], period_ns: int, data: st.DataObject
 ) -> None:

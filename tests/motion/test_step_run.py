@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from isel_twin.motion import StepRun, Steps, circle, constant, line, trapezoid
+from tests.thorough import drawn
 
 START = 7_000_000_000
 
@@ -54,7 +55,7 @@ steps = st.tuples(*[st.integers(-3000, 3000)] * 4).filter(any)
 
 
 @given(steps, st.lists(st.floats(0, 1), min_size=1, max_size=4))
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=drawn(60))
 def test_stopped_and_resumed_moves_make_exactly_the_commanded_steps(n: tuple[int, ...], stops: list[float]) -> None:
     path, first, start = line(n), 0, START
     record = Steps(4)

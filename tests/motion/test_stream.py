@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from motion.plans import Table, table
 
 from isel_twin.motion import SetPointRun, StepRun, Stream, constant, line, stream, trapezoid
+from tests.thorough import drawn
 
 MS = 1_000_000
 PERIOD = 4 * MS
@@ -141,7 +142,7 @@ def test_a_resumed_plan_goes_on_where_it_was_left() -> None:
 
 
 @given(st.lists(st.tuples(st.integers(1, 90), st.sampled_from(["go on", "stop", "cut", "anew", "rest"])), max_size=12))
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=drawn(100))
 @example([(1, "anew"), (1, "go on"), (83, "stop")])
 @example([(1, "anew"), (1, "stop"), (1, "stop")])
 def test_the_record_is_what_was_made(deeds: list[tuple[int, str]]) -> None:

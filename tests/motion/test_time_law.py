@@ -13,6 +13,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from isel_twin.motion import constant, trapezoid
+from tests.thorough import drawn
 
 NS = 10**9
 
@@ -129,7 +130,7 @@ numbers = st.tuples(
 
 
 @given(numbers)
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=drawn(60))
 @example((4, 100_000, 524, 1_024_000))
 def test_any_move_equals_the_closed_form(move: tuple[int, int, int, int]) -> None:
     assert trapezoid(*move).times(0, move[0]).tolist() == times_ns(*move)
@@ -141,7 +142,7 @@ large = st.tuples(
 
 
 @given(large, st.integers(0, (1 << 25) - 1))
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=drawn(60))
 def test_any_window_of_the_longest_moves(move: tuple[int, int, int, int], where: int) -> None:
     n = move[0]
     k = where % n
@@ -150,7 +151,7 @@ def test_any_window_of_the_longest_moves(move: tuple[int, int, int, int], where:
 
 
 @given(numbers, st.lists(st.integers(0, 400), max_size=6))
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=drawn(60))
 def test_windows_do_not_depend_on_how_they_are_cut(move: tuple[int, int, int, int], cuts: list[int]) -> None:
     law = trapezoid(*move)
     edges = sorted({0, move[0], *(min(cut, move[0]) for cut in cuts)})
@@ -159,7 +160,7 @@ def test_windows_do_not_depend_on_how_they_are_cut(move: tuple[int, int, int, in
 
 
 @given(numbers)
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=drawn(60))
 def test_times_never_decrease_and_end_with_the_duration(move: tuple[int, int, int, int]) -> None:
     law = trapezoid(*move)
     times = law.times(0, move[0])
@@ -169,7 +170,7 @@ def test_times_never_decrease_and_end_with_the_duration(move: tuple[int, int, in
 
 
 @given(numbers, st.integers(0, 400))
-@settings(deadline=None, max_examples=80)
+@settings(deadline=None, max_examples=drawn(80))
 def test_count_agrees_with_the_rounded_times(move: tuple[int, int, int, int], k: int) -> None:
     law = trapezoid(*move)
     times = law.times(0, move[0])
@@ -179,7 +180,7 @@ def test_count_agrees_with_the_rounded_times(move: tuple[int, int, int, int], k:
 
 
 @given(large, st.integers(0, 1 << 25))
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=drawn(60))
 def test_count_in_the_longest_moves(move: tuple[int, int, int, int], where: int) -> None:
     law = trapezoid(*move)
     k = where % move[0] + 1
@@ -189,7 +190,7 @@ def test_count_in_the_longest_moves(move: tuple[int, int, int, int], where: int)
 
 
 @given(numbers, st.fractions(0, 1))
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=drawn(150))
 @example((400, 10_000, 400, 100_000), Fraction(1, 2))
 @example((10, 401, 400, 4_000_000), Fraction(1, 2))
 def test_stop_ramp(move: tuple[int, int, int, int], part: Fraction) -> None:
@@ -232,7 +233,7 @@ def test_stop_before_the_start_and_without_ramps() -> None:
 
 
 @given(numbers, st.fractions(0, 1))
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=drawn(60))
 def test_cut_keeps_the_ticks_up_to_then(move: tuple[int, int, int, int], part: Fraction) -> None:
     law = trapezoid(*move)
     times = law.times(0, move[0])

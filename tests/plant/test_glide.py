@@ -18,6 +18,7 @@ from isel_twin.plant.glide import glide, gliding
 from isel_twin.plant.model import load_model
 from isel_twin.plant.mujoco import MujocoPlant
 from isel_twin.plant.reach import DEFLECTION_M
+from tests.thorough import drawn
 
 from .conftest import MS, ramp_ns, ticks
 
@@ -42,7 +43,7 @@ def model_of(machine: str) -> tuple[Any, NDArray[Any], NDArray[np.float64]]:
 
 
 @pytest.mark.parametrize("machine", MODELS)
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=drawn(200), deadline=None)
 @given(place=st.floats(0.01, 0.99), speed=st.tuples(*[speeds] * 6), force=st.tuples(*[forces] * 6))
 def test_a_step_is_mujocos(machine: str, place: float, speed: tuple[float, ...], force: tuple[float, ...]) -> None:
     """Any place, speeds and forces: sliding, creeping and held joints in all combinations. MuJoCo's solver stops at a

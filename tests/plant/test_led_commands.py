@@ -13,6 +13,7 @@ from isel_twin.machine import load_machine, with_overrides
 from isel_twin.plant import Plant, Threshold
 from isel_twin.plant.kinematic import KinematicPlant
 from isel_twin.plant.mujoco import MujocoPlant
+from tests.thorough import drawn
 
 from . import told
 from .conftest import MS, NONE, ticks
@@ -99,7 +100,7 @@ jobs = st.lists(
 
 
 @given(jobs, st.lists(st.integers(0, 50 * MS), max_size=5))
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=drawn(200))
 @example([(4 * SLOT, 80, 32 * SLOT), (5 * SLOT, 1, 0), (6 * SLOT, -7, 8 * SLOT)], [6 * SLOT])
 def test_any_ticks_are_led_as_defined(job, looks):
     """No jump but those of steps, what is left of a lead is taken along, and all of it arrives."""
@@ -168,7 +169,7 @@ def test_of_several_switches_the_first_one_counts():
 
 
 @given(jobs, st.integers(-30, 30), st.sampled_from([-1, 1]), st.sampled_from([0.0, 0.125, 0.25]))
-@settings(deadline=None, max_examples=300)
+@settings(deadline=None, max_examples=drawn(300))
 def test_every_edge_falls_on_its_nanosecond(job, eighths, sense, hysteresis):
     """Trip points at multiples of 0.125 mm, 40 steps: standing exactly there and passing through both occur."""
     plant = build(thresholds=[Threshold(0, "position", 100.0 + eighths / 8, sense, hysteresis)])
@@ -183,7 +184,7 @@ def test_every_edge_falls_on_its_nanosecond(job, eighths, sense, hysteresis):
     st.sampled_from([-1, 1]),
     st.sampled_from([0, 1, 3]),
 )
-@settings(deadline=None, max_examples=300)
+@settings(deadline=None, max_examples=drawn(300))
 def test_every_edge_of_steps_falls_on_its_tick(changes, limit, sense, hysteresis):
     """Trip points on a step and between two, single and double steps, of 2^-8 mm so that nothing is rounded."""
     machine = with_overrides(load_machine("4030"), {"axes.all.lead": 1600 / 256})
@@ -334,7 +335,7 @@ def whole_story(kind: type, cuts: list[int]) -> tuple[list[told.Edge], list[byte
 
 @BOTH
 @given(cuts=st.lists(st.one_of(st.integers(0, END), st.integers(77_990_000, 78_030_000)), max_size=12))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=drawn(30), deadline=None)
 def test_cutting_time_into_calls_changes_no_bit(kind, cuts):
     assert whole_story(kind, cuts) == whole_story(kind, [])
 

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from isel_twin.machine import load_machine
 from isel_twin.plant import Threshold
 from isel_twin.plant.mujoco import MujocoPlant
+from tests.thorough import drawn
 
 from .conftest import MS, NONE, ramp_ns, ticks
 
@@ -52,7 +53,7 @@ def run_cut(cuts: list[int], plant: MujocoPlant | None = None) -> list[bytes]:
     ]
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=drawn(25), deadline=None)
 @given(st.lists(st.integers(0, END), max_size=12))
 def test_cutting_time_into_calls_changes_no_bit(cuts):
     assert run_cut(cuts) == run_cut([])

@@ -19,6 +19,7 @@ from isel_twin.recordings.container import Container
 from isel_twin.recordings.reading import RecordingError, read
 from isel_twin.recordings.replay import rebuilt
 from tests.in_process import isel_twin
+from tests.thorough import drawn
 
 JOB = "@07\n@0N7\n@0A1600,800,0,30,0,30,0,30\n"
 
@@ -153,7 +154,7 @@ def test_toml_without_end_is_one_line(tmp_path: Path, text: str, kind: str) -> N
     assert done.stderr.count("\n") == 1
 
 
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=drawn(200), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(at=st.integers(0, 1 << 20), byte=st.integers(0, 255), cut=st.booleans())
 def test_a_damaged_recording_is_read_or_refused(recording: Path, tmp_path: Path, at: int, byte: int, cut: bool) -> None:
     data = bytearray(recording.read_bytes())

@@ -11,6 +11,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from isel_twin.firmware.bwo900.geometry.elements import Arc
+from tests.thorough import drawn
 
 TOLERANCE_MM = 0.003  # P8843 as delivered
 PLANES = {"G17": ("X", "Y", "I", "J"), "G18": ("Z", "X", "K", "I"), "G19": ("Y", "Z", "J", "K")}
@@ -105,7 +106,7 @@ def circles(shares: st.SearchStrategy[float]) -> st.SearchStrategy[Circle]:
     )
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=drawn(300), deadline=None)
 @given(circles(st.one_of(st.just(1.0), st.floats(0.02, 0.98))))
 @example(Circle("G17", True, True, "", AS_IT_IS, 10.0, 0.0, 1.0, 1e-6 / TOLERANCE_MM))
 @example(Circle("G17", False, True, "", AS_IT_IS, 10.0, 0.0, 1.0, -1e-6 / TOLERANCE_MM))
@@ -123,7 +124,7 @@ def test_the_programmed_circle_is_cut(circle: Circle) -> None:
         assert abs(math.dist(point, centre) - circle.radius) <= 2.0 * TOLERANCE_MM + 1e-6
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=drawn(200), deadline=None)
 @given(circles(st.one_of(st.just(0.5), st.floats(0.02, 0.98))))
 @example(Circle("G17", True, True, "", (5.0, 7.0, 30.0), 10.0, 0.0, 0.5, 0.0))
 def test_the_circle_of_a_programmed_radius_is_cut(circle: Circle) -> None:

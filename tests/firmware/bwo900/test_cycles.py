@@ -23,6 +23,7 @@ from isel_twin.firmware.bwo900.geometry.blocks import PathBlock, Stop
 from isel_twin.firmware.bwo900.geometry.elements import Arc
 from isel_twin.firmware.bwo900.messages import MESSAGES, Effect, ProgramError
 from isel_twin.testing import Desk
+from tests.thorough import drawn
 
 DRILL: Final = "N20 G56 G00 X0 Y0 Z100 S1200 F1500 M03 T01 M16"
 """First block of the manual's drilling examples."""
@@ -685,7 +686,7 @@ VALUES: Final = st.sampled_from([None, 0, 1, -1, 2, 3, -4, 5.5, 10, 40, 200, -20
 CYCLE_NUMBERS: Final = st.sampled_from(["G71", "G72", "G73", "G74", "G75", "G81", "G83", "G84", "G85"])
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=drawn(150), deadline=None, derandomize=True)
 @given(
     cycle=CYCLE_NUMBERS,
     pattern=st.sampled_from(["", "", "G86", "G87", "G88", "G89"]),

@@ -19,6 +19,7 @@ from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter, Waiting
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
 from isel_twin.firmware.bwo900.messages import MESSAGES, ProgramError
 from isel_twin.testing import Desk, StillBusyError
+from tests.thorough import drawn
 
 pytestmark = pytest.mark.long(seconds=8)
 
@@ -242,7 +243,7 @@ def test_parameters_without_sense_end_with_a_message(block: str, number: int) ->
 EXTREMES: Final = st.sampled_from([5e-324, 1e-300, -1e-300, 1e-9, 1e9, 1e18, -1e18, 1e300, -1e300, 1.7e308, -1.7e308])
 
 
-@settings(max_examples=150, deadline=None, derandomize=True, phases=(Phase.generate,))
+@settings(max_examples=drawn(150), deadline=None, derandomize=True, phases=(Phase.generate,))
 @given(
     cycle=CYCLE_NUMBERS,
     pattern=st.sampled_from(["", "G86", "G87", "G88", "G89"]),

@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from isel_twin.firmware.bwo900.geometry.elements import Arc
+from tests.thorough import drawn
 
 Places = NDArray[np.float64]
 
@@ -76,7 +77,7 @@ def floors(values: dict[int, float]) -> list[float]:
 
 
 @pytest.mark.parametrize("cycle", ["G71", "G72", "G73"])
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=drawn(25), deadline=None, derandomize=True)
 @given(pocket=rectangles(), seed=st.integers(0, 1000))
 def test_rectangular_pocket(cycle: str, pocket: tuple[dict[int, float], float], seed: int) -> None:
     values, radius = pocket
@@ -109,7 +110,7 @@ def test_rectangular_pocket(cycle: str, pocket: tuple[dict[int, float], float], 
 
 
 @pytest.mark.parametrize("cycle", ["G74", "G75"])
-@settings(max_examples=30, deadline=None, derandomize=True)
+@settings(max_examples=drawn(30), deadline=None, derandomize=True)
 @given(
     radius=st.floats(0.5, 6.0),
     ratio=st.floats(1.0, 9.0),

@@ -31,6 +31,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from isel_twin.testing import Desk, switches
+from tests.thorough import drawn
 
 pytestmark = pytest.mark.long(seconds=9)
 
@@ -287,7 +288,7 @@ exponents = st.sampled_from(CORNER_EXPONENTS)
 
 
 @given(programs(), exponents, st.booleans())
-@settings(max_examples=12, deadline=None, derandomize=True)
+@settings(max_examples=drawn(12), deadline=None, derandomize=True)
 def test_set_points_keep_to_path_speeds_ramps_and_corners(drawn: Draughtsman, corner: float, sine: bool) -> None:
     check(ran(drawn, corner, sine), drawn, corner, sine)
 
@@ -296,7 +297,7 @@ some_blocks = programs(14, least=7).filter(lambda drawn: 8 <= len(drawn.lines) <
 
 
 @given(some_blocks.flatmap(retold), exponents, st.booleans())
-@settings(max_examples=10, deadline=None, derandomize=True)
+@settings(max_examples=drawn(10), deadline=None, derandomize=True)
 def test_programs_of_8_to_22_blocks_in_other_words_take_the_drawn_path_and_time(
     drawn: Draughtsman, corner: float, sine: bool
 ) -> None:
@@ -319,7 +320,7 @@ def test_programs_of_8_to_22_blocks_in_other_words_take_the_drawn_path_and_time(
 
 
 @given(programs(most=5), exponents, st.booleans())
-@settings(max_examples=6, deadline=None, derandomize=True)
+@settings(max_examples=drawn(6), deadline=None, derandomize=True)
 def test_in_single_block_too(drawn: Draughtsman, corner: float, sine: bool) -> None:
     desk = desk_with(drawn, corner, sine)
     first = desk.ticks
@@ -336,7 +337,7 @@ waits = st.lists(st.integers(1, 2500), min_size=1, max_size=5)
 
 
 @given(programs(most=6), exponents, st.booleans(), waits)
-@settings(max_examples=8, deadline=None, derandomize=True)
+@settings(max_examples=drawn(8), deadline=None, derandomize=True)
 def test_stop_and_start_on_the_way(drawn: Draughtsman, corner: float, sine: bool, waits: list[int]) -> None:
     """Stopped after some ms, and started again when it stands, or at once."""
     desk = desk_with(drawn, corner, sine)
@@ -354,7 +355,7 @@ def test_stop_and_start_on_the_way(drawn: Draughtsman, corner: float, sine: bool
 
 
 @given(programs(most=6), exponents, st.booleans(), waits, st.data())
-@settings(max_examples=8, deadline=None, derandomize=True)
+@settings(max_examples=drawn(8), deadline=None, derandomize=True)
 def test_other_overrides_on_the_way(
     drawn: Draughtsman, corner: float, sine: bool, waits: list[int], data: st.DataObject
 ) -> None:
@@ -371,7 +372,7 @@ def test_other_overrides_on_the_way(
 
 
 @given(programs(most=6), exponents, st.booleans(), st.integers(1, 4000))
-@settings(max_examples=6, deadline=None, derandomize=True)
+@settings(max_examples=drawn(6), deadline=None, derandomize=True)
 def test_abort_brakes_on_the_path(drawn: Draughtsman, corner: float, sine: bool, wait: int) -> None:
     desk = desk_with(drawn, corner, sine)
     first = desk.ticks
@@ -400,7 +401,7 @@ def carried(drawn: Draughtsman, matrix: NDArray[np.float64]) -> Draughtsman:
 
 
 @given(plain, st.sampled_from(["G61", "G62", "G61 G62"]), st.booleans())
-@settings(max_examples=6, deadline=None, derandomize=True)
+@settings(max_examples=drawn(6), deadline=None, derandomize=True)
 def test_a_mirrored_program_has_mirrored_set_points(drawn: Draughtsman, mirror: str, sine: bool) -> None:
     """One for one: rounding is the same to both sides, so that only places on the very middle may differ."""
     signs = np.array([-1.0 if "61" in mirror else 1.0, -1.0 if "62" in mirror else 1.0, 1.0])
@@ -411,7 +412,7 @@ def test_a_mirrored_program_has_mirrored_set_points(drawn: Draughtsman, mirror: 
 
 
 @given(plain, st.sampled_from([90.0, 180.0, -90.0, 450.0]), st.booleans())
-@settings(max_examples=6, deadline=None, derandomize=True)
+@settings(max_examples=drawn(6), deadline=None, derandomize=True)
 def test_a_program_turned_by_quarters_has_turned_set_points(drawn: Draughtsman, angle: float, sine: bool) -> None:
     """One for one, where all axes can do the same."""
     as_it_is = ran(drawn, sine=sine, even=True)
@@ -421,7 +422,7 @@ def test_a_program_turned_by_quarters_has_turned_set_points(drawn: Draughtsman, 
 
 
 @given(plain, st.integers(-3600, 3600), st.booleans())
-@settings(max_examples=6, deadline=None, derandomize=True)
+@settings(max_examples=drawn(6), deadline=None, derandomize=True)
 def test_a_turned_program_keeps_to_the_turned_path(drawn: Draughtsman, tenths: int, sine: bool) -> None:
     """And to all limits: the axes share the path otherwise."""
     done = ran(with_head(drawn, f"G45 P160:0 P161:0 P163:{tenths / 10.0}"), sine=sine)

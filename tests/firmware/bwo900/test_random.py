@@ -23,6 +23,7 @@ from isel_twin.firmware.bwo900.geometry.offset import Offset
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.realtime.path import MotionLimits, PieceMaker
 from isel_twin.motion.joined import Joined, joined
+from tests.thorough import drawn
 
 pytestmark = pytest.mark.long(seconds=8)
 
@@ -108,7 +109,7 @@ def distance(places: NDArray[np.float64], path: list[Element]) -> NDArray[np.flo
 
 
 @given(blocks())
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=drawn(25), deadline=None)
 def test_set_points_keep_to_the_path_and_end_exactly(words: list[str]) -> None:
     done = analysed(words)
     _, places = planned(done)
@@ -119,7 +120,7 @@ def test_set_points_keep_to_the_path_and_end_exactly(words: list[str]) -> None:
 
 
 @given(blocks())
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=drawn(25), deadline=None)
 def test_set_points_keep_to_speeds_and_feeds(words: list[str]) -> None:
     """Over ten ticks, in which two roundings are 0.1 mm/s."""
     done = analysed(words)
@@ -133,7 +134,7 @@ def test_set_points_keep_to_speeds_and_feeds(words: list[str]) -> None:
 
 
 @given(blocks())
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=drawn(25), deadline=None)
 def test_with_exact_stops_no_axis_exceeds_its_acceleration(words: list[str]) -> None:
     """Second differences over 20 ticks, 40 ms: three roundings are 1.25 mm/s^2."""
     done = analysed(words, "G28")
@@ -144,7 +145,7 @@ def test_with_exact_stops_no_axis_exceeds_its_acceleration(words: list[str]) -> 
 
 
 @given(blocks(), st.sampled_from([1.0, 2.0, 5.0]))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=drawn(25), deadline=None)
 def test_corners_are_passed_at_their_speed(words: list[str], exponent: float) -> None:
     """At a joint: the lower feed times the cosine of the change of direction to the exponent; 0 at 90 degrees."""
     done = analysed(words)
@@ -164,7 +165,7 @@ def test_corners_are_passed_at_their_speed(words: list[str], exponent: float) ->
 
 
 @given(blocks(), st.sampled_from(["G61", "G62", "G61 G62"]), st.sampled_from(["", "G41 tr:0.5", "G42 tr:0.5"]))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=drawn(25), deadline=None)
 def test_mirrored_programs_give_mirrored_paths(words: list[str], mirror: str, correction: str) -> None:
     signs = np.array([-1.0 if "61" in mirror else 1.0, -1.0 if "62" in mirror else 1.0, 1.0])
     both = []
@@ -177,7 +178,7 @@ def test_mirrored_programs_give_mirrored_paths(words: list[str], mirror: str, co
 
 
 @given(blocks(), st.integers(-3600, 3600), points, st.sampled_from(["", "G41 tr:0.5"]))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=drawn(25), deadline=None)
 def test_rotated_programs_give_rotated_paths(
     words: list[str], tenths: int, centre: tuple[float, float, float], correction: str
 ) -> None:
@@ -249,7 +250,7 @@ def off(places: NDArray[np.float64], other: shapely.Geometry) -> NDArray[np.floa
 
 
 @given(stars(), st.sampled_from(["G41", "G42"]), st.sampled_from([0.5, 3.0, 8.0, 16.0]))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=drawn(60), deadline=None)
 def test_corrected_contours_are_the_edge_of_the_grown_or_shrunk_area(
     corners: list[tuple[float, float, float]], side: str, radius: float
 ) -> None:

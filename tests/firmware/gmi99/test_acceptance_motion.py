@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from isel_twin import Twin
 from isel_twin.testing import Desk
+from tests.thorough import drawn
 
 OK = "E5"
 STATUS = "10 E0 01 E1 16"
@@ -470,7 +471,7 @@ arrivals = st.lists(
 )
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=drawn(25), deadline=None, derandomize=True)
 @given(arrivals)
 def test_moves_that_arrive_in_motion_equal_the_closed_form(moves: list[tuple[int, int, int, int]]) -> None:
     """Relative moves, each so many ms after the one before, in force at the next time of the grid: from the momentary

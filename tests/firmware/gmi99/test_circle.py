@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from isel_twin.firmware.gmi99.circle import chords, circle, fastest_hz
 from isel_twin.firmware.gmi99.planner import PreparedMove, line, start
 from isel_twin.motion.joined import Joined
+from tests.thorough import drawn
 
 WITHIN = 3 / 8 + math.sqrt(1 / 2) + 1e-9
 """Increments: first and last chords, of sagitta 1/2 from the arc to a corner 1/4 outside, lie 3/8 inside at most; and
@@ -160,7 +161,7 @@ def test_no_circle(centre: dict[int, int], end: tuple[int, ...]) -> None:
         circle(centre, end, False, 1000, RULES)
 
 
-@settings(max_examples=80, deadline=None, derandomize=True)
+@settings(max_examples=drawn(80), deadline=None, derandomize=True)
 @given(st.integers(-60_000, 60_000), st.integers(-60_000, 60_000), st.floats(0.01, 2 * math.pi), st.booleans())
 def test_random_arcs_stay_within_one_increment(x: int, y: int, angle: float, clockwise: bool) -> None:
     """From (x, y) around the origin to the grid point nearest to the end of the arc."""

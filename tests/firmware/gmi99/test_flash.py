@@ -9,6 +9,7 @@ from conformance.gmi99_desk import OK, PLC_BEGIN, PLC_END, CardDesk, assembled, 
 from hypothesis import given, settings
 
 from isel_twin.firmware.gmi99.settings import Settings, Stored, decode, encode
+from tests.thorough import drawn
 
 numbers = st.integers(-(1 << 23), (1 << 23) - 1)
 axes = st.tuples(*[numbers] * 6)
@@ -31,13 +32,13 @@ stored = st.builds(
 )
 
 
-@settings(max_examples=60)
+@settings(max_examples=drawn(60))
 @given(stored)
 def test_what_was_written_is_read(content: Stored) -> None:
     assert decode(encode(content)) == content
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=drawn(60))
 @given(stored, st.data())
 def test_a_damaged_image_is_not_read(content: Stored, data: st.DataObject) -> None:
     image = encode(content)

@@ -31,6 +31,7 @@ from isel_twin.firmware.gmi99.planner import (
     useful_hz,
 )
 from isel_twin.motion.joined import Joined
+from tests.thorough import drawn
 
 RULES = Rules().with_speed(50_000)
 """M 50 kHz; B 50 Hz/ms, N11 = 50, N16 = 0, W1 and linear ramps are the card's defaults."""
@@ -354,7 +355,7 @@ def closed_form(moves: Sequence[tuple[int, int, int, int | None]], rules: Rules)
     return parts
 
 
-@settings(max_examples=80, deadline=None, derandomize=True)
+@settings(max_examples=drawn(80), deadline=None, derandomize=True)
 @given(some_moves, some_rules, st.booleans())
 def test_random_jobs_equal_the_closed_form(
     moves: list[tuple[int, int, int, int | None]], rules: Rules, mirrored: bool
@@ -374,7 +375,7 @@ def test_random_jobs_equal_the_closed_form(
             assert abs(n - exact) <= 0.51, k
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=drawn(60), deadline=None, derandomize=True)
 @given(
     some_moves,
     some_rules,

@@ -12,6 +12,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from isel_twin.controller import Controller
 from isel_twin.testing import Desk
+from tests.thorough import drawn
 
 CODES = "0123456789DFGHR"
 """Manual section 5, without the codes it calls unused."""
@@ -151,5 +152,5 @@ class AnyHost(RuleBasedStateMachine):
 
 TestAnyHost = AnyHost.TestCase
 TestAnyHost.settings = settings(
-    max_examples=60, stateful_step_count=25, deadline=None, suppress_health_check=[HealthCheck.too_slow]
+    max_examples=drawn(60), stateful_step_count=25, deadline=None, suppress_health_check=[HealthCheck.too_slow]
 )

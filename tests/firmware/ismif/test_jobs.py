@@ -25,6 +25,7 @@ from hypothesis import strategies as st
 
 from isel_twin.controller import create_controller
 from isel_twin.firmware.ismif.memory import QUEUE_SIZE, ReceiveQueue
+from tests.thorough import drawn
 
 # --- S1: wrong commands -------------------------------------------------------------------------------------------
 
@@ -389,7 +390,7 @@ def test_continue_on_the_ramp_goes_on_as_soon_as_it_stands() -> None:
     assert desk.counts == (3000, 0, 0, 0)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=drawn(60))
 @given(st.lists(st.tuples(st.floats(0.0, 1.5), st.floats(0.0, 0.6)), max_size=5), st.booleans())
 def test_any_pauses_leave_the_way_as_it_is(pauses: list[tuple[float, float]], full_steps: bool) -> None:
     """However often a job is paused and continued, on a ramp or not, it makes its path, tick for tick."""

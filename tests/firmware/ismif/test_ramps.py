@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from isel_twin.firmware.ismif.moves import FullSteps, ramp
 from isel_twin.motion import StepRun
 from isel_twin.motion import line as straight
+from tests.thorough import drawn
 
 frequencies = st.integers(65, 5000)
 
@@ -57,7 +58,7 @@ def test_ramp_takes_its_length() -> None:
     assert times[999] == 2_000_000_000
 
 
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=drawn(30))
 @given(st.tuples(*[st.integers(-400, 400)] * 3).filter(any))
 def test_sum_and_interpolation(steps: tuple[int, int, int]) -> None:
     x, y, z = steps
