@@ -1,4 +1,4 @@
-"""Same bytes in, same bits out: the digests of the golden sessions are those on file. `make thorough` plays them all."""
+"""Same bytes in, same bits out: sessions have the digests on file. `make thorough` plays all of the golden ones."""
 
 from __future__ import annotations
 

@@ -6,12 +6,13 @@ import http.client
 import json
 import signal
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import BrowserContext, Page, expect
+from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from isel_twin import Twin
 from isel_twin.capture.load import load
@@ -45,20 +46,40 @@ def recorded(recording: Path) -> Recorded:
     return read(recording)
 
 
+@dataclass
+class Opened:
+    """A page with what it has said and asked for."""
+
+    page: Page
+    wrong: list[str] = field(default_factory=list)
+    asked: list[str] = field(default_factory=list)
+
+
+@pytest.fixture(scope="module")
+def opened(recording: Path, chromium: Browser) -> Iterator[Opened]:
+    """The file, without a network."""
+    with chromium.new_context(offline=True) as context:
+        context.set_default_timeout(WAIT_S * 1000)
+        here = Opened(context.new_page())
+        here.page.on("console", lambda line: line.type == "error" and here.wrong.append(line.text))
+        here.page.on("pageerror", lambda error: here.wrong.append(str(error)))
+        here.page.on("request", lambda request: here.asked.append(request.url))
+        here.page.goto(recording.with_suffix(".html").as_uri())
+        expect(here.page.locator("body")).to_have_attribute("data-ready", "true", timeout=WAIT_S * 1000)
+        yield here
+
+
 @pytest.fixture
-def page(recording: Path, context: BrowserContext) -> Iterator[Page]:
-    """The file, without a network; nothing goes wrong and nothing is asked for while it is used."""
-    context.set_offline(True)
-    page, wrong, asked = context.new_page(), list[str](), list[str]()
-    page.on("console", lambda line: line.type == "error" and wrong.append(line.text))
-    page.on("pageerror", lambda error: wrong.append(str(error)))
-    page.on("request", lambda request: asked.append(request.url))
-    url = recording.with_suffix(".html").as_uri()
-    page.goto(url)
-    expect(page.locator("body")).to_have_attribute("data-ready", "true")
-    yield page
-    assert wrong == []
-    assert {address for address in asked if not address.startswith("blob:")} == {url}
+def page(opened: Opened, recording: Path) -> Iterator[Page]:
+    """The file at its beginning; nothing goes wrong and nothing is asked for while it is used."""
+    expect.set_options(timeout=WAIT_S * 1000)
+    opened.page.set_viewport_size({"width": 1280, "height": 800})
+    opened.page.evaluate("go_to(0)")
+    yield opened.page
+    assert opened.wrong == []
+    assert {address for address in opened.asked if not address.startswith("blob:")} == {
+        recording.with_suffix(".html").as_uri()
+    }
 
 
 def test_steps_samples_and_times_are_those_of_the_recording(page: Page, recorded: Recorded) -> None:

@@ -53,7 +53,7 @@ def ready(controller: str) -> tuple[Round, list]:
 
 
 @pytest.mark.parametrize("controller", HELD)
-@pytest.mark.parametrize("round_ms", [13, 37, 400])
+@pytest.mark.parametrize("round_ms", [23, 61, 400])
 def test_a_job_held_again_and_again_makes_the_whole_way(controller: str, round_ms: int) -> None:
     """From the first moment at which it can be held, when the sender has not looked since its program was transferred:
     rounds of a busy computer are long. What is paused stands still, and ends at 50 mm."""
