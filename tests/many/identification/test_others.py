@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,6 +26,7 @@ from isel_twin.many.identification.measured import Measured, Repeats
 from isel_twin.many.identification.session import predict, session_of, stand_alone
 from isel_twin.many.identification.stand_in import _stalled, carry_out
 from isel_twin.many.identification.unknowns import candidate, unknown
+from tests.near import near_switches
 
 pytestmark = pytest.mark.long(seconds=11)
 
@@ -67,16 +69,19 @@ def test_the_scatter_of_switches_follows_from_reference_runs() -> None:
     assert found.low < 0.025 < found.high
 
 
-def test_a_switch_and_a_lead_error_follow_from_a_scale() -> None:
-    unknowns = [unknown(MACHINE, "switch.limit_x2"), unknown(MACHINE, "lead.x")]
-    hidden = candidate(MACHINE, unknowns, [393.6, 0.04])
-    tell = Teller(LANGUAGE, "x", MACHINE.axes[0].steps_per_mm)
-    blocks = [_far(tell, 395.0), _switch(tell, LANGUAGE, 395.0, "limit_x2")]
+def test_a_switch_and_a_lead_error_follow_from_a_scale(tmp_path: Path) -> None:
+    machine = load_machine(near_switches(tmp_path, 2.0))
+    unknowns = [unknown(machine, "switch.limit_x2"), unknown(machine, "lead.x")]
+    hidden = candidate(machine, unknowns, [393.6, 0.04])
+    tell = Teller(LANGUAGE, "x", machine.axes[0].steps_per_mm)
+    tell.gentle = (15_000, 50, 300)  # a long way
+    switch = _switch(tell, LANGUAGE, 395.0, "limit_x2")
+    blocks = [_far(tell, 395.0), replace(switch, steps=switch.steps[: -len(LANGUAGE.reference())])]
     recorded, measured = carry_out(
         assemble("day", blocks, LANGUAGE), hidden, CONTROLLER, seed=3, noise_mm=0.01, time_noise_s=0.0
     )
-    switch, lead = fit(MACHINE, unknowns, [session_of(recorded, measured, CONTROLLER, MACHINE)], []).estimates
-    assert switch.value == pytest.approx(393.6, abs=0.05)
+    found, lead = fit(machine, unknowns, [session_of(recorded, measured, CONTROLLER, machine)], []).estimates
+    assert found.value == pytest.approx(393.6, abs=0.05)
     assert lead.value == pytest.approx(0.04, abs=0.008)
 
 
