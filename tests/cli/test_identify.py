@@ -44,7 +44,7 @@ def archive(near: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     language = needed(create_language("imc-s8"), "imc-s8")
     machine = load_machine(near)
     hidden = with_overrides(machine, {"axes.x.backlash": 0.04})
-    for seed, mm in ((1, 12.0), (2, 17.0)):
+    for seed, mm in ((1, 4.0), (2, 6.0)):
         with pytest.MonkeyPatch.context() as fewer:
             fewer.setattr(experiment_module, "REVERSALS", 2)
             block: Block = reversal(Teller(language, "x", machine.axes[0].steps_per_mm), mm)

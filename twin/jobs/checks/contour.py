@@ -9,6 +9,7 @@ What is cut counts; rapids only lead from one cut to the next (jobs/9). The coun
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -80,6 +81,9 @@ class Contour:
     def __init__(self, drawn: Drawing, most_mm: float) -> None:
         self._drawn, self.most_mm = drawn, most_mm
         self._ends_mm = drawn.ends_mm
+        self._along = np.diff(drawn.points_mm, axis=0)
+        self._square = np.maximum(np.einsum("ij,ij->i", self._along, self._along), 1e-30)
+        self._length = np.sqrt(self._square)
         self.restart()
 
     def restart(self, way: Way = Way()) -> None:
@@ -94,24 +98,23 @@ class Contour:
     def look(self, position_mm: NDArray[np.float64], time_ns: int) -> None:
         """position_mm: float64 [3], true position of the carriages in the counters' sense."""
         now_mm, farthest_mm = self.way.now_mm, self.way.farthest_mm
-        moved_mm = float(np.linalg.norm(position_mm - self.way.at_mm)) if self.way.at_mm else 0.0
+        place = tuple(position_mm.tolist())
+        moved_mm = math.dist(place, self.way.at_mm) if self.way.at_mm else 0.0
         pieces = len(self._drawn.cuts)
-        low = int(np.searchsorted(self._ends_mm, now_mm - BACK_MM - moved_mm, side="right")) - 1
-        high = int(np.searchsorted(self._ends_mm, now_mm + AHEAD_MM + moved_mm, side="left"))
+        low = int(self._ends_mm.searchsorted(now_mm - BACK_MM - moved_mm, side="right")) - 1
+        high = int(self._ends_mm.searchsorted(now_mm + AHEAD_MM + moved_mm, side="left"))
         low, high = min(max(low, 0), pieces - 1), min(max(high, 1), pieces)
-        start = self._drawn.points_mm[low:high]
-        along = self._drawn.points_mm[low + 1 : high + 1] - start
-        square = np.maximum(np.einsum("ij,ij->i", along, along), 1e-30)
-        share = np.clip(np.einsum("ij,ij->i", position_mm - start, along) / square, 0.0, 1.0)
-        apart = position_mm - start - share[:, None] * along
+        along, apart = self._along[low:high], position_mm - self._drawn.points_mm[low:high]
+        share = np.minimum(np.maximum(np.einsum("ij,ij->i", apart, along) / self._square[low:high], 0.0), 1.0)
+        apart = apart - share[:, None] * along
         distance_mm = np.sqrt(np.einsum("ij,ij->i", apart, apart))
-        way_mm = self._ends_mm[low:high] + share * np.sqrt(square)
+        way_mm = self._ends_mm[low:high] + share * self._length[low:high]
         # a hole leads down and up the same way: which of them it is, the way so far decides
         onwards_mm = np.abs(way_mm - now_mm - moved_mm)
         behind_mm = np.maximum(farthest_mm - way_mm, 0.0)
         nearest = int((distance_mm + ONWARDS * onwards_mm + BACKWARDS * behind_mm).argmin())
         now_mm = float(way_mm[nearest])
-        self.way = Way(now_mm, max(farthest_mm, now_mm), tuple(position_mm.tolist()))
+        self.way = Way(now_mm, max(farthest_mm, now_mm), place)
         if (cuts := self._drawn.cuts[low:high])[nearest]:
             line, worst_mm = int(self._drawn.line[low + nearest]), float(distance_mm[cuts].min())
             if worst_mm > self.worst.get(line, (0.0, 0))[0]:
