@@ -1,4 +1,4 @@
-"""python -m tests.edges [--every] [--job PART] [--motor NAME] [--supply V]: do edges of `run --edge` hold what they say?
+"""python -m tests.edges [--every] [--job PART] [--motor NAME] [--supply V]: do edges of --edge hold?
 
 Six jobs, three motors and two supplies: each job with one motor and supply, or all with all (--every); of these, those
 whose job has PART in its name, with that motor and supply. Of 20 fresh seeds none may lose a step at 95 % of an edge of

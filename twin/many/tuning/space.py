@@ -7,7 +7,7 @@ A rapid has a speed of `rapid_hz` or more in the job, by default half of the fas
 that a process needs (many/4).
 
 Parameters are within the ranges of the controller's language, not below half of the job's values, and speeds not above
-that from which on every axis fails; beyond it only as far as an edge below 1 is asked for (many/21).
+that from which on every axis fails; beyond it only as far as an edge below 1 is asked for (many/22).
 """
 
 from __future__ import annotations
@@ -166,9 +166,11 @@ class Problem:
 
     @cached_property
     def fails_from_hz(self) -> int:
-        """The highest speed that need be tried: at more every axis fails whatever its acceleration, or turns faster than
-        the edge allows that is asked for."""
-        return round(min(max(map(fails_from_hz, self.call.fitted().axes)) / min(1.0, self.edge), 1e9))
+        """The highest speed that need be tried: beyond it every axis fails, whatever its acceleration, or swings more
+        than the edge allows that is asked for."""
+        allowed = min(1.0, self.edge)
+        axes = self.call.fitted().axes
+        return round(min(max(fails_from_hz(axis) / (1.0 if axis.closed_loop else allowed) for axis in axes), 1e9))
 
     @cached_property
     def rapid_from_hz(self) -> int:
