@@ -19,7 +19,7 @@ from isel_twin.drives.library import MOTORS
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.screw import Screw
 from isel_twin.drives.shaft import axis_states
-from isel_twin.drives.stability import Bench, Rotation, rule_rpm
+from isel_twin.drives.stability import Bench, Rotation, limit_rad_s, rule_rpm
 from isel_twin.drives.stage import Stage
 
 NEMA23 = MOTORS["23HS32-4004S"]
@@ -213,6 +213,35 @@ def test_a_slow_swing_on_a_source_of_voltage(rpm: float) -> None:
         found = at(rpm, PLAIN, SATURATED, load_nm, 1e-2)
         assert found.growth_per_s == pytest.approx(-damping / 2e-2, rel=1e-3)
         assert found.swing_hz < 10.0
+
+
+def test_the_limit_is_found_to_one_revolution_a_minute() -> None:
+    limit = limit_rpm()
+    assert at(limit, NEMA23, AT_48_V).growth_per_s <= 0.0 < at(limit + 1.0, NEMA23, AT_48_V).growth_per_s
+    assert limit == limit_rpm(stage=replace(AT_48_V, step_error=0.1, current_offset=0.05)), "errors are left out"
+
+
+def test_without_a_word_the_shaft_carries_what_the_rotor_has() -> None:
+    (found,) = Bench(NEMA23, AT_48_V, 0.12).rotations([500.0])
+    assert found == at(500.0, NEMA23, AT_48_V, 0.12, 2.0 * NEMA23.rotor_inertia_kgm2)
+
+
+@pytest.mark.parametrize("load_nm", [-0.1, math.nan, math.inf])
+def test_a_load_that_makes_no_sense_is_named(load_nm: float) -> None:
+    with pytest.raises(ValueError, match="load_nm must be 0 or more"):
+        Bench(NEMA23, AT_48_V, load_nm)
+
+
+def test_the_limit_of_a_stage_is_that_under_a_tenth_of_its_torque() -> None:
+    tenth = 0.1 * NEMA23.torque_constant_nm_per_a * AT_48_V.current_a
+    own = 2.0 * NEMA23.rotor_inertia_kgm2
+    assert limit_rad_s(NEMA23, AT_48_V) == pytest.approx(limit_rpm(load_nm=tenth, inertia=own) * math.pi / 30.0)
+    assert limit_rad_s(replace(QUICK, iron_knee_rad_s=math.inf), STRONG) == math.inf
+
+
+def test_the_rule_of_thumb_by_hand() -> None:
+    """(4/pi) 43.68 V / (3.2 mH 4.2 A) = 4138 rad/s, 50 pairs of poles."""
+    assert rule_rpm(NEMA23, AT_48_V) == pytest.approx(790.3, abs=0.2)
 
 
 @pytest.mark.parametrize(

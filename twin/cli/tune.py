@@ -33,7 +33,8 @@ class Demands:
     """What a setting has to hold."""
 
     margin: Annotated[
-        float, Parameter(help="Least pull-out margin that the tuned job has to keep, a share from 0 to 1.")
+        float,
+        Parameter(help="Least margin, of torque and of speed, that the tuned job has to keep, a share from 0 to 1."),
     ] = 0.2
     edge: Annotated[
         float,
