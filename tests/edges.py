@@ -1,9 +1,10 @@
-"""python -m tests.edges [--every]: do jobs hold at 95 % of the edge that `run --edge` tells, and lose beyond it?
+"""python -m tests.edges [--every] [--job PART] [--motor NAME] [--supply V]: do edges of --edge hold?
 
-Six jobs, three motors and two supplies: each job with one motor and supply, or all with all (--every). Of 20 fresh
-seeds none may lose a step at 95 % of an edge of speed, supply or load, and at least 15 must at 105 %. Seeds on whose
-power-on place the job as it stands meets a switch are passed over. Prints a table in Markdown; exit code 1 if an edge
-does not hold what it promises. A minute of processor time, six with --every.
+Six jobs, three motors and two supplies: each job with one motor and supply, or all with all (--every); of these, those
+whose job has PART in its name, with that motor and supply. Of 20 fresh seeds none may lose a step at 95 % of an edge of
+speed, supply or load, and at least 15 must at 105 %. Seeds on whose power-on place the job as it stands meets a switch
+are passed over. Prints a table in Markdown; exit code 1 if an edge does not hold what it promises. A minute of
+processor time, six with --every.
 """
 
 from __future__ import annotations
@@ -101,6 +102,9 @@ def _case(work: tuple[str, str, float]) -> list[str]:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--every", action="store_true", help="every job with every motor and supply")
+    parser.add_argument("--job", default="", metavar="PART", help=f"of a name: {', '.join(JOBS)}")
+    parser.add_argument("--motor", choices=MOTORS)
+    parser.add_argument("--supply", type=float, choices=SUPPLIES_V)
     parser.add_argument("--workers", type=int, default=1)
     asked = parser.parse_args()
     machines = list(itertools.product(MOTORS, SUPPLIES_V))
@@ -109,6 +113,13 @@ def main() -> int:
         if asked.every
         else [(job, *machine) for job, machine in zip(JOBS, machines, strict=True)]
     )
+    work = [
+        (job, motor, supply_v)
+        for job, motor, supply_v in work
+        if asked.job in job and asked.motor in (None, motor) and asked.supply in (None, supply_v)
+    ]
+    if not work:
+        parser.error("no such job with that motor and supply; without --every each job has one of them")
     good = True
     print("| job | motor | supply | edge | lost at 95 % | at 105 % |\n|---|---|---|---|---|---|")
     for rows in in_order(_case, work, crew_of(asked.workers)):

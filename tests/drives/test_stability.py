@@ -1,5 +1,9 @@
-"""The growth of a swing against figures worked out independently (own law, sub-steps of 1 to 5 us), against the closed
-form of its onset, and against the first loss of steps in the time domain."""
+"""The growth of a swing against figures worked out independently (own law, sub-steps of 1 to 5 us), against closed
+forms where there are any (a source of current, one of voltage, electronic damping), against the closed form of its
+onset, and against the first loss of steps in the time domain.
+
+    J s^2 + D s + K = 0        growth = -D / 2J        K = Nr Km I cos(load angle)
+"""
 
 from __future__ import annotations
 
@@ -15,7 +19,7 @@ from isel_twin.drives.library import MOTORS
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.screw import Screw
 from isel_twin.drives.shaft import axis_states
-from isel_twin.drives.stability import Bench, rule_rpm
+from isel_twin.drives.stability import Bench, Rotation, limit_rad_s, rule_rpm
 from isel_twin.drives.stage import Stage
 
 NEMA23 = MOTORS["23HS32-4004S"]
@@ -115,6 +119,129 @@ def test_a_current_source_that_nothing_limits_has_no_limit() -> None:
     strong = replace(AT_48_V, supply_v=200.0, supply_factor=1.0)
     found = Bench(replace(NEMA23, iron_knee_rad_s=math.inf, inductance_h=1e-4), strong, 0.12).limit(1500.0)
     assert not found.swings
+
+
+STRONG = Stage(supply_v=200.0, current_a=4.2, supply_factor=1.0, extra_resistance_ohm=0.0)
+QUICK = replace(NEMA23, inductance_h=1e-4, iron_loss_ohm=NEMA23.iron_loss_ohm)  # STRONG keeps its current at any speed
+LOAD_NM = 0.12
+
+
+def at(rpm: float, motor: Motor, stage: Stage, load_nm: float = LOAD_NM, inertia: float = INERTIA_KGM2) -> Rotation:
+    (found,) = Bench(motor, stage, load_nm, inertia - motor.rotor_inertia_kgm2).rotations([rpm])
+    assert found is not None
+    return found
+
+
+def iron(rpm: float, motor: Motor) -> tuple[float, float]:
+    """Torque of the iron loss, (Km^2/Rm) w/(1 + x^2), and its slope (Km^2/Rm) (1 - x^2)/(1 + x^2)^2, x = w/w_k."""
+    omega = rpm * math.pi / 30.0
+    x = omega / motor.iron_knee_rad_s
+    drag = motor.torque_constant_nm_per_a**2 / motor.iron_loss_ohm
+    return drag * omega / (1.0 + x * x), drag * (1.0 - x * x) / (1.0 + x * x) ** 2
+
+
+@pytest.mark.parametrize("rpm", [200.0, 400.0, 690.0, 900.0, 1200.0])
+def test_a_source_of_current_leaves_the_damping_to_the_iron(rpm: float) -> None:
+    """Which damps below its knee at 690 rev/min, and feeds the swing above, at most at sqrt(3) times that."""
+    found, (torque, slope) = at(rpm, QUICK, STRONG), iron(rpm, QUICK)
+    peak_nm = QUICK.torque_constant_nm_per_a * STRONG.current_a
+    angle = math.asin((LOAD_NM + torque) / peak_nm)
+    assert found.growth_per_s == pytest.approx(-slope / (2.0 * INERTIA_KGM2), rel=1e-3, abs=1e-3)
+    stiffness = QUICK.pole_pairs * peak_nm * math.cos(angle)
+    assert found.swing_hz == pytest.approx(math.sqrt(stiffness / INERTIA_KGM2) / (2.0 * math.pi), rel=1e-3)
+    sub_step_deg = min(90.0 / 80, 5e-6 * 6.0 * QUICK.pole_pairs * rpm)  # of which the mean current is half behind
+    assert found.load_angle_deg == pytest.approx(math.degrees(angle) + 0.5 * sub_step_deg, abs=0.02)
+    assert (found.speed_rpm, found.stable) == (rpm, slope > 0.0)
+
+
+@pytest.mark.parametrize(("gain", "corner_hz"), [(2.0, 300.0), (0.5, 300.0), (1.0, 100.0)])
+@pytest.mark.parametrize("rpm", [300.0, 900.0])
+def test_electronic_damping_by_its_closed_form(gain: float, corner_hz: float, rpm: float) -> None:
+    """J s^2 + D s + K (1 + g s/(s + w_c)) = 0; D of the iron is by far less."""
+    stage = replace(STRONG, damping_gain=gain, damping_corner_hz=corner_hz)
+    torque, slope = iron(rpm, QUICK)
+    peak_nm = QUICK.torque_constant_nm_per_a * stage.current_a
+    k = QUICK.pole_pairs * math.sqrt(peak_nm**2 - (LOAD_NM + torque) ** 2)
+    j, corner = INERTIA_KGM2, 2.0 * math.pi * corner_hz
+    roots = np.roots([j, j * corner + slope, slope * corner + k * (1.0 + gain), k * corner])
+    slowest = roots[roots.real.argmax()]
+    found = at(rpm, QUICK, stage)
+    assert found.growth_per_s == pytest.approx(slowest.real, rel=0.015)
+    assert found.swing_hz == pytest.approx(abs(slowest.imag) / (2.0 * math.pi), rel=1e-3, abs=0.5)
+
+
+SATURATED = Stage(supply_v=12.0, current_a=20.0, supply_factor=1.0, extra_resistance_ohm=0.0)
+"""Wants more current than its supply ever drives: a source of voltage, whose fundamental is 4/pi of it."""
+PLAIN = replace(NEMA23, iron_loss_ohm=math.inf)
+
+
+@pytest.mark.parametrize(("rpm", "growth_per_s"), [(400.0, 14.6), (600.0, 6.14), (800.0, 3.41), (1200.0, 1.51)])
+def test_a_source_of_voltage_by_its_eigenvalues(rpm: float, growth_per_s: float) -> None:
+    """d/dt of (i_d, i_q, w, delta) on sinusoidal voltage, delta where the torque is that of the load."""
+    r, ell, km = PLAIN.resistance_ohm, PLAIN.inductance_h, PLAIN.torque_constant_nm_per_a
+    omega, volts, teeth, j = rpm * math.pi / 30.0, 4.0 / math.pi * SATURATED.supply_v, PLAIN.pole_pairs, INERTIA_KGM2
+
+    def current(delta: float) -> complex:
+        return complex((volts * np.exp(1j * delta) - 1j * km * omega) / (r + 1j * teeth * omega * ell))
+
+    low, high = 0.0, 0.5 * math.pi + math.atan(teeth * omega * ell / r)  # the largest torque is there
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if km * current(middle).imag < LOAD_NM else (low, middle)
+    i, v = current(low), volts * np.exp(1j * low)
+    law = [
+        [-r / ell, teeth * omega, teeth * i.imag, -v.imag / ell],
+        [-teeth * omega, -r / ell, -teeth * i.real - km / ell, v.real / ell],
+        [0.0, km / j, 0.0, 0.0],
+        [0.0, 0.0, -teeth, 0.0],
+    ]
+    values = np.linalg.eigvals(law)
+    largest = values[values.real.argmax()]
+    assert largest.real == pytest.approx(growth_per_s, abs=0.05)
+    found = at(rpm, PLAIN, SATURATED)
+    assert found.growth_per_s == pytest.approx(largest.real, rel=0.01)
+    assert found.swing_hz == pytest.approx(abs(largest.imag) / (2.0 * math.pi), rel=2e-3)
+    assert not found.stable
+
+
+@pytest.mark.parametrize("rpm", [600.0, 1200.0])
+def test_a_slow_swing_on_a_source_of_voltage(rpm: float) -> None:
+    """D = Km^2 R (R^2 - X^2)/(R^2 + X^2)^2, whatever the load: 9 Hz are slow beside R/L, 42 Hz."""
+    r, x = PLAIN.resistance_ohm, PLAIN.pole_pairs * rpm * math.pi / 30.0 * PLAIN.inductance_h
+    damping = PLAIN.torque_constant_nm_per_a**2 * r * (r**2 - x**2) / (r**2 + x**2) ** 2
+    for load_nm in (0.1, 0.2):
+        found = at(rpm, PLAIN, SATURATED, load_nm, 1e-2)
+        assert found.growth_per_s == pytest.approx(-damping / 2e-2, rel=1e-3)
+        assert found.swing_hz < 10.0
+
+
+def test_the_limit_is_found_to_one_revolution_a_minute() -> None:
+    limit = limit_rpm()
+    assert at(limit, NEMA23, AT_48_V).growth_per_s <= 0.0 < at(limit + 1.0, NEMA23, AT_48_V).growth_per_s
+    assert limit == limit_rpm(stage=replace(AT_48_V, step_error=0.1, current_offset=0.05)), "errors are left out"
+
+
+def test_without_a_word_the_shaft_carries_what_the_rotor_has() -> None:
+    (found,) = Bench(NEMA23, AT_48_V, 0.12).rotations([500.0])
+    assert found == at(500.0, NEMA23, AT_48_V, 0.12, 2.0 * NEMA23.rotor_inertia_kgm2)
+
+
+@pytest.mark.parametrize("load_nm", [-0.1, math.nan, math.inf])
+def test_a_load_that_makes_no_sense_is_named(load_nm: float) -> None:
+    with pytest.raises(ValueError, match="load_nm must be 0 or more"):
+        Bench(NEMA23, AT_48_V, load_nm)
+
+
+def test_the_limit_of_a_stage_is_that_under_a_tenth_of_its_torque() -> None:
+    tenth = 0.1 * NEMA23.torque_constant_nm_per_a * AT_48_V.current_a
+    own = 2.0 * NEMA23.rotor_inertia_kgm2
+    assert limit_rad_s(NEMA23, AT_48_V) == pytest.approx(limit_rpm(load_nm=tenth, inertia=own) * math.pi / 30.0)
+    assert limit_rad_s(replace(QUICK, iron_knee_rad_s=math.inf), STRONG) == math.inf
+
+
+def test_the_rule_of_thumb_by_hand() -> None:
+    """(4/pi) 43.68 V / (3.2 mH 4.2 A) = 4138 rad/s, 50 pairs of poles."""
+    assert rule_rpm(NEMA23, AT_48_V) == pytest.approx(790.3, abs=0.2)
 
 
 @pytest.mark.parametrize(

@@ -105,10 +105,75 @@ def test_steps_that_a_reference_run_hides_are_lost() -> None:
     assert edge.losers(TwinSpec(), lines, "speed", ("x",), 1.0, seed=0) == {}
 
 
-def test_what_never_loses_has_no_edge_and_other_seeds_may_lose_earlier() -> None:
+@pytest.mark.parametrize("earlier", [1.45, 1.37])
+def test_what_never_loses_has_no_edge_and_other_seeds_may_lose_earlier(earlier: float) -> None:
+    """The scan holds at 1.419 and loses at 1.504: others may lose before either."""
     assert edge._least(lambda _: False, lambda _: False, 3.0) is None
-    found = edge._least(lambda factor: factor > 1.5, lambda factor: factor > 1.45, 3.0)
-    assert found == pytest.approx(1.45, rel=0.01)
+    found = edge._least(lambda factor: factor > 1.5, lambda factor: factor > earlier, 3.0)
+    assert found == pytest.approx(earlier, rel=0.01)
+
+
+def test_what_a_stride_has_passed_over_is_found_by_steps() -> None:
+    """Strides stand at 1.262, 1.594 and 2.012: lost at the last, and in a band after the one before."""
+
+    def lost(factor: float) -> bool:
+        return 1.65 <= factor <= 1.75 or factor >= 1.95
+
+    assert edge._least(lost, lost, 10.0, edge.STRIDE) == pytest.approx(1.65, rel=0.01)
+
+
+def test_a_job_is_over_when_every_axis_that_is_asked_for_has_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    lost: list[list[int]] = [[], [1], [0, 1], [0, 1]]
+    monkeypatch.setattr(edge, "out_of_step", lambda _: lost.pop(0))
+    seen = edge._Losses(SimpleNamespace(), ("x", "y"))  # type: ignore[arg-type]
+    over = []
+    for number in (3, 4, 5, 6):
+        seen.take(SimpleNamespace(number=number))  # type: ignore[arg-type]
+        over.append(seen.stop())
+    assert (seen.lines, over) == ({"y": 4, "x": 5}, [False, False, True, True])
+
+
+@pytest.mark.parametrize(
+    ("quantity", "changed"),
+    [
+        ("supply", {"stage.supply": 48.0}),
+        ("inductance", {"specimen.inductance": 1.0}),
+        ("load", {"guide_friction": 30.0, "shaft_coulomb": 0.09, "shaft_viscous": 2e-4}),
+    ],
+)
+def test_one_axis_is_changed_and_what_was_changed_before_stays(quantity: str, changed: dict[str, float]) -> None:
+    call = TwinSpec(overrides={"payload.mass": 3.0})
+    spec, lines = edge._changed(call, [], edge._Search(quantity, ("y",)), 1.2)
+    assert spec.overrides == {
+        "payload.mass": 3.0, **{f"axes.y.{key}": pytest.approx(1.2 * value) for key, value in changed.items()}
+    }  # fmt: skip
+    assert lines == []
+
+
+def test_a_faster_job_keeps_its_lines_and_what_they_expect() -> None:
+    lines = parse_job(
+        "@07\n# a way\n@0N7\n@0A1600,800,0,30,0,30,0,30 => 0\n! lost == 0\n", create_language("imc-s8"), "imc-s8"
+    )
+    spec, made = edge._changed(TwinSpec(), lines, edge._Search("speed", ("x",)), 1.5)
+    assert spec == TwinSpec()
+    assert [line.command for line in made][2] == "@0A1600,1200,0,45,0,45,0,45"
+    assert [(line.number, line.expected) for line in made] == [(line.number, line.expected) for line in lines]
+
+
+def test_an_edge_is_told_with_its_band_and_the_first_line_that_loses(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every seed loses from 1.46 on and in a band about 1.39 that the scan passes over, in lines 9, 8 and 7."""
+
+    def losers(_: TwinSpec, __: Any, ___: str, axes: tuple[str, ...], factor: float, seed: int, ____: float) -> Any:
+        lost = 1.38 <= factor <= 1.40 or factor >= 1.46
+        return dict.fromkeys(axes, 9 - seed) if lost else {}
+
+    monkeypatch.setattr(edge, "losers", losers)
+    (found,) = edge._found(TwinSpec(), [], 60.0, (0, 1, 2), edge._Search("speed", ("x",)))
+    assert found.factor is not None
+    assert found.factor == pytest.approx(1.39, abs=0.02)
+    assert 0.95 * found.factor < 1.38
+    assert 1.05 * found.factor >= 1.46
+    assert (found.line, found.axis, found.closed_loop) == (7, "x", False)
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,13 @@
-"""python -m tests.tuned grid | others JOB: what `isel-twin tune` finds, judged by what did not find it.
+"""python -m tests.tuned grid | beyond | others JOB: what `isel-twin tune` finds, judged by what did not find it.
 
     grid [NAME]    jobs on all controllers: 25 trials against a grid, of which everything is tried that is faster than
                    the fastest that holds (what loses steps loses them with more of anything)
+    beyond         ways of 200 mm with speeds beyond that from which on a swing grows: on the machine as it is, against
+                   the best by hand; and what holds on 149 machines, against a grid
     others JOB     a job on 200 machines that are drawn as somebody else would: uniformly within the tolerances of
                    sheets and catalogues, all at once
 
-Both take minutes. Exit code 1 if a tuned job is slower than the grid's, or more than 2 % of the machines lose steps.
+All take minutes. Exit code 1 if a tuned job is slower than the grid's, or more than 2 % of the machines lose steps.
 """
 
 from __future__ import annotations
@@ -29,8 +31,10 @@ from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs.job import parse_job
 from isel_twin.jobs.playing import played
 from isel_twin.language import create_language
-from isel_twin.many.tuning import Judgement, Problem
+from isel_twin.many.tuning import Judgement, Problem, confirm
 from isel_twin.many.tuning.judge import Weather, repeated
+from isel_twin.many.tuning.result import to_confirm
+from isel_twin.many.tuning.structure import move_time_s
 from isel_twin.many.tuning.study import Study
 
 JOBS = Path(__file__).parents[1] / "jobs"
@@ -75,6 +79,10 @@ def read(name: str) -> str:
     return (JOBS / name).read_text()
 
 
+THREE = START + "@0A64000,10000,0,30,0,30,0,30\n@0A-64000,10000,0,30,0,30,0,30\n@0A64000,10000,0,30,0,30,0,30\n"
+BEYOND = 0.8  # least edge: speeds up to 1.25 times that from which on a swing grows
+BY_HAND_S = 8.08  # 24 000 Hz, 900 Hz/ms
+MACHINES = 149
 SERVO: Mapping[str, Any] = {"machine": "4030-servo", "fine": 16}
 CASES = {
     # eight ways of 200 mm
@@ -127,6 +135,47 @@ def grid(name: str, workers: int) -> bool:
         flush=True,
     )
     return found.judgement.time_s <= SLOWER * outcome.time_s
+
+
+def beyond(workers: int) -> bool:
+    """Whether tuning beyond the speed from which on a swing grows is as good as the best by hand, and, on machines that
+    no trial has seen, as a grid."""
+    alone, kind = (Problem(THREE, TwinSpec(), repetitions=number, speed_share=BEYOND, edge=BEYOND) for number in (0, 5))
+    study = Study(alone)
+    study.judge_references(lambda: False)
+    study.run(TRIALS, crew_of(workers))
+    found_s = min(one.judgement.time_s for one in study.tried if one.judgement.good)
+    print(f"on the machine as it is: {found_s:.3f} s in {len(study.tried)} trials; by hand {BY_HAND_S} s", flush=True)
+
+    hard: list[int] = []
+
+    def holds(place: Mapping[str, int]) -> bool:
+        held = confirm(kind, kind.candidate(place), MACHINES, hard=hard)
+        assert held is not None
+        if not held.good and held.last.number not in hard:
+            hard.insert(0, held.last.number)
+        return held.good
+
+    study = Study(kind)
+    study.judge_references(lambda: False)
+    study.run(TRIALS, crew_of(workers))
+    sure = next(one for one in to_confirm(study.tried, 0.0) if holds(one.values))
+    limit_hz = kind.fails_from_hz * BEYOND
+    speeds = np.round(np.linspace(0.8 * limit_hz, limit_hz / BEYOND, 24))
+    ramps, starts = np.round(np.geomspace(100, 1600, 9)), (300, 1500, 3000)
+    places = [
+        {"speed_hz": int(speed), "acceleration_hz_per_ms": int(ramp), "start_stop_hz": start}
+        for speed, ramp, start in itertools.product(speeds, ramps, starts)
+    ]
+    times_s = [3.0 * float(move_time_s(64_000, *place.values())) for place in places]
+    ordered = sorted(zip(times_s, places, strict=True), key=lambda each: each[0])
+    best_s, best = next((time_s, place) for time_s, place in ordered if holds(place))
+    print(
+        f"on {MACHINES} machines: {sure.judgement.time_s:.3f} s {dict(sure.values)} in {len(study.tried)} trials; grid "
+        f"{best_s:.3f} s {best}, {len([time_s for time_s in times_s if time_s < best_s])} faster ones lose",
+        flush=True,
+    )
+    return found_s <= BY_HAND_S and sure.judgement.time_s <= SLOWER * best_s
 
 
 def machines(spec: TwinSpec, number: int, seed: int) -> Iterator[tuple[int, Mapping[str, Any]]]:
@@ -185,7 +234,7 @@ def others(job: Path, number: int, seed: int, workers: int) -> bool:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("grid", "others"))
+    parser.add_argument("what", choices=("grid", "beyond", "others"))
     parser.add_argument("jobs", nargs="*", help=f"of grid: {', '.join(CASES)}; of others: files")
     parser.add_argument("--number", type=int, default=200, help="of machines")
     parser.add_argument("--seed", type=int, default=0)
@@ -193,6 +242,8 @@ def main() -> int:
     asked = parser.parse_args()
     if asked.what == "grid":
         good = [grid(name, asked.workers) for name in asked.jobs or CASES]
+    elif asked.what == "beyond":
+        good = [beyond(asked.workers)]
     else:
         good = [others(Path(job), asked.number, asked.seed, asked.workers) for job in asked.jobs]
     return 0 if all(good) else 1

@@ -61,7 +61,7 @@ class Rotation:
 
     speed_rpm: float
     growth_per_s: float  # of a small swing; below 0: it dies away
-    swing_hz: float
+    swing_hz: float  # one beyond half the frequency of quarter periods is told as its mirror image below it
     load_angle_deg: float  # electrical, by which the rotor is behind the command
 
     @property
@@ -135,7 +135,8 @@ class Bench:
         """The state x* at a speed and what it does, from a state nearby; None where there is none.
 
         F jumps where a current passes 0 just as a sub-step begins, and one number of sub-steps in six leads to x* just
-        there, which looks like growth. So only what grows with each of five numbers grows."""
+        there, which looks like growth. So only what grows with each of five numbers grows. (Seldom it looks like less
+        growth: a quarter of it on a source of voltage at 600 rev/min without load.)"""
         quarter_s = 0.5 * math.pi / (self.motor.pole_pairs * speed_rpm * math.pi / 30.0)
         count = max(SUB_STEPS, math.ceil(quarter_s / LONGEST_S))
         best: _Found = (None, None)

@@ -111,6 +111,17 @@ def test_a_study_knows_what_its_results_depend_on() -> None:
         assert [name for name in one if one[name] != other[name]] == [key]
 
 
+def test_speeds_beyond_that_of_the_swing_are_tried_as_far_as_an_edge_below_1_is_asked_for() -> None:
+    """A swing grows from 790 rev/min on, 1600 steps each (docs/fidelity.md): an edge of 0.8 is 1.25 times that."""
+
+    def highest(**words: object) -> int:
+        return next(one.high for one in problem(**words).parameters if one.setting == "speed_hz")
+
+    assert highest() == highest(edge=1.5) == pytest.approx(21_067, rel=0.005)
+    assert highest(edge=0.8) == pytest.approx(1.25 * highest(), abs=1.0)
+    assert highest(edge=0.8, ranges={"speed_hz": (5000, 22_000)}) == 22_000
+
+
 CARD = "Q7;1\nM40000\nB100\nf30000\n83h 9000 0 # there\nf5000 | 84h 900\n"
 PROGRAM = "; a part\nP1\nN10 G90 G53\nN20 G0 X60 {away}\nN30 G1 X70 F600\nN40 M30\n#\n"
 
@@ -120,7 +131,7 @@ def test_ramps_from_standstill_are_two_numbers(text: str, controller: str) -> No
     """A servo drive that lags by speed / 40 1/s switches itself off from 4000 * 40 = 160 000 increments/s on; rapids of
     the BWO 900 end at P12004, 6000 mm/min as delivered."""
     servo = Problem(text, TwinSpec("4030-servo", controller))
-    assert servo.fails_from_hz == 160_000
+    assert servo.fails_from_hz == Problem(text, servo.call, edge=0.8).fails_from_hz == 160_000
     assert {each.name: each.high for each in servo.parameters} == {
         "speed_hz": 160_000 if controller == "gmi99" else 100_000,
         "acceleration_hz_per_ms": 4000,

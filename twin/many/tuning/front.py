@@ -58,7 +58,7 @@ def draw(
             axes.plot(*_points([judgement]), shape, markersize=11, label=f"{name}: {judgement.time_s:.1f} s")
     if least is not None:
         axes.axhline(100.0 * least, color="tab:red", linewidth=0.8, linestyle="--", label="margin asked for")
-    axes.set(xlabel="cycle time in s", ylabel="least pull-out margin in %", title=plain_text(title))
+    axes.set(xlabel="cycle time in s", ylabel="least margin, of torque and of speed, in %", title=plain_text(title))
     axes.set_ylim(bottom=0.0)
     axes.grid(alpha=0.3)
     axes.legend()

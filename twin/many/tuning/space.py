@@ -7,7 +7,7 @@ A rapid has a speed of `rapid_hz` or more in the job, by default half of the fas
 that a process needs (many/4).
 
 Parameters are within the ranges of the controller's language, not below half of the job's values, and speeds not above
-that from which on every axis fails.
+that from which on every axis fails; beyond it only as far as an edge below 1 is asked for (many/22).
 """
 
 from __future__ import annotations
@@ -110,6 +110,7 @@ class Problem:
     timeout_s: float = 3600.0
     # a motor that turns at 1/e of the speed from which on it swings keeps a margin of 1 - speed_share/e
     speed_share: float = 1.0
+    edge: float = 1.0  # least e that is asked for; below 1, as much higher speeds are tried
     flash: bytes | None = None  # image of the controller's flash memory
     settle_mm: float | None = None  # a move is over when its carriages ring by no more than this; None: with its line
 
@@ -165,8 +166,11 @@ class Problem:
 
     @cached_property
     def fails_from_hz(self) -> int:
-        """The highest speed at which an axis does not fail whatever its acceleration: more need not be tried."""
-        return round(min(max(map(fails_from_hz, self.call.fitted().axes)), 1e9))
+        """The highest speed that need be tried: beyond it every axis fails, whatever its acceleration, or swings more
+        than the edge allows that is asked for."""
+        allowed = min(1.0, self.edge)
+        axes = self.call.fitted().axes
+        return round(min(max(fails_from_hz(axis) / (1.0 if axis.closed_loop else allowed) for axis in axes), 1e9))
 
     @cached_property
     def rapid_from_hz(self) -> int:
