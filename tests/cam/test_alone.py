@@ -28,7 +28,7 @@ def test_its_counters_go_the_same_way(controller: str) -> None:
 PATH = [rapid(50, 50, -5), line(52, 51, -5), arc((54, 51, -5), (53, 51, 0), -1), END]
 OTHERS = {
     "end": [*PATH[:2], arc((54, 51.02, -5), (53, 51.01, 0), -1), END],
-    "corner": [PATH[0], line(52, 51.03, -5), arc((54, 51, -5), (53, 51, 0), -1), END],
+    "corner": [PATH[0], line(52, 51.1, -5), arc((54, 51, -5), (53, 51, 0), -1), END],
     "sense": [*PATH[:2], arc((54, 51, -5), (53, 51, 0), 1), END],
     "turns": [*PATH[:2], arc((54, 51, -5), (53, 51, 0), -2), END],
     "part": [PATH[0], line(54, 51, -5), END],
