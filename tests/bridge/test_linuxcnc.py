@@ -20,6 +20,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
@@ -36,6 +37,7 @@ from tests.in_process import isel_twin
 from tests.near import near_switches
 
 LIMIT_S = 300.0
+LOOK_S = 0.05  # of wall time between two looks at the twin, each of which costs it some
 SQUARE = "G1 F1200 X20 Y10\nG1 X30\nG1 Y20\nG1 X20\nG1 Y10"
 FAST = {
     "MAX_LINEAR_VELOCITY = 30": "MAX_LINEAR_VELOCITY = 150",
@@ -104,6 +106,7 @@ def test_it_homes_runs_a_square_and_the_hood_stops_it(way: str, request: pytest.
     with linuxcnc.begin(mdi=f"{SQUARE}\nG1 X100", timeout_s=LIMIT_S) as session:
         while (seen := ask({"state": True}))["machine_position_mm"][0] < 40.0:
             assert session.running, session.wait().log
+            time.sleep(LOOK_S)
         assert max(map(abs, seen["lost_steps"])) < 16.0, "half a slip"
         ask({"set": {"hood": "forced"}})
         done = session.wait()

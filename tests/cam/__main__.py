@@ -19,7 +19,8 @@ from random import Random
 
 sys.path.append(str(Path(__file__).parents[1]))  # as pytest does
 
-from cam.played import FAST, Player, axes_of, check_played
+from cam.alone import Alone
+from cam.played import FAST, axes_of, check_played
 from cam.random_paths import random_path
 
 from isel_twin.base.quiet import quietly
@@ -30,7 +31,7 @@ MOST = 2  # motions behind the first rapid
 PARTS = (0.02, 0.05, 0.1, 0.25)  # of the box: radii up to 0.3 .. 3.75 mm
 TOLERANCES = (0.002, 0.01)  # mm
 POINTS = 400  # of each that are looked at
-TOGETHER = 50  # by one twin, which keeps all motions
+TOGETHER = 1000  # by one controller
 
 
 def checked(controller: str, numbers: Sequence[int], seed: int = 0) -> list[int]:
@@ -38,7 +39,7 @@ def checked(controller: str, numbers: Sequence[int], seed: int = 0) -> list[int]
     wrong, player = [], None
     for count, number in enumerate(numbers):
         if player is None or count % TOGETHER == 0:
-            player = Player(controller, replace(axes_of(controller), lag_s=LAG_S.get(controller, 0.0)))
+            player = Alone(controller, replace(axes_of(controller), lag_s=LAG_S.get(controller, 0.0)))
         random = Random(f"{seed} {controller} {number}")
         path = random_path(random, TURNS[controller], MOST, random.choice(PARTS))
         settings = replace(FAST, tolerance_mm=random.choice(TOLERANCES))

@@ -6,9 +6,11 @@ import cmath
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from isel_twin import Twin
 from isel_twin.cam.arcs import NO_WAY_MM
@@ -27,6 +29,7 @@ MACHINES = {"imc-s8": "4030", "imc-m": "4030", "imc-mp": "4030", "c142": "4030",
 STEPS_MM = {"ismif": 80.0, "gmi99": 1000.0, "bwo900": 1000.0}  # others: 320
 REFERENCE = ("@0R", "$H", "Q3", "Q4", "reference")  # how commands of a reference run begin
 FAST = CamSettings(rapid_mm_s=30.0)
+FINE = 200  # pieces of a path at least, in which the next one to a point is looked for
 P = Place(1)
 
 
@@ -48,14 +51,9 @@ def texts(lines: Iterable[Written]) -> list[str]:
 
 
 @dataclass
-class Played:
-    twin: Twin
-    lines: list[Written]
-    begin_ns: int  # the end of the reference run
-    t_ns: NDArray[np.int64]  # of the steps since then
+class Made:
     counts: NDArray[np.int64]  # [steps + 1, 3]: after each, the first before all
     steps_mm: float
-    spindle: list[int]  # after each line
 
     @property
     def end_mm(self) -> Sequence[float]:
@@ -64,6 +62,15 @@ class Played:
     @property
     def mm(self) -> NDArray[np.float64]:
         return self.counts / self.steps_mm
+
+
+@dataclass
+class Played(Made):
+    twin: Twin
+    lines: list[Written]
+    begin_ns: int  # the end of the reference run
+    t_ns: NDArray[np.int64]  # of the steps since then
+    spindle: list[int]  # after each line
 
     @property
     def seconds(self) -> float:
@@ -89,7 +96,7 @@ class Player:
         job = parse_job("\n".join(texts(lines)), twin.language, self.controller)
         begin = twin.time_ns
         results, spindle = [], []
-        for result in play(twin, [each for each in job if not (self._homed_ns and _homes(each))], timeout_s=3000.0):
+        for result in play(twin, [each for each in job if not (self._homed_ns and homes(each))], timeout_s=3000.0):
             results.append(result)
             spindle.append(twin.outputs.get("spindle", 0))
         assert [(r.command, r.reply, r.why) for r in results if not r.ok] == []
@@ -100,14 +107,19 @@ class Player:
         t_ns = np.concatenate([times for times, _ in chunks] or [np.empty(0, np.int64)])
         first = int(np.searchsorted(t_ns, begin, side="right"))
         delta = np.vstack([deltas[:, :3] for _, deltas in chunks] or [np.empty((0, 3))])[first:].astype(np.int64)
-        end = np.asarray(twin.counts)[:3].astype(np.int64)
-        counts = np.vstack([end - np.cumsum(delta[::-1], axis=0)[::-1], end])
-        x, y, z = (end / self.steps_mm).tolist()
+        counts = counts_of(delta, twin.counts.tolist())
+        x, y, z = (counts[-1] / self.steps_mm).tolist()
         self.start = x, y, z
-        return Played(twin, lines, begin, t_ns[first:], counts, self.steps_mm, spindle)
+        return Played(counts, self.steps_mm, twin, lines, begin, t_ns[first:], spindle)
 
 
-def _homes(line: JobLine) -> bool:
+def counts_of(delta: NDArray[np.int64], end: Sequence[int]) -> NDArray[np.int64]:
+    """int64 [steps + 1, 3], counters that end here, from their changes [steps, 3]."""
+    last = np.array(end[:3], dtype=np.int64)
+    return np.vstack([last - np.cumsum(delta[::-1], axis=0)[::-1], last])
+
+
+def homes(line: JobLine) -> bool:
     return line.command.startswith(REFERENCE)
 
 
@@ -130,6 +142,32 @@ def distance_mm(points: Points, corners: Points) -> float:
         part = np.clip(along / square, 0.0, 1.0)
         least = np.minimum(least, (apart - part * (2.0 * along - part * square)).min(axis=1))
     return math.sqrt(max(least.max(), 0.0))
+
+
+def is_near(points: Points, corners: Points, near_mm: float) -> bool:
+    """Whether no point is farther than this from the polyline. Most are near one of the pieces that meet at the corner
+    next to them; only others are held against all pieces."""
+    corners = finely(corners, float(np.linalg.norm(np.diff(corners, axis=0), axis=1).sum()) / FINE)
+    if len(corners) < 2:
+        return distance_mm(points, np.vstack([corners, corners])) <= near_mm
+    _, next_to = KDTree(corners).query(points)
+    least = np.full(len(points), np.inf)
+    for piece in (np.maximum(next_to - 1, 0), np.minimum(next_to, len(corners) - 2)):
+        begin, way = corners[piece], corners[piece + 1] - corners[piece]
+        along = ((points - begin) * way).sum(axis=1) / np.maximum((way**2).sum(axis=1), 1e-30)
+        apart = points - begin - np.clip(along, 0.0, 1.0)[:, None] * way
+        least = np.minimum(least, np.linalg.norm(apart, axis=1))
+    far = points[least > near_mm]
+    return not len(far) or distance_mm(far, corners) <= near_mm
+
+
+def finely(corners: Points, longest_mm: float) -> Points:
+    """The polyline with corners in between, so that no piece is longer."""
+    ways = np.diff(corners, axis=0)
+    parts = np.maximum(np.ceil(np.linalg.norm(ways, axis=1) / max(longest_mm, 1e-9)).astype(int), 1)
+    piece = np.repeat(np.arange(len(ways)), parts)
+    share = (np.arange(len(piece)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[piece]
+    return np.vstack([corners[piece] + share[:, None] * ways[piece], corners[-1:]])
 
 
 def ideal_mm(path: Iterable[Element], settings: CamSettings = FAST, start: Point = (0.0, 0.0, 0.0)) -> Points:
@@ -167,21 +205,35 @@ def check_made(controller: str, path: Sequence[Element], settings: CamSettings =
     return check_played(Player(controller), path, settings)
 
 
-def check_played(player: Player, path: Sequence[Element], settings: CamSettings = FAST, points: int = 4000) -> Played:
+M_co = TypeVar("M_co", bound=Made, covariant=True)
+
+
+class Plays(Protocol[M_co]):
+    """Who plays toolpaths one after the other."""
+
+    @property
+    def start(self) -> Point: ...
+
+    def play(self, path: Iterable[Element], settings: CamSettings) -> M_co: ...
+
+
+def check_played(
+    player: Plays[M_co], path: Sequence[Element], settings: CamSettings = FAST, points: int = 4000
+) -> M_co:
     """Play it and hold it against the path: the end within a step, every place within the tolerance and a step of each
     axis (half of it is rounding, half the steps of a line), and every place of the path within that and what passes
     between two set points of it."""
     start = settings.machine_point(player.start)
     run = player.play(path, settings)
-    step = 1.0 / run.steps_mm
+    step, mm = 1.0 / run.steps_mm, run.mm
     wanted = ideal_mm(path, settings, start)
-    assert np.abs(run.mm[-1] - wanted[-1]).max() <= step
+    assert np.abs(mm[-1] - wanted[-1]).max() <= step
     chord = largest_radius_mm(path) * (1.0 - math.cos(math.radians(1.0)))  # of the wanted path itself
     near = settings.tolerance_mm + math.sqrt(3.0) * step + chord
-    corners = run.mm[np.unique(np.linspace(0, len(run.mm) - 1, points).astype(int))]
-    assert distance_mm(corners, wanted) <= near
+    corners = mm[np.unique(np.linspace(0, len(mm) - 1, points).astype(int))]
+    assert is_near(corners, wanted, near)
     apart = float(np.linalg.norm(np.diff(corners, axis=0), axis=1).max()) / 2.0
-    assert distance_mm(wanted, corners) <= near + apart
+    assert is_near(wanted, corners, near + apart)
     length = float(np.linalg.norm(np.diff(wanted, axis=0), axis=1).sum())
     assert np.abs(swept_mm2(corners) - swept_mm2(wanted)).max() <= 2.0 * near * (length + 1.0) + apart * length
     return run

@@ -17,7 +17,6 @@ from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.base.crew import Stop
 from isel_twin.base.units import SECOND_NS
 from isel_twin.controller import offers
-from isel_twin.core.snapshot import snapshot
 from isel_twin.jobs import expect
 from isel_twin.jobs.expect import Condition
 from isel_twin.jobs.job import Line
@@ -80,7 +79,6 @@ class Sent:
         """The outcome. complete: the line is over, and did not take timeout_s."""
         twin, line, language = self.twin, self.line, self.twin.language
         new = twin.restarts - self._restarts
-        seen = snapshot(twin)
         text = None if language is None else language.text(reply)
         took_ns = twin.time_ns - self.time_ns
         why = "" if line.expected is None else line.expected.why_not(reply, complete, took_ns, text)
@@ -106,9 +104,9 @@ class Sent:
             reply=readable(reply) if text is None else text,
             ok=complete and (accepted if line.expected is None else not why),
             time_ns=self.time_ns,
-            end_ns=seen.time_ns,
-            counts=tuple(seen.counts.tolist()),
-            position_mm=tuple(seen.position_mm.tolist()),
+            end_ns=twin.time_ns,
+            counts=tuple(twin.counts.tolist()),
+            position_mm=tuple(twin.position_mm.tolist()),
             margin=tuple(None if math.isnan(least) else round(least, 4) for least in twin.margin.tolist()),
             edge=tuple(round(edge, 4) if edge < MOST_EDGE else None for edge in twin.speed_edge.tolist()),
             complete=complete,
@@ -164,7 +162,6 @@ def _parts(twin: Twin, line: Line, before: tuple[int, str] | None) -> tuple[Part
 
 def look(twin: Twin, line: Line, condition: Condition, last: Result | None) -> Result:
     found = condition.look(twin, last)
-    seen = snapshot(twin)
     quantity, _, axis = condition.name.partition(".")
     values: Sequence[Any] = ()
     if found.met and quantity == "lost":
@@ -177,10 +174,10 @@ def look(twin: Twin, line: Line, condition: Condition, last: Result | None) -> R
         command=line.command,
         reply=found.value,
         ok=found.met,
-        time_ns=seen.time_ns,
-        end_ns=seen.time_ns,
-        counts=tuple(seen.counts.tolist()),
-        position_mm=tuple(seen.position_mm.tolist()),
+        time_ns=twin.time_ns,
+        end_ns=twin.time_ns,
+        counts=tuple(twin.counts.tolist()),
+        position_mm=tuple(twin.position_mm.tolist()),
         expected=condition.text,
         why="" if found.met else f"is {found.value}",
         condition=True,
