@@ -24,6 +24,8 @@ from isel_twin.controller.registry import (
 )
 from isel_twin.controller.roles import (
     BYTES_AT_ONCE,
+    Arrival,
+    AwaitsArrival,
     Compiles,
     DriveInput,
     Drives,
@@ -40,6 +42,8 @@ from isel_twin.controller.roles import (
 __all__ = [
     "BYTES_AT_ONCE",
     "OUTPUTS",
+    "Arrival",
+    "AwaitsArrival",
     "Compiles",
     "Controller",
     "ControllerFactory",

@@ -98,6 +98,25 @@ class UsesDrives(Protocol):
         """Take the drives to read during later calls; called once, before `power_on`."""
 
 
+@dataclass(frozen=True)
+class Arrival:
+    """A controller waits until its drives are in position, and looks at them on a grid of time. A look at which they
+    are not changes nothing: it may be left out, and the controller called at another time later on. It makes no tick
+    meanwhile."""
+
+    next_ns: int  # the next look, as long as none is left out
+    period_ns: int
+    until_ns: int  # when it has to be called in any case
+
+
+class AwaitsArrival(Protocol):
+    """A controller that says so: who owns the clock need not call it at each look."""
+
+    @property
+    def arrival(self) -> Arrival | None:
+        """What it waits for at the time of the last call; None: not for its drives."""
+
+
 class NamesOutputs(Protocol):
     """A controller with outputs beyond OUTPUTS, for which scenario events can wait."""
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from isel_twin.base.units import SECOND_NS
 from isel_twin.controller import (
     BYTES_AT_ONCE,
+    AwaitsArrival,
     Controller,
     CounterSet,
     FlashWrite,
@@ -56,6 +57,7 @@ class Connected:
     _plans: Plans
     _controller: Controller
     _handshake: HoldsHost | None
+    _awaits: AwaitsArrival | None
     _sources: tuple[Source, ...]
     _told: Told
     _levels: Mapping[str, bool]
@@ -77,6 +79,7 @@ class Connected:
     def _adopt(self, controller: Controller) -> None:
         self._controller = controller
         self._handshake = controller if offers(controller, HoldsHost) else None
+        self._awaits = controller if offers(controller, AwaitsArrival) else None
         self._sources: tuple[Source, ...] = (controller, self._line, self._wiring)
         if self._handshake is None:
             self._line.clear_to_send(self.time_ns, True)

@@ -29,6 +29,8 @@ from numpy.typing import NDArray
 from isel_twin.base.units import SECOND_NS
 from isel_twin.controller import (
     BYTES_AT_ONCE,
+    Arrival,
+    AwaitsArrival,
     Controller,
     HasKeys,
     Key,
@@ -52,7 +54,7 @@ from isel_twin.core.told import Told
 from isel_twin.language import Language, needed
 from isel_twin.machine import Fixture, Machine
 from isel_twin.motion import Stream
-from isel_twin.plant import Collision, GoesStraight, Sampled
+from isel_twin.plant import Collision, FindsArrival, GoesStraight, Sampled
 from isel_twin.wiring import Schedule, SerialLine, Wiring, thresholds
 
 _NEVER_NS = 1 << 62
@@ -193,10 +195,12 @@ class Twin(Operated, Seen, Connected, Saved):
         self.stores_lost = 0
         """How often `on_flash` could not store what the controller wrote: the flash still holds what it held."""
         self._stream = Stream(axes, keep=keep_motions)
+        self._arrival: Arrival | None = None  # what the controller waits for while the plant advances
         self._adopt(controller)
         self._observers: Observers[Twin] = Observers()
         self._sampler: Sampler | None = None
         self._sampled = self._plant if isinstance(self._plant, Sampled) else None
+        self._finds = self._plant if isinstance(self._plant, FindsArrival) else None
         self._straight = self._plant if isinstance(self._plant, GoesStraight) else None
         self._notes: list[Note] = []
         self._margin_readers = MarginReaders()
@@ -304,7 +308,10 @@ class Twin(Operated, Seen, Connected, Saved):
             until_ns = int(t_ns[-1])
         if count and self._sense is not None:
             delta = delta * self._sense.astype(delta.dtype)
-        reached = self._plant.advance(until_ns, t_ns, delta, self._stream.lead_ns)
+        if self._arrival is None:
+            reached = self._plant.advance(until_ns, t_ns, delta, self._stream.lead_ns)
+        else:
+            reached = self._arrive(until_ns, self._arrival)
         if count:
             made = count if reached >= until_ns else int(np.searchsorted(t_ns, reached, side="right"))
             self._stream.make(made)
@@ -315,6 +322,23 @@ class Twin(Operated, Seen, Connected, Saved):
             self._collide()
         if self._sampler is not None:
             self._sampler.keep_up()
+
+    def _awaited(self, controller: AwaitsArrival) -> Arrival | None:
+        """What the controller waits for, if the plant finds it."""
+        arrival = None if self._finds is None or self._stream.ahead else controller.arrival
+        found = arrival is not None and self._finds is not None and self._finds.finds_arrival(arrival.period_ns)
+        return arrival if found else None
+
+    def _arrive(self, until_ns: int, arrival: Arrival) -> int:
+        """Let the plant advance to until_ns, or to the first look of the controller at which its drives are in
+        position; the looks before it are left out. Return the time reached."""
+        assert self._finds is not None
+        behind = max(self.time_ns - arrival.next_ns, 0)
+        first_ns = arrival.next_ns - -behind // arrival.period_ns * arrival.period_ns
+        reached, arrived = self._finds.arrive(until_ns, first_ns, arrival.period_ns)
+        if arrived:
+            self._due_ns = reached
+        return reached
 
     def _go_straight(self, plant: GoesStraight, until_ns: int) -> bool:
         """Let the plant make the ticks to until_ns as one; False if it has to be told of each."""
@@ -355,9 +379,14 @@ class Twin(Operated, Seen, Connected, Saved):
             self._settle()
 
     def _next_due_ns(self) -> int:
-        """When the twin has to settle next."""
+        """When the twin has to settle next. Looks of the controller at its drives count only if the plant has to be
+        asked: `_arrival`."""
         due_ns = _NEVER_NS
-        for source in self._sources:
+        self._arrival = None if self._awaits is None else self._awaited(self._awaits)
+        sources = self._sources
+        if self._arrival is not None:
+            due_ns, sources = self._arrival.until_ns, sources[1:]
+        for source in sources:
             if (next_ns := source.next_ns) is not None and next_ns < due_ns:
                 due_ns = next_ns
         if self._observers and (next_ns := self._observers.next_ns) is not None and next_ns < due_ns:

@@ -85,6 +85,7 @@ class KinematicPlant(PathSamples):
         self._turn_steps = np.array([*(float(axis.steps_per_rev) for axis in machine.axes), *[1.0] * axes])[:axes]
         self._commanded = np.zeros(max(axes, len(CARRIAGES)), dtype=np.int64)
         self._leads = no_leads(len(self._commanded))
+        self._no_ticks = np.empty(0, dtype=np.int64), np.empty((0, axes), dtype=np.int32)
         self._led_until_ns = 0
         self._stages_on = False
         drives = {i: axis.stage for i, axis in enumerate(machine.axes[:axes]) if isinstance(axis.stage, ServoDrive)}
@@ -128,6 +129,15 @@ class KinematicPlant(PathSamples):
         reached = self._advance(until_ns, t_ns, delta, lead_ns)
         self._sample(before, t_ns, delta, lead_ns)
         return reached
+
+    def finds_arrival(self, period_ns: int) -> bool:
+        return True
+
+    def arrive(self, until_ns: int, first_ns: int, period_ns: int) -> tuple[int, bool]:
+        look_ns = first_ns - (first_ns - self._settling.arrival_ns) // period_ns * period_ns
+        look_ns = max(look_ns, first_ns)
+        reached = self.advance(min(until_ns, look_ns), *self._no_ticks)
+        return reached, reached == look_ns
 
     def room(self, until_ns: int) -> tuple[list[int], list[int]] | None:
         """Up to the step that may change a switch; none where something is looked out for."""
