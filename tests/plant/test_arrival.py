@@ -87,7 +87,7 @@ def test_at_rest_the_next_look_finds_them_in_position() -> None:
 
 
 def test_a_threshold_ends_the_wait() -> None:
-    """The carriage lags by a millimetre when the last set point is made, 8 mm from its start; it passes 7.9 mm later."""
+    """The carriage lags by a millimetre when the last set point is made, at 108 mm."""
     plant = led(MujocoPlant, Threshold(0, "position", 107.9, 1, 0.1))
     reached, found = plant.arrive(LATEST, 251 * MS, LOOK)
     assert not found
