@@ -258,8 +258,7 @@ class Twin(Operated, Seen, Connected, Saved):
 
         Returns whether it is idle.
         """
-        self._advance(self.time_ns + round(timeout_s * SECOND_NS), lambda: self.idle)
-        return self.idle
+        return self._advance(self.time_ns + round(timeout_s * SECOND_NS), lambda: self.idle) or self.idle
 
     # Time
 
@@ -287,13 +286,17 @@ class Twin(Operated, Seen, Connected, Saved):
 
     # The clock
 
-    def _advance(self, until_ns: int, stop: Callable[[], bool] | None = None) -> None:
-        while self.time_ns < until_ns and not (stop is not None and stop()):
+    def _advance(self, until_ns: int, stop: Callable[[], bool] | None = None) -> bool:
+        """Return whether `stop` has ended it."""
+        while self.time_ns < until_ns:
+            if stop is not None and stop():
+                return True
             self._advance_plant(max(min(until_ns, self._due_ns), self.time_ns))
             if self.time_ns >= self._due_ns or self._plant.edge:
                 self._settle()
             else:
                 self._untold = True
+        return False
 
     def _advance_plant(self, until_ns: int) -> None:
         """Let the plant make the ticks to until_ns, the first threshold passed or the end of a chunk."""
@@ -333,9 +336,7 @@ class Twin(Operated, Seen, Connected, Saved):
         """Let the plant advance to until_ns, or to the first look of the controller at which its drives are in
         position; the looks before it are left out. Return the time reached."""
         assert self._finds is not None
-        behind = max(self.time_ns - arrival.next_ns, 0)
-        first_ns = arrival.next_ns - -behind // arrival.period_ns * arrival.period_ns
-        reached, arrived = self._finds.arrive(until_ns, first_ns, arrival.period_ns)
+        reached, arrived = self._finds.arrive(until_ns, arrival.look_ns(self.time_ns), arrival.period_ns)
         if arrived:
             self._due_ns = reached
         return reached
@@ -389,7 +390,7 @@ class Twin(Operated, Seen, Connected, Saved):
         for source in sources:
             if (next_ns := source.next_ns) is not None and next_ns < due_ns:
                 due_ns = next_ns
-        if self._observers and (next_ns := self._observers.next_ns) is not None and next_ns < due_ns:
+        if self._observers.any and (next_ns := self._observers.next_ns) is not None and next_ns < due_ns:
             due_ns = next_ns
         if self.time_ns < self._line.quiet_ns < due_ns:
             due_ns = self._line.quiet_ns
@@ -405,6 +406,8 @@ class Twin(Operated, Seen, Connected, Saved):
 
     def _settle_all(self) -> None:
         rounds, events = 0, self._wiring.events_left
+        if self._line.commands_due:
+            self._hand_over_kept()
         self._untold = False
         self._due_ns = self.time_ns
         while rounds < _ENDLESS:
@@ -420,7 +423,7 @@ class Twin(Operated, Seen, Connected, Saved):
             if self._hand_over_bytes() or self._hand_over_levels() or self._hand_over_keys():
                 continue
             if not self._controller_is_due:
-                if self._observers:
+                if self._observers.any:
                     changes = self._wiring.changes
                     self._observers.look(self, self._observers.inputs_changed(self, changes), changes)
                 self._due_ns = self._next_due_ns()

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from operator import add, lt, sub
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -147,16 +148,16 @@ class KinematicPlant(PathSamples):
             low, high = bounds.py_func(len(self._commanded), *self._state[2:])
             self._bounds = low.tolist(), high.tolist()
         now = self._commanded.tolist()
-        below = [low - at for low, at in zip(self._bounds[0], now, strict=True)]
-        above = [high - at for high, at in zip(self._bounds[1], now, strict=True)]
+        below, above = (list(map(sub, bounds, now)) for bounds in self._bounds)
         return (below, above) if max(below) < 0 < min(above) else None
 
     def go_straight(self, until_ns: int, way: Sequence[int]) -> None:
         assert self._bounds is not None
-        there = [now + steps for now, steps in zip(self._commanded.tolist(), way, strict=False)]
+        there = list(map(add, self._commanded.tolist(), way))
         self._commanded[: len(there)] = there
         self.edge, self.time_ns = False, until_ns
-        if all(low < now < high for now, low, high in zip(there, *self._bounds, strict=False)):
+        low, high = self._bounds
+        if all(map(lt, low, there)) and all(map(lt, there, high)):
             return
         _, _, axis, sense, strike, release, struck = self._state
         beyond = sense * self._commanded[axis] > np.where(struck, release, strike)

@@ -86,6 +86,9 @@ def looked_at(twin: Twin) -> Twin:
     """In odd pieces, with questions that need the controller."""
     for ns in (1, 777_777, 2_000_000, 1_999_999, 3, 40_000_001, 123_456):
         twin.run_until(twin.time_ns + ns)
+        due_ns = twin.next_event_ns
+        assert due_ns is not None
+        assert due_ns > twin.time_ns
         assert len(twin.counts) == 3
     return twin
 
