@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import statistics
 import tracemalloc
+from collections.abc import Sequence
 from itertools import chain
 from time import process_time
 
@@ -19,10 +20,11 @@ from firmware.bwo900.test_plain import general_way
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter
+from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
 from isel_twin.firmware.bwo900.memory import Memory
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.programs.stored import Store, StoredProgram
-from isel_twin.firmware.bwo900.realtime.ahead import filters
+from isel_twin.firmware.bwo900.realtime.ahead import Filter, filters, run
 from isel_twin.firmware.bwo900.realtime.path import MotionLimits, PieceMaker
 from isel_twin.motion.joined import joined
 from isel_twin.testing import Desk
@@ -38,6 +40,22 @@ def wave(count: int, first: int = 2) -> list[str]:
     return [f"N{first + n} X{50 * math.cos(t):.3f} Y{50 * math.sin(t):.3f}" for n, t in enumerate(turn)]
 
 
+def analysed(interpreter: Interpreter, stages: Sequence[Filter]) -> list[PathBlock]:
+    """The next blocks, through filters, as `Ahead.fill` takes them; none at the end of the program."""
+    blocks: list[PathBlock] = []
+    while len(blocks) < AT_ONCE:
+        if plain := run(interpreter, stages, AT_ONCE - len(blocks)):
+            blocks += plain
+            continue
+        if not isinstance(block := interpreter.next(), PathBlock):
+            break
+        made = [block]
+        for stage in stages:
+            made = [out for one in made for out in stage.push(one)]
+        blocks += made
+    return blocks
+
+
 def plan(count: int) -> float:
     """Analyse and plan so many blocks, part by part; processor seconds."""
     store = programs("\n".join(["P1", "N1 G1 F6000 X50 Y0", *wave(count), "N9999999 M30"]))
@@ -47,9 +65,7 @@ def plan(count: int) -> float:
     interpreter.begin("P1", (50.0, 0.0, 0.0))
     path, passed = PieceMaker(MotionLimits.of(parameters, [1000.0] * 3), (50.0, 0.0, 0.0)), filters(parameters)
     made, tick = None, 0
-    while blocks := [block for _ in range(AT_ONCE) if (block := interpreter.next()) is not None]:
-        for item in passed:
-            blocks = [out for block in blocks for out in item.push(block)]
+    while blocks := analysed(interpreter, passed):
         pieces, _ = path.pieces(blocks)
         if not len(pieces):
             continue

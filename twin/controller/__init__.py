@@ -24,12 +24,15 @@ from isel_twin.controller.registry import (
 )
 from isel_twin.controller.roles import (
     BYTES_AT_ONCE,
+    Arrival,
+    AwaitsArrival,
     Compiles,
     DriveInput,
     Drives,
     EndsPrograms,
     HasKeys,
     HoldsHost,
+    KeepsBytes,
     Key,
     KeyValue,
     NamesOutputs,
@@ -40,6 +43,8 @@ from isel_twin.controller.roles import (
 __all__ = [
     "BYTES_AT_ONCE",
     "OUTPUTS",
+    "Arrival",
+    "AwaitsArrival",
     "Compiles",
     "Controller",
     "ControllerFactory",
@@ -51,6 +56,7 @@ __all__ = [
     "FlashWrite",
     "HasKeys",
     "HoldsHost",
+    "KeepsBytes",
     "Key",
     "KeyValue",
     "NamesOutputs",

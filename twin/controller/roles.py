@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol, TypeAlias, TypeGuard, TypeVar
 
@@ -98,6 +98,29 @@ class UsesDrives(Protocol):
         """Take the drives to read during later calls; called once, before `power_on`."""
 
 
+@dataclass(frozen=True)
+class Arrival:
+    """A controller waits until its drives are in position, and looks at them on a grid of time. A look at which they
+    are not changes nothing: it may be left out, and the controller called at another time later on. It makes no tick
+    meanwhile."""
+
+    next_ns: int  # the next look, as long as none is left out
+    period_ns: int
+    until_ns: int  # when it has to be called in any case
+
+    def look_ns(self, t_ns: int) -> int:
+        """The first look at or after t_ns."""
+        return self.next_ns - min(self.next_ns - t_ns, 0) // self.period_ns * self.period_ns
+
+
+class AwaitsArrival(Protocol):
+    """A controller that says so: who owns the clock need not call it at each look."""
+
+    @property
+    def arrival(self) -> Arrival | None:
+        """What it waits for at the time of the last call; None: not for its drives."""
+
+
 class NamesOutputs(Protocol):
     """A controller with outputs beyond OUTPUTS, for which scenario events can wait."""
 
@@ -138,6 +161,16 @@ class HasKeys(Protocol):
 
     def press(self, t_ns: int, name: str, value: KeyValue) -> None:
         """Press a key at t_ns or set it to this value; name and value are valid."""
+
+
+class KeepsBytes(Protocol):
+    """A controller that only keeps most of the bytes it gets until another one comes. Who owns the clock need not call
+    it for each of them when it arrives: it may get them later, with the time of the last one, in one piece, before it
+    is called for anything else."""
+
+    @property
+    def acting_bytes(self) -> Container[int] | None:
+        """All that it does not only keep, as far as it has been called; None: any byte may have an effect."""
 
 
 class HoldsHost(Protocol):

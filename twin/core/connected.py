@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 from isel_twin.base.units import SECOND_NS
 from isel_twin.controller import (
     BYTES_AT_ONCE,
+    AwaitsArrival,
     Controller,
     CounterSet,
     FlashWrite,
     HoldsHost,
+    KeepsBytes,
     Output,
     Remark,
     Reply,
@@ -56,6 +58,8 @@ class Connected:
     _plans: Plans
     _controller: Controller
     _handshake: HoldsHost | None
+    _awaits: AwaitsArrival | None
+    _keeps: KeepsBytes | None
     _sources: tuple[Source, ...]
     _told: Told
     _levels: Mapping[str, bool]
@@ -77,6 +81,9 @@ class Connected:
     def _adopt(self, controller: Controller) -> None:
         self._controller = controller
         self._handshake = controller if offers(controller, HoldsHost) else None
+        self._keeps = controller if offers(controller, KeepsBytes) else None
+        self._line.acting = None if self._keeps is None else self._keeps.acting_bytes
+        self._awaits = controller if offers(controller, AwaitsArrival) else None
         self._sources: tuple[Source, ...] = (controller, self._line, self._wiring)
         if self._handshake is None:
             self._line.clear_to_send(self.time_ns, True)
@@ -105,6 +112,14 @@ class Connected:
             self._note("counter", CounterSet(axis, int(value)))
         self._take_events()
         return True
+
+    def _hand_over_kept(self) -> None:
+        """Hand over the bytes that have arrived before the present, and that the controller only keeps."""
+        at_ns, data = self._line.overtaken(self.time_ns)
+        if data:
+            self._wiring.heard(data, sent=True)
+            self._told.receive(at_ns, data)
+            self._take_events()
 
     def _hand_over_bytes(self) -> bool:
         data = self._line.at_controller(self.time_ns, None if self._handshake is None else BYTES_AT_ONCE)
@@ -138,6 +153,8 @@ class Connected:
         events = self._controller.take()
         if self._handshake is not None:
             self._line.clear_to_send(self.time_ns, self._handshake.clear_to_send)
+        if self._keeps is not None:
+            self._line.acting = self._keeps.acting_bytes
         run = self._controller.run
         if self._stream.follow(run, self.time_ns):
             self._note("motion", run)

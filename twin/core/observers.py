@@ -21,15 +21,14 @@ class Observers(Generic[Seen]):
 
     def __init__(self) -> None:
         self._all: list[_Observer[Seen]] = []
+        self.any = False  # there are some
         self._changes = 0  # `Wiring.changes` at the last look
         self._inputs: Mapping[str, str] = {}  # inputs at that time
-
-    def __len__(self) -> int:
-        return len(self._all)
 
     def add(self, callback: Callable[[Seen], None], interval_ns: int | None, twin: Seen, changes: int) -> None:
         """Add an observer and call it at once. changes: `Wiring.changes`."""
         self._all.append(_Observer(callback, interval_ns, twin.time_ns))
+        self.any = True
         self._changes, self._inputs = changes, twin.inputs
 
     @property

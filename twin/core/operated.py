@@ -200,4 +200,4 @@ class Operated:
     @property
     def followed(self) -> bool:
         """True if there is an observer, a sampler, a listener or a flash file."""
-        return bool(self._observers or self._notes or self._sampler or self.on_flash)
+        return bool(self._observers.any or self._notes or self._sampler or self.on_flash)

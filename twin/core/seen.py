@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.units import MILLISECOND_NS
-from isel_twin.controller import Controller, EndsPrograms, HasKeys, KeyValue, SerialFormat, offers
+from isel_twin.controller import Arrival, Controller, EndsPrograms, HasKeys, KeyValue, SerialFormat, offers
 from isel_twin.core.position import Position
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.stage import Stage
@@ -36,6 +36,7 @@ class Seen:
     _line: SerialLine
     _wiring: Wiring
     _levels: Mapping[str, bool]
+    _arrival: Arrival | None
 
     def _tell(self) -> None:
         raise NotImplementedError
@@ -250,7 +251,7 @@ class Seen:
     def commands_due(self) -> int:
         """Bytes written that have not arrived at the controller: on the line, or held back by its handshake
         (`isel_twin.controller.HoldsHost`)."""
-        return self._line.commands_due
+        return self._line.commands_due_at(self.time_ns)
 
     @property
     def serial_format(self) -> SerialFormat:
@@ -270,7 +271,9 @@ class Seen:
     @property
     def next_event_ns(self) -> int | None:
         """When something may happen without a call, None: never; while something moves, a short time from now."""
-        times = [self._controller.next_ns, self._line.next_ns, self._line.next_reply_ns, self._wiring.next_event_ns]
+        waits = self._arrival
+        controller_ns = self._controller.next_ns if waits is None else waits.look_ns(self.time_ns + 1)
+        times = [controller_ns, self._line.next_ns, self._line.next_reply_ns, self._wiring.next_event_ns]
         if self._stream.moving or not self._plant.at_rest:
             times.append(self.time_ns + _MOVING_SLICE_NS)
         return min((t for t in times if t is not None), default=None)

@@ -29,6 +29,8 @@ from numpy.typing import NDArray
 from isel_twin.base.units import SECOND_NS
 from isel_twin.controller import (
     BYTES_AT_ONCE,
+    Arrival,
+    AwaitsArrival,
     Controller,
     HasKeys,
     Key,
@@ -52,7 +54,7 @@ from isel_twin.core.told import Told
 from isel_twin.language import Language, needed
 from isel_twin.machine import Fixture, Machine
 from isel_twin.motion import Stream
-from isel_twin.plant import Collision, GoesStraight, Sampled
+from isel_twin.plant import Collision, FindsArrival, GoesStraight, Sampled
 from isel_twin.wiring import Schedule, SerialLine, Wiring, thresholds
 
 _NEVER_NS = 1 << 62
@@ -193,10 +195,12 @@ class Twin(Operated, Seen, Connected, Saved):
         self.stores_lost = 0
         """How often `on_flash` could not store what the controller wrote: the flash still holds what it held."""
         self._stream = Stream(axes, keep=keep_motions)
+        self._arrival: Arrival | None = None  # what the controller waits for while the plant advances
         self._adopt(controller)
         self._observers: Observers[Twin] = Observers()
         self._sampler: Sampler | None = None
         self._sampled = self._plant if isinstance(self._plant, Sampled) else None
+        self._finds = self._plant if isinstance(self._plant, FindsArrival) else None
         self._straight = self._plant if isinstance(self._plant, GoesStraight) else None
         self._notes: list[Note] = []
         self._margin_readers = MarginReaders()
@@ -254,8 +258,7 @@ class Twin(Operated, Seen, Connected, Saved):
 
         Returns whether it is idle.
         """
-        self._advance(self.time_ns + round(timeout_s * SECOND_NS), lambda: self.idle)
-        return self.idle
+        return self._advance(self.time_ns + round(timeout_s * SECOND_NS), lambda: self.idle) or self.idle
 
     # Time
 
@@ -283,13 +286,17 @@ class Twin(Operated, Seen, Connected, Saved):
 
     # The clock
 
-    def _advance(self, until_ns: int, stop: Callable[[], bool] | None = None) -> None:
-        while self.time_ns < until_ns and not (stop is not None and stop()):
+    def _advance(self, until_ns: int, stop: Callable[[], bool] | None = None) -> bool:
+        """Return whether `stop` has ended it."""
+        while self.time_ns < until_ns:
+            if stop is not None and stop():
+                return True
             self._advance_plant(max(min(until_ns, self._due_ns), self.time_ns))
             if self.time_ns >= self._due_ns or self._plant.edge:
                 self._settle()
             else:
                 self._untold = True
+        return False
 
     def _advance_plant(self, until_ns: int) -> None:
         """Let the plant make the ticks to until_ns, the first threshold passed or the end of a chunk."""
@@ -304,7 +311,10 @@ class Twin(Operated, Seen, Connected, Saved):
             until_ns = int(t_ns[-1])
         if count and self._sense is not None:
             delta = delta * self._sense.astype(delta.dtype)
-        reached = self._plant.advance(until_ns, t_ns, delta, self._stream.lead_ns)
+        if self._arrival is None:
+            reached = self._plant.advance(until_ns, t_ns, delta, self._stream.lead_ns)
+        else:
+            reached = self._arrive(until_ns, self._arrival)
         if count:
             made = count if reached >= until_ns else int(np.searchsorted(t_ns, reached, side="right"))
             self._stream.make(made)
@@ -315,6 +325,21 @@ class Twin(Operated, Seen, Connected, Saved):
             self._collide()
         if self._sampler is not None:
             self._sampler.keep_up()
+
+    def _awaited(self, controller: AwaitsArrival) -> Arrival | None:
+        """What the controller waits for, if the plant finds it."""
+        arrival = None if self._finds is None or self._stream.ahead else controller.arrival
+        found = arrival is not None and self._finds is not None and self._finds.finds_arrival(arrival.period_ns)
+        return arrival if found else None
+
+    def _arrive(self, until_ns: int, arrival: Arrival) -> int:
+        """Let the plant advance to until_ns, or to the first look of the controller at which its drives are in
+        position; the looks before it are left out. Return the time reached."""
+        assert self._finds is not None
+        reached, arrived = self._finds.arrive(until_ns, arrival.look_ns(self.time_ns), arrival.period_ns)
+        if arrived:
+            self._due_ns = reached
+        return reached
 
     def _go_straight(self, plant: GoesStraight, until_ns: int) -> bool:
         """Let the plant make the ticks to until_ns as one; False if it has to be told of each."""
@@ -355,12 +380,17 @@ class Twin(Operated, Seen, Connected, Saved):
             self._settle()
 
     def _next_due_ns(self) -> int:
-        """When the twin has to settle next."""
+        """When the twin has to settle next. Looks of the controller at its drives count only if the plant has to be
+        asked: `_arrival`."""
         due_ns = _NEVER_NS
-        for source in self._sources:
+        self._arrival = None if self._awaits is None else self._awaited(self._awaits)
+        sources = self._sources
+        if self._arrival is not None:
+            due_ns, sources = self._arrival.until_ns, sources[1:]
+        for source in sources:
             if (next_ns := source.next_ns) is not None and next_ns < due_ns:
                 due_ns = next_ns
-        if self._observers and (next_ns := self._observers.next_ns) is not None and next_ns < due_ns:
+        if self._observers.any and (next_ns := self._observers.next_ns) is not None and next_ns < due_ns:
             due_ns = next_ns
         if self.time_ns < self._line.quiet_ns < due_ns:
             due_ns = self._line.quiet_ns
@@ -376,6 +406,8 @@ class Twin(Operated, Seen, Connected, Saved):
 
     def _settle_all(self) -> None:
         rounds, events = 0, self._wiring.events_left
+        if self._line.commands_due:
+            self._hand_over_kept()
         self._untold = False
         self._due_ns = self.time_ns
         while rounds < _ENDLESS:
@@ -391,7 +423,7 @@ class Twin(Operated, Seen, Connected, Saved):
             if self._hand_over_bytes() or self._hand_over_levels() or self._hand_over_keys():
                 continue
             if not self._controller_is_due:
-                if self._observers:
+                if self._observers.any:
                     changes = self._wiring.changes
                     self._observers.look(self, self._observers.inputs_changed(self, changes), changes)
                 self._due_ns = self._next_due_ns()

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import add, sub
 from typing import Protocol
 
 import numpy as np
@@ -24,11 +25,11 @@ Displacement = tuple[int, ...]  # whole numbers of steps or increments, one an a
 
 
 def added(a: Sequence[int], b: Sequence[int]) -> Displacement:
-    return tuple([m + n for m, n in zip(a, b, strict=True)])
+    return tuple(map(add, a, b))
 
 
 def between(before: Sequence[int], now: Sequence[int]) -> Displacement:
-    return tuple([n - b for b, n in zip(before, now, strict=True)])
+    return tuple(map(sub, now, before))
 
 
 class StepPath(Protocol):

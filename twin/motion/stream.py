@@ -122,6 +122,11 @@ class Stream:
             way = between(here, path.displacement(tick))
         return t_ns, tick - made, way
 
+    @property
+    def ahead(self) -> bool:
+        """True if the motion has ticks that are still to be made."""
+        return self._motion is not None and self._made < self._motion.last
+
     def more_after(self, count: int) -> bool:
         """True if ticks follow that are not expanded yet once `count` of the present ones are made."""
         motion = self._motion

@@ -23,9 +23,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -92,21 +92,21 @@ def trapezoid(ticks: int, speed_hz: Rational, start_stop_hz: Rational, accelerat
     return Trapezoid(ticks, _Law(ticks, speed, start_stop, int(acceleration_hz_per_s * unit_s**2), unit_s * SECOND_NS))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Trapezoid:
     """The first `ticks` ticks of a law."""
 
     ticks: int
     _law: _Law
+    duration_ns: int = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "duration_ns", self._time(self.ticks) if self.ticks else 0)
 
     @property
     def speed_hz(self) -> float:
         """The speed that it would reach on a long way."""
         return self._law.speed * SECOND_NS / self._law.unit_ns
-
-    @cached_property
-    def duration_ns(self) -> int:
-        return self._time(self.ticks) if self.ticks else 0
 
     def times(self, first: int, last: int) -> NDArray[np.int64]:
         if not 0 <= first <= last <= self.ticks:

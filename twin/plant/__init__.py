@@ -345,4 +345,16 @@ class GoesStraight(Protocol):
         leaves its `room` with the last step at most."""
 
 
+@runtime_checkable
+class FindsArrival(Protocol):
+    """A plant that can tell when its drives are in position without being asked again and again."""
+
+    def finds_arrival(self, period_ns: int) -> bool:
+        """True if it can, on a grid of this period."""
+
+    def arrive(self, until_ns: int, first_ns: int, period_ns: int) -> tuple[int, bool]:
+        """Advance without a tick, as `advance` does, but at most to the first time first_ns, first_ns + period_ns ...
+        not before the present at which all axes are in position; return the time reached, and whether it is that."""
+
+
 MOST_SAMPLES = 2048  # unread samples that a plant keeps

@@ -360,10 +360,20 @@ def _pass(memory):
     return changed
 
 
+@njit(inner=True, nogil=True, error_model="numpy")
+def _in_position(drives, states):
+    """True if all servo drives are."""
+    found = True
+    for i in range(AXES):
+        found = found and states[i].on != 0 and states[i].arrived == drives[i].window_substeps
+    return found
+
+
 @njit(nogil=True, error_model="numpy")
 def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
     """Advance by whole sub-steps to until_ns, or to the end of the first one in which a threshold was passed or left,
-    or two shapes that must not meet were found to touch; return the ticks made.
+    or two shapes that must not meet were found to touch, or to the first look at which all drives are in position;
+    return the ticks made.
 
     memory [1] MEMORY; t_ns [n], delta int32 [n, m' <= m] ticks in time order; early_lead_ns int64 [e <= n] leads of the
     first ticks, lead_ns that of the others.
@@ -375,24 +385,39 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
     cut, supply, feeler = parts.cut[0], parts.supply[0], parts.feeler[0]
     qpos, before, place = parts.qpos, parts.before, parts.place
     plant.edge = 0
+    plant.arrived = 0
     plant.struck = 0
     dt_ns = plant.substep_ns
     dt_s = 1e-9 * dt_ns
     until = until_ns // dt_ns
     made = 0
-    while plant.now < until:
+    while True:
+        if plant.look_every and plant.now == plant.look_at:
+            look_ns = plant.now * dt_ns + plant.look_ahead_ns
+            if look_ns <= until_ns and _in_position(drives, states):
+                until_ns = look_ns
+                plant.arrived = 1
+                break
+            plant.look_at += plant.look_every
+        if plant.now >= until:
+            break
         if plant.frozen:
             wakes = until if made == t_ns.shape[0] else min(until, (t_ns[made] - 1) // dt_ns)
             for i in range(AXES):
                 wakes = min(wakes, _lower_at(axes[i]))
+            if plant.look_every and plant.look_at <= wakes:
+                if _in_position(drives, states):
+                    wakes = plant.look_at
+                else:
+                    plant.look_at += ((wakes - plant.look_at) // plant.look_every + 1) * plant.look_every
             plant.now = max(plant.now, wakes)
             if plant.sample_every and plant.sample_at <= plant.now:
                 if plant.held == 0:
                     _take(memory, plant.sample_at)
                     plant.held = 1
                 plant.sample_at += ((plant.now - plant.sample_at) // plant.sample_every + 1) * plant.sample_every
-            if plant.now == until:
-                break
+            if plant.now == until or (plant.look_every and plant.now == plant.look_at):
+                continue
             _wake(plant, axes, drives, states, supply, feeler)
 
         end_ns = (plant.now + 1) * dt_ns

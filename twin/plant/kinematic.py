@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from operator import add, lt, sub
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -85,6 +86,7 @@ class KinematicPlant(PathSamples):
         self._turn_steps = np.array([*(float(axis.steps_per_rev) for axis in machine.axes), *[1.0] * axes])[:axes]
         self._commanded = np.zeros(max(axes, len(CARRIAGES)), dtype=np.int64)
         self._leads = no_leads(len(self._commanded))
+        self._no_ticks = np.empty(0, dtype=np.int64), np.empty((0, axes), dtype=np.int32)
         self._led_until_ns = 0
         self._stages_on = False
         drives = {i: axis.stage for i, axis in enumerate(machine.axes[:axes]) if isinstance(axis.stage, ServoDrive)}
@@ -129,6 +131,15 @@ class KinematicPlant(PathSamples):
         self._sample(before, t_ns, delta, lead_ns)
         return reached
 
+    def finds_arrival(self, period_ns: int) -> bool:
+        return True
+
+    def arrive(self, until_ns: int, first_ns: int, period_ns: int) -> tuple[int, bool]:
+        look_ns = first_ns - (first_ns - self._settling.arrival_ns) // period_ns * period_ns
+        look_ns = max(look_ns, first_ns)
+        reached = self.advance(min(until_ns, look_ns), *self._no_ticks)
+        return reached, reached == look_ns
+
     def room(self, until_ns: int) -> tuple[list[int], list[int]] | None:
         """Up to the step that may change a switch; none where something is looked out for."""
         if self._sample_ns <= until_ns or self._along or self._felt or self._led_until_ns > self.time_ns:
@@ -137,16 +148,16 @@ class KinematicPlant(PathSamples):
             low, high = bounds.py_func(len(self._commanded), *self._state[2:])
             self._bounds = low.tolist(), high.tolist()
         now = self._commanded.tolist()
-        below = [low - at for low, at in zip(self._bounds[0], now, strict=True)]
-        above = [high - at for high, at in zip(self._bounds[1], now, strict=True)]
+        below, above = (list(map(sub, bounds, now)) for bounds in self._bounds)
         return (below, above) if max(below) < 0 < min(above) else None
 
     def go_straight(self, until_ns: int, way: Sequence[int]) -> None:
         assert self._bounds is not None
-        there = [now + steps for now, steps in zip(self._commanded.tolist(), way, strict=False)]
+        there = list(map(add, self._commanded.tolist(), way))
         self._commanded[: len(there)] = there
         self.edge, self.time_ns = False, until_ns
-        if all(low < now < high for now, low, high in zip(there, *self._bounds, strict=False)):
+        low, high = self._bounds
+        if all(map(lt, low, there)) and all(map(lt, there, high)):
             return
         _, _, axis, sense, strike, release, struck = self._state
         beyond = sense * self._commanded[axis] > np.where(struck, release, strike)

@@ -56,6 +56,10 @@ PLANT = np.dtype(
         ("sample_at", "i8"),  # sub-step of the next one
         ("sample_ahead_ns", "i8"),  # and how long after its end it is taken: less than a sub-step
         ("sampled", "i8"),  # samples that wait to be read
+        ("look_every", "i8"),  # sub-steps from look to look at whether all drives are in position, 0: there is none
+        ("look_at", "i8"),  # sub-step of the next look
+        ("look_ahead_ns", "i8"),  # and how long after its end it is: less than a sub-step
+        ("arrived", "i8"),  # 1: the last call ended because they are
         ("struck", "i8"),  # 1: two shapes that must not meet began to touch in MuJoCo's last step
         ("held", "i8"),  # 1: frozen and sampled once: further samples would be the same
     ],

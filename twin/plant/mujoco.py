@@ -31,7 +31,9 @@ from isel_twin.plant.pushing import Pushes
 from isel_twin.plant.samples import GRID, LoopSamples
 
 _PHASES = {"": BOTH, "a": BOTH & ~1, "b": BOTH & ~2, "ab": OPEN}  # remaining phases, by the interrupted ones
-_NOW, _EDGE, _STRUCK, _LOST_DOF = map((memory.PLANT.names or ()).index, ("now", "edge", "struck", "lost_dof"))
+_NOW, _EDGE, _STRUCK, _LOST_DOF, _ARRIVED = map(
+    (memory.PLANT.names or ()).index, ("now", "edge", "struck", "lost_dof", "arrived")
+)
 _ADDRESSES = ("mj_step", "model", "data", "step_at")  # fields of memory.PLANT that belong to this process
 _SAVED = tuple(name for name in memory.Parts._fields if name != "samples")  # which have been read
 _OWN = ("inertia", "mobility", "weight")  # arrays of `Built` beside the parts that change
@@ -182,6 +184,20 @@ class MujocoPlant(LoopSamples):
                 leads_ns = np.append(early_lead_ns, np.full(len(t_ns) - len(early_lead_ns), lead_ns, dtype=np.int64))
             self._late = t_ns[made:], changes[made:], leads_ns[made:]
         return until_ns
+
+    def finds_arrival(self, period_ns: int) -> bool:
+        return self._count >= memory.AXES and bool(self.built.closed.all()) and period_ns % self._substep_ns == 0
+
+    def arrive(self, until_ns: int, first_ns: int, period_ns: int) -> tuple[int, bool]:
+        plant = self.parts.plant
+        plant["look_at"], plant["look_ahead_ns"] = divmod(first_ns, self._substep_ns)
+        plant["look_every"] = period_ns // self._substep_ns
+        none_ns, no_changes, _ = self._none
+        reached = self.advance(until_ns, none_ns, no_changes)
+        plant["look_every"] = 0
+        if not self._words.item(_ARRIVED):
+            return reached, False
+        return self.time_ns + int(plant["look_ahead_ns"][0]), True
 
     @property
     def at_rest(self) -> bool:

@@ -51,6 +51,13 @@ class Settling:
             self._find()
         return axis not in self._loops or now_ns >= self._arrivals_ns[axis]
 
+    @property
+    def arrival_ns(self) -> int:
+        """Since when, or from when on, all axes are in position if no more set points come."""
+        if not self._known:
+            self._find()
+        return max(self._arrivals_ns.values(), default=0)
+
     def _find(self) -> None:
         begins_ns = np.concatenate([t_ns for t_ns, _, _ in self._leads])
         ends_ns = np.concatenate([t_ns + lead_ns for t_ns, _, lead_ns in self._leads])

@@ -11,14 +11,21 @@ comes twice (`doubled`). While the line is cut, bytes that would arrive are lost
 
 A controller with a handshake may make its host wait: until it is clear to send again, bytes of that direction do not
 move, cut or not.
+
+Bytes that a controller only keeps until another one comes (`acting`) need not be taken when they arrive, but before
+anything else happens after that: a command on a timed line is one event.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Container
+from itertools import islice, takewhile
+from typing import Final
 
 import numpy as np
+
+LONGEST_RUN: Final = 128  # bytes after which one is taken to act, so that a look at what comes costs little
 
 
 class _Direction:
@@ -88,9 +95,29 @@ class _Direction:
             self.due -= len(lost[-1][1])
         return lost
 
+    def arrived(self, t_ns: int) -> int:
+        """Bytes that have arrived by t_ns."""
+        return sum(len(data) for _, data in takewhile(lambda one: one[0] <= t_ns, self.queue))
+
+    def overtaken(self, t_ns: int) -> tuple[int, bytes]:
+        """Take what has arrived before t_ns: when the last of it did, and the bytes."""
+        pieces, at_ns = [], 0
+        while not self.landed and self.queue and self.queue[0][0] < t_ns:
+            at_ns, data = self.queue.popleft()
+            pieces.append(data)
+            self.due -= len(data)
+        return at_ns, b"".join(pieces)
+
     @property
     def next_ns(self) -> int | None:
         return self.landed[0][0] if self.landed else self.queue[0][0] if self.queue else None
+
+    def next_acting_ns(self, acting: Container[int]) -> int | None:
+        """When the next byte of these arrives, or the last one of all or of many."""
+        if self.landed or not self.queue:
+            return self.next_ns
+        run = list(islice(self.queue, LONGEST_RUN))
+        return next((at_ns for at_ns, data in run if any(byte in acting for byte in data)), run[-1][0])
 
 
 class SerialLine:
@@ -103,6 +130,8 @@ class SerialLine:
         self.dropped = 0.0  # chance that a byte is lost
         self.doubled = 0.0  # chance that a byte comes twice
         self._chances = random.spawn(1)[0]  # only for these two, so that they do not change which bits a seed flips
+        self.acting: Container[int] | None = None
+        """Bytes that have an effect on the controller when they arrive, as far as is known now; None: any."""
         self.is_cut = False
         self.lost = 0  # bytes of both directions that a cut has swallowed
         self.on_reply: Callable[[int, bytes, int], None] | None = None
@@ -149,16 +178,25 @@ class SerialLine:
             self._lose(t_ns)
         self.is_cut = is_cut
 
+    def overtaken(self, t_ns: int) -> tuple[int, bytes]:
+        """Take what has arrived at the controller before t_ns and was not taken then, because it acts on nothing: when
+        the last of it did, and the bytes."""
+        if self.acting is None or self.is_cut or not self._to_controller.due:
+            return 0, b""
+        return self._to_controller.overtaken(t_ns)
+
     @property
     def next_ns(self) -> int | None:
-        """When the next byte arrives at the controller, or would without a cut."""
+        """When the next byte that acts arrives at the controller, or any byte would without a cut."""
         held = self._to_controller.held
         if self.is_cut:  # do not count replies that are lost
             directions = (self._to_host,) if held else (self._to_controller, self._to_host)
             times = [direction.queue[0][0] for direction in directions if direction.queue]
             landed = () if held else self._to_controller.landed
             return min((*times, *(time for time, _ in landed)), default=None)
-        return None if held else self._to_controller.next_ns
+        if held:
+            return None
+        return self._to_controller.next_ns if self.acting is None else self._to_controller.next_acting_ns(self.acting)
 
     @property
     def next_reply_ns(self) -> int | None:
@@ -171,8 +209,13 @@ class SerialLine:
 
     @property
     def commands_due(self) -> int:
-        """Bytes on their way to the controller, including those held back by the handshake."""
+        """Bytes that the controller has not taken, including those held back by the handshake."""
         return self._to_controller.due
+
+    def commands_due_at(self, t_ns: int) -> int:
+        """Those of them that have not arrived by t_ns, the present, or are held back."""
+        taken = 0 if self.acting is None or self.is_cut else self._to_controller.arrived(t_ns)
+        return self._to_controller.due - taken
 
     @property
     def quiet_ns(self) -> int:

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from isel_twin.controller import DriveInput, Drives, Event, Key, KeyValue, Reply, SerialFormat
+from isel_twin.controller import Arrival, DriveInput, Drives, Event, Key, KeyValue, Reply, SerialFormat
 from isel_twin.firmware.bwo900 import keys, memory
 from isel_twin.firmware.bwo900.commands import Commands
 from isel_twin.firmware.bwo900.execution import Execution
@@ -25,13 +25,15 @@ from isel_twin.firmware.bwo900.operating import Operating
 from isel_twin.firmware.bwo900.ports import TERMINALS, serial_format
 from isel_twin.firmware.bwo900.realtime.axes import AXES, NAMES
 from isel_twin.firmware.bwo900.realtime.deletion import PROBE
+from isel_twin.firmware.bwo900.realtime.stretch import PERIOD_NS
 from isel_twin.firmware.bwo900.status import at_power_on
 from isel_twin.firmware.bwo900.transfer import Receiver
 from isel_twin.motion import SetPointRun
 
 
 class Control:
-    """Implements isel_twin.controller.Controller, UsesDrives, NamesOutputs, HasKeys, EndsPrograms and HoldsHost."""
+    """Implements isel_twin.controller.Controller, UsesDrives, AwaitsArrival, NamesOutputs, HasKeys, EndsPrograms and
+    HoldsHost."""
 
     direction = (1,) * AXES
     output_names: Sequence[str] = (*MachinePlc.OUTPUTS, "spindle_speed", "drive_reset", "auto", "active", "message")
@@ -79,7 +81,18 @@ class Control:
 
     @property
     def next_ns(self) -> int | None:
-        times = [self._channel.next_ns, self._plc.next_ns, self._power_due_ns, self._hand.next_ns]
+        return self._next_ns(self._channel.next_ns)
+
+    @property
+    def arrival(self) -> Arrival | None:
+        first_ns, until_ns = self._channel.next_ns, self._next_ns(self._channel.settles_until_ns)
+        if self._channel.settles_until_ns is None or first_ns is None or until_ns is None:
+            return None
+        return Arrival(first_ns, PERIOD_NS, until_ns)
+
+    def _next_ns(self, channel_ns: int | None) -> int | None:
+        """When something is due. channel_ns: in the channel."""
+        times = [channel_ns, self._plc.next_ns, self._power_due_ns, self._hand.next_ns]
         times += [self._axes.next_look_ns, self._hardware.spindle.next_ns]
         if self.run is not None and self._channel.run is None and self._hand.move is None:
             times.append(self.run.end_ns)

@@ -21,7 +21,8 @@ AXES_CODE = "axes"  # code given to `@0<number>`, the command without a letter
 
 _NUMBER = re.compile(r"([+-]?)(?:([0-9]+)(?:\.[0-9]*)?|\.[0-9]+)")
 _WHOLE_NUMBERS = re.compile(r"[+-]?[0-9]+(?:,[+-]?[0-9]+)*")
-_ENDS_RUN = re.compile(rb"[\r\xfd-\xff]")  # CR and the control bytes: what may have an effect of its own
+ENDS = frozenset((CR, STOP, RESET, BREAK))  # what may have an effect of its own
+_ENDS_RUN = re.compile(rb"[\r\xfd-\xff]")  # the same
 
 
 class LineAssembler:

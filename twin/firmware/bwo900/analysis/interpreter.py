@@ -214,8 +214,8 @@ class Interpreter:
         level = self.stack.top
         if level.over:
             return self._returned(level) if level.program.complete else Waiting.FEED
-        if (plain := self._plain.next(level)) is not None:
-            return plain
+        if plain := self._plain.run(level, 1):
+            return plain[0]
         self._plain.forget()
         block = level.take()
         if block.skip and self._skips:
@@ -242,6 +242,14 @@ class Interpreter:
         if not waits and self._supervision.keeping is OFF and self._reader.drilling is None:
             self._plain.learn(level, block, made)
         return made
+
+    def run(self, most: int) -> list[PathBlock]:
+        """Analyse at most so many plain blocks (plain.py) at once, which ask no filter for anything; none if the next
+        one is for `next`."""
+        waits = self._renewal is not None or self._waiting is not None or self._cycle_now is not None
+        if waits or self._ready or not self._plain.passes_filters or self.stack.top.over:
+            return []
+        return self._plain.run(self.stack.top, most)
 
     def _renew(self, renewal: Renewal) -> None:
         self._renewal = None

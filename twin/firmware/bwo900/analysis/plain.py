@@ -5,7 +5,7 @@ nothing else has happened. So the first one of a run goes the way of all blocks 
 those that follow, to the bit:
 
     general   plain block ---> learn ---> pattern
-    short     plain block ---> next  ---> PathBlock       same level, G functions, frame, parameters; no circle, no G91
+    short     plain blocks --> run   ---> PathBlocks      same level, G functions, frame, parameters; no circle, no G91
               anything else ------------> general way     forgets the pattern
 """
 
@@ -13,6 +13,8 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
+from itertools import repeat
 from typing import Final
 
 from isel_twin.firmware.bwo900.analysis.coordinates import Coordinates
@@ -28,9 +30,11 @@ from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.programs.words import ProgramBlock
 
 _NUMBER = r"([-+]?\d{1,12}(?:\.\d{0,12})?)"
-_PLAIN = re.compile(rf"N(\d{{1,10}}) *(?:X{_NUMBER} *)?(?:Y{_NUMBER} *)?(?:Z{_NUMBER} *)?(?:F{_NUMBER})?")
+_PLAIN = rf"(N(\d{{1,10}}) *)(?:X{_NUMBER} *)?(?:Y{_NUMBER} *)?(?:Z{_NUMBER} *)?(?:F{_NUMBER})?"
+# a plain block: up to its first axis, number, X, Y, Z, F; or, as the last group, all from another block on
+_ROW = re.compile(rf"{_PLAIN}\n|((?s:.+))")
+_LONGEST: Final = 64  # blocks of a run: longer ones are not faster, and blocks that wait are looked at in vain
 _LETTERS: Final = "XYZ"  # of the first three axes
-_FIRST_AXIS: Final = 2  # its group in _PLAIN
 
 
 class Plain:
@@ -49,12 +53,17 @@ class Plain:
         self._revision = 0
         self._added: tuple[tuple[float, ...], ...] = ()  # to a place in the program, for each of the first three axes
 
+    @property
+    def passes_filters(self) -> bool:
+        """True if blocks of a run come out of idle filters as they are."""
+        return self._pattern is not None and not self._pattern.asks_filters
+
     def learn(self, level: Level, block: ProgramBlock, made: PathBlock) -> None:
         """Take a block of this level as the pattern if it is plain. made: what it has come to."""
         here, modal = self._coordinates, self._coordinates.modal
         if (
             made.elements
-            and _PLAIN.fullmatch(block.text)
+            and re.fullmatch(_PLAIN, block.text)
             and modal.motion in (G.RAPID, G.LINE)
             and modal.dimension == G.ABSOLUTE
             and modal.polar == G.POLAR_OFF
@@ -65,40 +74,50 @@ class Plain:
             self._pattern, self._level, self._modal, self._frame = made, level, modal, here.frame
             self._revision, self._added = self._parameters.revision, _additions(here.frame)
 
-    def next(self, level: Level) -> PathBlock | None:
-        """Take the next block of this level; None, and nothing is taken, if it must go the way of all blocks."""
+    def run(self, level: Level, most: int) -> list[PathBlock]:
+        """Take the next blocks of this level, at most so many; none if the first must go the way of all blocks.
+
+        All of them at once, column by column: what each has of its own are a number, a column, a place and a feed.
+        """
         pattern, here = self._pattern, self._coordinates
         if pattern is None or not self._holds(level):
-            return None
-        words = _PLAIN.fullmatch(level.program.line(level.place))
-        if words is None:
-            return None
-        number, *axes, f = words.groups()
-        goal, end = list(here.program_position), list(here.position)
-        moved = [axis for axis, text in enumerate(axes) if text is not None]
-        for axis in moved:
-            goal[axis] = place = float(axes[axis])
-            for addition in self._added[axis]:
-                place += addition
-            end[axis] = place
-        start, there = here.position, tuple(end)
-        length_mm = math.dist(start, there)
-        if length_mm <= NEAR_MM:
-            return None
-        if f is not None and (feed := float(f)) != self._targets.feed_mm_min:
-            self._targets.feed_mm_min = feed
-            self._pattern = pattern = pattern.like(
-                feed_mm_min=None if pattern.rapid else feed, in_force=self._output.in_force(None)
+            return []
+        rows = _ROW.findall(level.program.lines(level.place, min(most, level.left, _LONGEST)))
+        if rows and rows[-1][-1]:
+            rows.pop()  # what is not plain
+        if not rows:
+            return []
+        heads, numbers, *texts, feeds, _ = zip(*rows, strict=True)
+        axes = [_filled(*one) for one in zip(texts, here.program_position, here.position, self._added, strict=False)]
+        rest = zip(here.program_position[len(axes) :], here.position[len(axes) :], strict=True)
+        columns = [*axes, *((repeat(goal), repeat(end)) for goal, end in rest)]
+        goals, ends = (list(zip(*places, strict=False)) for places in zip(*columns, strict=True))
+        starts = [here.position, *ends[:-1]]
+        lengths = list(map(math.dist, starts, ends))
+        made: list[PathBlock] = []
+        for head, number, feed, start, end, goal, length_mm in zip(
+            heads, numbers, feeds, starts, ends, goals, lengths, strict=True
+        ):
+            if length_mm <= NEAR_MM:
+                break
+            if feed and float(feed) != self._targets.feed_mm_min:
+                self._targets.feed_mm_min = float(feed)
+                in_force, mm_min = self._output.in_force(None), None if pattern.rapid else float(feed)
+                self._pattern = pattern = pattern.like(feed_mm_min=mm_min, in_force=in_force)
+            made.append(
+                pattern.like(
+                    number=int(number),
+                    column=len(head) + 1,  # of the first axis, from 1
+                    start=start,
+                    elements=(straight(start, end, length_mm),),
+                    target=goal,
+                )
             )
-        level.place += 1
-        here.arrive(there, tuple(goal), moved)
-        return pattern.like(
-            number=int(number),
-            column=words.start(moved[0] + _FIRST_AXIS),  # of its letter, from 1
-            start=start,
-            elements=(straight(start, there, length_mm),),
-            target=here.program_position,
-        )
+        if made:
+            level.pass_over(len(made))
+            moved = [axis for axis, column in enumerate(texts) if any(column[: len(made)])]
+            here.arrive(ends[len(made) - 1], goals[len(made) - 1], moved)
+        return made
 
     def _holds(self, level: Level) -> bool:
         here = self._coordinates
@@ -108,6 +127,20 @@ class Plain:
             and here.frame is self._frame
             and self._parameters.revision == self._revision
         )
+
+
+def _filled(texts: Sequence[str], goal: float, end: float, added: Sequence[float]) -> tuple[list[float], list[float]]:
+    """Coordinates of one axis at the end of each block, in the program and in the machine. texts: the programmed ones,
+    empty where the axis stays; goal, end: before the first."""
+    goals, ends = [], []
+    for text in texts:
+        if text:
+            goal = end = float(text)
+            for addition in added:
+                end += addition
+        goals.append(goal)
+        ends.append(end)
+    return goals, ends
 
 
 def _shifts(frame: Frame) -> bool:

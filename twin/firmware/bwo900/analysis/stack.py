@@ -51,6 +51,16 @@ class Level:
         self.place += 1
         return block
 
+    @property
+    def left(self) -> int:
+        """Known blocks up to its end."""
+        return (len(self.program) if self.last is None else min(len(self.program), self.last + 1)) - self.place
+
+    def pass_over(self, blocks: int) -> None:
+        """Advance by so many blocks, whose texts have been read."""
+        self.place += blocks
+        self.program.analysed(self.place)
+
     def leave(self) -> None:
         self.place, self.last = len(self.program), None
 

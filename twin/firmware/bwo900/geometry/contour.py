@@ -42,6 +42,10 @@ class Contour:
         self._first: PathBlock | None = None  # the block whose corner waits for the next path
         self._between: list[PathBlock] = []
 
+    @property
+    def idle(self) -> bool:
+        return self._first is None
+
     def push(self, block: PathBlock) -> list[PathBlock]:
         """Returns the blocks that are complete."""
         first = self._first
@@ -75,8 +79,7 @@ class Contour:
         return []
 
     def _begin(self, block: PathBlock) -> list[PathBlock]:
-        waits = block.chamfer_mm is not None or block.rounding_mm is not None or block.three_points
-        if waits and _flat(block):
+        if block.turns_corner and _flat(block):
             self._first = block
             return []
         return [block]

@@ -10,11 +10,12 @@ the others run evenly with its angle: a helix.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Final, TypeAlias
 
 Point: TypeAlias = tuple[float, ...]
+_NEW, _SET = object.__new__, object.__setattr__  # bound once
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,14 +42,14 @@ ZX: Final = Plane(2, 0, 1)  # G18
 YZ: Final = Plane(1, 2, 0)  # G19
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Straight:
     start: Point
     end: Point
+    length_mm: float = field(init=False, repr=False, compare=False)
 
-    @cached_property
-    def length_mm(self) -> float:
-        return math.dist(self.start, self.end)
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "length_mm", math.dist(self.start, self.end))
 
     def point(self, share: float) -> Point:
         """The point at a share of its length, 0 to 1; its ends are exact."""
@@ -56,14 +57,10 @@ class Straight:
             return self.end
         return tuple(a + share * (b - a) for a, b in zip(self.start, self.end, strict=True))
 
-    @cached_property
-    def _direction(self) -> Point:
-        length = self.length_mm or 1.0
-        return tuple([(b - a) / length for a, b in zip(self.start, self.end, strict=True)])
-
     def tangent(self, share: float = 0.0) -> Point:
         """Unit vector along it; zeros if it has no length."""
-        return self._direction
+        length = self.length_mm or 1.0
+        return tuple([(b - a) / length for a, b in zip(self.start, self.end, strict=True)])
 
     def extent(self, axis: int) -> tuple[float, float]:
         """Lowest and highest coordinate of an axis on it."""
@@ -75,8 +72,10 @@ class Straight:
 
 def straight(start: Point, end: Point, length_mm: float) -> Straight:
     """A line whose length is known, in half the time."""
-    made = object.__new__(Straight)
-    object.__setattr__(made, "__dict__", {"start": start, "end": end, "length_mm": length_mm})
+    made = _NEW(Straight)
+    _SET(made, "start", start)
+    _SET(made, "end", end)
+    _SET(made, "length_mm", length_mm)
     return made
 
 

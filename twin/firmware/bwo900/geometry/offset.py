@@ -95,10 +95,14 @@ class Offset:
         """Moves across the plane, until it is known where the next element begins."""
         self._empty = 0
 
+    @property
+    def idle(self) -> bool:
+        return self._last is None and self._place is None
+
     def push(self, block: PathBlock) -> list[PathBlock]:
         """Returns the blocks that are complete. Raises ProgramError."""
         on = bool(block.correction.side) and (block.correction.radius_mm > 0.0 or self._last is not None)
-        if self._last is None and self._place is None and not on:
+        if self.idle and not on:
             return [block]
         if block.in_space:
             raise ProgramError(Code.NO_APPROACH, "a curve in space; a line switches the correction off")

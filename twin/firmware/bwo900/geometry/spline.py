@@ -34,6 +34,10 @@ class Spline:
         self._waiting: PathBlock | None = None
         self._between: list[PathBlock] = []
 
+    @property
+    def idle(self) -> bool:
+        return self._waiting is None
+
     def push(self, block: PathBlock) -> list[PathBlock]:
         """Returns the blocks that are complete. Raises ProgramError M1235."""
         if not block.elements:

@@ -72,14 +72,24 @@ class Feed:
     def line(self, place: int) -> str:
         """The text of the block at a place, from 0; it and those before count as analysed."""
         text, _ = self._known[place - self._dropped]
-        if place >= self._analysed:
-            self._analysed = place + 1
-            self.level -= len(text)
-            self.waits = self.waits and self.level > LOW
-            while self._analysed - self._dropped > KEPT:
-                self._texts.pop(self._known.popleft()[1], None)
-                self._dropped += 1
+        self.analysed(place + 1)
         return text
+
+    def lines(self, place: int, most: int) -> str:
+        """The texts of at most so many known blocks from a place on, each ended by LF; none counts as analysed."""
+        first = place - self._dropped
+        return "".join(f"{self._known[n][0]}\n" for n in range(first, min(first + most, len(self._known))))
+
+    def analysed(self, place: int) -> None:
+        """The blocks before this place count as analysed."""
+        for each in range(self._analysed, place):
+            self.level -= len(self._known[each - self._dropped][0])
+        if place > self._analysed:
+            self._analysed = place
+            self.waits = self.waits and self.level > LOW
+        while self._analysed - self._dropped > KEPT:
+            self._texts.pop(self._known.popleft()[1], None)
+            self._dropped += 1
 
     def block(self, place: int) -> ProgramBlock:
         """The block at a place, as `line`. Raises ProgramError."""

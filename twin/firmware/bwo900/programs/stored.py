@@ -48,6 +48,12 @@ class Blocks(Protocol):
     def line(self, place: int) -> str:
         """The text of the block at a place, from 0."""
 
+    def lines(self, place: int, most: int) -> str:
+        """The texts of at most so many known blocks from a place on, each ended by LF, to look at."""
+
+    def analysed(self, place: int) -> None:
+        """The blocks before this place have been analysed."""
+
     def block(self, place: int) -> ProgramBlock:
         """The block at a place, from 0. Raises ProgramError if it cannot be parsed."""
 
@@ -91,6 +97,12 @@ class StoredProgram:
     def line(self, place: int) -> str:
         """The text of the block at a place, from 0."""
         return self.text[self.begins[place] : self.begins[place + 1] - 1].decode("latin-1")
+
+    def lines(self, place: int, most: int) -> str:
+        return self.text[self.begins[place] : self.begins[min(place + most, len(self))]].decode("latin-1")
+
+    def analysed(self, place: int) -> None:
+        """Changes nothing: a program that is stored stays."""
 
     def block(self, place: int) -> ProgramBlock:
         return _parsed(self.line(place), place + 1)

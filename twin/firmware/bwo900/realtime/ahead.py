@@ -35,6 +35,11 @@ REFILL: Final = 200  # analysis goes on when at most this many wait
 class Filter(Protocol):
     """A stage that blocks pass on their way to the path; raises ProgramError."""
 
+    @property
+    def idle(self) -> bool:
+        """True if it holds nothing back and passes on blocks that do not ask for it (`PathBlock.asks_filters`)
+        unchanged: then it need see only the last one of them."""
+
     def push(self, block: PathBlock) -> list[PathBlock]: ...
     def flush(self) -> list[PathBlock]: ...
 
@@ -43,6 +48,15 @@ def filters(parameters: Parameters) -> list[Filter]:
     """New filters, in their order: contour, radius correction (P8845), splines (P8847)."""
     arc, bulge = (parameters.get(number) if parameters.loaded(number) else None for number in FILTERED)
     return [Contour(), Offset(arc), Spline(bulge or 0.0)]
+
+
+def run(interpreter: Interpreter, stages: Sequence[Filter], most: int) -> list[PathBlock]:
+    """Analyse at most so many plain blocks at once and pass them through idle filters; none: one after the other."""
+    blocks = interpreter.run(most) if all(stage.idle for stage in stages) else []
+    for stage in stages:
+        for block in blocks[-1:]:
+            stage.push(block)
+    return blocks
 
 
 class Ahead:
@@ -77,7 +91,10 @@ class Ahead:
         stops = False
         if self._interpreter.waiting is Waiting.BEGINNING and not self.blocks and under_way <= 1:
             self._interpreter.begun()
-        while not self.ended and self.error is None and len(self.blocks) + under_way < AHEAD:
+        while not self.ended and self.error is None and (room := AHEAD - len(self.blocks) - under_way) > 0:
+            if not unmoved(self._around) and (blocks := run(self._interpreter, self._filters, room)):
+                self.blocks.extend(blocks)
+                continue
             try:
                 block = self._interpreter.next()
             except ProgramError as error:

@@ -26,7 +26,7 @@ from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter, Waiting
 from isel_twin.firmware.bwo900.geometry.blocks import MFunction, PathBlock, Stop
 from isel_twin.firmware.bwo900.messages import Code, ProgramError, message
 from isel_twin.firmware.bwo900.realtime.ahead import BLOCK_NS, Ahead
-from isel_twin.firmware.bwo900.realtime.axes import NAMES
+from isel_twin.firmware.bwo900.realtime.axes import AXES, NAMES
 from isel_twin.firmware.bwo900.realtime.joining import released, waits_for_start
 from isel_twin.firmware.bwo900.realtime.length import add_length
 from isel_twin.firmware.bwo900.realtime.path_run import Cut, PathRun, has_jump
@@ -92,6 +92,15 @@ class Channel:
     @property
     def next_ns(self) -> int | None:
         return self.path.next_ns if self.state in MOVING else self._due_ns
+
+    @property
+    def settles_until_ns(self) -> int | None:
+        """At an exact stop, the first look that may give up waiting for an axis; None: no look may be left out."""
+        if self.state is not State.SETTLE or self._due_ns is None or self._axes.drives is None:
+            return None
+        longest_ns = min(map(self._axes.settling_ns, range(AXES)))
+        until_ns = self._stands_ns - -longest_ns // PERIOD_NS * PERIOD_NS
+        return until_ns if until_ns > self._due_ns else None
 
     @property
     def unmoved(self) -> bool:
@@ -364,8 +373,12 @@ class Channel:
         self._enter(State.SETTLE, self._stands_ns)
 
     def _look_settled(self) -> None:
-        """Check the axes once a cycle of position control, so that the result does not depend on the calls."""
+        """Check the axes once a cycle of position control, so that the result does not depend on the calls. Looks that
+        were left out have found nothing (`Arrival`)."""
         assert self._due_ns is not None
+        self._due_ns -= (self._due_ns - self._axes.now_ns) // PERIOD_NS * PERIOD_NS
+        if self._due_ns > self._axes.now_ns:
+            return
         waited_ns, unsettled = self._due_ns - self._stands_ns, self._axes.unsettled()
         if any(waited_ns < self._axes.settling_ns(axis) for axis in unsettled):
             self._due_ns += PERIOD_NS

@@ -19,11 +19,12 @@ of the rounded places, so that no path drifts.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from itertools import groupby
-from operator import mul, sub
-from typing import Final
+from operator import add, mul, sub
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -169,6 +170,18 @@ def corner_factor(cosine: float, exponent: float) -> float:
     return 1.0 if exponent < 0.0 else min(max(cosine, 0.0), 1.0) ** exponent
 
 
+def _corner_factors(cosines: NDArray[np.float64], exponent: float) -> NDArray[np.float64]:
+    """`corner_factor` of each, to the bit: exponents other than 1 are those of the mathematics library, one by one."""
+    if exponent == 1.0:
+        return np.clip(cosines, 0.0, 1.0)
+    return np.array([corner_factor(cosine, exponent) for cosine in cosines.tolist()])
+
+
+def _cosine(a: Iterable[Any], b: Iterable[Any]) -> Any:
+    """Of the angle between unit vectors, of numbers or of columns: their products added in the order of the axes."""
+    return reduce(add, map(mul, a, b), 0.0)
+
+
 class PieceMaker:
     """Makes pieces from blocks; remembers position, direction and speed at the end of the last one."""
 
@@ -234,15 +247,15 @@ class PieceMaker:
         share[share == 0.0] = math.nan  # an axis that rests limits nothing
         limit = np.fmin.reduce(np.array(limits.speed) / share, axis=1)
         acceleration = np.fmin.reduce(np.array(limits.acceleration) / share, axis=1) * limits.steeper
-        wanted = np.array([limits.feed_mm_s(block.feed_mm_min or 0.0) for block in blocks])
+        feeds = [block.feed_mm_min or 0.0 for block in blocks]
+        known = {feed: limits.feed_mm_s(feed) for feed in set(feeds)}
+        wanted = np.array([known[feed] for feed in feeds])
         speed = np.minimum(wanted, limit)
-        along = direction.tolist()
-        before, last = self._end or (along[0], 0.0)
-        cosines = [sum(map(mul, a, b)) for a, b in zip([before, *along], along, strict=False)]
-        factor = [corner_factor(cosine, limits.corner) for cosine in cosines]
-        entry = np.array(factor) * np.minimum(np.append(last, speed[:-1]), speed)
+        before, last = self._end or (direction[0], 0.0)
+        cosines = _cosine(np.vstack([before, direction[:-1]]).T, direction.T)
+        entry = _corner_factors(cosines, limits.corner) * np.minimum(np.append(last, speed[:-1]), speed)
         self._place = tuple(map(int, places[-1].tolist()))
-        self._end = tuple(along[-1]), float(speed[-1])
+        self._end = tuple(direction[-1].tolist()), float(speed[-1])
         self._line = lines[-1].start, lines[-1].end
         return way, np.stack([length, wanted, limit, acceleration, entry])
 
@@ -371,8 +384,7 @@ class PieceMaker:
         if self._end is None:
             return 0.0
         before, last = self._end
-        cosine = sum(map(mul, before, element.tangent(0.0)))
-        return corner_factor(cosine, self.limits.corner) * min(last, speed)
+        return corner_factor(_cosine(before, element.tangent(0.0)), self.limits.corner) * min(last, speed)
 
 
 class _Curve:
