@@ -163,7 +163,7 @@ def test_a_search_that_had_not_ended_is_said(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(fit_module, "MOST_CALLS", 2)
     result = coasting(monkeypatch, {"guide_friction": 1.6}, "axes.x.guide_friction")
     (said,) = (line for line in result.doubts if line.startswith("the search had not ended"))
-    assert f"still made chi-square {result.unsettled:.1f} less" in said
+    assert f"still lowered chi-square by {result.unsettled:.1f}" in said
     assert result.unsettled > 100.0
     assert settled.unsettled == 0.0
     assert not any("search" in line for line in settled.doubts)

@@ -167,7 +167,7 @@ class Fit:
         ]
         if self.unsettled >= SETTLED:
             lines.append(
-                f"the search had not ended: the last of {MOST_SEARCHES} still made chi-square {self.unsettled:.1f} less, "
+                f"the search had not ended: the last of {MOST_SEARCHES} still lowered chi-square by {self.unsettled:.1f}, "
                 "so the best numbers may lie elsewhere; begin nearer to them (--set), or fit fewer (--fit)"
             )
         lines += [self._wider(at) for at, times in enumerate(self.widened) if times >= WIDER]
