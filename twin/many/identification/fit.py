@@ -168,7 +168,8 @@ class Fit:
         if self.unsettled >= SETTLED:
             lines.append(
                 f"the search had not ended: the last of {MOST_SEARCHES} still lowered chi-square by "
-                f"{self.unsettled:.1f}, so the best numbers may lie elsewhere; begin nearer to them (--set), or fit fewer (--fit)"
+                f"{self.unsettled:.1f}, so the best numbers may lie elsewhere; begin nearer to them (--set), or fit "
+                "fewer (--fit)"
             )
         lines += [self._wider(at) for at, times in enumerate(self.widened) if times >= WIDER]
         would = [f"{one.key} ({one.law}, {self._said(one)})" for one in self.suspects]
