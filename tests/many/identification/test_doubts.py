@@ -12,6 +12,7 @@ import pytest
 from isel_twin.language import create_language, needed
 from isel_twin.machine import Machine, load_machine, with_overrides
 from isel_twin.machine.spread import numbers
+from isel_twin.many.identification import fit as fit_module
 from isel_twin.many.identification import replays as replays_module
 from isel_twin.many.identification.experiment import assemble, blocks
 from isel_twin.many.identification.fit import Fit, fit
@@ -153,6 +154,19 @@ def coasting(monkeypatch: pytest.MonkeyPatch, changed: dict[str, float], *names:
     return fit(
         machine, [unknown(machine, name) for name in names], [stand_alone("day", Measured(readings), CONTROLLER)], []
     )
+
+
+def test_a_search_that_had_not_ended_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With two evaluations it is on its way; with as many as it wants it ends, and says nothing."""
+    settled = coasting(monkeypatch, {"guide_friction": 1.6}, "axes.x.guide_friction")
+    monkeypatch.setattr(fit_module, "MOST_SEARCHES", 1)
+    monkeypatch.setattr(fit_module, "MOST_CALLS", 2)
+    result = coasting(monkeypatch, {"guide_friction": 1.6}, "axes.x.guide_friction")
+    (said,) = (line for line in result.doubts if line.startswith("the search had not ended"))
+    assert f"still lowered chi-square by {result.unsettled:.1f}" in said
+    assert result.unsettled > 100.0
+    assert settled.unsettled == 0.0
+    assert not any("search" in line for line in settled.doubts)
 
 
 def test_a_law_that_was_not_fitted_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -216,34 +216,6 @@ def test_filling_in_keeps_the_seal(planned: Experiment, predicted: list[Predicte
         score(tmp_path / "plain.toml")
 
 
-@pytest.mark.parametrize(
-    ("measured", "e_n", "verdict"),
-    [
-        (11.0, 0.5, "holds"),
-        (12.0, 1.0, "holds"),
-        (12.1, 1.05, "questionable"),
-        (13.1, 1.55, "differs"),
-        (6.0, -1.0, "holds"),
-    ],
-)
-def test_the_score_is_e_n(measured: float, e_n: float, verdict: str) -> None:
-    """ISO/IEC 17043; each side has its own band."""
-    told = Score(Predicted("a", "mm", 10.0, 6.0, 12.0), measured)
-    assert (told.e_n, told.verdict) == (pytest.approx(e_n), verdict)
-
-
-def test_chance_explains_one_or_two_of_ten() -> None:
-    """Binomial: of ten at 5 % there are at most 2 with 98.8 %, 3 with 99.9 %; of 30 at most 5."""
-    line = Predicted("a", "mm", 0.0, -1.0, 1.0)
-
-    def told(beyond: int, of: int) -> Day:
-        return Day(tuple(Score(line, 1.2 if n < beyond else 0.0) for n in range(of)), "")
-
-    assert told(3, 10).holds
-    assert not told(4, 10).holds
-    assert not Day((*told(0, 10).scores, Score(line, 1.6)), "").holds
-
-
 @pytest.mark.parametrize("controller", ["ismif", "gmi99", "c142"])
 def test_a_day_is_planned_in_the_language_and_speeds_of_its_controller(
     controller: str, monkeypatch: pytest.MonkeyPatch

@@ -8,12 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from isel_twin.language import create_language, needed
 from isel_twin.machine import MachineError, load_machine, with_overrides
+from isel_twin.many.identification.experiment import Experiment, Step
 from isel_twin.many.identification.measured import Measured, Reading, Repeats
 from isel_twin.many.identification.model import Model
 from isel_twin.many.identification.session import model_twin, predict, session_of, stand_alone
+from isel_twin.many.identification.stand_in import carry_out
 from isel_twin.many.identification.unknowns import unknown
 from isel_twin.recordings.reading import Entry, Recorded, RecordingError
+from tests.near import near_switches
 
 MACHINE = load_machine("4030")
 
@@ -40,6 +44,28 @@ def test_the_first_that_was_measured_behind_the_end_is_named() -> None:
     late = Measured(readings=tuple(Reading("day", command, "x", 0.0, 0.005) for command in (1, 3, 5)))
     with pytest.raises(RecordingError, match=r"day\.mcap: something was measured after command 3; the recording has 1"):
         session_of(day(), late, "", MACHINE)
+
+
+@pytest.fixture(scope="module")
+def referenced(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+    """All axes to their references, X again, all again."""
+    language = needed(create_language("imc-s8"), "imc-s8")
+    steps = tuple(Step(language.frame(line)) for line in ("@07", "@0R7", "@0R1", "@0R7"))
+    near = load_machine(near_switches(tmp_path_factory.mktemp("near"), 2.0))
+    return carry_out(Experiment("day", steps, ()), near, "imc-s8", seed=1, noise_mm=0.0, time_noise_s=0.0)[0]
+
+
+@pytest.mark.parametrize(
+    ("axes", "timed"), [("", []), ("y", []), ("x", ["3: @0R1"]), ("xy", ["3: @0R1"]), ("xyz", ["3: @0R1", "4: @0R7"])]
+)
+def test_a_reference_run_is_timed_if_all_the_axes_that_it_moves_were_measured(
+    referenced: Recorded, axes: str, timed: list[str]
+) -> None:
+    """The first one of an axis never: it begins anywhere."""
+    measured = Measured(readings=tuple(Reading("day", 1, axis, 0.0, 0.005) for axis in axes))
+    session = session_of(referenced, measured, "", MACHINE)
+    assert [datum.label for datum in session.data if datum.kind == "duration"] == timed
+    assert session.references == {2, 3, 4}
 
 
 def test_there_is_a_degree_of_freedom_at_least() -> None:

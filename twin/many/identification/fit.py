@@ -20,7 +20,8 @@ named (many/15). Laws that predict better than what the file says, by data held 
 Numbers behind a common factor that no datum moves, or that the data do not tell apart, are found as well (reach.py).
 
 **The search** asks for a Jacobian by differences at its start only, as each costs 2 n replays; on its way it is
-corrected by the steps taken. Where the search ends another one starts, until one ends near its start.
+corrected by the steps taken. Where the search ends another one starts, until one ends near its start. If MOST_SEARCHES
+are made and the last one has still lowered the cost by SETTLED or more, the result says so.
 
 **Held back**: the root mean square of r over recordings that are not fitted, before (at the prior) and after. If it
 grows, the result is refused.
@@ -55,6 +56,7 @@ ENOUGH = 0.01  # relative change of cost and point at which the search ends: bel
 MOST_CALLS = 12  # evaluations in the search, each a replay of what is fitted
 NEAR = 0.25  # way of a search, in standard deviations of the prior, over which a Jacobian stays that of its start
 MOST_SEARCHES = 3
+SETTLED = 1.0  # of the cost, which the scatter of the model moves by one or two: less is no gain
 WIDER = 1.5  # times as wide an interval by what was fitted beside, from which it is said
 BLAMED = 0.3  # correlation from which what was fitted beside is named for that
 
@@ -148,6 +150,7 @@ class Fit:
     shared: Floats = field(default_factory=lambda: np.zeros((0, 0)))  # [n, beside], correlation
     widened: tuple[float, ...] = ()  # by parameter: what these make of the interval, at least 1
     unrecovered: tuple[str, ...] = ()  # families that the fit does not find back
+    unsettled: float = 0.0  # of the cost, that the last search has gained, if none ended near its start
 
     @property
     def explains(self) -> bool:
@@ -162,6 +165,12 @@ class Fit:
             f"{name}: put elsewhere by a standard deviation, the fit does not find it back; so it is an estimate"
             for name in self.unrecovered
         ]
+        if self.unsettled >= SETTLED:
+            lines.append(
+                f"the search had not ended: the last of {MOST_SEARCHES} still lowered chi-square by "
+                f"{self.unsettled:.1f}, so the best numbers may lie elsewhere; begin nearer to them (--set), or fit "
+                "fewer (--fit)"
+            )
         lines += [self._wider(at) for at, times in enumerate(self.widened) if times >= WIDER]
         would = [f"{one.key} ({one.law}, {self._said(one)})" for one in self.suspects]
         apart = "; these data do not tell them apart" if len(would) > 1 else "; fit it, too"
@@ -232,7 +241,7 @@ def fit(
     expected = prospect(unknowns, model.jacobian(zero)[:, :asked])
     if told is not None:
         told(expected)
-    u, last = _searched(model)
+    u, last, unsettled = _searched(model)
     after = model.residuals_at(u)
     freedom = model.freedom(after, asked)
     chi2 = (model.squares(after) + float(u[asked:] @ u[asked:])) / freedom
@@ -277,6 +286,7 @@ def fit(
         shared=correlation[:asked, asked:],
         widened=tuple((deviation[:asked] / np.sqrt(np.diag(alone))).tolist()),
         unrecovered=lost,
+        unsettled=unsettled,
     )
 
 
@@ -285,11 +295,11 @@ def _in_words(item: Unknown) -> str:
     return item.name if item.factor else f"{item.name} ({LAWS[item.keys[0].split('.', 2)[2]]})"
 
 
-def _searched(model: Model) -> tuple[Floats, Floats]:
-    """The u of the least cost and the Jacobian there, or near."""
+def _searched(model: Model) -> tuple[Floats, Floats, float]:
+    """The u of the least cost, the Jacobian there, or near, and `unsettled`."""
     from scipy.optimize import least_squares
 
-    u = np.zeros(len(model.unknowns))
+    u, gained = np.zeros(len(model.unknowns)), 0.0
     for _ in range(MOST_SEARCHES):
         secants = _Secants(model, u)
         solved = least_squares(
@@ -303,8 +313,13 @@ def _searched(model: Model) -> tuple[Floats, Floats]:
         )
         start, u = u, np.round(solved.x, 12)  # as predictions are known by
         if float(np.abs(u - start).max(initial=0.0)) < NEAR:
-            return u, model.jacobian(start)
-    return u, model.jacobian(u)
+            return u, model.jacobian(start), 0.0
+        gained = _cost(model, start) - _cost(model, u)
+    return u, model.jacobian(u), gained
+
+
+def _cost(model: Model, u: Floats) -> float:
+    return float((model.residuals_at(u) ** 2).sum() + u @ u)
 
 
 def _covariance(jacobian: Floats, chi2: float) -> Floats:

@@ -9,7 +9,8 @@
 Measured and predicted numbers are compared one by one (`Datum`):
 
     duration     of each command that takes LEAST_S or longer, from its last byte to the last one of its reply, but not
-                 of the first reference run of an axis, whose start is unknown, nor while an act interferes
+                 of the first reference run of an axis, whose start is unknown, nor of one that also moves an axis of
+                 which nothing was measured (many/23), nor while an act interferes
     reading      position at rest or in motion; less the counter where the file has it
     stall        logarithm of the speed at which loss of steps begins, found as at the machine, by increasing the speed
     bound        the same of a series that never lost steps, or lost them at its first speed: known from one side
@@ -91,7 +92,7 @@ class Session:
     operated: tuple[tuple[int, Mapping[str, Any]], ...]  # time in ns, and keys of a scenario event
     measured: Measured
     line_speed: bool = True
-    unknown_start: frozenset[int] = frozenset()  # commands whose duration depends on the unknown first positions
+    untimed: frozenset[int] = frozenset()  # reference runs whose duration depends on what nobody has measured
     references: frozenset[int] = frozenset()  # commands that are reference runs
 
     @property
@@ -129,7 +130,7 @@ class Session:
     def timed(self, number: int) -> bool:
         """True if the duration of a command depends on the machine alone."""
         acts = any(act.command == number for act in self.measured.acts)
-        return number <= self.last and not acts and number not in self.unknown_start
+        return number <= self.last and not acts and number not in self.untimed
 
 
 def _ring_data(ring: Ring, name: str) -> list[Datum]:
@@ -182,7 +183,13 @@ def session_of(recorded: Recorded, measured: Measured, controller: str, machine:
         )
     player = Player(session, machine)
     player.play()
-    return replace(session, unknown_start=frozenset(player.unknown_start), references=frozenset(player.references))
+    runs, referenced, untimed = player.references, set[int](), set[int]()
+    measured_axes = {CARRIAGES.index(axis) for axis in own.axes}
+    for command, axes in runs.items():
+        if axes - measured_axes or axes - referenced:  # what it depends on, or where it began, is unknown
+            untimed.add(command)
+        referenced |= axes
+    return replace(session, untimed=frozenset(untimed), references=frozenset(runs))
 
 
 def stand_alone(name: str, measured: Measured, controller: str) -> Session:
@@ -226,9 +233,7 @@ class Player:
         self._command = 0
         self.readings: list[float] = []  # of the session's readings, mm; nan: the command was never sent
         self.rang: dict[Ring, tuple[float, float]] = {}  # frequency and damping
-        self.unknown_start: set[int] = set()
-        self.references: set[int] = set()
-        self._referenced: set[int] = set()
+        self.references: dict[int, set[int]] = {}  # by command: the axes whose reference it runs to, in order of time
         self._place = Place(session.name, ScenarioError)
 
     def _note(self, time_ns: int, kind: str, what: Any) -> None:
@@ -238,10 +243,7 @@ class Player:
             received: Received = what
             self._pieces.append((received.arrival_ns, received.data, False, received.byte_ns))
         elif kind == "counter" and time_ns - self._began_ns > LEAST_S * SECOND_NS:
-            self.references.add(self._command)
-            if what.axis not in self._referenced:
-                self._referenced.add(what.axis)
-                self.unknown_start.add(self._command)
+            self.references.setdefault(self._command, set()).add(what.axis)
 
     _began_ns = 0
 
