@@ -177,7 +177,7 @@ MEMORY = np.dtype(
 
 
 @intrinsic
-def _array(typingctx: Any, address: Any, shape: Any, dtype: Any) -> Any:
+def array_at(typingctx: Any, address: Any, shape: Any, dtype: Any) -> Any:
     """numba's carray of an address, in place: carray is compiled for each type and number of dimensions."""
     from numba import types
     from numba.np import arrayobj
@@ -189,9 +189,6 @@ def _array(typingctx: Any, address: Any, shape: Any, dtype: Any) -> Any:
         return arrayobj.np_cfarray(context, builder, array(types.voidptr, shape), (pointer, arguments[1]))
 
     return array(types.int64, shape, dtype), build
-
-
-array_at: Any = _array  # `_array` as compiled code calls it: address, shape, type
 
 
 @njit(inner=True, nogil=True, error_model="numpy")
