@@ -11,6 +11,7 @@ import math
 from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -62,6 +63,7 @@ def to_action(settings: Settings, ranges: Ranges | None = None) -> NDArray[np.fl
     return np.array([2.0 * part - 1.0 for part in parts], dtype=np.float32)
 
 
+@cache
 def _default_ranges() -> Ranges:
     return needed(create_language(Setup.controller), Setup.controller).ranges
 

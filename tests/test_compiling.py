@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from isel_twin.base import compiled_code, compiling
+from isel_twin.base import compiled_code, compiling, object_code
 from tests.forked import PATIENCE_S
 
 ROOT = Path(__file__).parents[1]
@@ -161,3 +161,80 @@ def test_code_of_another_file_that_has_changed_is_compiled_anew(tmp_path: Path) 
         )
         told.append(done.stdout)
     assert told == ["False 2 3\n", "False 101 102\n"]
+
+
+KEPT = """
+import numpy as np
+import inner
+from inner import more
+from isel_twin.base.compiling import contains, njit
+
+ROW = np.dtype([("count", "i8"), ("share", "f8")])
+
+@njit(nogil=True)
+def total(rows, table, factor, n):
+    rows[0].count += n
+    for i in range(table.shape[0]):
+        for j in range(table.shape[1]):
+            rows[0].share += table[i, j] * factor // 1.0
+    return more(rows[0].count) % n
+
+@njit()
+def takes_memory(n):
+    return np.arange(n).sum()
+
+contains(__name__, inner.__file__)
+"""
+CALLS = """
+import sys
+import numpy as np
+import kept
+
+rows, table = np.zeros(1, kept.ROW), np.arange(6.0).reshape(2, 3)
+results = [kept.total(rows, table, 0.5, n) for n in (4, 7)]
+print(results, rows.tolist(), "numba" in sys.modules)
+"""
+RARE = """
+print(kept.total(rows, table[:, :2], 0.5, 7), kept.takes_memory(4))
+try:
+    kept.total(rows, table, 0.5, 0)
+except ZeroDivisionError as error:
+    print(error)
+"""
+OFTEN = "from isel_twin.base import compiling; compiling.OFTEN = 1"
+
+
+def test_kept_object_code_is_called_without_numba(tmp_path: Path) -> None:
+    """From the second process on, until it is called often, for the types it was compiled for, and as long as no file
+    that it contains has changed; what it cannot do is numba's, and so are errors. Damaged, it is made again."""
+    (tmp_path / "kept.py").write_text(KEPT)
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
+
+    def told(code: str, by: int = 1, **more: str) -> list[str]:
+        (tmp_path / "inner.py").write_text(INNER.format(by=by))
+        done = subprocess.run(
+            [sys.executable, "-c", code], env={**environment, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), **more},
+            cwd=tmp_path, capture_output=True, text=True, check=True, timeout=PATIENCE_S,
+        )  # fmt: skip
+        return done.stdout.splitlines()
+
+    same = "[1, 5] [(11, 12.0)]"
+    assert told(CALLS) == [f"{same} True"]
+    assert told(CALLS) == [f"{same} False"]
+    assert told(CALLS + RARE) == [f"{same} False", "5 6", "integer modulo by zero"]
+    assert told(OFTEN + CALLS) == [f"{same} True"]
+    assert told(CALLS, NUMBA_OPT="1") == [f"{same} True"]
+    assert told(CALLS, by=3) == ["[3, 0] [(11, 12.0)] True"]
+    (code,) = (tmp_path / "cache").glob("kept.total-*.o")
+    code.write_bytes(code.read_bytes()[:100])
+    assert told(CALLS, by=3) == ["[3, 0] [(11, 12.0)] True"]
+
+
+@pytest.mark.parametrize(
+    "value",
+    [True, 2**63, "text", np.zeros((4, 4))[:, 1], np.zeros((2, 3), order="F"), np.float32(1.0)],
+    ids=["bool", "too large", "text", "stride", "Fortran", "float32"],
+)
+def test_what_numba_alone_takes(value: object) -> None:
+    assert object_code.kinds_of((1, value)) is None
+    assert object_code.kinds_of((1, np.float64(2.0), np.int64(3))) == (int, float, int)

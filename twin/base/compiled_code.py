@@ -17,11 +17,13 @@ from pathlib import Path
 from typing import Any
 
 import numba
-from numba.core import event
+from numba.core import event, types
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.environment import Environment, lookup_environment
 from numba.core.runtime import rtsys
+from numba.np.numpy_support import as_dtype
 
+from isel_twin.base import object_code
 from isel_twin.base.compile_watch import compiling
 
 log = logging.getLogger("isel_twin")
@@ -29,15 +31,17 @@ log = logging.getLogger("isel_twin")
 _said = False
 
 
-def dispatcher(function: Callable[..., Any], options: dict[str, Any], kept: bool = True) -> Any:
+def dispatcher(
+    function: Callable[..., Any], options: dict[str, Any], kept: bool = True, files: tuple[str, ...] = ()
+) -> Any:
     """numba's njit of a function with these options and, if possible, a cache on the disk; no entry for C, which would
-    be a tenth of what there is to compile."""
+    be a tenth of what there is to compile. files: others whose code it contains."""
     all_options: dict[str, Any] = {"no_cfunc_wrapper": True, **options}
     compiled: Any = numba.njit(**all_options)(function)
     if not kept:
         return compiled
     try:
-        compiled._cache = _Cache(function)
+        compiled._cache = _Cache(function, files, "no_cpython_wrapper" not in options)
     except RuntimeError as error:
         if "cannot cache function" not in str(error):
             raise
@@ -45,7 +49,7 @@ def dispatcher(function: Callable[..., Any], options: dict[str, Any], kept: bool
     return compiled
 
 
-def drop_stale_code(function: Any, *files: str) -> None:
+def drop_stale_code(function: Any, files: tuple[str, ...]) -> None:
     """Delete numba's cached code of a function's module if other files compiled into it have changed. numba checks only
     the function's own file, so a digest of the others is kept beside the code."""
     cache = function._cache
@@ -53,15 +57,15 @@ def drop_stale_code(function: Any, *files: str) -> None:
         return
     folder = Path(cache.cache_path)
     stamp = folder / f"{function.__module__}.drives"
-    digest = hashlib.sha256(b"".join(Path(file).read_bytes() for file in files)).hexdigest()
+    now = object_code.digest(files)
     with suppress(OSError):
-        if stamp.is_file() and stamp.read_text() == digest:
+        if stamp.is_file() and stamp.read_text() == now:
             return
         module = function.__module__.rpartition(".")[2]
         for file in folder.glob(f"{module}.*.nb[ci]"):
             file.unlink(missing_ok=True)
         folder.mkdir(parents=True, exist_ok=True)
-        stamp.write_text(digest)
+        stamp.write_text(now)
 
 
 class _Told(event.Listener):
@@ -90,10 +94,12 @@ event.register("numba:compile", _Told())
 
 
 class _Cache(FunctionCache):
-    """numba's own cache, except that a full disk is no error, loading is fast, and processes may compile at once."""
+    """numba's own cache, except that a full disk is no error, loading is fast, and processes may compile at once; and
+    what Python calls is kept as object code as well, if that can do without numba."""
 
-    def __init__(self, function: Callable[..., Any]) -> None:
+    def __init__(self, function: Callable[..., Any], files: tuple[str, ...], entry: bool) -> None:
         super().__init__(function)
+        self._files, self._entry = files, entry
         self._cache_file = _Files(self._cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp())
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
@@ -106,11 +112,37 @@ class _Cache(FunctionCache):
     def save_overload(self, sig: Any, data: Any) -> None:
         try:
             super().save_overload(sig, data)
+            if self._entry and object_code.usable():
+                self._keep(data)
         except OSError as error:
             _say(
                 f"compiled code cannot be kept ({error.strerror or error}), so each start compiles it anew; "
                 "name a folder for it by NUMBA_CACHE_DIR"
             )
+
+    def _keep(self, made: Any) -> None:
+        """Keep the object code, if it takes and returns what can be passed without numba."""
+        kinds = tuple(map(_kind, made.signature.args))
+        returned, symbol = str(made.signature.return_type), made.fndesc.llvm_func_name
+        if None in kinds or returned not in object_code.RETURNED:
+            return
+        code = made.library._get_compiled_object()
+        missing = object_code.missing(code)
+        if missing is not None and object_code.fits(kinds, _words(made.library.get_function(symbol))):
+            object_code.keep(self._py_func, self._files, kinds, object_code.Code(symbol, returned, missing, code))
+
+
+def _kind(numba_type: Any) -> Any:
+    """The kind of an argument of this type, as object_code.py has it; None if there is none."""
+    if isinstance(numba_type, types.Array):
+        if numba_type.layout != "C":
+            return None
+        return as_dtype(numba_type.dtype), numba_type.ndim, numba_type.mutable
+    return {types.int64: int, types.float64: float}.get(numba_type)
+
+
+def _words(function: Any) -> list[str]:
+    return [str(argument.type) for argument in function.arguments]
 
 
 class _Files(IndexDataCacheFile):

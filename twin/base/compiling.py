@@ -3,10 +3,14 @@
     @njit(nogil=True, error_model="numpy")         numba's njit with cache=True, at the first call
     def advance(...): ...
 
+    @intrinsic
+    def call(typingctx, ...): ...                  numba's intrinsic
+
     contains(__name__, other.__file__)             this module's compiled functions contain code of another file
 
-Importing numba takes a third of a second: who calls no compiled function does without it. From its first call on a
-function is numba's own in each module that has it under its name, so that later calls cost what they do with numba.
+Importing numba takes a third of a second: who calls no compiled function does without it, and so does who calls those
+that are kept as object code (object_code.py), until one has been called OFTEN. From then on a function is numba's own
+in each module that has it under its name, so that later calls cost what they do with numba.
 """
 
 from __future__ import annotations
@@ -16,6 +20,8 @@ import sys
 import threading
 from collections.abc import Callable
 from typing import Any
+
+OFTEN = 20_000  # calls of a function, by which its calls without numba have cost as much as numba
 
 _CONTAINED: dict[str, tuple[str, ...]] = {}  # module: other files whose code its compiled functions contain
 _MAKING = threading.RLock()
@@ -28,6 +34,26 @@ def njit(*, inner: bool = False, **options: Any) -> Callable[[Callable[..., Any]
     can call it all the same: then it is compiled for that anew in each process.
     """
     return lambda function: Compiled(function, options, inner)
+
+
+def intrinsic(function: Callable[..., Any]) -> Any:
+    """numba's intrinsic of a function, made when compiled code needs it."""
+    return _Intrinsic(function)
+
+
+class _Intrinsic:
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._function = function
+
+    @functools.cached_property
+    def _numba_type_(self) -> Any:
+        from numba.core.registry import cpu_target
+        from numba.extending import intrinsic
+
+        context = cpu_target.typing_context
+        made = intrinsic(self._function)
+        context.refresh()
+        return context.resolve_value_type(made)
 
 
 def contains(module: str, *files: str) -> None:
@@ -44,6 +70,17 @@ class Compiled:
         functools.update_wrapper(self, function)
         self.py_func = function
         self._options, self._inner = options, inner
+        self._left = 0 if inner else OFTEN  # calls without numba
+
+    @functools.cached_property
+    def _entries(self) -> Any:
+        """Object code by the kinds of arguments; none if numba is there anyway."""
+        with _MAKING:
+            if "numba" in sys.modules:
+                return {}
+            from isel_twin.base.object_code import entries
+
+            return entries(self.py_func, _CONTAINED.get(self.py_func.__module__, ()))
 
     @functools.cached_property
     def _dispatcher(self) -> Any:
@@ -74,12 +111,22 @@ class Compiled:
     def _kept(self, options: dict[str, Any]) -> Any:
         from isel_twin.base.compiled_code import dispatcher, drop_stale_code
 
-        made = dispatcher(self.py_func, options)
-        if files := _CONTAINED.pop(self.py_func.__module__, ()):
-            drop_stale_code(made, *files)
+        files = _CONTAINED.get(self.py_func.__module__, ())
+        made = dispatcher(self.py_func, options, files=files)
+        if files:
+            drop_stale_code(made, files)
         return made
 
     def __call__(self, *arguments: Any) -> Any:
+        if self._left > 0 and (entries := self._entries):
+            from isel_twin.base.object_code import kinds_of
+
+            self._left -= 1
+            entry = entries.get(kinds_of(arguments))
+            if entry is not None:
+                ended, result = entry(arguments)
+                if ended:
+                    return result
         return self._dispatcher(*arguments)
 
     def __getattr__(self, name: str) -> Any:

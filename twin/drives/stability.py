@@ -229,7 +229,8 @@ class _Map:
         """dF/dx by central differences."""
         columns = np.empty((self.used, self.used))
         away = 1e-5 * self.scale
-        differences(self.parameters, AT_REST, self._states, self.command, self.load_nm, state, away, columns)
+        scratch = np.empty((3, STATES))
+        differences(self.parameters, AT_REST, self._states, self.command, self.load_nm, state, away, columns, scratch)
         return columns.T
 
 
@@ -254,10 +255,12 @@ def quarter(parameters, at_rest, states, command, load_nm, x, out):
 
 
 @njit(nogil=True, error_model="numpy")
-def differences(parameters, at_rest, states, command, load_nm, x, away, columns):
+def differences(parameters, at_rest, states, command, load_nm, x, away, columns, scratch):
     """What `quarter` makes of x [6] with each of its numbers away [n] further up, less what it makes of it as far
-    down, over the way between: to columns [n, n], one for each number that is moved."""
-    tried, up, down = x.copy(), np.empty_like(x), np.empty_like(x)
+    down, over the way between: to columns [n, n], one for each number that is moved. scratch [3, 6]."""
+    tried, up, down = scratch[0], scratch[1], scratch[2]
+    for k in range(x.shape[0]):
+        tried[k] = x[k]
     for k in range(columns.shape[0]):
         tried[k] = x[k] + away[k]
         quarter(parameters, at_rest, states, command, load_nm, tried, up)

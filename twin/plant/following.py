@@ -21,9 +21,11 @@ _FAR = 1 << 62  # a count that no axis reaches
 
 
 @njit(inner=True)
-def bounds(axes, axis, sense, strike, release, struck):
-    """Open interval of counts, low and high int64 [axes], in which no switch of an axis changes outside leads."""
-    low, high = np.full(axes, -_FAR), np.full(axes, _FAR)
+def bounds(low, high, axis, sense, strike, release, struck):
+    """Fill in the open interval of counts, low and high int64 [axes], in which no switch of an axis changes outside
+    leads."""
+    for a in range(low.shape[0]):
+        low[a], high[a] = -_FAR, _FAR
     for s in range(axis.shape[0]):
         a = axis[s]
         if sense[s] > 0 and struck[s]:
@@ -34,7 +36,6 @@ def bounds(axes, axis, sense, strike, release, struck):
             high[a] = min(high[a], math.ceil(-release[s]))
         else:
             low[a] = max(low[a], math.ceil(-strike[s]) - 1)
-    return low, high
 
 
 @njit(inner=True)
@@ -55,15 +56,17 @@ def _switch(t_ns, commanded, leads, axis, sense, strike, release, struck):
 
 
 @njit()
-def make_steps(t_ns, delta, commanded, leads, axis, sense, strike, release, struck):
-    """Make steps until a switch changes; commanded and struck change in place. Return (ticks made, whether one
-    changed).
+def make_steps(t_ns, delta, commanded, leads, axis, sense, strike, release, struck, scratch):
+    """Make steps until a switch changes; commanded and struck change in place. Return the number of ticks made, below
+    zero if one changed with the last of them. scratch: int64 [3, axes].
 
     Axis by axis, so that its count stays in a register; the first tick at which one leaves its bounds ends the search.
     """
-    low, high = bounds(commanded.shape[0], axis, sense, strike, release, struck)
+    low, high, reached = scratch[0], scratch[1], scratch[2]
+    bounds(low, high, axis, sense, strike, release, struck)
     made = 0
-    reached = commanded.copy()
+    for i in range(commanded.shape[0]):
+        reached[i] = commanded[i]
     while True:
         ahead = delta[made:]  # a view from 0 on: the compiler then knows that no index is negative
         ticks, axes = ahead.shape
@@ -79,7 +82,7 @@ def make_steps(t_ns, delta, commanded, leads, axis, sense, strike, release, stru
         if not outside:
             for i in range(axes):  # element by element: compiles in a fraction of the time of a slice
                 commanded[i] = reached[i]
-            return delta.shape[0], False
+            return delta.shape[0]
         while last < ticks and t_ns[made + last] == t_ns[made + last - 1]:
             last += 1
         for k in range(last):
@@ -87,7 +90,7 @@ def make_steps(t_ns, delta, commanded, leads, axis, sense, strike, release, stru
                 commanded[i] += ahead[k, i]
         made += last
         if _switch(t_ns[made - 1], commanded, leads, axis, sense, strike, release, struck):
-            return made, True
+            return -made
 
 
 @njit(inner=True)

@@ -149,7 +149,7 @@ def _agrees(joints, mobility, h_s, mj_step, model, data, bounds, qpos, qvel, qfr
             scratch[0, j] = qpos[j]
             scratch[1, j] = qvel[j]
         glide(joints, mobility, h_s, scratch[0], scratch[1], scratch[2], scratch[3], qfrc)
-        call_mj_step(mj_step, model, data)  # type: ignore[call-arg]
+        call_mj_step(mj_step, model, data)
         for j in range(n):
             if not abs(scratch[1, j] - qvel[j]) < AGREE_M_S:
                 return False

@@ -170,12 +170,12 @@ def _leave_window(memory):
     window_s = 1e-9 * plant.substep_ns * plant.window
     if not glide.glide(parts.joints_law, parts.mobility, window_s, qpos, qvel, parts.qacc, parts.qacc_smooth, qfrc):
         if plant.window == plant.usual:
-            call_mj_step(plant.mj_step, plant.model, plant.data)  # type: ignore[call-arg]
+            call_mj_step(plant.mj_step, plant.model, plant.data)
         else:
             step_s = array_at(plant.step_at, (1,), np.float64)
             usual_s = step_s[0]
             step_s[0] = window_s
-            call_mj_step(plant.mj_step, plant.model, plant.data)  # type: ignore[call-arg]
+            call_mj_step(plant.mj_step, plant.model, plant.data)
             step_s[0] = usual_s
         _feel(plant, axes, parts.touching, parts.touched_m, parts.found)
     for i in range(AXES):

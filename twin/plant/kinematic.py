@@ -113,6 +113,7 @@ class KinematicPlant(PathSamples):
             self.set_trip_point(int(place), switches[number].limit)
             self._struck[number] = self._strike[number] < 0.0
         self._bounds: tuple[list[int], list[int]] | None = None  # `bounds`, until a switch changes
+        self._scratch = np.empty((3, len(self._commanded)), dtype=np.int64)  # for `make_steps`
         self._state = (
             self._commanded,
             self._leads,
@@ -145,7 +146,8 @@ class KinematicPlant(PathSamples):
         if self._sample_ns <= until_ns or self._along or self._felt or self._led_until_ns > self.time_ns:
             return None
         if self._bounds is None:
-            low, high = bounds.py_func(len(self._commanded), *self._state[2:])
+            low, high = self._scratch[:2]
+            bounds.py_func(low, high, *self._state[2:])
             self._bounds = low.tolist(), high.tolist()
         now = self._commanded.tolist()
         below, above = (list(map(sub, bounds, now)) for bounds in self._bounds)
@@ -271,11 +273,11 @@ class KinematicPlant(PathSamples):
             if len(t_ns) == 0:  # nothing moves: no compiled code is loaded for that
                 self.edge, self.time_ns = False, until_ns
                 return until_ns
-            made, changed = make_steps(t_ns, delta, *self._state)
-            self.edge = changed
-            if changed:
+            made = make_steps(t_ns, delta, *self._state, self._scratch)
+            self.edge = made < 0
+            if self.edge:
                 self._bounds = None
-            self.time_ns = int(t_ns[made - 1]) if changed else until_ns
+            self.time_ns = int(t_ns[-made - 1]) if self.edge else until_ns
             return self.time_ns
         struck = self._struck.copy()
         wide = delta.astype(np.int32)  # one compiled function for all kinds of ticks

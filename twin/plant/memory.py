@@ -11,13 +11,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
-from numba.extending import intrinsic
-from numba.np import arrayobj
 from numpy.typing import NDArray
 
 import isel_twin.plant
-from isel_twin.base.compiling import contains, njit
+from isel_twin.base.compiling import contains, intrinsic, njit
 from isel_twin.drives import shaft
 from isel_twin.drives.shaft import AXIS_PARAMETERS, AXIS_STATE
 from isel_twin.plant import MOST_SAMPLES, cutting, feed, glide, lead, thread, touch
@@ -184,8 +181,11 @@ MEMORY = np.dtype(
 
 
 @intrinsic
-def _array(typingctx: Any, address: Any, shape: Any, dtype: Any) -> Any:
+def array_at(typingctx: Any, address: Any, shape: Any, dtype: Any) -> Any:
     """numba's carray of an address, in place: carray is compiled for each type and number of dimensions."""
+    from numba import types
+    from numba.np import arrayobj
+
     array = types.Array(dtype.dtype, len(shape), "C")
 
     def build(context, builder, signature, arguments):
@@ -193,9 +193,6 @@ def _array(typingctx: Any, address: Any, shape: Any, dtype: Any) -> Any:
         return arrayobj.np_cfarray(context, builder, array(types.voidptr, shape), (pointer, arguments[1]))
 
     return array(types.int64, shape, dtype), build
-
-
-array_at: Any = _array  # `_array` as compiled code calls it: address, shape, type
 
 
 @njit(inner=True, nogil=True, error_model="numpy")

@@ -12,15 +12,17 @@ from functools import cache
 from pathlib import Path
 
 import mujoco
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
+
+from isel_twin.base.compiling import intrinsic
 
 _LIBRARIES = ("libmujoco.so*", "libmujoco*.dylib", "mujoco*.dll")  # on Linux, macOS and Windows
 
 
 @intrinsic
 def call_mj_step(typingctx, address, model, data):
+    from llvmlite import ir
+    from numba import types
+
     def build(context, builder, signature, arguments):
         word = ir.IntType(64)
         function = ir.FunctionType(ir.VoidType(), [word, word])

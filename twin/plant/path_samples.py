@@ -21,17 +21,15 @@ _NEVER_NS = 1 << 62
 
 
 @njit()
-def commands_at(times_ns, lead_ns, t_ns, delta, commanded, leads):
-    """Counts int64 [n, axes], and float64 [n, axes]: what is behind them, speeds in microsteps/s; at rising times.
+def commands_at(times_ns, lead_ns, t_ns, delta, commanded, leads, counts, left, speeds):
+    """Fill in counts int64 [n, axes], and float64 [n, axes]: what is behind them, speeds in microsteps/s; at rising
+    times [n].
 
     commanded, leads: copies of the state before the first tick, which change.
     """
-    rows, axes = times_ns.shape[0], leads.shape[0]
-    counts = np.empty((rows, axes), dtype=np.int64)
-    left = np.empty((rows, axes))
-    speeds = np.empty((rows, axes))
+    axes = leads.shape[0]
     made = 0
-    for n in range(rows):
+    for n in range(times_ns.shape[0]):
         now_ns = times_ns[n]
         while made < t_ns.shape[0] and t_ns[made] <= now_ns:
             for i in range(delta.shape[1]):
@@ -44,7 +42,6 @@ def commands_at(times_ns, lead_ns, t_ns, delta, commanded, leads):
             counts[n, i] = commanded[i]
             left[n, i] = behind(leads[i], now_ns)
             speeds[n, i] = leads[i].pending * SECOND_NS / leads[i].lead_ns if leads[i].end_ns > now_ns else 0.0
-    return counts, left, speeds
 
 
 contains(__name__, lead.__file__)
@@ -133,7 +130,9 @@ class PathSamples:
         times_ns = np.arange(first_ns, min(self.time_ns, rest_ns) + 1, every_ns, dtype=np.int64)
         self._sample_ns += ((self.time_ns - first_ns) // every_ns + 1) * every_ns
         wide = delta.astype(np.int32)  # one compiled function for all kinds of ticks
-        found = commands_at(times_ns, lead_ns, t_ns.astype(np.int64), wide, *before)
+        shape = len(times_ns), len(self._leads)
+        found = np.empty(shape, np.int64), np.empty(shape), np.empty(shape)
+        commands_at(times_ns, lead_ns, t_ns.astype(np.int64), wide, *before, *found)
         rows = np.concatenate(found, axis=1)
         changed = np.ones(len(rows), dtype=np.bool_)
         changed[1:] = (rows[1:] != rows[:-1]).any(axis=1)

@@ -34,7 +34,7 @@ _COLUMNS = {
     "input": ("1", "state of the switch or element {}"),
     "output": ("1", "output or relay {}, 1: on"),
 }
-ROWS = 65_536  # rows of a row group
+ROWS = 32_768  # rows of a row group
 
 
 def write_parquet(path: str | os.PathLike[str], recorder: Samples) -> None:
