@@ -96,7 +96,8 @@ def keep(function: Callable[..., Any], files: Sequence[str], types: Any, compile
     file = _out / kind() / _name(function)
     known = _read(file, function, files)
     file.parent.mkdir(parents=True, exist_ok=True)
-    content = _digest(function, files), {**known, types: (lowered, compiled._reduce()[1:])}
+    _, *described, _annotation, reloads, environments = compiled._reduce()
+    content = _digest(function, files), {**known, types: (lowered, *described, reloads, environments)}
     file.write_bytes(zlib.compress(pickle.dumps(content), 9))
 
 
@@ -105,7 +106,7 @@ def finished(function: Callable[..., Any], files: Sequence[str], types: Any, tar
     found = _read(FOLDER / kind() / _name(function), function, files).get(types)
     if found is None:
         return None
-    lowered, (described, environment, signature, objectmode, lifted, annotation, reloads, environments) = found
+    lowered, described, environment, signature, objectmode, lifted, reloads, environments = found
     library = JITCodeLibrary(target.codegen(), described.qualname)
     library._final_module = binding.parse_bitcode(lowered)
     library.enable_object_caching()
@@ -117,7 +118,7 @@ def finished(function: Callable[..., Any], files: Sequence[str], types: Any, tar
         library.codegen.set_env(one.env_name, one)
     return CompileResult(
         typing_context=target.typing_context, target_context=target, entry_point=entry, typing_error=None,
-        type_annotation=annotation, signature=signature, objectmode=objectmode, lifted=lifted, fndesc=described,
+        type_annotation="", signature=signature, objectmode=objectmode, lifted=lifted, fndesc=described,
         library=library, call_helper=None, environment=environment, metadata=None, reload_init=reloads,
         referenced_envs=environments,
     )  # fmt: skip
