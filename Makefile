@@ -77,7 +77,7 @@ audit: $(RELEASE)/.ready $(USER)/.ready ## its packages against the public datab
 .PHONY: package
 package: $(RELEASE)/.ready ## wheel and source archive in dist/, checked, and the wheel tried in an environment of its own
 	rm -rf dist build/lib build/clean build/shop
-	$(RELEASE)/bin/python -m build --outdir dist .
+	$(RELEASE)/bin/python -m tests.release here
 	$(RELEASE)/bin/twine check --strict dist/*
 	$(PYTHON) -m venv build/clean
 	build/clean/bin/python -m pip install --quiet --disable-pip-version-check dist/*.whl

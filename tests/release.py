@@ -1,10 +1,13 @@
 """`make release REPOSITORY=https://HOST/OWNER/NAME`: source archive and wheel of a commit, the same bytes each time.
 
-    commit --- git archive ---> tree --- addresses ---> pyproject.toml, README.md --- build ---> dist/*.tar.gz, *.whl
+    commit --- git archive ---> tree --- addresses ---> pyproject.toml, README.md --- build ---> dist/*.tar.gz
+    source archive --- lower, with each Python of 3.11 to 3.14 that is found ---> lowered code --- build ---> dist/*.whl
 
 Where the repository lies is known to whoever releases, and to nobody else: it becomes the `urls` of the package, and
 relative links of README.md become absolute ones into the tree of the version's tag, as a package index needs them. All
 times are those of the commit (SOURCE_DATE_EPOCH). Both files are built twice, and must be equal.
+
+`make package` builds what lies in the folder, once, without addresses.
 """
 
 from __future__ import annotations
@@ -20,6 +23,8 @@ import subprocess
 import sys
 import tarfile
 from pathlib import Path
+
+from tests.versions import interpreters
 
 ROOT = Path(__file__).parents[1]
 ADDRESS = re.compile(r"https://[a-z0-9.-]+(?::\d+)?/[\w.-]+/[\w.-]+")
@@ -64,8 +69,29 @@ def same_bytes(archive: Path, epoch: int) -> None:
         packed.write(plain.getvalue())
 
 
+def lower(source: Path) -> None:
+    """Put lowered code (twin/base/lowered.py) into a source tree, for each Python that is found.
+
+    Each has an environment in build/, whose place is in that code as the file of errors that numba can raise.
+    """
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
+    for name, python in ((f"python3.{sys.version_info.minor}", Path(sys.executable)), *interpreters()):
+        folder, kept = ROOT / "build" / f"lower-{name}", ROOT / "build" / f"lower-{name}-compiled"
+        own = folder / "bin" / "python"
+        shutil.rmtree(kept, ignore_errors=True)
+        for command in (
+            (python, "-m", "venv", "--clear", folder),
+            (own, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", source),
+            (own, "-m", "isel_twin.core.lower", source.resolve() / "twin" / "lowered"),
+        ):
+            print(name, *command[1:], flush=True)
+            variables = {**environment, "NUMBA_CACHE_DIR": str(kept), "PYTHONHASHSEED": "0"}
+            subprocess.run(command, check=True, env=variables, cwd=ROOT / "build")
+    shutil.rmtree(source / "build", ignore_errors=True)
+
+
 def build(tree: Path, out: Path, epoch: int) -> dict[str, str]:
-    """Build the files of a source tree; SHA-256 by name. The wheel is built of the source archive."""
+    """Build the files of a source tree; SHA-256 by name. The wheel is built of the source archive and lowered code."""
     environment = {**os.environ, "SOURCE_DATE_EPOCH": str(epoch), "PYTHONHASHSEED": "0"}
     call = [sys.executable, "-m", "build", "--outdir", str(out)]
     subprocess.run([*call, "--sdist", str(tree)], check=True, env=environment, stdout=subprocess.DEVNULL)
@@ -75,6 +101,7 @@ def build(tree: Path, out: Path, epoch: int) -> dict[str, str]:
     with tarfile.open(archive) as file:
         file.extractall(unpacked, filter="data")
     (source,) = unpacked.iterdir()
+    lower(source)
     subprocess.run([*call, "--wheel", str(source)], check=True, env=environment, stdout=subprocess.DEVNULL)
     shutil.rmtree(unpacked)
     return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(out.iterdir())}
@@ -99,11 +126,15 @@ def prepared(tree: Path, repository: str, commit: str) -> None:
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="release", description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("repository", help="address of the repository: https://HOST/OWNER/NAME")
+    parser.add_argument("repository", help="address of the repository: https://HOST/OWNER/NAME; 'here': none, once")
     parser.add_argument("--commit", default="HEAD", help="what is released")
     parser.add_argument("--out", type=Path, default=ROOT / "dist", help="folder for both files; emptied before")
     call = parser.parse_args()
     repository = call.repository.rstrip("/")
+    if repository == "here":
+        shutil.rmtree(call.out, ignore_errors=True)
+        build(ROOT, call.out, int(git("show", "-s", "--format=%ct", call.commit)))
+        return 0
     if not ADDRESS.fullmatch(repository):
         print(f"release: {call.repository!r} is no address https://HOST/OWNER/NAME; where does the repository lie?")
         return 2

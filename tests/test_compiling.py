@@ -238,3 +238,42 @@ def test_kept_object_code_is_called_without_numba(tmp_path: Path) -> None:
 def test_what_numba_alone_takes(value: object) -> None:
     assert object_code.kinds_of((1, value)) is None
     assert object_code.kinds_of((1, np.float64(2.0), np.int64(3))) == (int, float, int)
+
+
+LOWERED = """
+import sys
+from pathlib import Path
+from isel_twin.base import lowered
+from outer import outer
+folder = Path("lowered")
+if sys.argv[1:] == ["write"]:
+    lowered.write_to(folder)
+lowered.FOLDER = folder
+value = outer(1)
+print(value, sum(outer.stats.cache_hits.values()), sum(outer.stats.cache_misses.values()))
+"""
+
+
+def test_lowered_code_is_compiled_only_where_it_fits_the_sources(tmp_path: Path) -> None:
+    """A package brings lowered code: another machine, whose cache is empty, makes machine code of it, and keeps that.
+    Where a source that it contains is another one, numba compiles."""
+    (tmp_path / "outer.py").write_text(OUTER)
+    (tmp_path / "inner.py").write_text(INNER.format(by=1))
+
+    def call(cache: str, *words: str) -> list[int]:
+        """Value; how often code was found, and how often compiled by numba."""
+        done = subprocess.run(
+            [sys.executable, "-c", LOWERED, *words], env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / cache)},
+            cwd=tmp_path, capture_output=True, text=True, check=True, timeout=PATIENCE_S,
+        )  # fmt: skip
+        return [int(word) for word in done.stdout.split()]
+
+    assert call("first", "write") == [2, 0, 1]
+    assert call("second") == [2, 1, 0]
+    (file,) = (tmp_path / "lowered").glob("*/outer.outer")
+    lowered = file.read_bytes()
+    file.unlink()
+    assert call("second") == [2, 1, 0]  # its machine code is kept
+    file.write_bytes(lowered)
+    (tmp_path / "inner.py").write_text(INNER.format(by=100))
+    assert call("third") == [101, 0, 1]

@@ -10,7 +10,6 @@ from __future__ import annotations
 import gc
 import hashlib
 import logging
-import pickle
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -18,35 +17,44 @@ from typing import Any
 
 import numba
 from numba.core import event, types
-from numba.core.caching import FunctionCache, IndexDataCacheFile
-from numba.core.environment import Environment, lookup_environment
+from numba.core.caching import FunctionCache, IndexDataCacheFile, NullCache
 from numba.core.runtime import rtsys
 from numba.np.numpy_support import as_dtype
 
-from isel_twin.base import object_code
+from isel_twin.base import lowered, object_code
 from isel_twin.base.compile_watch import compiling
 
 log = logging.getLogger("isel_twin")
 
+_CHECKED: set[str] = set()  # modules whose cached code is not stale
 _said = False
 
 
-def dispatcher(
-    function: Callable[..., Any], options: dict[str, Any], kept: bool = True, files: tuple[str, ...] = ()
-) -> Any:
+def dispatcher(function: Callable[..., Any], options: dict[str, Any], files: tuple[str, ...] = ()) -> Any:
     """numba's njit of a function with these options and, if possible, a cache on the disk; no entry for C, which would
-    be a tenth of what there is to compile. files: others whose code it contains."""
-    all_options: dict[str, Any] = {"no_cfunc_wrapper": True, **options}
+    be a tenth of what there is to compile.
+
+    files: whose code is compiled into it beside its own.
+    """
+    all_options: dict[str, Any] = {"no_cfunc_wrapper": True, "pipeline_class": lowered.Pipeline, **options}
     compiled: Any = numba.njit(**all_options)(function)
-    if not kept:
-        return compiled
     try:
-        compiled._cache = _Cache(function, files, "no_cpython_wrapper" not in options)
+        compiled._cache = _Cache(function, files)
     except RuntimeError as error:
         if "cannot cache function" not in str(error):
             raise
         _say("no folder to keep compiled code in, so each start compiles it anew; name one by NUMBA_CACHE_DIR")
+        compiled._cache = _Unkept(function, files)
+    else:
+        if files and function.__module__ not in _CHECKED:
+            _CHECKED.add(function.__module__)
+            drop_stale_code(compiled, files)
     return compiled
+
+
+def part(function: Callable[..., Any], options: dict[str, Any]) -> Any:
+    """The same of a function that is only compiled into others: it is kept with those."""
+    return numba.njit(**{"no_cfunc_wrapper": True, "pipeline_class": lowered.Pipeline, **options})(function)
 
 
 def drop_stale_code(function: Any, files: tuple[str, ...]) -> None:
@@ -97,9 +105,9 @@ class _Cache(FunctionCache):
     """numba's own cache, except that a full disk is no error, loading is fast, and processes may compile at once; and
     what Python calls is kept as object code as well, if that can do without numba."""
 
-    def __init__(self, function: Callable[..., Any], files: tuple[str, ...], entry: bool) -> None:
+    def __init__(self, function: Callable[..., Any], files: tuple[str, ...]) -> None:
         super().__init__(function)
-        self._files, self._entry = files, entry
+        self._files = files
         self._cache_file = _Files(self._cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp())
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
@@ -107,12 +115,17 @@ class _Cache(FunctionCache):
         modules, including scipy: 0.4 s of CPU time. It still does so before it compiles."""
         rtsys.initialize(target_context)
         with self._guard_against_spurious_io_errors():
-            return self._load_overload(sig, target_context)
+            if found := self._load_overload(sig, target_context):
+                return found
+        if found := _finished(self._py_func, self._files, sig, target_context):
+            self.save_overload(sig, found)
+        return found
 
     def save_overload(self, sig: Any, data: Any) -> None:
+        lowered.keep(self._py_func, self._files, sig, data)
         try:
             super().save_overload(sig, data)
-            if self._entry and object_code.usable():
+            if object_code.usable():
                 self._keep(data)
         except OSError as error:
             _say(
@@ -145,6 +158,26 @@ def _words(function: Any) -> list[str]:
     return [str(argument.type) for argument in function.arguments]
 
 
+class _Unkept(NullCache):  # type: ignore[misc]
+    """Where nothing can be kept."""
+
+    def __init__(self, function: Callable[..., Any], files: tuple[str, ...]) -> None:
+        self._py_func, self._files = function, files
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        rtsys.initialize(target_context)
+        return _finished(self._py_func, self._files, sig, target_context)
+
+
+def _finished(function: Callable[..., Any], files: tuple[str, ...], types: Any, target: Any) -> Any:
+    """A function from lowered code, told like one that is compiled."""
+    compiling(begins=True)
+    try:
+        return lowered.finished(function, files, types, target)
+    finally:
+        compiling(begins=False)
+
+
 class _Files(IndexDataCacheFile):
     """The files of one function: an index, and the code for each combination of types.
 
@@ -160,23 +193,7 @@ class _Files(IndexDataCacheFile):
 
     def _load_data(self, name: str) -> Any:
         with open(self._data_path(name), "rb") as file:
-            return _Unpickler(file).load()
-
-
-class _Unpickler(pickle.Unpickler):
-    """Imports no module for the sake of its globals, which compiled code does not use: 20 ms less at every start."""
-
-    def find_class(self, module: str, name: str) -> Any:
-        return _environment if name == "_rebuild_env" else super().find_class(module, name)
-
-
-def _environment(module: str, constants: list[Any], name: str) -> Environment:
-    found = lookup_environment(name)
-    if found is None:
-        found = Environment._memo[name] = Environment({"__name__": module})
-        found.consts[:] = constants
-        found.env_name = name
-    return found
+            return lowered.Unpickler(file).load()
 
 
 def _say(line: str) -> None:

@@ -84,14 +84,15 @@ class Compiled:
 
     @functools.cached_property
     def _dispatcher(self) -> Any:
-        from isel_twin.base.compiled_code import dispatcher
+        from isel_twin.base.compiled_code import dispatcher, part
 
         with _MAKING:
             if "_dispatcher" in self.__dict__:  # another thread was faster
                 return self.__dict__["_dispatcher"]
             if self._inner:
-                return dispatcher(self.py_func, self._options, kept=False)
-            name, made = self.py_func.__name__, self._kept(self._options)
+                return part(self.py_func, self._options)
+            name = self.py_func.__name__
+            made = dispatcher(self.py_func, self._options, _CONTAINED.get(self.py_func.__module__, ()))
             for place in list(sys.modules.values()):
                 if getattr(place, "__dict__", {}).get(name) is self:
                     setattr(place, name, made)
@@ -105,17 +106,10 @@ class Compiled:
     @functools.cached_property
     def _within(self) -> Any:
         """The dispatcher without an entry for Python."""
+        from isel_twin.base.compiled_code import part
+
         with _MAKING:
-            return self._kept({**self._options, "no_cpython_wrapper": True})
-
-    def _kept(self, options: dict[str, Any]) -> Any:
-        from isel_twin.base.compiled_code import dispatcher, drop_stale_code
-
-        files = _CONTAINED.get(self.py_func.__module__, ())
-        made = dispatcher(self.py_func, options, files=files)
-        if files:
-            drop_stale_code(made, files)
-        return made
+            return part(self.py_func, {**self._options, "no_cpython_wrapper": True})
 
     def __call__(self, *arguments: Any) -> Any:
         if self._left > 0 and (entries := self._entries):

@@ -33,7 +33,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.base.compiling import contains, njit
+from isel_twin.base.compiling import njit
 from isel_twin.drives import shaft, trigonometry
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.screw import Screw
@@ -205,4 +205,3 @@ def stepper_torque(p, s, command, phases, current_fraction, load_torque_nm):
 
 
 FILES = (__file__, shaft.__file__, trigonometry.__file__)  # whose code `step_axis` contains
-contains(__name__, *FILES)

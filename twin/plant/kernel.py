@@ -44,7 +44,7 @@ from isel_twin.drives import dynamics, servo, shaft, trigonometry
 from isel_twin.drives.dynamics import OPEN, stepper_torque
 from isel_twin.drives.servo import cool, servo_torque
 from isel_twin.drives.shaft import SERVO, at_rest, turn
-from isel_twin.plant import feed, glide, lead, margin, memory, native, teeth, thread, touch
+from isel_twin.plant import cutting, feed, glide, lead, margin, memory, native, teeth, thread, touch
 from isel_twin.plant.lead import begin, behind, mean_behind
 from isel_twin.plant.memory import APART, AXES, FRESH, LAG, PARTED_MM, POSITION, TOUCH, array_at, parts_of
 from isel_twin.plant.native import call_mj_step
@@ -522,7 +522,7 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
 
 
 _DRIVES = dynamics, servo, shaft, trigonometry
-_PARTS = feed, glide, lead, margin, memory, native, teeth, thread, touch
+_PARTS = cutting, feed, glide, lead, margin, memory, native, teeth, thread, touch
 # files whose code the compiled loop contains
 CONTAINED = tuple(str(module.__file__) for module in (isel_twin.plant, *_DRIVES, *_PARTS))
 contains(__name__, *CONTAINED)

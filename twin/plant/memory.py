@@ -13,11 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-import isel_twin.plant
-from isel_twin.base.compiling import contains, intrinsic, njit
-from isel_twin.drives import shaft
+from isel_twin.base.compiling import intrinsic, njit
 from isel_twin.drives.shaft import AXIS_PARAMETERS, AXIS_STATE
-from isel_twin.plant import MOST_SAMPLES, cutting, feed, glide, lead, thread, touch
+from isel_twin.plant import MOST_SAMPLES
 from isel_twin.plant.cutting import CUT
 from isel_twin.plant.feed import SUPPLY
 from isel_twin.plant.glide import JOINT
@@ -250,8 +248,3 @@ def memory_of(parts: Parts) -> NDArray[np.void]:
     memory["number_of_targets"] = len(parts.targets)
     memory["fields"] = parts.samples.shape[1]
     return memory
-
-
-# The compiled code depends on the fields of the records and on their number.
-_RECORDS = isel_twin.plant, shaft, cutting, feed, glide, lead, thread, touch
-contains(__name__, *(str(module.__file__) for module in _RECORDS))

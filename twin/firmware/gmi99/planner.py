@@ -186,7 +186,11 @@ def _corners_hz(per_path, jump_hz, sharp_hz, entry):
     """entry[j]: highest speed from the direction in row j - 1 into that of row j; not of row 0."""
     for j in range(1, per_path.shape[0]):
         before, after = per_path[j - 1], per_path[j]
-        a, b = math.sqrt((before * before).sum()), math.sqrt((after * after).sum())
+        a, b = 0.0, 0.0
+        for slot in range(per_path.shape[1]):
+            a += before[slot] * before[slot]
+            b += after[slot] * after[slot]
+        a, b = math.sqrt(a), math.sqrt(b)
         apart, along, change = 0.0, 0.0, 0.0
         for slot in range(per_path.shape[1]):
             apart += (before[slot] / a - after[slot] / b) ** 2
