@@ -17,6 +17,7 @@ from typing import Any
 from asyncua import Server, ua
 from asyncua.common.instantiate_util import instantiate
 from asyncua.common.node import Node as UaNode
+from asyncua.server.internal_session import SessionState
 
 from isel_twin.bridge.opcua.access import Access, Readers, secure
 from isel_twin.bridge.opcua.alerts import ALERT, Alerts, node_id
@@ -30,6 +31,9 @@ log = logging.getLogger("isel_twin")
 SETS = ("di", "ia", "machinery", "machine_tool")  # in the order of their needs
 MACHINES = 1001  # the folder of all machines, in the namespace Machinery
 CLIENTS = 16  # connections at once
+SILENT_S = 60.0  # wall time that a client may say nothing, unless it has asked for less
+STRANGE_S = 5.0  # wall time that a connection may be without a session
+LOOK_S = 0.5  # wall time between two looks for sessions that are over
 AGAIN_S = 1.0  # wall time between two tries to reach a twin that has gone
 FULL, NO_DATA = 255, 1  # ServiceLevel (OPC 10000-4, 6.6.2.4.2)
 UNECE = "http://www.opcfoundation.org/UA/units/un/cefact"
@@ -147,6 +151,16 @@ class Machine:
             return None
 
 
+async def _let_go(server: Server) -> None:
+    """Cut off whose session is over, again and again: asyncua ends it, and keeps the connection (bridge/33)."""
+    while True:
+        for client in [] if server.bserver is None else [*server.bserver.clients]:
+            session = None if client.processor is None else client.processor.session
+            if session is not None and session.state is SessionState.Closed and client.transport is not None:
+                client.transport.abort()  # who does not read would keep it from being closed
+        await asyncio.sleep(LOOK_S)
+
+
 class Serving:
     """A server and the twin that it shows."""
 
@@ -169,6 +183,8 @@ class Serving:
         logging.getLogger("asyncua").setLevel(logging.CRITICAL)  # it logs what strangers send, with tracebacks
         server = Server(user_manager=Readers(self._access.password if self._access else None))
         server.iserver.max_connections = CLIENTS
+        server.iserver.max_session_timeout_ms = 1000.0 * SILENT_S
+        server.iserver.max_pending_activation_seconds = STRANGE_S
         server.iserver.bind_condition_methods = True  # ConditionRefresh
         await server.init()
         server.set_endpoint(self._url)
@@ -181,7 +197,11 @@ class Serving:
         await machine.show(state)
         async with server:
             said()
-            await self._follow(machine)
+            looking = asyncio.create_task(_let_go(server))
+            try:
+                await self._follow(machine)
+            finally:
+                looking.cancel()
 
     async def _follow(self, machine: Machine) -> None:
         gone = False

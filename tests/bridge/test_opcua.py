@@ -10,6 +10,7 @@ import stat
 import sys
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ from cryptography.x509 import UniformResourceIdentifier
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from isel_twin.bridge.opcua import nodes
+from isel_twin.bridge.opcua import server as opcua_server
 from isel_twin.bridge.opcua.access import Access, Readers, secure
 from isel_twin.bridge.opcua.alerts import ALERT, GONE
 from isel_twin.bridge.opcua.nodes import MESSAGES, NAMESPACES, NODES
@@ -41,6 +43,7 @@ from tests.bridge.conftest import REPLY_S, Served
 from tests.in_process import isel_twin
 
 BAD = "BadNoCommunication"
+CLIENTS = 4  # at once, where the limit is looked at
 
 
 @pytest.fixture
@@ -287,6 +290,56 @@ def test_alerts_begin_and_end_and_who_comes_later_is_told(caplog: pytest.LogCapt
     gone = events["lost_x", False]
     assert (gone.Message.Text, gone.Quality.name) == (GONE, BAD)
     assert len({event.EventId for event in told.events}) == len(told.events)
+
+
+def test_silent_clients_make_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All places are taken by clients that say nothing more, in sessions or without one; one that goes on asking keeps
+    its place."""
+    for name, limit in (("CLIENTS", CLIENTS), ("SILENT_S", 2.0), ("STRANGE_S", 2.0), ("LOOK_S", 0.01)):
+        monkeypatch.setattr(opcua_server, name, limit)
+    told = ServedTwin(Twin(controller="external", plant="kinematic"))
+    state = told.ask({"state": True})
+    told.stop()
+
+    async def silent(url: str) -> Client:
+        client = Client(url, timeout=1.0)
+        await client.connect_socket()
+        await client.send_hello()
+        await client.open_secure_channel()
+        await client.create_session()
+        await client.activate_session()
+        return client
+
+    async def closed(where: str) -> None:
+        """Connect, and wait for the end of the connection."""
+        reader, writer = await asyncio.open_connection(*where.rsplit(":", 1))
+        assert await reader.read() == b""
+        writer.close()
+
+    async def look() -> None:
+        listener, where = listen("127.0.0.1:0")
+        listener.close()
+        url = f"opc.tcp://{where}/"
+        serving = Serving(url, lambda: Still(state), 0.01, None)
+        running = await listening(serving, state)
+        async with asyncio.timeout(REPLY_S), Client(url, watchdog_intervall=0.1) as asking:
+            quiet = [await silent(url) for _ in range(CLIENTS - 2)]
+            assert quiet[0].session_timeout == 2000.0, "told so"
+            stranger = asyncio.create_task(closed(where))
+            await asyncio.sleep(0)
+            with pytest.raises((OSError, ua.UaError, TimeoutError)):
+                await silent(url)
+            await stranger
+            while len(quiet) < 2 * CLIENTS - 3:
+                with suppress(OSError, ua.UaError, TimeoutError):
+                    quiet.append(await silent(url))
+            await asking.nodes.server_state.read_value()
+            for client in quiet:
+                client.disconnect_socket()
+        serving.stop()
+        await running
+
+    asyncio.run(look())
 
 
 def test_beyond_loopback_with_a_password_over_an_encrypted_channel(tmp_path: Path) -> None:

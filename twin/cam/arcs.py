@@ -22,6 +22,12 @@ PLANES = ((1, 2), (0, 2), (0, 1))  # axes a, b by `Arc.plane`
 SENSE = (1, -1, 1)  # of a counter-clockwise arc, from a to b
 
 
+def seen_from_above(plane: int) -> tuple[int, int]:
+    """The two axes of a plane in the order in which a counter-clockwise arc leads from one to the other."""
+    a, b = PLANES[plane]
+    return (a, b) if SENSE[plane] > 0 else (b, a)
+
+
 class Shape(NamedTuple):
     """An arc in numbers: axes a and b of its plane and the third one, mm, rad."""
 

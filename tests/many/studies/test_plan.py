@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -167,6 +168,14 @@ def test_what_is_wrong_is_one_line(plans: Path, text: str, line: str) -> None:
     assert message.startswith(str(plans / "plan.toml"))
     assert line in message
     assert "\n" not in message
+
+
+@pytest.mark.parametrize("key", ["job", "scenario"])
+def test_a_pipe_that_a_plan_names_is_refused(plans: Path, key: str) -> None:
+    os.mkfifo(plans / "pipe")
+    text = {"job": '[sweep]\njob = "pipe"\n', "scenario": HEAD.replace("stuck.toml", "pipe")}[key]
+    with pytest.raises(PlanError, match=rf"plan\.toml:\d: sweep\.{key}: 'pipe' is a pipe, which can be read only once"):
+        load_plan(plan(plans, text))
 
 
 def test_both_ways_to_write_a_key_are_the_same(plans: Path) -> None:

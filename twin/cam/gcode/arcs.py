@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-PLANES = {170: (0, 1, 2), 180: (2, 0, 1), 190: (1, 2, 0)}  # first and second axis, and the one turned about
+PLANES = {170: 2, 180: 1, 190: 0}  # the axis turned about, by the code
 SMALL_MM = 0.00127  # least radius; half a chord may exceed R by this
 SPIRAL_MM = 0.02 * math.sqrt(2.0)  # radii may differ by this, and by more up to
 SPIRAL = 0.001  # of the larger one, and

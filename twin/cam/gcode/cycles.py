@@ -9,14 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from isel_twin.cam.drilling import MOST_PECKS, Step
 from isel_twin.cam.gcode.codes import name
 from isel_twin.cam.gcode.words import Block
 
 BACK_MM = 0.254
-MOST_PECKS = MOST_REPEATS = 10_000
-
-# "rapid" or "feed" to a height, mm; "dwell" for seconds
-Step = tuple[str, float]
+MOST_REPEATS = 10_000
 
 
 class Cycle:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Iterator
 
+from isel_twin.cam.arcs import seen_from_above
 from isel_twin.cam.gcode import arcs, codes
 from isel_twin.cam.gcode.cycles import Cycle
 from isel_twin.cam.gcode.offsets import Offsets
@@ -298,7 +299,8 @@ class Motion:
         return self.feed
 
     def _arc(self, block: Block, place: Place, to: Point) -> Iterator[Element]:
-        first, second, third = arcs.PLANES[self._plane]
+        third = arcs.PLANES[self._plane]
+        first, second = seen_from_above(third)
         clockwise = (self.code == 20) ^ (self._up < 0 and third != 2)
         turns = block.words.get("P", 1.0)
         if turns != int(turns) or not 1 <= turns <= 1e6:
@@ -321,13 +323,13 @@ class Motion:
         self, block: Block, start: arcs.Flat, end: arcs.Flat, clockwise: bool
     ) -> Generator[Element, None, arcs.Flat]:
         """Yields a caution, returns the centre. Raises ValueError."""
-        axes, words = arcs.PLANES[self._plane], block.words
+        third, words = arcs.PLANES[self._plane], block.words
+        axes, other = seen_from_above(third), _CENTRES[third]
         letters = [_CENTRES[axis] for axis in axes]
-        other = letters.pop()
         if words.get(other) is not None and (words[other] or self._settings.strict):
             raise ValueError(f"{other} is not of this plane; leave it out")
         given = {
-            axis: self._mm(axis, words[letter]) for axis, letter in zip(axes, letters, strict=False) if letter in words
+            axis: self._mm(axis, words[letter]) for axis, letter in zip(axes, letters, strict=True) if letter in words
         }
         if "R" in words:
             if given:
@@ -335,7 +337,7 @@ class Motion:
             return arcs.by_radius(start, end, words["R"] * self.unit, clockwise)
         if not given:
             raise ValueError("an arc wants its centre I J K, or its radius R")
-        a, b = (given.get(axis, 0.0) for axis in axes[:2])
+        a, b = (given.get(axis, 0.0) for axis in axes)
         offset = (start[0] + a, start[1] + b)
         absolute = (given.get(axes[0], start[0]), given.get(axes[1], start[1]))
         centre = absolute if self._reads_absolute() else offset

@@ -11,15 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from isel_twin.cam.drilling import MOST_PECKS, Step
 from isel_twin.cam.ncp.statement import Statement
 
-MOST_PECKS = 10_000
 _LENGTHS = "PSDVLFOR"
 _START = {"C": 1.0, "P": 0.0, "S": 2000.0, "T": 0.0}
 _MUST_NOT_BE_ZERO, _MUST_NOT_BE_NEGATIVE = "VFO", "STDR"
-
-# "rapid" or "feed" to a height, mm; "dwell" for seconds
-Step = tuple[str, float]
 
 
 class Drill:

@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from isel_twin.base.parameters import hint
+from isel_twin.cam.arcs import PLANES, SENSE
 from isel_twin.cam.ncp.drill import Drill
 from isel_twin.cam.ncp.statement import Statement, parsed
 from isel_twin.cam.reader import MOST, Once
@@ -36,14 +37,7 @@ _MOVE = re.compile(
 _PORT = re.compile(r"[ \t]*(A[0-9]{1,3})[ \t]*=[ \t]*([01]{8})[ \t]*\Z", re.I)
 _BIT = re.compile(r"[ \t]*(A[0-9]{1,3})\.([1-8])[ \t]*=[ \t]*([01])[ \t]*\Z", re.I)
 
-_PLANES: Mapping[str, tuple[int, int, int]] = {  # axes of I and J (or K), and the one turned about
-    "XY": (0, 1, 2),
-    "YX": (0, 1, 2),
-    "XZ": (0, 2, 1),
-    "ZX": (0, 2, 1),
-    "YZ": (1, 2, 0),
-    "ZY": (1, 2, 0),
-}
+_PLANES = {"XY": 2, "YX": 2, "XZ": 1, "ZX": 1, "YZ": 0, "ZY": 0}  # the axis turned about
 _LOOSE_MM, _LOOSE = 0.01, 0.001  # radii of start and end of an arc may differ by one of these (cam/4)
 
 
@@ -181,9 +175,9 @@ class Program:
             yield from self.once(
                 "centre", statement.place, "an arc without I or J: its centre has this axis of its start"
             )
-        absolute = {axis: centre.get(axis, self.at[axis]) for axis in self.plane[:2]}
+        absolute = {axis: centre.get(axis, self.at[axis]) for axis in PLANES[self.plane]}
         if relative or not self._fits(absolute, end):
-            by_offset = {axis: self.at[axis] + centre.get(axis, 0.0) for axis in self.plane[:2]}
+            by_offset = {axis: self.at[axis] + centre.get(axis, 0.0) for axis in PLANES[self.plane]}
             if not self._fits(by_offset, end):
                 r0, r1 = self._radii(by_offset if relative else absolute, end)
                 raise statement.wrong(f"radii to start and end are {r0:.4f} and {r1:.4f} mm; correct its centre I J")
@@ -196,7 +190,7 @@ class Program:
             absolute = by_offset
         feed, said = self._feed(statement.place)
         yield from said
-        third = self.plane[2]
+        third = self.plane
         mirrored = (third == 1) ^ (self.up < 0 and third != 2)  # XZ is seen from -Y
         clockwise = statement.word.startswith("CW") ^ mirrored
         turns = self._turns(statement, words.get("W"), absolute, end, clockwise)
@@ -207,14 +201,14 @@ class Program:
     def _centre(self, statement: Statement, words: Mapping[str, float]) -> dict[int, float]:
         """Coordinates of the centre by axis, as far as they are written: I and J, in other planes also with K for Z
         (cam/3)."""
-        first, second, third = self.plane
+        third = self.plane
         letters = (
             ("J", "K") if third == 0 and "K" in words else ("I", "K") if third == 1 and "K" in words else ("I", "J")
         )
         for letter in "IJK":
             if letter in words and letter not in letters:
                 raise statement.wrong(f"{letter} is not of this plane; leave it out")
-        axes = zip((first, second), letters, strict=True)
+        axes = zip(PLANES[third], letters, strict=True)
         centre = {axis: self.mm("Z" if axis == 2 else "X", words[letter]) for axis, letter in axes if letter in words}
         if not centre:
             raise statement.wrong("has no centre; write I and J")
@@ -239,7 +233,7 @@ class Program:
             return sense
         x0, y0, x1, y1 = self.at[first] - a, self.at[second] - b, end[first] - a, end[second] - b
         angle = math.degrees(math.atan2(x0 * y1 - y0 * x1, x0 * x1 + y0 * y1))
-        angle = angle * sense * (-1 if self.plane[2] == 1 else 1) % 360.0
+        angle = angle * sense * SENSE[self.plane] % 360.0
         angle = angle if angle > 1e-4 else 360.0
         turns = round((abs(sweep) - angle) / 360.0) + 1
         if turns < 1 or abs(angle + 360.0 * (turns - 1) - abs(sweep)) > 1.0:

@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 
+from isel_twin.cam.arcs import PLANES
 from isel_twin.cam.course import CLOSE, Move, Turn, halves
 from isel_twin.cam.toolpath import CamError, Place
 from isel_twin.cam.written import Counts, MachineAxes, Written
@@ -23,7 +24,7 @@ from isel_twin.firmware.bwo900.programs.lines import END
 from isel_twin.firmware.bwo900.programs.syntax import LONGEST
 
 CENTRES = "IJK"
-PLANES = {(0, 1): G.PLANE_XY, (0, 2): G.PLANE_ZX, (1, 2): G.PLANE_YZ}
+CODES = dict(zip(PLANES, (G.PLANE_YZ, G.PLANE_ZX, G.PLANE_XY), strict=True))
 LEAST_ARC_MM = 0.02  # smaller radii, and shorter arcs, are chords
 MOST_ARC_MM = 100_000.0  # larger radii, too
 ROUND_MM = 0.002  # by which the radius of an arc may change: less than P8843
@@ -94,7 +95,7 @@ class Bwo900Commands:
     def turn(self, turn: Turn) -> Iterable[Written]:
         """G18 turns from Z to X."""
         self._stands = False
-        plane = PLANES[turn.a, turn.b]
+        plane = CODES[turn.a, turn.b]
         select = f"G{plane} " if plane != self._plane else ""
         self._plane = plane
         per_mm = (self._x, self._y, self._z)

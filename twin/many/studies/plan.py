@@ -155,6 +155,9 @@ def _same(content: Mapping[str, Any], place: Place, folder: Path) -> tuple[TwinS
             if "job" in content
             else "missing; allowed: a file of commands, or moves = [[X, Y, Z], ...] in mm"
         )
+    for key in ("job", "scenario"):
+        if key in content and (folder / content[key]).is_fifo():
+            raise place.at(key).wrong(f"{content[key]!r} is a pipe, which can be read only once; save it to a file")
     perturbed = content.get("perturbed", False)
     if perturbed != UNCERTAIN and not isinstance(perturbed, bool):
         raise place.at("perturbed").wrong(f"{perturbed!r}; allowed: true, false, {UNCERTAIN!r}")
