@@ -21,7 +21,7 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
-OFTEN = 20_000  # calls of a function, by which its calls without numba have cost as much as numba
+OFTEN = 15_000  # calls of a function, by which its calls without numba have cost as much as numba
 
 _CONTAINED: dict[str, tuple[str, ...]] = {}  # module: other files whose code its compiled functions contain
 _MAKING = threading.RLock()
@@ -73,14 +73,14 @@ class Compiled:
         self._left = 0 if inner else OFTEN  # calls without numba
 
     @functools.cached_property
-    def _entries(self) -> Any:
-        """Object code by the kinds of arguments; none if numba is there anyway."""
+    def _kept_code(self) -> Any:
+        """Object code; None if numba is there anyway."""
         with _MAKING:
             if "numba" in sys.modules:
-                return {}
-            from isel_twin.base.object_code import entries
+                return None
+            from isel_twin.base.object_code import Kept
 
-            return entries(self.py_func, _CONTAINED.get(self.py_func.__module__, ()))
+            return Kept(self.py_func, _CONTAINED.get(self.py_func.__module__, ()))
 
     @functools.cached_property
     def _dispatcher(self) -> Any:
@@ -112,15 +112,11 @@ class Compiled:
             return part(self.py_func, {**self._options, "no_cpython_wrapper": True})
 
     def __call__(self, *arguments: Any) -> Any:
-        if self._left > 0 and (entries := self._entries):
-            from isel_twin.base.object_code import kinds_of
-
+        if self._left and self._kept_code is not None:
             self._left -= 1
-            entry = entries.get(kinds_of(arguments))
-            if entry is not None:
-                ended, result = entry(arguments)
-                if ended:
-                    return result
+            made, result = self._kept_code(arguments)
+            if made:
+                return result
         return self._dispatcher(*arguments)
 
     def __getattr__(self, name: str) -> Any:

@@ -34,7 +34,7 @@ from isel_twin.base.files import atomic_write
 Kinds = tuple[Any, ...]  # of the arguments: (dtype, dimensions, writeable), int or float
 
 _NUMBERS = {int: ctypes.c_int64, float: ctypes.c_double}
-RETURNED = {"int64": ctypes.c_int64, "float64": ctypes.c_double, "bool": ctypes.c_bool, "none": None}
+RETURNED = {"int64": ctypes.c_int64, "float64": ctypes.c_double, "bool": ctypes.c_bool, "none": ctypes.c_void_p}
 _LIKE = {int: int, np.int64: int, float: float, np.float64: float}  # by numba's rules
 _LEAST, _MOST = -(2**63), 2**63 - 1
 
@@ -99,9 +99,9 @@ class Entry:
                 words += [None, None, value.size, value.itemsize, value.ctypes.data, *value.shape, *value.strides]
             else:
                 words.append(value)
-        result, error = (self._returned or ctypes.c_int64)(), ctypes.c_void_p()
-        status = self._call(ctypes.addressof(result), ctypes.addressof(error), *words)
-        return status == 0, None if self._returned is None else result.value
+        result, error = self._returned(), ctypes.c_void_p()
+        status = self._call(ctypes.byref(result), ctypes.byref(error), *words)
+        return status == 0, result.value
 
 
 def fits(kinds: Kinds, numba_words: Iterable[str]) -> bool:
@@ -126,11 +126,26 @@ def _words(kinds: Kinds) -> list[Any]:
 # ---- kept ------------------------------------------------------------------------------------------------------------
 
 
-def entries(function: Callable[..., Any], files: tuple[str, ...]) -> dict[Kinds, Entry]:
+class Kept:
     """What is kept of a function that contains code of other files, and fits this computer and their state."""
-    if not usable():
-        return {}
-    return {kinds: Entry(_link(code), code.returned, kinds) for kinds, code in _kept(function, files).items()}
+
+    def __init__(self, function: Callable[..., Any], files: tuple[str, ...]) -> None:
+        kept = _kept(function, files) if usable() else {}
+        self._entries = {kinds: Entry(_link(code), code.returned, kinds) for kinds, code in kept.items()}
+        self._met: dict[Kinds, Entry] = {}  # the same with the dtypes of calls, found without comparing fields
+
+    def __call__(self, arguments: tuple[Any, ...]) -> tuple[bool, Any]:
+        """Whether it has been carried out, and what it returns."""
+        kinds = kinds_of(arguments)
+        if kinds is None:
+            return False, None
+        entry = self._met.get(kinds)
+        if entry is None:
+            entry = self._entries.get(kinds)
+            if entry is None:
+                return False, None
+            self._met[kinds] = entry
+        return entry(arguments)
 
 
 def keep(function: Callable[..., Any], files: tuple[str, ...], kinds: Kinds, code: Code) -> None:
