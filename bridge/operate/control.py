@@ -16,9 +16,9 @@ use the same functions. No sockets here.
     {"stop": true}                      the server ends, as by SIGTERM
 
 Each acts in the loop of the server, at the present virtual time, which the answer contains. A wait ends when its
-condition is met: levels, states, idleness, collisions and times to the nanosecond, positions and counters at multiples
-of LOOK_NS. With `"pause": true` virtual time stops at that instant, the same one however fast time runs. A wrong
-request is a ControlError of one line, and changes nothing.
+condition is met: levels, states, idleness, messages, collisions and times to the nanosecond, positions and counters at
+multiples of LOOK_NS. With `"pause": true` virtual time stops at that instant, the same one however fast time runs. A
+wrong request is a ControlError of one line, and changes nothing.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.base.parameters import FileError, Limits, Place, hint, known, plain, table
 from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.bridge.operate.client import PATIENCE_S
+from isel_twin.bridge.operate.said import KINDS, Messages
 from isel_twin.bridge.serve.pacing import HIGHEST_SPEED, LOWEST_SPEED
 from isel_twin.bridge.serve.server import Server
 from isel_twin.core.twin import Twin
@@ -52,7 +53,7 @@ _MM = Limits("mm", -1e5, 1e5)
 _COUNT = Limits("steps", -1e10, 1e10)
 
 _ACTIONS = ("pause", "resume", "step", "speed", "state", "settable", "keys", "wait", "stop")
-_CONDITIONS = ("output", "input", "level", "position", "count", "idle", "time", "collision", "fault")
+_CONDITIONS = ("output", "input", "level", "position", "count", "idle", "time", "collision", "fault", *KINDS)
 _CONDITION_KEYS = (*_CONDITIONS, "is", "above", "below", "edge")
 _WAIT_KEYS = (*_CONDITION_KEYS, "timeout_s", "wall_s", "pause")
 _SWITCH_STATES = ("free", "struck", "ok")
@@ -95,6 +96,7 @@ class Operator:
         self._pacer = server.pacer
         self._twin = twin
         self._pending: list[Pending] = []
+        self._messages: Messages | None = None  # from the first wait for one on
 
     def ask(self, request: Any) -> Answer | Pending:
         """Carry out one request. Raises ControlError."""
@@ -337,6 +339,7 @@ class Operator:
             {"output": NAME, "is": NUMBER}     {"input": NAME, "is": STATE}     {"level": TERMINAL, "is": 0 or 1}
             {"position": AXIS, "above": MM}    {"count": AXIS, "below": STEPS}  {"idle": true}    {"time": SECONDS}
             {"collision": true}                two bodies have met since        {"fault": true}   the controller's error
+            {"replied": TEXT}, {"sent": TEXT}, {"remark": TEXT}      one that contains it is complete, from now on
 
         Positions are true ones in the zero and direction of the counters; `above` and `below` may be combined.
         """
@@ -362,6 +365,8 @@ class Operator:
             return _Condition(lambda: twin.time_ns >= time_ns, lambda: time_ns)
         if key in ("position", "count"):
             return self._beyond(key, content, place)
+        if key in KINDS:
+            return self._said(key, value, where)
         wanted, allowed = content["is"], place.at("is")
         if key == "input":
             _one_of(value, tuple(dict.fromkeys((*twin.settable, *twin.inputs))), where)
@@ -376,6 +381,14 @@ class Operator:
         if wanted not in (0, 1):
             raise allowed.wrong(f"{_shown(wanted)}; allowed: 0, 1")
         return _Condition(lambda: twin.levels.get(value) == bool(wanted))
+
+    def _said(self, kind: str, text: Any, place: Place) -> _Condition:
+        if not isinstance(text, str) or not text.strip():
+            raise place.wrong(f"{_shown(text)}; allowed: text that the message or its explanation contains")
+        if self._messages is None:
+            self._messages = Messages(self._twin)
+        watch = self._messages.watch(kind, text)
+        return _Condition(watch.met, watch.look_ns)
 
     def _check_companions(self, content: Mapping[str, Any], key: str, place: Place) -> None:
         """`is` goes with states, `above` and `below` with numbers, neither with the rest."""

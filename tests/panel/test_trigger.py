@@ -23,6 +23,22 @@ def alone(begin_ns: int, line_speed: bool) -> int:
     return twin.time_ns
 
 
+def replied(begin_ns: int, line_speed: bool) -> int:
+    """When the last byte of the reply to MOVE is on the line, ns: it is in the hand of a host from then on."""
+    twin = Twin(plant="kinematic", line_speed=line_speed)
+    assert twin.language is not None
+    for data in twin.language.reference():
+        twin.write(data)
+        twin.run_until_idle()
+    twin.read()
+    twin.run_until(begin_ns)
+    arrivals: list[int] = []
+    twin.listen(lambda _, kind, what: arrivals.append(what.arrival_ns) if kind == "received" else None)
+    twin.write(twin.language.frame(MOVE))
+    twin.run_until_idle()
+    return arrivals[-1]
+
+
 @pytest.mark.parametrize("speed", [None, 200.0, 37.0])
 def test_a_position_pauses_at_the_same_instant_at_any_speed(bench, browser, speed: float | None):
     page = browser(bench(speed=speed, ready=True))
@@ -54,12 +70,41 @@ def test_an_edge_pauses_at_its_nanosecond_and_a_level_that_is_so_already_does_no
     assert one.request(trigger=False)["ok"] == {"trigger": None}
 
 
+@pytest.mark.parametrize("speed", [None, 50.0])
+def test_a_reply_pauses_with_its_last_byte_at_the_end_of_the_move(bench, browser, speed: float | None):
+    """The iMC answers `0` to a move when it is over; the explanation of the reply is `done`."""
+    page = browser(bench(speed=speed, ready=True))
+    begin_ns = page.ask(pause=True)["time_ns"]
+    assert page.request(trigger={"replied": "DONE"})["ok"]["trigger"]["hit_s"] is None
+    assert "ok" in page.request(say=MOVE)
+    page.ask(resume=True)
+    page.until(lambda: page.frame["trigger"] and page.frame["trigger"]["hit_s"] is not None)
+    page.until(lambda: page.frame["paused"])
+    assert page.frame["time_ns"] == round(page.frame["trigger"]["hit_s"] * 1e9) == replied(begin_ns, speed is not None)
+    assert page.frame["counts"][0] == 16000
+
+
+def test_a_message_of_before_and_of_the_other_side_does_not_pause(bench, browser):
+    page = browser(bench(speed=50.0, ready=True))
+    page.ask(pause=True)
+    page.request(trigger={"sent": "@0A"})
+    page.request(say="@0P")  # another message, and its reply
+    page.ask(resume=True)
+    page.until(lambda: page.frame["trigger"] and page.frame["idle"])
+    assert (page.frame["trigger"]["hit_s"], page.frame["paused"]) == (None, False)
+    page.request(say=MOVE)
+    page.until(lambda: page.frame["paused"] and page.frame["trigger"]["hit_s"] is not None)
+    assert page.frame["counts"][0] < 16000
+
+
 @pytest.mark.parametrize(
     ("content", "said"),
     [
         ({"level": "p9.9", "is": 1}, "p9.9"),
         ({"position": "x"}, "allowed: above, below or both"),
         ({"position": "x", "above": 1, "timeout_s": 3}, "timeout_s"),
+        ({"replied": ""}, "replied"),
+        ({"sent": "@0A", "is": 1}, "says nothing of sent"),
         (True, "trigger"),
     ],
 )
