@@ -31,7 +31,8 @@ PATIENCE_S = 900.0
 
 
 def start(*words: object, **options: Any) -> Any:
-    """`isel-twin words...`, as `subprocess.Popen` with text in pipes. Options: cwd, stdin, stdout, stderr."""
+    """`isel-twin words...`, as `subprocess.Popen` with text in pipes. Options: cwd, stdin, stdout, stderr and
+    start_new_session."""
     if sys.platform != "linux":
         return start_anew(*words, **options)
     return Forked([str(word) for word in words], **options)
@@ -57,7 +58,13 @@ class Forked:
     """A forked process. What it has in common with `subprocess.Popen` means the same."""
 
     def __init__(
-        self, words: Sequence[str], cwd: Path | str = ".", stdin: Any = None, stdout: Any = PIPE, stderr: Any = PIPE
+        self,
+        words: Sequence[str],
+        cwd: Path | str = ".",
+        stdin: Any = None,
+        stdout: Any = PIPE,
+        stderr: Any = PIPE,
+        start_new_session: bool = False,
     ) -> None:
         self.returncode: int | None = None
         self._news, news = socket.socketpair()
@@ -75,7 +82,12 @@ class Forked:
                 pipes.append(pipe)
             self.stdin, self.stdout, self.stderr = pipes
             handed_over.callback(news.close)
-            request = {"words": words, "folder": os.path.abspath(cwd), "environment": dict(os.environ)}
+            request = {
+                "words": words,
+                "folder": os.path.abspath(cwd),
+                "environment": dict(os.environ),
+                "session": start_new_session,
+            }
             socket.send_fds(_template(), [json.dumps(request).encode()], [*files, news.fileno()])
         self.pid = NUMBER.unpack(self._news.recv(NUMBER.size))[0]
 
@@ -190,6 +202,8 @@ def _be_keeper(request: dict[str, Any], files: list[int]) -> NoReturn:
     pid = os.fork()
     if pid == 0:
         os.close(news)
+        if request["session"]:
+            os.setsid()
         _be_command(request, files)
     os.closerange(0, 3)  # who reads what the tests print does not wait for it
     for file in files:

@@ -9,7 +9,6 @@ import multiprocessing
 import os
 import re
 import signal
-import subprocess
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
@@ -31,7 +30,7 @@ from isel_twin.machine import load_machine, with_overrides
 from tests import forked
 from tests.near import near_switches
 
-pytestmark = pytest.mark.long(seconds=25)
+pytestmark = pytest.mark.long(seconds=20)
 
 SOUND = "@07\n@0R7\n@0A1600,5000,800,5000,0,900,0,900\n"
 AT_36_V = """based_on = "../near"
@@ -323,9 +322,8 @@ def test_nobody_reads_on(tmp_path: Path) -> None:
 def test_ctrl_c_of_a_terminal_ends_the_repetitions_and_shows_what_has_been_done(tmp_path: Path, jobs: str) -> None:
     """A terminal sends it to all processes of the command; so many repetitions would take minutes."""
     (tmp_path / "job.txt").write_text("@07\n@0R7\n")
-    words = [sys.executable, "-m", "isel_twin.cli", "run", "job.txt", "--robust", "1000", "--workers", jobs]
-    pipes: Any = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    with subprocess.Popen(words, cwd=tmp_path, start_new_session=True, **pipes) as command:
+    words = ("run", "job.txt", "--robust", "1000", "--workers", jobs)
+    with forked.start(*words, cwd=tmp_path, start_new_session=True) as command:
         assert command.stdout is not None
         assert any(line.startswith("all well") for line in command.stdout)
         time.sleep(0.5)  # amid a repetition, or in the start of the processes

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import subprocess
 import sys
 import time
 from functools import cache
@@ -243,9 +242,7 @@ def test_where_there_is_none_a_line_says_so(last: str, said: str, tmp_path: Path
 def test_ctrl_c_tells_of_what_is_not_known(tmp_path: Path) -> None:
     """Before any edge is found: nothing is told of what holds, and the last line keeps what was known before."""
     (tmp_path / "job.txt").write_text(LONG.format(hz=9000))
-    words = [sys.executable, "-m", "isel_twin.cli", "run", "job.txt", "--edge", "--json"]
-    pipes: Any = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    with subprocess.Popen(words, cwd=tmp_path, start_new_session=True, **pipes) as command:
+    with forked.start("run", "job.txt", "--edge", "--json", cwd=tmp_path, start_new_session=True) as command:
         assert command.stdout is not None
         summary = next(line for line in command.stdout if '"summary": true' in line)
         time.sleep(0.5)  # amid the search, which takes many

@@ -17,7 +17,7 @@ from tests.forked import PATIENCE_S
 from tests.many.studies.conftest import COMMAND
 from tests.near import near_switches
 
-pytestmark = pytest.mark.long(seconds=17)
+pytestmark = pytest.mark.long(seconds=14)
 
 ROWS = 24
 PLAN = """
@@ -85,7 +85,7 @@ def test_a_job_is_tuned_on_a_cluster_as_here(
 ) -> None:
     job, machine = tmp_path / "job.txt", near_switches(tmp_path, 2.0)
     job.write_text("@07\n@0R7\n@0M1600,5000,0,30,0,30,0,30\n", encoding="utf-8")
-    few = ("--trials", "3", "--robust", "1", "--confirm", "2", "--margin", "0", "--json", "--machine", str(machine))
+    few = ("--trials", "2", "--robust", "1", "--confirm", "1", "--margin", "0", "--json", "--machine", str(machine))
     told = []
     for name, crew in (("cluster", ("--cluster", dask[0])), ("here", ())):
         with pytest.raises(SystemExit) as caught:
