@@ -2,6 +2,8 @@
 
 Each is as real as one that was started: it has its own number, signals, files, and end of the interpreter. What shows
 the start itself (imports, compiling, what is read from the environment by then) needs `subprocess`.
+
+Bare ones have been imported, and run, as on a computer without what only POSIX has (tests/bare.py).
 """
 
 from __future__ import annotations
@@ -26,20 +28,23 @@ from typing import Any, NoReturn
 PIPE = subprocess.PIPE
 REQUEST_BYTES = 1 << 18
 NUMBER = struct.Struct("i")
+BARE = "bare"
 PATIENCE_S = 900.0
 """Longest wait of a test for what must come, however busy the computer is: only what never comes takes that long."""
 
 
 def start(*words: object, **options: Any) -> Any:
-    """`isel-twin words...`, as `subprocess.Popen` with text in pipes. Options: cwd, stdin, stdout, stderr."""
+    """`isel-twin words...`, as `subprocess.Popen` with text in pipes. Options: cwd, stdin, stdout, stderr and
+    start_new_session; bare: see above."""
     if sys.platform != "linux":
         return start_anew(*words, **options)
     return Forked([str(word) for word in words], **options)
 
 
-def start_anew(*words: object, **options: Any) -> subprocess.Popen[str]:
+def start_anew(*words: object, bare: bool = False, **options: Any) -> subprocess.Popen[str]:
     """The same with an interpreter that has imported nothing."""
-    command = [sys.executable, "-m", "isel_twin.cli", *map(str, words)]
+    program = [str(Path(__file__).with_name("bare.py"))] if bare else ["-m", "isel_twin.cli"]
+    command = [sys.executable, *program, *map(str, words)]
     return subprocess.Popen(command, text=True, **{"stdout": PIPE, "stderr": PIPE, **options})
 
 
@@ -57,7 +62,14 @@ class Forked:
     """A forked process. What it has in common with `subprocess.Popen` means the same."""
 
     def __init__(
-        self, words: Sequence[str], cwd: Path | str = ".", stdin: Any = None, stdout: Any = PIPE, stderr: Any = PIPE
+        self,
+        words: Sequence[str],
+        cwd: Path | str = ".",
+        stdin: Any = None,
+        stdout: Any = PIPE,
+        stderr: Any = PIPE,
+        start_new_session: bool = False,
+        bare: bool = False,
     ) -> None:
         self.returncode: int | None = None
         self._news, news = socket.socketpair()
@@ -75,8 +87,13 @@ class Forked:
                 pipes.append(pipe)
             self.stdin, self.stdout, self.stderr = pipes
             handed_over.callback(news.close)
-            request = {"words": words, "folder": os.path.abspath(cwd), "environment": dict(os.environ)}
-            socket.send_fds(_template(), [json.dumps(request).encode()], [*files, news.fileno()])
+            request = {
+                "words": words,
+                "folder": os.path.abspath(cwd),
+                "environment": dict(os.environ),
+                "session": start_new_session,
+            }
+            socket.send_fds(_template(bare), [json.dumps(request).encode()], [*files, news.fileno()])
         self.pid = NUMBER.unpack(self._news.recv(NUMBER.size))[0]
 
     def __enter__(self) -> Forked:
@@ -140,12 +157,12 @@ def _open(pipe: Any) -> bool:
 
 
 @functools.cache
-def _template() -> socket.socket:
+def _template(bare: bool) -> socket.socket:
     """The line to the template, which ends when this process does."""
     mine, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with its:
         root = Path(__file__).parents[1]
-        words = [sys.executable, "-m", "tests.forked", str(its.fileno())]
+        words = [sys.executable, "-m", "tests.forked", str(its.fileno()), *[BARE] * bare]
         subprocess.Popen(words, cwd=root, pass_fds=[its.fileno()])
     return mine
 
@@ -153,32 +170,41 @@ def _template() -> socket.socket:
 # ---- in the template ------------------------------------------------------------------------------------------------
 
 
-def _be_template(line: socket.socket) -> None:
+fork, no_hang = getattr(os, "fork", None), getattr(os, "WNOHANG", 0)  # a bare template hides them from what it forks
+
+
+def _be_template(line: socket.socket, bare: bool) -> None:
     """Fork for each request until nobody is left who could ask."""
+    assert fork is not None
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _import_everything()
+    if bare:
+        from tests.bare import hide
+
+        hide()
+    _import_everything(bare)
     while True:
         request, files, *_ = socket.recv_fds(line, REQUEST_BYTES, 4)
         if not request:
             return
-        if os.fork() == 0:
+        if fork() == 0:
             line.close()
             _be_keeper(json.loads(request), files)
         for file in files:
             os.close(file)
         with contextlib.suppress(ChildProcessError):
-            while os.waitpid(-1, os.WNOHANG)[0]:
+            while os.waitpid(-1, no_hang)[0]:
                 pass
 
 
-def _import_everything() -> None:
+def _import_everything(bare: bool) -> None:
     from isel_twin.core.warm import warm_up
     from tests.in_process import isel_twin
 
     for plant in ("kinematic", "mujoco"):
         warm_up(plant)
         isel_twin("run", "-", "--plant", plant, stdin="@07\n")
-        isel_twin("exec", "--plant", plant, "--", "python", "-c", "import serial")
+        if not bare:
+            isel_twin("exec", "--plant", plant, "--", "python", "-c", "import serial")
         isel_twin("serve", "--plant", plant, "--tcp", "nowhere")
     gc.collect()
     gc.freeze()
@@ -187,9 +213,12 @@ def _import_everything() -> None:
 def _be_keeper(request: dict[str, Any], files: list[int]) -> NoReturn:
     """The parent of the process; tells who it is and how it ended."""
     *files, news = files
-    pid = os.fork()
+    assert fork is not None
+    pid = fork()
     if pid == 0:
         os.close(news)
+        if request["session"]:
+            os.setsid()
         _be_command(request, files)
     os.closerange(0, 3)  # who reads what the tests print does not wait for it
     for file in files:
@@ -208,7 +237,8 @@ def _be_command(request: dict[str, Any], files: list[int]) -> NoReturn:
         os.dup2(file, number)
         os.close(file)
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    if hasattr(signal, "SIGHUP"):
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
     sys.dont_write_bytecode = True  # whose files may not grow would leave half of one for all others
     os.chdir(request["folder"])
     os.environ.clear()
@@ -224,4 +254,4 @@ def _be_command(request: dict[str, Any], files: list[int]) -> NoReturn:
 
 
 if __name__ == "__main__":
-    _be_template(socket.socket(fileno=int(sys.argv[1])))
+    _be_template(socket.socket(fileno=int(sys.argv[1])), BARE in sys.argv)

@@ -4,6 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+NEAR = tuple(
+    word
+    for axis in "xyz"
+    for end, mm in (("low", 2.0), ("high", 3.0))
+    for word in ("--set", f"axes.{axis}.power_on_{end}={mm}")
+)
+"""Options of a command that make any machine one of them."""
+
 
 def near_switches(folder: Path, mm: float, machine: str = "4030") -> Path:
     """A machine that is found so near its switches, or up to 1 mm farther, that the reference run is short."""

@@ -9,7 +9,6 @@ import multiprocessing
 import os
 import re
 import signal
-import subprocess
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
@@ -31,7 +30,7 @@ from isel_twin.machine import load_machine, with_overrides
 from tests import forked
 from tests.near import near_switches
 
-pytestmark = pytest.mark.long(seconds=25)
+pytestmark = pytest.mark.long(seconds=20)
 
 SOUND = "@07\n@0R7\n@0A1600,5000,800,5000,0,900,0,900\n"
 AT_36_V = """based_on = "../near"
@@ -304,9 +303,9 @@ def test_a_scenario_happens_in_each_repetition(run: Any, tmp_path: Path) -> None
 
 @pytest.mark.skipif(sys.platform == "win32", reason="pipes there do not break like that")
 def test_nobody_reads_on(tmp_path: Path) -> None:
-    """As `| head -1` does: no traceback, no thousand repetitions, and no success."""
+    """As `| head -1` does: no traceback, no hundred repetitions, and no success."""
     (tmp_path / "job.txt").write_text(SOUND)
-    with forked.start("run", "job.txt", "--robust", "1000", "--workers", "2", "--json", cwd=tmp_path) as child:
+    with forked.start("run", "job.txt", "--robust", "100", "--workers", "2", "--json", cwd=tmp_path) as child:
         assert child.stdout is not None
         assert child.stderr is not None
         assert json.loads(child.stdout.readline())["number"] == 1
@@ -321,11 +320,10 @@ def test_nobody_reads_on(tmp_path: Path) -> None:
 @pytest.mark.skipif(sys.platform == "win32", reason="no signals to a group of processes")
 @pytest.mark.parametrize("jobs", ["1", "2"])
 def test_ctrl_c_of_a_terminal_ends_the_repetitions_and_shows_what_has_been_done(tmp_path: Path, jobs: str) -> None:
-    """A terminal sends it to all processes of the command; so many repetitions would take minutes."""
+    """A terminal sends it to all processes of the command; so many repetitions would take a quarter of a minute."""
     (tmp_path / "job.txt").write_text("@07\n@0R7\n")
-    words = [sys.executable, "-m", "isel_twin.cli", "run", "job.txt", "--robust", "1000", "--workers", jobs]
-    pipes: Any = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    with subprocess.Popen(words, cwd=tmp_path, start_new_session=True, **pipes) as command:
+    words = ("run", "job.txt", "--robust", "100", "--workers", jobs)
+    with forked.start(*words, cwd=tmp_path, start_new_session=True) as command:
         assert command.stdout is not None
         assert any(line.startswith("all well") for line in command.stdout)
         time.sleep(0.5)  # amid a repetition, or in the start of the processes
@@ -333,7 +331,7 @@ def test_ctrl_c_of_a_terminal_ends_the_repetitions_and_shows_what_has_been_done(
         out, err = command.communicate(timeout=forked.PATIENCE_S)
     assert command.returncode == 130
     assert "Traceback" not in err
-    assert re.search(r"job.txt: interrupted after \d+ of 1000 repetitions", err)
+    assert re.search(r"job.txt: interrupted after \d+ of 100 repetitions", err)
     assert out.splitlines()[-1].startswith("unclear: ")
 
 

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import serial
@@ -16,34 +17,29 @@ import serial
 from isel_twin.base import files
 from isel_twin.bridge.serve import tcp
 from isel_twin.plant import native
+from tests import forked
 from tests.forked import PATIENCE_S
 
-pytestmark = pytest.mark.long(seconds=9)
-
-BARE = str(Path(__file__).with_name("bare.py"))
+HERE = Path(__file__).parent
 WAIT_S = PATIENCE_S
 
 
 def bare(*arguments: str, given: str = "") -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, BARE, *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=WAIT_S, input=given)
+    return forked.run(*arguments, input=given, bare=True)
 
 
 @pytest.fixture
-def listening() -> Iterator[list[subprocess.Popen[str]]]:
+def listening() -> Iterator[list[Any]]:
     """Processes that are to be ended."""
-    started: list[subprocess.Popen[str]] = []
+    started: list[Any] = []
     yield started
     for process in started:
         process.terminate()
         process.communicate(timeout=WAIT_S)
 
 
-def start(started: list[subprocess.Popen[str]], *arguments: str) -> dict[str, str]:
-    command = [sys.executable, BARE, *arguments]
-    started.append(subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True))
-    process = started[-1]
-    assert process.stdout is not None
+def start(started: list[Any], *arguments: str) -> dict[str, str]:
+    started.append(process := forked.start(*arguments, bare=True))
     line = process.stdout.readline()
     assert line, process.communicate(timeout=WAIT_S)[1]
     info: dict[str, str] = json.loads(line)
@@ -53,11 +49,11 @@ def start(started: list[subprocess.Popen[str]], *arguments: str) -> dict[str, st
 def test_the_modules_are_hidden():
     """Else the rest of this file shows nothing."""
     code = "import bare; bare.hide(); import isel_twin.bridge.serve.pty"
-    ended = subprocess.run([sys.executable, "-c", code], cwd=Path(BARE).parent, capture_output=True, text=True)
+    ended = subprocess.run([sys.executable, "-c", code], cwd=HERE, capture_output=True, text=True)
     assert "No module named 'fcntl'" in ended.stderr
     assert "bridge/serve/pty.py" in ended.stderr
     code = "import bare; bare.hide(); import os, select; print(hasattr(os, 'fork'), hasattr(select, 'poll'))"
-    ended = subprocess.run([sys.executable, "-c", code], cwd=Path(BARE).parent, capture_output=True, text=True)
+    ended = subprocess.run([sys.executable, "-c", code], cwd=HERE, capture_output=True, text=True)
     assert ended.stdout == "False False\n"
 
 

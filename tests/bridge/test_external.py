@@ -105,8 +105,9 @@ def test_nonsense_and_an_emergency_stop_in_the_middle_of_a_row(serve: Any, tmp_p
 
 
 def test_a_peer_killed_in_the_middle_of_a_row_and_its_session_as_a_file(serve: Any, tmp_path: Path) -> None:
-    """What it has asked for is made; who comes next counts on. The recording of all that is played to the bit."""
-    served = serve(*CALL, "--record", str(tmp_path / "live.mcap"), speed="20")
+    """What it has asked for is made; who comes next counts on. The recording of all that is played to the bit. The row
+    takes seconds of a clock, so that its middle is not missed."""
+    served = serve(*CALL, "--record", str(tmp_path / "live.mcap"), speed="1")
     peer = Peer(served.info["tcp"])
     peer.ask(ON)
     peer.socket.sendall(b"row 4000000000 6400 0 0\n")

@@ -224,7 +224,7 @@ def test_alerts_begin_and_end_and_who_comes_later_is_told(caplog: pytest.LogCapt
     told, server_told, late = Told(), Told(), Told()
 
     async def look() -> None:
-        serving = Serving(f"opc.tcp://{where}/", lambda: ControlClient(served.control), 0.01, None)
+        serving = Serving(f"opc.tcp://{where}/", lambda: ControlClient(served.control), 0.05, None)
         before = served.ask({"state": True})
         running = await listening(serving, before)
         async with Client(f"opc.tcp://{where}/") as client:

@@ -13,17 +13,11 @@ from isel_twin.controller import controller_names, offers
 from isel_twin.core import warm
 from isel_twin.language import HasExample, create_language
 from tests.in_process import isel_twin
+from tests.near import NEAR
 
 pytestmark = pytest.mark.long(seconds=16)
 
 FAMILIES = ("imc-s8", "ismif", "gmi99", "bwo900")
-NEAR = [
-    word
-    for axis in "xyz"
-    for end in ("low", "high")
-    for word in ("--set", f"axes.{axis}.power_on_{end}={2 if end == 'low' else 3}")
-]
-"""The carriages are found near their switches, so that reference runs are short."""
 
 
 def test_there_is_a_project_for_every_controller_of_the_package() -> None:

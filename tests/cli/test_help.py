@@ -31,18 +31,18 @@ def commands(inner: App, name: str = "") -> Iterator[tuple[str, App]]:
 
 
 COMMANDS = [(name, command) for name, command in commands(app) if command.default_command is not None]
-NUMBERS = [
-    (name, argument.name, argument.parameter.help or "")
-    for name, command in COMMANDS
-    for argument in command.assemble_argument_collection()
-    if {argument.hint, *typing.get_args(argument.hint)} & {int, float}
-]
 
 
 def test_each_number_says_what_it_is_in() -> None:
     """A unit, a share, a factor, or the number of what."""
-    assert len(NUMBERS) > 40
-    assert [option for option in NUMBERS if not UNIT.search(option[2])] == []
+    numbers = [
+        (name, argument.name, argument.parameter.help or "")
+        for name, command in COMMANDS
+        for argument in command.assemble_argument_collection()
+        if {argument.hint, *typing.get_args(argument.hint)} & {int, float}
+    ]
+    assert len(numbers) > 40
+    assert [option for option in numbers if not UNIT.search(option[2])] == []
 
 
 def test_each_option_and_command_is_explained() -> None:

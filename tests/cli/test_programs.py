@@ -347,7 +347,7 @@ def test_a_program_longer_than_the_memory_is_fed(program, capsys, monkeypatch, t
 @pytest.mark.parametrize("block", ["M24.2", "M23.5", "P500<3.5", "M29"])
 def test_one_that_leads_back_is_kept_however_long_it_is(program, capsys, monkeypatch, block: str) -> None:
     monkeypatch.setattr("isel_twin.firmware.bwo900.language.KEPT", 1000)
-    call("run", program(LONG.replace("N300 M30", f"N300 {block}")), *CONTROL, "--timeout", "60", "--json")
+    call("run", program(LONG.replace("N300 M30", f"N300 {block}")), *CONTROL, "--timeout", "1", "--json")
     assert next(line["command"] for line in ran(capsys) if "command" in line) == "P1, 300 blocks"
 
 

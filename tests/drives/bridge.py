@@ -33,7 +33,6 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
 SLOW, MIXED, AUTO = 0, 1, 2
 
@@ -166,6 +165,8 @@ def run(rig, start_rate, rate, ramp, hold, load, rise, steps_per_tick):
 
 def run_adaptive(rig: Rig, rate: float, hold: float, load: float) -> tuple[float, float]:
     """The same at an even rate and load, without damping: rotor angle at the end, mean torque of the last half."""
+    from scipy.integrate import solve_ivp  # half a second, for this file alone
+
     a = rig.array()
     tick, per_step = a[14], 0.5 * math.pi / a[9]
     y = np.array([0.0, 0.0, 0.0, rate / a[9] / (4.0 * a[10]) * 2.0 * math.pi])

@@ -21,7 +21,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba import njit
 from numpy.typing import NDArray
-from scipy import signal
 
 from isel_twin.cli.motor import motor as motor_command
 from isel_twin.drives.screw import Screw
@@ -78,10 +77,14 @@ class Rotor:
         return self.follow(np.full(round(seconds / self.dt_s), command), **others)
 
 
-def cascade(numerator: list[float]) -> signal.TransferFunction:
+def step_of_cascade(numerator: list[float], samples: int) -> NDArray[np.float64]:
+    """float64 [samples], from a step on."""
+    from scipy import signal  # half a second, for this file alone
+
     w_v, kv = DRIVE.speed_bandwidth_rad_s, DRIVE.position_gain_per_s
     reset_s = DRIVE.integral_ratio / w_v
-    return signal.TransferFunction(numerator, [reset_s, w_v * reset_s, w_v * (1 + kv * reset_s), w_v * kv])
+    made = signal.TransferFunction(numerator, [reset_s, w_v * reset_s, w_v * (1 + kv * reset_s), w_v * kv])
+    return signal.step(made, T=DT * np.arange(samples))[1]
 
 
 DAMPING = 0.5 * 0.8 * math.sqrt(4e-5 / 1.5e-3) / 0.1
@@ -99,7 +102,7 @@ def test_a_step_of_the_command_is_answered_as_the_linear_cascade_does():
     step = 0.1
     seen = rotor.stay(0.3, step / RAD)
     w_v, kv = DRIVE.speed_bandwidth_rad_s, DRIVE.position_gain_per_s
-    _, exact = signal.step(cascade([w_v * kv * RESET_S, w_v * kv]), T=DT * np.arange(len(seen) + 1))
+    exact = step_of_cascade([w_v * kv * RESET_S, w_v * kv], len(seen) + 1)
     assert np.abs(seen[:, 2]).max() < 12.0
     assert np.abs(seen[:, 3]).max() < 60.0
     assert np.abs(seen[:, 0] - step * exact[1:]).max() < 0.05 * step
@@ -110,7 +113,7 @@ def test_a_step_of_the_load_is_answered_as_the_linear_cascade_does():
     rotor.stay(0.01)
     load_nm = 0.4
     seen = rotor.stay(0.4, load_nm=load_nm)
-    _, exact = signal.step(cascade([-RESET_S / MOTOR.rotor_inertia_kgm2, 0.0]), T=DT * np.arange(len(seen) + 1))
+    exact = step_of_cascade([-RESET_S / MOTOR.rotor_inertia_kgm2, 0.0], len(seen) + 1)
     assert np.abs(seen[:, 2]).max() < 12.0
     assert np.abs(seen[:, 3]).max() < 60.0
     assert np.abs(seen[:, 0] - load_nm * exact[1:]).max() < 0.05 * load_nm * np.abs(exact).max()

@@ -1,4 +1,4 @@
-"""Every reader of files that somebody else may have made, against two hundred mutated ones.
+"""Every reader of files that somebody else may have made, against two hundred mutated ones in `make thorough`.
 
 `python -m tests.fuzz 10000` tries more."""
 
@@ -11,15 +11,14 @@ import pytest
 from tests.fuzz.mutate import mutated
 from tests.fuzz.readers import READERS
 from tests.fuzz.trial import trials
-
-pytestmark = pytest.mark.long(seconds=10)
+from tests.thorough import drawn
 
 FILES = 200
 
 
 @pytest.mark.parametrize("name", READERS)
 def test_a_mutated_file_is_read_or_refused_in_one_line(name: str, tmp_path: Path) -> None:
-    assert list(trials(READERS[name], tmp_path, FILES)) == []
+    assert list(trials(READERS[name], tmp_path, drawn(FILES))) == []
 
 
 def test_mutations_change_something_and_are_the_same_again() -> None:

@@ -13,6 +13,7 @@ from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import Arc, Dwell, Element, Line, Place, Point, Rapid
 from isel_twin.jobs.checks.contour import Contour, Drawing, drawing
 from tests.in_process import isel_twin
+from tests.near import NEAR
 
 pytestmark = pytest.mark.long(seconds=11)
 
@@ -126,7 +127,7 @@ MACHINES = {"imc-s8": "4030", "ismif": "4030", "gmi99": "4030-servo", "bwo900": 
 def findings(folder: Path, controller: str, *options: str, part: str = PART, cam: str = "") -> list[dict[str, str]]:
     (folder / "part.nc").write_text(part)
     (folder / "isel-twin.toml").write_text(f"[cam]\nzero = [0, 0, 40]\n{cam}\n")
-    call = ("--controller", controller, "--machine", MACHINES[controller], "--json", *options)
+    call = ("--controller", controller, "--machine", MACHINES[controller], *NEAR, "--json", *options)
     told = json.loads(isel_twin("check", folder / "part.nc", *call).stdout)
     return [one for one in told["findings"] if one["rule"] in ("contour", "effect")]
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import subprocess
 import sys
 import time
 from functools import cache
@@ -25,11 +24,12 @@ from isel_twin.jobs.playing import played
 from isel_twin.language import create_language
 from tests import forked
 from tests.in_process import isel_twin
+from tests.near import near_switches
 
-pytestmark = pytest.mark.long(seconds=19)
+pytestmark = pytest.mark.long(seconds=11)
 
-LONG = "@07\n@0N7\n@0J60\n@0A64000,{hz},0,30,0,30,0,30\n"
-"""200 mm of X: at 48 V and 60 Hz/ms all is lost from between 25 500 and 26 000 Hz on."""
+LONG = "@07\n@0N7\n@0J60\n@0A32000,{hz},0,30,0,30,0,30\n"
+"""100 mm of X: at 48 V and 60 Hz/ms all is lost from between 25 500 and 26 000 Hz on."""
 
 
 @cache
@@ -307,9 +307,7 @@ def test_where_there_is_none_a_line_says_so(last: str, said: str, tmp_path: Path
 def test_ctrl_c_tells_of_what_is_not_known(tmp_path: Path) -> None:
     """Before any edge is found: nothing is told of what holds, and the last line keeps what was known before."""
     (tmp_path / "job.txt").write_text(LONG.format(hz=9000))
-    words = [sys.executable, "-m", "isel_twin.cli", "run", "job.txt", "--edge", "--json"]
-    pipes: Any = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    with subprocess.Popen(words, cwd=tmp_path, start_new_session=True, **pipes) as command:
+    with forked.start("run", "job.txt", "--edge", "--json", cwd=tmp_path, start_new_session=True) as command:
         assert command.stdout is not None
         summary = next(line for line in command.stdout if '"summary": true' in line)
         time.sleep(0.5)  # amid the search, which takes many
@@ -379,7 +377,8 @@ def test_the_edge_of_a_servo_axis_is_where_its_drive_switches_itself_off(
     makes no more than P12004, 100 000."""
     job = tmp_path / "job.txt"
     job.write_text(text)
-    done = isel_twin("run", job, "--controller", controller, "--machine", "4030-servo", "--edge", "--json")
+    machine = near_switches(tmp_path, 2.0, "4030-servo")
+    done = isel_twin("run", job, "--controller", controller, "--machine", machine, "--edge", "--json")
     assert (done.returncode, done.stderr) == (0, "")
     edge = json.loads(done.stdout.splitlines()[-1])["edge"]
     if controller == "bwo900":

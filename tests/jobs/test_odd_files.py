@@ -13,6 +13,7 @@ import pytest
 from isel_twin.firmware import imc
 from tests.cam.wild import WILD
 from tests.in_process import isel_twin
+from tests.near import NEAR
 
 COMMANDS = [("run",), ("check",), ("convert",), ("tune",), ("golden", "record")]
 TWICE = COMMANDS[1:]  # read it twice, or keep something beside it
@@ -160,6 +161,6 @@ def test_files_as_owners_have_them_are_swept(tmp_path: Path) -> None:
 def test_a_file_as_an_owner_has_it_is_tuned(tmp_path: Path) -> None:
     (tmp_path / "isel-twin.toml").write_text(SETTINGS)
     (tmp_path / "vectric.ncp").write_bytes(WILD["vectric.ncp"])
-    done = isel_twin("tune", tmp_path / "vectric.ncp", "--trials", "1", "--confirm", "1")
+    done = isel_twin("tune", tmp_path / "vectric.ncp", "--trials", "1", "--confirm", "1", *NEAR)
     assert (done.returncode, done.stderr) == (0, "")
     assert "@0M" in (tmp_path / "vectric.tuned.ncp").read_text()

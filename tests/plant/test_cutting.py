@@ -8,7 +8,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
 
 from isel_twin import Twin
 from isel_twin.base.parameters import Place
@@ -31,6 +30,8 @@ def cut_n(plant):
 def mean_n(cut: Cut, feed_mm: float) -> tuple[float, float]:
     """Mean force on the tool along the feed and to its left, N: the integral over the arc of a tooth, times teeth
     (Altintas, 2.2; Kienzle's law and the force of the edge: the head of cutting.py)."""
+    from scipy.integrate import quad  # half a second, for this file alone
+
     engaged = math.acos(1.0 - 2.0 * cut.width_mm / cut.diameter_mm)
     ends = (math.pi - engaged, math.pi) if cut.climb else (0.0, engaged)
 

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy import signal
 
 from isel_twin import Twin
 from isel_twin.drives.servo_drive import ServoDrive
@@ -32,6 +31,8 @@ def trapezoid(speed: float, acceleration: float, length: float) -> NDArray[np.fl
 
 def arrival_s(drive: ServoDrive, places: NDArray[np.float64]) -> float:
     """From the end of the command to the last moment outside the window, by SciPy from the transfer function."""
+    from scipy import signal  # half a second, for this file alone
+
     kv, w_v, kff = drive.position_gain_per_s, drive.speed_bandwidth_rad_s, drive.feed_forward
     t_i = drive.integral_ratio / w_v
     dt = 1e-4

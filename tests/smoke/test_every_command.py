@@ -13,6 +13,7 @@ import pytest
 from isel_twin.cli import app
 from tests.forked import PATIENCE_S, start
 from tests.in_process import isel_twin
+from tests.near import NEAR as START
 from tests.near import near_switches
 
 pytestmark = pytest.mark.long(seconds=12)
@@ -109,7 +110,7 @@ def test_all_commands_are_tried() -> None:
 def test_a_job(controller: str, tmp_path: Path) -> None:
     machine, job = JOBS[controller]
     (tmp_path / "job.txt").write_text(job)
-    done = isel_twin("run", tmp_path / "job.txt", "--machine", machine, "--controller", controller)
+    done = isel_twin("run", tmp_path / "job.txt", "--machine", machine, "--controller", controller, *START)
     assert (done.returncode, "Traceback" in done.stderr) == (0, False), done
 
 

@@ -17,7 +17,6 @@ from typing import Any, Final
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy import signal
 
 from isel_twin import Twin
 
@@ -53,6 +52,8 @@ class Ride:
 @cache
 def ride(name: str) -> Ride:
     """A sample program from its start to its end, after the reference run."""
+    from scipy import signal  # half a second, for this file alone
+
     twin = Twin(controller="bwo900", machine="4030-servo", start_mm=START_MM)
     remarks: list[str] = []
     steps = list(begin(twin, name))

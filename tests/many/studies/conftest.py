@@ -1,15 +1,13 @@
-"""Small plans, and the command in a process of its own."""
+"""Small plans."""
 
 from __future__ import annotations
 
 import shutil
-import sys
 from pathlib import Path
 
 import pytest
 
 PLANS = Path(__file__).parent / "plans"
-COMMAND = (sys.executable, "-m", "isel_twin.cli", "sweep")
 
 
 @pytest.fixture

@@ -5,19 +5,19 @@ from __future__ import annotations
 import json
 import os
 import signal
-import subprocess
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from isel_twin.base.crew import versions
 from isel_twin.cli import main
+from tests import forked
 from tests.forked import PATIENCE_S
-from tests.many.studies.conftest import COMMAND
 from tests.near import near_switches
 
-pytestmark = pytest.mark.long(seconds=17)
+pytestmark = pytest.mark.long(seconds=14)
 
 ROWS = 24
 PLAN = """
@@ -52,9 +52,8 @@ def expected(plan: Path, file: Path) -> bytes:
     return file.read_bytes()
 
 
-def rows_while(process: subprocess.Popen[str], after: int, kill: list[int]) -> list[int]:
+def rows_while(process: Any, after: int, kill: list[int]) -> list[int]:
     """Numbers of the rows as they are told; so many have come, the first of these processes is killed."""
-    assert process.stdout is not None
     rows: list[int] = []
     for line in process.stdout:
         row = json.loads(line)
@@ -70,8 +69,7 @@ def test_a_cluster_of_two_of_which_one_is_killed(dask: tuple[str, list[int]], pl
     address, pids = dask
     plan = plans / "many.toml"
     plan.write_text(PLAN, encoding="utf-8")
-    command = [*COMMAND, str(plan), "--cluster", address, "--json"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+    with forked.start("sweep", plan, "--cluster", address, "--json", stderr=None) as process:
         rows = rows_while(process, ROWS // 2, pids)
         assert process.wait(PATIENCE_S) == 0
     assert len(pids) == 1, "one was killed, half-way"
@@ -85,7 +83,7 @@ def test_a_job_is_tuned_on_a_cluster_as_here(
 ) -> None:
     job, machine = tmp_path / "job.txt", near_switches(tmp_path, 2.0)
     job.write_text("@07\n@0R7\n@0M1600,5000,0,30,0,30,0,30\n", encoding="utf-8")
-    few = ("--trials", "3", "--robust", "1", "--confirm", "2", "--margin", "0", "--json", "--machine", str(machine))
+    few = ("--trials", "2", "--robust", "1", "--confirm", "1", "--margin", "0", "--json", "--machine", str(machine))
     told = []
     for name, crew in (("cluster", ("--cluster", dask[0])), ("here", ())):
         with pytest.raises(SystemExit) as caught:
@@ -116,9 +114,7 @@ def test_nothing_is_tuned_on_workers_with_other_versions(
 def test_processes_of_this_computer_of_which_one_is_killed(plans: Path) -> None:
     plan = plans / "many.toml"
     plan.write_text(PLAN.replace("seeds = 4", "seeds = 2"), encoding="utf-8")
-    command = [*COMMAND, str(plan), "--workers", "2", "--json"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
+    with forked.start("sweep", plan, "--workers", "2", "--json", stderr=None) as process:
         rows = [json.loads(process.stdout.readline())["row"]]
         os.kill(workers_of(process.pid)[0], signal.SIGKILL)
         rows += rows_while(process, 0, [])

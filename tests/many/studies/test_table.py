@@ -7,7 +7,6 @@ import os
 import re
 import shutil
 import signal
-import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +20,8 @@ from isel_twin.many.studies.plan import load_plan
 from isel_twin.many.studies.points import points
 from isel_twin.many.studies.row import OUTCOMES
 from isel_twin.many.studies.table import Table, journal_of, read_rows
+from tests import forked
 from tests.forked import PATIENCE_S
-from tests.many.studies.conftest import COMMAND
 
 OUTCOME = {**dict.fromkeys(OUTCOMES), "ok": True, "cycle_s": 1.5}
 
@@ -193,9 +192,8 @@ ramp = [100]
 """
 
 
-def begun(plan: Path, *options: str) -> subprocess.Popen[str]:
-    command = [*COMMAND, str(plan), "--json", *options]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+def begun(plan: Path, *options: str) -> Any:
+    return forked.start("sweep", plan, "--json", *options)
 
 
 def test_a_kill_loses_no_row_and_readers_find_a_whole_file_at_any_time(plans: Path) -> None:
