@@ -283,6 +283,10 @@ def test_alerts_begin_and_end_and_who_comes_later_is_told(caplog: pytest.LogCapt
             True,
         )
         assert (begun.SourceName, begun.ConditionName, begun.ActiveState.Text) == ("4030", name, "Active")
+        assert (begun.EnabledState.Text, getattr(begun, "EnabledState/Id")) == ("Enabled", True)
+        assert (begun.AckedState.Text, getattr(begun, "AckedState/Id")) == ("Acknowledged", True)
+        assert (begun.SuppressedOrShelved, begun.LastSeverity, begun.BranchId.is_null()) == (False, severity, True)
+        assert (begun.ConditionClassName.Text, begun.ClientUserId) == ("SystemConditionClassType", "")
         assert events[name, False].Retain is False
         assert events[name, False].NodeId == begun.NodeId, "the same condition"
     assert events["lost_x", True].Message.Text.startswith("x has lost ")
