@@ -1,7 +1,8 @@
 """The BWO 900: blocks read and planned in a second, at full speed through 0.1 mm pieces, memory of a long program.
 
 Ten thousand blocks a second are a hundred metres a minute in pieces of 0.1 mm and more than the control itself reads
-(block cycle time 1.5 ms and less). Plain blocks on the short way take at most two ninths of the general one.
+(block cycle time 1.5 ms and less). Plain blocks on the short way take at most a sixth of the general one; an exact
+stop takes four looks at the drives.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from time import process_time
 import numpy as np
 import pytest
 from firmware.bwo900.run import programs
+from firmware.bwo900.test_left_out import counted, each_look_made, ready
 from firmware.bwo900.test_plain import general_way
 from pytest_benchmark.fixture import BenchmarkFixture
 
@@ -99,7 +101,36 @@ def test_plain_blocks_beside_the_general_way(benchmark: BenchmarkFixture) -> Non
     benchmark.pedantic(lambda: turns.append((general(), plan(BLOCKS // 4))), rounds=1)
     times = statistics.median(slow / fast for slow, fast in turns)
     benchmark.extra_info["general way, times the short one"] = times
-    assert times >= 4.5
+    assert times >= 6.0
+
+
+@pytest.mark.benchmark(group="bwo900")
+def test_looks_of_an_exact_stop(benchmark: BenchmarkFixture) -> None:
+    """A program of forty exact stops without physics, looks at the drives left out and each made, in turn, in CPU time;
+    how often the controller looks at a stop."""
+    twin = ready("kinematic", [f"G00 X{12 + n % 2} Y{13 + n % 3}" for n in range(40)])
+    state = twin.save()
+
+    def drive() -> tuple[float, int]:
+        twin.restore(state)
+        began = process_time()
+        with counted() as looks:
+            twin.run_until_idle()
+        return process_time() - began, len(looks)
+
+    def each_made() -> tuple[float, int]:
+        with each_look_made():
+            return drive()
+
+    drive()
+    turns = [(each_made(), drive()) for _ in range(4)]
+    benchmark.pedantic(lambda: turns.append((each_made(), drive())), rounds=1)
+    benchmark.extra_info["looks a stop, each made"] = turns[0][0][1] / 40
+    benchmark.extra_info["looks a stop"] = turns[0][1][1] / 40
+    share = statistics.median(few[0] / all_looks[0] for all_looks, few in turns)
+    benchmark.extra_info["CPU time over that with each look made"] = share
+    assert turns[0][1][1] <= 4 * 40
+    assert share <= 0.5
 
 
 @pytest.mark.benchmark(group="bwo900")

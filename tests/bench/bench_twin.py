@@ -157,6 +157,28 @@ def test_short_moves(benchmark: Any, plant: str) -> None:
     assert plant != "kinematic" or questions <= 6.0
 
 
+@pytest.mark.benchmark(group="twin, short moves")
+def test_short_moves_on_a_timed_line(benchmark: Any) -> None:
+    """The same moves, each byte at its time, over those whose bytes take none, in turn, in CPU time, the least of each:
+    a command is one event."""
+    timed, untimed = ready("kinematic"), ready("kinematic")
+    timed.line_speed = True
+    moves = [f"@0A{sign}{320 + k},5000,{sign}{160 + k},5000,0,30,0,30" for k in range(50) for sign in ("", "-")]
+
+    def spent(twin: Twin) -> float:
+        cpu = time.process_time()
+        for command in moves:
+            assert twin.query(command) == "0"
+        return time.process_time() - cpu
+
+    turns = [(spent(timed), spent(untimed)) for _ in range(20)]
+    benchmark.pedantic(lambda: turns.append((spent(timed), spent(untimed))), rounds=1)
+    least = np.min(turns, axis=0)
+    benchmark.extra_info["us a move, by CPU"] = least[0] / len(moves) * 1e6
+    benchmark.extra_info["over moves whose bytes take no time"] = least[0] / least[1]
+    assert least[0] / least[1] <= 2.0
+
+
 @pytest.mark.benchmark(group="twin, one hour at rest")
 @pytest.mark.parametrize("plant", ["kinematic", "mujoco"])
 def test_idle_hour(benchmark: Any, plant: str) -> None:

@@ -158,9 +158,10 @@ class Connected:
         run = self._controller.run
         if self._stream.follow(run, self.time_ns):
             self._note("motion", run)
-            direction = self._controller.direction  # it changes only between motions
-            self._sense = None if min(direction) > 0 else np.array(direction, dtype=np.int8)
-            self._position.follow_direction()
+            if run is not None:  # the direction changes only between motions
+                direction = self._controller.direction
+                self._sense = None if min(direction) > 0 else np.array(direction, dtype=np.int8)
+                self._position.follow_direction()
             self._wiring.motion(self._stream.moving)
         outputs_changed = False
         for event in events:

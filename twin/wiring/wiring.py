@@ -146,7 +146,7 @@ class Wiring:
 
     def settle(self, t_ns: int) -> bool:
         """Do what is due at t_ns, the present; return whether levels may have changed."""
-        if self._follow_plant(t_ns) or self._follow_spindle(t_ns):
+        if self._follow_plant(t_ns) or (self._spindle is not None and self._follow_spindle(t_ns)):
             return True
         if self._heat.next_ns is not None and self._heat.next_ns <= t_ns:
             self._heat.advance(self.plant.current_fraction.tolist())
@@ -247,7 +247,8 @@ class Wiring:
         self._outputs[name] = value
         self._drives_told |= name in ("stages", "brake", "current_lowering")
         self._cabinet.output(name, value)
-        self._look()
+        if self._schedule.of_states:
+            self._look()
 
     def outputs_lost(self) -> None:
         """Reset the outputs to their state at power-on: the controller restarts or has no supply (wiring/8)."""

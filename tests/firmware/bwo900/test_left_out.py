@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -12,7 +12,6 @@ from isel_twin import Twin
 from isel_twin.firmware.bwo900.realtime.channel import Channel, State
 
 BLOCKS = ("G00 X12 Y11 Z12", "X14", "Y12 G04.0,05", "G01 F3000 X13 G09", "G00 X12", "M30")
-PROGRAM = "P1\n" + "".join(f"N{10 * n + 10} {block}\n" for n, block in enumerate(BLOCKS)) + "#\n"
 BOTH = pytest.mark.parametrize("plant", ["kinematic", "mujoco"])
 Happens = Callable[[Twin], Twin]
 
@@ -39,10 +38,11 @@ def counted() -> Iterator[list[int]]:
         yield looks
 
 
-def ready(plant: str) -> Twin:
-    """Referenced, and the program begun."""
+def ready(plant: str, blocks: Sequence[str]) -> Twin:
+    """Referenced, and a program of these blocks begun."""
+    program = "P1\n" + "".join(f"N{10 * n + 10} {block}\n" for n, block in enumerate(blocks)) + "#\n"
     twin = Twin(controller="bwo900", machine="4030-servo", plant=plant, start_mm=(2.0, 2.0, 2.0))
-    *steps, last = [b"".join(data) for _, data in twin.language.job(PROGRAM)]
+    *steps, last = [b"".join(data) for _, data in twin.language.job(program)]
     for data in steps:
         twin.write(data)
         twin.run_until_idle()
@@ -145,5 +145,5 @@ def test_the_program_comes_to_the_same(plant: str, happens: Happens, started: di
 
 @pytest.fixture(scope="module")
 def started() -> dict[str, Any]:
-    twins = {plant: ready(plant) for plant in ("kinematic", "mujoco")}
+    twins = {plant: ready(plant, BLOCKS) for plant in ("kinematic", "mujoco")}
     return {**twins, **{f"{plant} begun": twin.save() for plant, twin in twins.items()}}

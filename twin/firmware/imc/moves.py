@@ -39,7 +39,7 @@ def travel(device: Device, legs: Sequence[Leg], until: Until | None = None) -> A
 
     None if there is nothing to travel: then a stopped move can still be resumed.
     """
-    return _travel(device, legs, until) if any(leg.path.ticks for leg in legs) else None
+    return _travel(device, legs, until) if any([leg.path.ticks for leg in legs]) else None
 
 
 def _travel(device: Device, legs: Sequence[Leg], until: Until | None) -> Activity:

@@ -48,7 +48,8 @@ class Inputs:
 
     def __init__(self, levels: Mapping[str, bool]) -> None:
         self._ports = [0] * 4
-        self._signals = dict.fromkeys(SIGNALS, False)
+        self.signals = dict.fromkeys(SIGNALS, False)
+        """Levels of the status inputs."""
         for terminal, level in levels.items():
             self.set(terminal, level)
 
@@ -62,7 +63,7 @@ class Inputs:
             return None
         self._ports[port] ^= 1 << bit
         if (signal := _SIGNAL_AT.get((port, bit))) is not None:
-            self._signals[signal] = level
+            self.signals[signal] = level
         return port, bit
 
     def port(self, number: int) -> int:
@@ -72,10 +73,10 @@ class Inputs:
         return bool(self._ports[port] >> bit & 1)
 
     def __getitem__(self, signal: str) -> bool:
-        return self._signals[signal]
+        return self.signals[signal]
 
     def all(self, *signals: str) -> bool:
-        return all(map(self._signals.__getitem__, signals))
+        return all(map(self.signals.__getitem__, signals))
 
 
 @dataclass(frozen=True)

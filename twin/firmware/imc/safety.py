@@ -65,4 +65,5 @@ def powered(inputs: Inputs) -> bool:
 
 def hood_safe(inputs: Inputs) -> bool:
     """The hood is closed, or the key is on setup. Both hood contacts must be closed: a broken wire counts as open."""
-    return inputs["hood_setup"] and (inputs["setup"] or inputs["hood_automatic"])
+    signals = inputs.signals
+    return signals["hood_setup"] and (signals["setup"] or signals["hood_automatic"])
