@@ -19,7 +19,7 @@ from isel_twin.many.identification.fit import Fit, fit
 from isel_twin.many.identification.measured import Measured, Reading
 from isel_twin.many.identification.page import page
 from isel_twin.many.identification.patch import as_json, patch
-from isel_twin.many.identification.session import Datum, Session, session_of, stand_alone
+from isel_twin.many.identification.session import REST_SIGMA_MM, Datum, Session, session_of, stand_alone
 from isel_twin.many.identification.stand_in import carry_out
 from isel_twin.many.identification.unknowns import unknown
 from tests.near import near_switches
@@ -154,6 +154,26 @@ def coasting(monkeypatch: pytest.MonkeyPatch, changed: dict[str, float], *names:
     return fit(
         machine, [unknown(machine, name) for name in names], [stand_alone("day", Measured(readings), CONTROLLER)], []
     )
+
+
+def test_what_is_within_the_scatter_tells_nothing_and_confounds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two readings of one mounting, apart by A = 5 deviations of one number, and by B = 0.5 of the other, which is as
+    little as their scatter. Their difference has twice the variance of one, so with a = A / sqrt 2 and b = B / sqrt 2
+    the first keeps 1 / (1 + a^2 / (1 + b^2)) of its variance, and the second all."""
+    machine = load_machine("4030")
+    friction, backlash = (unknown(machine, name) for name in ("axes.x.guide_friction", "backlash.x"))
+    sigma = math.hypot(0.005, REST_SIGMA_MM)
+
+    def predicted(session: Session, one: Machine) -> np.ndarray:
+        first, second = friction.at(one.axes[0].guide_friction_n), backlash.at(one.axes[0].screw.backlash_mm)
+        return np.array([0.0, sigma * (5.0 * first + 0.5 * second)])
+
+    monkeypatch.setattr(replays_module, "predict", predicted)
+    readings = tuple(Reading("day", n, "x", 0.0, sigma_mm=0.005) for n in (1, 2))
+    result = fit(machine, [friction, backlash], [stand_alone("day", Measured(readings), CONTROLLER)], [])
+    first, second = result.estimates
+    assert first.remaining**2 == pytest.approx(1.0 / (1.0 + 12.5 / 1.125), rel=1e-3)
+    assert second.remaining == pytest.approx(1.0)
 
 
 def test_a_search_that_had_not_ended_is_said(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -135,15 +135,6 @@ def test_any_executor_gives_the_same_bits(found: Found) -> None:
     assert [each.tobytes() for each in one] == [each.tobytes() for each in other]
 
 
-def test_the_first_reference_run_says_nothing_of_the_machine(found: Found) -> None:
-    """It begins wherever the carriages happened to stand."""
-    session = found.sessions[0]
-    assert session.unknown_start == {3}
-    labels = [item.label for item in session.data if item.kind == "duration"]
-    assert "3: @0R7" not in labels
-    assert any(label.endswith("@0R7") for label in labels)
-
-
 def test_a_zero_of_the_gauge_makes_no_difference(found: Found) -> None:
     session = found.sessions[1]
     shifted = tuple(

@@ -13,11 +13,13 @@ The noise of gauges and clocks is estimated from repeats first (noise.py).
 them (laws.py). They are parameters of u like the others, behind them, and a datum each: u^2 counts in chi^2.
 
 **After it**: cov = (J'J / max(1, chi^2) + 1)^-1 with chi^2 per degree of freedom: a bad fit claims no precision, and no
-fit is less sure than the prior. 95 % intervals are in u, so never negative for a positive value, and as wide as the
-profile of the likelihood wants them (profile.py). A chi^2 beyond the quantile FITS of its distribution says that the
-model does not explain the data: then no number is `measured`, whatever its interval, and the data that misfit most are
-named (many/15). Laws that predict better than what the file says, by data held back from both, are named (laws.py).
-Numbers behind a common factor that no datum moves, or that the data do not tell apart, are found as well (reach.py).
+fit is less sure than the prior. Differences within the scatter of the model, which J leaves out, may be effects all the
+same: they stand in J as those of further numbers of that prior, so they tell nothing and confound (many/23). 95 %
+intervals are in u, so never negative for a positive value, and as wide as the profile of the likelihood wants them
+(profile.py). A chi^2 beyond the quantile FITS of its distribution says that the model does not explain the data: then
+no number is `measured`, whatever its interval, and the data that misfit most are named (many/15). Laws that predict
+better than what the file says, by data held back from both, are named (laws.py). Numbers behind a common factor that no
+datum moves, or that the data do not tell apart, are found as well (reach.py).
 
 **The search** asks for a Jacobian by differences at its start only, as each costs 2 n replays; on its way it is
 corrected by the steps taken. Where the search ends another one starts, until one ends near its start. If MOST_SEARCHES
@@ -241,13 +243,14 @@ def fit(
     expected = prospect(unknowns, model.jacobian(zero)[:, :asked])
     if told is not None:
         told(expected)
-    u, last, unsettled = _searched(model)
+    u, at, unsettled = _searched(model)
+    last, chance = model.jacobian(at), model.by_chance(at)
     after = model.residuals_at(u)
     freedom = model.freedom(after, asked)
     chi2 = (model.squares(after) + float(u[asked:] @ u[asked:])) / freedom
     limit = float(chi2_of.ppf(FITS, freedom)) / freedom
     unreached, alike = behind_factors(model, u, last, chi2)
-    covariance, alone = _covariance(last, chi2), _covariance(last[:, :asked], chi2)
+    covariance, alone = _covariance(last, chance, chi2), _covariance(last[:, :asked], chance, chi2)
     deviation = np.sqrt(np.diag(covariance))
     ends = NORMAL_95 * np.outer(deviation, np.ones(2))
     ends[:asked] = profile(model, asked, u, last, covariance, chi2)
@@ -296,7 +299,7 @@ def _in_words(item: Unknown) -> str:
 
 
 def _searched(model: Model) -> tuple[Floats, Floats, float]:
-    """The u of the least cost, the Jacobian there, or near, and `unsettled`."""
+    """The u of the least cost, where the Jacobian is, there or near, and `unsettled`."""
     from scipy.optimize import least_squares
 
     u, gained = np.zeros(len(model.unknowns)), 0.0
@@ -313,18 +316,21 @@ def _searched(model: Model) -> tuple[Floats, Floats, float]:
         )
         start, u = u, np.round(solved.x, 12)  # as predictions are known by
         if float(np.abs(u - start).max(initial=0.0)) < NEAR:
-            return u, model.jacobian(start), 0.0
+            return u, start, 0.0
         gained = _cost(model, start) - _cost(model, u)
-    return u, model.jacobian(u), gained
+    return u, u, gained
 
 
 def _cost(model: Model, u: Floats) -> float:
     return float((model.residuals_at(u) ** 2).sum() + u @ u)
 
 
-def _covariance(jacobian: Floats, chi2: float) -> Floats:
-    inner = jacobian.T @ jacobian / max(1.0, chi2) + np.eye(jacobian.shape[1])
-    return np.asarray(np.linalg.inv(inner), dtype=np.float64)
+def _covariance(jacobian: Floats, chance: Floats, chi2: float) -> Floats:
+    """[n, n] with J [data, n] and effects of further numbers [data, m]."""
+    design = np.column_stack([jacobian, chance])
+    inner = design.T @ design / max(1.0, chi2) + np.eye(design.shape[1])
+    count = jacobian.shape[1]
+    return np.asarray(np.linalg.inv(inner)[:count, :count], dtype=np.float64)
 
 
 class _Secants:
