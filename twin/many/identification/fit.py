@@ -14,7 +14,7 @@ them (laws.py). They are parameters of u like the others, behind them, and a dat
 
 **After it**: cov = (J'J / max(1, chi^2) + 1)^-1 with chi^2 per degree of freedom: a bad fit claims no precision, and no
 fit is less sure than the prior. Differences within the scatter of the model, which J leaves out, may be effects all the
-same: they stand in J as those of further numbers of that prior, so they tell nothing and confound (many/23). 95 %
+same: they stand in J as those of further numbers of that prior, so they tell nothing and confound (many/24). 95 %
 intervals are in u, so never negative for a positive value, and as wide as the profile of the likelihood wants them
 (profile.py). A chi^2 beyond the quantile FITS of its distribution says that the model does not explain the data: then
 no number is `measured`, whatever its interval, and the data that misfit most are named (many/15). Laws that predict
