@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -72,14 +73,15 @@ def limits_rad_s(machine: Machine, supply: float) -> NDArray[np.float64]:
     between factors that are _SPAN apart, as that is nearly how it grows, and each takes 40 ms to be found."""
     below = math.floor(supply / _SPAN + 1e-9)
     share = max(0.0, supply / _SPAN - below)
-
-    def limit(motor: Motor, stage: Stage, number: int) -> float:
-        return limit_rad_s(motor, replace(stage, supply_v=stage.supply_v * round(number * _SPAN, 2)))
-
     found = []
     for axis in machine.axes:
         assert isinstance(axis.motor, Motor)
         assert isinstance(axis.stage, Stage)
-        low = limit(axis.motor, axis.stage, below)
-        found.append(low if share < 1e-9 else low + share * (limit(axis.motor, axis.stage, below + 1) - low))
+        low = _limit(axis.motor, axis.stage, below)
+        found.append(low if share < 1e-9 else low + share * (_limit(axis.motor, axis.stage, below + 1) - low))
     return np.array(found)
+
+
+@lru_cache(256)
+def _limit(motor: Motor, stage: Stage, number: int) -> float:
+    return limit_rad_s(motor, replace(stage, supply_v=stage.supply_v * round(number * _SPAN, 2)))

@@ -70,7 +70,7 @@ def test_reset(benchmark: Any) -> None:
         benchmark.extra_info[f"{name}, ms"] = 1e3 * min(each[3:])
     ratio = min(spent["another machine"][3:]) / min(spent["the same machine"][3:])
     benchmark.extra_info["another over the same"] = ratio
-    assert ratio <= 8.0
+    assert ratio <= 11.0
 
 
 @pytest.mark.benchmark(group="environment of set points, 32 side by side")

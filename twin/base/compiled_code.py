@@ -141,7 +141,9 @@ class _Cache(FunctionCache):
             return
         code = made.library._get_compiled_object()
         missing = object_code.missing(code)
-        if missing is not None and object_code.fits(kinds, _words(made.library.get_function(symbol))):
+        if missing is None or not object_code.fits(kinds, _words(made.library.get_function(symbol))):
+            return
+        with suppress(OSError):  # what numba keeps will do
             object_code.keep(self._py_func, self._files, kinds, object_code.Code(symbol, returned, missing, code))
 
 

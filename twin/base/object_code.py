@@ -7,7 +7,7 @@ already. The object code of a function needs nothing of it:
 
 Only on Linux with x86-64, of functions that take arrays in one piece, int and float, return one number or nothing, and
 use no memory of their own; all others, and all that is not found, are numba's. A call costs some microseconds more than
-numba's own, so that who calls often changes over to it (compiling.py).
+numba's own, so that who calls often changes over to it (compiling.py; decision plant/26).
 """
 
 from __future__ import annotations
@@ -34,7 +34,12 @@ from isel_twin.base.files import atomic_write
 Kinds = tuple[Any, ...]  # of the arguments: (dtype, dimensions, writeable), int or float
 
 _NUMBERS = {int: ctypes.c_int64, float: ctypes.c_double}
-RETURNED = {"int64": ctypes.c_int64, "float64": ctypes.c_double, "bool": ctypes.c_bool, "none": ctypes.c_void_p}
+RETURNED: dict[str, Any] = {
+    "int64": ctypes.c_int64,
+    "float64": ctypes.c_double,
+    "bool": ctypes.c_bool,
+    "none": ctypes.c_void_p,
+}
 _LIKE = {int: int, np.int64: int, float: float, np.float64: float}  # by numba's rules
 _LEAST, _MOST = -(2**63), 2**63 - 1
 
@@ -180,12 +185,17 @@ def _kept(function: Callable[..., Any], files: tuple[str, ...]) -> dict[Kinds, C
 
 
 def _place(function: Callable[..., Any]) -> Path:
-    """Beside numba's: in NUMBA_CACHE_DIR or __pycache__."""
+    """In NUMBA_CACHE_DIR, beside the source, or in the user's cache: the first that there is to be."""
     source = Path(function.__code__.co_filename).absolute()
-    named = os.environ.get("NUMBA_CACHE_DIR")
-    folder = Path(named) if named else source.parent / "__pycache__"
-    apart = hashlib.sha256(str(source).encode()).hexdigest()[:12] if named else "code"
-    return folder / f"{source.stem}.{function.__qualname__}-{function.__code__.co_firstlineno}.{apart}.o"
+    beside = source.parent / "__pycache__"
+    if named := os.environ.get("NUMBA_CACHE_DIR"):
+        folder = Path(named)
+    elif os.access(beside if beside.exists() else source.parent, os.W_OK):
+        folder = beside
+    else:
+        folder = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")) / "isel-twin"
+    whose = hashlib.sha256(str(source).encode()).hexdigest()[:12]
+    return folder / f"{source.stem}.{function.__qualname__}-{function.__code__.co_firstlineno}.{whose}.o"
 
 
 def _stamp(function: Callable[..., Any], files: tuple[str, ...]) -> str:

@@ -257,6 +257,7 @@ def _power_on(machine: Machine, built: Built) -> None:
     """The state of the loop at power-on; MuJoCo's is there already."""
     model, data, parts, plant = built.model, built.data, built.parts, built.parts.plant
     step_s = machine.timing.mujoco_step_ns * 1e-9
+    step_at = int(plant["step_at"][0]) or time_step_address(model)  # the model stays
     for part in (plant, parts.axes, parts.screws, parts.commanded, parts.push, parts.cut, parts.touching):
         part.view(np.uint8).fill(0)
     parts.touched_m.fill(0.0)
@@ -275,7 +276,7 @@ def _power_on(machine: Machine, built: Built) -> None:
     plant["rest_windows"] = math.ceil(REST_TIME_S / step_s)
     plant["mj_step"] = mj_step_address()
     plant["model"] = model._address
-    plant["step_at"] = time_step_address(model)
+    plant["step_at"] = step_at
     plant["data"] = data._address
     plant["lost_dof"] = -1
     plant["sample_at"] = kernel.NEVER
