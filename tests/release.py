@@ -3,9 +3,9 @@
     commit --- git archive ---> tree --- addresses ---> pyproject.toml, README.md --- build ---> dist/*.tar.gz
     source archive --- lower, with each Python of 3.11 to 3.14 that is found ---> lowered code --- build ---> dist/*.whl
 
-Where the repository lies is known to whoever releases, and to nobody else (core/10): it becomes the `urls` of the package, and
-relative links of README.md become absolute ones into the tree of the version's tag, as a package index needs them. All
-times are those of the commit (SOURCE_DATE_EPOCH). Both files are built twice, and must be equal.
+Where the repository lies is known to whoever releases, and to nobody else (core/10): it becomes the `urls` of the
+package, and relative links of README.md become absolute ones into the tree of the version's tag, as a package index
+needs them. All times are those of the commit (SOURCE_DATE_EPOCH). Both files are built twice, and must be equal.
 
 `make package` builds what lies in the folder, once, without addresses.
 """

@@ -5,7 +5,8 @@
 
 Lowered code is what numba would hand to LLVM, so that both ways end in the same machine code. It holds for one version
 of Python, numba and LLVM and one kind of machine, which name its folder, and for the source files of which it holds a
-digest; where there is none that fits, numba begins at the source (core/9). A checkout has none; twin/core/lower.py writes them.
+digest; where there is none that fits, numba begins at the source (core/9). A checkout has none, until
+twin/core/lower.py writes them.
 """
 
 from __future__ import annotations
