@@ -144,7 +144,7 @@ class _Cache(FunctionCache):
             )
 
 
-class _Unkept(NullCache):  # type: ignore[misc]
+class _Unkept(NullCache):
     """Where nothing can be kept, but something may be found."""
 
     cache_path: str | None = None  # of what was found
