@@ -4,8 +4,8 @@
     source archive --- lower, with each Python of 3.11 to 3.14 that is found ---> lowered code --- build ---> dist/*.whl
 
 Where the repository lies is known to whoever releases, and to nobody else (core/11): it becomes the `urls` of the
-package, and relative links of README.md become absolute ones into the tree of the version's tag, as a package index needs them. All
-times are those of the commit (SOURCE_DATE_EPOCH). Both files are built twice, and must be equal.
+package, and relative links of README.md become absolute ones into the tree of the version's tag, as a package index
+needs them. All times are those of the commit (SOURCE_DATE_EPOCH). Both files are built twice, and must be equal.
 
 `make package` builds what lies in the folder, once, without addresses.
 """

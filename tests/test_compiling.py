@@ -277,3 +277,33 @@ def test_lowered_code_is_compiled_only_where_it_fits_the_sources(tmp_path: Path)
     file.write_bytes(lowered)
     (tmp_path / "inner.py").write_text(INNER.format(by=100))
     assert call("third") == [101, 0, 1]
+
+
+WARM = """
+from isel_twin.base import compiling
+from outer import outer
+print(outer(1), sum(outer.stats.cache_hits.values()), sum(outer.stats.cache_misses.values()))
+"""
+
+
+def test_code_is_found_where_it_can_only_be_read(tmp_path: Path) -> None:
+    """The kernels of an image: compiled by root, used by somebody who can write nowhere."""
+    (tmp_path / "outer.py").write_text(OUTER)
+    (tmp_path / "inner.py").write_text(INNER.format(by=1))
+    no_writing = "import tempfile; tempfile.TemporaryFile = lambda dir: (_ for _ in ()).throw(PermissionError(dir))\n"
+    home = str(tmp_path / "home")
+
+    def call(prefix: str, **variables: str) -> tuple[list[int], str]:
+        """Value; how often code was found, and how often compiled by numba; what was said."""
+        done = subprocess.run(
+            [sys.executable, "-c", prefix + WARM], env={**os.environ, "NUMBA_CACHE_DIR": "", "HOME": home, **variables},
+            cwd=tmp_path, capture_output=True, text=True, check=True, timeout=PATIENCE_S,
+        )  # fmt: skip
+        return [int(word) for word in done.stdout.split()], done.stderr
+
+    image = {"NUMBA_CACHE_DIR": str(tmp_path / "image")}
+    assert call("", **image) == ([2, 0, 1], "")
+    assert call(no_writing, **image) == ([2, 1, 0], "")
+    (tmp_path / "inner.py").write_text(INNER.format(by=100))
+    values, said = call(no_writing, **image)
+    assert (values[0], "no folder to keep compiled code in" in said) == (101, True)

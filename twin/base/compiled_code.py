@@ -2,7 +2,8 @@
 
 numba caches compiled code in `__pycache__` beside the source, else in the user's cache folder or in NUMBA_CACHE_DIR. It
 raises if it cannot write there or the disk is full. Here the function works all the same: it is compiled again in each
-process, and the log says once what that costs and what to do.
+process, and the log says once what that costs and what to do. And code is found in any of those folders that can be
+read, such as one of an image whose kernels root has compiled for all users.
 """
 
 from __future__ import annotations
@@ -13,11 +14,11 @@ import logging
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 from numba.core import event, types
-from numba.core.caching import FunctionCache, IndexDataCacheFile, NullCache
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, NullCache
 from numba.core.runtime import rtsys
 from numba.np.numpy_support import as_dtype
 
@@ -43,7 +44,6 @@ def dispatcher(function: Callable[..., Any], options: dict[str, Any], files: tup
     except RuntimeError as error:
         if "cannot cache function" not in str(error):
             raise
-        _say("no folder to keep compiled code in, so each start compiles it anew; name one by NUMBA_CACHE_DIR")
         compiled._cache = _Unkept(function, files)
     else:
         if files and function.__module__ not in _CHECKED:
@@ -64,16 +64,24 @@ def drop_stale_code(function: Any, files: tuple[str, ...]) -> None:
     if cache.cache_path is None:  # no cache
         return
     folder = Path(cache.cache_path)
-    stamp = folder / f"{function.__module__}.drives"
-    now = object_code.digest(files)
     with suppress(OSError):
-        if stamp.is_file() and stamp.read_text() == now:
+        if _fresh(folder, function.__module__, files):
             return
         module = function.__module__.rpartition(".")[2]
         for file in folder.glob(f"{module}.*.nb[ci]"):
             file.unlink(missing_ok=True)
         folder.mkdir(parents=True, exist_ok=True)
-        stamp.write_text(now)
+        _stamp(folder, function.__module__).write_text(object_code.digest(files))
+
+
+def _fresh(folder: Path, module: str, files: tuple[str, ...]) -> bool:
+    """Was the code of a module that a folder holds compiled with these files as they are?"""
+    stamp = _stamp(folder, module)
+    return stamp.is_file() and stamp.read_text() == object_code.digest(files)
+
+
+def _stamp(folder: Path, module: str) -> Path:
+    return folder / f"{module}.drives"
 
 
 class _Told(event.Listener):
@@ -117,6 +125,8 @@ class _Cache(FunctionCache):
         with self._guard_against_spurious_io_errors():
             if found := self._load_overload(sig, target_context):
                 return found
+        if found := _readable(self._py_func, self._files, sig, target_context, self._cache_path):
+            return found.code
         if found := _finished(self._py_func, self._files, sig, target_context):
             self.save_overload(sig, found)
         return found
@@ -160,22 +170,53 @@ def _words(function: Any) -> list[str]:
     return [str(argument.type) for argument in function.arguments]
 
 
-class _Unkept(NullCache):  # type: ignore[misc]
-    """Where nothing can be kept."""
+class _Unkept(NullCache):
+    """Where nothing can be kept, but something may be found."""
+
+    cache_path: str | None = None  # of what was found
 
     def __init__(self, function: Callable[..., Any], files: tuple[str, ...]) -> None:
         self._py_func, self._files = function, files
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         rtsys.initialize(target_context)
+        if found := _readable(self._py_func, self._files, sig, target_context):
+            self.cache_path = found.folder
+            return found.code
+        _say("no folder to keep compiled code in, so each start compiles it anew; name one by NUMBA_CACHE_DIR")
         return _finished(self._py_func, self._files, sig, target_context)
 
+    def save_overload(self, sig: Any, data: Any) -> None:
+        lowered.keep(self._py_func, self._files, sig, data)
 
-def _finished(function: Callable[..., Any], files: tuple[str, ...], types: Any, target: Any) -> Any:
+
+class _Found(NamedTuple):
+    code: Any
+    folder: str
+
+
+def _readable(
+    function: Callable[..., Any], files: tuple[str, ...], signature: Any, target: Any, but: str = ""
+) -> _Found | None:
+    """The function for these types from one of numba's folders, in its order, whether it can be written to or not."""
+    for place in CompileResultCacheImpl._locator_classes:
+        locator = type(place.__name__, (place,), {"ensure_cache_path": lambda _: None})
+        implementation = type("Implementation", (CompileResultCacheImpl,), {"_locator_classes": [locator]})
+        with suppress(OSError, RuntimeError):  # no such folder
+            cache = type("Readable", (_Cache,), {"_impl_class": implementation})(function, files)
+            folder = Path(cache.cache_path)
+            if cache.cache_path == but or (files and not _fresh(folder, function.__module__, files)):
+                continue
+            if found := cache._load_overload(signature, target):
+                return _Found(found, cache.cache_path)
+    return None
+
+
+def _finished(function: Callable[..., Any], files: tuple[str, ...], signature: Any, target: Any) -> Any:
     """A function from lowered code, told like one that is compiled."""
     compiling(begins=True)
     try:
-        return lowered.finished(function, files, types, target)
+        return lowered.finished(function, files, signature, target)
     finally:
         compiling(begins=False)
 

@@ -5,7 +5,7 @@
 
 Lowered code is what numba would hand to LLVM, so that both ways end in the same machine code. It holds for one version
 of Python, numba and LLVM and one kind of machine, which name its folder, and for the source files of which it holds a
-digest; where there is none that fits, numba begins at the source (core/10). A checkout has none;
+digest; where there is none that fits, numba begins at the source (core/10). A checkout has none, until
 twin/core/lower.py writes them.
 """
 
@@ -24,7 +24,7 @@ import llvmlite
 import numba
 from llvmlite import binding
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler, CompileResult
+from numba.core.compiler import Compiler, CompileResult, compile_result
 from numba.core.environment import Environment, lookup_environment
 
 FOLDER: Final = Path(__file__).parents[1] / "lowered"  # of the package
@@ -56,7 +56,7 @@ class Pipeline(Compiler):
         return pipelines
 
 
-class Outer(JITCodeLibrary):  # type: ignore[misc]
+class Outer(JITCodeLibrary):
     """A function that Python calls, with all that it calls."""
 
     lowered: bytes | None = None
@@ -67,7 +67,7 @@ class Outer(JITCodeLibrary):  # type: ignore[misc]
         super()._optimize_final_module()
 
 
-class Inner(JITCodeLibrary):  # type: ignore[misc]
+class Inner(JITCodeLibrary):
     """A function that only compiled functions call: it is optimised and becomes machine code as a part of those."""
 
     def _optimize_final_module(self) -> None:
@@ -89,7 +89,7 @@ class Inner(JITCodeLibrary):  # type: ignore[misc]
         """It has none of its own."""
 
 
-def keep(function: Callable[..., Any], files: Sequence[str], types: Any, compiled: CompileResult) -> None:
+def keep(function: Callable[..., Any], files: Sequence[str], types: Any, compiled: Any) -> None:
     """Write the lowered code of a function for these types, if somebody asked for it."""
     lowered = getattr(compiled.library, "lowered", None)
     if _out is None or lowered is None:
@@ -117,12 +117,12 @@ def finished(function: Callable[..., Any], files: Sequence[str], types: Any, tar
     entry = target.get_executable(library, described, environment)
     for one in environments:
         library.codegen.set_env(one.env_name, one)
-    return CompileResult(
-        typing_context=target.typing_context, target_context=target, entry_point=entry, typing_error=None,
-        type_annotation="", signature=signature, objectmode=objectmode, lifted=lifted, fndesc=described,
-        library=library, call_helper=None, environment=environment, metadata=None, reload_init=reloads,
-        referenced_envs=environments,
+    made: CompileResult = compile_result(
+        typing_context=target.typing_context, target_context=target, entry_point=entry, type_annotation="",
+        signature=signature, objectmode=objectmode, lifted=lifted, fndesc=described, library=library,
+        environment=environment, reload_init=reloads, referenced_envs=environments,
     )  # fmt: skip
+    return made
 
 
 class Unpickler(pickle.Unpickler):
