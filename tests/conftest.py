@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 from collections import Counter
 from pathlib import Path
 
@@ -96,9 +97,12 @@ def _rewriting(places: list[str]) -> subprocess.Popen[bytes] | None:
 def _warm_up() -> None:
     from isel_twin.controller import controller_names
     from isel_twin.core.warm import warm_up
+    from tests.in_process import isel_twin
 
     for plant in ("kinematic", "mujoco"):
         warm_up(plant, controllers=controller_names())
+    with tempfile.TemporaryDirectory() as folder:  # what lays out a dump is compiled with the first one
+        isel_twin("run", "-", "--plant", "kinematic", "--vcd", Path(folder) / "first.vcd", stdin="@07\n")
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ from isel_twin.language import HasExample, create_language
 from tests.in_process import isel_twin
 from tests.near import NEAR
 
-pytestmark = pytest.mark.long(seconds=16)
+pytestmark = pytest.mark.long(seconds=11)
 
 FAMILIES = ("imc-s8", "ismif", "gmi99", "bwo900")
 

@@ -15,7 +15,7 @@ from isel_twin.jobs.checks.contour import Contour, Drawing, drawing
 from tests.in_process import isel_twin
 from tests.near import NEAR
 
-pytestmark = pytest.mark.long(seconds=11)
+pytestmark = pytest.mark.long(seconds=6)
 
 DOWN = CamSettings(start=(0.0, 0.0, 0.0), z_sign=-1)
 

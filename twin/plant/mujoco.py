@@ -342,9 +342,11 @@ class MujocoPlant(LoopSamples):
 
     @property
     def lag(self) -> NDArray[np.float64]:
-        lag = self.command - self.rotor
-        lag[: memory.AXES] -= self.parts.states["shift"][: self._count]
-        return lag
+        command, states = self.parts.commanded - all_behind(self.parts.leads, self.time_ns), self.parts.states
+        lag = np.zeros(len(command))  # what has no mechanics follows at once
+        rotor = states["theta_rad"] * self.parts.axes["steps_per_rad"]
+        lag[: memory.AXES] = command[: memory.AXES] - rotor - states["shift"]
+        return lag[: self._count]
 
     # Drives
 

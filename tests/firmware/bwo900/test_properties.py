@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from isel_twin.testing import Desk, switches
 from tests.thorough import drawn
 
-pytestmark = pytest.mark.long(seconds=9)
+pytestmark = pytest.mark.long(seconds=6)
 
 T_S = 0.002
 EMPTY_S = 0.0015

@@ -25,8 +25,6 @@ from isel_twin.firmware.bwo900.realtime.path import MotionLimits, PieceMaker
 from isel_twin.motion.joined import Joined, joined
 from tests.thorough import drawn
 
-pytestmark = pytest.mark.long(seconds=8)
-
 PERIOD_NS = 2_000_000
 DT_S = PERIOD_NS * 1e-9
 SPEED = np.array([100.0, 80.0, 60.0])
