@@ -137,6 +137,7 @@ def test_the_companion_specification_and_what_happens(
             axis = await found.get_child(await named(client, "Twin:Axes/Twin:X/Twin:ActualPosition"))
             unit = await (await axis.get_child("0:EngineeringUnits")).read_value()
             assert (unit.DisplayName.Text, unit.UnitId) == ("mm", int.from_bytes(b"MMT"))
+            assert [(await one.read_browse_name()).Name for one in await axis.get_children()] == ["EngineeringUnits"]
             with pytest.raises(ua.UaStatusCodeError):
                 await axis.write_value(1.0)
             with pytest.raises(ua.UaStatusCodeError):
