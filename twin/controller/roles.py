@@ -101,8 +101,8 @@ class UsesDrives(Protocol):
 @dataclass(frozen=True)
 class Arrival:
     """A controller waits until its drives are in position, and looks at them on a grid of time. A look at which they
-    are not changes nothing: it may be left out, and the controller called at another time later on (core/9). It makes no
-    tick meanwhile."""
+    are not changes nothing: it may be left out, and the controller called at another time later on (core/9). It makes
+    no tick meanwhile."""
 
     next_ns: int  # the next look, as long as none is left out
     period_ns: int
