@@ -136,8 +136,7 @@ class KinematicPlant(PathSamples):
         return True
 
     def arrive(self, until_ns: int, first_ns: int, period_ns: int) -> tuple[int, bool]:
-        look_ns = first_ns - (first_ns - self._settling.arrival_ns) // period_ns * period_ns
-        look_ns = max(look_ns, first_ns)
+        look_ns = first_ns - min(first_ns - self._settling.arrival_ns, 0) // period_ns * period_ns
         reached = self.advance(min(until_ns, look_ns), *self._no_ticks)
         return reached, reached == look_ns
 
@@ -158,8 +157,7 @@ class KinematicPlant(PathSamples):
         there = list(map(add, self._commanded.tolist(), way))
         self._commanded[: len(there)] = there
         self.edge, self.time_ns = False, until_ns
-        low, high = self._bounds
-        if all(map(lt, low, there)) and all(map(lt, there, high)):
+        if all(map(lt, self._bounds[0], there)) and all(map(lt, there, self._bounds[1])):
             return
         _, _, axis, sense, strike, release, struck = self._state
         beyond = sense * self._commanded[axis] > np.where(struck, release, strike)

@@ -31,9 +31,8 @@ from isel_twin.plant.pushing import Pushes
 from isel_twin.plant.samples import GRID, LoopSamples
 
 _PHASES = {"": BOTH, "a": BOTH & ~1, "b": BOTH & ~2, "ab": OPEN}  # remaining phases, by the interrupted ones
-_NOW, _EDGE, _STRUCK, _LOST_DOF, _ARRIVED = map(
-    (memory.PLANT.names or ()).index, ("now", "edge", "struck", "lost_dof", "arrived")
-)
+_index = (memory.PLANT.names or ()).index
+_NOW, _EDGE, _STRUCK, _LOST_DOF, _ARRIVED = map(_index, ("now", "edge", "struck", "lost_dof", "arrived"))
 _ADDRESSES = ("mj_step", "model", "data", "step_at")  # fields of memory.PLANT that belong to this process
 _SAVED = tuple(name for name in memory.Parts._fields if name != "samples")  # which have been read
 _OWN = ("inertia", "mobility", "weight")  # arrays of `Built` beside the parts that change
@@ -192,12 +191,10 @@ class MujocoPlant(LoopSamples):
         plant = self.parts.plant
         plant["look_at"], plant["look_ahead_ns"] = divmod(first_ns, self._substep_ns)
         plant["look_every"] = period_ns // self._substep_ns
-        none_ns, no_changes, _ = self._none
-        reached = self.advance(until_ns, none_ns, no_changes)
+        reached = self.advance(until_ns, *self._none[:2])
         plant["look_every"] = 0
-        if not self._words.item(_ARRIVED):
-            return reached, False
-        return self.time_ns + int(plant["look_ahead_ns"][0]), True
+        arrived = bool(self._words.item(_ARRIVED))
+        return self.time_ns + int(plant["look_ahead_ns"][0]) if arrived else reached, arrived
 
     @property
     def at_rest(self) -> bool:
