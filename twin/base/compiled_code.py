@@ -196,16 +196,19 @@ class _Found(NamedTuple):
 
 
 def _readable(
-    function: Callable[..., Any], files: tuple[str, ...], signature: Any, target: Any, but: str = ""
+    function: Callable[..., Any], files: tuple[str, ...], signature: Any, target: Any, own: str = ""
 ) -> _Found | None:
-    """The function for these types from one of numba's folders, in its order, whether it can be written to or not."""
+    """The function for these types from one of numba's folders, in its order, whether it can be written to or not, up
+    to its own: who names a folder by NUMBA_CACHE_DIR that can be written to wants it there."""
     for place in CompileResultCacheImpl._locator_classes:
         locator = type(place.__name__, (place,), {"ensure_cache_path": lambda _: None})
         implementation = type("Implementation", (CompileResultCacheImpl,), {"_locator_classes": [locator]})
         with suppress(OSError, RuntimeError):  # no such folder
             cache = type("Readable", (_Cache,), {"_impl_class": implementation})(function, files)
             folder = Path(cache.cache_path)
-            if cache.cache_path == but or (files and not _fresh(folder, function.__module__, files)):
+            if cache.cache_path == own:
+                break
+            if files and not _fresh(folder, function.__module__, files):
                 continue
             if found := cache._load_overload(signature, target):
                 return _Found(found, cache.cache_path)
