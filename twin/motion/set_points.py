@@ -96,8 +96,7 @@ class SetPointRun:
         return times, self.plan.deltas(k0, k1)
 
     def displacement(self, t_ns: int) -> Displacement:
-        made = self.plan.displacement(self.count(t_ns))
-        return between(self.plan.displacement(self.first), made) if self.first else made
+        return between(self.plan.displacement(self.first), self.plan.displacement(self.count(t_ns)))
 
     def next_tick(self, t_ns: int) -> int:
         """Number of the first tick at or after t_ns: from there on the plan can still change."""
