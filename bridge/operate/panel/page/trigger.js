@@ -1,7 +1,7 @@
 // The trigger of the panel: virtual time stops at the instant at which something begins. Loaded behind panel.js.
 "use strict";
 
-const MESSAGES = { "the controller's reply": "replied", "the host's message": "sent", "a remark": "remark" };
+const WORDS = { "the controller's reply": "replied", "the host's message": "sent", "a remark": "remark" };
 
 // Kinds of signals: names, what each can do, whether it needs a value, and the condition (control.py).
 const TRIGGERS = [
@@ -10,13 +10,13 @@ const TRIGGERS = [
     acts: (name) => [...new Set([...(about.settable[name] || []), "free", "struck"])].map((state) => `becomes ${state}`), when: (name, act) => ({ input: name, is: act.slice(8) }) },
   { kind: "output", names: (now) => Object.keys(now.outputs).filter((name) => Number.isInteger(now.outputs[name])), acts: () => ["becomes"], unit: "", usual: 1, when: (name, _, value) => ({ output: name, is: value }) },
   { kind: "position", names: () => about.axes.slice(0, 3), acts: () => ["goes above", "goes below"], unit: "mm", usual: 0, when: (name, act, value) => ({ position: name, [act.slice(5)]: value }) },
-  { kind: "message", names: () => Object.keys(MESSAGES), acts: () => ["contains"], text: true, unit: "", usual: "", when: (name, _, value) => ({ [MESSAGES[name]]: value }) },
+  { kind: "message", names: () => Object.keys(WORDS), acts: () => ["contains"], text: true, unit: "", usual: "", when: (name, _, value) => ({ [WORDS[name]]: value }) },
   { kind: "machine", names: () => ["collision", "fault"], acts: () => ["happens"], when: (name) => ({ [name]: true }) },
 ];
 
 function trigger_text(when) {
   const [[kind, name]] = Object.entries(when);
-  const who = Object.keys(MESSAGES).find((one) => MESSAGES[one] === kind);
+  const who = Object.keys(WORDS).find((one) => WORDS[one] === kind);
   if (who) return `${who} contains ${name}`;
   if (name === true) return kind === "fault" ? "the controller shows an error" : "two bodies meet";
   const does = { above: `goes above ${when.above} mm`, below: `goes below ${when.below} mm` };
