@@ -1,6 +1,7 @@
 """A served twin's recording, flushed often: a killed process loses only the last moment.
 
-    the twin records itself (recordings/recording.py) --> gathered in memory --> flush, FLUSH_S after the first of it
+    the twin records itself (recordings/recording.py) --> gathered in memory --> flush: FLUSH_S after the first of it,
+                                                                                 at once while virtual time stands
 
 The twin records all operations itself; changes of its time (pause, speed, steps) are recorded here.
 """
@@ -14,18 +15,23 @@ from contextlib import suppress
 
 from isel_twin.bridge.serve.borders import WireTap
 from isel_twin.bridge.serve.loop import FileWatch
-from isel_twin.bridge.serve.server import Guest
+from isel_twin.bridge.serve.server import Guest, Server
 from isel_twin.recordings.recording import FileRecording
 
 FLUSH_S = 0.5  # wall time for which what has been recorded stays in memory
 
 
 class Freshness(Guest):
-    """A guest of the server that flushes a recording every FLUSH_S, if there is anything new."""
+    """A guest of the server that flushes a recording every FLUSH_S, if there is anything new. While virtual time stands
+    somebody looks at what was recorded up to there: it is flushed at once."""
 
     def __init__(self, recording: FileRecording) -> None:
         self._recording = recording
+        self._server: Server | None = None
         self._since_s: float | None = None
+
+    def attach(self, server: Server) -> None:
+        self._server = server
 
     def watches(self) -> Iterable[FileWatch]:
         return ()
@@ -36,13 +42,15 @@ class Freshness(Guest):
         return max(0.0, self._since_s + FLUSH_S - time.monotonic())
 
     def look(self) -> None:
+        now_s, since_s = time.monotonic(), self._since_s
+        stands = self._server is not None and self._server.pacer.paused
         if not self._recording.unwritten or self._recording.writer.ended:
             self._since_s = None
-        elif self._since_s is None:
-            self._since_s = time.monotonic()
-        elif time.monotonic() - self._since_s >= FLUSH_S:
+        elif stands or (since_s is not None and now_s - since_s >= FLUSH_S):
             self._recording.flush()
             self._since_s = None
+        elif since_s is None:
+            self._since_s = now_s
 
     def close(self) -> None:
         self._recording.flush()

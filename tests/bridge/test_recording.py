@@ -6,10 +6,12 @@ import json
 import resource
 import signal
 import socket
+from types import SimpleNamespace
+from unittest.mock import Mock
 
 import pytest
 
-from isel_twin.bridge.serve.recording import FLUSH_S
+from isel_twin.bridge.serve.recording import FLUSH_S, Freshness
 from isel_twin.recordings.reading import read
 from tests.bridge.conftest import STOP_S, ask, until
 from tests.forked import run
@@ -54,6 +56,16 @@ def test_a_killed_server_leaves_what_happened_until_a_second_before(serve, tmp_p
     assert not recorded.whole
     assert heard(recorded, "/host/sent") == b"@0P\r" * 3
     assert len(heard(recorded, "/host/received")) == 3 * 19
+
+
+@pytest.mark.parametrize(("paused", "flushed"), [(True, 1), (False, 0)])
+def test_what_happened_before_a_pause_is_on_the_disk_before_anybody_can_look(paused, flushed):
+    recording = Mock(unwritten=1, writer=SimpleNamespace(ended=False))
+    freshness = Freshness(recording)
+    freshness.attach(SimpleNamespace(pacer=SimpleNamespace(paused=paused)))
+    freshness.look()
+    assert recording.flush.call_count == flushed
+    assert (freshness.wait_s() is None) == paused
 
 
 def moved_ns(recorded) -> int:

@@ -98,7 +98,7 @@ def serve(
         guests: list[Guest] = [guest for guest in (port, page, parent) if guest is not None]
         if recording is not None:
             taps.append(TimeTap(recording))
-            guests.append(Freshness(recording))
+            guests.insert(0, Freshness(recording))  # before the page tells where time stands
         pacer, tapped = Pacer(factor, served.time_ns), Taps(taps) if taps else None
         server = Server(served, pacer, endpoints, tapped, guests, strict_baud)
         stack.enter_context(on_signals(server.stop))
