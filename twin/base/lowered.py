@@ -11,7 +11,6 @@ twin/core/lower.py writes them.
 
 from __future__ import annotations
 
-import hashlib
 import io
 import pickle
 import sys
@@ -26,6 +25,8 @@ from llvmlite import binding
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, CompileResult, compile_result
 from numba.core.environment import Environment, lookup_environment
+
+from isel_twin.base.object_code import digest
 
 FOLDER: Final = Path(__file__).parents[1] / "lowered"  # of the package
 
@@ -98,7 +99,8 @@ def keep(function: Callable[..., Any], files: Sequence[str], types: Any, compile
     known = _read(file, function, files)
     file.parent.mkdir(parents=True, exist_ok=True)
     _, *described, _annotation, reloads, environments = compiled._reduce()
-    content = _digest(function, files), {**known, types: (lowered, *described, reloads, environments)}
+    stamp = digest((function.__code__.co_filename, *files))
+    content = stamp, {**known, types: (lowered, *described, reloads, environments)}
     file.write_bytes(zlib.compress(pickle.dumps(content), 9))
 
 
@@ -145,15 +147,9 @@ def _name(function: Callable[..., Any]) -> str:
     return f"{function.__module__}.{function.__name__}"
 
 
-def _digest(function: Callable[..., Any], files: Sequence[str]) -> str:
-    """Of the sources of a function and of all that is compiled into it."""
-    sources = (Path(file).read_bytes() for file in (function.__code__.co_filename, *files))
-    return hashlib.sha256(b"".join(sources)).hexdigest()
-
-
 def _read(file: Path, function: Callable[..., Any], files: Sequence[str]) -> dict[Any, Any]:
     """The lowered codes of a file by their types; none if there is no such file or the sources are others."""
     if not file.is_file():
         return {}
-    digest, codes = Unpickler(io.BytesIO(zlib.decompress(file.read_bytes()))).load()
-    return codes if digest == _digest(function, files) else {}
+    stamp, codes = Unpickler(io.BytesIO(zlib.decompress(file.read_bytes()))).load()
+    return codes if stamp == digest((function.__code__.co_filename, *files)) else {}

@@ -172,8 +172,8 @@ def tune(
         how: dict[str, Any] = {"each_move": space.each_move, "rapid_hz": space.rapid, "ranges": ranges}
         how |= {"repetitions": demands.robust, "uncertain": demands.uncertain, "settle_mm": demands.settle_mm}
         # at that edge the margin of speed is the one asked for
-        how |= {"speed_share": (1.0 - demands.margin) * demands.edge, "edge": demands.edge}
-        how["timeout_s"] = timeout
+        share = (1.0 - demands.margin) * demands.edge
+        how |= {"speed_share": share, "edge": demands.edge, "timeout_s": timeout}
         how["flash"] = flash.read_bytes() if flash is not None else None
         problem = _problem(job, source, call, demands.confirm, picture, how)
     with ExitStack() as stack:

@@ -12,5 +12,7 @@ from isel_twin.base.lowered import write_to
 from isel_twin.core.warm import warm_up_all
 
 if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        sys.exit("usage: python -m isel_twin.core.lower FOLDER")
     write_to(Path(sys.argv[1]))
     warm_up_all()
