@@ -190,6 +190,30 @@ def test_a_trigger_pauses_the_machine_and_the_scope_shows_the_time_around_it(
         assert process.wait(WAIT_S) == 0
 
 
+def test_what_is_typed_before_the_answer_stays_and_what_is_refused_comes_back(bench, open_panel):
+    here = bench()
+    page = open_panel(here)
+    field = page["#text"]
+    page.page.evaluate("""() => {
+        const field = document.getElementById("text");
+        field.value = "@07";
+        field.form.requestSubmit();
+        field.value = "@0N7";
+    }""")
+    expect(page["#monitor [data-who=host]"]).to_have_count(1)
+    expect(field).to_have_value("@0N7")
+    field.press("Enter")
+    expect(page["#monitor [data-who=host]"]).to_have_count(2)
+    expect(field).to_have_value("")
+    page.page.evaluate("""() => {
+        socket.close();
+        const field = document.getElementById("text");
+        field.value = "@0P";
+        field.form.requestSubmit();
+    }""")
+    expect(field).to_have_value("@0P")
+
+
 def test_the_scope_shows_the_session_of_a_served_machine_up_to_now(context: BrowserContext, tmp_path: Path) -> None:
     """In a tab of its own, from the recording that is made; the E-stop stays in sight where the page is scrolled."""
     context.set_default_timeout(WAIT_S * 1000)

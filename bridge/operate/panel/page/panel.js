@@ -453,9 +453,11 @@ const typed = [];
 let recalled = 0;
 $("say").addEventListener("submit", (event) => {
   event.preventDefault();
-  const text = $("text").value;
+  const field = $("text"), text = field.value;
   if (!text.trim()) return;
-  request({ say: text }).then(() => { typed.push(text); recalled = typed.length; $("text").value = ""; }, (error) => tell(error.message));
+  field.value = ""; // at once: what is typed until the answer is there stays
+  const refused = (error) => { tell(error.message); field.value = field.value || text; };
+  request({ say: text }).then(() => { typed.push(text); recalled = typed.length; }, refused);
 });
 $("text").addEventListener("keydown", (event) => {
   const by = { ArrowUp: -1, ArrowDown: 1 }[event.key];
