@@ -509,7 +509,7 @@ def test_a_file_is_opened_run_and_followed_line_by_line(bench, open_panel, tmp_p
     """Both browsers see it, and so does one that comes later."""
     here = bench(speed=4.0)
     part = tmp_path / "part.nc"
-    part.write_text("(a slot)\nG21 G90 F1200\nG0 X10\nG1 Y20\nG1 X100\nG1 Y10\nM2\n")
+    part.write_text("(a slot)\nG21 G90 F1200\nG0 X10\nG1 Y20\nF400 G1 X50\nF1200 G1 Y10\nM2\n")
     page, other = open_panel(here), open_panel(here)
     for each in (page, other):
         each["[data-tab=job]"].click()
@@ -531,9 +531,9 @@ def test_a_file_is_opened_run_and_followed_line_by_line(bench, open_panel, tmp_p
     other["#start"].click()
     expect(page["#doing"]).to_have_attribute("data-state", "done", timeout=1000 * WAIT_S)
     followed = page.page.evaluate("window.followed")
-    assert 5 in followed, "a way of a second"
+    assert 5 in followed, "a way of six seconds, at four times the speed"
     assert followed == sorted(followed)
-    expect(page["[data-axis=x] td:nth-child(3)"]).to_have_text("100.000")
+    expect(page["[data-axis=x] td:nth-child(3)"]).to_have_text("50.000")
     later = open_panel(here)
     later["[data-tab=job]"].click()
     expect(later["#doing"]).to_contain_text("all well")
@@ -601,6 +601,7 @@ def test_a_desk_for_hands_keys_and_readers(bench, chromium: Browser) -> None:
     expect(work["x"]).not_to_have_text("0.000")
     page.keyboard.up("ArrowRight")
     expect(rest).to_have_text("at rest")
+    page.locator("#jogspeed").fill("2")  # it is under way for ten seconds, also where nobody looks at once
     page.locator("[data-go=x]").fill("100")
     page.locator("[data-go=x]").press("Enter")
     expect(rest).to_contain_text("to x 100")
