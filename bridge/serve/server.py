@@ -61,7 +61,7 @@ class Guest(Protocol):
 
 
 class _Piece:
-    """Replies of a paced line, gathered until it falls silent (bridge/5)."""
+    """Replies of a paced line, gathered until it falls silent or virtual time stands still (bridge/5)."""
 
     def __init__(self) -> None:
         self._data = bytearray()
@@ -179,9 +179,9 @@ class Server:
         waits = [self.pacer.wait_s(self.twin), *(guest.wait_s() for guest in self._guests)]
         if (backlog := self._backlog_s()) > 0:
             waits.append(backlog)
-        if self.pacer.speed is not None and self._piece:
-            complete_ns = self._piece.complete_ns(self.twin.serial_format.byte_ns)
-            waits.append(None if complete_ns is None else self.pacer.until_s(complete_ns))
+        complete_ns = self._piece.complete_ns(self.twin.serial_format.byte_ns)
+        if complete_ns is not None:
+            waits.append(self.pacer.until_s(complete_ns) if self._gathering else 0.0)
         known = [wait for wait in waits if wait is not None and wait < math.inf]
         return min(known) if known else None
 
@@ -231,7 +231,7 @@ class Server:
         listener = self._listener
         if self.pacer.speed is None or listener is None:
             return False
-        return listener.gathers or self._garbles(listener)
+        return (listener.gathers and not self.pacer.paused) or self._garbles(listener)
 
     def _hand_on(self) -> None:
         data, listener = self._piece.take(), self._listener

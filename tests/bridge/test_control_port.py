@@ -319,6 +319,20 @@ def test_hosts_stay_connected_while_time_stands_still(bench):
         assert host.recv(1) == b"0"
 
 
+def test_a_reply_at_whose_last_byte_time_stands_still_is_with_the_host(bench):
+    """Nothing of it waits for a silence that a paused line does not come to."""
+    here = bench(speed=1.0)
+    client = here.connect()
+    with socket.create_connection(parse_address(here.line.address), timeout=REPLY_S) as host:
+        for text, reply in ((b"@07", b"0"), (b"@0P", b"0" * 19)):
+            client.send(b'{"wait": {"replied": "0", "pause": true}}\n')
+            host.sendall(text + b"\r")
+            client.answer()
+            assert client.ok(state=True)["paused"] is True
+            assert host.recv(64) == reply
+            client.ok(resume=True)
+
+
 # ---- processes ------------------------------------------------------------------------------------------------------
 
 
