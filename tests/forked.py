@@ -43,7 +43,7 @@ def start(*words: object, **options: Any) -> Any:
 
 def start_anew(*words: object, bare: bool = False, **options: Any) -> subprocess.Popen[str]:
     """The same with an interpreter that has imported nothing."""
-    program = [str(Path(__file__).with_name("bare.py"))] if bare else ["-m", "isel_twin.cli"]
+    program = [str(Path(__file__).with_name("bare.py"))] if bare else ["-m", "isel_twin"]
     command = [sys.executable, *program, *map(str, words)]
     return subprocess.Popen(command, text=True, **{"stdout": PIPE, "stderr": PIPE, **options})
 

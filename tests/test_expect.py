@@ -446,7 +446,7 @@ def test_a_mistake_is_shown_with_a_caret(call: Any, job: str) -> None:
 
 def test_a_job_from_standard_input_may_expect() -> None:
     done = subprocess.run(
-        [sys.executable, "-m", "isel_twin.cli", "run", "-", "--plant", "kinematic"],
+        [sys.executable, "-m", "isel_twin", "run", "-", "--plant", "kinematic"],
         input="@07 => 0\n! hood == closed\n! lost == 0", capture_output=True, text=True, check=False,
         timeout=PATIENCE_S,
     )  # fmt: skip

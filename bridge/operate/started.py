@@ -23,7 +23,7 @@ class Started:
     """
 
     def __init__(self, *options: str) -> None:
-        call = [sys.executable, "-m", "isel_twin.cli", "serve", *options]
+        call = [sys.executable, "-m", "isel_twin", "serve", *options]
         call += ["--tcp", "127.0.0.1:0", "--control", "127.0.0.1:0", "--end-with-stdin"]
         self._process = subprocess.Popen(call, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         assert self._process.stdout is not None

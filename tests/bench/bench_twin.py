@@ -209,7 +209,7 @@ def test_memory_of_an_hour(benchmark: Any) -> None:
 
 @pytest.mark.benchmark(group="start of a process")
 @pytest.mark.parametrize(
-    "arguments", [["-c", "pass"], ["-m", "isel_twin.cli", "--help"]], ids=["python -c pass", "isel-twin --help"]
+    "arguments", [["-c", "pass"], ["-m", "isel_twin", "--help"]], ids=["python -c pass", "isel-twin --help"]
 )
 def test_start(benchmark: Any, arguments: list[str]) -> None:
     benchmark.pedantic(

@@ -260,7 +260,7 @@ def test_a_signal_ends_linuxcnc_and_the_twin(pretending: Path) -> None:
     """Nothing of either is left."""
     (pretending.parent / "programs" / "linuxcnc").write_text(SLOW)
     begun = pretending.parent / "programs" / "begun"
-    call = [sys.executable, "-m", "isel_twin.cli", "linuxcnc", "--ini", pretending / INI.name, "--"]
+    call = [sys.executable, "-m", "isel_twin", "linuxcnc", "--ini", pretending / INI.name, "--"]
     process = subprocess.Popen([*call, "--plant", "kinematic"], stderr=subprocess.PIPE, text=True)
     while not (begun.exists() and (folder := begun.read_text().rpartition("/")[0])):
         assert process.poll() is None

@@ -16,7 +16,7 @@ from isel_twin.bridge.serve.tcp import parse_address
 from tests.bridge.conftest import REPLY_S, STOP_S
 from tests.in_process import isel_twin
 
-SERVE = (sys.executable, "-m", "isel_twin.cli", "serve", "--plant", "kinematic", "--speed", "max", "--tcp", "0")
+SERVE = (sys.executable, "-m", "isel_twin", "serve", "--plant", "kinematic", "--speed", "max", "--tcp", "0")
 SIGNALLED = """
 import os, signal, sys
 from isel_twin.cli.interruption import until_told

@@ -189,7 +189,7 @@ def test_a_stop_by_hand_breaks_the_motion_off(tmp_path: Path) -> None:
     tty.setraw(slave)
     job = tmp_path / "job.txt"
     job.write_text("@07\n@0P\n")
-    words = [sys.executable, "-m", "isel_twin.cli", "check", str(job), "--isel-port", os.ttyname(slave)]
+    words = [sys.executable, "-m", "isel_twin", "check", str(job), "--isel-port", os.ttyname(slave)]
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert os.read(master, 4) == b"@07\r"
         process.send_signal(signal.SIGINT)

@@ -134,6 +134,24 @@ def test_a_trigger_finds_the_edge_and_cursors_measure(page: Page, recorded: Reco
     expect(page.locator("#cursors")).to_contain_text("dt 0.0010000 s  1/dt 1000.00 Hz")
 
 
+def test_the_scope_tells_the_fastest_steps_as_they_were_commanded(page: Page) -> None:
+    """Whatever a pixel holds of them. X moves 16000 steps at 5000 Hz, and Y 8000 beside it: 2500 Hz."""
+    told = page.evaluate(
+        """async () => {
+          const texts = [], plain = CanvasRenderingContext2D.prototype.fillText;
+          CanvasRenderingContext2D.prototype.fillText = function (text, ...where) {
+            texts.push(text);
+            plain.call(this, text, ...where);
+          };
+          go_to(session.end);
+          while (!texts.length) await new Promise(requestAnimationFrame);
+          CanvasRenderingContext2D.prototype.fillText = plain;
+          return texts.filter((text) => text.endsWith("steps/s"));
+        }"""
+    )
+    assert told[:2] == ["5000 steps/s", "2500 steps/s"]
+
+
 def test_a_saved_window_is_a_dump_that_drive_takes(page: Page, recorded: Recorded, tmp_path: Path) -> None:
     """From cursor A to B: the steps of X and Y and their directions, and nothing before or after."""
     page.evaluate("go_to(session.end - 3.0)")

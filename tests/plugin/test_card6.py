@@ -207,7 +207,7 @@ def test_it_runs_jobs(environment: dict[str, str], tmp_path: Path) -> None:
     job.write_text("zero\nmove 640 0 0 0 0 640 8000  # 2 mm\n<2><1><1><80><84> # where, byte by byte\n")
     files = {"--steps": "s.npz", "--vcd": "s.vcd", "--trace": "s.parquet"}
     outputs = [word for option, name in files.items() for word in (option, str(tmp_path / name))]
-    command = [sys.executable, "-m", "isel_twin.cli", "run", str(job), *OPTIONS, *outputs, "--json"]
+    command = [sys.executable, "-m", "isel_twin", "run", str(job), *OPTIONS, *outputs, "--json"]
     call = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
     assert call.stderr == ""
     *results, summary = map(json.loads, call.stdout.splitlines())
@@ -226,7 +226,7 @@ def test_its_edges_are_those_that_need_no_other_commands(environment: dict[str, 
     job = tmp_path / "job.txt"
     job.write_text("zero\nmove 640 0 0 0 0 0 16000\n")
     words = ["run", str(job), "--controller", "card6", "--edge", "--set", "axes.x.shaft_coulomb=0.9", "--json"]
-    command = [sys.executable, "-m", "isel_twin.cli", *words]
+    command = [sys.executable, "-m", "isel_twin", *words]
     call = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
     assert call.stderr == ""
     summary = json.loads(call.stdout.splitlines()[-1])
@@ -251,7 +251,7 @@ def test_it_is_a_serial_port(told: dict[str, list[str]]) -> None:
 
 
 def test_it_is_served(environment: dict[str, str]) -> None:
-    command = [sys.executable, "-m", "isel_twin.cli", "serve", *OPTIONS, "--tcp", "127.0.0.1:0", "--speed", "max"]
+    command = [sys.executable, "-m", "isel_twin", "serve", *OPTIONS, "--tcp", "127.0.0.1:0", "--speed", "max"]
     with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as server:
         assert server.stdout is not None
         try:

@@ -103,7 +103,7 @@ def recorded(kind: Kind, file: Path) -> None:
 def told(kind: Kind, file: Path) -> dict[str, Any]:
     """The summary of `isel-twin compare`."""
     words = ["compare", str(file), "--machine", "4030", "--plant", kind.plant, "--json", *kind.call]
-    command = [sys.executable, "-m", "isel_twin.cli", *words]
+    command = [sys.executable, "-m", "isel_twin", *words]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode not in (0, 1):
         raise RuntimeError(done.stderr)

@@ -85,7 +85,7 @@ class Process:
 @contextmanager
 def serving(*options: str, speed: str = "max", plant: str = "kinematic") -> Iterator[Process]:
     """A server that listens while the block lasts."""
-    command = [sys.executable, "-m", "isel_twin.cli", "serve", "--plant", plant, "--speed", speed, *options]
+    command = [sys.executable, "-m", "isel_twin", "serve", "--plant", plant, "--speed", speed, *options]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         assert process.stdout is not None

@@ -72,7 +72,7 @@ def tapped(twin: Twin, file: Path, wire: Notes | None = None) -> Iterator[serial
     server = Server(twin, Pacer(1.0), [endpoint], wire=wire)
     thread = threading.Thread(target=server.run)
     thread.start()
-    command = [sys.executable, "-m", "isel_twin.cli", "tap", endpoint.address, "--record", str(file)]
+    command = [sys.executable, "-m", "isel_twin", "tap", endpoint.address, "--record", str(file)]
     tap = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
     try:
         assert tap.stdout is not None

@@ -230,7 +230,10 @@ class Scope {
     }
     const rates = [];
     let before = first;
-    for (let px = 1; px <= this.width; px++) { const to = last_before(times, this.time(this.left + px)) + 1; rates.push((sums[to] - sums[before]) / (b - a) * this.width); before = to; }
+    for (let px = 1; px <= this.width; px++) { // from the last pulse before a pixel to the last one in it
+      const to = last_before(times, this.time(this.left + px)) + 1, past_s = before ? times[to - 1] - times[before - 1] : (b - a) / this.width;
+      rates.push(to > before ? (sums[to] - sums[before]) / past_s : 0); before = to;
+    }
     const most = rates.reduce((big, rate) => Math.max(big, Math.abs(rate)), 1);
     rates.forEach((rate, px) => { if (rate) pen.fillRect(this.left + px, middle, 1.2, -rate / most * room); });
     const fastest = `${Math.round(most)} steps/s`, wide = pen.measureText(fastest).width + 6;

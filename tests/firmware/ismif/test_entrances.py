@@ -65,7 +65,7 @@ def test_served_port() -> None:
 def test_job_file(tmp_path: Path) -> None:
     """In the physics: everything accepted, nothing lost, back at the start of the square."""
     (tmp_path / "square.job").write_text(JOB, encoding="utf-8")
-    command = [sys.executable, "-m", "isel_twin.cli", "run", "--controller", "ismif", "--json", "square.job"]
+    command = [sys.executable, "-m", "isel_twin", "run", "--controller", "ismif", "--json", "square.job"]
     call = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
     *lines, summary = [json.loads(line) for line in call.stdout.splitlines()]
     ack, done = "\r", "\r\x02\r"

@@ -1,4 +1,4 @@
-"""`python -m isel_twin.cli`."""
+"""`python -m isel_twin`."""
 
 from isel_twin.cli import main
 
