@@ -20,7 +20,7 @@ from isel_twin.many.identification.experiment import _push as push
 from isel_twin.many.identification.experiment import _reversal as reversal
 from isel_twin.many.identification.measured import read_measured, written
 from isel_twin.many.identification.stand_in import carry_out, write_recording
-from tests.near import near_switches
+from tests.near import COARSE, near_switches
 
 pytestmark = pytest.mark.long(seconds=15)
 
@@ -34,7 +34,7 @@ def call(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, s
 
 @pytest.fixture(scope="module")
 def near(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return near_switches(tmp_path_factory.mktemp("near"), 2.0)
+    return near_switches(tmp_path_factory.mktemp("near"), 2.0, more=COARSE)
 
 
 @pytest.fixture(scope="module")

@@ -13,6 +13,7 @@ import isel_twin.bridge.serve.server
 import isel_twin.bridge.virtual.protocol_twin
 import isel_twin.bridge.virtual.virtual_host
 import isel_twin.jobs.checks.asserts
+import isel_twin.plant.mujoco
 import isel_twin.recordings.replay
 import isel_twin.report.sketch  # noqa: F401
 from isel_twin.bridge.pytest import kept as pytest_kept
@@ -60,4 +61,5 @@ def project(drawing_project: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -
 
 
 def run(project: pytest.Pytester, *arguments: str) -> pytest.RunResult:
-    return project.runpytest_inprocess("-q", *arguments)
+    """A session in this process, which leaves to this one where the report of a crash goes."""
+    return project.runpytest_inprocess("-q", "-p", "no:faulthandler", *arguments)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pytest_plugin.projects import INI, drawing_project, project, warm
+from pytest_plugin.projects import INI, drawing_project, project, run, warm
 
 from isel_twin.core.twin import Twin
 from isel_twin.jobs.checks import asserts
@@ -207,7 +207,7 @@ def test_assertions_pass_and_fail_with_what_was_when_and_where(project: pytest.P
     project.makeconftest(CONFTEST)
     file = project.makepyfile(TESTS).name
 
-    result = project.runpytest_inprocess("-q", "-p", "no:timeout", file)
+    result = run(project, "-p", "no:timeout", file)
     result.assert_outcomes(passed=3, failed=len(SAID))
     text = result.outlines
     for name in SAID:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import faulthandler
 import os
 import re
 import subprocess
@@ -43,6 +44,18 @@ def test_a_project_without_twins_pays_for_nothing(project: pytest.Pytester) -> N
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:hypothesispytest", "-p", "no:timeout"]
     done = subprocess.run(command, cwd=project.path, capture_output=True, text=True, timeout=PATIENCE_S)
     assert done.returncode == 0, done.stdout
+
+
+def test_a_crash_of_a_later_test_is_reported_where_it_was(
+    project: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """pytest switches faulthandler off, or to another file, at the end of a session in a process that goes on."""
+    switched: list[str] = []
+    for name in ("enable", "disable"):
+        monkeypatch.setattr(faulthandler, name, lambda *_, name=name, **__: switched.append(name))
+    project.makepyfile("def test_anything():\n    pass\n")
+    run(project).assert_outcomes(passed=1)
+    assert not switched
 
 
 # ---- fixtures ------------------------------------------------------------------------------------------------------
@@ -489,7 +502,7 @@ def test_without_linuxcnc_its_fixture_skips(project: pytest.Pytester, monkeypatc
             assert linuxcnc("ours.ini").code == 0
         """
     )
-    result = project.runpytest_inprocess("-rs")
+    result = run(project, "-rs")
     result.assert_outcomes(skipped=1)
     result.stdout.fnmatch_lines(["SKIPPED*linuxcnc is not installed: apt-get install linuxcnc-uspace"])
 

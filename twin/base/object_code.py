@@ -90,11 +90,12 @@ def kinds_of(arguments: tuple[Any, ...]) -> Kinds | None:
 
 
 class Entry:
-    """A linked function for arguments of these kinds."""
+    """A linked function for arguments of these kinds. Its machine code lives as long as it does."""
 
-    def __init__(self, address: int, returned: str, kinds: Kinds) -> None:
-        self._returned = RETURNED[returned]
-        self._call = ctypes.CFUNCTYPE(ctypes.c_int32, *_words(kinds))(address)
+    def __init__(self, code: Code, kinds: Kinds) -> None:
+        self._linker = _linker()
+        self._returned = RETURNED[code.returned]
+        self._call = ctypes.CFUNCTYPE(ctypes.c_int32, *_words(kinds))(self._linker.link(code))
 
     def __call__(self, arguments: tuple[Any, ...]) -> tuple[bool, Any]:
         """Whether it has come to its end, and what it returns. Python's lock is free meanwhile."""
@@ -136,7 +137,7 @@ class Kept:
 
     def __init__(self, function: Callable[..., Any], files: tuple[str, ...]) -> None:
         kept = _kept(function, files) if usable() else {}
-        self._entries = {kinds: Entry(_link(code), code.returned, kinds) for kinds, code in kept.items()}
+        self._entries = {kinds: Entry(code, kinds) for kinds, code in kept.items()}
         self._met: dict[Kinds, Entry] = {}  # the same with the dtypes of calls, found without comparing fields
 
     def __call__(self, arguments: tuple[Any, ...]) -> tuple[bool, Any]:
@@ -172,8 +173,7 @@ def missing(code: bytes) -> tuple[str, ...] | None:
 
 
 def _there(symbol: str) -> bool:
-    _engine()  # looks into what the process has loaded
-    return symbol in _NEVER_CALLED or bool(not symbol.startswith("NRT_") and llvm.address_of_symbol(symbol))
+    return symbol in _NEVER_CALLED or (not symbol.startswith("NRT_") and hasattr(ctypes.CDLL(None), symbol))
 
 
 def _kept(function: Callable[..., Any], files: tuple[str, ...]) -> dict[Kinds, Code]:
@@ -215,25 +215,29 @@ def _computer() -> str:
     return f"numba {metadata.version('numba')} llvm {llvm.llvm_version_info} {llvm.get_host_cpu_name()} {features}"
 
 
-def _link(code: Code) -> int:
-    """Its address."""
-    for symbol in code.missing:
-        if not llvm.address_of_symbol(symbol):
-            llvm.add_symbol(symbol, _abort())
-    engine = _engine()
-    engine.add_object_file(llvm.ObjectFileRef.from_data(code.code))
-    engine.finalize_object()
-    return int(engine.get_function_address(code.symbol))
+class _Linker:
+    """llvmlite's engine, and what it reads in place instead of copying it: the bytes of its object files.
+
+    What must never be called aborts. That is known to this engine alone: numba may be imported at any time, and has
+    true functions by these names.
+    """
+
+    def __init__(self) -> None:
+        llvm.initialize_native_target()
+        llvm.initialize_native_asmprinter()
+        machine = llvm.Target.from_default_triple().create_target_machine(jit=True)
+        declared = llvm.parse_assembly("\n".join(f"declare void @{symbol}()" for symbol in sorted(_NEVER_CALLED)))
+        self._engine = llvm.create_mcjit_compiler(declared, machine)
+        self._files: list[bytes] = []
+        for function in declared.functions:
+            self._engine.add_global_mapping(function, ctypes.cast(ctypes.CDLL(None).abort, ctypes.c_void_p).value)
+
+    def link(self, code: Code) -> int:
+        """Its address."""
+        self._files.append(code.code)
+        self._engine.add_object_file(llvm.ObjectFileRef.from_data(code.code))
+        self._engine.finalize_object()
+        return int(self._engine.get_function_address(code.symbol))
 
 
-@cache
-def _engine() -> Any:
-    llvm.initialize_native_target()
-    llvm.initialize_native_asmprinter()
-    machine = llvm.Target.from_default_triple().create_target_machine(jit=True)
-    return llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
-
-
-@cache
-def _abort() -> int:
-    return ctypes.cast(ctypes.CDLL(None).abort, ctypes.c_void_p).value or 0
+_linker = cache(_Linker)

@@ -1,11 +1,13 @@
 """Torque to motion: the plants, and the protocol that every plant offers to the twin.
 
-kinematic.py   the carriage follows its command exactly; thresholds still work: following.py, compiled
+kinematic.py   the carriage follows its command exactly; thresholds still work: following.py, compiled; ideal.py: its
+               drives
 mujoco.py      the MuJoCo plant (default)
 built.py       a machine put together for it: model.py (the MuJoCo model) and memory.py (arrays)
 reach.py       which shapes can meet; clamped.py: what is clamped on the table, and who must not meet whom
 contact.py     collisions and least distances, on both plants; collision.py: one as a value
-altered.py     what events change in the model while it works; pushing.py: forces from outside
+altered.py     what events change in the model while it works; pushing.py: forces from outside; power.py: what the
+               drives are told
 touch.py       a touch probe, or a plate for tool lengths
 kernel.py      the compiled loop: drives and MuJoCo together, up to the first threshold passed; in it
                lead.py (commands between set points), glide.py (MuJoCo's step between the stops), thread.py (uneven

@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.units import SECOND_NS
 from isel_twin.drives.servo_drive import ServoDrive
-from isel_twin.drives.stage import AnyStage
 from isel_twin.machine import Machine
 from isel_twin.plant import Collision, Threshold
 from isel_twin.plant.following import bounds, lead_on, make_steps, places_on_the_way
+from isel_twin.plant.ideal import IdealDrives
 from isel_twin.plant.lead import all_behind, no_leads
 from isel_twin.plant.path_samples import PathSamples
 from isel_twin.plant.settling import Settling
@@ -67,8 +67,8 @@ def _of_carriages(delta: NDArray[Any]) -> NDArray[Any]:
     return np.pad(delta, ((0, 0), (0, missing))) if missing > 0 else delta[:, : len(CARRIAGES)]
 
 
-class KinematicPlant(PathSamples):
-    """Implements `isel_twin.plant.Plant` without physics: nothing lags, forces, brake and phases have no effect."""
+class KinematicPlant(IdealDrives, PathSamples):
+    """Implements `isel_twin.plant.Plant` and `Sampled` without physics."""
 
     physics = False
 
@@ -300,12 +300,6 @@ class KinematicPlant(PathSamples):
             self._settling.begin(self.time_ns)
         self._stages_on = stages
 
-    def _no_effect(self, *_: Any, **__: Any) -> None:
-        """For the methods of a plant with physics."""
-
-    apply_force = set_cut = turn_cut = reset_drives = set_phase_lost = watch_margin = _no_effect
-    set_friction = set_obstacle = set_payload = set_undervoltage = _no_effect
-
     def set_trip_point(self, threshold: int, position_mm: float) -> None:
         switch = self._thresholds[threshold]
         if switch.quantity == "touch" and self._felt is not None:
@@ -344,28 +338,12 @@ class KinematicPlant(PathSamples):
         return self.command
 
     @property
-    def lag(self) -> NDArray[np.float64]:
-        return np.zeros(self._count)
-
-    @property
     def powered(self) -> NDArray[np.bool_]:
         return np.full(self._count, self._stages_on)
 
     @property
-    def fault(self) -> NDArray[np.bool_]:
-        return np.zeros(self._count, dtype=np.bool_)
-
-    @property
     def closed_loop(self) -> NDArray[np.bool_]:
         return self._closed.copy()
-
-    @property
-    def drive_faults(self) -> tuple[tuple[int, str], ...]:
-        return ((0, ""),) * self._count
-
-    @property
-    def overloaded(self) -> NDArray[np.bool_]:
-        return np.zeros(self._count, dtype=np.bool_)
 
     @property
     def in_position(self) -> NDArray[np.bool_]:
@@ -378,37 +356,6 @@ class KinematicPlant(PathSamples):
     @property
     def turn_steps(self) -> NDArray[np.float64]:
         return self._turn_steps.copy()
-
-    @property
-    def stages(self) -> tuple[AnyStage, ...]:
-        return ()
-
-    @property
-    def current_fraction(self) -> NDArray[np.float64]:
-        return np.empty(0)
-
-    @property
-    def force_n(self) -> NDArray[np.float64]:
-        return np.full(len(CARRIAGES), math.nan)
-
-    @property
-    def supply_v(self) -> float:
-        return math.nan
-
-    @property
-    def margin(self) -> NDArray[np.float64]:
-        return np.full(self._count, np.nan)
-
-    @property
-    def fastest_rad_s(self) -> NDArray[np.float64]:
-        return self.margin
-
-    def take_margin(self) -> NDArray[np.float64]:
-        return self.margin
-
-    @property
-    def slip_steps(self) -> NDArray[np.float64]:
-        return np.ones(self._count)
 
     @property
     def at_rest(self) -> bool:

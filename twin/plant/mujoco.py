@@ -14,23 +14,23 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.drives.dynamics import BOTH, OPEN
-from isel_twin.drives.servo import CAUSES, cool, forget
+from isel_twin.drives.dynamics import OPEN
+from isel_twin.drives.servo import CAUSES, cool
 from isel_twin.drives.stage import AnyStage
 from isel_twin.machine import Machine, MachineError
 from isel_twin.plant import PlantError, Threshold, kernel, memory, touch
 from isel_twin.plant.altered import Alterations
-from isel_twin.plant.built import Built, build, find_available, find_free, rebuild
+from isel_twin.plant.built import Built, build, find_free, rebuild
 from isel_twin.plant.collision import Collision
 from isel_twin.plant.contact import Geometry, Least, Sensed
 from isel_twin.plant.cutting import Cut, set_cut, turn
 from isel_twin.plant.guides import along_guides_mm
 from isel_twin.plant.lead import all_behind
 from isel_twin.plant.model import load, load_model, redress, same_model
+from isel_twin.plant.power import Power
 from isel_twin.plant.pushing import Pushes
 from isel_twin.plant.samples import GRID, LoopSamples
 
-_PHASES = {"": BOTH, "a": BOTH & ~1, "b": BOTH & ~2, "ab": OPEN}  # remaining phases, by the interrupted ones
 _index = (memory.PLANT.names or ()).index
 _NOW, _EDGE, _STRUCK, _LOST_DOF, _ARRIVED = map(_index, ("now", "edge", "struck", "lost_dof", "arrived"))
 _ADDRESSES = ("mj_step", "model", "data", "step_at")  # fields of memory.PLANT that belong to this process
@@ -83,8 +83,11 @@ class MujocoPlant(LoopSamples):
         self.set_obstacle = self._altered.set_obstacle
         self._pushes = Pushes(built)
         self.apply_force = self._pushes.push
-        self._lost = [""] * memory.AXES  # interrupted phases of each motor
-        self._power = (False, False, False)  # arguments of the last `set_power`
+        self._power = Power(built)
+        self.set_power = self._power.switch
+        self.reset_drives = self._power.reset_drives
+        self.set_phase_lost = self._power.set_phase_lost
+        self.set_undervoltage = self._power.set_undervoltage
         self._none = np.empty(0, dtype=np.int64), np.empty((0, axes), dtype=np.int32), np.empty(0, dtype=np.int64)
         self._late = self._none  # times, changes and leads of the ticks after the last whole sub-step
 
@@ -120,7 +123,13 @@ class MujocoPlant(LoopSamples):
             "parts": {name: getattr(self.parts, name).copy() for name in _SAVED},
             "own": {name: getattr(self.built, name).copy() for name in _OWN},
             "pushes": self._pushes.joints_n.copy(),
-            "values": (self.time_ns, self.edge, self._power, tuple(self._lost), tuple(a.copy() for a in self._late)),
+            "values": (
+                self.time_ns,
+                self.edge,
+                self._power.switched,
+                tuple(self._power.lost),
+                tuple(a.copy() for a in self._late),
+            ),
             "mujoco": {name: getattr(self.data, name).copy() for name in _DATA},
             "mujoco_time": self.data.time,
             "model": self._altered.save(),
@@ -138,8 +147,8 @@ class MujocoPlant(LoopSamples):
             plant[name] = value
         self._pushes.joints_n[...] = state["pushes"]
         self.data.time = state["mujoco_time"]
-        self.time_ns, self.edge, self._power, lost, late = state["values"]
-        self._lost = list(lost)
+        self.time_ns, self.edge, self._power.switched, lost, late = state["values"]
+        self._power.lost = list(lost)
         self._late = (late[0].copy(), late[1].copy(), late[2].copy())
         self._altered.restore(state["model"])
         self.keep_grid(grid, sample_at)
@@ -231,58 +240,6 @@ class MujocoPlant(LoopSamples):
         self.parts.thresholds["limit"][threshold] = position_mm * 1e-3
         find_free(self.parts)
 
-    # Power and drives
-
-    def set_power(self, stages: bool, brake_released: bool, lowering: bool) -> None:
-        power = (stages, brake_released, lowering)
-        if power == self._power:
-            return
-        kernel.wake(self._memory)
-        axes = self.parts.axes
-        if stages and not self._power[0]:
-            axes["still_since"] = self.parts.plant["now"]
-            axes["fraction"] = 1.0
-            self._forget_faults()
-        if not lowering:
-            axes["fraction"] = 1.0
-        self._power = power
-        axes["lowering"] = lowering
-        braking_nm = (0.0 if brake_released else 1.0) * self.built.brake_nm
-        self.parts.drives["coulomb_nm"] = self.built.coulomb_nm + braking_nm
-        self._set_phases()
-
-    def reset_drives(self) -> None:
-        kernel.wake(self._memory)
-        self._forget_faults()
-
-    def set_phase_lost(self, axis: int, phases: str) -> None:
-        """Raises ValueError for anything but "a", "b", "ab" and ""."""
-        if phases not in _PHASES:
-            raise ValueError(f"unknown motor phases {phases!r}; there are: a, b, ab")
-        kernel.wake(self._memory)
-        self._lost[axis] = phases
-        self._set_phases()
-
-    def set_undervoltage(self, missing: float) -> None:
-        kernel.wake(self._memory)
-        left, supply, drives = 1.0 - missing, self.parts.supply, self.parts.drives
-        if supply["on"][0]:
-            supply["source_v"] = left * self.stages[0].supply_v
-            supply["steady"] = 0
-        else:
-            drives["drive_v"] = [left * stage.drive_v for stage in self.stages]
-            drives["return_v"] = [left * stage.supply_v for stage in self.stages]
-        find_available(self.built, left)
-
-    def _forget_faults(self) -> None:
-        for i in np.flatnonzero(self.built.closed):
-            forget(self.parts.states[i])
-
-    def _set_phases(self) -> None:
-        lost = ["" if closed else lost for lost, closed in zip(self._lost, self.built.closed, strict=True)]
-        self.parts.axes["phases"] = [_PHASES[phases] if self._power[0] else OPEN for phases in lost]
-        self.parts.drives["connected"] = [not lost for lost in self._lost]
-
     # Forces and changes from outside
 
     def set_payload(self, place: str, mass_kg: float) -> None:
@@ -361,7 +318,7 @@ class MujocoPlant(LoopSamples):
 
     @property
     def powered(self) -> NDArray[np.bool_]:
-        return self._all(self._live, self._power[0])
+        return self._all(self._live, self._power.stages)
 
     @property
     def _live(self) -> NDArray[np.bool_]:

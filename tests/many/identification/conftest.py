@@ -14,7 +14,7 @@ from isel_twin.many.identification.session import Session, session_of
 from isel_twin.many.identification.stand_in import carry_out
 from isel_twin.many.identification.unknowns import Unknown, unknown
 from isel_twin.recordings.reading import Recorded
-from tests.near import near_switches
+from tests.near import COARSE, near_switches
 
 CONTROLLER = "imc-s8"
 NAMES = ("friction.x", "backlash.x", "stiffness.x", "supply")
@@ -66,7 +66,7 @@ def short(block: Block) -> Block:
 @pytest.fixture(scope="session")
 def found(tmp_path_factory: pytest.TempPathFactory) -> Found:
     """Two sessions at the hidden machine, with other moves and other luck: one to fit, one to hold back."""
-    believed = load_machine(near_switches(tmp_path_factory.mktemp("near"), 2.0))
+    believed = load_machine(near_switches(tmp_path_factory.mktemp("near"), 2.0, more=COARSE))
     hidden = hide(believed)
     unknowns = tuple(unknown(believed, name) for name in NAMES)
     language = needed(create_language(CONTROLLER), CONTROLLER)

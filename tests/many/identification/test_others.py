@@ -26,7 +26,7 @@ from isel_twin.many.identification.measured import Measured, Repeats
 from isel_twin.many.identification.session import predict, session_of, stand_alone
 from isel_twin.many.identification.stand_in import _stalled, carry_out
 from isel_twin.many.identification.unknowns import candidate, unknown
-from tests.near import near_switches
+from tests.near import COARSE, near_switches
 
 CONTROLLER = "imc-s8"
 MACHINE = load_machine("4030")
@@ -68,7 +68,7 @@ def test_the_scatter_of_switches_follows_from_reference_runs() -> None:
 
 
 def test_a_switch_and_a_lead_error_follow_from_a_scale(tmp_path: Path) -> None:
-    machine = load_machine(near_switches(tmp_path, 2.0))
+    machine = load_machine(near_switches(tmp_path, 2.0, more=COARSE))
     unknowns = [unknown(machine, "switch.limit_x2"), unknown(machine, "lead.x")]
     hidden = candidate(machine, unknowns, [393.6, 0.04])
     tell = Teller(LANGUAGE, "x", machine.axes[0].steps_per_mm)

@@ -18,7 +18,7 @@ from isel_twin.many.identification.protocol import characteristics, day
 from isel_twin.many.identification.ring_down import read_signal, ring_down
 from isel_twin.many.identification.sealed import Day, Predicted, Score, predict_day, score, sealed
 from isel_twin.many.identification.stand_in import carry_out
-from tests.near import near_switches
+from tests.near import COARSE, near_switches
 
 CONTROLLER = "imc-s8"
 LANGUAGE = needed(create_language(CONTROLLER), CONTROLLER)
@@ -88,7 +88,7 @@ def test_what_does_not_ring_is_refused(tmp_path: Path) -> None:
 @pytest.fixture(scope="module")
 def near(tmp_path_factory: pytest.TempPathFactory) -> Machine:
     """Small: 120 mm of travel, and found at its switches."""
-    folder = near_switches(tmp_path_factory.mktemp("near"), 2.0)
+    folder = near_switches(tmp_path_factory.mktemp("near"), 2.0, more=COARSE)
     return with_overrides(load_machine(folder), {"axes.all.travel": 120.0})
 
 
