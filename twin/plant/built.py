@@ -244,6 +244,7 @@ def _parts(
         touched_m=np.zeros((pairs, memory.AXES)),
         found=data.sensordata,
         samples=np.zeros((memory.SAMPLES, 2 + 2 * (nv + commands) + 3 * memory.AXES)),
+        kept=np.zeros(kernel.AXIS_WORDS + kernel.STATE_WORDS + 3 * nv, np.int64),
         place=np.zeros(nv),
         qpos=data.qpos,
         qvel=data.qvel,
@@ -258,7 +259,7 @@ def _power_on(machine: Machine, built: Built) -> None:
     model, data, parts, plant = built.model, built.data, built.parts, built.parts.plant
     step_s = machine.timing.mujoco_step_ns * 1e-9
     step_at = int(plant["step_at"][0]) or time_step_address(model)  # the model stays
-    for part in (plant, parts.axes, parts.screws, parts.commanded, parts.push, parts.cut, parts.touching):
+    for part in (plant, parts.axes, parts.screws, parts.commanded, parts.push, parts.cut, parts.touching, parts.kept):
         part.view(np.uint8).fill(0)
     parts.touched_m.fill(0.0)
     parts.states[:] = axis_states(memory.AXES)
