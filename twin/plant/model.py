@@ -52,9 +52,10 @@ def load_model(machine: Machine, *, visual: bool = True, watched: bool = False) 
 
 def load(machine: Machine, *, visual: bool, watched: bool) -> tuple[mujoco.MjModel, mujoco.MjData]:
     """As `load_model`, with data for it in some state."""
-    model = copy.copy(compiled(asked_of(machine, visual=visual, watched=watched)))
+    known = bare(asked_of(machine, visual=visual, watched=watched))
+    model = copy.copy(known.model)
     data = mujoco.MjData(model)
-    dress(machine, model, data)
+    dress(known, machine, model, data)
     return model, data
 
 
@@ -99,7 +100,6 @@ def _written(file: Path) -> Hashable:
     return file, stat.st_mtime_ns, stat.st_size
 
 
-@lru_cache(MODELS)
 def compiled(asked: Asked) -> mujoco.MjModel:
     """The model with the masses of its file, without springs of the structure and payload. Errors: `load_model`."""
     machine, visual, watched = asked.machine, asked.visual, asked.watched
@@ -166,37 +166,60 @@ def same_model(machine: Machine, other: Machine) -> bool:
     return one == two
 
 
-def redress(machine: Machine, worn: Machine, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Put the numbers of a machine on a model of `load_model`, watched or not visual, in place of those of the machine
-    it was loaded for: the result is what `load_model` gives. Both have the `same_model`. data: of it, for scratch."""
-    bare = compiled(asked_of(worn, visual=False, watched=model.nsensor > 0))
+@dataclass(frozen=True, eq=False)
+class Bare:
+    """A model as `compiled` makes it, and where the numbers of a machine have their places in it."""
+
+    model: mujoco.MjModel
+    axes: NDArray[np.int64]  # [3], joint coordinates of X, Y and Z
+    bodies: NDArray[np.int64]  # in the order of Machine.masses_kg
+    modes: NDArray[np.int64]  # joints of the structure, in the order of Machine.structure
+    table: int  # body
+    stated: bool  # its mean inertia and mean mass are in its file, not computed
+
+
+@lru_cache(MODELS)
+def bare(asked: Asked) -> Bare:
+    """Errors: `load_model`."""
+    model, machine = compiled(asked), asked.machine
+    modes = machine.structure if machine.imperfections.structure else ()
+    return Bare(
+        model,
+        axes=np.array([model.joint(axis.name).dofadr[0] for axis in machine.axes]),
+        bodies=np.array([model.body(name).id for name in machine.masses_kg], np.int64),
+        modes=np.array([model.joint(mode.joint).id for mode in modes], np.int64),
+        table=model.body("table").id,
+        stated=_means(model) != (model.stat.meaninertia, model.stat.meanmass),
+    )
+
+
+def redress(known: Bare, machine: Machine, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Put the numbers of a machine on a model of `load_model` in place of those of the machine it was loaded for: the
+    result is what `load_model` gives. known: of both, which have the `same_model`. data: of the model, for scratch."""
     for name in ("body_mass", "body_inertia", "dof_M0", "jnt_stiffness", "dof_damping"):
-        getattr(model, name)[...] = getattr(bare, name)
-    model.stat.meaninertia, model.stat.meanmass = bare.stat.meaninertia, bare.stat.meanmass
-    dress(machine, model, data)
+        getattr(model, name)[...] = getattr(known.model, name)
+    model.stat.meaninertia, model.stat.meanmass = known.model.stat.meaninertia, known.model.stat.meanmass
+    dress(known, machine, model, data)
 
 
-def dress(machine: Machine, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+def dress(known: Bare, machine: Machine, model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """Put guide friction, masses, springs of the structure and payload of a machine on a model as `compiled` left it.
     data: of the model, for scratch."""
-    for axis in machine.axes:
-        model.dof_frictionloss[model.joint(axis.name).dofadr] = axis.guide_friction_n
-    stated = _means(model) != (model.stat.meaninertia, model.stat.meanmass)  # by the file, not computed
-    for name, mass_kg in machine.masses_kg.items():
-        body = model.body(name).id
-        model.body_inertia[body] *= mass_kg / model.body_mass[body]
-        model.body_mass[body] = mass_kg
+    model.dof_frictionloss[known.axes] = [axis.guide_friction_n for axis in machine.axes]
+    masses_kg, bodies = list(machine.masses_kg.values()), known.bodies
+    model.body_inertia[bodies] *= (masses_kg / known.model.body_mass[bodies])[:, None]
+    model.body_mass[bodies] = masses_kg
     mujoco.mj_setConst(model, data)
-    if not stated:  # MuJoCo computes them when it compiles, and its solver asks for one
+    if not known.stated:  # MuJoCo computes them when it compiles, and its solver asks for one
         model.stat.meaninertia, model.stat.meanmass = _means(model)
-    if machine.imperfections.structure:
-        for mode in machine.structure:
-            joint = model.joint(mode.joint)
-            mass_kg = model.body_subtreemass[model.jnt_bodyid[joint.id]]
-            model.jnt_stiffness[joint.id] = mode.stiffness_n_per_m
-            model.dof_damping[joint.dofadr] = 2.0 * mode.damping_ratio * math.sqrt(mode.stiffness_n_per_m * mass_kg)
+    if len(known.modes):
+        stiffness = np.array([mode.stiffness_n_per_m for mode in machine.structure])
+        twice = np.array([2.0 * mode.damping_ratio for mode in machine.structure])
+        carried_kg = model.body_subtreemass[model.jnt_bodyid[known.modes]]
+        model.jnt_stiffness[known.modes] = stiffness
+        model.dof_damping[model.jnt_dofadr[known.modes]] = twice * np.sqrt(stiffness * carried_kg)
     if machine.payload_kg > 0.0:  # at the table's centre of gravity: the table does not turn, so any place does
-        model.body_mass[model.body("table").id] += machine.payload_kg
+        model.body_mass[known.table] += machine.payload_kg
         mujoco.mj_setConst(model, data)
 
 

@@ -20,7 +20,7 @@ from isel_twin.drives.stage import AnyStage
 from isel_twin.machine import Machine, MachineError
 from isel_twin.plant import PlantError, Threshold, kernel, memory, touch
 from isel_twin.plant.altered import Alterations
-from isel_twin.plant.built import Built, build, find_available, find_free, rebuild
+from isel_twin.plant.built import Built, build, find_available, find_free, rebuild, share_tip
 from isel_twin.plant.collision import Collision
 from isel_twin.plant.contact import Geometry, Least, Sensed
 from isel_twin.plant.cutting import Cut, set_cut, turn
@@ -99,13 +99,13 @@ class MujocoPlant(LoopSamples):
             raise ValueError(
                 f"{machine.file}: its model is another one than that of {self.machine.name}; build a new plant"
             )
-        before, before_mm = self.machine, self.parts.place[self.built.dof] * 1e3
+        before, before_mm, bare = self.machine, self.parts.place[self.built.dof] * 1e3, self.built.frame.bare
         self._altered.restore(None)
         try:
-            redress(machine, before, self.model, self.data)
+            redress(bare, machine, self.model, self.data)
             self._start(rebuild(self.built, machine, start_mm), self._count)
         except MachineError:
-            redress(before, before, self.model, self.data)
+            redress(bare, before, self.model, self.data)
             self._start(rebuild(self.built, before, before_mm), self._count)
             raise
 
@@ -291,7 +291,8 @@ class MujocoPlant(LoopSamples):
 
     def set_cut(self, cut: Cut | None) -> None:
         kernel.wake(self._memory)
-        set_cut(self.parts.cut, cut, int(self.parts.plant["now"][0]), self._substep_ns * 1e-9, self.built.left)
+        share_tip(self.built)
+        set_cut(self.parts.cut, cut, int(self.parts.plant["now"][0]), self._substep_ns * 1e-9, self.built.frame.left)
 
     def turn_cut(self, speed_rev_min: float) -> None:
         if self.parts.cut["on"][0]:
