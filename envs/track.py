@@ -211,6 +211,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         self._settled: Mapping[str, Any] = {}  # the settled state of `_plant` there
         self._options: dict[str, Any] = {}
         self._points = np.zeros((0, 3))
+        self._from_mm = np.zeros(3)  # their start, in machine coordinates
         self._track = np.zeros(1, TRACK)
         self._now = self._track[0]
         self._track["step_ns"] = step_ns
@@ -330,13 +331,13 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         """The first observation of an episode with these options."""
         points = lay_path(options.get("path", self._path), self.np_random)
         off_mm = self._reference_mm * self.np_random.uniform(-1.0, 1.0, 3)
-        again = len(self.path_mm) > 0 and np.array_equal(points, self._points)
-        path = self.path_mm if again else sampled(points)
-        self._check_fits(points)
-        self._options, self._points, self.steps_left = options, points, 0
+        if not (len(self.path_mm) and np.array_equal(points, self._points)):
+            path = sampled(points)
+            self._check_fits(points)
+            self.path_mm, self._points, self._from_mm = path, points, self._start_mm(points)
+        self._options, self.steps_left = options, 0
         self._stand()
         assert self._plant is not None
-        self.path_mm = path
         self._lanes["origin_mm"] = self._plant.position_mm + off_mm
         self._lanes["limit_rad_s"] = limits_rad_s(self.machine, options.get("supply", 1.0))
         for name in ("counter", "fraction", "rate_hz"):
@@ -352,7 +353,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
 
     def _stand(self) -> None:
         """Set up a machine with the options of this episode, at rest at the start of its path."""
-        start_mm = self._start_mm(self._points)
+        start_mm = self._from_mm
         stands = (*(self._options.get(name) for name in VARIATIONS), *start_mm)
         again = stands == self._stands
         if again and self._settled:

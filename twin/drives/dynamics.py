@@ -29,6 +29,7 @@ For lambda the command is smoothed between its pulses.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +38,7 @@ from isel_twin.base.compiling import njit
 from isel_twin.drives import shaft, trigonometry
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.screw import Screw
-from isel_twin.drives.shaft import STEPPER, shaft_parameters, turn
+from isel_twin.drives.shaft import AXIS_PARAMETERS, STEPPER, lay_shaft, turn
 from isel_twin.drives.stage import Stage
 from isel_twin.drives.trigonometry import sine_and_cosine
 
@@ -57,8 +58,16 @@ def axis_parameters(
 
     Raises ValueError if the sub-step is too long for the nut spring on this shaft.
     """
+    p = _electric(motor, stage, dt_s).copy()
+    lay_shaft(p, screw, motor.rotor_inertia_kgm2, dt_s, stiffness_n_per_m)
+    return p
+
+
+@lru_cache(256)
+def _electric(motor: Motor, stage: Stage, dt_s: float) -> NDArray[np.void]:
+    """Constants of motor and stage."""
     motor = motor.at_current(stage.vector_a)
-    p = shaft_parameters(screw, motor.rotor_inertia_kgm2, dt_s, stiffness_n_per_m)
+    p = np.zeros(1, AXIS_PARAMETERS)
     resistance = motor.resistance_ohm + stage.extra_resistance_ohm
     gain = -math.expm1(-resistance * dt_s / motor.inductance_h) / resistance
     p["kind"] = STEPPER

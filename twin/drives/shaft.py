@@ -122,11 +122,11 @@ AXIS_STATE = np.dtype(
 )
 
 
-def shaft_parameters(
-    screw: Screw, rotor_inertia_kgm2: float, dt_s: float, stiffness_n_per_m: float | None = None
-) -> NDArray[np.void]:
-    """Constants of all but the motor: one record, shape [1]. stiffness_n_per_m: where the nut is; None: the stated one.
-    Raises ValueError if the sub-step dt_s is too long for the nut spring on this shaft."""
+def lay_shaft(
+    p: NDArray[np.void], screw: Screw, rotor_inertia_kgm2: float, dt_s: float, stiffness_n_per_m: float | None = None
+) -> None:
+    """Fill in the constants of all but the motor: p [1] AXIS_PARAMETERS. stiffness_n_per_m: where the nut is; None: the
+    stated one. Raises ValueError if the sub-step dt_s is too long for the nut spring on this shaft."""
     if not 0.0 < dt_s <= 1e-3:
         raise ValueError(f"drive: the sub-step must lie in 0 .. 1 ms, not {dt_s!r} s")
     inertia = rotor_inertia_kgm2 + screw.inertia_kgm2
@@ -136,7 +136,6 @@ def shaft_parameters(
         raise ValueError(
             f"drive: sub-step {dt_s:g} s is too long for this stiffness and inertia; shorten it or soften it"
         )
-    p = np.zeros(1, AXIS_PARAMETERS)
     p["dt_s"] = dt_s
     p["kick_rad_s_per_nm"] = dt_s / inertia
     p["inertia_kgm2"] = inertia
@@ -150,7 +149,6 @@ def shaft_parameters(
     p["damping_n_s_per_m"] = screw.damping_n_s_per_m
     p["forward_loss"] = 1.0 / screw.efficiency - 1.0
     p["backward_loss"] = 1.0 - screw.backdrive_efficiency
-    return p
 
 
 def axis_states(n: int) -> NDArray[np.void]:

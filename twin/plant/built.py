@@ -77,6 +77,7 @@ class Built:
     machine: Machine
     model: mujoco.MjModel
     data: mujoco.MjData
+    scratch: mujoco.MjData  # for steps that nobody sees
     parts: Parts
     memory: NDArray[np.void]  # MEMORY [1] of the parts
     dof: NDArray[np.int64]  # [3], index of the joint of X, Y and Z in qpos and qvel
@@ -117,6 +118,7 @@ def build(
         machine=machine,
         model=model,
         data=data,
+        scratch=mujoco.MjData(model),
         parts=parts,
         memory=memory.memory_of(parts),
         dof=frame.bare.axes,
@@ -148,13 +150,14 @@ def _fill(built: Built, start_mm: NDArray[np.float64], worn: Machine | None) -> 
     _wear(built, worn)
     begun = built.room.copy()
     model, data, parts, dof = built.model, built.data, built.parts, built.dof
-    _stand(built, start_mm)
+    mujoco.mj_resetData(model, data)
+    data.qpos[dof] = np.asarray(start_mm) * 1e-3
+    mujoco.mj_forward(model, data)
     weigh(built, data)
     _check_steps(built)
     built.begun[:] = begun
-    parts.joints_law[:] = written_out(built.frame.slides, model, data, built.mobility, built.weight)
+    parts.joints_law[:] = written_out(built.frame.slides, model, built.scratch, built.mobility, built.weight)
     parts.mobility[:] = built.mobility
-    _stand(built, start_mm)
     parts.before[:] = parts.place[:] = data.qpos
     pull_n = -built.weight[dof].round(6)
     parts.axes["zero_m"] = data.qpos[dof] - np.sign(pull_n) * parts.drives["half_backlash_m"]
@@ -164,16 +167,11 @@ def _fill(built: Built, start_mm: NDArray[np.float64], worn: Machine | None) -> 
     for switch in parts.thresholds:
         if switch["quantity"] == memory.POSITION:
             switch["passed"] = switch["sense"] * (data.qpos[dof[switch["axis"]]] - switch["limit"]) > 0.0
-    find_free(parts)
+    if len(parts.thresholds):
+        find_free(parts)
     kernel.begin_window(built.memory)
-    kernel.feel_now(built.memory)
-
-
-def _stand(built: Built, start_mm: NDArray[np.float64]) -> None:
-    """MuJoCo's state at power-on."""
-    mujoco.mj_resetData(built.model, built.data)
-    built.data.qpos[built.dof] = np.asarray(start_mm) * 1e-3
-    mujoco.mj_forward(built.model, built.data)
+    if parts.feeler["on"][0]:
+        kernel.feel_now(built.memory)
 
 
 def weigh(built: Built, data: mujoco.MjData) -> None:
@@ -291,6 +289,7 @@ def _power_on(built: Built, thresholds: NDArray[np.void]) -> None:
     axes["dof"] = built.dof
     axes["phases"] = OPEN
     axes["fraction"] = axes["margin"] = axes["untaken"] = 1.0
+    find_free(parts)
 
 
 def _wear(built: Built, worn: Machine | None) -> None:

@@ -115,7 +115,7 @@ def gliding(model: mujoco.MjModel) -> tuple[NDArray[np.void], NDArray[np.float64
     mujoco.mj_forward(model, data)
     mujoco.mj_fullM(model, data, inertia)
     mobility = np.linalg.inv(inertia)
-    return written_out(slides(model), model, data, mobility, data.qfrc_bias.copy()), mobility
+    return written_out(slides(model), model, mujoco.MjData(model), mobility, data.qfrc_bias), mobility
 
 
 def written_out(
@@ -126,7 +126,7 @@ def written_out(
     weight_n: NDArray[np.float64],
 ) -> NDArray[np.void]:
     """JOINT [nv] of a model that is as `known` says, its bounds nan if MuJoCo must make every step. mobility, weight_n:
-    M^-1 [nv, nv] and the forces [nv] at rest, anywhere. data: of the model, for scratch."""
+    M^-1 [nv, nv] and the forces [nv] at rest, anywhere. data: of the model, new or for this alone."""
     joints = np.zeros(model.nv, JOINT)
     if not known.alone:
         joints["low_m"] = joints["high_m"] = np.nan
@@ -140,7 +140,7 @@ def written_out(
     joints["creep_per_s"] = known.creep_per_s
     soft_per_kg = np.maximum(mujoco.mjMINVAL, (1.0 - impedance) * model.dof_invweight0 / impedance)  # R
     joints["stuck_kg"] = 1.0 / (mobility.diagonal() + soft_per_kg)
-    mujoco.mj_resetData(model, data)
+    data.qacc_warmstart[:] = 0.0  # all else that a step looks at is set for each
     state = data.qpos, data.qvel, data.qfrc_applied, np.zeros((4, model.nv))
     step = mj_step_address(), model._address, data._address
     if not _agrees(joints, mobility, model.opt.timestep, *step, known.bounds_m, *state):

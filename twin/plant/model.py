@@ -171,55 +171,61 @@ class Bare:
     """A model as `compiled` makes it, and where the numbers of a machine have their places in it."""
 
     model: mujoco.MjModel
+    means: tuple[float, float]  # inertia of the joints, mass of the bodies
+    stated: bool  # so its file says; else they are computed
     axes: NDArray[np.int64]  # [3], joint coordinates of X, Y and Z
-    bodies: NDArray[np.int64]  # in the order of Machine.masses_kg
+    masses_kg: NDArray[np.float64]  # of all bodies
+    bodies: NDArray[np.int64]  # [b], in the order of Machine.masses_kg
+    inertia: NDArray[np.float64]  # [b, 3], kg m2
     modes: NDArray[np.int64]  # joints of the structure, in the order of Machine.structure
+    dampers: NDArray[np.int64]  # joint coordinates of them
+    carriers: NDArray[np.int64]  # bodies on them
     table: int  # body
-    stated: bool  # its mean inertia and mean mass are in its file, not computed
 
 
 @lru_cache(MODELS)
 def bare(asked: Asked) -> Bare:
     """Errors: `load_model`."""
     model, machine = compiled(asked), asked.machine
-    modes = machine.structure if machine.imperfections.structure else ()
+    bodies = np.array([model.body(name).id for name in machine.masses_kg], np.int64)
+    structure = machine.structure if machine.imperfections.structure else ()
+    modes = np.array([model.joint(mode.joint).id for mode in structure], np.int64)
+    means = model.stat.meaninertia, model.stat.meanmass
     return Bare(
         model,
+        means=means,
+        stated=_means(model) != means,
         axes=np.array([model.joint(axis.name).dofadr[0] for axis in machine.axes]),
-        bodies=np.array([model.body(name).id for name in machine.masses_kg], np.int64),
-        modes=np.array([model.joint(mode.joint).id for mode in modes], np.int64),
+        masses_kg=model.body_mass.copy(),
+        bodies=bodies,
+        inertia=model.body_inertia[bodies],
+        modes=modes,
+        dampers=model.jnt_dofadr[modes],
+        carriers=model.jnt_bodyid[modes],
         table=model.body("table").id,
-        stated=_means(model) != (model.stat.meaninertia, model.stat.meanmass),
     )
 
 
-def redress(known: Bare, machine: Machine, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Put the numbers of a machine on a model of `load_model` in place of those of the machine it was loaded for: the
-    result is what `load_model` gives. known: of both, which have the `same_model`. data: of the model, for scratch."""
-    for name in ("body_mass", "body_inertia", "dof_M0", "jnt_stiffness", "dof_damping"):
-        getattr(model, name)[...] = getattr(known.model, name)
-    model.stat.meaninertia, model.stat.meanmass = known.model.stat.meaninertia, known.model.stat.meanmass
-    dress(known, machine, model, data)
-
-
 def dress(known: Bare, machine: Machine, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Put guide friction, masses, springs of the structure and payload of a machine on a model as `compiled` left it.
-    data: of the model, for scratch."""
+    """Put guide friction, masses, springs of the structure and payload of a machine on a model as `compiled` left it,
+    or in place of those of another machine, which has the `same_model`. data: of the model, for scratch."""
     model.dof_frictionloss[known.axes] = [axis.guide_friction_n for axis in machine.axes]
-    masses_kg, bodies = list(machine.masses_kg.values()), known.bodies
-    model.body_inertia[bodies] *= (masses_kg / known.model.body_mass[bodies])[:, None]
-    model.body_mass[bodies] = masses_kg
+    masses_kg, bodies, own_kg = list(machine.masses_kg.values()), known.bodies, model.body_mass
+    own_kg[:] = known.masses_kg
+    own_kg[bodies] = masses_kg
+    model.body_inertia[bodies] = known.inertia * (masses_kg / known.masses_kg[bodies])[:, None]
+    stat = model.stat
+    stat.meaninertia, stat.meanmass = known.means
     mujoco.mj_setConst(model, data)
     if not known.stated:  # MuJoCo computes them when it compiles, and its solver asks for one
-        model.stat.meaninertia, model.stat.meanmass = _means(model)
+        stat.meaninertia, stat.meanmass = _means(model)
     if len(known.modes):
         stiffness = np.array([mode.stiffness_n_per_m for mode in machine.structure])
         twice = np.array([2.0 * mode.damping_ratio for mode in machine.structure])
-        carried_kg = model.body_subtreemass[model.jnt_bodyid[known.modes]]
         model.jnt_stiffness[known.modes] = stiffness
-        model.dof_damping[model.jnt_dofadr[known.modes]] = twice * np.sqrt(stiffness * carried_kg)
+        model.dof_damping[known.dampers] = twice * np.sqrt(stiffness * model.body_subtreemass[known.carriers])
     if machine.payload_kg > 0.0:  # at the table's centre of gravity: the table does not turn, so any place does
-        model.body_mass[known.table] += machine.payload_kg
+        own_kg[known.table] += machine.payload_kg
         mujoco.mj_setConst(model, data)
 
 

@@ -26,7 +26,7 @@ from isel_twin.plant.contact import Geometry, Least, Sensed
 from isel_twin.plant.cutting import Cut, set_cut, turn
 from isel_twin.plant.guides import along_guides_mm
 from isel_twin.plant.lead import all_behind
-from isel_twin.plant.model import load, load_model, redress, same_model
+from isel_twin.plant.model import dress, load, load_model, same_model
 from isel_twin.plant.pushing import Pushes
 from isel_twin.plant.samples import GRID, LoopSamples
 
@@ -102,10 +102,10 @@ class MujocoPlant(LoopSamples):
         before, before_mm, bare = self.machine, self.parts.place[self.built.dof] * 1e3, self.built.frame.bare
         self._altered.restore(None)
         try:
-            redress(bare, machine, self.model, self.data)
+            dress(bare, machine, self.model, self.data)
             self._start(rebuild(self.built, machine, start_mm), self._count)
         except MachineError:
-            redress(bare, before, self.model, self.data)
+            dress(bare, before, self.model, self.data)
             self._start(rebuild(self.built, before, before_mm), self._count)
             raise
 
