@@ -19,12 +19,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.base.axes import CARRIAGES
 from isel_twin.drives.dynamics import OPEN, axis_parameters
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.servo import servo_parameters
 from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
-from isel_twin.drives.shaft import AXIS_PARAMETERS, AXIS_STATE, axis_states
+from isel_twin.drives.shaft import AXIS_PARAMETERS, AXIS_STATE, axis_states, lay_shaft
 from isel_twin.drives.stage import Stage
 from isel_twin.machine import Axis, Machine, MachineError
 from isel_twin.plant import Threshold, kernel, memory, touch
@@ -36,12 +35,10 @@ from isel_twin.plant.margin import SPEEDS, available_torque
 from isel_twin.plant.memory import Parts
 from isel_twin.plant.model import MODELS, Asked, Bare, asked_of, bare, found_targets, left_of_x, reach, tool_motion
 from isel_twin.plant.native import mj_step_address, time_step_address
-from isel_twin.plant.thread import SCREW, feel
+from isel_twin.plant.thread import SCREW, feel, laid_screw
+from isel_twin.plant.weighing import balance, check_steps, stiffest_n_per_m, weigh
 
 REST_TIME_S = 0.025  # standstill before the plant is frozen; a swinging joint is never slow for this long
-# Largest MuJoCo step times the highest frequency (rad/s) of the machine on all its springs, nuts and structure. Above 2
-# the exchange of forces feeds oscillations; stick-slip can feed them below that (decision plant/3).
-LARGEST_STEP_RATIO = 1.9
 FINER = 4, 5, 3, 2  # parts of a window while the structure is shaken: the first that divides it
 NEAR_M = 1e-9  # distance from a position switch at which the loop begins to compare; rounding is far below
 _LEAST_V = 5.0  # least Stage.supply_v; below it a motor's torque is taken as at this voltage
@@ -154,14 +151,11 @@ def _fill(built: Built, start_mm: NDArray[np.float64], worn: Machine | None) -> 
     data.qpos[dof] = np.asarray(start_mm) * 1e-3
     mujoco.mj_forward(model, data)
     weigh(built, data)
-    _check_steps(built)
+    check_steps(built)
     built.begun[:] = begun
     parts.joints_law[:] = written_out(built.frame.slides, model, built.scratch, built.mobility, built.weight)
     parts.mobility[:] = built.mobility
-    parts.before[:] = parts.place[:] = data.qpos
-    pull_n = -built.weight[dof].round(6)
-    parts.axes["zero_m"] = data.qpos[dof] - np.sign(pull_n) * parts.drives["half_backlash_m"]
-    parts.screws["start_m"] = parts.axes["zero_m"]
+    balance(built.memory, data.qpos, built.weight)
     if parts.plant["uneven"][0]:
         feel(parts.screws, parts.axes, parts.drives, parts.states)
     for switch in parts.thresholds:
@@ -172,28 +166,6 @@ def _fill(built: Built, start_mm: NDArray[np.float64], worn: Machine | None) -> 
     kernel.begin_window(built.memory)
     if parts.feeler["on"][0]:
         kernel.feel_now(built.memory)
-
-
-def weigh(built: Built, data: mujoco.MjData) -> None:
-    """Fill in what follows from the masses. data: MuJoCo's, after `mj_forward` at the present place."""
-    model, parts, dof = built.model, built.parts, built.dof
-    mujoco.mj_fullM(model, data, built.inertia)
-    built.weight[:] = data.qfrc_bias
-    built.mobility[:] = np.linalg.inv(built.inertia)
-    parts.axes["mobility_per_kg"] = built.mobility.diagonal()[dof]
-    axes_mobility = -built.mobility[dof]
-    parts.springs[0] = axes_mobility * model.jnt_stiffness[model.dof_jntid]
-    parts.springs[1] = axes_mobility * model.dof_damping
-    if parts.feeler["on"][0] or parts.cut["on"][0]:
-        share_tip(built)
-
-
-def share_tip(built: Built) -> None:
-    """Fill in what a force between tool and table does; only who feels or cuts asks for it."""
-    parts, found = built.parts, built.frame.reach
-    pulls = [built.split(way) for way in found["tool"] + found["table"]]
-    joints, nuts = (np.array(part) for part in zip(*pulls, strict=True))
-    parts.tip_joints[:], parts.tip_nuts[:] = joints, nuts
 
 
 def find_available(built: Built, left: float) -> None:
@@ -303,7 +275,7 @@ def _wear(built: Built, worn: Machine | None) -> None:
         was = worn.axes[i] if worn is not None else axis
         driven = timed or axis.motor is not was.motor or axis.stage is not was.stage
         if driven or axis.screw is not was.screw:
-            _drive(built, axis, i)
+            _drive(built, axis, i, electric=driven)
         if driven:
             electric = True
             _power(machine, axis, parts.axes[i])
@@ -318,7 +290,7 @@ def _wear(built: Built, worn: Machine | None) -> None:
         parts.supply[:] = supply_state(machine.supply, [axis.stage for axis in machine.axes], step_s)
     if worn is None or machine.probe is not worn.probe or machine.plate is not worn.plate:
         parts.feeler[:] = touch.feelers(machine)
-    if worn is None or _geometry(machine) != _geometry(worn):
+    if worn is None or (machine is not worn and _geometry(machine) != _geometry(worn)):
         parts.shape[:] = tool_motion(machine, built.model)
         built.shape_mm[:] = 1e3 * parts.shape
 
@@ -351,78 +323,25 @@ def _power(machine: Machine, axis: Axis, record: np.void) -> None:
     record["steps_per_rad"] = axis.steps_per_rev / (2.0 * math.pi)
 
 
-def _check_steps(built: Built) -> None:
-    """Refuse a MuJoCo step that is too long for the springs of the machine."""
-    machine, model = built.machine, built.model
-    stiffness = model.jnt_stiffness[model.dof_jntid]
-    stiffness[built.dof] = [_stiffest_n_per_m(axis) for axis in machine.axes]
-    step_s = machine.timing.mujoco_step_ns * 1e-9
-    if _holds((LARGEST_STEP_RATIO / step_s) ** 2 * built.inertia - np.diag(stiffness)):
-        return
-    highest_rad_s, strain = _highest(built.inertia, stiffness)
-    if step_s * highest_rad_s <= LARGEST_STEP_RATIO:
-        return
-    dof = int(np.argmax(strain))
-    keys = {name: f"axes.{name}.stiffness" for name in CARRIAGES}
-    name = model.joint(int(model.dof_jntid[dof])).name
-    key = keys.get(name, f"structure.{name}.stiffness")
-    least, most = 0.0, float(stiffness[dof])
-    while most - least > 1e-3 * most:  # find the stiffness that would do, the others unchanged
-        stiffness[dof] = 0.5 * (least + most)
-        holds = step_s * _highest(built.inertia, stiffness)[0] <= LARGEST_STEP_RATIO
-        least, most = (float(stiffness[dof]), most) if holds else (least, float(stiffness[dof]))
-        if most < 1e3:
-            break
-    softer = f", or {key} up to {math.floor(least / 1e4) / 100:g} N/um" if least > 1e4 else ""
-    raise MachineError(
-        f"{machine.file}: timing.mujoco_step: {step_s * 1e3:g} ms is too long for {key} and "
-        f"{1.0 / built.mobility[dof, dof]:.3g} kg; "
-        f"allowed: up to {math.floor(1e5 * LARGEST_STEP_RATIO / highest_rad_s) / 100:g} ms{softer}"
-    )
-
-
-def _holds(matrix: NDArray[np.float64]) -> bool:
-    """Whether it is positive definite: all squares of frequencies are below the limit."""
-    try:
-        np.linalg.cholesky(matrix)
-    except np.linalg.LinAlgError:
-        return False
-    return True
-
-
-def _highest(inertia: NDArray[np.float64], stiffness: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-    """Highest frequency in rad/s of masses [nv, nv] on springs [nv], and the energy in each spring as it swings so."""
-    half = np.linalg.inv(np.linalg.cholesky(inertia))
-    squares, shapes = np.linalg.eigh(half @ np.diag(stiffness) @ half.T)
-    return math.sqrt(max(squares[-1], 0.0)), stiffness * (half.T @ shapes[:, -1]) ** 2
-
-
-def _stiffest_n_per_m(axis: Axis) -> float:
-    """Stiffness of the screw where its nut is nearest to the fixed bearing."""
-    return axis.screw.stiffness_at(-1e-3 * axis.stop_margin_mm)
-
-
-def _drive(built: Built, axis: Axis, i: int) -> None:
-    """Drive and screw, with the nut where that is stiffest. Raises MachineError."""
-    machine, screw, laid = built.machine, axis.screw, built.parts.screws[i]
-    substep_s, stiffest = machine.timing.substep_ns * 1e-9, _stiffest_n_per_m(axis)
+def _drive(built: Built, axis: Axis, i: int, *, electric: bool) -> None:
+    """Drive and screw, with the nut where that is stiffest; electric: motor and stage, too. Raises MachineError."""
+    machine, screw, drives = built.machine, axis.screw, built.parts.drives
+    substep_s, stiffest = machine.timing.substep_ns * 1e-9, stiffest_n_per_m(axis)
     try:
         if isinstance(axis.stage, ServoDrive) and isinstance(axis.motor, ServoMotor):
-            drive = servo_parameters(axis.motor, axis.stage, screw, substep_s, stiffest)[0]
+            drives[i] = servo_parameters(axis.motor, axis.stage, screw, substep_s, stiffest)[0]
         elif isinstance(axis.stage, Stage) and isinstance(axis.motor, Motor):
-            drive = axis_parameters(axis.motor, axis.stage, screw, substep_s, stiffest)[0]
+            if electric:
+                drives[i] = axis_parameters(axis.motor, axis.stage, screw, substep_s, stiffest)[0]
+            else:
+                lay_shaft(drives[i : i + 1], screw, axis.motor.rotor_inertia_kgm2, substep_s, stiffest)
         else:
             raise ValueError("motor and stage of two kinds")
     except ValueError as error:
         raise MachineError(f"{machine.file}: axes.{axis.name}: {error}") from None
-    built.parts.drives[i] = drive
     built.closed[i] = axis.closed_loop
     built.coulomb_nm[i] = screw.coulomb_nm
-    laid["travel_m_per_rad"] = screw.travel_m_per_rad
-    laid["cyclic_m"] = screw.cyclic_error_m
-    laid["soft_m_per_n"] = screw.bearing_m_per_n
-    laid["free_m"] = screw.free_length_m
-    laid["rod_n"] = screw.rod_n
+    built.parts.screws[i] = laid_screw(screw)
 
 
 def _threshold(threshold: Threshold) -> NDArray[np.void]:
