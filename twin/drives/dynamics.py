@@ -29,7 +29,6 @@ For lambda the command is smoothed between its pulses.
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,16 +57,9 @@ def axis_parameters(
 
     Raises ValueError if the sub-step is too long for the nut spring on this shaft.
     """
-    p = _electric(motor, stage, dt_s).copy()
-    lay_shaft(p, screw, motor.rotor_inertia_kgm2, dt_s, stiffness_n_per_m)
-    return p
-
-
-@lru_cache(256)
-def _electric(motor: Motor, stage: Stage, dt_s: float) -> NDArray[np.void]:
-    """Constants of motor and stage."""
     motor = motor.at_current(stage.vector_a)
     p = np.zeros(1, AXIS_PARAMETERS)
+    lay_shaft(p, screw, motor.rotor_inertia_kgm2, dt_s, stiffness_n_per_m)
     resistance = motor.resistance_ohm + stage.extra_resistance_ohm
     gain = -math.expm1(-resistance * dt_s / motor.inductance_h) / resistance
     p["kind"] = STEPPER

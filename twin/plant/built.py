@@ -153,7 +153,7 @@ def _fill(built: Built, start_mm: NDArray[np.float64], worn: Machine | None) -> 
     weigh(built, data)
     check_steps(built)
     built.begun[:] = begun
-    parts.joints_law[:] = written_out(built.frame.slides, model, built.scratch, built.mobility, built.weight)
+    written_out(built.frame.slides, model, built.scratch, built.mobility, built.weight, parts.joints_law)
     parts.mobility[:] = built.mobility
     balance(built.memory, data.qpos, built.weight)
     if parts.plant["uneven"][0]:

@@ -31,6 +31,7 @@ from isel_twin.plant.model import blank
 from isel_twin.plant.native import call_mj_step, mj_step_address
 from isel_twin.plant.reach import can_meet, collide, joint_bounds
 
+LEAST_SOFT = 1e-15  # of R, MuJoCo's mjMINVAL
 AGREE_M_S = 1e-9  # largest difference to MuJoCo's speed after a step; its solver stops at a tenth of that
 
 JOINT = np.dtype(
@@ -115,7 +116,9 @@ def gliding(model: mujoco.MjModel) -> tuple[NDArray[np.void], NDArray[np.float64
     mujoco.mj_forward(model, data)
     mujoco.mj_fullM(model, data, inertia)
     mobility = np.linalg.inv(inertia)
-    return written_out(slides(model), model, mujoco.MjData(model), mobility, data.qfrc_bias), mobility
+    joints = np.zeros(model.nv, JOINT)
+    written_out(slides(model), model, mujoco.MjData(model), mobility, data.qfrc_bias, joints)
+    return joints, mobility
 
 
 def written_out(
@@ -124,28 +127,38 @@ def written_out(
     data: mujoco.MjData,
     mobility: NDArray[np.float64],
     weight_n: NDArray[np.float64],
-) -> NDArray[np.void]:
-    """JOINT [nv] of a model that is as `known` says, its bounds nan if MuJoCo must make every step. mobility, weight_n:
-    M^-1 [nv, nv] and the forces [nv] at rest, anywhere. data: of the model, new or for this alone."""
-    joints = np.zeros(model.nv, JOINT)
+    joints: NDArray[np.void],
+) -> None:
+    """Fill in joints, JOINT [nv] of a model that is as `known` says, its bounds nan if MuJoCo must make every step.
+    mobility, weight_n: M^-1 [nv, nv] and the forces [nv] at rest, anywhere. data: of the model, new or for this alone.
+    """
     if not known.alone:
         joints["low_m"] = joints["high_m"] = np.nan
-        return joints
-    joints["low_m"], joints["high_m"] = known.bounds_m
-    stiffness, impedance = model.jnt_stiffness, known.impedance
-    joints["rest_n"] = stiffness * model.qpos_spring - weight_n
-    joints["spring_n_per_m"] = stiffness
-    joints["damper_n_s_per_m"] = model.dof_damping
-    joints["friction_n"] = model.dof_frictionloss
-    joints["creep_per_s"] = known.creep_per_s
-    soft_per_kg = np.maximum(mujoco.mjMINVAL, (1.0 - impedance) * model.dof_invweight0 / impedance)  # R
-    joints["stuck_kg"] = 1.0 / (mobility.diagonal() + soft_per_kg)
+        return
     data.qacc_warmstart[:] = 0.0  # all else that a step looks at is set for each
+    _write_out(
+        joints, known.bounds_m, mobility, weight_n, model.jnt_stiffness, model.qpos_spring, model.dof_damping,
+        model.dof_frictionloss, model.dof_invweight0, known.creep_per_s, known.impedance,
+    )  # fmt: skip
     state = data.qpos, data.qvel, data.qfrc_applied, np.zeros((4, model.nv))
     step = mj_step_address(), model._address, data._address
     if not _agrees(joints, mobility, model.opt.timestep, *step, known.bounds_m, *state):
         joints["low_m"] = joints["high_m"] = np.nan
-    return joints
+
+
+@njit(nogil=True, error_model="numpy")
+def _write_out(joints, bounds, mobility, weight_n, stiffness, place, damping, loss, inverse_kg, creep, impedance):
+    """Fill in joints. bounds [2, n], mobility [n, n], others [n]; place: where the spring is without force."""
+    for j in range(joints.shape[0]):
+        joint = joints[j]
+        joint.low_m, joint.high_m = bounds[0, j], bounds[1, j]
+        joint.rest_n = stiffness[j] * place[j] - weight_n[j]
+        joint.spring_n_per_m = stiffness[j]
+        joint.damper_n_s_per_m = damping[j]
+        joint.friction_n = loss[j]
+        joint.creep_per_s = creep[j]
+        soft_per_kg = max(LEAST_SOFT, (1.0 - impedance[j]) * inverse_kg[j] / impedance[j])  # R
+        joint.stuck_kg = 1.0 / (mobility[j, j] + soft_per_kg)
 
 
 @njit(nogil=True, error_model="numpy")

@@ -206,27 +206,36 @@ def bare(asked: Asked) -> Bare:
     )
 
 
-def dress(known: Bare, machine: Machine, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+def dress(
+    known: Bare, machine: Machine, model: mujoco.MjModel, data: mujoco.MjData, worn: Machine | None = None
+) -> None:
     """Put guide friction, masses, springs of the structure and payload of a machine on a model as `compiled` left it,
-    or in place of those of another machine, which has the `same_model`. data: of the model, for scratch."""
+    or in place of those of another machine, which has the `same_model`. data: of the model, for scratch. worn: the
+    other one, so that what is the same may stay."""
     model.dof_frictionloss[known.axes] = [axis.guide_friction_n for axis in machine.axes]
-    masses_kg, bodies, own_kg = list(machine.masses_kg.values()), known.bodies, model.body_mass
-    own_kg[:] = known.masses_kg
-    own_kg[bodies] = masses_kg
+    bare = worn is None or machine.masses_kg is not worn.masses_kg or machine.structure is not worn.structure
+    if bare:
+        _put_on(known, machine, model, data)
+    if machine.payload_kg > 0.0 or not bare:  # at the table's centre of gravity: it does not turn, so any place does
+        model.body_mass[known.table] = machine.masses_kg.get("table", known.masses_kg[known.table]) + machine.payload_kg
+        mujoco.mj_setConst(model, data)
+
+
+def _put_on(known: Bare, machine: Machine, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Put on masses and springs, without payload."""
+    masses_kg, bodies = list(machine.masses_kg.values()), known.bodies
+    model.body_mass[:] = known.masses_kg
+    model.body_mass[bodies] = masses_kg
     model.body_inertia[bodies] = known.inertia * (masses_kg / known.masses_kg[bodies])[:, None]
-    stat = model.stat
-    stat.meaninertia, stat.meanmass = known.means
+    model.stat.meaninertia, model.stat.meanmass = known.means
     mujoco.mj_setConst(model, data)
     if not known.stated:  # MuJoCo computes them when it compiles, and its solver asks for one
-        stat.meaninertia, stat.meanmass = _means(model)
+        model.stat.meaninertia, model.stat.meanmass = _means(model)
     if len(known.modes):
         stiffness = np.array([mode.stiffness_n_per_m for mode in machine.structure])
         twice = np.array([2.0 * mode.damping_ratio for mode in machine.structure])
         model.jnt_stiffness[known.modes] = stiffness
         model.dof_damping[known.dampers] = twice * np.sqrt(stiffness * model.body_subtreemass[known.carriers])
-    if machine.payload_kg > 0.0:  # at the table's centre of gravity: the table does not turn, so any place does
-        own_kg[known.table] += machine.payload_kg
-        mujoco.mj_setConst(model, data)
 
 
 def _means(model: mujoco.MjModel) -> tuple[float, float]:

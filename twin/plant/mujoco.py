@@ -65,7 +65,9 @@ class MujocoPlant(LoopSamples):
             model, data = load(machine, visual=False, watched=True)
         else:
             data = mujoco.MjData(model)
-        self._start(build(machine, thresholds, start_mm, axes, model, data), axes)
+        built = build(machine, thresholds, start_mm, axes, model, data)
+        self._sensed = Sensed(built.model, built.data, built.parts, built.shape_mm)
+        self._start(built, axes)
 
     def _start(self, built: Built, axes: int) -> None:
         """At power-on, with the numbers of a machine."""
@@ -78,7 +80,6 @@ class MujocoPlant(LoopSamples):
         self.time_ns = 0
         self.edge = False
         self._altered = Alterations(built)
-        self._sensed = Sensed(built.model, built.data, built.parts, built.shape_mm)
         self._collisions: tuple[Collision, ...] = ()
         self.set_friction = self._altered.set_friction
         self.set_obstacle = self._altered.set_obstacle
@@ -103,7 +104,7 @@ class MujocoPlant(LoopSamples):
         before, before_mm, bare = self.machine, self.parts.place[self.built.dof] * 1e3, self.built.frame.bare
         self._altered.restore(None)
         try:
-            dress(bare, machine, self.model, self.data)
+            dress(bare, machine, self.model, self.data, before)
             self._start(rebuild(self.built, machine, start_mm), self._count)
         except MachineError:
             dress(bare, before, self.model, self.data)
