@@ -211,6 +211,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         self._settled: Mapping[str, Any] = {}  # the settled state of `_plant` there
         self._options: dict[str, Any] = {}
         self._points = np.zeros((0, 3))
+        self._from_mm = np.zeros(3)  # their start, in machine coordinates
         self._track = np.zeros(1, TRACK)
         self._now = self._track[0]
         self._track["step_ns"] = step_ns
@@ -224,6 +225,9 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         self._lanes["steps_per_mm"] = [axis.steps_per_mm for axis in self.machine.axes]
         self._lanes["half_slip"] = [0.5 * axis.slip_steps for axis in self.machine.axes]
         self._track["reach_mm"] = math.sqrt(3.0) * self.step_s * float((highest_hz / self._lanes["steps_per_mm"]).max())
+        self._track["began_ns"] = self._track["until_ns"] = _SETTLING_NS
+        self._begun = self._track.copy(), self._lanes.copy()  # at the start of an episode
+        self._supply = math.nan  # factor for which they have the limits of the motors
         most = 3 * (math.ceil(highest_hz * self.step_s) + 2)
         self._pulses = np.zeros(most, np.int64), np.zeros((most, 3), np.int32), np.zeros(0, np.int64)
         self.path_mm = np.zeros((0, 4))  # of this episode in pieces: X, Y, Z from its start, and the distance along it
@@ -330,20 +334,18 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         """The first observation of an episode with these options."""
         points = lay_path(options.get("path", self._path), self.np_random)
         off_mm = self._reference_mm * self.np_random.uniform(-1.0, 1.0, 3)
-        again = len(self.path_mm) > 0 and np.array_equal(points, self._points)
-        path = self.path_mm if again else sampled(points)
-        self._check_fits(points)
-        self._options, self._points, self.steps_left = options, points, 0
+        if not (len(self.path_mm) and np.array_equal(points, self._points)):
+            path = sampled(points)
+            self._check_fits(points)
+            self.path_mm, self._points, self._from_mm = path, points, self._start_mm(points)
+        self._options, self.steps_left = options, 0
         self._stand()
         assert self._plant is not None
-        self.path_mm = path
+        supply = options.get("supply", 1.0)
+        if supply != self._supply:
+            self._begun[1]["limit_rad_s"], self._supply = limits_rad_s(self.machine, supply), supply
+        self._track[:], self._lanes[:] = self._begun
         self._lanes["origin_mm"] = self._plant.position_mm + off_mm
-        self._lanes["limit_rad_s"] = limits_rad_s(self.machine, options.get("supply", 1.0))
-        for name in ("counter", "fraction", "rate_hz"):
-            self._lanes[name] = 0
-        for name in ("piece", "way_mm", "led_mm", *REWARDS):
-            self._track[name] = 0
-        self._track["began_ns"] = self._track["until_ns"] = _SETTLING_NS
         self._bind()
         observation = np.empty(SIZE)
         tracking.begin(*self.at_work[:5], observation)
@@ -352,7 +354,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
 
     def _stand(self) -> None:
         """Set up a machine with the options of this episode, at rest at the start of its path."""
-        start_mm = self._start_mm(self._points)
+        start_mm = self._from_mm
         stands = (*(self._options.get(name) for name in VARIATIONS), *start_mm)
         again = stands == self._stands
         if again and self._settled:

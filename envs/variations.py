@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from isel_twin.base.parameters import changed
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.stability import limit_rad_s
 from isel_twin.drives.stage import Stage
@@ -46,26 +47,27 @@ def checked(options: dict[str, Any]) -> dict[str, Any]:
 def varied(machine: Machine, options: Mapping[str, Any]) -> Machine:
     """The machine with these options; its `tree` stays. Raises ValueError for a number out of range."""
     friction, stiffness, supply, backlash = (options.get(name, 1.0) for name in _FACTORS)
+    payload_kg = options.get("payload_kg", machine.payload_kg)
+    axes, modes = list(machine.axes), machine.structure
     try:
-        x, y, z = (
-            replace(
-                axis,
-                guide_friction_n=axis.guide_friction_n * friction,
-                stage=replace(axis.stage, supply_v=axis.stage.supply_v * supply),
-                screw=replace(
-                    axis.screw,
-                    coulomb_nm=axis.screw.coulomb_nm * friction,
-                    stiffness_n_per_m=axis.screw.stiffness_n_per_m * stiffness,
-                    backlash_mm=axis.screw.backlash_mm * backlash,
-                ),
-            )
-            for axis in machine.axes
-        )
-        modes = tuple(replace(mode, stiffness_n_per_m=mode.stiffness_n_per_m * stiffness) for mode in machine.structure)
+        for i, axis in enumerate(machine.axes):
+            screw, stage = axis.screw, axis.stage
+            if not friction == stiffness == backlash == 1.0:
+                screw = changed(
+                    screw,
+                    coulomb_nm=screw.coulomb_nm * friction,
+                    stiffness_n_per_m=screw.stiffness_n_per_m * stiffness,
+                    backlash_mm=screw.backlash_mm * backlash,
+                )
+            if supply != 1.0:
+                stage = changed(stage, supply_v=stage.supply_v * supply)
+            if screw is not axis.screw or stage is not axis.stage:
+                axes[i] = changed(axis, guide_friction_n=axis.guide_friction_n * friction, stage=stage, screw=screw)
+        if stiffness != 1.0:
+            modes = tuple(changed(mode, stiffness_n_per_m=mode.stiffness_n_per_m * stiffness) for mode in modes)
     except ValueError as error:
         raise ValueError(f"the machine does not take these options: {error}") from None
-    payload_kg = options.get("payload_kg", machine.payload_kg)
-    return replace(machine, axes=(x, y, z), structure=modes, payload_kg=payload_kg)
+    return changed(machine, axes=tuple(axes), structure=modes, payload_kg=payload_kg)
 
 
 def limits_rad_s(machine: Machine, supply: float) -> NDArray[np.float64]:

@@ -42,7 +42,7 @@ def cpu_s(work: Callable[[], object]) -> float:
 
 
 def from_scratch(machine: Any) -> MujocoPlant:
-    model.compiled.cache_clear()
+    model.bare.cache_clear()
     built._frame.cache_clear()
     return MujocoPlant(machine, (), START_MM)
 

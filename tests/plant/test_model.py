@@ -21,11 +21,11 @@ SIZES = ("body_mass", "body_subtreemass", "dof_frictionloss", "dof_damping", "do
 
 
 def compiled() -> int:
-    return module.compiled.cache_info().misses
+    return module.bare.cache_info().misses
 
 
 def fresh(machine: Any, **how: bool) -> mujoco.MjModel:
-    module.compiled.cache_clear()
+    module.bare.cache_clear()
     return load_model(machine, **how)
 
 

@@ -20,6 +20,7 @@ from .conftest import MS, NONE, ramp_ns, ticks
 
 SUBSTEP = 25_000
 END = 400 * MS
+ADDRESSES = {"mj_step", "model", "data", "step_at"}  # differ from plant to plant
 
 
 def build(thresholds=()) -> MujocoPlant:
@@ -61,6 +62,28 @@ def test_cutting_time_into_calls_changes_no_bit(cuts):
 
 def test_cutting_at_every_pulse_and_every_window_changes_no_bit():
     assert run_cut([*job()[0].tolist(), *range(0, END, 500_000)]) == run_cut([])
+
+
+@pytest.mark.parametrize("lowering", [False, True])
+@pytest.mark.parametrize("pause_ns", [12 * MS + 300_000, 24 * MS + 975_000, 26 * MS, 300 * MS])
+def test_standstill_that_is_skipped_changes_no_bit(pause_ns, lowering):
+    """From power-on to single pulses that come before, about and behind the moment at which the plant is frozen; with
+    current that is lowered. Calls that end with each window skip nothing."""
+
+    def whole(every_ns: int) -> list[bytes]:
+        plant, made = build(), 0
+        plant.set_power(stages=True, brake_released=True, lowering=lowering)
+        t_ns = np.arange(1, 5) * pause_ns
+        end_ns = int(t_ns[-1]) + 300 * MS
+        for until in (*range(every_ns, end_ns, every_ns), end_ns):
+            last = int(np.searchsorted(t_ns, until, side="right"))
+            plant.advance(until, t_ns[made:last], ticks(last - made, 1, -1, 1))
+            made = last
+        parts = plant.parts
+        told = [parts.plant[name] for name in parts.plant.dtype.names if name not in ADDRESSES]
+        return [part.tobytes() for part in (*told, parts.axes, parts.states, parts.qpos, parts.qvel)]
+
+    assert whole(1000 * MS) == whole(MS // 2)
 
 
 def test_two_plants_in_two_threads_are_like_one():

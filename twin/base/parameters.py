@@ -30,7 +30,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 GRADES = ("measured", "datasheet", "estimate", "setting")  # how reliable a number is; a setting is chosen by people
 
@@ -127,6 +127,23 @@ def check(instance: Any) -> None:
             raise ValueError(f"{kind.__name__.lower()}: {name} must lie in {low:g} .. {high:g}, not {value!r}")
         elif value != int(value):
             raise ValueError(f"{kind.__name__.lower()}: {name} must be a whole number, not {value!r}")
+
+
+def changed(instance: T, **values: Any) -> T:
+    """As dataclasses.replace, of a dataclass of fields of this module without slots, in a third of the time."""
+    kind: Any = type(instance)
+    made: Any = object.__new__(kind)
+    held = vars(instance)
+    made.__dict__.update(held if len(held) == len(_names(kind)) else {name: held[name] for name in _names(kind)})
+    made.__dict__.update(values)
+    if hasattr(kind, "__post_init__"):
+        made.__post_init__()
+    return cast(T, made)
+
+
+@lru_cache(128)
+def _names(cls: Any) -> tuple[str, ...]:
+    return tuple(item.name for item in dataclasses.fields(cls))
 
 
 @lru_cache(128)

@@ -37,7 +37,7 @@ from isel_twin.base.compiling import njit
 from isel_twin.drives import shaft, trigonometry
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.screw import Screw
-from isel_twin.drives.shaft import STEPPER, shaft_parameters, turn
+from isel_twin.drives.shaft import AXIS_PARAMETERS, STEPPER, lay_shaft, turn
 from isel_twin.drives.stage import Stage
 from isel_twin.drives.trigonometry import sine_and_cosine
 
@@ -58,7 +58,8 @@ def axis_parameters(
     Raises ValueError if the sub-step is too long for the nut spring on this shaft.
     """
     motor = motor.at_current(stage.vector_a)
-    p = shaft_parameters(screw, motor.rotor_inertia_kgm2, dt_s, stiffness_n_per_m)
+    p = np.zeros(1, AXIS_PARAMETERS)
+    lay_shaft(p, screw, motor.rotor_inertia_kgm2, dt_s, stiffness_n_per_m)
     resistance = motor.resistance_ohm + stage.extra_resistance_ohm
     gain = -math.expm1(-resistance * dt_s / motor.inductance_h) / resistance
     p["kind"] = STEPPER

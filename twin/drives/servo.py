@@ -34,7 +34,7 @@ from isel_twin.base.compiling import njit
 from isel_twin.drives.dynamics import OPEN
 from isel_twin.drives.screw import Screw
 from isel_twin.drives.servo_drive import I2T_BACK, ServoDrive, ServoMotor
-from isel_twin.drives.shaft import SERVO, shaft_parameters, turn
+from isel_twin.drives.shaft import AXIS_PARAMETERS, SERVO, lay_shaft, turn
 
 LAG_FAULT = 1  # `fault`: the following error has passed its limit
 VOLTAGE_FAULT = 2  # `fault`: the common supply had too little voltage while the drive was on
@@ -46,7 +46,8 @@ def servo_parameters(
 ) -> NDArray[np.void]:
     """Constants of a servo drive: one record of AXIS_PARAMETERS, shape [1]; arguments: `axis_parameters`. Raises
     ValueError if the sub-step dt_s is too long for the nut spring, or the loop period is not whole sub-steps."""
-    p = shaft_parameters(screw, motor.rotor_inertia_kgm2, dt_s, stiffness_n_per_m)
+    p = np.zeros(1, AXIS_PARAMETERS)
+    lay_shaft(p, screw, motor.rotor_inertia_kgm2, dt_s, stiffness_n_per_m)
     loop = round(drive.loop_period_s / dt_s)
     if loop < 1 or abs(loop * dt_s - drive.loop_period_s) > 1e-9 * drive.loop_period_s:
         raise ValueError(

@@ -35,7 +35,6 @@ REST_RAD_S = 1e-9  # shaft speed below which a drive counts as at rest (friction
 AXIS_PARAMETERS = np.dtype(
     [
         ("kind", "i8"),  # STEPPER, SERVO
-        ("dt_s", "f8"),  # the sub-step all derived constants below belong to
         ("microstep_rad", "f8"),  # electrical angle of one microstep
         ("phase_offset_rad", "f8"),  # electrical angle at counter 0: pi/4 in full step (both phases on), else 0
         ("stepped", "f8"),  # 1: corners of full and half step, 0: sine
@@ -49,14 +48,16 @@ AXIS_PARAMETERS = np.dtype(
         ("torque_constant_nm_per_a", "f8"),  # Km
         ("pole_pairs", "f8"),  # Nr
         ("detent_torque_nm", "f8"),  # Td
-        ("kick_rad_s_per_nm", "f8"),  # dt / J, J: rotor and everything that turns with it
-        ("inertia_kgm2", "f8"),  # J
-        ("drag_nm_s_per_rad", "f8"),  # B
         ("iron_nm_s_per_rad", "f8"),  # Km^2 / Rm, the iron drag over speed well below the knee
         ("iron_knee_s_per_rad", "f8"),  # 1 / w_k
         ("damping_gain", "f8"),  # g of the electronic damping, 0: none
         ("smooth_share", "f8"),  # part of the way to the command that its smooth version goes in a sub-step
         ("damping_share", "f8"),  # the same of the low pass of the load angle
+        # of the shaft
+        ("dt_s", "f8"),  # the sub-step all derived constants below belong to
+        ("kick_rad_s_per_nm", "f8"),  # dt / J, J: rotor and everything that turns with it
+        ("inertia_kgm2", "f8"),  # J
+        ("drag_nm_s_per_rad", "f8"),  # B
         ("coulomb_nm", "f8"),  # friction torque in motion
         ("stribeck_nm", "f8"),  # surplus of the friction torque at rest
         ("stribeck_rad_s", "f8"),  # shaft speed at which half of the surplus is gone (drives/7)
@@ -66,6 +67,7 @@ AXIS_PARAMETERS = np.dtype(
         ("damping_n_s_per_m", "f8"),  # c
         ("forward_loss", "f8"),  # friction torque over |F| r when the screw drives: 1 / efficiency - 1
         ("backward_loss", "f8"),  # the same when the nut drives: 1 - backdrive_efficiency
+        # of the stage
         ("plain", "f8"),  # 1: sine without errors of the stage
         ("step_error_rad", "f8"),  # largest electrical angle by which the current vector is turned
         ("current_offset", "f8"),  # of phase B, over the current
@@ -86,6 +88,9 @@ AXIS_PARAMETERS = np.dtype(
     ],
     align=True,
 )
+
+_fields = AXIS_PARAMETERS.names or ()
+_SHAFT = slice(_fields.index("dt_s"), _fields.index("backward_loss") + 1)  # all fields have eight bytes
 
 # state of one axis drive; built by `axis_states`
 AXIS_STATE = np.dtype(
@@ -122,11 +127,11 @@ AXIS_STATE = np.dtype(
 )
 
 
-def shaft_parameters(
-    screw: Screw, rotor_inertia_kgm2: float, dt_s: float, stiffness_n_per_m: float | None = None
-) -> NDArray[np.void]:
-    """Constants of all but the motor: one record, shape [1]. stiffness_n_per_m: where the nut is; None: the stated one.
-    Raises ValueError if the sub-step dt_s is too long for the nut spring on this shaft."""
+def lay_shaft(
+    p: NDArray[np.void], screw: Screw, rotor_inertia_kgm2: float, dt_s: float, stiffness_n_per_m: float | None = None
+) -> None:
+    """Fill in the constants of all but the motor: p [1] AXIS_PARAMETERS. stiffness_n_per_m: where the nut is; None: the
+    stated one. Raises ValueError if the sub-step dt_s is too long for the nut spring on this shaft."""
     if not 0.0 < dt_s <= 1e-3:
         raise ValueError(f"drive: the sub-step must lie in 0 .. 1 ms, not {dt_s!r} s")
     inertia = rotor_inertia_kgm2 + screw.inertia_kgm2
@@ -136,21 +141,21 @@ def shaft_parameters(
         raise ValueError(
             f"drive: sub-step {dt_s:g} s is too long for this stiffness and inertia; shorten it or soften it"
         )
-    p = np.zeros(1, AXIS_PARAMETERS)
-    p["dt_s"] = dt_s
-    p["kick_rad_s_per_nm"] = dt_s / inertia
-    p["inertia_kgm2"] = inertia
-    p["drag_nm_s_per_rad"] = screw.viscous_nm_s_per_rad
-    p["coulomb_nm"] = screw.coulomb_nm
-    p["stribeck_nm"] = screw.coulomb_nm * (screw.breakaway_ratio - 1.0)
-    p["stribeck_rad_s"] = screw.stribeck_rad_s
-    p["travel_m_per_rad"] = travel
-    p["half_backlash_m"] = 0.5e-3 * screw.backlash_mm
-    p["stiffness_n_per_m"] = stiffness
-    p["damping_n_s_per_m"] = screw.damping_n_s_per_m
-    p["forward_loss"] = 1.0 / screw.efficiency - 1.0
-    p["backward_loss"] = 1.0 - screw.backdrive_efficiency
-    return p
+    p.view(np.float64)[_SHAFT] = (
+        dt_s,
+        dt_s / inertia,
+        inertia,
+        screw.viscous_nm_s_per_rad,
+        screw.coulomb_nm,
+        screw.coulomb_nm * (screw.breakaway_ratio - 1.0),
+        screw.stribeck_rad_s,
+        travel,
+        0.5e-3 * screw.backlash_mm,
+        stiffness,
+        screw.damping_n_s_per_m,
+        1.0 / screw.efficiency - 1.0,
+        1.0 - screw.backdrive_efficiency,
+    )
 
 
 def axis_states(n: int) -> NDArray[np.void]:

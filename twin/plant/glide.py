@@ -18,6 +18,9 @@ or if bodies could collide within the bounds of the joints, MuJoCo makes every s
 
 from __future__ import annotations
 
+import copy
+from typing import NamedTuple
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +31,7 @@ from isel_twin.plant.model import blank
 from isel_twin.plant.native import call_mj_step, mj_step_address
 from isel_twin.plant.reach import can_meet, collide, joint_bounds
 
+LEAST_SOFT = 1e-15  # of R, MuJoCo's mjMINVAL
 AGREE_M_S = 1e-9  # largest difference to MuJoCo's speed after a step; its solver stops at a tenth of that
 
 JOINT = np.dtype(
@@ -78,58 +82,83 @@ def glide(joints, mobility, h_s, qpos, qvel, qacc, qacc_smooth, qfrc):
     return True
 
 
-def gliding(
-    model: mujoco.MjModel, data: mujoco.MjData | None = None, alone: bool | None = None
-) -> tuple[NDArray[np.void], NDArray[np.float64]]:
-    """JOINT [nv] and mobility M^-1 [nv, nv] of a model; bounds are nan if MuJoCo must make every step.
+class Slides(NamedTuple):
+    """What of a model does not depend on masses, springs and friction."""
 
-    data: of the model, for scratch. alone: what `stands_alone` says, if it has been asked.
-    """
-    joints = np.zeros(model.nv, JOINT)
-    joints["low_m"] = joints["high_m"] = np.nan
-    data = blank(model, data)
-    if alone is None:
-        alone = stands_alone(model, data)
-    mobility = np.zeros((model.nv, model.nv))
-    if not alone:
-        return joints, mobility
+    alone: bool  # slides alone, between whose stops nothing but dry friction acts on them
+    bounds_m: NDArray[np.float64]  # [2, nv], of the joints
+    creep_per_s: NDArray[np.float64]  # [nv], b
+    impedance: NDArray[np.float64]  # [nv], d of MuJoCo's dry friction: R = (1 - d) / d times the joint's inverse mass
+
+
+def slides(model: mujoco.MjModel, data: mujoco.MjData | None = None) -> Slides:
+    """data: of the model, for scratch."""
     bounds = joint_bounds(model)
-    data = blank(model, data)
-    data.qpos[:] = bounds.mean(axis=0)
-    mujoco.mj_forward(model, data)
-    inertia = np.zeros_like(mobility)
-    mujoco.mj_fullM(model, data, inertia)
-    mobility = np.linalg.inv(inertia)
-    joints["rest_n"] = model.jnt_stiffness * model.qpos_spring - data.qfrc_bias
-    joints["spring_n_per_m"] = model.jnt_stiffness
-    joints["damper_n_s_per_m"] = model.dof_damping
-    dof = data.efc_id
-    joints["friction_n"][dof] = data.efc_frictionloss
-    joints["creep_per_s"][dof] = data.efc_KBIP[:, 1]
-    joints["stuck_kg"][dof] = 1.0 / (np.diagonal(mobility)[dof] + data.efc_R)
-    joints["low_m"], joints["high_m"] = bounds
-    blank(model, data)
-    state = data.qpos, data.qvel, data.qfrc_applied, np.zeros((4, model.nv))
-    step = mj_step_address(), model._address, data._address
-    if not _agrees(joints, mobility, model.opt.timestep, *step, bounds, *state):
-        joints["low_m"] = joints["high_m"] = np.nan
-    return joints, mobility
-
-
-def stands_alone(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
-    """Whether a model has slides alone, between whose stops nothing but dry friction acts on them. It does not depend
-    on masses, springs and friction. data: for scratch."""
     special = model.neq or model.ntendon or model.nflex or model.nplugin or model.npair
     if special or (model.jnt_type != mujoco.mjtJoint.mjJNT_SLIDE).any():
-        return False
-    bounds = joint_bounds(model)
+        return Slides(False, bounds, np.zeros(model.nv), np.ones(model.nv))
+    model = copy.copy(model)
+    model.dof_frictionloss[:] = 1.0  # so that MuJoCo tells of each joint
     data = blank(model, data)
     data.qpos[:] = bounds.mean(axis=0)
     mujoco.mj_forward(model, data)
     other = (data.efc_type != mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF).any()
-    return not other and not any(
+    alone = not other and not any(
         collide(model, a, b) and can_meet(model, data, bounds, a, b) for a in range(model.ngeom) for b in range(a)
     )
+    creep_per_s, impedance = data.efc_KBIP[data.efc_type == mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF, 1:3].T.copy()
+    return Slides(alone, bounds, creep_per_s, impedance)
+
+
+def gliding(model: mujoco.MjModel) -> tuple[NDArray[np.void], NDArray[np.float64]]:
+    """JOINT [nv] and mobility M^-1 [nv, nv] of a model; bounds are nan if MuJoCo must make every step."""
+    data, inertia = mujoco.MjData(model), np.zeros((model.nv, model.nv))
+    mujoco.mj_forward(model, data)
+    mujoco.mj_fullM(model, data, inertia)
+    mobility = np.linalg.inv(inertia)
+    joints = np.zeros(model.nv, JOINT)
+    written_out(slides(model), model, mujoco.MjData(model), mobility, data.qfrc_bias, joints)
+    return joints, mobility
+
+
+def written_out(
+    known: Slides,
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    mobility: NDArray[np.float64],
+    weight_n: NDArray[np.float64],
+    joints: NDArray[np.void],
+) -> None:
+    """Fill in joints, JOINT [nv] of a model that is as `known` says, its bounds nan if MuJoCo must make every step.
+    mobility, weight_n: M^-1 [nv, nv] and the forces [nv] at rest, anywhere. data: of the model, new or for this alone.
+    """
+    if not known.alone:
+        joints["low_m"] = joints["high_m"] = np.nan
+        return
+    data.qacc_warmstart[:] = 0.0  # all else that a step looks at is set for each
+    _write_out(
+        joints, known.bounds_m, mobility, weight_n, model.jnt_stiffness, model.qpos_spring, model.dof_damping,
+        model.dof_frictionloss, model.dof_invweight0, known.creep_per_s, known.impedance,
+    )  # fmt: skip
+    state = data.qpos, data.qvel, data.qfrc_applied, np.zeros((4, model.nv))
+    step = mj_step_address(), model._address, data._address
+    if not _agrees(joints, mobility, model.opt.timestep, *step, known.bounds_m, *state):
+        joints["low_m"] = joints["high_m"] = np.nan
+
+
+@njit(nogil=True, error_model="numpy")
+def _write_out(joints, bounds, mobility, weight_n, stiffness, place, damping, loss, inverse_kg, creep, impedance):
+    """Fill in joints. bounds [2, n], mobility [n, n], others [n]; place: where the spring is without force."""
+    for j in range(joints.shape[0]):
+        joint = joints[j]
+        joint.low_m, joint.high_m = bounds[0, j], bounds[1, j]
+        joint.rest_n = stiffness[j] * place[j] - weight_n[j]
+        joint.spring_n_per_m = stiffness[j]
+        joint.damper_n_s_per_m = damping[j]
+        joint.friction_n = loss[j]
+        joint.creep_per_s = creep[j]
+        soft_per_kg = max(LEAST_SOFT, (1.0 - impedance[j]) * inverse_kg[j] / impedance[j])  # R
+        joint.stuck_kg = 1.0 / (mobility[j, j] + soft_per_kg)
 
 
 @njit(nogil=True, error_model="numpy")

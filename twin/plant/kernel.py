@@ -28,7 +28,7 @@ than SHAKEN_M_S, as no motion in step does, windows are cut into `fine` ones unt
 exchange could not follow else, and would feed what it should damp.
 
 Rest: after `rest_windows` windows of standstill without leads the plant is frozen: all sub-steps up to the next tick or
-change of current are skipped (plant/6).
+change of current are skipped (plant/6). Of these windows themselves those are skipped that would change no bit.
 
 MuJoCo's step is called by its address (native.py). Between the stops, without contact, it is written out instead
 (glide.py).
@@ -43,10 +43,10 @@ from isel_twin.base.compiling import contains, njit
 from isel_twin.drives import dynamics, servo, shaft, trigonometry
 from isel_twin.drives.dynamics import OPEN, stepper_torque
 from isel_twin.drives.servo import cool, servo_torque
-from isel_twin.drives.shaft import SERVO, at_rest, turn
+from isel_twin.drives.shaft import AXIS_STATE, SERVO, at_rest, turn
 from isel_twin.plant import cutting, feed, glide, lead, margin, memory, native, teeth, thread, touch
 from isel_twin.plant.lead import begin, behind, mean_behind
-from isel_twin.plant.memory import APART, AXES, FRESH, LAG, PARTED_MM, POSITION, TOUCH, array_at, parts_of
+from isel_twin.plant.memory import APART, AXES, FRESH, KEPT, LAG, PARTED_MM, POSITION, SAME, TOUCH, array_at, parts_of
 from isel_twin.plant.native import call_mj_step
 
 REST_M_S = 5e-6  # speed below which a joint counts as at rest
@@ -55,6 +55,7 @@ SHAKEN_M_S = 0.25  # speed of a joint of the structure beyond which windows beco
 CALM = 40  # fine windows without it, after which they are as usual again
 FAR_M = 1e3  # a joint beyond this has run away
 NEVER = np.iinfo(np.int64).max
+AXIS_WORDS, STATE_WORDS = AXES * memory.AXIS.itemsize // 8, AXES * AXIS_STATE.itemsize // 8  # in `kept`; joints follow
 
 
 @njit(inner=True, nogil=True, error_model="numpy")
@@ -68,6 +69,7 @@ def _lower_at(axis):
 @njit(inner=True, nogil=True, error_model="numpy")
 def _wake(plant, axes, drives, states, supply, feeler):
     """Leave the frozen state; the elapsed part of the window gets the force that held the carriage."""
+    plant.settled = 0
     if plant.frozen == 0:
         return
     plant.frozen = 0
@@ -139,7 +141,7 @@ def _leave_window(memory):
     plant, axes, cut = parts.plant[0], parts.axes, parts.cut[0]
     qpos, qvel, qfrc, before, rates = parts.qpos, parts.qvel, parts.qfrc, parts.before, parts.rates
     push, springs, tip_joints, feeler = parts.push, parts.springs, parts.tip_joints, parts.feeler[0]
-    quiet = plant.led_until_ns <= plant.now * plant.substep_ns and parts.supply[0].steady != 0
+    quiet, by_mujoco = plant.led_until_ns <= plant.now * plant.substep_ns and parts.supply[0].steady != 0, False
     for j in range(qfrc.shape[0]):
         qfrc[j] = push[0, j] + push[1, j] / plant.window
         push[1, j] = 0.0
@@ -169,6 +171,7 @@ def _leave_window(memory):
         rates[j] = qvel[j]
     window_s = 1e-9 * plant.substep_ns * plant.window
     if not glide.glide(parts.joints_law, parts.mobility, window_s, qpos, qvel, parts.qacc, parts.qacc_smooth, qfrc):
+        by_mujoco = True
         if plant.window == plant.usual:
             call_mj_step(plant.mj_step, plant.model, plant.data)
         else:
@@ -204,6 +207,32 @@ def _leave_window(memory):
     for i in range(AXES):
         for j in range(qvel.shape[0]):
             axes[i].rest_m_s2 += springs[0, i, j] * (qpos[j] - before[j]) + springs[1, i, j] * (qvel[j] - rates[j])
+    if plant.quiet == 0 or by_mujoco or cut.on or feeler.on or parts.supply[0].on:
+        plant.settled = 0
+    else:
+        plant.settled = SAME if _as_kept(memory) and plant.settled else KEPT
+
+
+@njit(inner=True, nogil=True, error_model="numpy")
+def _as_kept(memory):
+    """Whether axes, drives and joints are what `kept` has, to the bit; keep them."""
+    at, kept = memory[0], parts_of(memory).kept
+    same = _keep(at.axes, AXIS_WORDS, kept, 0)
+    same = _keep(at.states, STATE_WORDS, kept, AXIS_WORDS) and same
+    for k in range(3):
+        joints = at.qpos if k == 0 else at.qvel if k == 1 else at.qacc
+        same = _keep(joints, at.joints, kept, AXIS_WORDS + STATE_WORDS + k * at.joints) and same
+    return same
+
+
+@njit(inner=True, nogil=True, error_model="numpy")
+def _keep(address, count, kept, first):
+    """Put the words at an address into `kept`; True if they are there."""
+    words, same = array_at(address, (count,), np.int64), True
+    for k in range(count):
+        same = same and kept[first + k] == words[k]
+        kept[first + k] = words[k]
+    return same
 
 
 @njit(inner=True, nogil=True, error_model="numpy")
@@ -497,6 +526,14 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
             _leave_window(memory)
             if plant.lost_dof >= 0:
                 break
+            if plant.settled == SAME and plant.look_every == 0:
+                wakes = until if made == t_ns.shape[0] else min(until, (t_ns[made] - 1) // dt_ns)
+                for i in range(AXES):
+                    wakes = min(wakes, _lower_at(axes[i]))
+                alike = (min(wakes, plant.sample_at) - plant.now) // plant.window
+                alike = max(0, min(alike, plant.rest_windows - 1 - plant.quiet))
+                plant.quiet += alike
+                plant.now += alike * plant.window
         if plant.now == plant.sample_at:
             _take(memory, plant.now)
             plant.sample_at += plant.sample_every

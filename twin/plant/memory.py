@@ -40,6 +40,7 @@ PLANT = np.dtype(
         ("data", "i8"),  # address of the mjData
         ("now", "i8"),  # sub-steps made since power-on
         ("quiet", "i8"),  # windows of standstill so far
+        ("settled", "i8"),  # KEPT: the window before ended as `kept` says; SAME: and so did the last one; 0: not known
         ("frozen", "i8"),  # 1: nothing moves
         ("frozen_at", "i8"),  # sub-step since which it is so
         ("watched", "i8"),  # 1: there are thresholds of other quantities than position
@@ -102,6 +103,7 @@ AXIS = np.dtype(
     align=True,
 )
 
+KEPT, SAME = 1, 2  # of `settled`
 APART, TOUCHING, FRESH = 0, 1, 2  # of two shapes that must not meet; fresh: nobody has been told
 PARTED_MM = 0.5  # by which they have to part to be apart again (plant/20)
 
@@ -150,6 +152,7 @@ class Parts(NamedTuple):
     touched_m: Any  # [p, 3], where X, Y and Z were when MuJoCo last found each pair in contact
     found: Any  # [p], MuJoCo's contacts of each pair at the beginning of its last step
     samples: Any  # [SAMPLES, w], rows of the loop's `_take`
+    kept: Any  # int64 [w], axes, states and joints at the end of a window of standstill, bit by bit
     place: Any  # [nv], joint positions at the end of the last call, within a sub-step along their velocities
     qpos: Any  # [nv], this and the rest as MuJoCo names its arrays
     qvel: Any
@@ -172,6 +175,7 @@ MEMORY = np.dtype(
             "fields",
             "pairs",
             "number_of_targets",
+            "words",
         )
     ],
     align=True,
@@ -224,6 +228,7 @@ def parts_of(memory):
         array_at(at.touched_m, (at.pairs, AXES), np.float64),
         array_at(at.found, (at.pairs,), np.float64),
         array_at(at.samples, (SAMPLES, at.fields), np.float64),
+        array_at(at.kept, (at.words,), np.int64),
         array_at(at.place, (n,), np.float64),
         array_at(at.qpos, (n,), np.float64),
         array_at(at.qvel, (n,), np.float64),
@@ -247,4 +252,5 @@ def memory_of(parts: Parts) -> NDArray[np.void]:
     memory["pairs"] = len(parts.touching)
     memory["number_of_targets"] = len(parts.targets)
     memory["fields"] = parts.samples.shape[1]
+    memory["words"] = len(parts.kept)
     return memory

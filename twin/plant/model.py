@@ -52,9 +52,10 @@ def load_model(machine: Machine, *, visual: bool = True, watched: bool = False) 
 
 def load(machine: Machine, *, visual: bool, watched: bool) -> tuple[mujoco.MjModel, mujoco.MjData]:
     """As `load_model`, with data for it in some state."""
-    model = copy.copy(compiled(asked_of(machine, visual=visual, watched=watched)))
+    known = bare(asked_of(machine, visual=visual, watched=watched))
+    model = copy.copy(known.model)
     data = mujoco.MjData(model)
-    dress(machine, model, data)
+    dress(known, machine, model, data)
     return model, data
 
 
@@ -99,7 +100,6 @@ def _written(file: Path) -> Hashable:
     return file, stat.st_mtime_ns, stat.st_size
 
 
-@lru_cache(MODELS)
 def compiled(asked: Asked) -> mujoco.MjModel:
     """The model with the masses of its file, without springs of the structure and payload. Errors: `load_model`."""
     machine, visual, watched = asked.machine, asked.visual, asked.watched
@@ -166,38 +166,76 @@ def same_model(machine: Machine, other: Machine) -> bool:
     return one == two
 
 
-def redress(machine: Machine, worn: Machine, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Put the numbers of a machine on a model of `load_model`, watched or not visual, in place of those of the machine
-    it was loaded for: the result is what `load_model` gives. Both have the `same_model`. data: of it, for scratch."""
-    bare = compiled(asked_of(worn, visual=False, watched=model.nsensor > 0))
-    for name in ("body_mass", "body_inertia", "dof_M0", "jnt_stiffness", "dof_damping"):
-        getattr(model, name)[...] = getattr(bare, name)
-    model.stat.meaninertia, model.stat.meanmass = bare.stat.meaninertia, bare.stat.meanmass
-    dress(machine, model, data)
+@dataclass(frozen=True, eq=False)
+class Bare:
+    """A model as `compiled` makes it, and where the numbers of a machine have their places in it."""
+
+    model: mujoco.MjModel
+    means: tuple[float, float]  # inertia of the joints, mass of the bodies
+    stated: bool  # so its file says; else they are computed
+    axes: NDArray[np.int64]  # [3], joint coordinates of X, Y and Z
+    masses_kg: NDArray[np.float64]  # of all bodies
+    bodies: NDArray[np.int64]  # [b], in the order of Machine.masses_kg
+    inertia: NDArray[np.float64]  # [b, 3], kg m2
+    modes: NDArray[np.int64]  # joints of the structure, in the order of Machine.structure
+    dampers: NDArray[np.int64]  # joint coordinates of them
+    carriers: NDArray[np.int64]  # bodies on them
+    table: int  # body
 
 
-def dress(machine: Machine, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Put guide friction, masses, springs of the structure and payload of a machine on a model as `compiled` left it.
-    data: of the model, for scratch."""
-    for axis in machine.axes:
-        model.dof_frictionloss[model.joint(axis.name).dofadr] = axis.guide_friction_n
-    stated = _means(model) != (model.stat.meaninertia, model.stat.meanmass)  # by the file, not computed
-    for name, mass_kg in machine.masses_kg.items():
-        body = model.body(name).id
-        model.body_inertia[body] *= mass_kg / model.body_mass[body]
-        model.body_mass[body] = mass_kg
-    mujoco.mj_setConst(model, data)
-    if not stated:  # MuJoCo computes them when it compiles, and its solver asks for one
-        model.stat.meaninertia, model.stat.meanmass = _means(model)
-    if machine.imperfections.structure:
-        for mode in machine.structure:
-            joint = model.joint(mode.joint)
-            mass_kg = model.body_subtreemass[model.jnt_bodyid[joint.id]]
-            model.jnt_stiffness[joint.id] = mode.stiffness_n_per_m
-            model.dof_damping[joint.dofadr] = 2.0 * mode.damping_ratio * math.sqrt(mode.stiffness_n_per_m * mass_kg)
-    if machine.payload_kg > 0.0:  # at the table's centre of gravity: the table does not turn, so any place does
-        model.body_mass[model.body("table").id] += machine.payload_kg
+@lru_cache(MODELS)
+def bare(asked: Asked) -> Bare:
+    """Errors: `load_model`."""
+    model, machine = compiled(asked), asked.machine
+    bodies = np.array([model.body(name).id for name in machine.masses_kg], np.int64)
+    structure = machine.structure if machine.imperfections.structure else ()
+    modes = np.array([model.joint(mode.joint).id for mode in structure], np.int64)
+    means = model.stat.meaninertia, model.stat.meanmass
+    return Bare(
+        model,
+        means=means,
+        stated=_means(model) != means,
+        axes=np.array([model.joint(axis.name).dofadr[0] for axis in machine.axes]),
+        masses_kg=model.body_mass.copy(),
+        bodies=bodies,
+        inertia=model.body_inertia[bodies],
+        modes=modes,
+        dampers=model.jnt_dofadr[modes],
+        carriers=model.jnt_bodyid[modes],
+        table=model.body("table").id,
+    )
+
+
+def dress(
+    known: Bare, machine: Machine, model: mujoco.MjModel, data: mujoco.MjData, worn: Machine | None = None
+) -> None:
+    """Put guide friction, masses, springs of the structure and payload of a machine on a model as `compiled` left it,
+    or in place of those of another machine, which has the `same_model`. data: of the model, for scratch. worn: the
+    other one, so that what is the same may stay."""
+    model.dof_frictionloss[known.axes] = [axis.guide_friction_n for axis in machine.axes]
+    bare = worn is None or machine.masses_kg is not worn.masses_kg or machine.structure is not worn.structure
+    if bare:
+        _put_on(known, machine, model, data)
+    if machine.payload_kg > 0.0 or not bare:  # at the table's centre of gravity: it does not turn, so any place does
+        model.body_mass[known.table] = machine.masses_kg.get("table", known.masses_kg[known.table]) + machine.payload_kg
         mujoco.mj_setConst(model, data)
+
+
+def _put_on(known: Bare, machine: Machine, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Put on masses and springs, without payload."""
+    masses_kg, bodies = list(machine.masses_kg.values()), known.bodies
+    model.body_mass[:] = known.masses_kg
+    model.body_mass[bodies] = masses_kg
+    model.body_inertia[bodies] = known.inertia * (masses_kg / known.masses_kg[bodies])[:, None]
+    model.stat.meaninertia, model.stat.meanmass = known.means
+    mujoco.mj_setConst(model, data)
+    if not known.stated:  # MuJoCo computes them when it compiles, and its solver asks for one
+        model.stat.meaninertia, model.stat.meanmass = _means(model)
+    if len(known.modes):
+        stiffness = np.array([mode.stiffness_n_per_m for mode in machine.structure])
+        twice = np.array([2.0 * mode.damping_ratio for mode in machine.structure])
+        model.jnt_stiffness[known.modes] = stiffness
+        model.dof_damping[known.dampers] = twice * np.sqrt(stiffness * model.body_subtreemass[known.carriers])
 
 
 def _means(model: mujoco.MjModel) -> tuple[float, float]:

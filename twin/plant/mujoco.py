@@ -26,10 +26,11 @@ from isel_twin.plant.contact import Geometry, Least, Sensed
 from isel_twin.plant.cutting import Cut, set_cut, turn
 from isel_twin.plant.guides import along_guides_mm
 from isel_twin.plant.lead import all_behind
-from isel_twin.plant.model import load, load_model, redress, same_model
+from isel_twin.plant.model import dress, load, load_model, same_model
 from isel_twin.plant.power import Power
 from isel_twin.plant.pushing import Pushes
 from isel_twin.plant.samples import GRID, LoopSamples
+from isel_twin.plant.weighing import share_tip
 
 _index = (memory.PLANT.names or ()).index
 _NOW, _EDGE, _STRUCK, _LOST_DOF, _ARRIVED = map(_index, ("now", "edge", "struck", "lost_dof", "arrived"))
@@ -64,7 +65,9 @@ class MujocoPlant(LoopSamples):
             model, data = load(machine, visual=False, watched=True)
         else:
             data = mujoco.MjData(model)
-        self._start(build(machine, thresholds, start_mm, axes, model, data), axes)
+        built = build(machine, thresholds, start_mm, axes, model, data)
+        self._sensed = Sensed(built.model, built.data, built.parts, built.shape_mm)
+        self._start(built, axes)
 
     def _start(self, built: Built, axes: int) -> None:
         """At power-on, with the numbers of a machine."""
@@ -77,7 +80,6 @@ class MujocoPlant(LoopSamples):
         self.time_ns = 0
         self.edge = False
         self._altered = Alterations(built)
-        self._sensed = Sensed(built.model, built.data, built.parts, built.shape_mm)
         self._collisions: tuple[Collision, ...] = ()
         self.set_friction = self._altered.set_friction
         self.set_obstacle = self._altered.set_obstacle
@@ -102,13 +104,13 @@ class MujocoPlant(LoopSamples):
             raise ValueError(
                 f"{machine.file}: its model is another one than that of {self.machine.name}; build a new plant"
             )
-        before, before_mm = self.machine, self.parts.place[self.built.dof] * 1e3
+        before, before_mm, bare = self.machine, self.parts.place[self.built.dof] * 1e3, self.built.frame.bare
         self._altered.restore(None)
         try:
-            redress(machine, before, self.model, self.data)
+            dress(bare, machine, self.model, self.data, before)
             self._start(rebuild(self.built, machine, start_mm), self._count)
         except MachineError:
-            redress(before, before, self.model, self.data)
+            dress(bare, before, self.model, self.data)
             self._start(rebuild(self.built, before, before_mm), self._count)
             raise
 
@@ -248,7 +250,8 @@ class MujocoPlant(LoopSamples):
 
     def set_cut(self, cut: Cut | None) -> None:
         kernel.wake(self._memory)
-        set_cut(self.parts.cut, cut, int(self.parts.plant["now"][0]), self._substep_ns * 1e-9, self.built.left)
+        share_tip(self.built)
+        set_cut(self.parts.cut, cut, int(self.parts.plant["now"][0]), self._substep_ns * 1e-9, self.built.frame.left)
 
     def turn_cut(self, speed_rev_min: float) -> None:
         if self.parts.cut["on"][0]:

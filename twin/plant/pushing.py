@@ -27,7 +27,7 @@ class Pushes:
         if place and place not in PLACES:
             raise ValueError(f"a force cannot act at {place!r}; there are: {', '.join(PLACES)}")
         kernel.wake(self._built.memory)
-        reach = self._built.reach
+        reach = self._built.frame.reach
         if not place:
             place = "tool" if reach["tool"][axis, self._built.dof[axis]] else "table"
         self.joints_n[axis] = force_n * reach[place][axis]

@@ -19,6 +19,7 @@ import math
 import numpy as np
 
 from isel_twin.base.compiling import njit
+from isel_twin.drives.screw import Screw
 
 # a screw, uneven or not
 SCREW = np.dtype(
@@ -32,6 +33,12 @@ SCREW = np.dtype(
     ],
     align=True,
 )
+
+
+def laid_screw(screw: Screw) -> tuple[float, ...]:
+    """The values of a SCREW, the place of its nut left out."""
+    travel_m_per_rad, soft_m_per_n = screw.travel_m_per_rad, screw.bearing_m_per_n
+    return 0.0, travel_m_per_rad, screw.cyclic_error_m, soft_m_per_n, screw.free_length_m, screw.rod_n
 
 
 @njit(nogil=True, error_model="numpy")
