@@ -72,8 +72,9 @@ def take_steps(places, no_leads, along, asked, actions, observations, overs, fir
 
 class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
     """A vector of TrackPath-v0. Spaces, calls and infos are those of Gymnasium's own vector environments. An
-    environment whose episode is over is reset by the next step, which ignores its action (`AutoresetMode.NEXT_STEP`),
-    with the options of the last `reset`.
+    environment whose episode is over is reset, with the options of the last `reset`: by the next step, which ignores
+    its action (`AutoresetMode.NEXT_STEP`), or by the step that has ended it (SAME_STEP): then its last observation and
+    info are `final_obs` and `final_info` of the infos.
     """
 
     def __init__(
@@ -82,6 +83,7 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
         workers: int | None = None,
         randomised: Mapping[str, Sequence[float]] | None = None,
         along: Mapping[str, float] | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         **options: Any,
     ) -> None:
         """options: those of TrackPath. workers: threads, None: the number of processors.
@@ -94,6 +96,9 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
             raise ValueError(f"num_envs is {num_envs}; give at least 1")
         if workers is not None and workers < 1:
             raise ValueError(f"workers is {workers}; give at least 1")
+        autoreset = AutoresetMode(autoreset_mode)
+        if autoreset is AutoresetMode.DISABLED:
+            raise ValueError("autoreset_mode is 'Disabled'; there are: 'NextStep', 'SameStep'")
         tracks = [TrackPath(**options) for _ in range(num_envs)]
         envs: list[gymnasium.Env[Any, Any]] = list(tracks)
         if randomised:
@@ -110,7 +115,8 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
         self.single_action_space = envs[0].action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self.metadata = {**tracks[0].metadata, "autoreset_mode": AutoresetMode.NEXT_STEP}
+        self.metadata = {**tracks[0].metadata, "autoreset_mode": autoreset}
+        self._same_step = autoreset is AutoresetMode.SAME_STEP
         self.render_mode = tracks[0].render_mode
         self._track = np.zeros(num_envs, TRACK)
         self._lanes = np.zeros((num_envs, AXES), LANE)
@@ -165,10 +171,13 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
         overs[idle] = 0
         truncated = (overs == 0) & (self._left == 0) & ~idle
         self._left[overs > 0] = 0
+        terminated, overs = overs > 0, np.where(truncated, _TIME, overs)
+        if self._same_step:
+            return observations, rewards, terminated, truncated, self._begin_over(observations, overs)
         for k in np.flatnonzero(idle):
             observations[k] = self._begin(int(k), None)
             rewards[k] = 0.0
-        return observations, rewards, overs > 0, truncated, self._infos(np.where(truncated, _TIME, overs))
+        return observations, rewards, terminated, truncated, self._infos(overs)
 
     def render(self) -> tuple[Any, ...] | None:
         return tuple(track.render() for track in self._tracks)
@@ -187,6 +196,16 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
         self._places[k] = (*(part.ctypes.data for part in parts), shape_mm.shape[1], len(path), len(t_ns))
         self._left[k] = self._tracks[k].steps_left
         return observation
+
+    def _begin_over(self, observations: NDArray[np.float64], overs: NDArray[np.int64]) -> dict[str, Any]:
+        """Begin anew those that are over, observations [n, SIZE] included; the infos, final ones among them."""
+        finals: dict[str, Any] = {}
+        for k in np.flatnonzero(overs).tolist():
+            info = {name: float(value) for name, value in infos(self._track[k]).items()}
+            final = {"final_obs": observations[k].copy(), "final_info": {**info, "ended": ended(int(overs[k]))}}
+            finals = self._add_info(finals, final, k)
+            observations[k] = self._begin(k, None)
+        return {**self._infos(np.zeros_like(overs)), **finals}
 
     def _infos(self, overs: NDArray[np.int64]) -> dict[str, Any]:
         """Infos in the form of Gymnasium's vector environments. overs: results of `take_step`, or _TIME."""

@@ -37,6 +37,13 @@ class Hands:
         print(json.dumps(request), file=self._file, flush=True)
         return json.loads(self._file.readline())["ok"]
 
+    def pull(self, axis: str, before_n: float, force_n: float) -> float:
+        """From one pull to another as slowly as by hand; returns the latter."""
+        for part in range(1, 21) if force_n != before_n else ():
+            self.ask(force_n={axis: before_n + (force_n - before_n) * part / 20}, place="tool")
+            time.sleep(0.015)
+        return force_n
+
 
 def converse(port: serial.Serial, command: str, hands: Hands, acts: list[dict[str, Any]]) -> None:
     """Send a command, do what is to be done meanwhile, await the reply."""
@@ -65,6 +72,7 @@ def main() -> None:
         re.sub(r"(^|\s)#(?!\w).*|\s*=>.*", "", line) for line in Path(f"{options.name}.txt").read_text().splitlines()
     )
     zeros: dict[str, float] = {}
+    pulled: dict[str, float] = {}  # by axis, N
     read: list[dict[str, float]] = []
     with serial.Serial(options.port, 19200, timeout=60) as port:
         for number, command in enumerate((line for line in lines if line), 1):
@@ -72,14 +80,14 @@ def main() -> None:
             readings = [reading for reading in content["reading"] if reading["command"] == number]
             for reading in readings:
                 axis = reading["axis"]
-                hands.ask(force_n={axis: reading.get("push_n", 0.0)}, place="tool")
+                pulled[axis] = hands.pull(axis, pulled.get(axis, 0.0), reading.get("push_n", 0.0))
                 time.sleep(0.3)
                 state, place = hands.ask(state=True), "xyz".index(axis)
                 zero = zeros.setdefault(reading["gauge"], draw.uniform(0.0, 2.0))
                 mm = state["position_mm"][place] - zero + draw.gauss(0.0, options.noise_mm)
                 read.append({"mm": mm, "counter_mm": state["counts"][place] / 320.0})
-            for axis in {reading["axis"] for reading in readings}:
-                hands.ask(force_n={axis: 0.0})
+            for axis, force_n in pulled.items():
+                pulled[axis] = hands.pull(axis, force_n, 0.0)
             if readings:
                 time.sleep(0.3)
     filled, numbers = [], iter(read)

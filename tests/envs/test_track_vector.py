@@ -7,7 +7,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
-from gymnasium.vector import SyncVectorEnv
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from isel_twin.envs.track_vector import TrackVector
 from isel_twin.envs.wrappers import AlongPath, Randomised
@@ -37,6 +37,31 @@ def test_each_is_what_it_is_in_gymnasiums_own(workers: int) -> None:
     own = played(SyncVectorEnv([lambda: gymnasium.make(ID, **SHORT)] * 3))
     assert any(seen is True for row in own if isinstance(row, list) for seen in row)
     assert played(gymnasium.make_vec(ID, num_envs=3, workers=workers, **SHORT)) == own
+
+
+def told(infos: dict[str, Any]) -> dict[str, Any]:
+    """Infos as text, without the options by lot, which the vector does not tell."""
+    parts = {name: told(value) if isinstance(value, dict) else repr(value) for name, value in infos.items()}
+    return {name: parts[name] for name in sorted(parts) if "randomised" not in name}
+
+
+def test_begun_anew_in_the_same_step_each_is_what_it_is_in_gymnasiums_own() -> None:
+    """Episodes end off the path and by their time; last observations and infos are told."""
+    make = lambda: AlongPath(Randomised(gymnasium.make(ID, **SHORT), **RANGES))  # noqa: E731
+    ours = TrackVector(3, randomised=RANGES, along={}, autoreset_mode="SameStep", **SHORT)
+    seen, draw, finals = [], np.random.default_rng(1), 0
+    actions = draw.uniform(-1.2, 1.2, (60, 3, 4)).astype(np.float32)
+    for envs in (SyncVectorEnv([make] * 3, autoreset_mode=AutoresetMode.SAME_STEP), ours):
+        assert envs.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+        rows: list[Any] = [envs.reset(seed=5)[0].tobytes()]
+        for asked in actions:
+            observations, rewards, terminated, truncated, infos = envs.step(asked)
+            rows += [observations.tobytes(), rewards.tobytes(), terminated.tolist(), truncated.tolist(), told(infos)]
+            finals += "final_obs" in infos
+        envs.close()
+        seen.append(rows)
+    assert finals > 2
+    assert seen[1] == seen[0]
 
 
 def test_machines_by_lot_are_those_of_the_wrapper() -> None:
@@ -73,6 +98,10 @@ def test_along_the_path_each_is_what_the_wrapper_makes_of_it(workers: int) -> No
     [
         (lambda: TrackVector(0), "num_envs is 0; give at least 1"),
         (lambda: TrackVector(1, workers=0), "workers is 0; give at least 1"),
+        (
+            lambda: TrackVector(1, autoreset_mode="Disabled"),
+            "autoreset_mode is 'Disabled'; there are: 'NextStep', 'SameStep'",
+        ),
         (lambda: TrackVector(1).reset(seed=[1, 2]), "2 seeds for 1 environments"),
         (lambda: TrackVector(1).step(np.zeros((1, 3))), "call reset"),
         (lambda: TrackVector(1, along={"feed_mm_s": -1.0}), "feed_mm_s is -1.0; allowed: more than 0, up to 1000"),

@@ -2,7 +2,7 @@
 
 A block is a short piece of a job with measurements; it begins and ends at rest, referenced:
 
-    reversal   to a place from below, read; from above, read            backlash, friction
+    reversal   slowly to a place from below, read; from above, read     backlash, friction
     push       at rest, tool pulled in both directions, read          stiffness, backlash; where the table
                carries the axis, the table as well: a pull at the tool never loads that screw
     coast      emergency stop at speed, read the overrun         friction, mass
@@ -39,9 +39,11 @@ REVERSALS = 4
 APART_MM = 0.3625  # between places of a reversal: not whole motor steps, so that the place of rest varies
 APPROACH_MM = 2.0  # far more than any backlash
 FAR_SIGMA_MM = 0.01  # of a scale or gauge blocks over a long distance
+COASTS_HZ = (6000.0, 9000.0, 12_000.0)  # about these; at more, a machine of half the supply may lose steps (many/25)
 COAST_S = 1.5  # duration of a move for an emergency stop: a person needs time to press it
 PRESS_S, RELEASE_S = 0.5, 2.5  # after the command was sent; the coasting does not depend on it
 GENTLE = (6000, 100, 300)  # speed, acceleration and start-stop frequency of moves between readings
+CREEP = (1000, 10, 100)  # the same of the move to where a reversal is read (many/25)
 SERIES = 1.04  # ratio of successive speeds of a stall series
 SERIES_FROM, SERIES_TO = 0.7, 1.8  # of the stall speed expected: few moves before the first that may lose steps
 
@@ -120,7 +122,7 @@ def blocks(
         pushed_at = PUSHED_AT if machine.kinematics == "table" and name == "y" else PUSHED_AT[:1]
         found += [_push(tell, place_mm + 5.0, force_n, at) for at in pushed_at]
         fastest = min(language.ranges["speed_hz"][1], (axis.travel_mm - 20.0) * axis.steps_per_mm / COAST_S)
-        for speed in (6000.0, 10_000.0, 16_000.0) if notices_stop else ():
+        for speed in COASTS_HZ if notices_stop else ():
             found.append(_coast(tell, machine, language, round(min(speed * draw.uniform(0.85, 1.15), fastest))))
         for supply_v, acceleration in itertools.product(supplies_v or (None,), STALL_HZ_PER_MS):
             far_mm = min(55.0, axis.travel_mm - 5.0)
@@ -161,8 +163,8 @@ def _reversal(tell: Teller, mm: float) -> Block:
     steps: tuple[Step, ...] = ()
     for number in range(REVERSALS):
         place_mm = mm + number * APART_MM
-        steps += tell.move(place_mm - APPROACH_MM) + tell.move(place_mm, readings=read, comment=below)
-        steps += tell.move(place_mm + APPROACH_MM) + tell.move(place_mm, readings=read, comment=above)
+        steps += tell.move(place_mm - APPROACH_MM) + tell.move(place_mm, CREEP, read, comment=below)
+        steps += tell.move(place_mm + APPROACH_MM) + tell.move(place_mm, CREEP, read, comment=above)
     return Block(name, f"{tell.axis}: to {mm:g} mm and on from both sides, dial gauge between tool and table", steps)
 
 

@@ -41,14 +41,13 @@ from isel_twin.core.twin import Twin
 from isel_twin.jobs.verdict import lost
 from isel_twin.language import Language, MoveSettings, create_language, needed
 from isel_twin.machine import Machine, with_overrides
+from isel_twin.many.identification.hands import SETTLE_S, Pulls, let_go, shown_mm
 from isel_twin.many.identification.measured import Act, Measured, Reading, Ring, Stall
-from isel_twin.many.identification.ring_down import ring_down
 from isel_twin.recordings.compare import paired, traffic
 from isel_twin.recordings.reading import Recorded, RecordingError
 from isel_twin.wiring import EVENT_KEYS, ScenarioError, event_now
 
 LEAST_S = 0.05  # shorter durations depend on the controller and its line, not on the machine
-SETTLE_S = 0.3  # from the reply or the change of a push until a gauge is read
 # relative standard deviation of a stall speed, beside the interval of its two speeds: near stall the outcome is chaotic
 # in narrow bands of speed
 STALL_SCATTER = 0.03
@@ -61,7 +60,6 @@ STALL_COARSE, STALL_FINE = 1.1, 1.02
 # narrow band (0.7 to 1.5 um on the 4030, over forty places)
 REST_SIGMA_MM = 0.001
 REFERENCE_SIGMA_S = 0.015  # of a reference run, beside the clock's: a switch scatters by 10 to 15 um, left at 1 mm/s
-RING_S, RING_STEP_S = 0.4, 0.0005  # so long and so often a model that rings down is looked at
 RING_SIGMA, DAMPING_SIGMA = 0.02, 0.3  # relative standard deviations: where rotors rest and how nuts seat vary
 MISSED = 1e4  # residual, in standard deviations, where the model has no value because the command got no reply
 _PATIENCE_S = 3600.0
@@ -311,20 +309,14 @@ class Player:
 
     def _read(self, found: dict[Reading, float]) -> None:
         """Read the gauges at rest after the last command."""
-        pushed: set[int] = set()
-        twin = self._twin
+        twin, pulls = self._twin, Pulls(self._twin)
         for reading in self._session.measured.readings:
             if reading.command != self._command or reading.at_s is not None or reading in found:
                 continue
-            axis = CARRIAGES.index(reading.axis)
-            if reading.push_n or axis in pushed:
-                twin.apply_force(axis, reading.push_n, reading.push_at)
-                pushed.add(axis)
+            pulls.pull(reading)
             twin.run(SETTLE_S)
             found[reading] = self._position_mm(reading)
-        for axis in pushed:
-            twin.apply_force(axis, 0.0, "tool")
-            twin.run(SETTLE_S)
+        pulls.end()
         for ring in self._session.measured.rings:
             if ring.command == self._command and ring not in self.rang:
                 self.rang[ring] = let_go(twin, ring)
@@ -334,31 +326,6 @@ class Player:
         if reading.counter_mm is not None:
             position_mm -= float(self._twin.counts[axis] * self._twin.step_mm[axis])
         return position_mm
-
-
-def shown_mm(twin: Twin, reading: Reading) -> float:
-    """What a gauge without zero and noise shows now: a position, or how far the tool is from a point."""
-    if reading.about_mm is not None:
-        return math.dist(twin.position_mm.tolist(), reading.about_mm)
-    return float(twin.position_mm[CARRIAGES.index(reading.axis)])
-
-
-def let_go(twin: Twin, ring: Ring) -> tuple[float, float]:
-    """Frequency in Hz and damping ratio after a force is let go; nan if nothing rings."""
-    axis = CARRIAGES.index(ring.axis)
-    twin.apply_force(axis, ring.push_n, ring.push_at)
-    twin.run(SETTLE_S)
-    twin.apply_force(axis, 0.0, ring.push_at)
-    count = round(RING_S / RING_STEP_S)
-    position_mm = np.empty(count)
-    times_s: NDArray[np.float64] = RING_STEP_S * np.arange(count, dtype=np.float64)
-    for at in range(count):
-        position_mm[at] = twin.position_mm[axis]
-        twin.run(RING_STEP_S)
-    try:
-        return ring_down(times_s, position_mm)
-    except ValueError:
-        return math.nan, math.nan
 
 
 def model_twin(machine: Machine, controller: str, line_speed: bool = False) -> Twin:

@@ -20,8 +20,9 @@ from isel_twin.core.twin import Twin
 from isel_twin.language import create_language, needed
 from isel_twin.machine import Machine
 from isel_twin.many.identification.experiment import Experiment, Step, series_hz
+from isel_twin.many.identification.hands import SETTLE_S, Pulls, let_go, shown_mm
 from isel_twin.many.identification.measured import Measured, Reading, Ring, Stall
-from isel_twin.many.identification.session import SETTLE_S, converse, let_go, shown_mm, stalls, with_supply
+from isel_twin.many.identification.session import converse, stalls, with_supply
 from isel_twin.recordings.mcap import RecordingWriter
 from isel_twin.recordings.reading import Entry, Recorded
 from isel_twin.wiring import ScenarioError, event_now
@@ -58,18 +59,16 @@ def carry_out(
         _act(twin, step, began_ns)
         twin.run_until_idle()
         twin.read()
-        wanted = [reading for reading in template.readings if reading.command == command]
+        wanted, pulls = [reading for reading in template.readings if reading.command == command], Pulls(twin)
         for reading in wanted:
             axis = CARRIAGES.index(reading.axis)
-            twin.apply_force(axis, reading.push_n, reading.push_at)
+            pulls.pull(reading)
             twin.run(SETTLE_S)
             zero = zeros.setdefault(reading.gauge, float(draw.uniform(0.0, PLACE)))
             mm = shown_mm(twin, reading) - zero + float(draw.normal(0.0, 1.0)) * noise_mm
             counter = None if reading.counter_mm is None else float(twin.counts[axis] * twin.step_mm[axis])
             found.append(replace(reading, mm=mm, counter_mm=counter))
-        for axis in {CARRIAGES.index(reading.axis) for reading in wanted if reading.push_n}:
-            twin.apply_force(axis, 0.0, "tool")
-            twin.run(SETTLE_S)
+        pulls.end()
         for ring in (ring for ring in template.rings if ring.command == command):
             hz, damping = let_go(twin, ring)
             rings.append(replace(ring, frequency_hz=hz, damping=damping))
