@@ -29,7 +29,6 @@ from isel_twin.envs import tracking
 from isel_twin.envs.track import TrackPath, ended, infos
 from isel_twin.envs.tracking import LANE, SIZE, TRACK, aim, take_step
 from isel_twin.envs.wrappers import AlongPath, Randomised
-from isel_twin.plant import kernel
 from isel_twin.plant.memory import AXES, MEMORY, array_at
 
 _ARRAYS = ("memory", "track", "lanes", "shape_mm", "path", "t_ns", "delta")
@@ -219,4 +218,4 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
         return said
 
 
-contains(__name__, tracking.__file__, kernel.__file__, *kernel.CONTAINED)
+contains(__name__, tracking.__file__, *tracking.CONTAINED)

@@ -18,6 +18,7 @@ import math
 import numpy as np
 
 from isel_twin.base.compiling import contains, njit
+from isel_twin.core import seen
 from isel_twin.core.seen import SLOW_RAD_S
 from isel_twin.plant import kernel
 from isel_twin.plant.kernel import advance
@@ -254,4 +255,5 @@ def take_step(memory, tracks, lanes, shape_mm, path, t_ns, delta, no_leads, acti
     return over
 
 
-contains(__name__, kernel.__file__, *kernel.CONTAINED)
+CONTAINED = (seen.__file__, kernel.__file__, *kernel.CONTAINED)  # files whose code these functions contain
+contains(__name__, *CONTAINED)

@@ -164,6 +164,7 @@ def test_code_of_another_file_that_has_changed_is_compiled_anew(tmp_path: Path) 
 
 
 KEPT = """
+import ctypes
 import numpy as np
 import inner
 from inner import more
@@ -183,6 +184,13 @@ def total(rows, table, factor, n):
 def takes_memory(n):
     return np.arange(n).sum()
 
+hypot = ctypes.CDLL(None).hypot
+hypot.argtypes, hypot.restype = [ctypes.c_double] * 2, ctypes.c_double
+
+@njit()
+def calls_an_address(x):
+    return hypot(x, 4.0)
+
 contains(__name__, inner.__file__)
 """
 CALLS = """
@@ -197,7 +205,7 @@ print(results, rows.tolist(), "numba" in sys.modules)
 RARE = """
 import llvmlite.binding
 print(llvmlite.binding.address_of_symbol("numba_do_raise"))
-print(kept.total(rows, table[:, :2], 0.5, 7), kept.takes_memory(4))
+print(kept.total(rows, table[:, :2], 0.5, 7), kept.takes_memory(4), kept.calls_an_address(3.0))
 try:
     kept.total(rows, table, 0.5, 0)
 except ZeroDivisionError as error:
@@ -225,7 +233,8 @@ def test_kept_object_code_is_called_without_numba(tmp_path: Path) -> None:
     same = "[1, 5] [(11, 12.0)]"
     assert told(CALLS) == [f"{same} True"]
     assert told(CALLS) == [f"{same} False"]
-    assert told(CALLS + RARE) == [f"{same} False", "None", "5 6", "integer modulo by zero"]
+    assert told(CALLS + RARE) == [f"{same} False", "None", "5 6 5.0", "integer modulo by zero"]
+    assert not [*(tmp_path / "cache").glob("kept.calls_an_address-*.o")]  # which is of one process
     assert told(OFTEN + CALLS) == [f"{same} True"]
     assert told(CALLS, NUMBA_OPT="1") == [f"{same} True"]
     assert told(CALLS, by=3) == ["[3, 0] [(11, 12.0)] True"]

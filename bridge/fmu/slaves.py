@@ -5,11 +5,13 @@
     outputs       positions, speeds, errors, counters, lost steps, margins, switches, power
 
 Inputs act at the beginning of a step. The end of a step is the absolute time in whole nanoseconds, never a sum of step
-sizes, so that any division of the time gives the same bits. A state is `Twin.save` and the inputs.
+sizes, so that any division of the time gives the same bits. A state is the bytes of `Twin.save` and the inputs.
 """
 
 from __future__ import annotations
 
+import ctypes
+import functools
 import math
 import pickle
 import uuid
@@ -44,7 +46,41 @@ ACTS: Mapping[str, tuple[str, str, str]] = {
 SWITCHES = tuple(f"limit_{axis}{side}" for axis in CARRIAGES for side in (1, 2))
 _KINDS = {float: Float64, int: Int64, bool: Boolean, str: String}
 
+# what the wrapper calls of an instance
+_CALLED = (
+    *("setup_experiment", "enter_initialization_mode", "exit_initialization_mode", "do_step", "set_time", "terminate"),
+    *("get_boolean", "get_float64", "get_int32", "get_int64", "get_string", "get_uint64", "_get_fmu_state"),
+    *("set_boolean", "set_float64", "set_int32", "set_int64", "set_string", "set_uint64", "_set_fmu_state"),
+)
 
+
+def _balanced(method: Callable[..., Any]) -> Callable[..., Any]:
+    """The method, whose exceptions do not cost the objects that are in use (bridge/34).
+
+    At each exception the wrapper of pythonfmu3 0.3.4 lets go of the instance, its class and its log, keeps using them,
+    and lets go of them once more with the instance. So it gets here what it lets go of too often.
+    """
+    hold = ctypes.PYFUNCTYPE(None, ctypes.py_object)(("Py_IncRef", ctypes.pythonapi))
+
+    @functools.wraps(method)
+    def call(slave: Any, *arguments: Any) -> Any:
+        try:
+            return method(slave, *arguments)
+        except BaseException:
+            for owned in (slave, type(slave), slave.log_queue):
+                hold(owned)
+            raise
+
+    return call
+
+
+def _balance(slave: type[_TwinSlave]) -> type[_TwinSlave]:
+    for name in _CALLED:
+        setattr(slave, name, _balanced(getattr(slave, name)))
+    return slave
+
+
+@_balance
 class _TwinSlave(Fmi3Slave):
     """What both interfaces have."""
 
@@ -105,12 +141,29 @@ class _TwinSlave(Fmi3Slave):
     def terminate(self) -> None:
         self.twin = None
 
-    def _get_fmu_state(self) -> dict[str, Any]:
+    def _get_fmu_state(self) -> bytes:
+        return pickle.dumps(self._state())
+
+    def _set_fmu_state(self, state: bytes) -> None:
+        """Raises StateError for a state of another machine or controller, and changes nothing. A pickle runs code:
+        states of strangers are not to be loaded."""
+        self._take(pickle.loads(state))
+
+    @staticmethod
+    def _fmu_state_to_bytes(state: bytes) -> bytes:
+        return state
+
+    @staticmethod
+    def _fmu_state_from_bytes(state: bytes) -> bytes:
+        return state
+
+    # Of the interfaces
+
+    def _state(self) -> dict[str, Any]:
         state = None if self.twin is None else self.twin.save()
         return {"values": dict(self.values), "applied": dict(self._applied), "time": self.time, "twin": state}
 
-    def _set_fmu_state(self, state: Mapping[str, Any]) -> None:
-        """Raises StateError for a state of another machine or controller, and changes nothing."""
+    def _take(self, state: Mapping[str, Any]) -> None:
         before, self.values = (self.values, self._applied), dict(state["values"])
         try:
             twin = None if state["twin"] is None else self.twin or self._built()  # it may be of another instance
@@ -121,17 +174,6 @@ class _TwinSlave(Fmi3Slave):
             raise
         self.twin = twin
         self._applied, self.time = dict(state["applied"]), state["time"]
-
-    @staticmethod
-    def _fmu_state_to_bytes(state: Any) -> bytes:
-        return pickle.dumps(state)
-
-    @staticmethod
-    def _fmu_state_from_bytes(state: bytes) -> Any:
-        """A pickle runs code: states of strangers are not to be loaded."""
-        return pickle.loads(state)
-
-    # Of the interfaces
 
     @property
     def _controller(self) -> str:
@@ -235,11 +277,11 @@ class SerialTwin(_TwinSlave):
         twin.run_until(end_ns)
         self._received = twin.read().decode("latin-1")
 
-    def _get_fmu_state(self) -> dict[str, Any]:
-        return {**super()._get_fmu_state(), "received": self._received}
+    def _state(self) -> dict[str, Any]:
+        return {**super()._state(), "received": self._received}
 
-    def _set_fmu_state(self, state: Mapping[str, Any]) -> None:
-        super()._set_fmu_state(state)
+    def _take(self, state: Mapping[str, Any]) -> None:
+        super()._take(state)
         self._received = state["received"]
 
 

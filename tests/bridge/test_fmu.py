@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -190,6 +192,59 @@ def test_wrong_parameters_and_impossible_steps_are_errors_of_fmi(model: Callable
     one.set("command_x", 10**9)
     with pytest.raises(Exception, match=r"fmi3DoStep|failed"):
         one.step()
+
+
+def end_initialization_wrongly(model: Model, _: bytes) -> None:
+    model.set("machine", "none")
+    model.fmu.exitInitializationMode()
+
+
+def take_the_state_of_another_machine(model: Model, state: bytes) -> None:
+    model.fmu.setFMUState(model.fmu.deserializeFMUState(state))
+
+
+def take_no_state(model: Model, _: bytes) -> None:
+    model.fmu.setFMUState(model.fmu.deserializeFMUState(b"no state"))
+
+
+def ask_for_another_kind(model: Model, _: bytes) -> None:
+    model.fmu.getInt32([model.variables["machine"].valueReference])
+
+
+def give_another_kind(model: Model, _: bytes) -> None:
+    model.fmu.setBoolean([model.variables["machine"].valueReference], [True])
+
+
+@pytest.mark.parametrize(
+    "fail",
+    [
+        end_initialization_wrongly,
+        take_the_state_of_another_machine,
+        take_no_state,
+        ask_for_another_kind,
+        give_another_kind,
+    ],
+)
+def test_errors_free_nothing_that_is_in_use(
+    built: Path, tmp_path: Path, model: Callable[..., Model], fail: Callable[[Model, bytes], None]
+) -> None:
+    """What is freed too early is there no more, or kills the process when garbage is collected: here it is told by the
+    counts of references of class and log, after one error, and after two, and after the end of the instance."""
+    state = (other := model("serial", plant="kinematic").fmu).serializeFMUState(other.getFMUState())
+    wrong = Model(built / "serial.fmu", tmp_path / "wrong", {"plant": "kinematic", "machine": "4030-hf"})
+    kind = sys.modules["isel_twin_serial"].IselTwinSerial
+    gc.collect()
+    (slave,) = (each for each in gc.get_objects() if type(each) is kind and each.values["machine"] == "4030-hf")
+    counts = [sys.getrefcount(each) for each in (kind, slave, slave.log_queue)]
+    for _ in range(2):
+        with pytest.raises(Exception, match=r"failed|fmi3"):
+            fail(wrong, state)
+        gc.collect()
+        assert [sys.getrefcount(each) for each in (kind, slave, slave.log_queue)] == counts
+    wrong.fmu.terminate()
+    wrong.fmu.freeInstance()
+    gc.collect()
+    assert [sys.getrefcount(each) for each in (slave, slave.log_queue)] == [counts[1] - 1, counts[2] - 1]
 
 
 def test_without_the_extra_it_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -147,7 +147,7 @@ class _Cache(FunctionCache):
         """Keep the object code, if it takes and returns what can be passed without numba."""
         kinds = tuple(map(_kind, made.signature.args))
         returned, symbol = str(made.signature.return_type), made.fndesc.llvm_func_name
-        if None in kinds or returned not in object_code.RETURNED:
+        if None in kinds or returned not in object_code.RETURNED or made.library.has_dynamic_globals:
             return
         code = made.library._get_compiled_object()
         missing = object_code.missing(code)

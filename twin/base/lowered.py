@@ -91,9 +91,10 @@ class Inner(JITCodeLibrary):
 
 
 def keep(function: Callable[..., Any], files: Sequence[str], types: Any, compiled: Any) -> None:
-    """Write the lowered code of a function for these types, if somebody asked for it."""
+    """Write the lowered code of a function for these types, if somebody asked for it; none with an address in it, which
+    is of one process."""
     lowered = getattr(compiled.library, "lowered", None)
-    if _out is None or lowered is None:
+    if _out is None or lowered is None or compiled.library.has_dynamic_globals:
         return
     file = _out / kind() / _name(function)
     known = _read(file, function, files)

@@ -7,7 +7,8 @@ already. The object code of a function needs nothing of it:
 
 Only on Linux with x86-64, of functions that take arrays in one piece, int and float, return one number or nothing, and
 use no memory of their own; all others, and all that is not found, are numba's. A call costs some microseconds more than
-numba's own, so that who calls often changes over to it (compiling.py; decision plant/26).
+numba's own, so that who calls often changes over to it (compiling.py; decision plant/26). A call that ends in an error
+is made once more by numba, which raises it: what it had changed is changed twice.
 """
 
 from __future__ import annotations

@@ -24,8 +24,9 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.base.compiling import njit
+from isel_twin.base.compiling import contains, njit
 from isel_twin.base.units import SECOND_NS
+from isel_twin.capture import wave
 from isel_twin.capture.vcd import scanned, waves_of
 from isel_twin.capture.wave import LONGEST_NS, Capture, CaptureError, WrongCallError
 
@@ -371,3 +372,6 @@ def _scaled(mantissa, shift):
         divisor *= 10
         shift += 1
     return (mantissa + divisor // 2) // divisor if shift == 0 or mantissa == 0 else 0
+
+
+contains(__name__, wave.__file__)

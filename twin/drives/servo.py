@@ -30,7 +30,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.base.compiling import njit
+from isel_twin.base.compiling import contains, njit
+from isel_twin.drives import dynamics, servo_drive, shaft
 from isel_twin.drives.dynamics import OPEN
 from isel_twin.drives.screw import Screw
 from isel_twin.drives.servo_drive import I2T_BACK, ServoDrive, ServoMotor
@@ -185,3 +186,6 @@ def cool(p, s, substeps):
 def forget(s):
     """Clear the fault; if its stage is on, the drive works again from the next sub-step (plant/16)."""
     s.fault = 0
+
+
+contains(__name__, dynamics.__file__, servo_drive.__file__, shaft.__file__)

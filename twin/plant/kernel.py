@@ -40,7 +40,7 @@ import numpy as np
 
 import isel_twin.plant
 from isel_twin.base.compiling import contains, njit
-from isel_twin.drives import dynamics, servo, shaft, trigonometry
+from isel_twin.drives import dynamics, servo, servo_drive, shaft, trigonometry
 from isel_twin.drives.dynamics import OPEN, stepper_torque
 from isel_twin.drives.servo import cool, servo_torque
 from isel_twin.drives.shaft import AXIS_STATE, SERVO, at_rest, turn
@@ -558,7 +558,7 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
     return made
 
 
-_DRIVES = dynamics, servo, shaft, trigonometry
+_DRIVES = dynamics, servo, servo_drive, shaft, trigonometry
 _PARTS = cutting, feed, glide, lead, margin, memory, native, teeth, thread, touch
 # files whose code the compiled loop contains
 CONTAINED = tuple(str(module.__file__) for module in (isel_twin.plant, *_DRIVES, *_PARTS))

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from isel_twin.base import units
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.compiling import contains, njit
 from isel_twin.base.units import SECOND_NS
@@ -44,7 +45,7 @@ def commands_at(times_ns, lead_ns, t_ns, delta, commanded, leads, counts, left, 
             speeds[n, i] = leads[i].pending * SECOND_NS / leads[i].lead_ns if leads[i].end_ns > now_ns else 0.0
 
 
-contains(__name__, lead.__file__)
+contains(__name__, lead.__file__, units.__file__)
 
 
 class PathSamples:
