@@ -14,6 +14,8 @@ import pytest
 
 from tests.bridge.conftest import REPLY_S, ask
 
+pytestmark = pytest.mark.long(seconds=8)
+
 ENDLESS = ("@07", "@0N7", "@0i", "0100,5000,0,30,0,30,0,30", "0-100,5000,0,30,0,30,0,30", "30,-2", "9")
 """A stored program that goes to and fro for ever."""
 

@@ -42,6 +42,8 @@ from isel_twin.core.twin import Twin
 from tests.bridge.conftest import REPLY_S, Served
 from tests.in_process import isel_twin
 
+pytestmark = pytest.mark.long(seconds=16)
+
 BAD = "BadNoCommunication"
 CLIENTS = 4  # at once, where the limit is looked at
 

@@ -26,7 +26,7 @@ from tests.panel.conftest import LOOPBACK, WAIT_S, Bench
 WHERE = find_browser()
 pytestmark = [
     pytest.mark.skipif(WHERE is None, reason="there is no Chromium or Chrome; `make browser` installs one"),
-    pytest.mark.long(seconds=40),
+    pytest.mark.long(seconds=35),
 ]
 
 EMPTY = '<!doctype html><html lang="en"><title>no scene</title><main><h1>no scene</h1></main></html>'

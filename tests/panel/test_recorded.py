@@ -25,7 +25,10 @@ from tests.in_process import isel_twin
 from tests.panel.chromium import find_browser
 from tests.panel.conftest import LOOPBACK, WAIT_S
 
-pytestmark = pytest.mark.skipif(find_browser() is None, reason="there is no browser; `make browser` installs one")
+pytestmark = [
+    pytest.mark.skipif(find_browser() is None, reason="there is no browser; `make browser` installs one"),
+    pytest.mark.long(seconds=13),
+]
 
 JOB = "@07\n@0R7\n@0A16000,5000,8000,5000,0,30,0,30\n@0A-3200,1000,0,30,0,30,0,30\n"
 
