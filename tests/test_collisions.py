@@ -26,7 +26,7 @@ from isel_twin.plant import Clearance, Collision
 from .crashes.stl import write_stl
 from .near import NEAR
 
-pytestmark = pytest.mark.long(seconds=16)
+pytestmark = pytest.mark.long(seconds=6)
 
 X_MM, Y_MM = 10.0, 6.0  # the middle of the jaw: near the switches, so that a reference run is short
 JAW = Fixture("vise_jaw", "box", (100.0, 20.0, 140.0), (X_MM, Y_MM, 0.0))

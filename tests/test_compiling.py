@@ -15,6 +15,8 @@ import pytest
 from isel_twin.base import compiled_code, compiling, object_code
 from tests.forked import PATIENCE_S
 
+pytestmark = pytest.mark.long(seconds=18)
+
 ROOT = Path(__file__).parents[1]
 
 SESSION = """

@@ -17,6 +17,8 @@ from isel_twin.controller import Output, create_controller
 from isel_twin.wiring import ScenarioError
 from tests.thorough import drawn
 
+pytestmark = pytest.mark.long(seconds=4)
+
 START_MM = (30.0, 30.0, 30.0)
 OUT = "@0A8000,8000,0,30,0,30,0,30"  # 25 mm at 25 mm/s
 BACK = "@0A-8000,8000,0,30,0,30,0,30"

@@ -23,7 +23,7 @@ from isel_twin.jobs.verdict import Verdict, judge
 from isel_twin.language import create_language
 from tests.forked import PATIENCE_S
 
-pytestmark = pytest.mark.long(seconds=7)
+pytestmark = pytest.mark.long(seconds=4)
 
 FAR = "@07\n@0R7\n@0M160000,8000,8000,8000,0,30,0,30"
 """Ends at the switch at the far end of X."""

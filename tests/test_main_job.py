@@ -10,6 +10,8 @@ import pytest
 
 from isel_twin import Twin
 
+pytestmark = pytest.mark.long(seconds=4)
+
 STEPS_PER_MM = 320
 HOME = ("@07", "@0R7")
 

@@ -14,6 +14,8 @@ import pytest
 
 from tests.bridge.conftest import REPLY_S, ask
 
+pytestmark = pytest.mark.long(seconds=8)
+
 ENDLESS = ("@07", "@0N7", "@0i", "0100,5000,0,30,0,30,0,30", "0-100,5000,0,30,0,30,0,30", "30,-2", "9")
 """A stored program that goes to and fro for ever."""
 
@@ -41,7 +43,7 @@ def busy(serve):
 
 @pytest.mark.parametrize(
     ("speed", "interval_s"),
-    [("1000", "0.01"), ("1", "0.00001"), ("1000000", "0.01")],
+    [("1000", "0.01"), ("1", "0.00001"), ("1000000", "1.0")],
     ids=["speed 1000", "100 000 samples a second", "speed 10^6"],
 )
 def test_an_idle_server_that_records_can_be_stopped(serve, tmp_path, speed, interval_s):

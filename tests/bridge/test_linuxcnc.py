@@ -36,6 +36,8 @@ from isel_twin.core.twin import Twin
 from tests.in_process import isel_twin
 from tests.near import near_switches
 
+pytestmark = pytest.mark.long(seconds=5)
+
 LIMIT_S = 300.0
 LOOK_S = 0.05  # of wall time between two looks at the twin, each of which costs it some
 SQUARE = "G1 F1200 X20 Y10\nG1 X30\nG1 Y20\nG1 X20\nG1 Y10"

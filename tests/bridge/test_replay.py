@@ -19,6 +19,8 @@ from tests.bridge.conftest import REPLY_S, STOP_S, until
 from tests.in_process import isel_twin as cli
 from tests.near import near_switches
 
+pytestmark = pytest.mark.long(seconds=6)
+
 SCENARIO = """
 [[event]]
 at = 1.5

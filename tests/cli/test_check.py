@@ -13,6 +13,8 @@ from sarif_pydantic import Sarif
 from isel_twin.cli import main
 from isel_twin.jobs.checks import RULES
 
+pytestmark = pytest.mark.long(seconds=4)
+
 HOME = "@07\n@0R7\n"
 WELL = HOME + "@0M3200,3000,1600,3000,0,30,0,30\n"
 

@@ -13,6 +13,8 @@ from isel_twin.cli import main
 from isel_twin.recordings.recorder import Recorder
 from isel_twin.recordings.write import write_trace
 
+pytestmark = pytest.mark.long(seconds=4)
+
 PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 EXTRAS = {"pyarrow": "trace", "matplotlib": "report", "optuna": "tune", "viser": "panel", "pygls": "lsp"}
 

@@ -22,7 +22,7 @@ from isel_twin.many.identification.measured import read_measured, written
 from isel_twin.many.identification.stand_in import carry_out, write_recording
 from tests.near import COARSE, near_switches
 
-pytestmark = pytest.mark.long(seconds=15)
+pytestmark = pytest.mark.long(seconds=9)
 
 
 def call(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:

@@ -13,7 +13,7 @@ from isel_twin import Twin
 from isel_twin.cli import main
 from isel_twin.language import MoveSettings, create_language, needed
 
-pytestmark = pytest.mark.long(seconds=8)
+pytestmark = pytest.mark.long(seconds=4)
 
 CONTROL = ("--controller", "bwo900", "--machine", "4030-servo", "--plant", "kinematic")
 ARC = "P1\nN10 G90 F1200\nN20 G1 X40\nN30 G2 X60 Y20 I0 J5\nN40 M30\n"

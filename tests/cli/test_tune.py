@@ -15,7 +15,7 @@ from isel_twin.cli.tune_output import Table
 from isel_twin.core.warm import warm_up
 from tests.near import near_switches
 
-pytestmark = pytest.mark.long(seconds=15)
+pytestmark = pytest.mark.long(seconds=10)
 
 JOB = """@07
 @0d5000,5000,5000

@@ -16,6 +16,8 @@ import pytest
 
 from tests.forked import PATIENCE_S
 
+pytestmark = pytest.mark.long(seconds=4)
+
 PAGE = Path(__file__).parents[2] / "docs" / "controllers.md"
 
 MODULES = ("isel_twin_toy.py", "isel_twin_toy_language.py")

@@ -33,7 +33,7 @@ from isel_twin.wiring.cabinet import ELEMENTS, SafetyCabinet
 from isel_twin.wiring.contacts import Contacts
 from tests.thorough import drawn
 
-pytestmark = pytest.mark.long(seconds=7)
+pytestmark = pytest.mark.long(seconds=4)
 
 SEEDS = (*range(drawn(24)), 43, 46, 56)
 """About 0.4 s of computing each; the last three are with physics."""

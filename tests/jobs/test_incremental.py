@@ -21,6 +21,8 @@ from isel_twin.language import create_language
 from isel_twin.machine import Fixture
 from tests.jobs.edits import LINES, differences
 
+pytestmark = pytest.mark.long(seconds=4)
+
 CALL = TwinSpec(plant="kinematic")
 JOB = "@07\n@0R7\n" + "".join(f"@0A{step},2000,0,30,0,30,0,30\n" for step in range(40, 60))
 HERE = Path("job.txt")

@@ -15,6 +15,8 @@ from isel_twin.jobs.checks import check_job
 from isel_twin.jobs.job import parse_job
 from isel_twin.jobs.playing import Played, played
 
+pytestmark = pytest.mark.long(seconds=4)
+
 PLANTS = ("kinematic", "mujoco")
 PROGRAM = "N10 G90 G0 X10\nN20 G1 F600 X30\nN30 M30\n"
 

@@ -15,6 +15,8 @@ from tests.cam.wild import WILD
 from tests.in_process import isel_twin
 from tests.near import NEAR
 
+pytestmark = pytest.mark.long(seconds=5)
+
 COMMANDS = [("run",), ("check",), ("convert",), ("tune",), ("golden", "record")]
 TWICE = COMMANDS[1:]  # read it twice, or keep something beside it
 PART = "G21 G90\nG0 X10 Y5\nG1 X20 F600\nM2\n"

@@ -18,6 +18,8 @@ from tests.forked import PATIENCE_S
 from tests.in_process import isel_twin
 from tests.smoke.test_every_command import JOBS
 
+pytestmark = pytest.mark.long(seconds=5)
+
 FILES = {
     "NCP": "; a part\nIMF_PBL_V1.0\nFASTVEL 40000\nVEL 10000\nFASTABS Z5000\nFASTABS X10000 Y10000\nMOVEABS Z-1000\n"
     "MOVEABS X40000\nMOVEABS Y30000\nFASTABS Z5000\nPROGEND\n",

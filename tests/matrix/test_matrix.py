@@ -14,7 +14,7 @@ import pytest
 from tests.matrix.cells import FAULTS, cells, outcome
 from tests.matrix.table import DOCUMENT, read_table, shown
 
-pytestmark = pytest.mark.long(seconds=17)
+pytestmark = pytest.mark.long(seconds=14)
 
 ALL = list(cells())
 TRIED = [cell for n, cell in enumerate(ALL) if cell[0] == "run" or (n % 14 == 3 and cell[0] != "experiment")]

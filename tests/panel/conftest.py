@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from playwright.sync_api import Browser as Chromium
-from playwright.sync_api import BrowserContext, expect, sync_playwright
+from playwright.sync_api import Page, ViewportSize, expect, sync_playwright
 from websockets.sync.client import ClientConnection, connect
 
 from isel_twin import Twin
@@ -24,6 +24,7 @@ from tests.panel.chromium import ARGUMENTS, find_browser
 LOOPBACK = "127.0.0.1:0"
 WAIT_S = PATIENCE_S
 """Longest wait for anything; a healthy panel needs a small part of it."""
+VIEWPORT: ViewportSize = {"width": 1280, "height": 800}
 
 
 class Bench:
@@ -146,10 +147,24 @@ def chromium() -> Iterator[Chromium]:
         browser.close()
 
 
-@pytest.fixture
-def context(chromium: Chromium) -> Iterator[BrowserContext]:
-    context = chromium.new_context(viewport={"width": 1280, "height": 800})
+@pytest.fixture(scope="module")
+def window(chromium: Chromium) -> Iterator[Page]:
+    """A page that all tests of a file show theirs in: a new one for each costs as much as what is in it."""
+    context = chromium.new_context(viewport=VIEWPORT)
     context.set_default_timeout(WAIT_S * 1000)
     expect.set_options(timeout=WAIT_S * 1000)
-    yield context
+    yield context.new_page()
     context.close()
+
+
+@pytest.fixture
+def empty_page(window: Page) -> Iterator[Page]:
+    """It, empty, of the usual size, alone and without cookies."""
+    window.set_viewport_size(VIEWPORT)
+    yield window
+    for page in window.context.pages:
+        if page is not window:
+            page.close()
+    window.unroute_all()
+    window.goto("about:blank")
+    window.context.clear_cookies()

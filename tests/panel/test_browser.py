@@ -15,7 +15,7 @@ from urllib.parse import urlsplit
 
 import pytest
 import serial
-from playwright.sync_api import Browser, BrowserContext, Locator, Page, expect
+from playwright.sync_api import Browser, Locator, Page, expect
 
 from isel_twin.drives.stability import limit_rad_s
 from tests.forked import start
@@ -26,7 +26,7 @@ from tests.panel.conftest import LOOPBACK, WAIT_S, Bench
 WHERE = find_browser()
 pytestmark = [
     pytest.mark.skipif(WHERE is None, reason="there is no Chromium or Chrome; `make browser` installs one"),
-    pytest.mark.long(seconds=40),
+    pytest.mark.long(seconds=35),
 ]
 
 EMPTY = '<!doctype html><html lang="en"><title>no scene</title><main><h1>no scene</h1></main></html>'
@@ -60,11 +60,12 @@ class Opened:
 
 
 @pytest.fixture
-def open_panel(context: BrowserContext) -> Callable[..., Opened]:
+def open_panel(empty_page: Page) -> Callable[..., Opened]:
     """open_panel(bench) opens a page; without `scene` nothing is drawn in 3D, which takes long without a GPU."""
+    pages = [empty_page]
 
     def start(bench: Bench, scene: bool = False) -> Opened:
-        opened = Opened(context.new_page())
+        opened = Opened(pages.pop() if pages else empty_page.context.new_page())
         opened.page.on("console", lambda line: line.type == "error" and opened.said.append(line.text))
         opened.page.on("pageerror", lambda error: opened.said.append(str(error)))
         opened.page.on("request", lambda request: opened.asked.append(request.url))
@@ -128,13 +129,13 @@ def test_the_edge_of_each_axis_is_seen(bench, open_panel):
     assert page.said == []
 
 
-def test_a_recording_made_while_somebody_watches_is_replayed(context: BrowserContext, tmp_path: Path) -> None:
+def test_a_recording_made_while_somebody_watches_is_replayed(empty_page: Page, tmp_path: Path) -> None:
     """The margins that a panel shows are not those that are recorded: each has a reader of its own."""
     file = tmp_path / "watched.mcap"
     process = start("serve", "--tcp", LOOPBACK, "--panel", LOOPBACK, "--record", str(file), "--speed", "20")
     try:
         info = json.loads(process.stdout.readline())
-        page = context.new_page()
+        page = empty_page
         page.route("**/scene", lambda route: route.fulfill(body=EMPTY, content_type="text/html"))
         page.goto(info["panel"])
         expect(page.locator("#link")).to_have_attribute("data-state", "on")
@@ -150,16 +151,14 @@ def test_a_recording_made_while_somebody_watches_is_replayed(context: BrowserCon
     assert done.returncode == 0, done
 
 
-def test_a_trigger_pauses_the_machine_and_the_scope_shows_the_time_around_it(
-    context: BrowserContext, tmp_path: Path
-) -> None:
+def test_a_trigger_pauses_the_machine_and_the_scope_shows_the_time_around_it(empty_page: Page, tmp_path: Path) -> None:
     """The switch of X is struck in the reference run: armed by the form, seen in the scope, gone on with."""
     file = tmp_path / "now.mcap"
     kinematic = ("--plant", "kinematic", "--speed", "50")
     process = start("serve", "--tcp", LOOPBACK, "--panel", LOOPBACK, "--record", str(file), *kinematic)
     try:
         info = json.loads(process.stdout.readline())
-        page = context.new_page()
+        page = empty_page
         page.route("**/scene", lambda route: route.fulfill(body=EMPTY, content_type="text/html"))
         page.goto(info["panel"])
         page.locator("#triggersignal").select_option(label="input limit x1")
@@ -173,7 +172,7 @@ def test_a_trigger_pauses_the_machine_and_the_scope_shows_the_time_around_it(
         hit_s = float(page.locator("#triggered").inner_text().split(" s: ")[0])
         expect(page.locator("#time")).to_have_text(f"{hit_s:.3f}")
         expect(page.locator("#arm")).to_have_attribute("aria-pressed", "false")
-        with context.expect_page() as opened:
+        with page.context.expect_page() as opened:
             page.locator("#around").click()
         scope = opened.value
         expect(scope.locator("body")).to_have_attribute("data-ready", "true")
@@ -214,9 +213,8 @@ def test_what_is_typed_before_the_answer_stays_and_what_is_refused_comes_back(be
     expect(field).to_have_value("@0P")
 
 
-def test_the_scope_shows_the_session_of_a_served_machine_up_to_now(context: BrowserContext, tmp_path: Path) -> None:
+def test_the_scope_shows_the_session_of_a_served_machine_up_to_now(empty_page: Page, tmp_path: Path) -> None:
     """In a tab of its own, from the recording that is made; the E-stop stays in sight where the page is scrolled."""
-    context.set_default_timeout(WAIT_S * 1000)
     file = tmp_path / "now.mcap"
     kinematic = ("--plant", "kinematic", "--speed", "max")
     process = start("serve", "--tcp", LOOPBACK, "--panel", LOOPBACK, "--record", str(file), *kinematic)
@@ -226,7 +224,7 @@ def test_the_scope_shows_the_session_of_a_served_machine_up_to_now(context: Brow
             for command in ("@07", "@0N7", "@0A1600,800,0,30,0,30,0,30"):
                 host.write(command.encode() + b"\r")
                 assert host.read(1) == b"0", command
-        page = context.new_page()
+        page = empty_page
         page.set_viewport_size({"width": 1024, "height": 768})
         page.route("**/scene", lambda route: route.fulfill(body=EMPTY, content_type="text/html"))
         page.goto(info["panel"])
@@ -236,7 +234,7 @@ def test_the_scope_shows_the_session_of_a_served_machine_up_to_now(context: Brow
         assert header["height"] < 60  # one row
         page.evaluate("scrollTo(0, 500)")
         expect(page.locator("#near [data-near=estop]")).to_be_in_viewport()
-        with context.expect_page() as opened:
+        with page.context.expect_page() as opened:
             page.locator("#scope").click()
         session = opened.value
         expect(session.locator("body")).to_have_attribute("data-ready", "true")

@@ -7,6 +7,8 @@ import pytest
 from isel_twin.bridge.operate.panel import desk as desk_module
 from isel_twin.language import create_language
 
+pytestmark = pytest.mark.long(seconds=5)
+
 CONTROLLERS = [("imc-s8", "4030"), ("ismif", "4030"), ("gmi99", "4030-servo"), ("bwo900", "4030-servo")]
 
 

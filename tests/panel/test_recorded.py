@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser, BrowserContext, Page, expect
+from playwright.sync_api import Browser, Page, expect
 
 from isel_twin import Twin
 from isel_twin.capture.load import load
@@ -25,7 +25,10 @@ from tests.in_process import isel_twin
 from tests.panel.chromium import find_browser
 from tests.panel.conftest import LOOPBACK, WAIT_S
 
-pytestmark = pytest.mark.skipif(find_browser() is None, reason="there is no browser; `make browser` installs one")
+pytestmark = [
+    pytest.mark.skipif(find_browser() is None, reason="there is no browser; `make browser` installs one"),
+    pytest.mark.long(seconds=13),
+]
 
 JOB = "@07\n@0R7\n@0A16000,5000,8000,5000,0,30,0,30\n@0A-3200,1000,0,30,0,30,0,30\n"
 
@@ -205,7 +208,7 @@ def test_what_does_not_fit_is_left_out_and_told(recording: Path, tmp_path: Path)
     assert not (tmp_path / "none.html").exists()
 
 
-def test_what_began_in_the_middle_is_shown_without_the_machine(tmp_path: Path, context: BrowserContext) -> None:
+def test_what_began_in_the_middle_is_shown_without_the_machine(tmp_path: Path, empty_page: Page) -> None:
     """Nobody knows where it stood; line, steps and samples are there."""
     twin = Twin(plant="kinematic")
     twin.query("@07")
@@ -216,7 +219,7 @@ def test_what_began_in_the_middle_is_shown_without_the_machine(tmp_path: Path, c
     done = isel_twin("panel", tmp_path / "late.mcap", "--html", tmp_path / "late.html", "--json")
     (left_out,) = json.loads(done.stdout)["left_out"]
     assert left_out.startswith("the machine in 3D: the recording does not begin at power-on")
-    page = context.new_page()
+    page = empty_page
     page.goto((tmp_path / "late.html").as_uri())
     expect(page.locator("body")).to_have_attribute("data-ready", "true")
     expect(page.locator("#stage")).to_contain_text("does not say where the machine was")
@@ -240,14 +243,14 @@ def test_it_is_served_to_this_computer_only(recording: Path) -> None:
         assert process.wait(WAIT_S) == 0
 
 
-def test_set_points_are_saved_as_commands(context: BrowserContext, tmp_path: Path) -> None:
+def test_set_points_are_saved_as_commands(empty_page: Page, tmp_path: Path) -> None:
     """Of a card that leads servo drives: the sum of what was commanded, at each set point, and no pulses."""
     (tmp_path / "job.txt").write_text("Q7;1\nf2000\nM5000\n81h 9000\n")
     call = ("--controller", "gmi99", "--machine", "4030-servo", "--plant", "kinematic")
     file = tmp_path / "led.mcap"
     assert isel_twin("run", tmp_path / "job.txt", *call, "--record", file).returncode == 0
     assert isel_twin("panel", file, "--html", tmp_path / "led.html").returncode == 0
-    page = context.new_page()
+    page = empty_page
     page.goto((tmp_path / "led.html").as_uri())
     expect(page.locator("body")).to_have_attribute("data-ready", "true")
     with page.expect_download() as saving:

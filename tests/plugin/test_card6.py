@@ -18,6 +18,8 @@ import pytest
 
 from tests.forked import PATIENCE_S
 
+pytestmark = pytest.mark.long(seconds=8)
+
 HERE = Path(__file__).parent
 OPTIONS = ["--controller", "card6", "--plant", "kinematic"]
 

@@ -15,6 +15,8 @@ from isel_twin.jobs.checks.asserts import MotionError, arc
 from isel_twin.jobs.checks.watched import Watched
 from isel_twin.jobs.golden import GoldenError
 
+pytestmark = pytest.mark.long(seconds=5)
+
 __all__ = ["drawing_project", "project", "warm"]
 pytest_plugins = ["pytester"]
 

@@ -14,6 +14,8 @@ from pytest_plugin.projects import drawing_project, project, run, warm
 
 from tests.bridge.conftest import Served
 
+pytestmark = pytest.mark.long(seconds=4)
+
 __all__ = ["drawing_project", "project", "warm"]
 pytest_plugins = ["pytester"]
 

@@ -19,6 +19,8 @@ from isel_twin.core.state import TwinState
 from isel_twin.machine import Fixture
 from isel_twin.wiring import ScenarioError, event_now
 
+pytestmark = pytest.mark.long(seconds=6)
+
 START_MM = (30.0, 30.0, 30.0)
 MEASURE = (
     "P1",

@@ -11,6 +11,8 @@ from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs.checks.job import check_job
 from tests.in_process import isel_twin
 
+pytestmark = pytest.mark.long(seconds=4)
+
 SPEC = TwinSpec("4030-servo", "bwo900", "kinematic", start_mm=(1.0, 1.0, 1.0))
 CONTROL = ("--controller", "bwo900", "--machine", "4030-servo", "--plant", "kinematic")
 GOOD = ["N10 G0 X1", "N20 G1 F100 X2", "N40 M30"]

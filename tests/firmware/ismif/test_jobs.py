@@ -27,6 +27,8 @@ from isel_twin.controller import create_controller
 from isel_twin.firmware.ismif.memory import QUEUE_SIZE, ReceiveQueue
 from tests.thorough import drawn
 
+pytestmark = pytest.mark.long(seconds=4)
+
 # --- S1: wrong commands -------------------------------------------------------------------------------------------
 
 

@@ -28,6 +28,8 @@ from isel_twin.many.identification.stand_in import _stalled, carry_out
 from isel_twin.many.identification.unknowns import candidate, unknown
 from tests.near import COARSE, near_switches
 
+pytestmark = pytest.mark.long(seconds=5)
+
 CONTROLLER = "imc-s8"
 MACHINE = load_machine("4030")
 LANGUAGE = needed(create_language(CONTROLLER), CONTROLLER)

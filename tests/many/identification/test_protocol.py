@@ -20,6 +20,8 @@ from isel_twin.many.identification.sealed import Day, Predicted, Score, predict_
 from isel_twin.many.identification.stand_in import carry_out
 from tests.near import COARSE, near_switches
 
+pytestmark = pytest.mark.long(seconds=5)
+
 CONTROLLER = "imc-s8"
 LANGUAGE = needed(create_language(CONTROLLER), CONTROLLER)
 
