@@ -74,7 +74,7 @@ class Built:
     machine: Machine
     model: mujoco.MjModel
     data: mujoco.MjData
-    scratch: mujoco.MjData  # for steps that nobody sees
+    scratch: mujoco.MjData  # for steps that nobody sees; `data` itself until there is another machine
     parts: Parts
     memory: NDArray[np.void]  # MEMORY [1] of the parts
     dof: NDArray[np.int64]  # [3], index of the joint of X, Y and Z in qpos and qvel
@@ -115,7 +115,7 @@ def build(
         machine=machine,
         model=model,
         data=data,
-        scratch=mujoco.MjData(model),
+        scratch=data,
         parts=parts,
         memory=memory.memory_of(parts),
         dof=frame.bare.axes,
@@ -136,7 +136,8 @@ def build(
 def rebuild(built: Built, machine: Machine, start_mm: NDArray[np.float64]) -> Built:
     """The same arrays, at power-on, for another machine, whose numbers the model already has. Errors: `build`; then
     they are to be rebuilt for the machine they were for."""
-    worn, built = built.machine, replace(built, machine=machine)
+    scratch = built.scratch if built.scratch is not built.data else mujoco.MjData(built.model)
+    worn, built = built.machine, replace(built, machine=machine, scratch=scratch)
     built.room[:] = built.begun
     _fill(built, start_mm, worn)
     return built
@@ -146,15 +147,15 @@ def _fill(built: Built, start_mm: NDArray[np.float64], worn: Machine | None) -> 
     """All numbers of the machine, at power-on. worn: whose numbers are there already; None: nobody's."""
     _wear(built, worn)
     begun = built.room.copy()
-    model, data, parts, dof = built.model, built.data, built.parts, built.dof
-    mujoco.mj_resetData(model, data)
-    data.qpos[dof] = np.asarray(start_mm) * 1e-3
-    mujoco.mj_forward(model, data)
+    data, parts, dof = built.data, built.parts, built.dof
+    _stand(built, start_mm)
     weigh(built, data)
     check_steps(built)
     built.begun[:] = begun
-    written_out(built.frame.slides, model, built.scratch, built.mobility, built.weight, parts.joints_law)
+    written_out(built.frame.slides, built.model, built.scratch, built.mobility, built.weight, parts.joints_law)
     parts.mobility[:] = built.mobility
+    if built.scratch is data:
+        _stand(built, start_mm)
     balance(built.memory, data.qpos, built.weight)
     if parts.plant["uneven"][0]:
         feel(parts.screws, parts.axes, parts.drives, parts.states)
@@ -166,6 +167,13 @@ def _fill(built: Built, start_mm: NDArray[np.float64], worn: Machine | None) -> 
     kernel.begin_window(built.memory)
     if parts.feeler["on"][0]:
         kernel.feel_now(built.memory)
+
+
+def _stand(built: Built, start_mm: NDArray[np.float64]) -> None:
+    """MuJoCo's state at power-on."""
+    mujoco.mj_resetData(built.model, built.data)
+    built.data.qpos[built.dof] = np.asarray(start_mm) * 1e-3
+    mujoco.mj_forward(built.model, built.data)
 
 
 def find_available(built: Built, left: float) -> None:
