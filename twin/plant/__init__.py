@@ -2,7 +2,7 @@
 
 kinematic.py   the carriage follows its command exactly; thresholds still work: following.py, compiled
 mujoco.py      the MuJoCo plant (default)
-built.py       a machine put together for it, prepared.py: model.py (the MuJoCo model), memory.py (arrays), weighing.py (masses)
+built.py       a machine put together for it (prepared.py): model.py (the MuJoCo model), memory.py (arrays), weighing.py
 reach.py       which shapes can meet; clamped.py: what is clamped on the table, and who must not meet whom
 contact.py     collisions and least distances, on both plants; collision.py: one as a value
 altered.py     what events change in the model while it works; pushing.py: forces from outside
