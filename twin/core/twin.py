@@ -303,7 +303,9 @@ class Twin(Operated, Seen, Connected, Saved):
         if self._sampler is not None:
             self._sampler.prepare()
             until_ns = min(until_ns, self.time_ns + self._sampler.span_ns)
-        elif self._straight is not None and self._go_straight(self._straight, until_ns):
+        if self._straight is not None and self._go_straight(self._straight, until_ns):
+            if self._sampler is not None:
+                self._sampler.keep_up()
             return
         t_ns, delta = self._stream.until(until_ns)
         count = len(t_ns)
@@ -343,7 +345,7 @@ class Twin(Operated, Seen, Connected, Saved):
 
     def _go_straight(self, plant: GoesStraight, until_ns: int) -> bool:
         """Let the plant make the ticks to until_ns as one; False if it has to be told of each."""
-        room = plant.room(until_ns)
+        room = plant.room()
         if room is None:
             return False
         if self._sense is not None:
@@ -354,12 +356,17 @@ class Twin(Operated, Seen, Connected, Saved):
         until_ns, count, way = ahead
         if self._sense is not None:
             way = tuple([n * sense for n, sense in zip(way, self._sense.tolist(), strict=True)])
-        plant.go_straight(until_ns, way)
+        plant.go_straight(until_ns, way, self._along)
         self._stream.skip(count)
         if not self._wiring.stages_powered:
             self.unpowered_steps = self.unpowered_steps + np.abs(way)
         self.time_ns = until_ns
         return True
+
+    def _along(self, times_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Where a straight way is at these times (`isel_twin.plant.Along`)."""
+        way = self._stream.along(times_ns)
+        return way if self._sense is None else way * self._sense
 
     def _collide(self) -> None:
         """Take over who has met."""

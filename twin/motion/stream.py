@@ -23,6 +23,7 @@ from isel_twin.motion.record import Steps
 from isel_twin.motion.step_run import StepRun
 
 CHUNK = 1 << 15  # ticks of a motion expanded at once; bounds the memory of long moves
+DENSE = 1000  # ticks between two times from which on it is cheaper to count them than to find the time of each
 RATE_TICKS = 16  # ticks before and after the present over which a step frequency is averaged
 
 
@@ -121,6 +122,20 @@ class Stream:
             tick = motion.count(t_ns)
             way = between(here, path.displacement(tick))
         return t_ns, tick - made, way
+
+    def along(self, times_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+        """int64 [n, axes], where the ticks still to be made have led by each of these rising times, on a line (as
+        `straight` says)."""
+        motion, made = self._motion, self._made
+        assert isinstance(motion, StepRun)
+        assert isinstance(motion.path, StepLine)
+        last = motion.count(int(times_ns[-1]))
+        if last - made < DENSE * len(times_ns):
+            ticks_ns = motion.start_ns + motion.law.times(made - motion.first, last - motion.first)
+            ticks = made + ticks_ns.searchsorted(times_ns, side="right")
+        else:
+            ticks = np.array([motion.count(time_ns) for time_ns in times_ns.tolist()], dtype=np.int64)
+        return motion.path.displacements(ticks) - np.array(motion.path.displacement(made), dtype=np.int64)
 
     @property
     def ahead(self) -> bool:
