@@ -421,26 +421,23 @@ class Twin(Operated, Seen, Connected, Saved):
             if events != self._wiring.events_left:  # the number of events is finite
                 rounds, events = 0, self._wiring.events_left
             rounds += 1
-            if self._advanced_ns != self.time_ns or self._controller_is_due:
+            next_ns = self._controller.next_ns
+            if self._advanced_ns != self.time_ns or (next_ns is not None and next_ns <= self.time_ns):
                 self._advanced_ns = self.time_ns
                 self._told.advance(self.time_ns)
                 self._take_events()
+                next_ns = self._controller.next_ns
             if self._wiring.settle(self.time_ns) or self._restart():
                 continue
             if self._hand_over_bytes() or self._hand_over_levels() or self._hand_over_keys():
                 continue
-            if not self._controller_is_due:
+            if next_ns is None or next_ns > self.time_ns:
                 if self._observers.any:
                     changes = self._wiring.changes
                     self._observers.look(self, self._observers.inputs_changed(self, changes), changes)
                 self._due_ns = self._next_due_ns()
                 return
         raise RuntimeError(f"the controller does not come to an end at {self.time_ns} ns")
-
-    @property
-    def _controller_is_due(self) -> bool:
-        next_ns = self._controller.next_ns
-        return next_ns is not None and next_ns <= self.time_ns
 
 
 def _turned(room: tuple[list[int], list[int]], sense: Sequence[int]) -> tuple[list[int], list[int]]:
