@@ -156,12 +156,10 @@ class PathSamples:
     def _take(self, times_ns: NDArray[np.int64], *found: NDArray[Any]) -> None:
         """Keep what is found at these times, as far as it is news: counts, what is behind them, speeds [n, axes]."""
         rows = np.concatenate(found, axis=1)
-        changed = np.ones(len(rows), dtype=np.bool_)
-        changed[1:] = (rows[1:] != rows[:-1]).any(axis=1)
-        if self._latest is not None:
-            changed[0] = bool((rows[0] != self._latest).any())
-        changed &= np.cumsum(changed) <= MOST_SAMPLES - self._waiting
+        before = rows[0] + 1.0 if self._latest is None else self._latest  # the first one is news
+        changed = (rows != np.concatenate((before[None], rows[:-1]))).any(axis=1)
         self._latest = rows[-1]
-        if changed.any():
-            self._taken.append((times_ns[changed], *(part[changed] for part in found)))
-            self._waiting += int(changed.sum())
+        news = changed.nonzero()[0][: MOST_SAMPLES - self._waiting]
+        if len(news):
+            self._taken.append((times_ns[news], *(part[news] for part in found)))
+            self._waiting += len(news)
