@@ -291,7 +291,11 @@ class Twin(Operated, Seen, Connected, Saved):
         while self.time_ns < until_ns:
             if stop is not None and stop():
                 return True
-            self._advance_plant(max(min(until_ns, self._due_ns), self.time_ns))
+            due_ns = self._due_ns
+            if due_ns < until_ns:  # comparisons take a quarter of the time of `min` and `max`
+                self._advance_plant(due_ns if due_ns > self.time_ns else self.time_ns)
+            else:
+                self._advance_plant(until_ns)
             if self.time_ns >= self._due_ns or self._plant.edge:
                 self._settle()
             else:
