@@ -69,7 +69,7 @@ def test_moves(benchmark: Any, plant: str, monkeypatch: pytest.MonkeyPatch) -> N
 
 @pytest.mark.benchmark(group="tuning environment")
 def test_a_move_without_physics_beside_one_with(benchmark: Any) -> None:
-    """Six moves each, in CPU time, the least of each: at most a fifth."""
+    """Six moves each, in CPU time, the least of each: at most an eighth, goal a tenth."""
     envs = {plant: gymnasium.make(ENVIRONMENT, plant=plant) for plant in ("kinematic", "mujoco")}
     spent: dict[str, list[float]] = {plant: [] for plant in envs}
 
@@ -81,10 +81,10 @@ def test_a_move_without_physics_beside_one_with(benchmark: Any) -> None:
                 env.step(to_action(SETTINGS))
             spent[plant].append(time.process_time() - began_s)
 
-    benchmark.pedantic(turn, rounds=15, warmup_rounds=1)
+    benchmark.pedantic(turn, rounds=40, warmup_rounds=1)
     ratio = min(spent["kinematic"]) / min(spent["mujoco"])
     benchmark.extra_info["a move without physics over one with"] = ratio
-    assert ratio <= 0.2
+    assert ratio <= 0.125
 
 
 @pytest.mark.benchmark(group="tuning environments side by side")

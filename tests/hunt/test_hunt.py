@@ -118,10 +118,10 @@ def _lost_tick(patch: Patch) -> None:
     ways = []
     go_straight = KinematicPlant.go_straight
 
-    def losing(plant: Any, until_ns: int, way: Sequence[int]) -> None:
+    def losing(plant: Any, until_ns: int, way: Sequence[int], along: Any) -> None:
         ways.append(way)
         lost = np.sign(way) if len(ways) == 25 else np.zeros(len(way))
-        go_straight(plant, until_ns, [int(steps - one) for steps, one in zip(way, lost, strict=True)])
+        go_straight(plant, until_ns, [int(steps - one) for steps, one in zip(way, lost, strict=True)], along)
 
     patch.setattr(KinematicPlant, "go_straight", losing)
 

@@ -10,7 +10,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from motion.plans import Table, table
 
-from isel_twin.motion import SetPointRun, StepRun, Stream, constant, line, stream, trapezoid
+from isel_twin.motion import SetPointRun, StepRun, Stream, constant, line, path, stream, trapezoid
+from isel_twin.motion.path import between
 from tests.thorough import drawn
 
 MS = 1_000_000
@@ -208,6 +209,19 @@ def test_a_line_may_be_made_without_its_ticks() -> None:
     assert len(some.steps(1 << 60)) == 30
     some.follow(SetPointRun(table((1, 0, 0)), PERIOD, 30 * MS), 30 * MS)
     assert some.straight(1 << 60, *wide) is None, "what is led has no steps that could be left out"
+
+
+@pytest.mark.parametrize(("dense", "small"), [(1000, 1 << 30), (0, 1 << 30), (1000, 0)])
+def test_where_a_line_is_at_any_times(dense: int, small: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whether the ticks between them are timed or counted, and whatever numbers their formula takes."""
+    monkeypatch.setattr(stream, "DENSE", dense)
+    monkeypatch.setattr(path, "SMALL", small)
+    some, run = Stream(3), StepRun(line((300, -101, 0)), trapezoid(300, 5000, 300, 100_000), 7)
+    some.follow(run, 0)
+    some.skip(11)
+    times_ns = np.arange(int(run.window(10, 11)[0][0]), run.end_ns + 20 * MS, 1_234_567)
+    expected = [list(between(run.displacement_after(11), run.displacement(t))) for t in times_ns.tolist()]
+    assert some.along(times_ns).tolist() == expected
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from drives.energy import stored_energy_j
 
-from isel_twin.plant.built import Built
 from isel_twin.plant.glide import glide
+from isel_twin.plant.prepared import Built
 
 
 def mechanical_energy_j(built: Built) -> float:

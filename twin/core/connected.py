@@ -184,7 +184,8 @@ class Connected:
                     self.steps_made.append(event)
         if outputs_changed:
             self._wiring.outputs_changed()
-            self._observers.look(self, True, self._wiring.changes)
+            if self._observers.any:
+                self._observers.look(self, True, self._wiring.changes)
 
     def _store(self, image: bytes) -> None:
         """What cannot be stored is lost, as in a flash that is worn out; no controller knows a reply for that."""

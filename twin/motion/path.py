@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.base.compiling import njit
 
+SMALL = 1 << 30  # ticks of a line whose formula keeps within 64 bits
 Displacement = tuple[int, ...]  # whole numbers of steps or increments, one an axis
 
 
@@ -85,6 +86,13 @@ class StepLine:
             return (0,) * self.axes
         check_range(0, k, self.ticks)
         return tuple([even(k, n, self.ticks) for n in self.steps])
+
+    def displacements(self, ticks: NDArray[np.int64]) -> NDArray[np.int64]:
+        """int64 [n, axes], `displacement` after each of these ticks [n]."""
+        if self.ticks >= SMALL:
+            return np.array([self.displacement(k) for k in ticks.tolist()], dtype=np.int64).reshape(-1, self.axes)
+        steps = np.array(self.steps, dtype=np.int64)
+        return np.sign(steps) * ((2 * ticks[:, None] * np.abs(steps) + self.ticks) // max(2 * self.ticks, 1))
 
     def tick_of(self, axis: int, place: int) -> int:
         """The first tick after which this axis has made so many of its steps, by the rule of `even`: step j falls at

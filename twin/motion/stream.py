@@ -23,6 +23,7 @@ from isel_twin.motion.record import Steps
 from isel_twin.motion.step_run import StepRun
 
 CHUNK = 1 << 15  # ticks of a motion expanded at once; bounds the memory of long moves
+DENSE = 1000  # ticks between two times from which on it is cheaper to count them than to find the time of each
 RATE_TICKS = 16  # ticks before and after the present over which a step frequency is averaged
 
 
@@ -101,8 +102,8 @@ class Stream:
         if at == len(self._t_ns) and motion is not None and self._made < motion.last:
             self._t_ns, self._delta = motion.window(self._made, min(self._made + CHUNK, motion.last))
             self._at = at = 0
-        end = max(at, int(self._t_ns.searchsorted(t_ns, side="right")))
-        return self._t_ns[at:end], self._delta[at:end]
+        end = int(self._t_ns.searchsorted(t_ns, side="right"))
+        return (self._t_ns[at:end], self._delta[at:end]) if end > at else self._none
 
     def straight(self, t_ns: int, below: Sequence[int], above: Sequence[int]) -> tuple[int, int, Displacement] | None:
         """The ticks still to be made up to t_ns, or up to the first one that takes an axis as far from here as below or
@@ -121,6 +122,20 @@ class Stream:
             tick = motion.count(t_ns)
             way = between(here, path.displacement(tick))
         return t_ns, tick - made, way
+
+    def along(self, times_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+        """int64 [n, axes], where the ticks still to be made have led by each of these rising times, on a line (as
+        `straight` says)."""
+        motion, made = self._motion, self._made
+        assert isinstance(motion, StepRun)
+        assert isinstance(motion.path, StepLine)
+        last = motion.count(int(times_ns[-1]))
+        if last - made < DENSE * len(times_ns):
+            ticks_ns = motion.start_ns + motion.law.times(made - motion.first, last - motion.first)
+            ticks = made + ticks_ns.searchsorted(times_ns, side="right")
+        else:
+            ticks = np.array([motion.count(time_ns) for time_ns in times_ns.tolist()], dtype=np.int64)
+        return motion.path.displacements(ticks) - np.array(motion.path.displacement(made), dtype=np.int64)
 
     @property
     def ahead(self) -> bool:

@@ -3,7 +3,7 @@
 kinematic.py   the carriage follows its command exactly; thresholds still work: following.py, compiled; ideal.py: its
                drives
 mujoco.py      the MuJoCo plant (default)
-built.py       a machine put together for it: model.py (the MuJoCo model) and memory.py (arrays)
+built.py       a machine put together for it (prepared.py): model.py (the MuJoCo model), memory.py (arrays), weighing.py
 reach.py       which shapes can meet; clamped.py: what is clamped on the table, and who must not meet whom
 contact.py     collisions and least distances, on both plants; collision.py: one as a value
 altered.py     what events change in the model while it works; pushing.py: forces from outside; power.py: what the
@@ -21,9 +21,9 @@ scene.py       its bodies as meshes, where they are, the trail of the tool
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol, get_args, runtime_checkable
+from typing import Any, Literal, Protocol, TypeAlias, get_args, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -334,17 +334,21 @@ class Sampled(Protocol):
     def take_samples(self) -> Samples: ...
 
 
+# counts int64 [n, axes] from the beginning of a way, in the sense of the motors, at rising times int64 [n] on it
+Along: TypeAlias = Callable[[NDArray[np.int64]], NDArray[np.int64]]
+
+
 @runtime_checkable
 class GoesStraight(Protocol):
     """A plant that need not be told of each step of a straight way."""
 
-    def room(self, until_ns: int) -> tuple[list[int], list[int]] | None:
+    def room(self) -> tuple[list[int], list[int]] | None:
         """How far each axis may go from here, below and above, in counts [axes] in the sense of the motors, until
-        something may change that the plant looks out for; None if it has to be told of each step up to until_ns."""
+        something may change that the plant looks out for; None if it has to be told of each step."""
 
-    def go_straight(self, until_ns: int, way: Sequence[int]) -> None:
+    def go_straight(self, until_ns: int, way: Sequence[int], along: Along) -> None:
         """Advance to until_ns while each axis goes one way by so many counts, [axes] in the sense of the motors. It
-        leaves its `room` with the last step at most."""
+        leaves its `room` with the last step at most. along: where it is on the way, if samples ask for it."""
 
 
 @runtime_checkable

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.plant import PLACES, kernel
-from isel_twin.plant.built import Built
 from isel_twin.plant.glide import gliding
+from isel_twin.plant.prepared import Built
 from isel_twin.plant.weighing import weigh
 
 Arrays = dict[str, NDArray[Any]]  # numbers of a model by name

@@ -1,6 +1,6 @@
 """A machine as numbers for the compiled loop: its MuJoCo model, and the arrays of memory.py filled for it.
 
-    Machine, thresholds, start --- build ---> Built: model, data, Parts and what it takes to change them later
+    Machine, thresholds, start --- build ---> Built (prepared.py)
     Machine, start ------------- rebuild ---> the same arrays with other numbers, to the bit what `build` would give
 
 Nut and carriage start in balance: an axis pulled by gravity rests on the flank of its backlash from the beginning
@@ -10,8 +10,8 @@ Nut and carriage start in balance: an axis pulled by gravity rests on the flank 
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Hashable, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -29,12 +29,13 @@ from isel_twin.machine import Axis, Machine, MachineError
 from isel_twin.plant import Threshold, kernel, memory, touch
 from isel_twin.plant.cutting import CUT
 from isel_twin.plant.feed import SUPPLY, supply_state
-from isel_twin.plant.glide import JOINT, Slides, slides, written_out
+from isel_twin.plant.glide import JOINT, slides, written_out
 from isel_twin.plant.lead import LEAD, no_leads
 from isel_twin.plant.margin import SPEEDS, available_torque
 from isel_twin.plant.memory import Parts
-from isel_twin.plant.model import MODELS, Asked, Bare, asked_of, bare, found_targets, left_of_x, reach, tool_motion
+from isel_twin.plant.model import MODELS, Asked, asked_of, bare, found_targets, left_of_x, reach, tool_motion
 from isel_twin.plant.native import mj_step_address, time_step_address
+from isel_twin.plant.prepared import Built, Frame
 from isel_twin.plant.thread import SCREW, feel, laid_screw
 from isel_twin.plant.weighing import balance, check_steps, stiffest_n_per_m, weigh
 
@@ -43,17 +44,6 @@ FINER = 4, 5, 3, 2  # parts of a window while the structure is shaken: the first
 NEAR_M = 1e-9  # distance from a position switch at which the loop begins to compare; rounding is far below
 _LEAST_V = 5.0  # least Stage.supply_v; below it a motor's torque is taken as at this voltage
 _QUANTITIES = {"position": memory.POSITION, "lag": memory.LAG, "fault": memory.FAULT, "touch": memory.TOUCH}
-
-
-@dataclass(frozen=True, eq=False)
-class Frame:
-    """What follows from the bodies of a model, whatever they weigh."""
-
-    bare: Bare
-    slides: Slides
-    reach: Mapping[str, NDArray[np.float64]]  # by place (model.py)
-    left: float  # `left_of_x` of model.py
-    targets: NDArray[np.void]  # TARGET [t]
 
 
 @lru_cache(MODELS)
@@ -65,37 +55,6 @@ def _frame(asked: Asked) -> Frame:
     for kept in (*found.values(), targets):
         kept.flags.writeable = False
     return Frame(known, slides(known.model, data), found, left_of_x(asked.machine, known.model, data), targets)
-
-
-@dataclass(frozen=True, eq=False)
-class Built:
-    """A machine prepared for the loop. Arrays change in place; never replace one, as the loop has its address."""
-
-    machine: Machine
-    model: mujoco.MjModel
-    data: mujoco.MjData
-    scratch: mujoco.MjData  # for steps that nobody sees
-    parts: Parts
-    memory: NDArray[np.void]  # MEMORY [1] of the parts
-    dof: NDArray[np.int64]  # [3], index of the joint of X, Y and Z in qpos and qvel
-    shape_mm: NDArray[np.float64]  # [3, nv], mm of tool over table by a metre of each joint
-    frame: Frame
-    room: NDArray[np.uint8]  # where all parts but samples and MuJoCo's are
-    begun: NDArray[np.uint8]  # what of the room is the same wherever the machine stands at power-on
-    closed: NDArray[np.bool_]  # [3], which axes have servo drives
-    coulomb_nm: NDArray[np.float64]  # [3], dry friction of each shaft with its brake released
-    brake_nm: NDArray[np.float64]  # [3], what the brake adds when it holds (plant/9)
-    inertia: NDArray[np.float64]  # [nv, nv], kg
-    mobility: NDArray[np.float64]  # [nv, nv], its inverse
-    weight: NDArray[np.float64]  # [nv], N
-
-    def split(self, joints_n: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Split forces on the joints [nv]: forces on the nuts [3] with the same acceleration of the carriages (second),
-        for the sub-steps, and the rest [nv] (first), for MuJoCo."""
-        nuts_n = (self.mobility @ joints_n)[self.dof] / self.parts.axes["mobility_per_kg"]
-        joints_n = joints_n.copy()
-        joints_n[self.dof] -= nuts_n
-        return joints_n, nuts_n
 
 
 def build(
@@ -115,7 +74,7 @@ def build(
         machine=machine,
         model=model,
         data=data,
-        scratch=mujoco.MjData(model),
+        scratch=data,
         parts=parts,
         memory=memory.memory_of(parts),
         dof=frame.bare.axes,
@@ -136,7 +95,8 @@ def build(
 def rebuild(built: Built, machine: Machine, start_mm: NDArray[np.float64]) -> Built:
     """The same arrays, at power-on, for another machine, whose numbers the model already has. Errors: `build`; then
     they are to be rebuilt for the machine they were for."""
-    worn, built = built.machine, replace(built, machine=machine)
+    scratch = built.scratch if built.scratch is not built.data else mujoco.MjData(built.model)
+    worn, built = built.machine, replace(built, machine=machine, scratch=scratch)
     built.room[:] = built.begun
     _fill(built, start_mm, worn)
     return built
@@ -146,15 +106,15 @@ def _fill(built: Built, start_mm: NDArray[np.float64], worn: Machine | None) -> 
     """All numbers of the machine, at power-on. worn: whose numbers are there already; None: nobody's."""
     _wear(built, worn)
     begun = built.room.copy()
-    model, data, parts, dof = built.model, built.data, built.parts, built.dof
-    mujoco.mj_resetData(model, data)
-    data.qpos[dof] = np.asarray(start_mm) * 1e-3
-    mujoco.mj_forward(model, data)
+    data, parts, dof = built.data, built.parts, built.dof
+    _stand(built, start_mm)
     weigh(built, data)
     check_steps(built)
     built.begun[:] = begun
-    written_out(built.frame.slides, model, built.scratch, built.mobility, built.weight, parts.joints_law)
+    written_out(built.frame.slides, built.model, built.scratch, built.mobility, built.weight, parts.joints_law)
     parts.mobility[:] = built.mobility
+    if built.scratch is data:
+        _stand(built, start_mm)
     balance(built.memory, data.qpos, built.weight)
     if parts.plant["uneven"][0]:
         feel(parts.screws, parts.axes, parts.drives, parts.states)
@@ -166,6 +126,13 @@ def _fill(built: Built, start_mm: NDArray[np.float64], worn: Machine | None) -> 
     kernel.begin_window(built.memory)
     if parts.feeler["on"][0]:
         kernel.feel_now(built.memory)
+
+
+def _stand(built: Built, start_mm: NDArray[np.float64]) -> None:
+    """MuJoCo's state at power-on."""
+    mujoco.mj_resetData(built.model, built.data)
+    built.data.qpos[built.dof] = np.asarray(start_mm) * 1e-3
+    mujoco.mj_forward(built.model, built.data)
 
 
 def find_available(built: Built, left: float) -> None:

@@ -130,8 +130,7 @@ def written_out(
     joints: NDArray[np.void],
 ) -> None:
     """Fill in joints, JOINT [nv] of a model that is as `known` says, its bounds nan if MuJoCo must make every step.
-    mobility, weight_n: M^-1 [nv, nv] and the forces [nv] at rest, anywhere. data: of the model, new or for this alone.
-    """
+    mobility, weight_n: M^-1 [nv, nv] and the forces [nv] at rest, anywhere. data: of it, reset or for this alone."""
     if not known.alone:
         joints["low_m"] = joints["high_m"] = np.nan
         return

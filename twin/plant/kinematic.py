@@ -24,6 +24,7 @@ from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.units import SECOND_NS
 from isel_twin.drives.servo_drive import ServoDrive
 from isel_twin.machine import Machine
+from isel_twin.plant import Along as WayAlong
 from isel_twin.plant import Collision, Threshold
 from isel_twin.plant.following import bounds, lead_on, make_steps, places_on_the_way
 from isel_twin.plant.ideal import IdealDrives
@@ -127,6 +128,9 @@ class KinematicPlant(IdealDrives, PathSamples):
     def advance(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any], lead_ns: int = 0) -> int:
         if self._sample_ns > until_ns:
             return self._advance(until_ns, t_ns, delta, lead_ns)
+        if not len(t_ns) and self.at_rest and not self._along:
+            self._sample_straight(until_ns)
+            return self._advance(until_ns, t_ns, delta, lead_ns)
         before = self._before()
         reached = self._advance(until_ns, t_ns, delta, lead_ns)
         self._sample(before, t_ns, delta, lead_ns)
@@ -140,9 +144,9 @@ class KinematicPlant(IdealDrives, PathSamples):
         reached = self.advance(min(until_ns, look_ns), *self._no_ticks)
         return reached, reached == look_ns
 
-    def room(self, until_ns: int) -> tuple[list[int], list[int]] | None:
+    def room(self) -> tuple[list[int], list[int]] | None:
         """Up to the step that may change a switch; none where something is looked out for."""
-        if self._sample_ns <= until_ns or self._along or self._felt or self._led_until_ns > self.time_ns:
+        if self._along or self._felt or self._led_until_ns > self.time_ns:
             return None
         if self._bounds is None:
             low, high = self._scratch[:2]
@@ -152,8 +156,10 @@ class KinematicPlant(IdealDrives, PathSamples):
         below, above = (list(map(sub, bounds, now)) for bounds in self._bounds)
         return (below, above) if max(below) < 0 < min(above) else None
 
-    def go_straight(self, until_ns: int, way: Sequence[int]) -> None:
+    def go_straight(self, until_ns: int, way: Sequence[int], along: WayAlong) -> None:
         assert self._bounds is not None
+        if self._sample_ns <= until_ns:
+            self._sample_straight(until_ns, along)
         there = list(map(add, self._commanded.tolist(), way))
         self._commanded[: len(there)] = there
         self.edge, self.time_ns = False, until_ns

@@ -20,7 +20,7 @@ from isel_twin.drives.stage import AnyStage
 from isel_twin.machine import Machine, MachineError
 from isel_twin.plant import PlantError, Threshold, kernel, memory, touch
 from isel_twin.plant.altered import Alterations
-from isel_twin.plant.built import Built, build, find_free, rebuild
+from isel_twin.plant.built import build, find_free, rebuild
 from isel_twin.plant.collision import Collision
 from isel_twin.plant.contact import Geometry, Least, Sensed
 from isel_twin.plant.cutting import Cut, set_cut, turn
@@ -28,6 +28,7 @@ from isel_twin.plant.guides import along_guides_mm
 from isel_twin.plant.lead import all_behind
 from isel_twin.plant.model import dress, load, load_model, same_model
 from isel_twin.plant.power import Power
+from isel_twin.plant.prepared import Built
 from isel_twin.plant.pushing import Pushes
 from isel_twin.plant.samples import GRID, LoopSamples
 from isel_twin.plant.weighing import share_tip

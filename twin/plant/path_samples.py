@@ -2,6 +2,8 @@
 
 ticks    | || |  | | ||     |        before           the state before the stretch
 samples     x        x        x      time_ns <= t     all ticks up to a time of the grid have been made at it
+
+Of a straight way they are what its formula says.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ from isel_twin.base import units
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.compiling import contains, njit
 from isel_twin.base.units import SECOND_NS
-from isel_twin.plant import MOST_SAMPLES, Samples, lead
+from isel_twin.plant import MOST_SAMPLES, Along, Samples, lead
 from isel_twin.plant.lead import begin, behind
 
 _NEVER_NS = 1 << 62
@@ -85,8 +87,8 @@ class PathSamples:
     def take_samples(self) -> Samples:
         width = len(self._leads)
         nothing = np.empty(0, np.int64), np.empty((0, width), np.int64), np.empty((0, width)), np.empty((0, width))
-        columns = zip(nothing, *self._taken, strict=True)
-        time_ns, counts, left, speeds = (np.concatenate(column) for column in columns)
+        taken = self._taken or [nothing]
+        time_ns, counts, left, speeds = taken[0] if len(taken) == 1 else map(np.concatenate, zip(*taken, strict=True))
         self._taken, self._waiting = [], 0
         commands, rows, carriages = counts - left, len(time_ns), len(CARRIAGES)
         return Samples(
@@ -128,19 +130,37 @@ class PathSamples:
         if len(t_ns):
             moves_until_ns = max(moves_until_ns, int(t_ns[-1]) + lead_ns)
         rest_ns = first_ns + max(-((first_ns - moves_until_ns) // every_ns), 0) * every_ns  # first of the grid at rest
-        times_ns = np.arange(first_ns, min(self.time_ns, rest_ns) + 1, every_ns, dtype=np.int64)
-        self._sample_ns += ((self.time_ns - first_ns) // every_ns + 1) * every_ns
+        times_ns = self._times_ns(self.time_ns, rest_ns)
         wide = delta.astype(np.int32)  # one compiled function for all kinds of ticks
         shape = len(times_ns), len(self._leads)
         found = np.empty(shape, np.int64), np.empty(shape), np.empty(shape)
         commands_at(times_ns, lead_ns, t_ns.astype(np.int64), wide, *before, *found)
+        self._take(times_ns, *found)
+
+    def _sample_straight(self, until_ns: int, along: Along | None = None) -> None:
+        """Take the samples of a straight way, without leads, from the present to until_ns before it is made; None: it
+        stays where it is."""
+        times_ns = self._times_ns(until_ns, self._sample_ns if along is None else until_ns)
+        counts = np.tile(self._commanded, (len(times_ns), 1))
+        if along is not None:
+            way = along(times_ns)
+            counts[:, : way.shape[1]] += way
+        nothing = np.zeros(counts.shape)
+        self._take(times_ns, counts, nothing, nothing)
+
+    def _times_ns(self, until_ns: int, rest_ns: int) -> NDArray[np.int64]:
+        """The times of the grid up to until_ns, but not beyond the first one at which nothing moves."""
+        first_ns, every_ns = self._sample_ns, self._every_ns
+        self._sample_ns += ((until_ns - first_ns) // every_ns + 1) * every_ns
+        return np.arange(first_ns, min(until_ns, rest_ns) + 1, every_ns, dtype=np.int64)
+
+    def _take(self, times_ns: NDArray[np.int64], *found: NDArray[Any]) -> None:
+        """Keep what is found at these times, as far as it is news: counts, what is behind them, speeds [n, axes]."""
         rows = np.concatenate(found, axis=1)
-        changed = np.ones(len(rows), dtype=np.bool_)
-        changed[1:] = (rows[1:] != rows[:-1]).any(axis=1)
-        if self._latest is not None:
-            changed[0] = bool((rows[0] != self._latest).any())
-        changed &= np.cumsum(changed) <= MOST_SAMPLES - self._waiting
+        before = rows[0] + 1.0 if self._latest is None else self._latest  # the first one is news
+        changed = (rows != np.concatenate((before[None], rows[:-1]))).any(axis=1)
         self._latest = rows[-1]
-        if changed.any():
-            self._taken.append((times_ns[changed], *(part[changed] for part in found)))
-            self._waiting += int(changed.sum())
+        news = changed.nonzero()[0][: MOST_SAMPLES - self._waiting]
+        if len(news):
+            self._taken.append((times_ns[news], *(part[news] for part in found)))
+            self._waiting += len(news)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.plant import PLACES, kernel, memory
-from isel_twin.plant.built import Built
+from isel_twin.plant.prepared import Built
 
 
 class Pushes:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.plant import Samples, kernel, memory
-from isel_twin.plant.built import Built
 from isel_twin.plant.guides import along_guides_mm
+from isel_twin.plant.prepared import Built
 
 GRID = ("sample_every", "sample_ahead_ns")  # fields of memory.PLANT that say when samples are taken
 _SAMPLED = (memory.PLANT.names or ()).index("sampled")

@@ -4,7 +4,6 @@ the carriages, what a force on the tool does; and whether MuJoCo's step suits th
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -15,9 +14,7 @@ from isel_twin.base.compiling import contains, njit
 from isel_twin.machine import Axis, MachineError
 from isel_twin.plant import memory
 from isel_twin.plant.memory import AXES, parts_of
-
-if TYPE_CHECKING:
-    from isel_twin.plant.built import Built
+from isel_twin.plant.prepared import Built
 
 # Largest MuJoCo step times the highest frequency (rad/s) of the machine on all its springs, nuts and structure. Above 2
 # the exchange of forces feeds oscillations; stick-slip can feed them below that (decision plant/3).
