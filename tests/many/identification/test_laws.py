@@ -125,7 +125,7 @@ def test_what_is_left_alone_is_as_wide_as_it_is_known() -> None:
 
 
 def test_what_the_data_see_is_fitted_beside_be_it_chance_or_not() -> None:
-    """Moved down by STEP, the lead changes two data by MATTERS together, the rotor by less; nobody asks for the scatter."""
+    """Moved down by STEP, the lead changes two data by MATTERS together, the rotor by less."""
     moved = {"lead.x": MATTERS * STEP * np.array([0.61, 0.8]), "axes.x.specimen.rotor_inertia": np.array([0.0, 0.39])}
 
     def apart(u: np.ndarray, more: list[tuple[Any, float]]) -> list[np.ndarray]:
