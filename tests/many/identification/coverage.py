@@ -9,9 +9,9 @@ fit is not asked for, within what is known of them, too. The same job is carried
 fitted; and it is counted, per parameter, whether the interval of 90 % holds the truth. Right are 85 to 95 % of them.
 Laws and numbers behind factors, on which no interval depends, are left out: a quarter of the replays.
 
-`Surface` makes many of them a matter of minutes: a short day (a push, two coasts) is always the same, so its
-predictions are one function of u, a cubic through 250 real replays; the data are those of real twins. How
-far the cubic is off, by leaving each replay out, is printed in standard deviations of the data.
+`Surface` makes many of them a matter of minutes: a day is always the same, so its predictions are one function of u, a
+cubic through 250 real replays; the data are those of real twins. It leaves out stall series, whose outcome is no cubic,
+and with them the supply. How far the cubic is off, by leaving each replay out, is printed in standard deviations.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from isel_twin.machine import Machine, load_machine
 from isel_twin.machine.spread import NORMAL_95
 from isel_twin.many.identification import fit as fit_module
 from isel_twin.many.identification import replays as replays_module
-from isel_twin.many.identification.experiment import Block, Teller, _coast, _push, assemble, blocks
+from isel_twin.many.identification.experiment import Block, assemble, blocks
 from isel_twin.many.identification.fit import Fit, fit
 from isel_twin.many.identification.laws import left_alone
 from isel_twin.many.identification.replays import Call, Replays
@@ -165,14 +165,12 @@ def whole_day(folder: Path) -> Study:
     return Study(machine, unknowns, blocks(machine, CONTROLLER, ["x"], unknowns, seed=0), folder)
 
 
-def short_day(folder: Path) -> Study:
+def stall_free_day(folder: Path) -> Study:
     (folder / "machine").mkdir(exist_ok=True)
     machine = load_machine(near_switches(folder / "machine", 2.0))
     unknowns = [unknown(machine, name) for name in ("friction.x", "backlash.x", "stiffness.x", "mass")]
-    language = needed(create_language(CONTROLLER), CONTROLLER)
-    tell = Teller(language, "x", machine.axes[0].steps_per_mm)
-    coasts = [_coast(tell, machine, language, speed) for speed in (5300, 9700)]
-    return Study(machine, unknowns, [_push(tell, 50.0, 150.0, "tool"), *coasts], folder)
+    every = blocks(machine, CONTROLLER, ["x"], unknowns, seed=0)
+    return Study(machine, unknowns, [block for block in every if block.stall is None], folder)
 
 
 def studied(study: Study, seed: int, day: Session, journal: Path | None) -> Told:
@@ -211,7 +209,7 @@ def main() -> None:
     fit_module.compete, fit_module.behind_factors = (lambda *_: ()), (lambda *_: ((), ()))
     done = call.folder / "machines.jsonl"
     told = [json.loads(line) for line in done.read_text().splitlines()] if done.exists() else []
-    study = (short_day if call.surface else whole_day)(call.folder)
+    study = (stall_free_day if call.surface else whole_day)(call.folder)
     like = study.day(0) if call.surface else None
     if like is not None:
         surface = Surface(study.machine, study.every, like, call.surface, Replays(journal=call.folder / "surface"))

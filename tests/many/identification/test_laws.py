@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from isel_twin.machine import load_machine
 from isel_twin.many.identification.fit import Fit
-from isel_twin.many.identification.laws import FOLDS, LAWS, Law, _Trial, folds, left_alone, rivals
-from isel_twin.many.identification.model import Model
+from isel_twin.many.identification.laws import FOLDS, LAWS, MATTERS, Law, _Trial, beside, folds, left_alone, rivals
+from isel_twin.many.identification.model import STEP, Model
 from isel_twin.many.identification.page import page
 from isel_twin.many.identification.patch import as_json, patch
 from isel_twin.many.identification.session import Datum
@@ -122,6 +122,19 @@ def test_what_is_left_alone_is_as_wide_as_it_is_known() -> None:
     assert found["axes.x.specimen.torque_constant"] == pytest.approx((0.924, 1.076))
     assert found["axes.x.specimen.iron_loss"] == pytest.approx((0.5, 2.0))
     assert found["lead.x"] == pytest.approx((-0.1, 0.1))
+
+
+def test_what_the_data_see_is_fitted_beside_be_it_chance_or_not() -> None:
+    """Moved down by STEP, the lead changes two data by MATTERS together, the rotor by less."""
+    moved = {"lead.x": MATTERS * STEP * np.array([0.61, 0.8]), "axes.x.specimen.rotor_inertia": np.array([0.0, 0.39])}
+
+    def apart(u: np.ndarray, more: list[tuple[Any, float]]) -> list[np.ndarray]:
+        assert [by for _, by in more] == [-STEP] * len(more)
+        return [moved.get(item.name, np.zeros(2)) for item, _ in more]
+
+    content = {"machine": MACHINE, "unknowns": (unknown(MACHINE, "friction.x"),), "axes": ["x"]}
+    told = {"residuals_at": lambda u: np.zeros(2), "apart": apart}
+    assert [item.name for item in beside(cast(Model, SimpleNamespace(**content, **told)))] == ["lead.x"]
 
 
 @pytest.fixture(scope="module")

@@ -253,7 +253,7 @@ def fit(
     covariance, alone = _covariance(last, chance, chi2), _covariance(last[:, :asked], chance, chi2)
     deviation = np.sqrt(np.diag(covariance))
     ends = NORMAL_95 * np.outer(deviation, np.ones(2))
-    ends[:asked] = profile(model, asked, u, last, covariance, chi2)
+    ends[:asked] = profile(model, asked, u, last, chance, covariance, chi2)
     estimates = tuple(
         Estimate(item, item.value(at), item.value(at - down), item.value(at + up), float(own))
         for item, at, (down, up), own in zip(model.unknowns, u.tolist(), ends.tolist(), deviation, strict=True)

@@ -6,8 +6,9 @@ none was, are parameters like the others within what is known of them (machine/s
 
     |dr/dv| >= MATTERS          v: in standard deviations of what is known
 
-So an interval holds what they leave open, once, and what the data say of them themselves (many/18). Numbers behind a
-fitted factor are left out: reach.py has them; whoever names one of them says that the others are known.
+be that by chance, which confounds like any effect (many/26). So an interval holds what they leave open, once, and what
+the data say of them themselves (many/18). Numbers behind a fitted factor are left out: reach.py has them; whoever names
+one of them says that the others are known.
 
 **Laws.** Chi-square says that something is wrong, not what. So each number of LAWS is moved by WIDE of a prior of half
 to twice at the result u, where those beside are what the file says, as far as a straight line tells:
@@ -97,7 +98,7 @@ def beside(model: Model) -> list[Unknown]:
     """Those of them that the data see, at the prior."""
     able, zero = left_alone(model.machine, model.unknowns, model.axes), np.zeros(len(model.unknowns))
     here, found = model.residuals_at(zero), model.apart(zero, [(item, -STEP) for item in able])
-    seen = (float(np.linalg.norm(model.told(here - one))) / STEP for one in found)
+    seen = (float(np.linalg.norm(here - one)) / STEP for one in found)  # what may be chance, too
     return [item for item, size in zip(able, seen, strict=True) if size >= MATTERS]
 
 

@@ -22,17 +22,20 @@ from isel_twin.many.identification.model import NOT_IDENTIFIED, Floats, Model
 FARTHEST = 3.0
 
 
-def profile(model: Model, asked: int, u: Floats, jacobian: Floats, covariance: Floats, chi2: float) -> Floats:
+def profile(
+    model: Model, asked: int, u: Floats, jacobian: Floats, chance: Floats, covariance: Floats, chi2: float
+) -> Floats:
     """float64 [asked, 2]: how far both ends lie from u, NORMAL_95 standard deviations or more, of the first `asked`
-    parameters. jacobian: at u."""
+    parameters. jacobian: at u; chance: [data, m], effects of further numbers there."""
     scale = max(1.0, chi2)
     deviation = np.sqrt(np.diag(covariance))[:asked]
     ends = NORMAL_95 * np.outer(deviation, np.ones(2))
     known = [(at, side) for at in range(asked) if deviation[at] < NOT_IDENTIFIED for side in (0, 1)]
     points = [u + (-1.0, 1.0)[side] * NORMAL_95 * covariance[:, at] / deviation[at] for at, side in known]
-    here = _cost(model.residuals_at(u), u, jacobian, scale, None)
+    effects, none = np.column_stack([jacobian, chance]), np.zeros(chance.shape[1])
+    here = _cost(model.residuals_at(u), np.append(u, none), effects, scale, None)
     for (at, side), point, predicted in zip(known, points, model.predictions(points), strict=True):
-        more = _cost(model.residuals(predicted), point, jacobian, scale, at) - here
+        more = _cost(model.residuals(predicted), np.append(point, none), effects, scale, at) - here
         farther = NORMAL_95 / math.sqrt(max(more, 1e-9))
         ends[at, side] *= min(max(1.0, farther), FARTHEST)
     return ends
