@@ -38,13 +38,12 @@ import math
 
 import numpy as np
 
-import isel_twin.plant
 from isel_twin.base.compiling import contains, njit
-from isel_twin.drives import dynamics, servo, servo_drive, shaft, trigonometry
+from isel_twin.drives import dynamics, servo, servo_drive, trigonometry
 from isel_twin.drives.dynamics import OPEN, stepper_torque
 from isel_twin.drives.servo import cool, servo_torque
 from isel_twin.drives.shaft import AXIS_STATE, SERVO, at_rest, turn
-from isel_twin.plant import cutting, feed, glide, lead, margin, memory, native, teeth, thread, touch
+from isel_twin.plant import feed, glide, margin, memory, native, teeth, thread, touch
 from isel_twin.plant.lead import begin, behind, mean_behind
 from isel_twin.plant.memory import APART, AXES, FRESH, KEPT, LAG, PARTED_MM, POSITION, SAME, TOUCH, array_at, parts_of
 from isel_twin.plant.native import call_mj_step
@@ -558,8 +557,7 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
     return made
 
 
-_DRIVES = dynamics, servo, servo_drive, shaft, trigonometry
-_PARTS = cutting, feed, glide, lead, margin, memory, native, teeth, thread, touch
+_PARTS = dynamics, servo, servo_drive, trigonometry, margin, native, teeth
 # files whose code the compiled loop contains
-CONTAINED = tuple(str(module.__file__) for module in (isel_twin.plant, *_DRIVES, *_PARTS))
+CONTAINED = (*memory.CONTAINED, *(str(module.__file__) for module in _PARTS))
 contains(__name__, *CONTAINED)

@@ -13,9 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+import isel_twin.plant
 from isel_twin.base.compiling import intrinsic, njit
+from isel_twin.drives import shaft
 from isel_twin.drives.shaft import AXIS_PARAMETERS, AXIS_STATE
-from isel_twin.plant import MOST_SAMPLES
+from isel_twin.plant import MOST_SAMPLES, cutting, feed, glide, lead, thread, touch
 from isel_twin.plant.cutting import CUT
 from isel_twin.plant.feed import SUPPLY
 from isel_twin.plant.glide import JOINT
@@ -254,3 +256,8 @@ def memory_of(parts: Parts) -> NDArray[np.void]:
     memory["fields"] = parts.samples.shape[1]
     memory["words"] = len(parts.kept)
     return memory
+
+
+_RECORDS = isel_twin.plant, shaft, cutting, feed, glide, lead, thread, touch
+# files whose records compiled code contains that looks into the memory
+CONTAINED = (__file__, *(str(module.__file__) for module in _RECORDS))

@@ -129,4 +129,4 @@ def stiffest_n_per_m(axis: Axis) -> float:
     return axis.screw.stiffness_at(-1e-3 * axis.stop_margin_mm)
 
 
-contains(__name__, str(memory.__file__))
+contains(__name__, *memory.CONTAINED)
