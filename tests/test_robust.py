@@ -30,7 +30,7 @@ from isel_twin.machine import load_machine, with_overrides
 from tests import forked
 from tests.near import near_switches
 
-pytestmark = pytest.mark.long(seconds=10)
+pytestmark = pytest.mark.long(seconds=16)
 
 SOUND = "@07\n@0R7\n@0A1600,5000,800,5000,0,900,0,900\n"
 AT_36_V = """based_on = "../near"

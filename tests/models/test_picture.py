@@ -14,6 +14,8 @@ from isel_twin.machine import load_machine, machine_names
 from isel_twin.plant.model import load_model
 from isel_twin.plant.picture import Picture, draw, on_table
 
+pytestmark = pytest.mark.long(seconds=6)
+
 IMAGES = Path(__file__).parents[2] / "docs" / "images"
 
 
