@@ -28,9 +28,9 @@ from isel_twin.jobs.job import parse_job
 from isel_twin.language import create_language
 from isel_twin.machine import load_machine, with_overrides
 from tests import forked
-from tests.near import near_switches
+from tests.near import NEAR, near_switches
 
-pytestmark = pytest.mark.long(seconds=10)
+pytestmark = pytest.mark.long(seconds=16)
 
 SOUND = "@07\n@0R7\n@0A1600,5000,800,5000,0,900,0,900\n"
 AT_36_V = """based_on = "../near"
@@ -43,7 +43,8 @@ NEAR_STALL = "@07\n@0R7\n@0J100\n@0z1\n@0M32000,20500,0,900,0,900,0,30\n"
 
 @pytest.fixture
 def run(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Any:
-    """run(job, words...) -> exit code, lines of standard output, standard error; in a folder with a machine `m36`."""
+    """run(job, words...) -> exit code, lines of standard output, standard error; in a folder with the machines `near`,
+    which is the one if none is named, and `m36`."""
     warm_up("mujoco")  # says nothing of it, as the first of all jobs does
     for name in ("near", "m36"):
         (tmp_path / name).mkdir()
@@ -54,7 +55,7 @@ def run(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.
     def call(job: str, *words: str) -> tuple[int, list[str], str]:
         (tmp_path / "job.txt").write_text(job)
         with pytest.raises(SystemExit) as caught:
-            main(["run", "job.txt", *words])
+            main(["run", "job.txt", *(() if "--machine" in words else ("--machine", "near")), *words])
         assert isinstance(caught.value.code, int)
         said = capsys.readouterr()
         return caught.value.code, said.out.splitlines(), said.err
@@ -250,8 +251,8 @@ def test_runs_agree_if_they_refuse_alike_and_lose_on_the_same_axes() -> None:
     assert robust.agree(lost, dataclasses.replace(lost, lost_steps=(64.0, 0.0, 0.0, 0.0)))
 
 
-def test_other_processes_find_the_same(run: Any) -> None:
-    call, lines = TwinSpec(seed=3), parse_job(SOUND, create_language("imc-s8"), "imc-s8")
+def test_other_processes_find_the_same(run: Any, tmp_path: Path) -> None:
+    call, lines = TwinSpec(tmp_path / "near", seed=3), parse_job(SOUND, create_language("imc-s8"), "imc-s8")
     here = list(robust.repetitions(call, lines, 2, timeout_s=60.0))
     with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as pool:
         assert list(robust.repetitions(call, lines, 2, timeout_s=60.0, crew=crew.here(pool))) == here
@@ -262,9 +263,10 @@ def test_repetitions_begin_with_the_flash_file_as_it_was_and_leave_it_alone(run:
     """A stored reference speed of 500 Hz makes the reference run four times as long as the built-in 2000 Hz; the job
     stores 4000 Hz at its end, which no repetition may meet at its beginning."""
     file = tmp_path / "kept.flash"
-    assert run("@07\n@0Id500,500,500,500\n@0IW\n", "--flash", file.name)[0] == 0
+    far = ("--machine", "4030", "--flash", file.name)
+    assert run("@07\n@0Id500,500,500,500\n@0IW\n", *far)[0] == 0
     slow = file.read_bytes()
-    code, out, _ = run(SOUND + "@0Id4000,4000,4000,4000\n@0IW\n", "--flash", file.name, "--robust", "1", "--json")
+    code, out, _ = run(SOUND + "@0Id4000,4000,4000,4000\n@0IW\n", *far, "--robust", "1", "--json")
     *_, trial, _ = (json.loads(line) for line in out)
     stored = file.read_bytes()
     assert (code, trial["agrees"]) == (0, True)
@@ -285,7 +287,7 @@ def test_repetitions_begin_with_the_flash_file_as_it_was_and_leave_it_alone(run:
 def test_a_job_from_standard_input_is_repeated_as_a_file_is(tmp_path: Path) -> None:
     """In other processes too, which have no standard input of it."""
     (tmp_path / "job.txt").write_text(SOUND)
-    words = ("--robust", "2", "--workers", "2", "--json")
+    words = (*NEAR, "--robust", "2", "--workers", "2", "--json")
     from_file, from_input = (forked.run("run", job, *words, input=SOUND, cwd=tmp_path) for job in ("job.txt", "-"))
     assert (from_file.returncode, from_file.stderr) == (from_input.returncode, from_input.stderr) == (0, "")
     assert from_file.stdout == from_input.stdout
@@ -305,7 +307,7 @@ def test_a_scenario_happens_in_each_repetition(run: Any, tmp_path: Path) -> None
 def test_nobody_reads_on(tmp_path: Path) -> None:
     """As `| head -1` does: no traceback, no hundred repetitions, and no success."""
     (tmp_path / "job.txt").write_text(SOUND)
-    with forked.start("run", "job.txt", "--robust", "100", "--workers", "2", "--json", cwd=tmp_path) as child:
+    with forked.start("run", "job.txt", *NEAR, "--robust", "100", "--workers", "2", "--json", cwd=tmp_path) as child:
         assert child.stdout is not None
         assert child.stderr is not None
         assert json.loads(child.stdout.readline())["number"] == 1

@@ -9,9 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from lsprotocol import types
 
-from isel_twin.bridge.editor import shown
 from isel_twin.jobs.checks.live import Figures, LiveJob
 from tests.forked import PATIENCE_S, PIPE, start
 
@@ -107,6 +105,10 @@ def utf16(text: str) -> int:
 
 def test_findings_are_diagnostics_at_their_lines(live: LiveJob) -> None:
     """One of the whole job stands at its first line; a remark of two units a character shifts nothing but columns."""
+    from lsprotocol import types
+
+    from isel_twin.bridge.editor import shown
+
     text = "# \N{WRENCH}\n" + JOB + "  @0Jfast # \N{WRENCH}\n"
     report = live.report(text.encode())
     found = shown.of_report(report, live.figures, shown.lines_of(text), utf16)
@@ -128,12 +130,20 @@ def test_findings_are_diagnostics_at_their_lines(live: LiveJob) -> None:
     ],
 )
 def test_what_is_wrong_with_a_text_stands_where_it_is(message: str, line: int, column: int, told: str) -> None:
+    from lsprotocol import types
+
+    from isel_twin.bridge.editor import shown
+
     (found,) = shown.of_error(message, ["@07", "@0R7", ""], len)
     assert (found.range.start, found.message) == (types.Position(line, column), told)
 
 
 def test_figures_stand_behind_their_lines() -> None:
     """Of those that are shown, and that take time."""
+    from lsprotocol import types
+
+    from isel_twin.bridge.editor import shown
+
     figures = {1: Figures(0.0), 2: Figures(33.7), 3: Figures(0.5, (0.41, "x")), 4: Figures(9.0)}
     hints = shown.hints(figures, shown.lines_of(JOB), 0, 2, len)
     assert [(hint.position.line, hint.label) for hint in hints] == [(1, "33.700 s"), (2, "0.500 s, x keeps 41 %")]

@@ -14,7 +14,6 @@ from xml.etree import ElementTree
 
 import pytest
 import serial
-from sarif_pydantic import Sarif
 
 from isel_twin.bridge.tap.real_job import unfit
 from isel_twin.cli import main
@@ -64,6 +63,8 @@ def judge(tmp_path: Path, served: dict[str, Served], capsys: pytest.CaptureFixtu
 
 def test_replies_counters_and_times_are_judged_and_the_rest_is_named(judge: Judge, tmp_path: Path) -> None:
     """Counters are six hexadecimal digits an axis (iMC, 2.2.27): 1600 is 000640."""
+    from sarif_pydantic import Sarif
+
     code, out, _ = judge(SQUARE, "--json", "--junit", str(tmp_path / "report.xml"))
     told = json.loads(out)
     assert (code, told["ok"], told["findings"], told["verdict"]["commands"]) == (0, True, [], 4)

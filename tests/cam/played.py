@@ -10,7 +10,6 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from isel_twin import Twin
 from isel_twin.cam.arcs import NO_WAY_MM
@@ -147,6 +146,8 @@ def distance_mm(points: Points, corners: Points) -> float:
 def is_near(points: Points, corners: Points, near_mm: float) -> bool:
     """Whether no point is farther than this from the polyline. Most are near one of the pieces that meet at the corner
     next to them; only others are held against all pieces."""
+    from scipy.spatial import KDTree
+
     corners = finely(corners, float(np.linalg.norm(np.diff(corners, axis=0), axis=1).sum()) / FINE)
     if len(corners) < 2:
         return distance_mm(points, np.vstack([corners, corners])) <= near_mm

@@ -27,6 +27,8 @@ from tests.cam.test_ncp import HOLES, LINES, OUTPUTS, RELATIVE, RINGS
 from tests.cam.test_ncp import PRODUCERS as NCP
 from tests.thorough import drawn
 
+pytestmark = pytest.mark.long(seconds=6)
+
 FILES = [
     *(("ncp", text) for text in (LINES, RINGS, HOLES, RELATIVE, OUTPUTS, *NCP.values())),
     *(("gcode", text) for text in (*PROGRAMS, *GCODE.values())),

@@ -21,6 +21,8 @@ from isel_twin.controller import offers
 from isel_twin.language import WritesToolpaths, create_language
 from tests.thorough import drawn
 
+pytestmark = pytest.mark.long(seconds=6)
+
 CONTROLLERS = ["imc-s8", "ismif", "gmi99", "bwo900"]
 FINE = CamSettings(rapid_mm_s=30.0, tolerance_mm=0.002)
 ALIKE_MM = 0.02

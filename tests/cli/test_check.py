@@ -8,7 +8,6 @@ from typing import Any
 
 import junitparser
 import pytest
-from sarif_pydantic import Sarif
 
 from isel_twin.cli import main
 from isel_twin.jobs.checks import RULES
@@ -255,6 +254,8 @@ def test_an_independent_reader_reads_the_junit_file(tmp_path: Path, capsys: pyte
 
 
 def test_the_sarif_file_is_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from sarif_pydantic import Sarif
+
     text = written(tmp_path, capsys)[1]
     log = Sarif.model_validate_json(text)
     (run,) = log.runs

@@ -26,6 +26,8 @@ from conformance.rows import case, shows
 from isel_twin.firmware.bwo900.geometry.elements import Arc
 from isel_twin.testing import Desk
 
+pytestmark = pytest.mark.long(seconds=4)
+
 LONG = "P1|N10 G1 F3000 X50|N20 Y50|N30 M30"
 DRILLING = "P30:1 P32:800 P33:0 P34:5 P35:9"
 

@@ -23,6 +23,8 @@ from numpy.typing import NDArray
 
 from isel_twin.testing import Desk, Ticks
 
+pytestmark = pytest.mark.long(seconds=5)
+
 EXAMPLE = "@0y400,1500,119,-141,141,-1,-1"
 
 

@@ -24,6 +24,8 @@ from conformance.rows import shows
 from isel_twin import Twin
 from isel_twin.testing import Desk
 
+pytestmark = pytest.mark.long(seconds=5)
+
 RAMP_MM_S2 = 400.0
 """P12004 = 6000 mm/min in P12008 = 250 ms."""
 EMERGENCY, EMERGENCY_BY, BASE, BASE_BY = (1 << 8 * byte for byte in range(4))

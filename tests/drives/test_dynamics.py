@@ -27,6 +27,8 @@ from isel_twin.drives.shaft import AXIS_STATE, at_rest, axis_states
 from isel_twin.drives.stage import Stage
 from tests.thorough import drawn
 
+pytestmark = pytest.mark.long(seconds=7)
+
 NEMA23 = MOTORS["23HS32-4004S"]
 NO_DETENT = dataclasses.replace(NEMA23, detent_torque_nm=0.0)
 LOSSLESS = dataclasses.replace(NEMA23, iron_loss_ohm=math.inf)

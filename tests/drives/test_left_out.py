@@ -17,7 +17,6 @@ import numpy as np
 import pytest
 from drives.published import CURVE_C, CURVE_D, DRIVE_C, DRIVE_D, POINTS, dm542t
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from isel_twin.drives.curves import pull_out_prediction, pull_out_torque
 from isel_twin.drives.library import MOTORS
@@ -50,6 +49,8 @@ def misses(
 
 
 def fitted(points: list[Point]) -> NDArray[np.float64]:
+    from scipy.optimize import least_squares
+
     def residuals(law: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.concatenate([misses(points, law, pull_out_prediction) / CURVE, (law - KNOWN) / WITHIN])
 

@@ -11,6 +11,8 @@ from isel_twin.drives.library import MOTORS
 from isel_twin.drives.report import default_stage, draw_torque, show_motor, torque_table
 from isel_twin.drives.stage import Stage
 
+pytestmark = pytest.mark.long(seconds=4)
+
 
 def test_the_table_puts_bench_and_closed_form_side_by_side() -> None:
     motor, stage = MOTORS["57HS56-2804"], Stage(32.0, 2.0, 2)

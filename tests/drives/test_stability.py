@@ -22,6 +22,8 @@ from isel_twin.drives.shaft import axis_states
 from isel_twin.drives.stability import Bench, Rotation, limit_rad_s, rule_rpm
 from isel_twin.drives.stage import Stage
 
+pytestmark = pytest.mark.long(seconds=5)
+
 NEMA23 = MOTORS["23HS32-4004S"]
 INERTIA_KGM2 = 9.6e-5  # in all
 AT_48_V = Stage(supply_v=48.0, current_a=4.2)

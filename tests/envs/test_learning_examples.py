@@ -13,6 +13,8 @@ import pytest
 
 from isel_twin.machine import load_machine, with_overrides
 
+pytestmark = pytest.mark.long(seconds=4)
+
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
 
 

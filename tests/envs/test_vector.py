@@ -16,6 +16,8 @@ from isel_twin.envs import Settings
 from isel_twin.envs.tuning import JobTuning, to_action
 from isel_twin.envs.vector import TwinVector, tuning_vector
 
+pytestmark = pytest.mark.long(seconds=4)
+
 NAME = "isel_twin/JobTuning-v0"
 JOB = [(6.0, 4.0, 1.0), (2.0, 8.0, 3.0)]
 FAST, SLOW = to_action(Settings(9_000, 200, 300)), to_action(Settings(3_000, 60, 300))

@@ -13,6 +13,8 @@ from tests.fuzz.readers import READERS
 from tests.fuzz.trial import trials
 from tests.thorough import drawn
 
+pytestmark = pytest.mark.long(seconds=6)
+
 FILES = 200
 
 

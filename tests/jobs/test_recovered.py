@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
 
 from isel_twin.cam import arcs
 from isel_twin.cam.files import WRITERS
@@ -59,6 +58,8 @@ def way(path: Iterable[Element]) -> np.ndarray:
 
 
 def apart_mm(one: np.ndarray, other: np.ndarray) -> float:
+    from scipy.spatial import cKDTree
+
     return float(max(cKDTree(one).query(other)[0].max(), cKDTree(other).query(one)[0].max()))
 
 

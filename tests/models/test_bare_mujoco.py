@@ -9,7 +9,6 @@ import re
 import mujoco
 import numpy as np
 import pytest
-from matplotlib import image
 
 from isel_twin.machine import Axis, load_machine, machine_names, models_folder
 from isel_twin.plant.model import load_model
@@ -203,6 +202,8 @@ def test_the_program_of_the_readme_runs(monkeypatch):
 @pytest.mark.parametrize("name", MACHINES)
 def test_the_picture_in_the_folder_is_the_machine_of_today(name):
     """Drivers differ in the last bits of a colour and at edges, nothing more."""
+    from matplotlib import image
+
     kept = np.rint(255.0 * image.imread(models_folder() / name / f"{name}.png")[..., :3])
     assert kept.shape == (600, 800, 3)
     assert kept.std() > 10.0

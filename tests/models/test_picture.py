@@ -8,12 +8,13 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from matplotlib import image
 from numpy.typing import NDArray
 
 from isel_twin.machine import load_machine, machine_names
 from isel_twin.plant.model import load_model
 from isel_twin.plant.picture import Picture, draw, on_table
+
+pytestmark = pytest.mark.long(seconds=6)
 
 IMAGES = Path(__file__).parents[2] / "docs" / "images"
 
@@ -48,6 +49,8 @@ def test_a_picture_shows_the_machine_where_it_stands(name: str) -> None:
 
 def test_the_picture_of_the_docs_is_the_machine_of_today() -> None:
     """Drawn at (150, 100, 50) mm. Drivers differ in the last bits of a colour and at edges, nothing more."""
+    from matplotlib import image
+
     kept = np.rint(255.0 * image.imread(IMAGES / "4030.png")[..., :3])
     now = drawn(lambda: draw(load_machine("4030"), (150.0, 100.0, 50.0), height=900, width=1200, camera="front"))
     if now is not None:

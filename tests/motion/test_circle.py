@@ -16,6 +16,8 @@ from isel_twin.motion import circle
 from isel_twin.motion.circle import Circle, squared_radius
 from tests.thorough import drawn
 
+pytestmark = pytest.mark.long(seconds=5)
+
 RADII = [7, 8, 9, 10, 13, 20, 25, 64, 99, 100, 200, 401, 1000, 5001, 20_000]
 OCTANTS = [8 + 45 * k for k in range(8)]
 AXES = [0, 90, 180, 270]

@@ -22,6 +22,8 @@ from isel_twin.motion.pieces import Pieces, chain, piece
 from isel_twin.motion.stretch import Stretch, since, written
 from tests.thorough import drawn
 
+pytestmark = pytest.mark.long(seconds=4)
+
 PERIOD_NS = 4_000_000
 PERIOD_S = 0.004
 

@@ -15,6 +15,8 @@ from plant.energy import mechanical_energy_j
 
 from .conftest import NONE, Bench
 
+pytestmark = pytest.mark.long(seconds=4)
+
 WINDOW_NS = 500_000
 LOSSES = (
     "iron_nm_s_per_rad", "drag_nm_s_per_rad", "damping_n_s_per_m", "coulomb_nm", "stribeck_nm", "forward_loss",

@@ -7,15 +7,6 @@ from pathlib import Path
 import numba
 import pytest
 
-import isel_twin.bridge.operate.control_port
-import isel_twin.bridge.serve.rfc2217
-import isel_twin.bridge.serve.server
-import isel_twin.bridge.virtual.protocol_twin
-import isel_twin.bridge.virtual.virtual_host
-import isel_twin.jobs.checks.asserts
-import isel_twin.plant.mujoco
-import isel_twin.recordings.replay
-import isel_twin.report.sketch  # noqa: F401
 from isel_twin.bridge.pytest import kept as pytest_kept
 from isel_twin.core.twin import Twin
 
@@ -32,6 +23,16 @@ def warm(tmp_path_factory: pytest.TempPathFactory) -> None:
 
     So all that they import when first used is imported before, also what numba imports when it compiles.
     """
+    import isel_twin.bridge.operate.control_port
+    import isel_twin.bridge.serve.rfc2217
+    import isel_twin.bridge.serve.server
+    import isel_twin.bridge.virtual.protocol_twin
+    import isel_twin.bridge.virtual.virtual_host
+    import isel_twin.jobs.checks.asserts
+    import isel_twin.plant.mujoco
+    import isel_twin.recordings.replay
+    import isel_twin.report.sketch  # noqa: F401
+
     numba.njit(lambda: 0)()
     kept = pytest_kept._Kept(Twin(plant="kinematic"), None, pytest_kept.TwinSpec(plant="kinematic"))
     kept.twin.listen(kept.note)

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib import image
 
 from isel_twin import Twin
 from isel_twin.base.axes import CARRIAGES
@@ -204,6 +203,8 @@ def test_an_hour_is_as_small_as_a_screen_and_keeps_its_peaks() -> None:
 
 
 def test_a_name_that_ends_in_png_makes_a_picture(tmp_path: Path) -> None:
+    from matplotlib import image
+
     report(tmp_path / "r.png")
     pixels = image.imread(tmp_path / "r.png")
     assert pixels.shape[0] > 800

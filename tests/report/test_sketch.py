@@ -8,11 +8,12 @@ import pytest
 
 from isel_twin.core.twin import Twin
 from isel_twin.recordings.recorder import Recorder
-from isel_twin.report.sketch import write_sketch
 
 
 @pytest.mark.parametrize("commands", [(), ("@07",), ("@07", "@0R7", "@0M3200,4000,0,30,0,30,0,30")])
 def test_a_picture_of_whatever_was_recorded(commands: tuple[str, ...], tmp_path: Path) -> None:
+    from isel_twin.report.sketch import write_sketch
+
     twin = Twin(plant="kinematic", start_mm=(5.0, 5.0, 5.0))
     with Recorder(twin, 10_000_000) as recorder:
         for command in commands:
@@ -24,6 +25,8 @@ def test_a_picture_of_whatever_was_recorded(commands: tuple[str, ...], tmp_path:
 
 
 def test_a_folder_that_is_not_there_is_an_error_of_the_system(tmp_path: Path) -> None:
+    from isel_twin.report.sketch import write_sketch
+
     twin = Twin(plant="kinematic")
     with Recorder(twin, 10_000_000) as recorder, pytest.raises(FileNotFoundError):
         write_sketch(tmp_path / "none" / "a.png", twin, recorder)

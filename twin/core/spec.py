@@ -5,7 +5,7 @@
     Twin(machine="4030", seed=1)               --'      | ^                  `->  CallError: one line, what to do
                                               with_(seed=2)
 
-A spec can be compared, pickled and sent to other processes. Nothing heavy is imported before `build`.
+A spec can be compared, pickled and sent to other processes. Nothing heavy is imported before `build` (core/12).
 """
 
 from __future__ import annotations

@@ -9,6 +9,7 @@ every change of a level, input or output, like those of a `Recorder` (recorder.p
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import json
 import os
@@ -230,8 +231,9 @@ def metadata(twin: Twin, interval_ns: int) -> dict[str, str]:
     }
 
 
-def packages() -> dict[str, str]:
-    """Versions of the packages that affect the last bit."""
+@functools.cache
+def packages() -> Mapping[str, str]:
+    """Versions of the packages that affect the last bit; looked up once, as they are those that were imported."""
     found = {}
     for name in PACKAGES:
         try:

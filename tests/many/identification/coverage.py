@@ -27,7 +27,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binom, qmc
 
 from isel_twin.language import create_language, needed
 from isel_twin.machine import Machine, load_machine
@@ -99,6 +98,8 @@ def held(result: Fit, u: Floats) -> list[bool]:
 
 def bounds(number: int) -> tuple[int, int]:
     """How many of so many may be held if the true part is 85 to 95 %: what lies beyond has a chance of 2.5 %."""
+    from scipy.stats import binom
+
     return int(binom.ppf(0.025, number, 0.85)), int(binom.ppf(0.975, number, 0.95))
 
 
@@ -113,6 +114,8 @@ class Surface:
         points: int,
         replays: Replays | None = None,
     ) -> None:
+        from scipy.stats import qmc
+
         self._unknowns = unknowns
         self._wide = np.array([item.deviation >= HALF_TO_TWICE for item in unknowns])
         tried = 2.4 * MOST * (qmc.Halton(len(unknowns), seed=1).random(points) - 0.5)

@@ -10,8 +10,6 @@ import signal
 from pathlib import Path
 from typing import Any
 
-import duckdb
-import polars
 import pytest
 
 from isel_twin.base.errors import CallError
@@ -197,6 +195,9 @@ def begun(plan: Path, *options: str) -> Any:
 
 
 def test_a_kill_loses_no_row_and_readers_find_a_whole_file_at_any_time(plans: Path) -> None:
+    import duckdb
+    import polars
+
     plan, file = plans / "long.toml", plans / "long.parquet"
     plan.write_text(PLAN, encoding="utf-8")
     told = []
