@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from isel_twin.base.parameters import FileError, Limits
+from isel_twin.base.parameters import FileError, Limits, changed
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.screw import Rod, Screw
 from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
@@ -138,3 +138,26 @@ def test_one_error_for_files_that_are_wrong() -> None:
     assert issubclass(MachineError, FileError)
     assert issubclass(ScenarioError, FileError)
     assert issubclass(FileError, ValueError)
+
+
+@pytest.mark.parametrize("of", [name for name in INSTANCES if name != "axes.x.servo"])
+def test_a_changed_section_is_what_replace_makes_and_as_strict(of: str) -> None:
+    section = INSTANCES[of]
+    assert changed(section) == dataclasses.replace(section)
+    name, limits = next((f.name, f.metadata["rule"]) for f in dataclasses.fields(section) if _limited(f))
+    lowest = limits.low * limits.scale
+    assert changed(section, **{name: lowest}) == dataclasses.replace(section, **{name: lowest})
+    with pytest.raises(ValueError, match=name):
+        changed(section, **{name: lowest - 1.0})
+
+
+def _limited(field: dataclasses.Field[Any]) -> bool:
+    return isinstance(field.metadata.get("rule"), Limits)
+
+
+def test_what_was_found_out_about_a_machine_is_not_taken_over() -> None:
+    machine = load_machine("4030")
+    assert machine.digest
+    heavy = changed(machine, payload_kg=3.0)
+    assert "digest" not in vars(heavy)
+    assert heavy == dataclasses.replace(machine, payload_kg=3.0)

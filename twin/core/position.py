@@ -99,7 +99,8 @@ class Position:
     @property
     def position_mm(self) -> NDArray[np.float64]:
         """float64 [3], true positions in the zero and direction of the counters."""
-        self.follow_direction()
+        if self._controller.direction is not self._turned:
+            self.follow_direction()
         return self.of_carriages_mm(self._plant.position_mm)
 
     def of_carriages_mm(self, carriages_mm: NDArray[np.float64]) -> NDArray[np.float64]:

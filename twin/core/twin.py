@@ -266,7 +266,7 @@ class Twin(Operated, Seen, Connected, Saved):
         """Let virtual time pass. Raises ValueError unless seconds is a finite number, not negative."""
         if not 0.0 <= seconds < math.inf:
             raise ValueError(f"virtual time cannot pass by {seconds} s; give a finite number that is not negative")
-        self.run_until(self.time_ns + round(seconds * SECOND_NS))
+        self._advance(self.time_ns + round(seconds * SECOND_NS))
 
     def run_until(self, time_ns: int, stop: Callable[[], bool] | None = None) -> None:
         """Let virtual time pass to time_ns, or until `stop` (called whenever something has happened) returns True. A

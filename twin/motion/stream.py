@@ -102,7 +102,7 @@ class Stream:
         if at == len(self._t_ns) and motion is not None and self._made < motion.last:
             self._t_ns, self._delta = motion.window(self._made, min(self._made + CHUNK, motion.last))
             self._at = at = 0
-        end = int(self._t_ns.searchsorted(t_ns, side="right"))
+        end = int(self._t_ns.searchsorted(t_ns, "right"))
         return (self._t_ns[at:end], self._delta[at:end]) if end > at else self._none
 
     def straight(self, t_ns: int, below: Sequence[int], above: Sequence[int]) -> tuple[int, int, Displacement] | None:
