@@ -1,7 +1,7 @@
 """How many hidden numbers do intervals of 90 % hold? A study of many machines, each hidden from its fit.
 
     python -m tests.many.identification.coverage FOLDER 200                 real fits of a whole day: hours
-    python -m tests.many.identification.coverage FOLDER 200 --surface       fits on a surface: a quarter of an hour
+    python -m tests.many.identification.coverage FOLDER 200 --surface       fits on a surface: minutes
     the same again                                                          goes on where it was ended
 
 Each machine is drawn from what is believed: its numbers are u ~ N(0, 1) in the priors, cut at MOST, and those that the

@@ -3,7 +3,8 @@
 Of each parameter both ends of its interval by the covariance C are tried, and the others with it, as C says they go:
 
     u(t) = u + t C_k / sqrt(C_kk)          t = -1.96, 1.96
-    cost = min over the others of |r|^2 / s + |u|^2       s = max(1, chi-square), the others linear about u(t)
+    cost = min over the others of |r|^2 / s + |u|^2       s = max(1, chi-square), the others linear about u(t),
+                                                          those that confound by chance among them (fit.py)
 
 On a plane it is 3.84 more than at u. Where it is less, the data say less than the plane does, and the end lies farther
 off, as if the cost were a parabola on this side: t sqrt(3.84 / more), at most FARTHEST times as far. The wider of both
