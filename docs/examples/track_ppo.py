@@ -2,8 +2,9 @@
 
     python docs/examples/track_ppo.py --judge                      the table of docs/learning.md, without PyTorch
     python docs/examples/track_ppo.py --search 14                  the numbers of CMA-ES anew
-    python docs/examples/track_ppo.py --steps 409600 --seeds 1     PPO anew: 80 s of one core a seed
+    python docs/examples/track_ppo.py --seeds 0 1 2                PPO anew: three minutes of one core a seed
                                                                    pip install isel-twin[learn] (brings PyTorch)
+    python docs/examples/track_ppo.py --picture curves.png         its curves
 
 All act through `AlongPath`, every 4 ms: feed, and an offset of the counters from the path. What each of them knows:
 
@@ -11,9 +12,10 @@ All act through `AlongPath`, every 4 ms: feed, and an offset of the counters fro
     plain        feed, ramp and corner speed of a controller that sees corners coming
     formula      and the take-up after reversals in closed form, of the machine's own numbers or those of its file
     CMA-ES       the same five numbers as found on the training machines by reward
-    PPO          all 35 observations, the tool's own place among them
+    PPO          all 35 observations, the tool's own place among them, and how far the path goes straight on
 
-Learned policies are kept as plain arrays (track_ppo.npz), so that whoever judges them needs numpy alone.
+Learned policies are kept as plain arrays (track_ppo.npz), so that whoever judges them needs numpy alone; their curves,
+by the reward that they learn by, in track_ppo.csv.
 """
 
 from __future__ import annotations
@@ -31,7 +33,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.envs.track import TrackPath
-from isel_twin.envs.tracking import PREVIEW_MM
+from isel_twin.envs.track_vector import TrackVector
+from isel_twin.envs.tracking import PREVIEW_MM, SIZE
 from isel_twin.envs.variations import varied
 from isel_twin.envs.wrappers import AlongPath, Randomised
 from isel_twin.machine import Machine, load_machine
@@ -60,7 +63,16 @@ HELD_OUT: Mapping[str, tuple[str, Mapping[str, Any]]] = {
 }
 TRAINED_ON, JUDGED_ON = range(8), range(1000, 1040)
 """Seeds of paths and machines: of CMA-ES, and of the judge."""
+STEPS, ENVIRONMENTS = 2_000_000, 128
+GAMMA = 0.99
+"""Of PPO: a tenth as important after 0.9 s."""
+DEVIATION_WEIGHT = 100.0
+"""Of its reward while it learns; judged is the environment's own, 20."""
+SEEN = 10.0
+"""So many standard deviations off the mean an observation is cut off, as VecNormalize does."""
 DATA = Path(__file__).with_name("track_ppo.npz")
+
+Layer = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 class Policy(Protocol):
@@ -142,21 +154,28 @@ def take_up_mm(machine: Machine) -> NDArray[np.float64]:
     return np.array(found)
 
 
-class Net:
-    """A policy of stable-baselines3 without it: tanh layers from observation to the mean of the action."""
+def seen(observations: NDArray[np.float64]) -> NDArray[np.float64]:
+    """float64 [..., 40]: observations [..., 35], and how far away the five points ahead are in a straight line, over
+    their distances along the path: 1 where it goes straight on, less from a corner or the end on."""
+    ahead = observations[..., 18:33].reshape(*observations.shape[:-1], len(PREVIEW_MM), 3)
+    return np.concatenate([observations, np.linalg.norm(ahead, axis=-1)], axis=-1)
 
-    def __init__(self, layers: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]) -> None:
-        """layers: weights [out, in] and biases [out]."""
-        self._layers = layers
+
+class Net:
+    """A policy of stable-baselines3 without it: tanh layers from normalised observation to the mean of the action."""
+
+    def __init__(self, layers: Sequence[Layer], mean: NDArray[np.float64], deviation: NDArray[np.float64]) -> None:
+        """layers: weights [out, in] and biases [out]; mean, deviation [40]: of what was `seen` while it learned."""
+        self.layers, self.mean, self.deviation = layers, mean, deviation
 
     def begin(self, machine: Machine) -> None:
         """It has nothing to remember."""
 
     def act(self, observation: NDArray[np.float64]) -> NDArray[np.float32]:
-        value = observation
-        for weights, biases in self._layers[:-1]:
+        value = ((seen(observation) - self.mean) / self.deviation).clip(-SEEN, SEEN)
+        for weights, biases in self.layers[:-1]:
             value = np.tanh(weights @ value + biases)
-        weights, biases = self._layers[-1]
+        weights, biases = self.layers[-1]
         return (weights @ value + biases).clip(-1.0, 1.0).astype(np.float32)
 
     @classmethod
@@ -164,18 +183,14 @@ class Net:
         """The policy that was learned with this seed."""
         with np.load(file) as data:
             count = sum(name.startswith(f"{seed}.weights") for name in data)
-            return cls([(data[f"{seed}.weights{n}"], data[f"{seed}.biases{n}"]) for n in range(count)])
+            layers = [(data[f"{seed}.weights{n}"], data[f"{seed}.biases{n}"]) for n in range(count)]
+            return cls(layers, data[f"{seed}.mean"], data[f"{seed}.deviation"])
 
 
 def make(path: str = "random", machines: Mapping[str, Any] = MACHINES) -> Any:
-    """The environment; rewards in cm of path instead of mm, as learners like them."""
+    """The environment."""
     track = gymnasium.make("isel_twin.envs:isel_twin/TrackPath-v0", path=path, step_s=STEP_S)
-    led = AlongPath(Randomised(track, **machines), FEED_MM_S, OFFSET_MM)
-    return gymnasium.wrappers.TransformReward(led, _tenth)
-
-
-def _tenth(reward: Any) -> float:
-    return 0.1 * float(reward)
+    return AlongPath(Randomised(track, **machines), FEED_MM_S, OFFSET_MM)
 
 
 def judge(policy: Policy, env: Any, seeds: Sequence[int] = JUDGED_ON) -> dict[str, float]:
@@ -192,7 +207,7 @@ def judge(policy: Policy, env: Any, seeds: Sequence[int] = JUDGED_ON) -> dict[st
             observation, reward, terminated, truncated, info = env.step(policy.act(observation))
             total, over = total + reward, terminated or truncated
             squares.append((1e3 * info["deviation_mm"]) ** 2)
-        rewards.append(10.0 * total)
+        rewards.append(total)
         speeds.append(info["way_mm"] / info["time_s"])
         ended.append(info["ended"])
     return {
@@ -224,13 +239,13 @@ def search(generations: int, seed: int = 1) -> Numbers:
     return best
 
 
-def learn(steps: int, seed: int, environments: int = 16) -> tuple[Net, list[tuple[int, float, float]]]:
-    """Learn for so many steps; the policy, and its curve: steps, reward in mm and seconds of the last 100 episodes."""
+def learn(steps: int, seed: int) -> tuple[Net, list[tuple[int, float, float]]]:
+    """Learn for so many steps; the policy, and its curve: steps, reward in mm and seconds of the last 500 episodes."""
     try:
         import torch
         from stable_baselines3 import PPO
         from stable_baselines3.common.callbacks import BaseCallback
-        from stable_baselines3.common.env_util import make_vec_env
+        from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
     except ImportError:
         raise SystemExit("stable-baselines3 is not here: pip install 'isel-twin[learn]'") from None
     torch.set_num_threads(1)
@@ -241,26 +256,76 @@ def learn(steps: int, seed: int, environments: int = 16) -> tuple[Net, list[tupl
             return True
 
         def _on_rollout_end(self) -> None:
-            last = list(self.model.ep_info_buffer)
+            last = list(self.model.ep_info_buffer or ())
             if last:
                 reward, length = (float(np.mean([episode[of] for episode in last])) for of in "rl")
-                curve.append((self.num_timesteps, round(10.0 * reward, 2), round(STEP_S * length, 3)))
+                curve.append((self.num_timesteps, round(reward, 2), round(STEP_S * length, 3)))
 
-    model = PPO(
+    vector: Any = VecNormalize(VecMonitor(side_by_side(ENVIRONMENTS)), gamma=GAMMA, clip_obs=SEEN, clip_reward=np.inf)
+    model: Any = PPO(
         "MlpPolicy",
-        make_vec_env(make, n_envs=environments, seed=seed),
-        n_steps=512,
-        batch_size=1024,
-        n_epochs=8,
-        gamma=0.995,
-        learning_rate=lambda left: 5e-4 * left,
-        policy_kwargs={"log_std_init": -2.0, "net_arch": [64, 64]},
+        vector,
+        n_steps=128,
+        batch_size=2048,
+        n_epochs=6,
+        gamma=GAMMA,
+        learning_rate=lambda left: 7e-4 * left,
+        policy_kwargs={"log_std_init": -2.5, "net_arch": [64, 64]},
+        stats_window_size=500,
         seed=seed,
     )
     model.learn(total_timesteps=steps, callback=Curve())
     linear = [*(layer for layer in model.policy.mlp_extractor.policy_net if hasattr(layer, "weight"))]
-    layers = [*linear, model.policy.action_net]
-    return Net([tuple(part.detach().numpy() for part in (layer.weight, layer.bias)) for layer in layers]), curve
+    layers = [
+        tuple(part.detach().numpy() for part in (of.weight, of.bias)) for of in [*linear, model.policy.action_net]
+    ]
+    statistics = vector.obs_rms
+    return Net(layers, statistics.mean, np.sqrt(statistics.var + vector.epsilon)), curve
+
+
+def side_by_side(count: int) -> Any:
+    """The environments of `make`, so many in one compiled call, as stable-baselines3 takes them."""
+    from stable_baselines3.common.vec_env import VecEnv
+
+    along = {"feed_mm_s": FEED_MM_S, "offset_mm": OFFSET_MM}
+    track = {"path": "random", "step_s": STEP_S, "deviation_weight": DEVIATION_WEIGHT}
+    envs = TrackVector(count, 1, MACHINES, along, "SameStep", **track)
+
+    class Beside(VecEnv):
+        def reset(self) -> Any:
+            observations, _ = envs.reset(seed=self._seeds[0])
+            self._reset_seeds()
+            return seen(observations)
+
+        def step_async(self, actions: Any) -> None:
+            self._asked = actions
+
+        def step_wait(self) -> Any:
+            observations, rewards, terminated, truncated, infos = envs.step(self._asked)
+            said: list[dict[str, Any]] = [{} for _ in range(count)]
+            for k in np.flatnonzero(terminated | truncated):
+                said[k] = {
+                    "terminal_observation": seen(infos["final_obs"][k]),
+                    "TimeLimit.truncated": bool(truncated[k]),
+                }
+            return seen(observations), rewards, terminated | truncated, said
+
+        def close(self) -> None:
+            envs.close()
+
+        def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+            return [getattr(env, attr_name) for env in envs.envs]
+
+        def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+            raise NotImplementedError("the environments are as they were made")
+
+        def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
+            return [getattr(env, method_name)(*args, **kwargs) for env in envs.envs]
+
+        def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+            return [False] * count
+
+    return Beside(count, gymnasium.spaces.Box(-1.0, 1.0, (SIZE + len(PREVIEW_MM),)), envs.single_action_space)
 
 
 def keep(nets: Mapping[int, Net], curves: Mapping[int, Sequence[tuple[int, float, float]]], file: Path) -> None:
@@ -268,9 +333,11 @@ def keep(nets: Mapping[int, Net], curves: Mapping[int, Sequence[tuple[int, float
     parts = {
         f"{seed}.{kind}{n}": layer[of].astype(np.float32)
         for seed, net in nets.items()
-        for n, layer in enumerate(net._layers)
+        for n, layer in enumerate(net.layers)
         for of, kind in enumerate(("weights", "biases"))
     }
+    for seed, net in nets.items():
+        parts |= {f"{seed}.mean": net.mean.astype(np.float32), f"{seed}.deviation": net.deviation.astype(np.float32)}
     np.savez_compressed(file, **parts)  # type: ignore[arg-type]
     with file.with_suffix(".csv").open("w", newline="", encoding="utf-8") as out:
         write = csv.writer(out, lineterminator="\n")
@@ -302,30 +369,59 @@ def everybody() -> dict[str, Policy]:
     }
 
 
+def draw(file: Path, picture: str) -> None:
+    """The curves beside `file`: reward over steps, a line for each seed."""
+    from matplotlib.figure import Figure
+
+    with file.with_suffix(".csv").open(encoding="utf-8") as lines:
+        rows = list(csv.DictReader(lines))
+    figure = Figure(figsize=(7.0, 3.5), layout="constrained")
+    axes = figure.subplots()
+    for seed in sorted({row["seed"] for row in rows}, key=int):
+        curve = [(1e-6 * int(row["steps"]), float(row["reward_mm"])) for row in rows if row["seed"] == seed]
+        axes.plot(*zip(*curve, strict=True), label=f"seed {seed}", linewidth=1.0)
+    axes.set(xlabel="million steps", ylabel="training reward, 500 episodes, mm", ylim=(0.0, None))
+    axes.legend()
+    figure.savefig(picture, dpi=120)
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Learn, search or judge, and print."""
+    """Learn, search, draw or judge, and print."""
     parser = argparse.ArgumentParser(description="PPO on TrackPath-v0")
     parser.add_argument("--judge", action="store_true", help="judge what is kept; nothing is learned")
     parser.add_argument("--search", type=int, default=0, help="generations of CMA-ES; nothing else is done")
-    parser.add_argument("--steps", type=int, default=409_600)
-    parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--picture", default="", help="a PNG file to draw the kept curves into; nothing else is done")
+    parser.add_argument("--steps", type=int, default=STEPS)
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2, 3, 4])
     parser.add_argument("--file", type=Path, default=DATA)
     given = parser.parse_args(arguments)
     if given.search:
         print(search(given.search))
-        return
-    if not given.judge:
+    elif given.picture:
+        draw(given.file, given.picture)
+    elif given.judge:
+        for name, (path, machines) in HELD_OUT.items():
+            print(f"\n{name}, {len(JUDGED_ON)} episodes")
+            compare(make(path, machines))
+    else:
         nets, curves = {}, {}
-        for seed in range(given.seeds):
+        for seed in given.seeds:
             nets[seed], curves[seed] = learn(given.steps, seed)
             keep(nets, curves, given.file)
-        return
-    for name, (path, machines) in HELD_OUT.items():
-        env = make(path, machines)
-        print(f"\n{name}, {len(JUDGED_ON)} episodes")
-        for who, policy in everybody().items():
-            found = judge(policy, env)
-            print(f"  {who:48}", ", ".join(f"{figure} {value:.4g}" for figure, value in found.items()))
+
+
+def compare(env: Any) -> None:
+    """Judge everybody in this environment and print it; of PPO also mean and standard deviation over its seeds."""
+    learned = []
+    for who, policy in everybody().items():
+        found = judge(policy, env)
+        print(f"  {who:48}", ", ".join(f"{figure} {value:.4g}" for figure, value in found.items()))
+        if isinstance(policy, Net):
+            learned.append(found)
+    if len(learned) > 1:
+        over = {figure: [found[figure] for found in learned] for figure in learned[0]}
+        spread = (f"{figure} {np.mean(of):.4g} +- {np.std(of, ddof=1):.2g}" for figure, of in over.items())
+        print(f"  {'PPO, mean and standard deviation over seeds':48}", ", ".join(spread))
 
 
 if __name__ == "__main__":

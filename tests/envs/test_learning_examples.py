@@ -84,43 +84,95 @@ class Part:
         return self.values
 
 
-class Fed:
-    """Stands for PPO of stable-baselines3: it has learned to go along the path at half the feed."""
+class VecEnv:
+    """Stands for the class of that name: many environments, as learners call them."""
 
-    def __init__(self, policy: str, vector: Any, **settings: Any) -> None:
-        self.vector, self.settings, self.num_timesteps = vector, settings, 0
-        net = types.SimpleNamespace(policy_net=[Layer(35, 64, 0.5), object(), Layer(64, 64)])
+    def __init__(self, num_envs: int, observation_space: Any, action_space: Any) -> None:
+        self.num_envs, self.observation_space, self.action_space = num_envs, observation_space, action_space
+        self._seeds: list[int | None] = [None] * num_envs
+
+    def seed(self, seed: int) -> None:
+        self._seeds = [seed + k for k in range(self.num_envs)]
+
+    def _reset_seeds(self) -> None:
+        self._seeds = [None] * self.num_envs
+
+
+class VecNormalize:
+    """Stands for the class of that name: it has found all to be 0, give or take 1."""
+
+    def __init__(self, vector: Any, gamma: float, clip_obs: float, clip_reward: float) -> None:
+        self.vector, self.epsilon = vector, 0.0
+        self.obs_rms = types.SimpleNamespace(mean=np.zeros(40), var=np.ones(40))
+
+
+class Fed:
+    """Stands for PPO: it has learned to go along the path at half the feed."""
+
+    def __init__(self, policy: str, normalised: Any, seed: int, **settings: Any) -> None:
+        self.vector, self.num_timesteps, self.seed = normalised.vector, 0, seed
+        self.vector.seed(seed)
+        net = types.SimpleNamespace(policy_net=[Layer(40, 64, 0.5), object(), Layer(64, 64)])
         self.policy = types.SimpleNamespace(mlp_extractor=net, action_net=Layer(64, 4))
-        self.ep_info_buffer = [{"r": 2.0, "l": 500}, {"r": 4.0, "l": 700}]
+        self.ep_info_buffer = [{"r": 20.0, "l": 500}, {"r": 40.0, "l": 700}]
 
     def learn(self, total_timesteps: int, callback: Any) -> None:
-        """Make some steps, as a learner would."""
-        observation, _ = self.vector.reset(seed=0)
-        for _ in range(total_timesteps):
-            observation, *_ = self.vector.step(np.zeros(4, dtype=np.float32))
-        assert self.vector.observation_space.contains(observation)
+        """Make some steps, as a learner would; at full speed, so that episodes end."""
+        vector, ended = self.vector, 0
+        observations = vector.reset()
+        assert np.array_equal(observations[0, :35], track_ppo().make().reset(seed=self.seed)[0])
+        for _ in range(0, total_timesteps, vector.num_envs):
+            vector.step_async(np.ones((vector.num_envs, 4)))
+            observations, rewards, over, infos = vector.step_wait()
+            assert all(vector.observation_space.contains(of.astype(np.float32)) for of in observations)
+            assert [bool(info) for info in infos] == over.tolist()
+            assert all(rewards[over] < -50.0), "broken off"
+            for k in np.flatnonzero(over):
+                assert infos[k]["terminal_observation"][34] < observations[k, 34] == 1.0, "all the time is left"
+                assert not infos[k]["TimeLimit.truncated"]
+            ended += int(over.sum())
+        assert ended
+        vector.close()
         callback.model, callback.num_timesteps = self, total_timesteps
         callback._on_rollout_end()
+
+
+def track_ppo() -> Any:
+    return sys.modules["track_ppo"]
 
 
 def test_ppo_is_wired_up_and_kept_without_pytorch(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     example = load("track_ppo", monkeypatch)
     names = ("torch", "stable_baselines3", "stable_baselines3.common", "stable_baselines3.common.callbacks")
     torch, baselines, common, callbacks = (types.ModuleType(name) for name in names)
-    env_util = types.ModuleType("stable_baselines3.common.env_util")
+    vec_env = types.ModuleType("stable_baselines3.common.vec_env")
     torch.set_num_threads = lambda number: None  # type: ignore[attr-defined]
     baselines.PPO, callbacks.BaseCallback = Fed, object  # type: ignore[attr-defined]
-    env_util.make_vec_env = lambda make, n_envs, seed: make()  # type: ignore[attr-defined]
-    for module in (torch, baselines, common, callbacks, env_util):
+    vec_env.VecEnv, vec_env.VecNormalize = VecEnv, VecNormalize  # type: ignore[attr-defined]
+    vec_env.VecMonitor = lambda vector: vector  # type: ignore[attr-defined]
+    for module in (torch, baselines, common, callbacks, vec_env):
         monkeypatch.setitem(sys.modules, module.__name__, module)
+    monkeypatch.setattr(example, "ENVIRONMENTS", 3)
     file = tmp_path / "policy.npz"
-    example.main(["--steps", "20", "--seeds", "1", "--file", str(file)])
-    assert file.with_suffix(".csv").read_text(encoding="utf-8") == "seed,steps,reward_mm,episode_s\n0,20,30.0,2.4\n"
-    learned, env = example.Net.kept(0, file), example.make()
+    example.main(["--steps", "300", "--seeds", "0", "7", "--file", str(file)])
+    curves = "seed,steps,reward_mm,episode_s\n0,300,30.0,2.4\n7,300,30.0,2.4\n"
+    assert file.with_suffix(".csv").read_text(encoding="utf-8") == curves
+    learned, env = example.Net.kept(7, file), example.make()
     assert learned.act(np.ones(35)).tolist() == [0.0, 0.0, 0.0, 0.0]
     half = example.judge(learned, env, range(1000, 1002))
     assert half["done"] == 2
     assert half == example.judge(example.Led(example.CONSTANT), env, range(1000, 1002)), "the same paths and machines"
+
+
+def test_how_far_the_path_goes_straight_on_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A right angle 3 mm ahead: 4 and 8 mm along the path are sqrt(3^2 + 1^2) and sqrt(3^2 + 5^2) mm away."""
+    example = load("track_ppo", monkeypatch)
+    observation = np.zeros(35)
+    for k, ahead in enumerate((0.5, 1.0, 2.0, 4.0, 8.0)):
+        observation[18 + 3 * k : 20 + 3 * k] = min(ahead, 3.0) / ahead, max(ahead - 3.0, 0.0) / ahead
+    straight = [1.0, 1.0, 1.0, np.sqrt(10.0) / 4.0, np.sqrt(34.0) / 8.0]
+    assert example.seen(observation)[35:] == pytest.approx(straight)
+    assert np.array_equal(example.seen(np.stack([observation, observation]))[1], example.seen(observation))
 
 
 def test_the_policies_that_are_kept_follow_paths_that_nobody_has_learned_on(monkeypatch: pytest.MonkeyPatch) -> None:
