@@ -73,16 +73,25 @@ async def named(client: Client, path: str) -> list[ua.QualifiedName]:
     return [ua.QualifiedName(name, uris.index(NAMESPACES[prefix]) if prefix else 0) for prefix, _, name in parts]
 
 
-async def seen(client: Client, path: str) -> Any:
-    """Value of a variable of the machine; the name of its status if that is bad."""
-    node = await (await machine_in(client)).get_child(await named(client, path))
+async def variable(client: Client, path: str) -> Node:
+    """A variable of the machine."""
+    return await (await machine_in(client)).get_child(await named(client, path))
+
+
+async def value_of(node: Node) -> Any:
+    """Value of a variable; the name of its status if that is bad."""
     value = await node.read_data_value(raise_on_bad_status=False)
     return value.Value.Value if value.StatusCode.is_good() else value.StatusCode.name
 
 
+async def seen(client: Client, path: str) -> Any:
+    return await value_of(await variable(client, path))
+
+
 async def until(client: Client, path: str, value: Any) -> None:
+    node = await variable(client, path)
     async with asyncio.timeout(REPLY_S):
-        while await seen(client, path) != value:
+        while await value_of(node) != value:
             await asyncio.sleep(0.01)
 
 
