@@ -62,7 +62,7 @@ def test_who_only_waits_costs_nothing(benchmark: Any) -> None:
     def turn() -> None:
         turns.append((served_s([]), served_s([ControlPort(FREE)]), served_s([Panel(FREE)])))
 
-    benchmark.pedantic(turn, rounds=6, warmup_rounds=1)
+    benchmark.pedantic(turn, rounds=16, warmup_rounds=1)  # two per cent ask for many on a busy computer
     alone, port, panel = (min(column) for column in zip(*turns[1:], strict=True))
     benchmark.extra_info["control port over none"] = port / alone
     benchmark.extra_info["panel without a browser over none"] = panel / alone
