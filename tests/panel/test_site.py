@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import http.client
 import json
 import socket
@@ -201,3 +202,16 @@ def test_serve_says_so_in_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pyte
     assert (caught.value.code, said.out) == (2, "")
     assert said.err.startswith("isel-twin: --panel: not started, as this viser (")
     assert len(said.err.splitlines()) == 1
+
+
+def test_a_connection_that_says_nothing_holds_up_no_end(bench):
+    """Browsers open some in advance; a server that waits for their requests stands in the way of the next one."""
+    before = set(threading.enumerate())
+    here = bench()
+    with socket.create_connection(("127.0.0.1", here.port)) as spare:
+        assert get(here.port, Host=f"127.0.0.1:{here.port}")[0] == 200  # so the server has taken the one before
+        begun = set(threading.enumerate()) - before
+        here.close()
+        assert [thread.name for thread in begun if thread.is_alive() and "Executor" not in thread.name] == []
+        with contextlib.suppress(ConnectionResetError):
+            assert spare.recv(1) == b""

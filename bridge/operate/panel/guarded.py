@@ -21,12 +21,14 @@ import socket
 from collections.abc import Awaitable, Callable, Coroutine
 from typing import Any
 from urllib.parse import urlsplit
+from weakref import WeakSet
 
 import viser
 import viser.infra._infra as viser_infra
 import websockets.asyncio.server
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
+from websockets.protocol import State
 
 from isel_twin.base.errors import CallError
 
@@ -53,8 +55,9 @@ class UnguardedError(CallError):
 
 def start(
     listener: socket.socket, respond: Respond, operate: Handler
-) -> tuple[viser.ViserServer, asyncio.AbstractEventLoop]:
-    """viser's server at `listener`, in a thread of its own, and the loop in that thread.
+) -> tuple[viser.ViserServer, asyncio.AbstractEventLoop, Callable[[], None]]:
+    """viser's server at `listener`, in a thread of its own; the loop in that thread; and what to call in it before the
+    server is stopped, which otherwise waits for the requests of browsers that have opened connections in advance.
 
     respond: answers each request before a WebSocket begins; None lets it begin. operate: serves those at /operate.
     Raises UnguardedError if the test fails that `respond` controls all access.
@@ -71,7 +74,7 @@ def start(
             server.stop()
             raise
     server.request_share_url = lambda verbose=True: None  # type: ignore[method-assign]  # by a public server
-    return server, front.loop
+    return server, front.loop, front.hang_up
 
 
 def _prove(listener: socket.socket) -> None:
@@ -104,6 +107,7 @@ class _Front:
     def __init__(self, listener: socket.socket, respond: Respond, operate: Handler) -> None:
         self._listener, self._respond, self._operate = listener, respond, operate
         self._real: Any = None
+        self._connections: WeakSet[ServerConnection] = WeakSet()
         self.loop: asyncio.AbstractEventLoop | None = None  # viser's loop, once it serves
 
     def __enter__(self) -> None:
@@ -135,10 +139,22 @@ class _Front:
             own = urlsplit(connection.request.path).path == "/operate"
             await (self._operate(connection) if own else scene(connection))
 
+        def connection(*arguments: Any, **settings: Any) -> ServerConnection:
+            made = ServerConnection(*arguments, **settings)
+            self._connections.add(made)
+            return made
+
         options |= {
+            "create_connection": connection,
             "process_request": self._respond,
             "max_size": MESSAGE_BYTES,
             "close_timeout": FAREWELL_S,
             "logger": _quiet,
         }
         return websockets.asyncio.server.serve(handle, sock=self._listener, **options)
+
+    def hang_up(self) -> None:
+        """Close all connections that have asked for nothing, or wait for an answer."""
+        for connection in list(self._connections):
+            if connection.state is State.CONNECTING:
+                connection.transport.abort()

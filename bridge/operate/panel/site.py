@@ -92,7 +92,7 @@ class WebSite:
     def start(self, about: Mapping[str, Any], machine: Machine, recording: Path | None = None) -> None:
         self._recording = recording
         self._about = dict(about)
-        self._viser, self._loop = guarded.start(self._listener, self.respond, self.serve)
+        self._viser, self._loop, self._hang_up = guarded.start(self._listener, self.respond, self.serve)
         self._view = MachineView(self._viser, machine)
 
     def show(self, frame: Frame) -> None:
@@ -104,6 +104,7 @@ class WebSite:
     def close(self) -> None:
         site, self._viser = self._viser, None
         if site is not None:
+            self._call(self._hang_up)
             with contextlib.redirect_stdout(io.StringIO()):
                 site.stop()
         self._listener.close()

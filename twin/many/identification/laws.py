@@ -105,7 +105,8 @@ def beside(model: Model) -> list[Unknown]:
 def compete(model: Model, asked: int, u: Floats, jacobian: Floats) -> tuple[Law, ...]:
     """All laws at u, the likeliest first. asked: how many of the model's parameters were, the others are beside.
     jacobian: at u."""
-    own = {item.keys[0]: at for at, item in enumerate(model.unknowns) if at >= asked and not item.factor}
+    numbers_beside = [(at, item) for at, item in enumerate(model.unknowns) if at >= asked and not item.factor]
+    own = {item.keys[0]: at for at, item in numbers_beside if jacobian[:, at].any()}  # else seen by a wide step, maybe
     added = _candidates(model, asked, u)
     if not added or not model.data:
         return ()
