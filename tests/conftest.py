@@ -70,12 +70,6 @@ def pytest_collection_finish(session: pytest.Session) -> None:
         _warm_up()
 
 
-def pytest_runtest_setup() -> None:
-    """A server in this process has let go of it at its end."""
-    if not gc.get_freeze_count():
-        gc.freeze()
-
-
 class _AtOnce:
     """Names each test that fails when it does, not a quarter of an hour later."""
 

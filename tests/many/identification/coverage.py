@@ -3,6 +3,7 @@
     python -m tests.many.identification.coverage FOLDER 200                 real fits of a whole day: hours
     python -m tests.many.identification.coverage FOLDER 200 --surface       fits on a surface: minutes
     the same again                                                          goes on where it was ended
+    python -m tests.many.identification.coverage OTHER 101 200              from that machine on: for another core
 
 Each machine is drawn from what is believed: its numbers are u ~ N(0, 1) in the priors, cut at MOST, and those that the
 fit is not asked for, within what is known of them, too. The same job is carried out on it, with noise of its own;
@@ -205,7 +206,7 @@ def table(told: Sequence[Told]) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, help="what is known by now, a line of JSON for each machine, and replays")
-    parser.add_argument("number", type=int)
+    parser.add_argument("number", type=int, nargs="+", help="the last machine, or the first and the last")
     parser.add_argument("--surface", type=int, nargs="?", const=250, help="through so many replays, 250")
     call = parser.parse_args()
     call.folder.mkdir(parents=True, exist_ok=True)
@@ -219,7 +220,8 @@ def main() -> None:
         off = ", ".join(f"{item.label} {one:.1f}" for item, one in zip(like.data, surface.off, strict=True))
         print(f"the surface is off by, in standard deviations: {off}", flush=True)
         replays_module.replayed = surface.replayed
-    for seed in sorted(set(range(1, call.number + 1)) - {one["machine"] for one in told}):
+    first, last = call.number[0] if len(call.number) == 2 else 1, call.number[-1]
+    for seed in sorted(set(range(first, last + 1)) - {one["machine"] for one in told}):
         began_s = time.process_time()
         journal = None if call.surface else call.folder / f"{seed}.replays"
         told.append(studied(study, seed, study.day(seed, like), journal))
