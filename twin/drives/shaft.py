@@ -141,7 +141,7 @@ def lay_shaft(
         raise ValueError(
             f"drive: sub-step {dt_s:g} s is too long for this stiffness and inertia; shorten it or soften it"
         )
-    p.view(np.float64)[_SHAFT] = (
+    p.view(np.float64)[_SHAFT] = (  # in the order of AXIS_PARAMETERS
         dt_s,
         dt_s / inertia,
         inertia,
