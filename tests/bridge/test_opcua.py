@@ -217,6 +217,14 @@ class Still:
         return self._state
 
 
+class Bare:
+    """In place of the machine's nodes, where nobody looks at them."""
+
+    def __init__(self, _: Server) -> None: ...
+    async def build(self, _: Any) -> None: ...
+    async def show(self, _: Any) -> None: ...
+
+
 async def listening(serving: Serving, state: Any) -> asyncio.Task[None]:
     """The task of a server, once it listens. Raises what has ended it before."""
     ready = asyncio.Event()
@@ -306,11 +314,9 @@ def test_alerts_begin_and_end_and_who_comes_later_is_told(caplog: pytest.LogCapt
 def test_silent_clients_make_room(monkeypatch: pytest.MonkeyPatch) -> None:
     """All places are taken by clients that say nothing more, in sessions or without one; one that goes on asking keeps
     its place. And a server that looks at the twin once an hour ends at once."""
-    for name, limit in (("CLIENTS", CLIENTS), ("SILENT_S", 2.0), ("STRANGE_S", 2.0), ("LOOK_S", 0.01)):
-        monkeypatch.setattr(opcua_server, name, limit)
-    told = ServedTwin(Twin(controller="external", plant="kinematic"))
-    state = told.ask({"state": True})
-    told.stop()
+    limits = {"CLIENTS": CLIENTS, "SILENT_S": 2.0, "STRANGE_S": 2.0, "LOOK_S": 0.01}
+    for name, instead in {**limits, "Machine": Bare}.items():
+        monkeypatch.setattr(opcua_server, name, instead)
 
     async def silent(url: str) -> Client:
         client = Client(url, timeout=1.0)
@@ -331,8 +337,8 @@ def test_silent_clients_make_room(monkeypatch: pytest.MonkeyPatch) -> None:
         listener, where = listen("127.0.0.1:0")
         listener.close()
         url = f"opc.tcp://{where}/"
-        serving = Serving(url, lambda: Still(state), 3600.0, None)
-        running = await listening(serving, state)
+        serving = Serving(url, lambda: Still({}), 3600.0, None)
+        running = await listening(serving, {})
         async with asyncio.timeout(REPLY_S), Client(url, watchdog_intervall=0.1) as asking:
             quiet = [await silent(url) for _ in range(CLIENTS - 2)]
             assert quiet[0].session_timeout == 2000.0, "told so"
@@ -354,14 +360,36 @@ def test_silent_clients_make_room(monkeypatch: pytest.MonkeyPatch) -> None:
     asyncio.run(look())
 
 
-def test_beyond_loopback_with_a_password_over_an_encrypted_channel(tmp_path: Path) -> None:
+def test_beyond_loopback_with_a_password_over_an_encrypted_channel(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The key for it is made once and whole: a disk that is full leaves no half of it. Later it is the same key, for
+    the URI of its certificate, though the computer has another name; what is no certificate is refused with its name.
+    """
     access = Access(tmp_path / "server", "secret")
+    folder, host = access.folder, socket.gethostname()
+
+    async def keyed(server: Server) -> None:
+        with monkeypatch.context() as patch:
+            patch.setattr(cert_gen, "dump_private_key_as_pem", lambda _: full())
+            with pytest.raises(OSError, match="No space"):
+                await secure(server, access)
+        assert [path.name for path in folder.iterdir()] == ["certificate.der"]
+        await secure(server, access)
+        before = (folder / "key.pem").read_bytes()
+        with monkeypatch.context() as patch:
+            patch.setattr(socket, "gethostname", lambda: "another")
+            await secure(server, None)
+            assert server.get_application_uri() == "urn:another:isel-twin"
+            await secure(server, access)
+            assert server.get_application_uri() == f"urn:{host}:isel-twin"
+        assert (folder / "key.pem").read_bytes() == before
 
     async def look() -> None:
         server = Server(user_manager=Readers(access.password))
         await server.init()
         server.set_endpoint("opc.tcp://127.0.0.1:0/")
-        await secure(server, access)
+        await keyed(server)
         async with server:
             assert server.bserver is not None
             url = f"opc.tcp://127.0.0.1:{server.bserver.port}/"
@@ -388,39 +416,12 @@ def test_beyond_loopback_with_a_password_over_an_encrypted_channel(tmp_path: Pat
                 async with client:
                     level = client.get_node(ua.NodeId(ua.ObjectIds.Server_ServiceLevel))
                     assert await level.read_value() == 255
-
-    asyncio.run(look())
-    assert stat.S_IMODE((tmp_path / "server" / "key.pem").stat().st_mode) == 0o600
-
-
-def test_a_key_is_made_once_and_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A disk that is full leaves no half of a key. Later it is the same key, for the URI of its certificate, though the
-    computer has another name; what is no certificate is refused with its name."""
-    access = Access(tmp_path / "server", "secret")
-    folder, host = access.folder, socket.gethostname()
-
-    async def look() -> None:
-        server = Server()
-        await server.init()
-        with monkeypatch.context() as patch:
-            patch.setattr(cert_gen, "dump_private_key_as_pem", lambda _: full())
-            with pytest.raises(OSError, match="No space"):
-                await secure(server, access)
-        assert [path.name for path in folder.iterdir()] == ["certificate.der"]
-        await secure(server, access)
-        before = (folder / "key.pem").read_bytes()
-        with monkeypatch.context() as patch:
-            patch.setattr(socket, "gethostname", lambda: "another")
-            await secure(server, access)
-            assert server.get_application_uri() == f"urn:{host}:isel-twin"
-            await secure(server, None)
-            assert server.get_application_uri() == "urn:another:isel-twin"
-        assert (folder / "key.pem").read_bytes() == before
         (folder / "certificate.der").write_bytes(b"no certificate")
         with pytest.raises(ValueError, match=r"certificate\.der: no certificate"):
             await secure(server, access)
 
     asyncio.run(look())
+    assert stat.S_IMODE((folder / "key.pem").stat().st_mode) == 0o600
 
 
 def full() -> bytes:

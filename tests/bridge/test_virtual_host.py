@@ -20,7 +20,7 @@ import serial
 from serial import serialutil
 
 from isel_twin.base.errors import CallError
-from isel_twin.bridge.virtual import cpython, windows
+from isel_twin.bridge.virtual import cpython, turns, windows
 from isel_twin.bridge.virtual.host_code import LIBRARIES
 from isel_twin.bridge.virtual.turns import EPOCH_NS, here
 from isel_twin.bridge.virtual.virtual_host import HostProgram, parse_program, run_host
@@ -115,10 +115,6 @@ def test_every_way_to_wait_ten_minutes_takes_ten_virtual_ones(wait, host, twin):
         "port.timeout = 0\nwhile time.time() < end: port.read(10)",
         "while time.time() < end: time.sleep(0)",
         "while time.time() < end: time.sleep(0.01); port.in_waiting",
-        "t = threading.Timer(60, print); t.start()\nwhile t.is_alive(): pass",
-        "e = threading.Event(); threading.Timer(60, e.set).start()\nwhile not e.is_set(): pass",
-        "q = queue.Queue(); threading.Timer(60, q.put, 'x').start()\nwhile q.empty(): pass",
-        "l = threading.Lock(); l.acquire(); threading.Timer(60, l.release).start()\nwhile not l.acquire(False): pass",
     ],
 )
 def test_a_loop_that_spins_for_a_minute_ends(loop, host):
@@ -127,6 +123,23 @@ def test_a_loop_that_spins_for_a_minute_ends(loop, host):
     assert (done.code, done.reason) == (0, "")
     assert done.ended_ns == pytest.approx(60e9, rel=1e-3)
     assert time.process_time() - began < 10.0
+
+
+@pytest.mark.parametrize(
+    "loop",
+    [
+        "t = threading.Timer(60, print); t.start()\nwhile t.is_alive(): pass",
+        "e = threading.Event(); threading.Timer(60, e.set).start()\nwhile not e.is_set(): pass",
+        "q = queue.Queue(); threading.Timer(60, q.put, 'x').start()\nwhile q.empty(): pass",
+        "l = threading.Lock(); l.acquire(); threading.Timer(60, l.release).start()\nwhile not l.acquire(False): pass",
+    ],
+)
+def test_a_loop_that_looks_at_what_another_thread_does_ends(loop, host, monkeypatch):
+    """By the same law, here with a tenth of the looks: each of these changes threads."""
+    monkeypatch.setattr(turns, "SPIN", 1000)
+    done = host(OPEN + loop)
+    assert (done.code, done.reason) == (0, "")
+    assert done.ended_ns == pytest.approx(60e9, rel=2e-3)
 
 
 def test_time_stamps_of_a_computation_are_no_wait(host):

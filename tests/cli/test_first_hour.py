@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from pytest_plugin.projects import ALONE
 
 from isel_twin.controller import controller_names, offers
 from isel_twin.core import warm
@@ -55,7 +57,8 @@ def test_every_command_does_as_it_is_printed(project: tuple[Path, list[str]], mo
 def test_its_tests_pass(tmp_path: Path) -> None:
     isel_twin("init", tmp_path)
     call = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
-    done = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True, check=False)
+    alone = {**os.environ, **ALONE}
+    done = subprocess.run(call, cwd=tmp_path, env=alone, capture_output=True, text=True, check=False)
     assert "2 passed" in done.stdout, done.stdout
 
 

@@ -13,7 +13,7 @@ import pytest
 from isel_twin.cli import main
 from isel_twin.cli.tune_output import Table
 from isel_twin.core.warm import warm_up
-from tests.near import near_switches
+from tests.near import COARSE, near_switches
 
 pytestmark = pytest.mark.long(seconds=10)
 
@@ -29,7 +29,7 @@ SMALL = ("--trials", "12", "--robust", "1", "--confirm", "3", "--acceleration", 
 
 @pytest.fixture(scope="module")
 def near(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return near_switches(tmp_path_factory.mktemp("near"), 2.0)
+    return near_switches(tmp_path_factory.mktemp("near"), 2.0, more=COARSE)
 
 
 @pytest.fixture

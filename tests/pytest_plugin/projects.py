@@ -16,6 +16,10 @@ INI = """
     addopts = --strict-markers -p no:cacheprovider -p no:benchmark -p no:hypothesispytest
 """
 
+PLUGIN = "isel_twin.bridge.pytest.plugin"
+ALONE = {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "PYTEST_PLUGINS": PLUGIN}
+"""Environment of a pytest that has this plugin and none of those that are installed here for the tests."""
+
 
 @pytest.fixture(scope="session")
 def warm(tmp_path_factory: pytest.TempPathFactory) -> None:

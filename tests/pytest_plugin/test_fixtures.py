@@ -11,7 +11,7 @@ from importlib.metadata import distributions
 from pathlib import Path
 
 import pytest
-from pytest_plugin.projects import INI, drawing_project, project, run, warm
+from pytest_plugin.projects import ALONE, INI, PLUGIN, drawing_project, project, run, warm
 
 from isel_twin.cli import main
 from tests.forked import PATIENCE_S
@@ -525,8 +525,21 @@ def test_folders_of_tests_with_odd_names_do_not_clash(project: pytest.Pytester) 
     assert {path.parent.parent for path in paths} == {project.path / "left"}
 
 
-def test_workers_share_a_folder(project: pytest.Pytester) -> None:
+NO_PICTURES = """
+    from isel_twin.bridge.pytest import kept
+
+    def touch(twin, recorder, picture, zero_ns):
+        picture.touch()
+        return f"picture:   {picture}"
+
+    kept._draw = touch
+"""
+
+
+def test_workers_share_a_folder(project: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two real workers, each with failing tests of the same names in another file; what they say gets through."""
+    for name, value in {**ALONE, "PYTEST_PLUGINS": f"{PLUGIN},xdist.plugin"}.items():
+        monkeypatch.setenv(name, value)
     project.makeini(INI + "    isel_twin_artifacts = left\n")
     source = """
         import pytest
@@ -547,7 +560,8 @@ def test_workers_share_a_folder(project: pytest.Pytester) -> None:
             pass
     """
     project.makepyfile(test_one=source, test_two=source)
-    result = project.runpytest_subprocess("-q", "-n", "2", "-p", "no:timeout")
+    project.makeconftest(NO_PICTURES)
+    result = project.runpytest_subprocess("-q", "-n", "2")
     result.assert_outcomes(passed=2, failed=4, errors=2)
     result.stdout.fnmatch_lines(["E *another reply", "E *expected: '1'", "E *was:      '0'", "E *command:  @07"])
     result.stdout.fnmatch_lines(["twin: unknown machine '9999': *"])

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from pytest_plugin.projects import ALONE
 
 from tests.forked import PATIENCE_S
 
@@ -34,9 +36,10 @@ def commands() -> list[str]:
 def run_pytest(folder: Path) -> subprocess.CompletedProcess[str]:
     install, command = commands()
     assert install == "pip install isel-twin pytest", "which is done where this test runs"
-    words = command.split()
+    words = [sys.executable, *command.split()[1:]]
+    alone = {**os.environ, **ALONE}
     return subprocess.run(
-        [sys.executable, *words[1:]], cwd=folder, capture_output=True, text=True, timeout=PATIENCE_S, check=False
+        words, cwd=folder, env=alone, capture_output=True, text=True, timeout=PATIENCE_S, check=False
     )
 
 

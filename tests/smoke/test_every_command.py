@@ -13,8 +13,8 @@ import pytest
 from isel_twin.cli import app
 from tests.forked import PATIENCE_S, start
 from tests.in_process import isel_twin
+from tests.near import COARSE, near_switches
 from tests.near import NEAR as START
-from tests.near import near_switches
 
 pytestmark = pytest.mark.long(seconds=9)
 
@@ -85,7 +85,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     for name, text in files.items():
         (folder / name).write_text(text)
     (folder / "near").mkdir()
-    near_switches(folder / "near", 1.0)
+    near_switches(folder / "near", 1.0, more=COARSE)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         yield folder

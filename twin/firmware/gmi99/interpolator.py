@@ -70,6 +70,7 @@ class Interpolator:
         self._circle: _Circle | None = None
         self.breaking = False  # the motion is breaking off: no move can be planned
         self._serial = 0
+        self._found: tuple[Joined | None, int, int | None] = None, 0, None
 
     # ---- state ------------------------------------------------------------------------------------------------------
 
@@ -103,10 +104,15 @@ class Interpolator:
         if self.run is None:
             return None
         assert self._plan is not None
-        if self._marks and self._marks[0].pieces <= self._plan.finished(self._plan.ticks):
-            mark_ns = self.run.start_ns + self._plan.passed(self._marks[0].pieces) * self.run.period_ns
-            return min(self.run.end_ns, mark_ns)
-        return self.run.end_ns
+        tick = self._tick_after(self._plan, self._marks[0].pieces) if self._marks else None
+        return self.run.end_ns if tick is None else min(self.run.end_ns, self.run.start_ns + tick * self.run.period_ns)
+
+    def _tick_after(self, plan: Joined, pieces: int) -> int | None:
+        """The tick at which so many pieces of a plan are complete; None if it is held before. It is asked for at every
+        step of the clock, and searched for once."""
+        if self._found[:2] != (plan, pieces):
+            self._found = plan, pieces, plan.passed(pieces) if pieces <= plan.finished(plan.ticks) else None
+        return self._found[2]
 
     def grid_ns(self, t_ns: int) -> int:
         """The first time of the grid that is not before t_ns."""
