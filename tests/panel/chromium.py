@@ -6,6 +6,7 @@ It never fails: where none can be had, the tests that need one are skipped and s
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 import shutil
 import subprocess
@@ -26,8 +27,13 @@ INSTALL_S = 600.0
 """Longest wait for one to be installed."""
 
 
+MISSING = "there is no Chromium or Chrome; `make browser` installs one"
+
+
+@functools.cache
 def find_browser() -> str | None:
-    """Path of Chromium or Chrome; None if there is none."""
+    """Path of Chromium or Chrome; None if there is none. Looking takes half a second of a processor where none is on
+    the path, so that no test asks when it is collected."""
     for name in NAMES:
         if found := shutil.which(name):
             return found
@@ -45,6 +51,7 @@ def provide() -> None:
     if shutil.which("apt-get") and os.geteuid() == 0:
         ways += [["apt-get", "update", "-qq"], apt]
     for way in ways:
+        find_browser.cache_clear()
         if find_browser() is not None:
             return
         print(f"trying: {' '.join(way)}", file=sys.stderr)
@@ -54,4 +61,5 @@ def provide() -> None:
 
 if __name__ == "__main__":
     provide()
+    find_browser.cache_clear()
     print(f"browser for tests: {find_browser() or 'none, they will be skipped'}", file=sys.stderr)

@@ -19,7 +19,7 @@ from isel_twin.bridge.serve.pacing import Pacer
 from isel_twin.bridge.serve.server import Server
 from isel_twin.bridge.serve.tcp import TcpEndpoint
 from tests.forked import PATIENCE_S
-from tests.panel.chromium import ARGUMENTS, find_browser
+from tests.panel.chromium import ARGUMENTS, MISSING, find_browser
 
 LOOPBACK = "127.0.0.1:0"
 WAIT_S = PATIENCE_S
@@ -141,6 +141,8 @@ def browser() -> Iterator[Callable[..., Browser]]:
 @pytest.fixture(scope="module")
 def chromium() -> Iterator[Chromium]:
     """For one file of tests: its event loop runs in this thread, where others want one of their own."""
+    if find_browser() is None:
+        pytest.skip(MISSING)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=find_browser(), args=list(ARGUMENTS))
         yield browser

@@ -20,12 +20,10 @@ from playwright.sync_api import Browser, Locator, Page, expect
 from isel_twin.drives.stability import limit_rad_s
 from tests.forked import start
 from tests.in_process import isel_twin
-from tests.panel.chromium import find_browser
 from tests.panel.conftest import LOOPBACK, WAIT_S, Bench
 
-WHERE = find_browser()
 pytestmark = [
-    pytest.mark.skipif(WHERE is None, reason="there is no Chromium or Chrome; `make browser` installs one"),
+    pytest.mark.usefixtures("chromium"),
     pytest.mark.long(seconds=35),
 ]
 
@@ -505,7 +503,7 @@ def test_a_controller_without_keys_shows_none(bench, open_panel):
 
 def test_a_file_is_opened_run_and_followed_line_by_line(bench, open_panel, tmp_path: Path):
     """Both browsers see it, and so does one that comes later."""
-    here = bench(speed=4.0)
+    here = bench(speed=4.0, ready=True)
     part = tmp_path / "part.nc"
     part.write_text("(a slot)\nG21 G90 F1200\nG0 X10\nG1 Y20\nF400 G1 X50\nF1200 G1 Y10\nM2\n")
     page, other = open_panel(here), open_panel(here)

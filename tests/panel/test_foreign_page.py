@@ -9,18 +9,14 @@ import time
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Browser, Page
 
 from isel_twin import Twin
 from isel_twin.bridge.serve.pacing import Pacer
 from isel_twin.bridge.serve.rfc2217 import Rfc2217Codec
 from isel_twin.bridge.serve.server import Server
 from isel_twin.bridge.serve.tcp import TcpEndpoint
-from tests.panel.chromium import ARGUMENTS, find_browser
 from tests.panel.conftest import LOOPBACK, WAIT_S
-
-WHERE = find_browser()
-pytestmark = pytest.mark.skipif(WHERE is None, reason="there is no Chromium or Chrome; `make browser` installs one")
 
 COMMANDS = r"\r@07\r@0A1600,800,0,30,0,30,0,30\r"
 TRIES = {
@@ -52,16 +48,13 @@ class _Foreign(http.server.BaseHTTPRequestHandler):
 
 
 @pytest.fixture(scope="module")
-def page() -> Iterator[Page]:
+def page(chromium: Browser) -> Iterator[Page]:
     site = http.server.ThreadingHTTPServer(("127.0.0.1", 0), _Foreign)
     thread = threading.Thread(target=site.serve_forever)
     thread.start()
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=WHERE, args=list(ARGUMENTS))
-        page = browser.new_page()
+    with chromium.new_page() as page:
         page.goto(f"http://127.0.0.1:{site.server_port}/")
         yield page
-        browser.close()
     site.shutdown()
     thread.join(WAIT_S)
     site.server_close()

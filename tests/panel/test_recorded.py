@@ -20,13 +20,14 @@ from isel_twin.plant.scene import Poses
 from isel_twin.recordings.places import places
 from isel_twin.recordings.reading import Recorded, read
 from isel_twin.recordings.recording import FileRecording
+from isel_twin.report import playback
 from tests.forked import start
 from tests.in_process import isel_twin
-from tests.panel.chromium import find_browser
+from tests.near import NEAR
 from tests.panel.conftest import LOOPBACK, WAIT_S
 
 pytestmark = [
-    pytest.mark.skipif(find_browser() is None, reason="there is no browser; `make browser` installs one"),
+    pytest.mark.usefixtures("chromium"),
     pytest.mark.long(seconds=13),
 ]
 
@@ -38,7 +39,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("session")
     (folder / "job.txt").write_text(JOB)
     file = folder / "session.mcap"
-    done = isel_twin("run", folder / "job.txt", "--plant", "kinematic", "--record", file)
+    done = isel_twin("run", folder / "job.txt", "--plant", "kinematic", *NEAR, "--record", file)
     assert done.returncode == 0, done
     assert isel_twin("panel", file, "--html", folder / "session.html").returncode == 0
     return file
@@ -193,7 +194,11 @@ def test_it_is_usable_at_each_width(page: Page, width: int, scheme: str) -> None
     assert [one["id"] for one in found if one["impact"] in ("serious", "critical")] == []
 
 
-def test_what_does_not_fit_is_left_out_and_told(recording: Path, tmp_path: Path) -> None:
+def test_what_does_not_fit_is_left_out_and_told(
+    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of samples, the half at first: here of a session that is short."""
+    monkeypatch.setattr(playback, "LEAST_SAMPLES", 100)
     size = recording.with_suffix(".html").stat().st_size
     out = tmp_path / "small.html"
     done = isel_twin("panel", recording, "--html", out, "--most", f"{(size - 100) / 1e6:.6f}", "--json")

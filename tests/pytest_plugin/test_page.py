@@ -38,9 +38,7 @@ def run_pytest(folder: Path) -> subprocess.CompletedProcess[str]:
     assert install == "pip install isel-twin pytest", "which is done where this test runs"
     words = [sys.executable, *command.split()[1:]]
     alone = {**os.environ, **ALONE}
-    return subprocess.run(
-        words, cwd=folder, env=alone, capture_output=True, text=True, timeout=PATIENCE_S, check=False
-    )
+    return subprocess.run(words, cwd=folder, env=alone, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
 
 
 def test_the_project_of_the_page_is_green_and_red(tmp_path: Path) -> None:

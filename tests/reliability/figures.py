@@ -82,11 +82,16 @@ class Process:
         return serial.serial_for_url(url, baudrate=19_200, timeout=REPLY_S)
 
 
+def start(*words: str) -> subprocess.Popen[str]:
+    """`isel-twin words...` with text in pipes."""
+    command = [sys.executable, "-m", "isel_twin", *words]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
 @contextmanager
 def serving(*options: str, speed: str = "max", plant: str = "kinematic") -> Iterator[Process]:
     """A server that listens while the block lasts."""
-    command = [sys.executable, "-m", "isel_twin", "serve", "--plant", plant, "--speed", speed, *options]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = start("serve", "--plant", plant, "--speed", speed, *options)
     try:
         assert process.stdout is not None
         line = process.stdout.readline()

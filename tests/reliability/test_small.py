@@ -7,7 +7,8 @@ from types import ModuleType
 import pytest
 
 from isel_twin.firmware.imc.controller import Imc
-from tests.reliability import connects, echo, feed, kills, memory, punctual, queries, strings, tap
+from tests import forked
+from tests.reliability import connects, echo, feed, figures, kills, memory, punctual, queries, strings, tap
 from tests.reliability.figures import Figure, table
 
 pytestmark = pytest.mark.long(seconds=13)
@@ -16,15 +17,20 @@ GENEROUS = 50.0
 """Times a limit that a computer with other things to do may take."""
 
 
+@pytest.fixture(autouse=True)
+def cheap_starts(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(figures, "start", forked.start)
+
+
 @pytest.mark.parametrize(
     ("program", "number"),
     [(queries, 100), (connects, 20), (kills, 2), (punctual, 1), (memory, 300), (feed, 0.1), (strings, 100), (tap, 20)],
     ids=lambda value: value.__name__.rpartition(".")[2] if isinstance(value, ModuleType) else str(value),
 )
 def test_in_small(program: ModuleType, number: float) -> None:
-    figures: list[Figure] = program.measure(number)
-    assert figures
-    wrong = [figure.row for figure in figures if figure.limit is not None and figure.value > GENEROUS * figure.limit]
+    found: list[Figure] = program.measure(number)
+    assert found
+    wrong = [figure.row for figure in found if figure.limit is not None and figure.value > GENEROUS * figure.limit]
     assert wrong == []
 
 

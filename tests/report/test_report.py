@@ -21,7 +21,7 @@ from isel_twin.language import create_language
 from isel_twin.recordings.recorder import Recorder, sample_dtype
 from isel_twin.report.columns import COLUMNS, columns
 from isel_twin.report.report import write_report
-from tests.panel.chromium import ARGUMENTS, find_browser
+from tests.panel.chromium import ARGUMENTS, MISSING, find_browser
 
 MS = 1_000_000
 JOB = """@07
@@ -212,10 +212,11 @@ def test_a_name_that_ends_in_png_makes_a_picture(tmp_path: Path) -> None:
     assert pixels[..., :3].std() > 0.05
 
 
-@pytest.mark.skipif(find_browser() is None, reason="there is no Chromium or Chrome; `make browser` installs one")
 def test_a_browser_opens_it_without_a_request_or_an_error_and_zooms(tmp_path: Path, text: str) -> None:
     from playwright.sync_api import sync_playwright
 
+    if find_browser() is None:
+        pytest.skip(MISSING)
     (tmp_path / "r.html").write_text(text, encoding="utf-8")
     said, asked = [], []
     with sync_playwright() as playwright:
