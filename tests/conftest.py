@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from tests import forked
 from tests.thorough import ALL, PART
 
 for profile, examples in (("isel-twin", PART), ("thorough", ALL)):
@@ -46,6 +47,8 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         _warm_up()
         if rewriting is not None:
             rewriting.wait()
+        if sys.platform == "linux":
+            forked.share()
         gc.enable()  # it collects nothing itself
 
 

@@ -1,5 +1,7 @@
 """Processes of the command line, forked from one that has imported everything: a tenth of the work of a start.
 
+All workers of a session share one such process (`share`); it imports when somebody first asks it for something.
+
 Each is as real as one that was started: it has its own number, signals, files, and end of the interpreter. What shows
 the start itself (imports, compiling, what is read from the environment by then) needs `subprocess`.
 
@@ -29,6 +31,8 @@ PIPE = subprocess.PIPE
 REQUEST_BYTES = 1 << 18
 NUMBER = struct.Struct("i")
 BARE = "bare"
+SHARED = "ISEL_TWIN_TESTS_TEMPLATE"
+"""Variable of the environment: the address (Linux, abstract) of the template of all workers."""
 PATIENCE_S = 900.0
 """Longest wait of a test for what must come, however busy the computer is: only what never comes takes that long."""
 
@@ -157,13 +161,33 @@ def _open(pipe: Any) -> bool:
 
 
 @functools.cache
+def share() -> socket.socket:
+    """Have the processes that are started from here on ask one template, which ends when this process does."""
+    name = f"isel-twin-tests-{os.getpid()}"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener:
+        listener.bind(f"\0{name}")
+        listener.listen()
+        os.environ[SHARED] = name
+        return _begin(listener.fileno())
+
+
+@functools.cache
 def _template(bare: bool) -> socket.socket:
-    """The line to the template, which ends when this process does."""
+    """The line to the template: the shared one, or one that ends when this process does."""
+    if bare or SHARED not in os.environ:
+        return _begin(*[BARE] * bare)
+    line = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    line.connect(f"\0{os.environ[SHARED]}")
+    return line
+
+
+def _begin(*how: object) -> socket.socket:
+    """The line to a new template. how: BARE, or the number of a file at which others ask."""
     mine, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with its:
-        root = Path(__file__).parents[1]
-        words = [sys.executable, "-m", "tests.forked", str(its.fileno()), *[BARE] * bare]
-        subprocess.Popen(words, cwd=root, pass_fds=[its.fileno()])
+        words = [sys.executable, "-m", "tests.forked", *map(str, (its.fileno(), *how))]
+        files = [its.fileno(), *[file for file in how if isinstance(file, int)]]
+        subprocess.Popen(words, cwd=Path(__file__).parents[1], pass_fds=files)
     return mine
 
 
@@ -173,24 +197,37 @@ def _template(bare: bool) -> socket.socket:
 fork, no_hang = getattr(os, "fork", None), getattr(os, "WNOHANG", 0)  # a bare template hides them from what it forks
 
 
-def _be_template(line: socket.socket, bare: bool) -> None:
-    """Fork for each request until nobody is left who could ask."""
+def _be_template(line: socket.socket, *how: str) -> None:
+    """Fork for each request until who has begun this one has gone."""
     assert fork is not None
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    bare = BARE in how
     if bare:
         from tests.bare import hide
 
         hide()
-    _import_everything(bare)
+    listeners = [socket.socket(fileno=int(file)) for file in how if not bare]
+    lines, ready = [line], False
     while True:
-        request, files, *_ = socket.recv_fds(line, REQUEST_BYTES, 4)
-        if not request:
-            return
-        if fork() == 0:
-            line.close()
-            _be_keeper(json.loads(request), files)
-        for file in files:
-            os.close(file)
+        for one in select.select([*lines, *listeners], [], [])[0]:
+            if one in listeners:
+                lines.append(one.accept()[0])
+                continue
+            request, files, *_ = socket.recv_fds(one, REQUEST_BYTES, 4)
+            if request and not ready:
+                _import_everything(bare)
+                ready = True
+            if request and fork() == 0:
+                for each in (*lines, *listeners):
+                    each.close()
+                _be_keeper(json.loads(request), files)
+            for file in files:
+                os.close(file)
+            if not request and one is line:
+                return
+            if not request:
+                lines.remove(one)
+                one.close()
         with contextlib.suppress(ChildProcessError):
             while os.waitpid(-1, no_hang)[0]:
                 pass
@@ -254,4 +291,4 @@ def _be_command(request: dict[str, Any], files: list[int]) -> NoReturn:
 
 
 if __name__ == "__main__":
-    _be_template(socket.socket(fileno=int(sys.argv[1])), BARE in sys.argv)
+    _be_template(socket.socket(fileno=int(sys.argv[1])), *sys.argv[2:])

@@ -25,14 +25,14 @@ sys.path.insert(0, sys.argv[1])
 import isel_twin.cli
 assert isel_twin.cli.__file__.startswith(sys.argv[1])
 try:
-    isel_twin.cli.main(["motor", "23HS32-4004S"])
+    isel_twin.cli.main(["decode", "@07"])
 except SystemExit as end:
     assert not end.code
 from isel_twin.motion import line, StepRun, constant
 run = StepRun(line((3, -2, 0, 0)), constant(3, 1000), 0)
 print(run.window(0, 3)[1].tolist())
 """
-"""Compiles a path and the bench of a motor: seconds, where a whole twin takes more."""
+"""Compiles what makes the steps of a path: a part of a second, where a whole twin takes many."""
 
 
 def test_without_any_folder_to_write_in_all_is_compiled_anew(tmp_path: Path) -> None:
@@ -52,7 +52,7 @@ def test_without_any_folder_to_write_in_all_is_compiled_anew(tmp_path: Path) -> 
         cwd=tmp_path, capture_output=True, text=True, check=False, timeout=PATIENCE_S,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("23HS32-4004S at 48 V")
+    assert "initialise: X Y Z\n" in done.stdout
     assert done.stdout.endswith("[[1, -1, 0, 0], [1, 0, 0, 0], [1, -1, 0, 0]]\n")
     assert done.stderr == (
         "isel-twin: no folder to keep compiled code in, so each start compiles it anew; name one by NUMBA_CACHE_DIR\n"
