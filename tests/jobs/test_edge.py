@@ -276,7 +276,7 @@ def test_each_edge_is_the_first_loss_of_three_seeds(monkeypatch: pytest.MonkeyPa
 def test_a_rotor_that_rests_halfway_has_lost_in_the_last_line(monkeypatch: pytest.MonkeyPatch) -> None:
     lines = parse_job(LONG.format(hz=8000), create_language("imc-s8"), "imc-s8")
     halfway = SimpleNamespace(verdict=SimpleNamespace(halfway=(False, True, False, False)))
-    monkeypatch.setattr(edge, "played", lambda *_: halfway)
+    monkeypatch.setattr(edge, "played", lambda *_, **__: halfway)
     assert edge.losers(TwinSpec(plant="kinematic"), lines, "speed", ("x",), 1.0, seed=0) == {"y": 4}
 
 

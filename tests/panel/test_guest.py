@@ -16,7 +16,6 @@ from websockets.exceptions import ConnectionClosed
 from isel_twin import Twin
 from isel_twin.bridge.operate.panel.frame import Asked
 from isel_twin.bridge.operate.panel.guest import FRAMES_PER_S, SAID_BYTES, Panel
-from isel_twin.bridge.operate.panel.site import BROWSERS, UNANSWERED
 from isel_twin.bridge.serve.pacing import Pacer
 from isel_twin.bridge.serve.server import Server
 from isel_twin.bridge.serve.tcp import TcpEndpoint, parse_address
@@ -139,6 +138,8 @@ def test_a_button_that_is_held_is_let_go_when_its_browser_goes(bench, browser):
 
 
 def test_more_browsers_than_there_is_room_for_are_told(bench, browser):
+    from isel_twin.bridge.operate.panel.site import BROWSERS
+
     here = bench()
     for _ in range(BROWSERS):
         browser(here)
@@ -147,6 +148,8 @@ def test_more_browsers_than_there_is_room_for_are_told(bench, browser):
 
 
 def test_who_asks_without_end_is_let_go_and_nobody_else(bench, browser):
+    from isel_twin.bridge.operate.panel.site import UNANSWERED
+
     here = bench()
     page, other = browser(here), browser(here)
 

@@ -1,6 +1,6 @@
 """A controller from outside with six axes, set points, binary frames and 8E1 needs no change in the package.
 
-It is installed by pip in a folder of its own, as a third party's would be, and reached by everything the package has.
+It is installed in a folder of its own, as a third party's would be, and reached by everything the package has.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     source, target = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("plugins")
     for name in ("card6.py", "pyproject.toml"):
         shutil.copy(HERE / name, source)
-    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-index", "--no-deps"]
-    subprocess.run([*pip, "--no-build-isolation", "--target", str(target), str(source)], check=True)
+    install = [sys.executable, "-m", "uv", "pip", "install", "--quiet", "--python", sys.executable, "--offline"]
+    subprocess.run([*install, "--no-deps", "--no-build-isolation", "--target", str(target), str(source)], check=True)
     return {**os.environ, "PYTHONPATH": str(target)}
 
 

@@ -173,7 +173,7 @@ def losers(
     twin = spec.with_(seed=seed).build()
     seen = _Losses(twin, axes)
     with quietly():
-        verdict = played(twin, changed, [seen.take], timeout_s, seen.stop).verdict
+        verdict = played(twin, changed, [seen.take], timeout_s, seen.stop, edges=False).verdict
     for name, halfway in zip(AXIS_NAMES, verdict.halfway, strict=False):
         if halfway:
             seen.lines.setdefault(name, lines[-1].number)

@@ -59,18 +59,20 @@ def played(
     timeout_s: float = TIMEOUT_S,
     stop: Stop | None = None,
     begins: Callable[[Line], object] | None = None,
+    edges: bool = True,
 ) -> Played:
     """Play a job, let the machine come to rest, and judge.
 
     watchers: called in order with the result of each line. timeout_s: as for `play`. stop: called whenever something
     has happened; True ends the job, which is then judged as interrupted unless it was over. begins: called with each
-    line before it is sent. Raises GivenUp if the caller has cancelled this work before the job was over.
+    line before it is sent. edges: as for `play`. Raises GivenUp if the caller has cancelled this work before the job
+    was over.
     """
 
     def ends() -> bool:
         return given_up() or (stop is not None and stop())
 
-    return followed(twin, lines, play(twin, lines, timeout_s, ends), watchers, stop, begins)
+    return followed(twin, lines, play(twin, lines, timeout_s, ends, edges=edges), watchers, stop, begins)
 
 
 def followed(
