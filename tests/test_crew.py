@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import platform
 import signal
@@ -12,6 +13,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from contextlib import closing, contextmanager, nullcontext
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +24,7 @@ from isel_twin.base.crew import (
     Lost,
     LostError,
     MismatchError,
+    Shared,
     cluster,
     finished,
     given_up,
@@ -45,12 +48,17 @@ class Fake(Executor):
     def __init__(self, wrong: dict[int, BaseException]) -> None:
         self.wrong = wrong
         self.made: list[int] = []
+        self.tasks: list[list[int]] = []
 
     def submit(self, function: Callable[..., Any], /, *items: Any, **_: Any) -> Future[Any]:
         future: Future[Any] = Future()
         if (error := self.wrong.pop(items[0], None)) is None:
-            self.made.append(items[0])
-            future.set_result(function(items[0]))
+            self.made.extend(items)
+            self.tasks.append(list(items))
+            try:
+                future.set_result(function(*items))
+            except ArithmeticError as error:
+                future.set_exception(error)
         elif isinstance(error, KeyError):
             future.cancel()
             future.set_running_or_notify_cancel()
@@ -103,6 +111,78 @@ def test_an_item_that_kills_its_workers_is_lost_and_the_others_are_not() -> None
     fake = Fake({11: KilledWorker("task died on 4 workers"), 13: KeyError()})
     found = dict(finished(double, ITEMS, crew(fake, [])))
     assert found == {0: 20, 1: Lost("task died on 4 workers"), 2: 24, 3: Lost("the cluster is gone"), 4: 28}
+
+
+# Shares of a cluster --------------------------------------------------------------------------------------------------
+
+
+def test_a_task_of_a_cluster_is_twice_what_the_last_one_did_and_at_most_a_part_of_what_is_left() -> None:
+    """Two places: two tasks for each are on their way, so that what is left is divided by four."""
+    fake = Fake({})
+    items = list(range(100, 140))
+    found = list(finished(double, items, Crew(lambda: nullcontext(Shared(fake, lambda: 2)))))
+    assert sorted(found) == [(index, 2 * item) for index, item in enumerate(items)]
+    assert list(chain.from_iterable(fake.tasks)) == items, "in order, each once"
+    sizes = [len(task) for task in fake.tasks]
+    assert sizes[:4] == [1, 1, 1, 1], "nothing is known of them yet"
+    left = 40
+    for size, before in zip(sizes, [1, *sizes], strict=False):
+        assert size <= max(2 * before, 1)
+        assert size <= math.ceil(left / 4)
+        left -= size
+    assert max(sizes) == 4
+
+
+def test_what_a_worker_did_not_come_to_in_its_time_is_done_by_another_task(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without any time it makes one item of each task."""
+    monkeypatch.setattr("isel_twin.base.crew.TASK_S", -1.0)
+    made: list[int] = []
+
+    def function(item: int) -> int:
+        made.append(item)
+        return 2 * item
+
+    found = list(finished(function, ITEMS * 4, Crew(lambda: nullcontext(Shared(Fake({}), lambda: 1)))))
+    assert sorted(found) == [(index, 2 * item) for index, item in enumerate(ITEMS * 4)]
+    assert sorted(made) == sorted(ITEMS * 4), "and nothing twice"
+
+
+def test_one_item_of_a_task_that_kills_its_workers_is_lost_alone() -> None:
+    """Tasks of several items that die are done again item by item; who dies alone is to blame."""
+
+    class Poisoned(Fake):
+        def submit(self, function: Callable[..., Any], /, *items: Any, **_: Any) -> Future[Any]:
+            future = super().submit(function, *items)
+            if 117 in items:
+                future = Future()
+                future.set_exception(KilledWorker("task died on 4 workers"))
+            return future
+
+    fake = Poisoned({})
+    items = list(range(100, 140))
+    found = list(finished(double, items, Crew(lambda: nullcontext(Shared(fake, lambda: 2)))))
+    assert any(len(task) > 1 and 117 in task for task in fake.tasks), "it went in company"
+    assert [117] in fake.tasks
+    assert dict(found) == {
+        k: 2 * item if item != 117 else Lost("task died on 4 workers") for k, item in enumerate(items)
+    }
+    assert len(found) == len(items)
+
+
+def test_an_error_amid_a_task_comes_after_the_results_before_it() -> None:
+    items = [*range(1, 21), 0, *range(22, 62)]
+    found: list[tuple[int, float]] = []
+    fake = Fake({})
+    with pytest.raises(ZeroDivisionError):
+        found.extend(finished(inverse, items, Crew(lambda: nullcontext(Shared(fake, lambda: 1)))))
+    before = next(task for task in fake.tasks if 0 in task[1:])
+    assert before[0] != 0
+    assert {item - 1 for item in before[: before.index(0)]} <= {index for index, _ in found}
+    assert any(task[0] == 0 for task in fake.tasks), "and it was asked for once more, by itself or at the head"
+
+
+def inverse(item: int) -> float:
+    return 1.0 / item
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,8 @@
 
 Target (docs/performance.md): two workers do at least 1.8 times the work of one process. By the clock that needs two
 cores with nothing else to do; in CPU time, which other work leaves alone, caller, scheduler and workers together spend
-at most 2 / 1.8 of what one process does. Each side makes rows whose motors no row before has had.
+at most 2 / 1.8 of what one process does. Each side makes rows whose motors no row before has had. Scheduler and workers
+are started as docs/sweeps.md says.
 """
 
 from __future__ import annotations
@@ -23,6 +24,12 @@ from isel_twin.many.studies.row import Point, Work, compute
 
 JOB = "@07\n@0R7\n" + "@0A19200,12000,0,30,0,30,0,30\n@0A-19200,12000,0,30,0,30,0,30\n" * 4
 PLAN = '[sweep]\njob = "job.txt"\nstart_mm = [2, 2, 2]\nseeds = 66\nperturbed = true\n'
+QUIET = {  # docs/sweeps.md
+    "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False",
+    "DASK_DISTRIBUTED__ADMIN__TICK__INTERVAL": "500ms",
+    "MALLOC_TRIM_THRESHOLD_": "268435456",
+    "MALLOC_MMAP_THRESHOLD_": "33554432",
+}
 WARM = 6  # rows that each process makes before
 
 
@@ -33,8 +40,13 @@ def spent_s() -> float:
 
 
 @pytest.mark.benchmark(group="cluster")
-def test_two_workers_beside_one_process(benchmark: Any, tmp_path: Path) -> None:
+def test_two_workers_beside_one_process(benchmark: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import dask
     from distributed import LocalCluster
+
+    for name, value in QUIET.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr(dask.config, "config", dask.config.collect())
 
     (tmp_path / "job.txt").write_text(JOB)
     (tmp_path / "plan.toml").write_text(PLAN)
@@ -49,8 +61,8 @@ def test_two_workers_beside_one_process(benchmark: Any, tmp_path: Path) -> None:
 
     made(here(), rows[:WARM])
     with (
-        LocalCluster(n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None) as dask,
-        cluster(dask.scheduler_address) as remote,
+        LocalCluster(n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None) as two,
+        cluster(two.scheduler_address) as remote,
     ):
         made(remote, rows[WARM : 2 * WARM])
         alone_s, alone_cpu_s = made(here(), rows[2 * WARM : 2 * WARM + half])

@@ -4,7 +4,8 @@
                                          |
     (index, result) <-- as they come ----'        if a worker dies, what it was computing is computed again
 
-An item's result depends on the item alone, and each item gives one result.
+An item's result depends on the item alone, and each item gives one result. A task is one item, on a cluster as many as
+a worker does in TASK_S: each task costs caller, scheduler and worker some milliseconds (many/27).
 
 Local workers
 - are forked on Linux, from a server process that has imported everything and has no other Python thread; elsewhere each
@@ -20,6 +21,7 @@ from __future__ import annotations
 import functools
 import importlib.metadata
 import logging
+import math
 import multiprocessing
 import os
 import platform
@@ -27,12 +29,13 @@ import re
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Generator, Iterator, MutableSequence, Sequence
 from concurrent import futures
 from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext
 from dataclasses import dataclass
-from itertools import count
+from itertools import chain, count
 from typing import Any, TypeVar
 
 from isel_twin.base.errors import CallError, one_line
@@ -48,6 +51,7 @@ _ADDRESS = re.compile(r"(tcp|tls|ws|wss|ucx)://[^\s/]+:\d+")
 
 POLL_S = 0.1  # between two questions whether to stop, while waiting for results
 TRIES = 3  # times in a row that all workers may die before any result has come
+TASK_S = 1.0  # from which on a task for a cluster begins no further item
 CALLS = 256  # calls of `finished` that can be told apart when one is given up
 
 
@@ -87,9 +91,9 @@ class Crew:
         flags: MutableSequence[int] | None = None,
         far: str = "",
     ) -> None:
-        """begin: makes the executor, and another one after its workers have died; None: compute here. ahead: items
-        submitted at a time. flags [CALLS]: shared with the workers; 1: that call of `finished` is given up. far: name
-        of a crew whose workers may have other versions."""
+        """begin: makes the executor, and another one after its workers have died; None: compute here. ahead: tasks
+        submitted at a time, where the executor is not `Shared`. flags [CALLS]: shared with the workers; 1: that call of
+        `finished` is given up. far: name of a crew whose workers may have other versions."""
         self._begin = begin
         self.ahead = ahead
         self.far = far
@@ -120,6 +124,26 @@ class Crew:
         self._open.close()
 
 
+class Shared(Executor):
+    """An executor whose tasks are shares: several items each."""
+
+    def __init__(self, executor: Executor, places: Callable[[], int]) -> None:
+        """places: how many tasks its workers do at a time; they may come and go, and it is asked once a second at
+        most."""
+        self._executor, self._ask = executor, places
+        self._places, self._asked_s = 0, -math.inf
+
+    def submit(self, function: Callable[..., Any], /, *items: Any, **named: Any) -> Future[Any]:
+        return self._executor.submit(function, *items, **named)
+
+    @property
+    def places(self) -> int:
+        """At least 1."""
+        if (now_s := time.monotonic()) - self._asked_s > 1.0:
+            self._places, self._asked_s = self._ask(), now_s
+        return max(1, self._places)
+
+
 def here(executor: Executor | None = None) -> Crew:
     """Work on an executor that is already open; None: in this process, one item after the other."""
     flags = bytearray(CALLS) if isinstance(executor, futures.ThreadPoolExecutor) else None
@@ -144,7 +168,7 @@ def cluster(address: str) -> Crew:
         import distributed  # noqa: F401
     except ImportError:
         raise CallError("cluster needs distributed: pip install 'isel-twin[cluster]'", option=True) from None
-    return Crew(lambda: _dask(address), 256, far=f"cluster {address}")
+    return Crew(lambda: _dask(address), far=f"cluster {address}")
 
 
 def finished(
@@ -158,8 +182,8 @@ def finished(
     """
     to_do = list(range(len(items)))[::-1]
     slot = next(crew._calls) % CALLS
-    pending: dict[Future[Result], int] = {}
-    deaths = 0
+    pending: dict[Future[list[Result]], list[int]] = {}
+    deaths, most = 0, 1
     with crew:
         try:
             while to_do or pending:
@@ -169,18 +193,18 @@ def finished(
                 if executor is None:
                     index = to_do.pop()
                     with _asking(stop):
-                        result: Result | Lost = function(items[index])
+                        result = function(items[index])
                     yield index, result
                     continue
-                broken = not _submit(executor, function, items, to_do, pending, crew, slot)
+                broken = not _submit(executor, function, items, to_do, pending, crew, slot, most)
                 for future in (
                     () if broken else futures.wait(pending, POLL_S if stop else None, futures.FIRST_COMPLETED).done
                 ):
-                    index = pending.pop(future)
+                    share = pending.pop(future)
                     try:
-                        result = _result(future)
+                        made = _result(future)
                     except BrokenExecutor:
-                        to_do.append(index)
+                        to_do += share[::-1]
                         broken = True
                         continue
                     except Exception as error:
@@ -188,14 +212,21 @@ def finished(
                             raise CallError(f"{crew.far}: {why}") from error
                         raise
                     deaths = 0
-                    yield index, result
+                    if isinstance(made, Lost) and len(share) > 1:  # one of them is to blame: each by itself from now on
+                        most, made = 0, []
+                    elif isinstance(made, Lost):
+                        made = [made]
+                    else:
+                        most = min(most, 1) * 2 * len(made)
+                    to_do += share[len(made) :][::-1]
+                    yield from zip(share, made, strict=False)
                 if broken:
                     deaths += 1
                     if deaths == TRIES:
                         raise CallError(
                             f"processes died {TRIES} times in a row, by somebody or for want of memory; take fewer"
                         )
-                    to_do = sorted([*to_do, *pending.values()], reverse=True)
+                    to_do = sorted([*to_do, *chain.from_iterable(pending.values())], reverse=True)
                     pending.clear()
                     crew._end()
         except GivenUp:
@@ -228,30 +259,35 @@ def _submit(
     function: Callable[[Item], Result],
     items: Sequence[Item],
     to_do: list[int],
-    pending: dict[Future[Result], int],
+    pending: dict[Future[list[Result]], list[int]],
     crew: Crew,
     slot: int,
+    most: int,
 ) -> bool:
-    """Fill the executor's queue; return False if it refused an item."""
-    work: Callable[[Item], Result] = function
+    """Fill the executor's queue; return False if it refused an item. most: items in a share."""
+    work: Callable[..., list[Result]] = functools.partial(_share, function)
     if crew._flags is not None:
         crew._flags[slot] = 0
         shared = crew._flags if isinstance(crew._flags, bytearray) else None
-        work = functools.partial(_work, function, shared, slot)
+        work = functools.partial(_work, work, shared, slot)
     elif crew.far:
-        work = functools.partial(_alike, function, versions())
-    while to_do and len(pending) < crew.ahead:
+        work = functools.partial(_alike, work, versions())
+    ahead = 2 * executor.places if isinstance(executor, Shared) else crew.ahead
+    while to_do and len(pending) < ahead:
+        size = min(most, math.ceil(len(to_do) / ahead)) if isinstance(executor, Shared) else 1
+        share = to_do[: -1 - max(1, size) : -1]
         try:
-            future = executor.submit(work, items[to_do[-1]])
+            future = executor.submit(work, *(items[index] for index in share))
         except BrokenExecutor:
             return False
-        pending[future] = to_do.pop()
+        pending[future] = share
+        del to_do[-len(share) :]
     return True
 
 
-def _result(future: Future[Result]) -> Result | Lost:
+def _result(future: Future[list[Result]]) -> list[Result | Lost] | Lost:
     try:
-        return future.result()
+        return [*future.result()]
     except futures.CancelledError:
         return Lost("the cluster is gone")
     except Exception as error:
@@ -290,20 +326,37 @@ def _asking(stop: Stop | None) -> Iterator[None]:
         _asked.stop = before
 
 
-def _work(function: Callable[[Item], Result], shared: Sequence[int] | None, slot: int, item: Item) -> Result:
+def _share(function: Callable[[Item], Result], *items: Item) -> list[Result]:
+    """Results of the first of these items, in a worker: of no further one after TASK_S, or from one on that raises an
+    error, which is raised where it is the first."""
+    began_s = time.monotonic()
+    made: list[Result] = []
+    for item in items:
+        if made and time.monotonic() - began_s > TASK_S:
+            break
+        try:
+            made.append(function(item))
+        except Exception:
+            if not made:
+                raise
+            break
+    return made
+
+
+def _work(function: Callable[..., list[Result]], shared: Sequence[int] | None, slot: int, *items: Any) -> list[Result]:
     """The function's result, in a worker. shared: flags, where workers are threads; None: use those of the process."""
     flags = _flags if shared is None else shared
     with _asking(lambda: bool(flags[slot])):
-        return function(item)
+        return function(*items)
 
 
-def _alike(function: Callable[[Item], Result], asked: dict[str, str], item: Item) -> Result:
+def _alike(function: Callable[..., list[Result]], asked: dict[str, str], *items: Any) -> list[Result]:
     """The function's result, in a worker of a cluster. Raises MismatchError if it is another worker than asked for."""
     here = versions()
     other = [f"{name} {here[name]} instead of {version}" for name, version in asked.items() if here[name] != version]
     if other:
         raise MismatchError(f"a worker on {platform.node()} has {', '.join(other)}: install the same there")
-    return function(item)
+    return function(*items)
 
 
 @contextmanager
@@ -366,7 +419,7 @@ def _dask(address: str) -> Iterator[Executor]:
         if not client.ncores():
             log.warning("%s: the cluster has no workers yet", address)
         executor = client.get_executor(pure=False)
-        yield executor
+        yield Shared(executor, lambda: sum(client.nthreads().values()))
         executor.shutdown(wait=False)
 
 
