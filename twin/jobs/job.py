@@ -80,7 +80,9 @@ class Line:
 
 
 def decode_job(data: bytes) -> str:
-    """Text of a job file. Raises JobError for UTF-16 and binary data."""
+    """Text of a job file, without the Ctrl-Z that old systems end a text with. Raises JobError for UTF-16 and binary
+    data."""
+    data = data.rstrip(b"\x1a")
     if b"\0" in data or data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         raise JobError("is UTF-16 or no text at all; save it as UTF-8, and write a byte 0 in a command as <0>")
     try:
