@@ -291,7 +291,8 @@ def test_a_job_from_standard_input_is_repeated_as_a_file_is(tmp_path: Path) -> N
     from_file, from_input = (forked.run("run", job, *words, input=SOUND, cwd=tmp_path) for job in ("job.txt", "-"))
     assert (from_file.returncode, from_file.stderr) == (from_input.returncode, from_input.stderr) == (0, "")
     assert from_file.stdout == from_input.stdout
-    assert json.loads(from_input.stdout.splitlines()[-1])["robust"]["of"] == 2
+    summary, *_, last = (told for line in from_input.stdout.splitlines() if "number" not in (told := json.loads(line)))
+    assert (summary["summary"], last["summary"], last["robust"]["of"]) == (True, True, 2)
 
 
 def test_a_scenario_happens_in_each_repetition(run: Any, tmp_path: Path) -> None:

@@ -24,6 +24,13 @@ def test_a_twin_cannot_be_copied(duplicate: Any, plant: str) -> None:
     assert twin.query("@07") == "0"
 
 
+@pytest.mark.parametrize("seed", [None, -1, 1.5, "a"], ids=repr)
+def test_a_seed_that_is_no_whole_number_is_refused(seed: Any) -> None:
+    """None would leave the power-on position to this very run."""
+    with pytest.raises(ValueError, match=r"seed .*: must be a whole number from 0"):
+        Twin(plant="kinematic", seed=seed)
+
+
 @pytest.mark.parametrize("data", ["@07\r", 7, None, [64, 48]], ids=repr)
 def test_what_is_written_must_be_bytes(data: Any) -> None:
     twin = Twin(plant="kinematic")

@@ -74,6 +74,12 @@ def test_only_line_ends_split_a_file(encoding, end):
     assert [(line.number, line.sent) for line in parsed(decode_job(data))] == [(2, b"@07\r"), (4, b"@0P\r")]
 
 
+def test_ctrl_z_ends_a_file_of_old_systems_and_nothing_before_it():
+    """At the end it is padding; within a file it is sent, and refused, so that no line behind it is left out unsaid."""
+    assert [line.sent for line in parsed(decode_job(b"@07\r\n@0P\r\n\x1a\x1a"))] == [b"@07\r", b"@0P\r"]
+    assert [line.sent for line in parsed(decode_job(b"@07\n\x1a\n@0P\n"))] == [b"@07\r", b"\x1a\r", b"@0P\r"]
+
+
 @pytest.mark.parametrize("control", ["\x0b", "\x0c", "\x1c", "\x1d", "\x1e", "\x85", "\u2028", "\xa0"])
 def test_no_other_character_ends_a_comment(control):
     assert parsed(f"# one{control}@0R7") == []

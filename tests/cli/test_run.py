@@ -19,6 +19,7 @@ import unknown
 
 from isel_twin.base.units import SECOND_NS
 from isel_twin.cli import main
+from isel_twin.cli import options as common
 from isel_twin.core.twin import Twin
 from tests.forked import PATIENCE_S, PIPE, run, start, start_anew
 from tests.in_process import isel_twin
@@ -82,6 +83,14 @@ def test_nor_to_the_file_behind_standard_output(tmp_path: Path) -> None:
         done = run("run", "job.txt", "--plant", "kinematic", "--vcd", "/dev/stdout", stdout=stdout, cwd=tmp_path)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "standard output" in done.stderr
+
+
+def test_a_stream_into_a_place_nobody_can_look_at_is_well(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """The output of `sudo -u other isel-twin run ... > report` lies where the other user may not go. Root may go
+    anywhere, so the place here is one whose name is too long for any user."""
+    monkeypatch.setattr(common, "STREAMS", {"x" * 300: "standard output"})
+    common.check_writable(tmp_path / "steps.npz")
+    assert not (tmp_path / "steps.npz").exists()
 
 
 def test_a_pipe_is_written_to(tmp_path: Path) -> None:

@@ -214,6 +214,26 @@ def test_a_move_that_another_axis_times_is_remarked(capsys: pytest.CaptureFixtur
     assert f"warning odd        line 4: {said}" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    "lines",
+    [
+        ["@0M3000,5000,0,30,2000,100,0,30"],  # X is over after 0.6 s, then Z takes its 20 s (2.2.2)
+        ["@0A160,800,0,30,4000,400,-4000,400"],  # Z goes down and comes back
+        ["@0J1", "@0A30000,40000,0,30,0,30,0,30"],  # a slow ramp
+        ["@0M9600,4000,9600,4000,0,30,0,30", "@0f-1", "@0w25600,2000,-1600,3200,0,-1,1,200"],  # a helix of one turn
+    ],
+    ids=["2.5D", "down and up", "ramp", "helix"],
+)
+def test_a_move_that_is_made_as_it_is_written_is_not_remarked(lines: list[str]) -> None:
+    assert run("\n".join(["@07", "@0N7", *lines]), "", plant="kinematic")[1].verdict.odd == ()
+
+
+def test_moves_that_are_joined_in_one_line_are_not_remarked() -> None:
+    """5.5 mm of Z are over after 0.6 s; the rest of the line is the way of X, there and back."""
+    lines = ["M50000", "f10000 | 84h 5500 | H2 | 81h 90000 | H2 | 81h 0 | H2"]
+    assert run("\n".join(["Q4;1", "Q3;1", *lines]), "", "gmi99", "kinematic", "4030-servo")[1].verdict.odd == ()
+
+
 def test_a_block_that_crawls_is_remarked() -> None:
     slow = PROGRAM.replace("N30", "N25 G1 X31 F0.5\nN27 G0 X5\nN30")
     odd = run(slow, "", "bwo900", "kinematic", "4030-servo")[1].verdict.odd

@@ -134,7 +134,8 @@ def check_writable(*paths: Path | None, kept: Sequence[Path | None] = ()) -> Non
         return Path(os.path.realpath(path))  # of links in a circle, too, which can be neither read nor written
 
     taken = {real(path) for path in kept if path is not None}
-    streams = {file: name for stream, name in STREAMS.items() if (file := real(Path(stream))).is_file()}
+    # the file of a stream may lie where this user cannot look
+    streams = {real(Path(stream)): name for stream, name in STREAMS.items() if os.path.isfile(stream)}
     for path in paths:
         if path is None:
             continue

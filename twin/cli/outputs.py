@@ -187,8 +187,8 @@ class JsonOutput:
         }
 
     def verdict(self, verdict: Verdict, call: Mapping[str, Any]) -> None:
-        self._last = {**verdict.summary(), **call, **self._source}
-        say_json({"summary": True, **self._last})
+        self._last = {"summary": True, **verdict.summary(), **call, **self._source}
+        say_json(self._last)
 
     def edge(self, edges: Sequence[Edge]) -> None:
         from isel_twin.jobs.edge import told

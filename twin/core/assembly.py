@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from numbers import Integral
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -92,7 +93,9 @@ def build_plant(
 
 def chances(seed: int) -> tuple[np.random.Generator, ...]:
     """What is left to chance in a twin, each with a generator of its own: power-on positions, trip points of switches,
-    bounces, noise."""
+    bounces, noise. Raises ValueError for what would leave it to this very run."""
+    if not isinstance(seed, Integral) or seed < 0:
+        raise ValueError(f"seed {seed!r}: must be a whole number from 0")
     return tuple(np.random.default_rng(one) for one in np.random.SeedSequence(seed).spawn(4))
 
 

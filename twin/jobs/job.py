@@ -41,6 +41,7 @@ _CONDITION = re.compile(r"[ \t]*(!)(?=[ \t]|$)")
 _ITEM = re.compile(r"[ \t]*<([^<>]*)>[ \t]*")
 _BYTE = re.compile(r"0*([0-9]{1,3})")
 _PAUSE = re.compile(r"([0-9]+(?:\.[0-9]*)?|\.[0-9]+)[ \t]*s")
+_END = "\x1a"  # of a text, where old systems write one
 
 
 class JobError(ValueError):
@@ -80,13 +81,15 @@ class Line:
 
 
 def decode_job(data: bytes) -> str:
-    """Text of a job file. Raises JobError for UTF-16 and binary data."""
+    """Text of a job file, without the Ctrl-Z that old systems end a text with. Raises JobError for UTF-16 and binary
+    data."""
     if b"\0" in data or data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         raise JobError("is UTF-16 or no text at all; save it as UTF-8, and write a byte 0 in a command as <0>")
     try:
-        return data.decode("utf-8-sig")
+        text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
-        return data.decode("latin-1")
+        text = data.decode("latin-1")
+    return text.rstrip(_END)
 
 
 def parse_job(text: str, language: Language | None, controller: str) -> list[Line]:

@@ -1,4 +1,4 @@
-"""Legal but absurd lines of a job: moves that crawl. They are reported and do not make a job fail.
+"""Legal but absurd lines of a job: straight moves that crawl. They are reported and do not make a job fail.
 
 @0z1  @0M12,30,16000,900,0,30,0,30      three axes together: the speed written for X is that of the longest way, so Y
                                         makes 16 000 steps at 30 a second and not at 900
@@ -14,10 +14,11 @@ from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.base.units import SECOND_NS
 from isel_twin.controller import offers
 from isel_twin.jobs.result import Result
-from isel_twin.language import Language, RetimesJobs
+from isel_twin.language import JobMove, Language, RetimesJobs
 
 LONG_S = 5.0  # shorter moves are not reported
-SLOWER = 5.0  # factor to the speed of its line: another axis determines the time
+SLOWER = 5.0  # factor to the time of its ways at the speeds of its line: another axis determines the time
+NEAR = 1.01  # factor to the speed of that axis, which ramps only make slower
 CRAWLS = 1000.0  # factor to the possible speed
 
 
@@ -36,7 +37,9 @@ def _of_moves(results: Sequence[Result], language: RetimesJobs) -> Iterator[tupl
     moves = language.job_moves([result.command for result in commands])
     stored = {move.line for move in moves if commands[move.line].end_ns == commands[move.line].time_ns}
     for move in moves:
-        if move.line == 0 or stored:  # an interface that carries out several moves at once: none of them has a time
+        if move.line == 0 or not move.straight:
+            continue
+        if stored:  # an interface that carries out several moves at once: none of them has a time
             continue
         before, result = commands[move.line - 1], commands[move.line]
         took_s = (result.end_ns - result.time_ns) / SECOND_NS
@@ -46,11 +49,21 @@ def _of_moves(results: Sequence[Result], language: RetimesJobs) -> Iterator[tupl
             continue
         mean_hz = ways[lead] / took_s
         made = f"{AXIS_NAMES[lead].upper()} makes {ways[lead]} steps in {took_s:.0f} s, {mean_hz:.3g} a second"
-        asked_hz = move.speeds_hz[lead] if lead < len(move.speeds_hz) else 0
-        if mean_hz * SLOWER < asked_hz:
-            yield result.number, f"{made}, where {asked_hz} are written: another axis times this move"
+        if _another_times(move, ways, lead, took_s):
+            yield result.number, f"{made}, where {move.speeds_hz[lead]} are written: another axis times this move"
         elif mean_hz * CRAWLS < fastest_hz:
             yield result.number, f"{made}; the controller can make {fastest_hz}"
+
+
+def _another_times(move: JobMove, ways: Sequence[int], lead: int, took_s: float) -> bool:
+    """Does the speed written for another axis determine the time, and not that of the longest way? Axes that go one
+    after the other take the sum of their times; what slow ramps take is no other axis' doing."""
+    if lead >= len(move.speeds_hz):
+        return False
+    asked_s = sum(way / speed for way, speed in zip(ways, move.speeds_hz, strict=False) if way and speed)
+    others = [speed for axis, speed in enumerate(move.speeds_hz) if axis != lead]
+    mean_hz = ways[lead] / took_s
+    return took_s > SLOWER * asked_s and any(mean_hz <= NEAR * speed < move.speeds_hz[lead] for speed in others)
 
 
 def _of_blocks(result: Result) -> Iterator[str]:

@@ -23,6 +23,7 @@ class JobMove:
     # of its ramps, by the lines alone, which do not show changed defaults of the controller
     acceleration_hz_per_ms: int
     start_stop_hz: int
+    straight: bool = True  # one straight move: what it makes is the difference of the counters before and after it
 
 
 class RetimesJobs(Language, Protocol):

@@ -23,8 +23,8 @@ def retimed(lines: list[str], rapid_hz: int = 20_000) -> list[str]:
 
 def test_a_program_is_one_motion_at_its_first_block() -> None:
     """2400 mm/min are 40 mm/s; as delivered 6000 mm/min, in 250 ms (8.7)."""
-    assert LANGUAGE.job_moves(PROGRAM) == [JobMove(1, (40_000,), 400, 0)]
-    assert LANGUAGE.job_moves(["N1 G0 X5 P12208=500"]) == [JobMove(0, (100_000,), 200, 0)]
+    assert LANGUAGE.job_moves(PROGRAM) == [JobMove(1, (40_000,), 400, 0, straight=False)]
+    assert LANGUAGE.job_moves(["N1 G0 X5 P12208=500"]) == [JobMove(0, (100_000,), 200, 0, straight=False)]
     assert LANGUAGE.job_moves(["Z5", "N1 G1 X5", "#", "P2", "; a remark", "N1 G0 X9", "#"])[0].line == 5
     assert LANGUAGE.job_moves(["P1", "#", "D", "K1:P8816: 500"]) == []
 

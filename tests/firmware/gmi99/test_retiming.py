@@ -72,7 +72,7 @@ def test_reset_and_bytes_forget_what_was_set() -> None:
 
 def test_recorded_programs_and_limits_of_single_axes_stay() -> None:
     lines = ["M40000", "B100", "M30000;2", "p3;100;0", "f40000", "M50000", "84h 9", "p3;101", "p3;1;0"]
-    assert LANGUAGE.job_moves(lines) == [JobMove(8, (), 100, 0)]
+    assert LANGUAGE.job_moves(lines) == [JobMove(8, (), 100, 0, straight=False)]
     assert retimed(lines) == ["M90000", "B250", *lines[2:]]
 
 

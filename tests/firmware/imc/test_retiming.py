@@ -34,7 +34,7 @@ def test_moves_are_found_with_the_ramps_they_are_made_with() -> None:
     assert list(language().job_moves(lines)) == [
         JobMove(2, (9000, 30, 30, 30), 100, 300),
         JobMove(5, (30, 1500), 250, 300),
-        JobMove(6, (), 250, 300),
+        JobMove(6, (), 250, 300, straight=False),
     ]
 
 

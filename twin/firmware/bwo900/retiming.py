@@ -44,7 +44,8 @@ def job_moves(lines: Sequence[str]) -> list[JobMove]:
     speeds = [float(each) for line in lines for each in _found(_RAPID, line)]
     ramps_ms = [float(each) for line in lines for each in _found(_RAMP, line)]
     speed_hz = round(min(max(speeds) / MM_MIN, RAPID_HZ)) if speeds else round(RAPID_HZ)
-    return [JobMove(first, (speed_hz,), max(1, round(RAPID_HZ / max(ramps_ms, default=RAMP_MS))), 0)]
+    acceleration = max(1, round(RAPID_HZ / max(ramps_ms, default=RAMP_MS)))
+    return [JobMove(first, (speed_hz,), acceleration, 0, straight=False)]
 
 
 def retimed(lines: Sequence[str], settings: Mapping[int, MoveSettings], rapid_hz: int) -> list[list[str]]:

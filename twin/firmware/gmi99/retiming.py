@@ -55,7 +55,8 @@ class _Row:
 
 def job_moves(lines: Sequence[str]) -> list[JobMove]:
     """The lines that move; a card as it was delivered at the beginning."""
-    return [JobMove(n, row.speeds_hz, row.acceleration, 0) for n, row in enumerate(_rows(lines)) if row.moves]
+    rows = ((number, row) for number, row in enumerate(_rows(lines)) if row.moves)
+    return [JobMove(n, row.speeds_hz, row.acceleration, 0, straight=len(row.feeds_hz) == 1) for n, row in rows]
 
 
 def retimed(lines: Sequence[str], settings: Mapping[int, MoveSettings], rapid_hz: int) -> list[list[str]]:

@@ -24,6 +24,8 @@ RAMPS: Mapping[str, str] = {"j": "start_stop_hz", "J": "acceleration_hz_per_ms"}
 STRAIGHT = frozenset("AM")  # moves with pairs of steps and speed (2.2.2, 2.2.18)
 # motions with fixed speed: arcs, helices, until a port, stored programs (2.2.23, 2.2.27, 2.2.28, 2.2.30)
 OTHER_MOTIONS = frozenset("ywZS")
+OTHER_WAYS = frozenset("ywS")  # which may end where they began
+SECOND_Z = slice(6, 7)  # its steps among the values of a move
 SPEED_HZ = (30, 40_000)  # that some profile takes
 PAUSES = re.compile(r"(<[^<>]*s>\s*)+")  # lines that send nothing
 FORGETTING = frozenset(("IJ", "Ij", "IL", "IX"))  # commands after which other ramps may be in force
@@ -42,6 +44,11 @@ class _Told:
     def moves(self) -> bool:
         return self.code in STRAIGHT or self.code in OTHER_MOTIONS
 
+    @property
+    def straight(self) -> bool:
+        """Can its way be told from where it ends? Not if Z goes and comes back (2.2.2)."""
+        return self.code not in OTHER_WAYS and not (self.code == "A" and any(self.values[SECOND_Z]))
+
 
 def job_moves(lines: Sequence[str], defaults: Mapping[str, int]) -> list[JobMove]:
     """The motions with ramps; `defaults` are in force at the beginning."""
@@ -52,7 +59,8 @@ def job_moves(lines: Sequence[str], defaults: Mapping[str, int]) -> list[JobMove
             in_force[RAMPS[told.code]] = told.values[0]
         elif told.moves:
             speeds_hz = told.values[1::2] if told.code in STRAIGHT else ()
-            found.append(JobMove(number, speeds_hz, in_force["acceleration_hz_per_ms"], in_force["start_stop_hz"]))
+            ramps = in_force["acceleration_hz_per_ms"], in_force["start_stop_hz"]
+            found.append(JobMove(number, speeds_hz, *ramps, straight=told.straight))
     return found
 
 

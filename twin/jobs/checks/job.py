@@ -28,7 +28,7 @@ from isel_twin.jobs.golden import Golden, Scribe, called, differences, golden_fi
 from isel_twin.jobs.job import Line
 from isel_twin.jobs.playing import Played, played
 from isel_twin.jobs.result import Result
-from isel_twin.jobs.verdict import Verdict, lost
+from isel_twin.jobs.verdict import Verdict, lost, whole_slips
 from isel_twin.jobs.why import RESTARTED
 
 if TYPE_CHECKING:
@@ -228,8 +228,9 @@ class Inspection:
         self._findings += of_margin(result, bounds)
         self._findings += of_edge(result, bounds)
         now = lost(twin.lost_steps, twin.slip_steps) & twin.idle
+        gone = np.copysign(whole_slips(twin.lost_steps, twin.slip_steps), twin.lost_steps)
         self._findings += [
-            Finding("lost", f"{AXIS_NAMES[i]} has lost {twin.lost_steps[i]:.0f} steps", result.number, result.end_ns)
+            Finding("lost", f"{AXIS_NAMES[i]} has lost {gone[i]:.0f} steps", result.number, result.end_ns)
             for i in np.flatnonzero(now & ~self._gone)
         ]
         self._gone |= now
