@@ -112,6 +112,7 @@ class Wiring:
         self._outputs: dict[str, int] = {}
         self._shown: Mapping[str, bool] = {}
         self._drives_told = False  # an output that drives follow has changed since the cabinet settled
+        self._stirred = False  # the power of the drives may have changed since `settle` was called
         self._signals: Mapping[str, bool] = {}  # the cabinet's contacts at the last update of the terminals
         self._active = plant.trips()
         self._feeler = machine.feeler
@@ -146,6 +147,7 @@ class Wiring:
 
     def settle(self, t_ns: int) -> bool:
         """Do what is due at t_ns, the present; return whether levels may have changed."""
+        self._stirred = False
         if self._follow_plant(t_ns) or (self._spindle is not None and self._follow_spindle(t_ns)):
             return True
         if self._heat.next_ns is not None and self._heat.next_ns <= t_ns:
@@ -159,6 +161,12 @@ class Wiring:
                 self.on_event(event)
             self.carry_out(event, t_ns)
         return event is not None
+
+    @property
+    def stirred(self) -> bool:
+        """True if `settle` may have something to do once more at the same instant, because of what the controller has
+        done since."""
+        return self._stirred or self._spindle is not None or self._schedule.conditional
 
     # Operation
 
@@ -241,9 +249,10 @@ class Wiring:
         self._schedule.collided(first, second)
 
     def output(self, name: str, value: int) -> None:
-        """Take the new level of a controller output. Call `outputs_changed` after all those of an instant."""
+        """Take the new level of a controller output. Call `follow_controller` after all those of an instant."""
         if name == "drive_reset" and value and not self._outputs.get(name):
             self.plant.reset_drives()
+            self._stirred = True
         self._outputs[name] = value
         self._drives_told |= name in ("stages", "brake", "current_lowering")
         self._cabinet.output(name, value)
@@ -256,13 +265,14 @@ class Wiring:
             self.output(name, OUTPUTS.get(name, 0))
         self._settle_cabinet()
 
-    def outputs_changed(self) -> None:
-        """Apply the outputs to contacts and drives."""
-        self._settle_if_changed()
-
     def motion(self, moving: bool) -> None:
+        """Take the begin or end of a motion. Call `follow_controller` after all that happens at the same instant."""
         self._cabinet.motion(moving)
-        self._settle_if_changed()
+
+    def follow_controller(self) -> None:
+        """Apply outputs and motion to contacts and drives, if any of these follows them."""
+        if self._drives_told or self._cabinet.contacts() is not self._signals:
+            self._settle_cabinet()
 
     # State
 
@@ -383,14 +393,9 @@ class Wiring:
         self._trip_mm[number] = trip_mm
         self.plant.set_trip_point(number, trip_mm)
 
-    def _settle_if_changed(self) -> None:
-        """Settle the cabinet, unless neither it nor an output to the drives has changed since."""
-        if self._drives_told or self._cabinet.contacts() is not self._signals:
-            self._settle_cabinet()
-
     def _settle_cabinet(self) -> None:
         """Set contacts from the cabinet, let it read them as wired, and switch the power of the stages."""
-        self._drives_told = False
+        self._drives_told, self._stirred = False, True
         self._follow_cabinet()
         self._cabinet.sense(self.contacts.closed)
         self._follow_cabinet()
