@@ -24,7 +24,6 @@ from isel_twin.controller import (
     Output,
     Remark,
     Reply,
-    SerialFormat,
     Step,
     offers,
 )
@@ -62,10 +61,6 @@ class Connected:
     _sense: NDArray[np.int8] | None
     _observers: Observers[Any]
     _restarts: int
-
-    @property
-    def serial_format(self) -> SerialFormat:
-        raise NotImplementedError
 
     def _note(self, kind: str, what: Any) -> None:
         raise NotImplementedError
@@ -148,10 +143,9 @@ class Connected:
         if moved:
             self._note("motion", run)
             if run is not None:  # the direction changes only between motions
-                direction = self._controller.direction
+                direction = self._position.follow_direction()
                 self._sense = None if min(direction) > 0 else np.array(direction, dtype=np.int8)
-                self._position.follow_direction()
-            self._wiring.motion(self._stream.moving)
+            self._wiring.motion(run is not None)
         outputs_changed = False
         for event in events:
             if isinstance(event, Output):
@@ -161,7 +155,7 @@ class Connected:
             match event:
                 case Reply(data):
                     self._wiring.heard(data, sent=False)
-                    self._line.from_controller(self.time_ns, data, self.serial_format.byte_ns)
+                    self._line.from_controller(self.time_ns, data, self._controller.serial_format.byte_ns)
                 case CounterSet(axis, value):
                     self._position.counter_set(axis, value)
                     self._note("counter", event)

@@ -60,7 +60,7 @@ from isel_twin.wiring import Schedule, SerialLine, Wiring, thresholds
 
 _NEVER_NS = 1 << 62
 # rounds of `_settle` at one instant, one of which has an event of a scenario; else a controller is broken
-_ENDLESS = 100_000
+_ENDLESS = 50_000
 _REMARKS = 1000  # remarks of the controller that are kept
 _STEPS = 10_000  # steps of a program that are kept
 
@@ -230,7 +230,7 @@ class Twin(Operated, Seen, Connected, Saved):
         if data:
             self._note("sent", bytes(data))
         at_once = None if self._handshake is None else BYTES_AT_ONCE
-        self._line.from_host(self.time_ns, bytes(data), self.serial_format.byte_ns, at_once)
+        self._line.from_host(self.time_ns, bytes(data), self._controller.serial_format.byte_ns, at_once)
         self._settle()
 
     def read(self) -> bytes:
@@ -391,13 +391,13 @@ class Twin(Operated, Seen, Connected, Saved):
         if self._untold:
             self._settle()
 
-    def _next_due_ns(self) -> int:
-        """When the twin has to settle next. Looks of the controller at its drives count only if the plant has to be
-        asked: `_arrival`."""
+    def _next_due_ns(self, controller_ns: int | None) -> int:
+        """When the twin has to settle next, with a controller that has something to do at controller_ns. Its looks at
+        its drives count only if the plant has to be asked: `_arrival`."""
         self._arrival = None if self._awaits is None else self._awaited(self._awaits)
-        due_ns = self._controller.next_ns if self._arrival is None else self._arrival.until_ns
-        if due_ns is None:
-            due_ns = _NEVER_NS
+        due_ns = _NEVER_NS if controller_ns is None else controller_ns
+        if self._arrival is not None:
+            due_ns = self._arrival.until_ns
         if (line_ns := self._line.next_ns) is not None and line_ns < due_ns:
             due_ns = line_ns
         if (wiring_ns := self._wiring.next_ns) is not None and wiring_ns < due_ns:
@@ -420,12 +420,12 @@ class Twin(Operated, Seen, Connected, Saved):
         self._hand_over_kept()
         self._untold = False
         self._due_ns = self.time_ns
-        events = -1
-        for rounds in count():
+        left = None
+        for rounds in count(1):
             if rounds % _ENDLESS == 0:
-                if events == self._wiring.events_left:  # their number is finite
+                if left == self._wiring.events_left:  # their number is finite
                     raise RuntimeError(f"the controller does not come to an end at {self.time_ns} ns")
-                events = self._wiring.events_left
+                left = self._wiring.events_left
             next_ns = self._controller.next_ns if self._advanced_ns == self.time_ns else self.time_ns
             if next_ns is not None and next_ns <= self.time_ns:
                 self._advanced_ns = self.time_ns
@@ -442,7 +442,8 @@ class Twin(Operated, Seen, Connected, Saved):
                 if self._observers.any:
                     changes = self._wiring.changes
                     self._observers.look(self, self._observers.inputs_changed(self, changes), changes)
-                self._due_ns = self._next_due_ns()
+                    next_ns = self._controller.next_ns  # one of them may have written
+                self._due_ns = self._next_due_ns(next_ns)
                 return
 
 

@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.controller import OUTPUTS, DriveInput, KeyValue
@@ -254,7 +255,8 @@ class Wiring:
             self.plant.reset_drives()
             self._stirred = True
         self._outputs[name] = value
-        self._drives_told |= name in ("stages", "brake", "current_lowering")
+        if name in ("stages", "brake", "current_lowering"):
+            self._drives_told = True
         self._cabinet.output(name, value)
         if self._schedule.of_states:
             self._look()
@@ -318,9 +320,18 @@ class Wiring:
     def _follow_plant(self, t_ns: int) -> bool:
         """Apply switches that the plant has struck or released, and the bounces due; return whether there were any."""
         active = self.plant.trips()
-        changed = []
-        if active.tobytes() != self._active.tobytes():  # far faster than to look for which
-            changed = (active != self._active).nonzero()[0].tolist()
+        acted = active.tobytes() != self._active.tobytes()  # far faster than to look for which
+        if acted:
+            self._pass(active, t_ns)
+        if self.contacts.advance(t_ns):
+            acted = True
+            self._settle_cabinet()  # a worn contact of the cabinet chatters, too
+        self.changes += acted
+        return acted
+
+    def _pass(self, active: NDArray[np.bool_], t_ns: int) -> None:
+        """Take thresholds that have been passed, either way."""
+        changed = (active != self._active).nonzero()[0].tolist()
         self._active = active
         for number in changed:
             if number < len(self._switches):
@@ -331,14 +342,7 @@ class Wiring:
                 self._touched(bool(active[number]))
             elif number >= self._places:
                 self._schedule.passed(number - self._places, bool(active[number]))
-        if changed:
-            self._look()
-        bounced = self.contacts.advance(t_ns)
-        if bounced:  # a worn contact of the cabinet chatters, too
-            self._settle_cabinet()
-        acted = bounced or bool(changed)
-        self.changes += acted
-        return acted
+        self._look()
 
     def _follow_spindle(self, t_ns: int) -> bool:
         """Let the spindle take contactor, command and load; return whether its shown speed has changed."""
