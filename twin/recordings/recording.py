@@ -66,7 +66,8 @@ class Recording:
         """interval_ns: sampling interval in virtual time. forces: with those of the nuts; None: if there are any."""
         self._sink, self._twin = sink, twin
         self._step_mm = twin.step_mm
-        self._dtype = sample_dtype(len(twin.counts), len(twin.current_fraction), twin.physics if forces is None else forces)
+        forces = twin.physics if forces is None else forces
+        self._dtype = sample_dtype(len(twin.counts), len(twin.current_fraction), forces)
         self._schema = samples_schema(self._dtype)
         self._read = tuple(_READ.get(name, name) for name in self._dtype.names or () if name != _ERROR)
         self._last: dict[str, dict[str, int | str]] = {group: {} for group in GROUPS}
