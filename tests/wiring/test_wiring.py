@@ -70,8 +70,13 @@ class Bench:
         """The controller tells some outputs at one instant."""
         for name, value in values.items():
             self.wiring.output(name, value)
-        self.wiring.outputs_changed()
+        self.wiring.follow_controller()
         self.settle(0)
+
+    def motion(self, moving: bool, t_ns: int) -> None:
+        self.wiring.motion(moving)
+        self.wiring.follow_controller()
+        self.settle(t_ns)
 
     def operate(self, *pairs: tuple[str, str]) -> None:
         for name, state in pairs:
@@ -363,7 +368,7 @@ def test_outputs_of_an_instant_are_carried_over_together() -> None:
     bench.plant.set_power = lambda **power: told.append(tuple(power.values()))  # type: ignore[method-assign]
     bench.wiring.output("stages", 1)
     bench.wiring.output("brake", 1)
-    bench.wiring.outputs_changed()
+    bench.wiring.follow_controller()
     assert set(told) == {(True, True, False)}
 
 
@@ -440,8 +445,7 @@ def test_a_hood_opened_in_a_motion_takes_the_power() -> None:
     bench.operate(("hood", "open"))
     assert bench.plant.power[0], "at rest it does not"
     bench.operate(("hood", "closed"))
-    bench.wiring.motion(True)
-    bench.settle(1)
+    bench.motion(True, 1)
     assert bench.plant.power[0]
     bench.operate(("hood", "open"))
     assert bench.plant.power[0] is False
@@ -452,12 +456,10 @@ def test_a_motion_that_begins_with_the_hood_open_takes_the_power() -> None:
     bench = Bench()
     bench.outputs(stages=1, hood_release=1)
     bench.operate(("hood", "open"))
-    bench.wiring.motion(True)
-    bench.settle(1)
+    bench.motion(True, 1)
     assert bench.plant.power[0] is False
     assert bench.wiring.outputs["power"] == 0
-    bench.wiring.motion(False)
-    bench.settle(2)
+    bench.motion(False, 2)
     assert bench.plant.power[0] is False
 
 
@@ -465,8 +467,7 @@ def test_a_motion_on_setup_may_have_the_hood_open() -> None:
     bench = Bench()
     bench.outputs(stages=1, hood_release=1)
     bench.operate(("key", "setup"), ("hood", "open"))
-    bench.wiring.motion(True)
-    bench.settle(1)
+    bench.motion(True, 1)
     assert bench.plant.power[0]
     bench.operate(("key", "automatic"))
     assert bench.plant.power[0] is False
@@ -696,7 +697,7 @@ def test_elements_of_one_event_change_together() -> None:
     """Key and hood are never seen half changed: only the hood_setup contact would open in between."""
     bench = Bench()
     bench.outputs(stages=1, hood_release=1)
-    bench.wiring.motion(True)
+    bench.motion(True, 1)
     bench.wiring.schedule([ScenarioEvent(10, {"set": {"key": "setup", "hood": "open"}})])
     seen = []
     while bench.wiring.settle(10):

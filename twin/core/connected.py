@@ -7,7 +7,7 @@ from __future__ import annotations
 import logging
 from collections import deque
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,6 @@ from isel_twin.controller import (
     Output,
     Remark,
     Reply,
-    SerialFormat,
     Step,
     offers,
 )
@@ -37,12 +36,6 @@ from isel_twin.motion import Stream
 from isel_twin.wiring import SerialLine, Wiring
 
 log = logging.getLogger("isel_twin")
-
-
-class Source(Protocol):
-    @property
-    def next_ns(self) -> int | None:
-        """When it acts by itself; None: never."""
 
 
 class Connected:
@@ -59,8 +52,6 @@ class Connected:
     _controller: Controller
     _handshake: HoldsHost | None
     _awaits: AwaitsArrival | None
-    _keeps: KeepsBytes | None
-    _sources: tuple[Source, ...]
     _told: Told
     _levels: Mapping[str, bool]
     _line: SerialLine
@@ -71,20 +62,14 @@ class Connected:
     _observers: Observers[Any]
     _restarts: int
 
-    @property
-    def serial_format(self) -> SerialFormat:
-        raise NotImplementedError
-
     def _note(self, kind: str, what: Any) -> None:
         raise NotImplementedError
 
     def _adopt(self, controller: Controller) -> None:
         self._controller = controller
         self._handshake = controller if offers(controller, HoldsHost) else None
-        self._keeps = controller if offers(controller, KeepsBytes) else None
-        self._line.acting = None if self._keeps is None else self._keeps.acting_bytes
+        self._line.keeps = controller if offers(controller, KeepsBytes) else None
         self._awaits = controller if offers(controller, AwaitsArrival) else None
-        self._sources: tuple[Source, ...] = (controller, self._line, self._wiring)
         if self._handshake is None:
             self._line.clear_to_send(self.time_ns, True)
 
@@ -153,16 +138,14 @@ class Connected:
         events = self._controller.take()
         if self._handshake is not None:
             self._line.clear_to_send(self.time_ns, self._handshake.clear_to_send)
-        if self._keeps is not None:
-            self._line.acting = self._keeps.acting_bytes
         run = self._controller.run
-        if self._stream.follow(run, self.time_ns):
+        moved = self._stream.follow(run, self.time_ns)
+        if moved:
             self._note("motion", run)
             if run is not None:  # the direction changes only between motions
-                direction = self._controller.direction
+                direction = self._position.follow_direction()
                 self._sense = None if min(direction) > 0 else np.array(direction, dtype=np.int8)
-                self._position.follow_direction()
-            self._wiring.motion(self._stream.moving)
+            self._wiring.motion(run is not None)
         outputs_changed = False
         for event in events:
             if isinstance(event, Output):
@@ -172,7 +155,7 @@ class Connected:
             match event:
                 case Reply(data):
                     self._wiring.heard(data, sent=False)
-                    self._line.from_controller(self.time_ns, data, self.serial_format.byte_ns)
+                    self._line.from_controller(self.time_ns, data, self._controller.serial_format.byte_ns)
                 case CounterSet(axis, value):
                     self._position.counter_set(axis, value)
                     self._note("counter", event)
@@ -182,10 +165,10 @@ class Connected:
                     self._remark(text)
                 case Step():
                     self.steps_made.append(event)
-        if outputs_changed:
-            self._wiring.outputs_changed()
-            if self._observers.any:
-                self._observers.look(self, True, self._wiring.changes)
+        if moved or outputs_changed:
+            self._wiring.follow_controller()
+        if outputs_changed and self._observers.any:
+            self._observers.look(self, True, self._wiring.changes)
 
     def _store(self, image: bytes) -> None:
         """What cannot be stored is lost, as in a flash that is worn out; no controller knows a reply for that."""

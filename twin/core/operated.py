@@ -52,7 +52,7 @@ class Operated:
     def _tell(self) -> None:
         raise NotImplementedError
 
-    def _next_due_ns(self) -> int:
+    def _next_due_ns(self, controller_ns: int | None) -> int:
         raise NotImplementedError
 
     def margin_reader(self) -> MarginReader:
@@ -130,7 +130,7 @@ class Operated:
             raise ValueError(f"observation interval must be positive, not {interval_ns} ns")
         self._observers.add(callback, interval_ns, self, self._wiring.changes)
         self._observers.look(self, False, self._wiring.changes)
-        self._due_ns = self._next_due_ns()
+        self._due_ns = self._next_due_ns(self._controller.next_ns)
 
     def sample(self, take: Callable[[TwinSamples], None], interval_ns: int, from_ns: int = 0) -> Sampler | None:
         """Let the plant take samples every interval_ns, one at from_ns, and call `take` with batches of them later.

@@ -82,14 +82,17 @@ class Position:
         if axis < len(self._zero_mm):
             self._zero_mm[axis] = self._zeros()[axis]
 
-    def follow_direction(self) -> None:
-        """Compute new zeros if a direction has changed. Called before a motion, when counters and drives agree."""
-        if self._controller.direction != self._turned:
+    def follow_direction(self) -> tuple[int, ...]:
+        """Compute new zeros if a direction has changed; return the directions. Called before a motion, when counters
+        and drives agree."""
+        direction = self._controller.direction
+        if direction != self._turned:
             if self.before_change is not None:
                 self.before_change()
-            self._turned = tuple(self._controller.direction)
+            self._turned = tuple(direction)
             self._sense, self._mirrored = self._senses()
             self._zero_mm = self._zeros()
+        return self._turned
 
     @property
     def counts(self) -> NDArray[np.int64]:

@@ -61,7 +61,7 @@ class Saved:
     def _adopt(self, controller: Controller) -> None:
         raise NotImplementedError
 
-    def _next_due_ns(self) -> int:
+    def _next_due_ns(self, controller_ns: int | None) -> int:
         raise NotImplementedError
 
     def save(self) -> TwinState:
@@ -119,7 +119,7 @@ class Saved:
             self._observers.restored(self, self._wiring.changes)
         finally:
             self._settling = False
-        self._due_ns = self._next_due_ns()
+        self._due_ns = self._next_due_ns(self._controller.next_ns)
 
     def _check_between(self) -> None:
         if self._settling:

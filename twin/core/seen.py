@@ -266,7 +266,7 @@ class Seen:
     @property
     def idle(self) -> bool:
         """True if all bytes sent are processed, all replies have arrived, and the controller makes no motion."""
-        return not self._line.commands_due and self._line.quiet_ns <= self.time_ns and self._controller.idle
+        return self._controller.idle and not self._line.commands_due and self._line.quiet_ns <= self.time_ns
 
     @property
     def next_event_ns(self) -> int | None:

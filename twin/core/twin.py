@@ -20,6 +20,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -58,8 +59,8 @@ from isel_twin.plant import Collision, FindsArrival, GoesStraight, Sampled
 from isel_twin.wiring import Schedule, SerialLine, Wiring, thresholds
 
 _NEVER_NS = 1 << 62
-# most rounds of `_settle` at one instant after the last event of a scenario; more: a broken controller
-_ENDLESS = 100_000
+# rounds of `_settle` at one instant, one of which has an event of a scenario; else a controller is broken
+_ENDLESS = 50_000
 _REMARKS = 1000  # remarks of the controller that are kept
 _STEPS = 10_000  # steps of a program that are kept
 
@@ -229,7 +230,7 @@ class Twin(Operated, Seen, Connected, Saved):
         if data:
             self._note("sent", bytes(data))
         at_once = None if self._handshake is None else BYTES_AT_ONCE
-        self._line.from_host(self.time_ns, bytes(data), self.serial_format.byte_ns, at_once)
+        self._line.from_host(self.time_ns, bytes(data), self._controller.serial_format.byte_ns, at_once)
         self._settle()
 
     def read(self) -> bytes:
@@ -390,19 +391,19 @@ class Twin(Operated, Seen, Connected, Saved):
         if self._untold:
             self._settle()
 
-    def _next_due_ns(self) -> int:
-        """When the twin has to settle next. Looks of the controller at its drives count only if the plant has to be
-        asked: `_arrival`."""
-        due_ns = _NEVER_NS
+    def _next_due_ns(self, controller_ns: int | None) -> int:
+        """When the twin has to settle next, with a controller that has something to do at controller_ns. Its looks at
+        its drives count only if the plant has to be asked: `_arrival`."""
         self._arrival = None if self._awaits is None else self._awaited(self._awaits)
-        sources = self._sources
+        due_ns = _NEVER_NS if controller_ns is None else controller_ns
         if self._arrival is not None:
-            due_ns, sources = self._arrival.until_ns, sources[1:]
-        for source in sources:
-            if (next_ns := source.next_ns) is not None and next_ns < due_ns:
-                due_ns = next_ns
-        if self._observers.any and (next_ns := self._observers.next_ns) is not None and next_ns < due_ns:
-            due_ns = next_ns
+            due_ns = self._arrival.until_ns
+        if (line_ns := self._line.next_ns) is not None and line_ns < due_ns:
+            due_ns = line_ns
+        if (wiring_ns := self._wiring.next_ns) is not None and wiring_ns < due_ns:
+            due_ns = wiring_ns
+        if self._observers.any and (look_ns := self._observers.next_ns) is not None and look_ns < due_ns:
+            due_ns = look_ns
         if self.time_ns < self._line.quiet_ns < due_ns:
             due_ns = self._line.quiet_ns
         return due_ns
@@ -416,32 +417,34 @@ class Twin(Operated, Seen, Connected, Saved):
             self._settling = False
 
     def _settle_all(self) -> None:
-        rounds, events = 0, self._wiring.events_left
-        if self._line.commands_due:
-            self._hand_over_kept()
+        self._hand_over_kept()
         self._untold = False
         self._due_ns = self.time_ns
-        while rounds < _ENDLESS:
-            if events != self._wiring.events_left:  # the number of events is finite
-                rounds, events = 0, self._wiring.events_left
-            rounds += 1
-            next_ns = self._controller.next_ns
-            if self._advanced_ns != self.time_ns or (next_ns is not None and next_ns <= self.time_ns):
+        left = None
+        for rounds in count(1):
+            if rounds % _ENDLESS == 0:
+                if left == self._wiring.events_left:  # their number is finite
+                    raise RuntimeError(f"the controller does not come to an end at {self.time_ns} ns")
+                left = self._wiring.events_left
+            next_ns = self._controller.next_ns if self._advanced_ns == self.time_ns else self.time_ns
+            if next_ns is not None and next_ns <= self.time_ns:
                 self._advanced_ns = self.time_ns
                 self._told.advance(self.time_ns)
                 self._take_events()
-                next_ns = self._controller.next_ns
             if self._wiring.settle(self.time_ns) or self._restart():
                 continue
-            if self._hand_over_bytes() or self._hand_over_levels() or self._hand_over_keys():
+            if self._hand_over_bytes() and (self._wiring.stirred or self._handshake is not None):
                 continue
+            if self._hand_over_levels() or self._hand_over_keys():
+                continue
+            next_ns = self._controller.next_ns
             if next_ns is None or next_ns > self.time_ns:
                 if self._observers.any:
                     changes = self._wiring.changes
                     self._observers.look(self, self._observers.inputs_changed(self, changes), changes)
-                self._due_ns = self._next_due_ns()
+                    next_ns = self._controller.next_ns  # one of them may have written
+                self._due_ns = self._next_due_ns(next_ns)
                 return
-        raise RuntimeError(f"the controller does not come to an end at {self.time_ns} ns")
 
 
 def _turned(room: tuple[list[int], list[int]], sense: Sequence[int]) -> tuple[list[int], list[int]]:

@@ -113,13 +113,13 @@ class Executor:
         self._activity, self._ended = activity, ended
         self._go_on(None)
 
-    def tick(self) -> None:
-        """End the motion or pause that is due, and go on up to the next request that takes time."""
-        if not self.due:
-            return
+    def tick(self) -> bool:
+        """End the motion or pause that is due, and go on up to the next request that takes time; False if none is."""
+        if self.end_ns is None or self.end_ns > self.now_ns:
+            return False
         if self.motion is None:
             self._go_on(None)
-            return
+            return True
         stopping = self._stopping or _GOES_ON
         result = Ended(self._end_motion(), stopping.by_event)
         if stopping.reason is not None:
@@ -128,6 +128,7 @@ class Executor:
             self._set_aside(result, stopping.park)
         else:
             self._go_on(result)
+        return True
 
     def hear(self, byte: int) -> None:
         assert isinstance(self.request, Listen)
@@ -212,14 +213,13 @@ class Executor:
                 self._finish(reason)
                 return
             self.request = request
-            match request:
-                case Pause(ns):
-                    self.end_ns = self.now_ns + ns
-                case Travel(path, law, first):
-                    if not law.ticks:
-                        result = Ended(first)
-                        continue
-                    self._make(StepRun(path, law, self.now_ns, first))
+            if isinstance(request, Pause):
+                self.end_ns = self.now_ns + request.ns
+            elif isinstance(request, Travel):
+                if not request.law.ticks:
+                    result = Ended(request.first)
+                    continue
+                self._make(StepRun(request.path, request.law, self.now_ns, request.first))
             return
 
     def _make(self, motion: StepRun) -> None:

@@ -83,7 +83,7 @@ class StepLine:
         if k == self.ticks:
             return self.steps
         if k == 0:
-            return (0,) * self.axes
+            return (0,) * len(self.steps)
         check_range(0, k, self.ticks)
         return tuple([even(k, n, self.ticks) for n in self.steps])
 

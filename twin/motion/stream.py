@@ -86,8 +86,8 @@ class Stream:
             raise ValueError(
                 f"the controller lays {late} of its ticks in the past, before {t_ns} ns: nobody makes them"
             )
-        if before is not None:
-            self._record.replace_last(before.cut(t_ns))
+        if before is not None and (cut := before.cut(t_ns)) is not before:
+            self._record.replace_last(cut)
         if motion is not None:
             self._record.append(motion)
             self._made = motion.first

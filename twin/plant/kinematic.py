@@ -153,7 +153,7 @@ class KinematicPlant(IdealDrives, PathSamples):
             bounds.py_func(low, high, *self._state[2:])
             self._bounds = low.tolist(), high.tolist()
         now = self._commanded.tolist()
-        below, above = (list(map(sub, bounds, now)) for bounds in self._bounds)
+        below, above = list(map(sub, self._bounds[0], now)), list(map(sub, self._bounds[1], now))
         return (below, above) if max(below) < 0 < min(above) else None
 
     def go_straight(self, until_ns: int, way: Sequence[int], along: WayAlong) -> None:

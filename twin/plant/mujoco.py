@@ -283,11 +283,18 @@ class MujocoPlant(LoopSamples):
 
     @property
     def command(self) -> NDArray[np.float64]:
-        return (self.parts.commanded - all_behind(self.parts.leads, self.time_ns))[: self._count]
+        return self._led[: self._count]
+
+    @property
+    def _led(self) -> NDArray[np.float64]:
+        """float64, all commands as far as they have been led by now."""
+        if self.parts.plant["led_until_ns"][0] <= self.time_ns:
+            return self.parts.commanded.astype(np.float64)
+        return self.parts.commanded - all_behind(self.parts.leads, self.time_ns)
 
     @property
     def rotor(self) -> NDArray[np.float64]:
-        rotor = self.parts.commanded - all_behind(self.parts.leads, self.time_ns)
+        rotor = self._led
         rotor[: memory.AXES] = self.parts.states["theta_rad"] * self.parts.axes["steps_per_rad"]
         return rotor[: self._count]
 
@@ -300,7 +307,7 @@ class MujocoPlant(LoopSamples):
 
     @property
     def lag(self) -> NDArray[np.float64]:
-        command, states = self.parts.commanded - all_behind(self.parts.leads, self.time_ns), self.parts.states
+        command, states = self._led, self.parts.states
         lag = np.zeros(len(command))  # what has no mechanics follows at once
         rotor = states["theta_rad"] * self.parts.axes["steps_per_rad"]
         lag[: memory.AXES] = command[: memory.AXES] - rotor - states["shift"]
@@ -356,10 +363,12 @@ class MujocoPlant(LoopSamples):
 
     @property
     def current_fraction(self) -> NDArray[np.float64]:
-        plant, fraction = self.parts.plant[0], self.parts.axes["fraction"].copy()
-        since = int(plant["now"] - plant["frozen_at"]) if plant["frozen"] else 0
-        for i in np.flatnonzero(self.built.closed):
-            fraction[i] = math.sqrt(cool(self.parts.drives[i], self.parts.states[i], since))
+        fraction = self.parts.axes["fraction"].copy()
+        if self.built.closed.any():
+            plant = self.parts.plant[0]
+            since = int(plant["now"] - plant["frozen_at"]) if plant["frozen"] else 0
+            for i in np.flatnonzero(self.built.closed):
+                fraction[i] = math.sqrt(cool(self.parts.drives[i], self.parts.states[i], since))
         return np.where(self._live, fraction, 0.0)
 
     @property
@@ -391,7 +400,7 @@ class MujocoPlant(LoopSamples):
 
     def _all(self, carriages: Sequence[Any] | NDArray[Any], others: Any) -> NDArray[Any]:
         """[axes]: values of the axes with mechanics, then `others` for the rest."""
-        return np.append(carriages, [others] * self._count)[: self._count]
+        return np.concatenate((carriages, [others] * self._count))[: self._count]
 
     # For loops of others, compiled together with the kernel, and for pictures
 

@@ -51,12 +51,12 @@ class LoopSamples:
 
     def take_samples(self) -> Samples:
         parts, shape_mm, count = self.built.parts, self.built.shape_mm, self._count
-        rows = parts.samples[: self.samples_waiting]
+        rows = parts.samples[: self.samples_waiting].copy()
         self._plant["sampled"] = 0
         joints, commands = len(parts.qpos), len(parts.commanded)
         widths = (1, joints, joints, commands, commands, *[memory.AXES] * 3, 1)
         ends = itertools.accumulate(widths)
-        columns = (rows[:, end - width : end].copy() for width, end in zip(widths, ends, strict=True))
+        columns = (rows[:, end - width : end] for width, end in zip(widths, ends, strict=True))
         now, place, rates, commanded, rotor, current, margin, force_n, supply_v = columns
         margins = np.full((len(rows), commands), np.nan)
         margins[:, : memory.AXES] = margin

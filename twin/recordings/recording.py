@@ -14,7 +14,7 @@ import hashlib
 import json
 import os
 import platform
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol
@@ -47,6 +47,8 @@ ASSETS: Final = (".xml", ".stl", ".obj", ".msh")  # types of files that a model 
 MOST_ASSET_BYTES = 1 << 24
 GROUPS: Final = {"level": "/levels", "input": "/inputs", "output": "/outputs"}  # channels, by `recorder.Change.group`
 MOST_LOOKS = 100  # most samples that wait for each other and for those of the plant, to be written together
+_ERROR: Final = "position_error_mm"  # the field of a sample that follows from others
+_READ: Final = {"current": "current_fraction"}  # what is read for a field of another name
 PACKAGES: Final = ("mujoco", "numpy", "numba")
 
 
@@ -63,14 +65,15 @@ class Recording:
     def __init__(self, twin: Twin, sink: Sink, interval_ns: int, forces: bool | None = None) -> None:
         """interval_ns: sampling interval in virtual time. forces: with those of the nuts; None: if there are any."""
         self._sink, self._twin = sink, twin
-        self._motors = len(twin.current_fraction)
         self._step_mm = twin.step_mm
-        self._dtype = sample_dtype(len(twin.counts), self._motors, twin.physics if forces is None else forces)
+        forces = twin.physics if forces is None else forces
+        self._dtype = sample_dtype(len(twin.counts), len(twin.current_fraction), forces)
         self._schema = samples_schema(self._dtype)
+        self._read = tuple(_READ.get(name, name) for name in self._dtype.names or () if name != _ERROR)
         self._last: dict[str, dict[str, int | str]] = {group: {} for group in GROUPS}
         self._faults: Mapping[str, str | float] = {}
         self._motion: Motion | None = None
-        self._looks: list[tuple[int, NDArray[np.void]]] = []  # waiting for earlier samples of the plant
+        self._looks: list[tuple[Any, ...]] = []  # time and what was read; waiting for earlier samples of the plant
         self._ended = False
         twin.listen(self._note)
         self._sampler = twin.sample(self._take, interval_ns)
@@ -95,29 +98,27 @@ class Recording:
         self._sink.message("/time", self._twin.time_ns, {"what": "end"})
 
     def _take(self, samples: TwinSamples) -> None:
-        self._tell_samples(samples.time_ns, self._rows(samples, len(samples.time_ns)))
+        self._tell_samples(samples.time_ns, self._rows([getattr(samples, name) for name in self._read]))
 
-    def _rows(self, seen: Twin | TwinSamples, number: int) -> NDArray[np.void]:
-        rows = np.empty(number, dtype=self._dtype)
-        for name in ("counts", "position_mm", "velocity_mm_s", "lost_steps", "margin", "supply_v"):
-            rows[name] = getattr(seen, name)
-        rows["position_error_mm"] = position_error_mm(rows["position_mm"], rows["counts"], self._step_mm)
-        if self._motors:
-            rows["current"] = seen.current_fraction
-        if "force_n" in (self._dtype.names or ()):
-            rows["force_n"] = seen.force_n
+    def _rows(self, columns: Sequence[Sequence[Any] | NDArray[Any]]) -> NDArray[np.void]:
+        """Samples [n] of the columns [n, ...] that were read, in the order of `_read`."""
+        rows = np.empty(len(columns[0]), dtype=self._dtype)
+        read = iter(columns)
+        for name in self._dtype.names or ():
+            if name != _ERROR:
+                rows[name] = next(read)
+        rows[_ERROR] = position_error_mm(rows["position_mm"], rows["counts"], self._step_mm)
         return rows
 
     def _tell_samples(self, times_ns: NDArray[np.int64], rows: NDArray[np.void]) -> None:
         """Send samples of the plant, and samples at changes between them, in the order of time."""
         if self._looks:
-            looks, self._looks = self._looks, []
-            look_ns = np.array([time_ns for time_ns, _ in looks], dtype=np.int64)
+            look_ns, *columns = zip(*self._looks, strict=True)
+            self._looks = []
             at = np.searchsorted(times_ns, look_ns, side="right")
             times_ns = np.insert(times_ns, at, look_ns)
             whole = np.dtype((np.void, self._dtype.itemsize))  # copied as one piece, not field by field
-            seen = np.concatenate([row.view(whole) for _, row in looks])
-            rows = np.insert(rows.view(whole), at, seen).view(self._dtype)
+            rows = np.insert(rows.view(whole), at, self._rows(columns).view(whole)).view(self._dtype)
         self._sink.samples(times_ns, rows, self._schema)
 
     def _note(self, time_ns: int, kind: str, what: Any) -> None:
@@ -155,7 +156,7 @@ class Recording:
 
     def _look(self, twin: Twin) -> None:
         time_ns = twin.time_ns
-        self._looks.append((time_ns, self._rows(twin, 1)))
+        self._looks.append((time_ns, *[getattr(twin, name) for name in self._read]))
         if len(self._looks) >= MOST_LOOKS:
             self.hand_on()
         for group, values in (("level", twin.levels), ("input", twin.inputs), ("output", twin.outputs)):

@@ -147,7 +147,8 @@ class SafetyCabinet:
             self._close_relay()
         if name == "spindle" and rising:
             self.spindle_runs = self.relay and self.state["hood"] == "closed"
-        self._settle()
+        if rising or name == "spindle":  # no relay opens because another output falls
+            self._settle()
 
     def sense(self, closed: Callable[[str], bool]) -> None:
         """Both E-stop circuits must be closed as wired: a broken wire opens one without the button."""
@@ -156,7 +157,8 @@ class SafetyCabinet:
 
     def motion(self, moving: bool) -> None:
         self._axes_move = moving
-        self._settle()
+        if moving:
+            self._settle()
 
     def heat(self, hot: bool) -> None:
         self.stages_hot = hot

@@ -89,12 +89,13 @@ class Contacts:
         """Level (True: high) of every wired terminal."""
         if self._stale:
             self._levels = {terminal: self._level(terminal) for terminal in self._terminals}
+            self._stale = False
+            self._moved.clear()
         elif self._moved:
             moved = [self._swapped.get(name, name) for name in self._moved]
             terminals = [terminal for name in moved for terminal in self._leads_to.get(name, ())]
             self._levels = self._levels | {terminal: self._level(terminal) for terminal in terminals}
-        self._stale = False
-        self._moved.clear()
+            self._moved.clear()
         return self._levels
 
     def set_fault(self, name: str, fault: str) -> None:

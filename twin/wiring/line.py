@@ -25,6 +25,8 @@ from typing import Final
 
 import numpy as np
 
+from isel_twin.controller import KeepsBytes
+
 LONGEST_RUN: Final = 128  # bytes after which one is taken to act, so that a look at what comes costs little
 
 
@@ -36,44 +38,37 @@ class _Direction:
         self.landed: deque[tuple[int, bytes]] = deque()  # arrived before the line was cut, not taken yet
         self.due = 0
         self._free_ns = 0
-        self._held_ns: int | None = None
-
-    @property
-    def held(self) -> bool:
-        return self._held_ns is not None
+        self.held_ns: int | None = None  # since when the sender has to wait
 
     def hold(self, t_ns: int) -> None:
-        if self._held_ns is None:
-            self._held_ns = t_ns
+        if self.held_ns is None:
+            self.held_ns = t_ns
 
     def release(self, t_ns: int) -> None:
         """End the wait of the sender; bytes on their way arrive later by the time of the wait."""
-        if self._held_ns is None:
+        if self.held_ns is None:
             return
-        later, self._held_ns = t_ns - self._held_ns, None
+        later, self.held_ns = t_ns - self.held_ns, None
         if later:
             self.queue = deque((arrival + later, data) for arrival, data in self.queue)
             self._free_ns += later if self.queue else 0
 
     def send(self, t_ns: int, data: bytes, byte_ns: int, at_once: int | None = None) -> int:
         """Put bytes on the line, in pieces of at most at_once; return when the last of them arrives."""
-        arrival = max(t_ns if self._held_ns is None else self._held_ns, self._free_ns)
-        if byte_ns:
-            for number in range(len(data)):
-                arrival += byte_ns
-                self.queue.append((arrival, data[number : number + 1]))
-        elif data:
-            size = at_once or len(data)
+        arrival = max(t_ns if self.held_ns is None else self.held_ns, self._free_ns)
+        size = 1 if byte_ns else at_once
+        if size is not None:
             for at in range(0, len(data), size):
+                arrival += byte_ns
                 self.queue.append((arrival, data[at : at + size]))
+        elif data:
+            self.queue.append((arrival, data))
         self.due += len(data)
         self._free_ns = arrival
         return arrival
 
     def receive(self, t_ns: int, at_once: int | None = None) -> bytes:
         """Take at most at_once bytes of those that have arrived by t_ns."""
-        if not self.due:
-            return b""
         pieces, size = [], 0
         for queue in (self.landed, self.queue):
             while queue and queue[0][0] <= t_ns and (at_once is None or size + len(queue[0][1]) <= at_once):
@@ -130,8 +125,8 @@ class SerialLine:
         self.dropped = 0.0  # chance that a byte is lost
         self.doubled = 0.0  # chance that a byte comes twice
         self._chances = random.spawn(1)[0]  # only for these two, so that they do not change which bits a seed flips
-        self.acting: Container[int] | None = None
-        """Bytes that have an effect on the controller when they arrive, as far as is known now; None: any."""
+        self.keeps: KeepsBytes | None = None
+        """The controller, if it says which bytes have an effect on it when they arrive; None: any may."""
         self.is_cut = False
         self.lost = 0  # bytes of both directions that a cut has swallowed
         self.on_reply: Callable[[int, bytes, int], None] | None = None
@@ -162,12 +157,14 @@ class SerialLine:
         """Take what has arrived at the controller by t_ns, at most at_once bytes; to be called at each `next_ns`."""
         if self.is_cut:
             self._lose(t_ns)
-        return b"" if self._to_controller.held else self._to_controller.receive(t_ns, at_once)
+        if not self._to_controller.due or self._to_controller.held_ns is not None:
+            return b""
+        return self._to_controller.receive(t_ns, at_once)
 
     def at_host(self, t_ns: int) -> bytes:
         if self.is_cut:
             self._lose(t_ns)
-        return self._to_host.receive(t_ns)
+        return self._to_host.receive(t_ns) if self._to_host.due else b""
 
     def cut(self, t_ns: int, is_cut: bool) -> None:
         """Cut the line at t_ns, or join it again."""
@@ -181,22 +178,25 @@ class SerialLine:
     def overtaken(self, t_ns: int) -> tuple[int, bytes]:
         """Take what has arrived at the controller before t_ns and was not taken then, because it acts on nothing: when
         the last of it did, and the bytes."""
-        if self.acting is None or self.is_cut or not self._to_controller.due:
+        first_ns = self._to_controller.next_ns
+        if first_ns is None or first_ns >= t_ns or self.is_cut or self._acting is None:
             return 0, b""
         return self._to_controller.overtaken(t_ns)
 
     @property
     def next_ns(self) -> int | None:
         """When the next byte that acts arrives at the controller, or any byte would without a cut."""
-        held = self._to_controller.held
+        line = self._to_controller
+        held = line.held_ns is not None
         if self.is_cut:  # do not count replies that are lost
-            directions = (self._to_host,) if held else (self._to_controller, self._to_host)
+            directions = (self._to_host,) if held else (line, self._to_host)
             times = [direction.queue[0][0] for direction in directions if direction.queue]
-            landed = () if held else self._to_controller.landed
+            landed = () if held else line.landed
             return min((*times, *(time for time, _ in landed)), default=None)
-        if held:
+        if held or not line.due:
             return None
-        return self._to_controller.next_ns if self.acting is None else self._to_controller.next_acting_ns(self.acting)
+        acting = self._acting
+        return line.next_ns if acting is None else line.next_acting_ns(acting)
 
     @property
     def next_reply_ns(self) -> int | None:
@@ -214,7 +214,7 @@ class SerialLine:
 
     def commands_due_at(self, t_ns: int) -> int:
         """Those of them that have not arrived by t_ns, the present, or are held back."""
-        taken = 0 if self.acting is None or self.is_cut else self._to_controller.arrived(t_ns)
+        taken = 0 if self._acting is None or self.is_cut else self._to_controller.arrived(t_ns)
         return self._to_controller.due - taken
 
     @property
@@ -222,8 +222,13 @@ class SerialLine:
         """Time at which everything sent so far has arrived at the host."""
         return self._to_host.queue[-1][0] if self._to_host.queue else 0
 
+    @property
+    def _acting(self) -> Container[int] | None:
+        """Bytes that have an effect on the controller when they arrive, as far as is known now; None: any."""
+        return None if self.keeps is None else self.keeps.acting_bytes
+
     def _lose(self, t_ns: int) -> None:
-        if not self._to_controller.held:
+        if self._to_controller.held_ns is None:
             self.lost += sum(len(data) for _, data in self._to_controller.lose(t_ns))
         for arrival_ns, data in self._to_host.lose(t_ns):
             self.lost += len(data)

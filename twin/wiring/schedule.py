@@ -85,6 +85,7 @@ class Schedule:
                 self._push(event.at_ns, place)
             else:
                 self._by_kind[event.when.kind].append(place)
+        self.conditional = bool(self._by_kind)  # some wait for something
         self.of_states = bool(self._of("output") or self._of("input"))
         self.of_messages = bool(self._of("sent") or self._of("replied"))
         self.left = sum(event.times if event.when is None else 1 for event in self.events)

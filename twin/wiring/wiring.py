@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.controller import OUTPUTS, DriveInput, KeyValue
@@ -112,6 +113,7 @@ class Wiring:
         self._outputs: dict[str, int] = {}
         self._shown: Mapping[str, bool] = {}
         self._drives_told = False  # an output that drives follow has changed since the cabinet settled
+        self._stirred = False  # the power of the drives may have changed since `settle` was called
         self._signals: Mapping[str, bool] = {}  # the cabinet's contacts at the last update of the terminals
         self._active = plant.trips()
         self._feeler = machine.feeler
@@ -146,6 +148,7 @@ class Wiring:
 
     def settle(self, t_ns: int) -> bool:
         """Do what is due at t_ns, the present; return whether levels may have changed."""
+        self._stirred = False
         if self._follow_plant(t_ns) or (self._spindle is not None and self._follow_spindle(t_ns)):
             return True
         if self._heat.next_ns is not None and self._heat.next_ns <= t_ns:
@@ -159,6 +162,12 @@ class Wiring:
                 self.on_event(event)
             self.carry_out(event, t_ns)
         return event is not None
+
+    @property
+    def stirred(self) -> bool:
+        """True if `settle` may have something to do once more at the same instant, because of what the controller has
+        done since."""
+        return self._stirred or self._spindle is not None or self._schedule.conditional
 
     # Operation
 
@@ -241,11 +250,13 @@ class Wiring:
         self._schedule.collided(first, second)
 
     def output(self, name: str, value: int) -> None:
-        """Take the new level of a controller output. Call `outputs_changed` after all those of an instant."""
+        """Take the new level of a controller output. Call `follow_controller` after all those of an instant."""
         if name == "drive_reset" and value and not self._outputs.get(name):
             self.plant.reset_drives()
+            self._stirred = True
         self._outputs[name] = value
-        self._drives_told |= name in ("stages", "brake", "current_lowering")
+        if name in ("stages", "brake", "current_lowering"):
+            self._drives_told = True
         self._cabinet.output(name, value)
         if self._schedule.of_states:
             self._look()
@@ -256,13 +267,14 @@ class Wiring:
             self.output(name, OUTPUTS.get(name, 0))
         self._settle_cabinet()
 
-    def outputs_changed(self) -> None:
-        """Apply the outputs to contacts and drives."""
-        self._settle_if_changed()
-
     def motion(self, moving: bool) -> None:
+        """Take the begin or end of a motion. Call `follow_controller` after all that happens at the same instant."""
         self._cabinet.motion(moving)
-        self._settle_if_changed()
+
+    def follow_controller(self) -> None:
+        """Apply outputs and motion to contacts and drives, if any of these follows them."""
+        if self._drives_told or self._cabinet.contacts() is not self._signals:
+            self._settle_cabinet()
 
     # State
 
@@ -308,9 +320,18 @@ class Wiring:
     def _follow_plant(self, t_ns: int) -> bool:
         """Apply switches that the plant has struck or released, and the bounces due; return whether there were any."""
         active = self.plant.trips()
-        changed = []
-        if active.tobytes() != self._active.tobytes():  # far faster than to look for which
-            changed = (active != self._active).nonzero()[0].tolist()
+        acted = active.tobytes() != self._active.tobytes()  # far faster than to look for which
+        if acted:
+            self._pass(active, t_ns)
+        if self.contacts.advance(t_ns):
+            acted = True
+            self._settle_cabinet()  # a worn contact of the cabinet chatters, too
+        self.changes += acted
+        return acted
+
+    def _pass(self, active: NDArray[np.bool_], t_ns: int) -> None:
+        """Take thresholds that have been passed, either way."""
+        changed = (active != self._active).nonzero()[0].tolist()
         self._active = active
         for number in changed:
             if number < len(self._switches):
@@ -321,14 +342,7 @@ class Wiring:
                 self._touched(bool(active[number]))
             elif number >= self._places:
                 self._schedule.passed(number - self._places, bool(active[number]))
-        if changed:
-            self._look()
-        bounced = self.contacts.advance(t_ns)
-        if bounced:  # a worn contact of the cabinet chatters, too
-            self._settle_cabinet()
-        acted = bounced or bool(changed)
-        self.changes += acted
-        return acted
+        self._look()
 
     def _follow_spindle(self, t_ns: int) -> bool:
         """Let the spindle take contactor, command and load; return whether its shown speed has changed."""
@@ -383,14 +397,9 @@ class Wiring:
         self._trip_mm[number] = trip_mm
         self.plant.set_trip_point(number, trip_mm)
 
-    def _settle_if_changed(self) -> None:
-        """Settle the cabinet, unless neither it nor an output to the drives has changed since."""
-        if self._drives_told or self._cabinet.contacts() is not self._signals:
-            self._settle_cabinet()
-
     def _settle_cabinet(self) -> None:
         """Set contacts from the cabinet, let it read them as wired, and switch the power of the stages."""
-        self._drives_told = False
+        self._drives_told, self._stirred = False, True
         self._follow_cabinet()
         self._cabinet.sense(self.contacts.closed)
         self._follow_cabinet()

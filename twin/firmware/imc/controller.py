@@ -55,7 +55,7 @@ class Imc:
         self._lines = WaitingLines(self._profile.input_bytes)
         self._assembler = grammar.LineAssembler(self._profile.line_bytes)
         self._recorder: Recorder | None = None
-        self._shown: tuple[bool, ...] = ()  # what SHOWN show
+        self._shown: tuple[bool | None, ...] = (None,) * len(SHOWN)  # what SHOWN show
         self._device = Device(self._profile, self._flash, self._inputs, self._events)
         self._device.executor.now_ns = now_ns
         self._supervisor = Supervisor(self._device)
@@ -116,20 +116,14 @@ class Imc:
 
     def receive(self, t_ns: int, data: bytes) -> None:
         self.advance(t_ns)
-        at = 0
-        while at < len(data):
-            end = grammar.run_end(data, at)
-            if at == end:
-                end += 1
-                effect = self._receive_end(data[at])
-            elif self._supervisor.listening:
-                end = at + 1
-                effect = self._hear(data[at])
-            else:
-                effect = False
-                self._assembler.feed(data[at:end])
-            at = end
-            if effect:
+        for run, end in grammar.split_runs(data):
+            heard = 0
+            while heard < len(run) and self._supervisor.listening:
+                if self._hear(run[heard]):
+                    self._settle()
+                heard += 1
+            self._assembler.feed(run[heard:])
+            if end and self._receive_end(end[0]):
                 self._settle()
 
     def set_input(self, t_ns: int, terminal: str, level: bool) -> None:
@@ -148,7 +142,7 @@ class Imc:
 
     def advance(self, t_ns: int) -> None:
         self._device.executor.now_ns = t_ns
-        if self._supervisor.due:
+        if self._supervisor.tick():
             self._settle()
 
     def take(self) -> list[Event]:
@@ -165,11 +159,8 @@ class Imc:
     def _settle(self) -> None:
         """Do all that is due now: ends of runs and pauses, then the next lines."""
         supervisor = self._supervisor
-        while True:
-            if supervisor.due:
-                supervisor.tick()
-            elif supervisor.task is not None or not (self._answer_held() or self._next_line()):
-                break
+        while supervisor.tick() or (supervisor.task is None and (self._answer_held() or self._next_line())):
+            pass
         self._show()
 
     def _next_line(self) -> bool:
@@ -188,9 +179,9 @@ class Imc:
         """Answer the first line that a stop holds (imc/5); False if there is none or it must wait. A query is answered
         at once, other lines by `F` when nothing is left to resume.
         """
-        line = self._lines.first_held
-        if line is None:
+        if not self._lines.held:
             return False
+        line = self._lines.held[0]
         code = commands.dnc_code(line, self._device.number)
         question = code in commands.QUESTIONS
         if not question and self._supervisor.parked is not None:
@@ -214,10 +205,10 @@ class Imc:
         )
         if shown == self._shown:
             return
-        for name, on, before in zip(SHOWN, shown, self._shown or (None,) * len(SHOWN), strict=True):
-            if on != before:
-                self._device.outputs[name] = int(on)
-        self._shown = shown
+        before, self._shown = self._shown, shown
+        for number, on in enumerate(shown):
+            if on != before[number]:
+                self._device.outputs[SHOWN[number]] = int(on)
 
     # ---- bytes and lines --------------------------------------------------------------------------------------------
 

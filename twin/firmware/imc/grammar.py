@@ -10,7 +10,7 @@ A line is everything up to CR. LF is ignored everywhere, and an empty line is no
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from isel_twin.firmware.imc.replies import BAD_NUMBER, PARAMETER_COUNT, SYNTAX, Refusal
@@ -22,7 +22,7 @@ AXES_CODE = "axes"  # code given to `@0<number>`, the command without a letter
 _NUMBER = re.compile(r"([+-]?)(?:([0-9]+)(?:\.[0-9]*)?|\.[0-9]+)")
 _WHOLE_NUMBERS = re.compile(r"[+-]?[0-9]+(?:,[+-]?[0-9]+)*")
 ENDS = frozenset((CR, STOP, RESET, BREAK))  # what may have an effect of its own
-_ENDS_RUN = re.compile(rb"[\r\xfd-\xff]")  # the same
+_RUNS = re.compile(rb"(?!\Z)([^\r\xfd-\xff]*)([\r\xfd-\xff]?)")  # up to one of the same, or to the end
 
 
 class LineAssembler:
@@ -49,10 +49,9 @@ class LineAssembler:
         return line if complete else None
 
 
-def run_end(data: bytes, start: int) -> int:
-    """Index of the next CR or control byte, or the length."""
-    found = _ENDS_RUN.search(data, start)
-    return len(data) if found is None else found.start()
+def split_runs(data: bytes) -> Iterator[tuple[bytes, bytes]]:
+    """Runs of bytes, each with the CR or control byte that ends it, b"" at the end of the data."""
+    return map(re.Match.groups, _RUNS.finditer(data))
 
 
 @dataclass(frozen=True)

@@ -75,9 +75,6 @@ class Inputs:
     def __getitem__(self, signal: str) -> bool:
         return self.signals[signal]
 
-    def all(self, *signals: str) -> bool:
-        return all(map(self.signals.__getitem__, signals))
-
 
 @dataclass(frozen=True)
 class OutputPort:

@@ -75,9 +75,9 @@ class ReadingState:
             self.storing = accepted and stored(line)[0] != END_OF_FIELD
             return
         code, text = self.split(line) or ("", "")
+        if not accepted or code not in (commands.AXES_CODE, "G", "i"):
+            return
         match code, numbers(text):
-            case _ if not accepted:
-                return
             case commands.AXES_CODE, [1 | 3 | 7 as mask]:
                 self.axes = mask
             case commands.AXES_CODE, [8]:

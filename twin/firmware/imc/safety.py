@@ -50,17 +50,15 @@ TRANSITIONS: Mapping[tuple[State, Event], State] = {
 }
 
 
-CIRCUITS = ("estop_1", "estop_2", "cool")
-
-
 def circuits_closed(inputs: Inputs) -> bool:
     """Both emergency stop circuits closed and the power stages cool."""
-    return inputs.all(*CIRCUITS)
+    signals = inputs.signals
+    return signals["estop_1"] and signals["estop_2"] and signals["cool"]
 
 
 def powered(inputs: Inputs) -> bool:
     """True if the stages have power and may have it."""
-    return inputs.all(*CIRCUITS, "power_ok")
+    return inputs.signals["power_ok"] and circuits_closed(inputs)
 
 
 def hood_safe(inputs: Inputs) -> bool:

@@ -99,23 +99,21 @@ class Supervisor:
         next_ns, cycle_ns = self._executor.end_ns, self._cycle_ns
         if cycle_ns is not None and (next_ns is None or cycle_ns < next_ns):
             next_ns = cycle_ns
-        return None if next_ns is None else max(next_ns, self._executor.now_ns)
-
-    @property
-    def due(self) -> bool:
-        return self._executor.due or (self._cycle_ns is not None and self._cycle_ns <= self._executor.now_ns)
+        now_ns = self._executor.now_ns
+        return now_ns if next_ns is not None and next_ns < now_ns else next_ns
 
     @property
     def moving(self) -> bool:
         """True while axes move, including short rests within a reference run."""
         return self._executor.motion is not None or isinstance(self._executor.purpose, Reference)
 
-    def tick(self) -> None:
-        if self._cycle_ns is not None and self._device.now_ns >= self._cycle_ns:
-            self._cycle_ns = None
-            self._supervise()
-        else:
-            self._executor.tick()
+    def tick(self) -> bool:
+        """Do what is due now; False if nothing is."""
+        if self._cycle_ns is None or self._cycle_ns > self._executor.now_ns:
+            return self._executor.tick()
+        self._cycle_ns = None
+        self._supervise()
+        return True
 
     def _supervise(self) -> None:
         """Check once a cycle the hood during motion, and in a stored program the ports of 4.2.11 to 4.2.14."""

@@ -20,7 +20,8 @@ class WaitingLines:
         """limit: bytes, line ends included, that may wait; twice as many may be held."""
         self._limit = limit
         self._waiting: deque[bytes] = deque()
-        self._held: deque[bytes] = deque()
+        self.held: deque[bytes] = deque()
+        """Lines that a stop holds."""
         self._waiting_bytes = 0
         self._held_bytes = 0
         self.lost = 0
@@ -52,19 +53,15 @@ class WaitingLines:
             if self._held_bytes + size > 2 * self._limit:
                 self.lost += 1
             else:
-                self._held.append(line)
+                self.held.append(line)
                 self._held_bytes += size
 
     def release(self) -> None:
         """Queue the held lines again, before later ones."""
-        self._waiting.extendleft(reversed(self._held))
+        self._waiting.extendleft(reversed(self.held))
         self._waiting_bytes += self._held_bytes
-        self._held.clear()
+        self.held.clear()
         self._held_bytes = 0
 
-    @property
-    def first_held(self) -> bytes | None:
-        return self._held[0] if self._held else None
-
     def drop_first_held(self) -> None:
-        self._held_bytes -= len(self._held.popleft()) + 1
+        self._held_bytes -= len(self.held.popleft()) + 1
