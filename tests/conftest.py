@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+import tests.assembled  # noqa: F401  (every call of the command line in this process is a third as long)
 from tests import forked
 from tests.thorough import ALL, PART
 

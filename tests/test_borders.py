@@ -90,14 +90,14 @@ def imports() -> dict[str, set[str]]:
     files = {path: path.relative_to(ROOT).with_suffix("").parts for path in sources("twin", "bridge", "envs", "models")}
     names = {path: ".".join(parts[parts[0] == "twin" :]).removesuffix(".__init__") for path, parts in files.items()}
     names = {path: "" if name == "__init__" else name for path, name in names.items()}
-    known: dict[str, set[str]] = {}
+    modules, known = set(names.values()), dict[str, set[str]]()
     for path, name in names.items():
         found = set()
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
             if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "isel_twin":
                 module = str(node.module).removeprefix("isel_twin").removeprefix(".")
                 inner = {f"{module}.{alias.name}".removeprefix(".") for alias in node.names}
-                found |= (inner & set(names.values())) or {module}
+                found |= (inner & modules) or {module}
             elif isinstance(node, ast.Import):
                 found |= {a.name.removeprefix("isel_twin.") for a in node.names if a.name.startswith("isel_twin.")}
         known[name] = found - {name, ""}

@@ -16,6 +16,7 @@ import pytest
 from motion.plans import Table, table
 
 import isel_twin.core.assembly
+import isel_twin.core.twin
 from isel_twin import Twin
 from isel_twin.base.units import MICROSECOND_NS, MILLISECOND_NS, SECOND_NS
 from isel_twin.controller import CounterSet, DriveInput, Drives, Event, FlashWrite, Output, Reply, SerialFormat
@@ -274,6 +275,13 @@ def test_what_is_due_at_power_on_is_done_at_once(build: Build) -> None:
     assert (done, twin.time_ns) == ([0, 0, 0], 0)
 
 
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A twin that goes round a thousand times at an instant, not a hundred thousand."""
+    monkeypatch.setattr(isel_twin.core.twin, "_ENDLESS", 1000)
+
+
+@pytest.mark.usefixtures("impatient")
 def test_a_controller_that_waits_for_the_present_for_ever_is_broken(build: Build) -> None:
     controller = Scripted()
 
@@ -286,6 +294,7 @@ def test_a_controller_that_waits_for_the_present_for_ever_is_broken(build: Build
         twin.run(1.0)
 
 
+@pytest.mark.usefixtures("impatient")
 def test_a_controller_that_answers_its_own_edges_for_ever_is_broken(build: Build) -> None:
     """It switches the spindle off when the contactor is on, and on when it is off."""
     controller = Scripted()

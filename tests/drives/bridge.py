@@ -91,6 +91,14 @@ def slope(y, rig, v_a, v_b, load, out):
 
 
 @njit(cache=True)
+def moved(y, dt, slope, out):
+    """y + dt slope, in `out`."""
+    for i in range(4):
+        out[i] = y[i] + dt * slope[i]
+    return out
+
+
+@njit(cache=True)
 def counter(t, start_rate, rate, ramp):
     """Steps at t: the rate rises from start_rate to rate within `ramp`, as 3 q^2 - 2 q^3."""
     q = min(t / ramp, 1.0)
@@ -109,7 +117,7 @@ def run(rig, start_rate, rate, ramp, hold, load, rise, steps_per_tick):
     dt = tick / steps_per_tick
     y = np.zeros(4)
     y[3] = start_rate / micro / (4.0 * teeth) * 2.0 * math.pi
-    k1, k2, k3, k4 = np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4)
+    k1, k2, k3, k4, at = np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4)
     per_step = 0.5 * math.pi / micro
     state = np.zeros(2, np.int64)  # of each phase: 1 on, 2 against the supply, 0 short-circuited
     sign, v, ref, last, fast_until = np.ones(2), np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
@@ -153,10 +161,11 @@ def run(rig, start_rate, rate, ramp, hold, load, rise, steps_per_tick):
                 q = min(max((t - ramp) / rise, 0.0), 1.0)
                 now = load * q * q * (3.0 - 2.0 * q)
             slope(y, rig, v[0], v[1], now, k1)
-            slope(y + 0.5 * dt * k1, rig, v[0], v[1], now, k2)
-            slope(y + 0.5 * dt * k2, rig, v[0], v[1], now, k3)
-            slope(y + dt * k3, rig, v[0], v[1], now, k4)
-            y += dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+            slope(moved(y, 0.5 * dt, k1, at), rig, v[0], v[1], now, k2)
+            slope(moved(y, 0.5 * dt, k2, at), rig, v[0], v[1], now, k3)
+            slope(moved(y, dt, k3, at), rig, v[0], v[1], now, k4)
+            for i in range(4):
+                y[i] += dt / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i])
             if t > ramp + 0.5 * hold:
                 torque += rig[2] * (y[1] * math.cos(teeth * y[2]) - y[0] * math.sin(teeth * y[2]))
                 count += 1

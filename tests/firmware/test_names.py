@@ -29,7 +29,10 @@ SOURCES = [
 
 def named_in_code(path: Path) -> Iterator[str]:
     """Every use of a controller's name that is no comment, no docstring and no default of a parameter or field."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+    text = path.read_text(encoding="utf-8")
+    if not NAME.search(text):
+        return
+    tree = ast.parse(text)
     allowed = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):

@@ -71,22 +71,18 @@ for line in ("toy_speed_hz = 1000", "toy_speed_hz = 20", "toy_sped_hz = 1000"):
         print(str(error).split("machine.toml: ")[1])
 """
 
+LANGUAGE_ENTRY = "toy = isel_twin_toy_language:create"
 JOB = "X1600\n?\nno<13>\nX-1600<13> <0.1s> ?\n"
 
 
 @pytest.fixture(scope="module")
 def plugins(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the page's toy and its language installed in it by pip."""
-    return install(tmp_path_factory.mktemp("plugins"), tmp_path_factory.mktemp("source"), language=True)
-
-
-def install(target: Path, source: Path, *, language: bool) -> Path:
+    target, source = tmp_path_factory.mktemp("plugins"), tmp_path_factory.mktemp("source")
     text = PAGE.read_text(encoding="utf-8")
     for name, code in zip(MODULES, blocks(text, "python"), strict=True):
         (source / name).write_text(code, encoding="utf-8")
     (project,) = blocks(text, "toml")
-    if not language:
-        project = project.replace('toy = "isel_twin_toy_language:create"', "")
     (source / "pyproject.toml").write_text(project, encoding="utf-8")
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-index", "--no-deps"]
     subprocess.run([*pip, "--no-build-isolation", "--target", str(target), str(source)], check=True)
@@ -187,13 +183,18 @@ def test_the_tuning_environment_says_that_it_is_not_for_the_toy(plugins: Path) -
     assert run(plugins, "-c", TUNING) == (["the toy has no reference point"], "")
 
 
-def test_without_a_language_it_runs_by_bytes(tmp_path: Path) -> None:
-    plugins = install(tmp_path / "plugins", tmp_path, language=False)
-    results, _ = run_job(plugins, "X1600<13>\nno<13>\n")
+def test_without_a_language_it_runs_by_bytes(plugins: Path, tmp_path: Path) -> None:
+    """As if it had been installed without that entry point."""
+    speechless = shutil.copytree(plugins, tmp_path / "plugins")
+    (told,) = speechless.glob("*.dist-info/entry_points.txt")
+    entries = told.read_text(encoding="utf-8")
+    assert LANGUAGE_ENTRY in entries
+    told.write_text(entries.replace(LANGUAGE_ENTRY, ""), encoding="utf-8")
+    results, _ = run_job(speechless, "X1600<13>\nno<13>\n")
     assert [(result["reply"], result["ok"], result["counts"][0]) for result in results] == [
         ("0", True, 1600), ("5", True, 1600)
     ]  # fmt: skip
-    _, err = run_job(plugins, "<88>\nX1600\n", code=2)
+    _, err = run_job(speechless, "<88>\nX1600\n", code=2)
     assert "line 2: controller 'toy' has no language: send its bytes as <13>" in err
     assert err.count("\n") == 1
 

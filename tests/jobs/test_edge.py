@@ -24,7 +24,7 @@ from isel_twin.jobs.playing import played
 from isel_twin.language import create_language
 from tests import forked
 from tests.in_process import isel_twin
-from tests.near import near_switches
+from tests.near import COARSE, near_switches
 
 pytestmark = pytest.mark.long(seconds=11)
 
@@ -329,12 +329,11 @@ def test_speeds_of_straight_moves_are_scaled_and_nothing_else() -> None:
 @pytest.mark.slow
 def test_at_a_little_less_it_holds_and_at_a_little_more_it_is_lost() -> None:
     call, lines = TwinSpec(), parse_job(LONG.format(hz=20_000), create_language("imc-s8"), "imc-s8")
-    found = {
-        each.quantity: each.factor
-        for each in edge.edges(call, lines, verdict_of(20_000), timeout_s=60.0)
-        if each.axis == "x"
-    }
-    speed, supply = found["speed"], found["supply"]
+    told = (
+        (each.axis, each.quantity, each.factor) for each in edge.edges(call, lines, verdict_of(20_000), timeout_s=60.0)
+    )
+    speed = next(factor for axis, quantity, factor in told if (axis, quantity) == ("x", "speed"))
+    supply = next(factor for axis, quantity, factor in told if (axis, quantity) == ("x", "supply"))
     assert speed is not None
     assert supply is not None
     assert 25_500 <= 20_000 * speed <= 26_500
@@ -348,7 +347,8 @@ def test_at_a_little_less_it_holds_and_at_a_little_more_it_is_lost() -> None:
 @pytest.mark.slow
 def test_the_command_line_says_it_in_words_and_in_json(tmp_path: Path) -> None:
     (tmp_path / "job.txt").write_text("@07\n@0N7\n@0J100\n@0A16000,16000,0,30,0,30,0,30\n")
-    done = isel_twin("run", tmp_path / "job.txt", "--edge", "--robust", "1", "--json")
+    machine = near_switches(tmp_path, 2.0, more=COARSE)
+    done = isel_twin("run", tmp_path / "job.txt", "--machine", machine, "--edge", "--robust", "1", "--json")
     *_, last = (json.loads(line) for line in done.stdout.splitlines())
     assert done.returncode == 0, done
     assert set(last["robust"]) == {"lost", "of", "at_most"}
@@ -366,8 +366,8 @@ def test_the_command_line_says_it_in_words_and_in_json(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("controller", "text"),
     [
-        ("gmi99", "Q7;1\nM100000\nB1000\nf100000\n81h 60000\n"),
-        ("bwo900", "N10 G90 G53\nN20 G1 X70 F5000\nN30 M30\n"),
+        ("gmi99", "Q7;1\nM100000\nB1000\nf100000\n81h 50000\n"),
+        ("bwo900", "N10 G90 G53\nN20 G1 X40 F5000\nN30 M30\n"),
     ],
 )
 def test_the_edge_of_a_servo_axis_is_where_its_drive_switches_itself_off(

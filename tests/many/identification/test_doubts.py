@@ -22,7 +22,7 @@ from isel_twin.many.identification.patch import as_json, patch
 from isel_twin.many.identification.session import REST_SIGMA_MM, Datum, Session, session_of, stand_alone
 from isel_twin.many.identification.stand_in import carry_out
 from isel_twin.many.identification.unknowns import unknown
-from tests.near import near_switches
+from tests.near import COARSE, near_switches
 
 CONTROLLER = "imc-s8"
 SCREW, BEAM, TABLE = "axes.y.stiffness", "structure.nod_y.stiffness", "structure.flex_y.stiffness"
@@ -30,7 +30,7 @@ SCREW, BEAM, TABLE = "axes.y.stiffness", "structure.nod_y.stiffness", "structure
 
 @pytest.fixture(scope="module")
 def near(tmp_path_factory: pytest.TempPathFactory) -> Machine:
-    return load_machine(near_switches(tmp_path_factory.mktemp("near"), 2.0))
+    return load_machine(near_switches(tmp_path_factory.mktemp("near"), 2.0, more=COARSE))
 
 
 def pushed(near: Machine, place: str) -> Session:

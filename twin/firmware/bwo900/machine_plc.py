@@ -13,6 +13,7 @@ DEFAULT is small on purpose; the setting `plc_program` of the machine file gives
 from __future__ import annotations
 
 from collections import deque
+from functools import cache
 from typing import Final
 
 from isel_twin.base.units import MILLISECOND_NS
@@ -98,6 +99,11 @@ BE
 """
 
 
+@cache
+def _image(text: str) -> bytes:
+    return assemble(text).image
+
+
 class MachinePlc:
     """The PLC and its flags from the control; M functions go to it one after the other."""
 
@@ -106,7 +112,7 @@ class MachinePlc:
     def __init__(self, text: str | None = None) -> None:
         """text: STEP 5 in place of DEFAULT. Raises AssemblyError, ImageError."""
         self._plc = Plc(Rights(), {}, SHORTEST_NS)
-        self._plc.load(assemble(DEFAULT if text is None else text).image)
+        self._plc.load(_image(DEFAULT if text is None else text))
         self._memory = PlcMemory()
         self._waiting: deque[int] = deque()
         self._left = False  # the function shown is not waited for any more

@@ -32,6 +32,9 @@ WIDE = 4.0  # standard deviations of what is thought before, within which thresh
 SPREAD = (0.1, 1.0, 0.5)  # those of S, A and F, in the logarithm
 STARTS = 6.0  # full steps a natural period at which a motor without load still starts
 PULLS = 0.3  # of the torque at rest over the inertia, which friction, swing and the worst of machines leave for a ramp
+DISTANCE = np.linspace(-WIDE, WIDE, POINTS)
+_normal = np.exp(-0.5 * np.square(DISTANCE))
+_BEFORE = _normal[:, None, None] * _normal[:, None] * _normal  # [S, A, F]
 
 
 @dataclass(frozen=True)
@@ -53,18 +56,17 @@ class Thresholds:
 
     def chance(self, places: Grid, held: Grid, lost: Grid) -> NDArray[np.float64]:
         """The chance that each place holds. held, lost: the places of trials, [n, 3]."""
-        axes, weight = [], np.ones((1, 1, 1))
-        for number, (middle, spread) in enumerate(zip(self.middles, SPREAD, strict=True)):
-            distance = np.linspace(-WIDE, WIDE, POINTS)
-            axes.append(middle * np.exp(spread * distance))
-            shape = [1, 1, 1]
-            shape[number] = POINTS
-            weight = weight * np.exp(-0.5 * np.square(distance)).reshape(shape)
+        axes = [middle * np.exp(spread * DISTANCE) for middle, spread in zip(self.middles, SPREAD, strict=True)]
+        weight = _BEFORE.copy()
         for point, holds in [*((point, True) for point in held), *((point, False) for point in lost)]:
-            within = np.ix_(*(thresholds >= value for thresholds, value in zip(axes, point, strict=True)))
-            believed = np.full(weight.shape, MISTAKEN if holds else 1.0)
-            believed[within] = 1.0 if holds else MISTAKEN
-            weight = weight * believed
+            first = [int(np.searchsorted(thresholds, value)) for thresholds, value in zip(axes, point, strict=True)]
+            within = weight[first[0] :, first[1] :, first[2] :]
+            if holds:
+                right = within.copy()
+                weight *= MISTAKEN
+                within[...] = right
+            else:
+                within *= MISTAKEN
         beyond = np.zeros([POINTS + 1] * 3)
         beyond[:-1, :-1, :-1] = weight[::-1, ::-1, ::-1].cumsum(0).cumsum(1).cumsum(2)[::-1, ::-1, ::-1]
         at = (np.searchsorted(thresholds, places[..., number]) for number, thresholds in enumerate(axes))
