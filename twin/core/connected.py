@@ -147,20 +147,18 @@ class Connected:
             if isinstance(event, Output):
                 self._wiring.output(event.name, event.value)
                 outputs_changed = True
-                continue
-            match event:
-                case Reply(data):
-                    self._wiring.heard(data, sent=False)
-                    self._line.from_controller(self.time_ns, data, self._controller.serial_format.byte_ns)
-                case CounterSet(axis, value):
-                    self._position.counter_set(axis, value)
-                    self._note("counter", event)
-                case FlashWrite(image):
-                    self._store(image)
-                case Remark(text):
-                    self._remark(text)
-                case Step():
-                    self.steps_made.append(event)
+            elif isinstance(event, Reply):
+                self._wiring.heard(event.data, sent=False)
+                self._line.from_controller(self.time_ns, event.data, self._controller.serial_format.byte_ns)
+            elif isinstance(event, CounterSet):
+                self._position.counter_set(event.axis, event.value)
+                self._note("counter", event)
+            elif isinstance(event, FlashWrite):
+                self._store(event.image)
+            elif isinstance(event, Remark):
+                self._remark(event.text)
+            elif isinstance(event, Step):
+                self.steps_made.append(event)
         if moved or outputs_changed:
             self._wiring.follow_controller()
         if outputs_changed and self._observers.any:
