@@ -74,11 +74,9 @@ class Connected:
             self._line.clear_to_send(self.time_ns, True)
 
     def _restart(self) -> bool:
-        """Restart the controller with its flash, or without supply, if the wiring asks for it; return whether it did. A
+        """Restart the controller with its flash, or without supply, as the wiring has asked; return whether it did. A
         controller that the caller gave is not restarted.
         """
-        if self._restarts == self._wiring.restarts:
-            return False
         self._restarts = self._wiring.restarts
         if self._plans.new_controller is None:
             self._remark("no reset and no brown-out of a controller that was handed in: there is no other")
@@ -126,12 +124,10 @@ class Connected:
         self._observers.look(self, True, self._wiring.changes)
         return True
 
-    def _hand_over_keys(self) -> bool:
-        pressed = self._wiring.take_pressed()
-        for name, value in pressed:
+    def _hand_over_keys(self) -> None:
+        for name, value in self._wiring.take_pressed():
             if self._told.press(self.time_ns, name, value):
                 self._take_events()
-        return bool(pressed)
 
     def _take_events(self) -> None:
         """Take the controller's events after a call, and its motion."""
@@ -151,20 +147,18 @@ class Connected:
             if isinstance(event, Output):
                 self._wiring.output(event.name, event.value)
                 outputs_changed = True
-                continue
-            match event:
-                case Reply(data):
-                    self._wiring.heard(data, sent=False)
-                    self._line.from_controller(self.time_ns, data, self._controller.serial_format.byte_ns)
-                case CounterSet(axis, value):
-                    self._position.counter_set(axis, value)
-                    self._note("counter", event)
-                case FlashWrite(image):
-                    self._store(image)
-                case Remark(text):
-                    self._remark(text)
-                case Step():
-                    self.steps_made.append(event)
+            elif isinstance(event, Reply):
+                self._wiring.heard(event.data, sent=False)
+                self._line.from_controller(self.time_ns, event.data, self._controller.serial_format.byte_ns)
+            elif isinstance(event, CounterSet):
+                self._position.counter_set(event.axis, event.value)
+                self._note("counter", event)
+            elif isinstance(event, FlashWrite):
+                self._store(event.image)
+            elif isinstance(event, Remark):
+                self._remark(event.text)
+            elif isinstance(event, Step):
+                self.steps_made.append(event)
         if moved or outputs_changed:
             self._wiring.follow_controller()
         if outputs_changed and self._observers.any:

@@ -431,11 +431,16 @@ class Twin(Operated, Seen, Connected, Saved):
                 self._advanced_ns = self.time_ns
                 self._told.advance(self.time_ns)
                 self._take_events()
-            if self._wiring.settle(self.time_ns) or self._restart():
+            if self._wiring.settle(self.time_ns):
+                continue
+            if self._restarts != self._wiring.restarts and self._restart():
                 continue
             if self._hand_over_bytes() and (self._wiring.stirred or self._handshake is not None):
                 continue
-            if self._hand_over_levels() or self._hand_over_keys():
+            if self._hand_over_levels():
+                continue
+            if self._wiring.pressed:
+                self._hand_over_keys()
                 continue
             next_ns = self._controller.next_ns
             if next_ns is None or next_ns > self.time_ns:

@@ -115,7 +115,7 @@ class Stream:
         path, made, tick = motion.path, self._made, motion.count(t_ns)
         here = path.displacement(made)
         way = between(here, path.displacement(tick))
-        out = [i for i, (low, n, high) in enumerate(zip(below, way, above, strict=False)) if not low < n < high]
+        out = [i for i, n in enumerate(way) if not below[i] < n < above[i]]
         if out:
             tick = min(path.tick_of(i, here[i] + (above[i] if way[i] > 0 else below[i])) for i in out)
             t_ns = motion.start_ns + int(motion.law.times(tick - motion.first - 1, tick - motion.first)[0])

@@ -106,6 +106,7 @@ class KinematicPlant(IdealDrives, PathSamples):
         if self._felt is not None and self._felt.take(self._start_mm):
             self._passed[self._touch] = self._felt.touched
         self._places = np.flatnonzero([t.quantity == "position" for t in thresholds])  # of switches among thresholds
+        self._only_places = len(self._places) == len(self._passed)
         switches = [self._thresholds[place] for place in self._places]
         self._strike = np.empty(len(switches))
         self._release = np.empty(len(switches))
@@ -295,7 +296,7 @@ class KinematicPlant(IdealDrives, PathSamples):
         return self.time_ns
 
     def trips(self) -> NDArray[np.bool_]:
-        if len(self._places) == len(self._passed):
+        if self._only_places:
             return self._struck.copy()
         passed = self._passed.copy()
         passed[self._places] = self._struck

@@ -70,10 +70,11 @@ class _Direction:
     def receive(self, t_ns: int, at_once: int | None = None) -> bytes:
         """Take at most at_once bytes of those that have arrived by t_ns."""
         pieces, size = [], 0
-        for queue in (self.landed, self.queue):
-            while queue and queue[0][0] <= t_ns and (at_once is None or size + len(queue[0][1]) <= at_once):
-                pieces.append(queue.popleft()[1])
-                size += len(pieces[-1])
+        while (queue := self.landed or self.queue) and queue[0][0] <= t_ns:
+            if at_once is not None and size + len(queue[0][1]) > at_once:
+                break
+            pieces.append(queue.popleft()[1])
+            size += len(pieces[-1])
         self.due -= size
         return b"".join(pieces)
 

@@ -107,7 +107,7 @@ class Wiring:
         self._faults: dict[str, str | float] = {}  # of acts, by key or `key.member`; contacts keep their own
         self.changes = 0  # counts up whenever an input may have changed
         self.restarts = 0  # how often the controller was restarted or lost its supply
-        self._pressed: list[tuple[str, KeyValue]] = []  # keys pressed since `take_pressed`, and their values
+        self.pressed: list[tuple[str, KeyValue]] = []  # keys since `take_pressed`, and their values
         self.mains = True  # the controller has supply
         self.stages_powered = False
         self._outputs: dict[str, int] = {}
@@ -204,7 +204,7 @@ class Wiring:
 
     def press(self, keys: Mapping[str, KeyValue]) -> None:
         """The controller gets them by `take_pressed`."""
-        self._pressed.extend(keys.items())
+        self.pressed.extend(keys.items())
 
     def restart(self) -> None:
         """The owner of the clock builds the controller anew (wiring/11)."""
@@ -234,7 +234,7 @@ class Wiring:
 
     def take_pressed(self) -> list[tuple[str, KeyValue]]:
         """Keys that events have pressed since the last call, with their values, in order."""
-        pressed, self._pressed = self._pressed, []
+        pressed, self.pressed = self.pressed, []
         return pressed
 
     @property

@@ -273,9 +273,9 @@ class Imc:
             return self._begin_recording
         command = commands.find_dnc(device, code)
         values = command.admitted(device, command.read(device, text))
-        return partial(self._carry_out, command, values, at_once=letter in device.profile.acknowledge_at_once)
+        return lambda: self._carry_out(command, values, letter in device.profile.acknowledge_at_once)
 
-    def _carry_out(self, command: commands.Command, values: tuple[Any, ...], *, at_once: bool) -> str | None:
+    def _carry_out(self, command: commands.Command, values: tuple[Any, ...], at_once: bool) -> str | None:
         """at_once: a command that takes time is acknowledged when it begins."""
         result = command.do(self._device, *values)
         if not isinstance(result, GeneratorType):

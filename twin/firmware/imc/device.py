@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache
 from typing import Any
 
 from isel_twin.base.units import MILLISECOND_NS
@@ -135,7 +135,7 @@ class Device:
     def require_room(self, *legs: Displacement, unreferenced: bool = False) -> None:
         """Raise Refusal unless these legs may follow each other: 24 bits (1, imc/15), reference unless
         `unreferenced` (R, imc/3)."""
-        counts = self.counts
+        counts = self.executor.counts
         for leg in legs:
             counts = added(counts, leg)
             if min(counts) < -POSITION_LIMIT or max(counts) >= POSITION_LIMIT:
@@ -195,12 +195,8 @@ class Device:
 
     def law(self, speed_hz: int) -> Callable[[int], TimeLaw]:
         """A function of a number of ticks that gives the time law with the present ramps, even if called later."""
-        return partial(
-            trapezoid,
-            speed_hz=speed_hz,
-            start_stop_hz=self.start_stop_hz,
-            acceleration_hz_per_s=1000 * self.acceleration_hz_per_ms,
-        )
+        start_stop_hz, acceleration_hz_per_s = self.start_stop_hz, 1000 * self.acceleration_hz_per_ms
+        return lambda ticks: trapezoid(ticks, speed_hz, start_stop_hz, acceleration_hz_per_s)
 
     def store(self, *, settings: Settings | None = None, program: StoredProgram | None = None) -> None:
         """Write new settings or a new program to the flash; the other stays."""

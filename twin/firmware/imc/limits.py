@@ -31,16 +31,10 @@ class LimitSwitches:
 
     def active(self, bit: int) -> bool:
         """True if it is enabled (`@0IE`) and at its active level."""
-        return bool(self._active >> bit & 1)
+        return bool(self.all_active() >> bit & 1)
 
-    @property
-    def any_struck(self) -> bool:
-        """True if any switch is active now."""
-        return bool(self._active)
-
-    @property
-    def _active(self) -> int:
-        """One bit a switch."""
+    def all_active(self) -> int:
+        """The same of all switches, one bit a switch."""
         enabled, low_active = _wanted(self._settings().limit_switches)
         return enabled & (self._inputs.port(LIMIT_PORT) ^ low_active)
 

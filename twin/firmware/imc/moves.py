@@ -66,7 +66,7 @@ def set_off(device: Device, way: Travel) -> Generator[Request, Ended, Ended]:
 
 def _blocked(device: Device, way: Travel) -> bool:
     """True if this travel would drive an axis further onto its struck switch."""
-    if not device.limits.any_struck:
+    if not device.limits.all_active():
         return False
     first, last = way.first, way.first + way.law.ticks
     # over the first ticks, as a curved path may turn later; over all if the axis rests in those
