@@ -15,7 +15,7 @@ import pytest
 from isel_twin.base import compiled_code, compiling, object_code
 from tests.forked import PATIENCE_S
 
-pytestmark = pytest.mark.long(seconds=18)
+pytestmark = pytest.mark.long(seconds=14)
 
 ROOT = Path(__file__).parents[1]
 
