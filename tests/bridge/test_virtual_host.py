@@ -27,7 +27,7 @@ from isel_twin.bridge.virtual.virtual_host import HostProgram, parse_program, ru
 from isel_twin.bridge.virtual.virtual_time import VirtualTime
 from isel_twin.core.twin import Twin
 
-pytestmark = pytest.mark.long(seconds=11)
+pytestmark = pytest.mark.long(seconds=6)
 
 OPEN = "import serial, time, threading, queue, sys\nport = serial.Serial('COM4', 19200, timeout=1)\n"
 ASK = (

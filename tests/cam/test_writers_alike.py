@@ -86,11 +86,11 @@ def endless() -> Iterator[Element]:
 
 @pytest.mark.parametrize("controller", CONTROLLERS)
 def test_lines_are_made_while_they_are_taken(controller: str) -> None:
-    """An endless path has lines; after eight thousand of them the writer has no more in memory than after ten."""
+    """An endless path has lines; after three thousand of them the writer has no more in memory than after ten."""
     language = create_language(controller)
     assert offers(language, WritesToolpaths)
     lines = language.written(endless(), axes_of(controller), FAST)
-    taken = 8000 if controller != "gmi99" else 400  # it has sixty moves in a line
+    taken = 3000 if controller != "gmi99" else 150  # it has sixty moves in a line
     tracemalloc.start()
     try:
         assert len(list(islice(lines, 10))) == 10

@@ -73,6 +73,10 @@ def test_everything_else_needs_no_extra(plant: str, tmp_path: Path, capsys: pyte
     code, err = said(capsys, "run", "job.txt", "--plant", plant, "--steps", "o.npz", "--vcd", "o.vcd")
     assert (code, err) == (0, "")
     assert {path.name for path in tmp_path.iterdir()} == {"job.txt", "o.npz", "o.vcd"}
+
+
+@pytest.mark.usefixtures("bare")
+def test_nor_do_a_motor_and_a_report(capsys: pytest.CaptureFixture[str]) -> None:
     assert said(capsys, "motor", "23HS32-4004S") == (0, "")
     assert said(capsys, "run", "job.txt", "--plant", "kinematic", "--report", "o.html") == (0, "")
 

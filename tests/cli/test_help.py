@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import pty
 import re
@@ -56,10 +57,16 @@ def test_each_option_and_command_is_explained() -> None:
     assert [name for name, command in COMMANDS if not command.help] == []
 
 
+@functools.cache
+def completion(shell: str) -> str:
+    """The script, which takes a third of a second to make."""
+    return app.generate_completion(shell=shell)
+
+
 @pytest.mark.parametrize("shell", SHELLS)
 def test_a_shell_takes_the_completion_and_knows_each_command(shell: str, tmp_path: Path) -> None:
     """The script is right for its shell, if that is installed, and has all commands and their options."""
-    script = app.generate_completion(shell=shell)
+    script = completion(shell)
     words = [word for name, _ in COMMANDS for word in name.split()]
     assert [word for word in words if word not in script] == []
     assert "--scenario" in script or "-l scenario" in script
@@ -77,7 +84,7 @@ def test_bash_completes_commands_options_and_choices(tmp_path: Path) -> None:
     """As at the tab key: what the function of the script offers for a line that is begun."""
     if shutil.which("bash") is None:
         pytest.skip("there is no bash here")
-    (tmp_path / "completion").write_text(app.generate_completion(shell="bash"))
+    (tmp_path / "completion").write_text(completion("bash"))
     for line, offered in BEGUN:
         ask = (
             f"source ./completion; words=({line}); COMP_WORDS=(${{words[@]}}); COMP_CWORD=$((${{#words[@]}} - 1)); "
@@ -92,7 +99,7 @@ def test_bash_completes_commands_options_and_choices(tmp_path: Path) -> None:
 def test_fish_completes_commands_and_options(tmp_path: Path) -> None:
     if shutil.which("fish") is None:
         pytest.skip("there is no fish here")
-    (tmp_path / "completion").write_text(app.generate_completion(shell="fish"))
+    (tmp_path / "completion").write_text(completion("fish"))
     for line, offered in BEGUN:
         ask = f"source completion; complete -C '{line}'"
         done = subprocess.run(["fish", "-c", ask], cwd=tmp_path, capture_output=True, text=True, check=False)

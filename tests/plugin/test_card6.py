@@ -18,7 +18,7 @@ import pytest
 
 from tests.forked import PATIENCE_S
 
-pytestmark = pytest.mark.long(seconds=8)
+pytestmark = pytest.mark.long(seconds=7)
 
 HERE = Path(__file__).parent
 OPTIONS = ["--controller", "card6", "--plant", "kinematic"]

@@ -16,7 +16,7 @@ from pytest_plugin.projects import ALONE, INI, PLUGIN, drawing_project, project,
 from isel_twin.cli import main
 from tests.forked import PATIENCE_S
 
-pytestmark = pytest.mark.long(seconds=11)
+pytestmark = pytest.mark.long(seconds=9)
 
 __all__ = ["drawing_project", "project", "warm"]
 pytest_plugins = ["pytester"]

@@ -11,7 +11,7 @@ from tests import forked
 from tests.reliability import connects, echo, feed, figures, kills, memory, punctual, queries, strings, tap
 from tests.reliability.figures import Figure, table
 
-pytestmark = pytest.mark.long(seconds=13)
+pytestmark = pytest.mark.long(seconds=4)
 
 GENEROUS = 50.0
 """Times a limit that a computer with other things to do may take."""

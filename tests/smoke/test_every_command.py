@@ -16,7 +16,7 @@ from tests.in_process import isel_twin
 from tests.near import COARSE, near_switches
 from tests.near import NEAR as START
 
-pytestmark = pytest.mark.long(seconds=9)
+pytestmark = pytest.mark.long(seconds=8)
 
 JOB = "@07\n@0N7\n@0A1600,800,0,30,0,30,0,30\n"
 JOBS = {
