@@ -33,7 +33,7 @@ import time
 from collections.abc import Callable, Generator, Iterator, MutableSequence, Sequence
 from concurrent import futures
 from concurrent.futures import BrokenExecutor, Executor, Future
-from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from itertools import chain, count
 from typing import Any, TypeVar
@@ -418,9 +418,35 @@ def _dask(address: str) -> Iterator[Executor]:
         open_.callback(client.close, timeout=5)
         if not client.ncores():
             log.warning("%s: the cluster has no workers yet", address)
-        executor = client.get_executor(pure=False)
-        yield Shared(executor, lambda: sum(client.nthreads().values()))
-        executor.shutdown(wait=False)
+        yield Shared(_OfCluster(client), lambda: sum(client.nthreads().values()))
+
+
+class _OfCluster(Executor):
+    """In place of distributed's own executor, which takes a result for an error if the worker that has made it dies
+    while it is handed over."""
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+
+    def submit(self, function: Callable[..., Result], /, *arguments: Any, **named: Any) -> Future[Result]:
+        mine: Future[Result] = Future()
+        theirs = self._client.submit(function, *arguments, pure=False, **named)
+        theirs.add_done_callback(functools.partial(_handed_over, mine))
+        mine.add_done_callback(lambda done: theirs.cancel() if done.cancelled() else None)
+        return mine
+
+
+def _handed_over(mine: Future[Any], theirs: Any) -> None:
+    with suppress(futures.InvalidStateError):  # nobody waits for it any more
+        try:
+            result = theirs.result()  # once more from another worker, if it was lost meanwhile
+        except BaseException as error:
+            if theirs.status != "cancelled":
+                mine.set_exception(error)
+            elif mine.cancel():
+                mine.set_running_or_notify_cancel()
+        else:
+            mine.set_result(result)
 
 
 @contextmanager

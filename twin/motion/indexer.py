@@ -65,8 +65,8 @@ class Indexer:
         t = np.arange(first, last + 1) * (self.period_ns / SECOND_NS)
         points = np.zeros((len(t), self.axes), dtype=np.int64)
         for axis, phases in enumerate(self.phases):
-            index = np.searchsorted([phase.t for phase in phases[1:]], t, side="right")
-            s, v, a, t0 = (np.array([getattr(phase, name) for phase in phases])[index] for name in ("s", "v", "a", "t"))
+            table = np.array([(phase.t, phase.s, phase.v, phase.a) for phase in phases])
+            t0, s, v, a = table[np.searchsorted(table[1:, 0], t, side="right")].T
             u = t - t0
             points[:, axis] = np.rint(s + v * u + a * u * u / 2)
         return np.diff(points, axis=0).astype(np.int32)

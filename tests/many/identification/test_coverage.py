@@ -14,6 +14,7 @@ import pytest
 
 from isel_twin.language import create_language, needed
 from isel_twin.machine import load_machine
+from isel_twin.many.identification import fit as fit_module
 from isel_twin.many.identification import noise as noise_module
 from isel_twin.many.identification import replays as replays_module
 from isel_twin.many.identification.experiment import Teller, _coast, _push
@@ -34,7 +35,10 @@ MACHINES = 20
 
 
 def test_intervals_hold_what_they_say(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """85 to 95 % of the truths in intervals of 90 %; of twenty, by the binomial distribution, 14 at least."""
+    """85 to 95 % of the truths in intervals of 90 %; of twenty, by the binomial distribution, 14 at least. Laws and
+    numbers behind factors, on which no interval depends, are left out, as in the study (coverage.py)."""
+    monkeypatch.setattr(fit_module, "compete", lambda *_: ())
+    monkeypatch.setattr(fit_module, "behind_factors", lambda *_: ((), ()))
     machine = load_machine(near_switches(tmp_path, 2.0))
     unknowns = [unknown(machine, name) for name in NAMES]
     language = needed(create_language(CONTROLLER), CONTROLLER)

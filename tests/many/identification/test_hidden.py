@@ -22,7 +22,7 @@ from isel_twin.many.identification.replays import Replays
 from isel_twin.many.identification.session import predict, session_of
 from isel_twin.many.identification.stand_in import carry_out
 from isel_twin.many.identification.unknowns import candidate, unknown
-from tests.many.identification.conftest import CONTROLLER, GAUGE_MM, NAMES, TRUE, Found, wanted
+from tests.many.identification.conftest import CONTROLLER, GAUGE_MM, NAMES, TRUE, Found, short, wanted
 
 pytestmark = pytest.mark.long(seconds=18)
 
@@ -190,7 +190,7 @@ def fitted_badly(found: Found) -> Fit:
     """Fitted to a gauge whose screw was turned in the middle: it says 0.1 mm more whenever the nut came from above."""
     language = needed(create_language(CONTROLLER), CONTROLLER)
     every = blocks(found.believed, CONTROLLER, ["x"], found.unknowns, 1)
-    experiment = assemble("day", wanted(every, "reversal"), language)
+    experiment = assemble("day", [short(block) for block in wanted(every, "reversal")], language)
     recorded, measured = carry_out(experiment, found.hidden, CONTROLLER, seed=41, noise_mm=GAUGE_MM, time_noise_s=0.0)
     good = session_of(recorded, measured, CONTROLLER, found.believed)
     wrong = tuple(replace(one, mm=one.mm + 0.1 * (number % 2)) for number, one in enumerate(measured.readings))

@@ -35,13 +35,17 @@ ramp = [100]
 
 @pytest.fixture(scope="module")
 def dask() -> Iterator[tuple[str, list[int]]]:
-    """Address of a scheduler with two workers, and the process ids of these."""
+    """Address of a scheduler with two workers, and the process ids of these: forked, after all imports."""
+    import dask
     from distributed import LocalCluster
+    from distributed.utils import get_mp_context
 
-    with LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
-    ) as cluster:
-        yield cluster.scheduler_address, [worker.pid for worker in cluster.workers.values()]
+    with dask.config.set({"distributed.worker.multiprocessing-method": "forkserver"}):
+        get_mp_context().set_forkserver_preload(["distributed", "isel_twin.jobs.ready"])
+        with LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
+        ) as cluster:
+            yield cluster.scheduler_address, [worker.pid for worker in cluster.workers.values()]
 
 
 def expected(plan: Path, file: Path) -> bytes:

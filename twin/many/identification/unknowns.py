@@ -29,7 +29,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -234,12 +234,18 @@ def _names(machine: Machine) -> list[str]:
 
 def changes(machine: Machine, unknowns: Sequence[Unknown], values: Sequence[float]) -> dict[str, float]:
     found: dict[str, float] = {}
-    by_key = {row.parameter: row for row in rows(machine.tree)}
     for item, value in zip(unknowns, values, strict=True):
         for key in item.keys:
-            times = float(by_key[key].value) if item.factor else 1.0
+            times = _number(machine.tree, key) if item.factor else 1.0
             found[key] = round(value) if item.whole else value * times
     return found
+
+
+def _number(tree: Mapping[str, Any], key: str) -> float:
+    content: Any = tree
+    for part in key.split("."):
+        content = content[part]
+    return float(content["value"])
 
 
 def candidate(machine: Machine, unknowns: Sequence[Unknown], values: Sequence[float]) -> Machine:
