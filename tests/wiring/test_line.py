@@ -107,3 +107,14 @@ def test_bytes_that_arrive_at_once_come_in_pieces() -> None:
     line = SerialLine(False, np.random.default_rng(0))
     line.from_host(5, b"0123456789", 0, at_once=4)
     assert [line.at_controller(5, 4) for _ in range(4)] == [b"0123", b"4567", b"89", b""]
+
+
+def test_what_has_landed_before_a_cut_is_not_overtaken() -> None:
+    """Two bytes and four have arrived, one comes after the cut: at most four are taken at once, in their order."""
+    wire = line(timed=False)
+    for t_ns, data in ((1, b"89"), (2, b"0123")):
+        wire.from_host(t_ns, data, 0, at_once=4)
+    wire.cut(3, True)
+    wire.cut(4, False)
+    wire.from_host(5, b"x", 0, at_once=4)
+    assert [wire.at_controller(5, 4) for _ in range(4)] == [b"89", b"0123", b"x", b""]

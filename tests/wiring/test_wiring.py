@@ -24,6 +24,7 @@ from isel_twin.plant import Threshold
 from isel_twin.plant.kinematic import KinematicPlant
 from isel_twin.wiring import FAULTS, ScenarioEvent, SerialLine, Wiring, thresholds
 from isel_twin.wiring.cabinet import ELEMENTS
+from isel_twin.wiring.when import Trigger
 
 SWITCHES = ("limit_x1", "limit_x2", "limit_y1", "limit_y2", "limit_z1", "limit_z2")
 X1, X2 = 0, 1
@@ -769,3 +770,24 @@ def test_edges_of_a_plant_that_follows_its_command() -> None:
     back = 100 + (100 - 32) + 64  # from 100 steps in, over the trip point 32 steps from the start, and the hysteresis
     assert edges == [(33, False), (back, True)]
     assert not wiring.levels["lag_x"]
+
+
+def test_only_what_the_power_or_a_scenario_follows_stirs_the_wiring_again() -> None:
+    bench = Bench()
+    bench.outputs(stages=1, brake=1)
+    assert not bench.wiring.stirred
+    bench.wiring.output("lamp_start", 1)
+    bench.wiring.motion(True)
+    bench.wiring.follow_controller()
+    assert not bench.wiring.stirred, "a lamp, and a motion with the hood closed"
+    bench.wiring.output("stages", 0)
+    bench.wiring.follow_controller()
+    assert bench.wiring.stirred
+    assert bench.settle(1) == 0
+    assert not bench.wiring.stirred
+    bench.wiring.output("drive_reset", 1)
+    assert bench.wiring.stirred, "a fault may be gone"
+    bench.settle(2)
+    opens = ScenarioEvent(2, {"set": {"hood": "open"}}, when=Trigger("output", "lamp_start", 1))
+    bench.wiring.schedule([opens])
+    assert bench.wiring.stirred, "an event may wait for what the controller does"

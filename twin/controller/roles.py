@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from typing import Literal, Protocol, TypeAlias, TypeGuard, TypeVar
 
@@ -169,7 +169,7 @@ class KeepsBytes(Protocol):
     is called for anything else."""
 
     @property
-    def acting_bytes(self) -> Container[int] | None:
+    def acting_bytes(self) -> Set[int] | None:
         """All that it does not only keep, as far as it has been called; None: any byte may have an effect."""
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from isel_twin.base.units import SECOND_NS
 from isel_twin.controller import (
     BYTES_AT_ONCE,
+    Arrival,
     AwaitsArrival,
     Controller,
     CounterSet,
@@ -33,6 +34,7 @@ from isel_twin.core.position import Position
 from isel_twin.core.told import Told
 from isel_twin.core.unpowered import Unpowered
 from isel_twin.motion import Stream
+from isel_twin.plant import FindsArrival
 from isel_twin.wiring import SerialLine, Wiring
 
 log = logging.getLogger("isel_twin")
@@ -58,6 +60,7 @@ class Connected:
     _wiring: Wiring
     _position: Position
     _stream: Stream
+    _finds: FindsArrival | None
     _sense: NDArray[np.int8] | None
     _observers: Observers[Any]
     _restarts: int
@@ -128,6 +131,17 @@ class Connected:
         for name, value in self._wiring.take_pressed():
             if self._told.press(self.time_ns, name, value):
                 self._take_events()
+
+    def _awaited(self, controller: AwaitsArrival) -> Arrival | None:
+        """What the controller waits for, if the plant finds it."""
+        arrival = None if self._finds is None or self._stream.ahead else controller.arrival
+        found = arrival is not None and self._finds is not None and self._finds.finds_arrival(arrival.period_ns)
+        return arrival if found else None
+
+    def _show_inputs(self) -> None:
+        """Let the observers look at inputs that have changed, or because it is time."""
+        changes = self._wiring.changes
+        self._observers.look(self, self._observers.inputs_changed(self, changes), changes)
 
     def _take_events(self) -> None:
         """Take the controller's events after a call, and its motion."""

@@ -13,7 +13,7 @@ import numpy as np
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.parameters import Place
 from isel_twin.base.units import MILLISECOND_NS
-from isel_twin.controller import Key, KeyValue
+from isel_twin.controller import Controller, Key, KeyValue
 from isel_twin.core.journal import SETTINGS, Note, Received, cut_content, in_words, push_content
 from isel_twin.core.margins import MarginReader, MarginReaders
 from isel_twin.core.observers import Observers
@@ -32,6 +32,7 @@ class Operated:
     time_ns: int
     keys: Mapping[str, Key]
     on_flash: Callable[[bytes], None] | None
+    _controller: Controller
     _plant: Plant
     _position: Position
     _line: SerialLine

@@ -31,7 +31,6 @@ from isel_twin.base.units import SECOND_NS
 from isel_twin.controller import (
     BYTES_AT_ONCE,
     Arrival,
-    AwaitsArrival,
     Controller,
     HasKeys,
     Key,
@@ -333,12 +332,6 @@ class Twin(Operated, Seen, Connected, Saved):
         if self._sampler is not None:
             self._sampler.keep_up()
 
-    def _awaited(self, controller: AwaitsArrival) -> Arrival | None:
-        """What the controller waits for, if the plant finds it."""
-        arrival = None if self._finds is None or self._stream.ahead else controller.arrival
-        found = arrival is not None and self._finds is not None and self._finds.finds_arrival(arrival.period_ns)
-        return arrival if found else None
-
     def _arrive(self, until_ns: int, arrival: Arrival) -> int:
         """Let the plant advance to until_ns, or to the first look of the controller at which its drives are in
         position; the looks before it are left out. Return the time reached."""
@@ -431,23 +424,21 @@ class Twin(Operated, Seen, Connected, Saved):
                 self._advanced_ns = self.time_ns
                 self._told.advance(self.time_ns)
                 self._take_events()
-            if self._wiring.settle(self.time_ns):
+            if self._wiring.settle(self.time_ns) or (self._restarts != self._wiring.restarts and self._restart()):
                 continue
-            if self._restarts != self._wiring.restarts and self._restart():
-                continue
-            if self._hand_over_bytes() and (self._wiring.stirred or self._handshake is not None):
+            handed_over = self._hand_over_bytes()
+            next_ns = self._controller.next_ns
+            due = next_ns is not None and next_ns <= self.time_ns
+            if handed_over and (due or self._wiring.stirred or self._handshake is not None):
                 continue
             if self._hand_over_levels():
                 continue
             if self._wiring.pressed:
                 self._hand_over_keys()
-                continue
-            next_ns = self._controller.next_ns
-            if next_ns is None or next_ns > self.time_ns:
+            elif not due:
                 if self._observers.any:
-                    changes = self._wiring.changes
-                    self._observers.look(self, self._observers.inputs_changed(self, changes), changes)
-                    next_ns = self._controller.next_ns  # one of them may have written
+                    self._show_inputs()
+                    next_ns = self._controller.next_ns  # an observer may have written
                 self._due_ns = self._next_due_ns(next_ns)
                 return
 

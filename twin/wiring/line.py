@@ -19,7 +19,7 @@ anything else happens after that: a command on a timed line is one event.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Container
+from collections.abc import Callable, Set
 from itertools import islice, takewhile
 from typing import Final
 
@@ -108,12 +108,12 @@ class _Direction:
     def next_ns(self) -> int | None:
         return self.landed[0][0] if self.landed else self.queue[0][0] if self.queue else None
 
-    def next_acting_ns(self, acting: Container[int]) -> int | None:
+    def next_acting_ns(self, acting: Set[int]) -> int | None:
         """When the next byte of these arrives, or the last one of all or of many."""
         if self.landed or not self.queue:
             return self.next_ns
         run = list(islice(self.queue, LONGEST_RUN))
-        return next((at_ns for at_ns, data in run if any(byte in acting for byte in data)), run[-1][0])
+        return next((at_ns for at_ns, data in run if not acting.isdisjoint(data)), run[-1][0])
 
 
 class SerialLine:
@@ -224,7 +224,7 @@ class SerialLine:
         return self._to_host.queue[-1][0] if self._to_host.queue else 0
 
     @property
-    def _acting(self) -> Container[int] | None:
+    def _acting(self) -> Set[int] | None:
         """Bytes that have an effect on the controller when they arrive, as far as is known now; None: any."""
         return None if self.keeps is None else self.keeps.acting_bytes
 

@@ -51,7 +51,8 @@ class LineAssembler:
 
 def split_runs(data: bytes) -> Iterator[tuple[bytes, bytes]]:
     """Runs of bytes, each with the CR or control byte that ends it, b"" at the end of the data."""
-    return map(re.Match.groups, _RUNS.finditer(data))
+    for found in _RUNS.finditer(data):
+        yield found[1], found[2]
 
 
 @dataclass(frozen=True)
