@@ -46,7 +46,7 @@ def test_two_workers_beside_one_process(benchmark: Any, tmp_path: Path, monkeypa
 
     for name, value in QUIET.items():
         monkeypatch.setenv(name, value)
-    monkeypatch.setattr(dask.config, "config", dask.config.collect())
+    monkeypatch.setattr(dask.config, "config", dask.config.merge(*dask.config.defaults, dask.config.collect()))
 
     (tmp_path / "job.txt").write_text(JOB)
     (tmp_path / "plan.toml").write_text(PLAN)

@@ -46,6 +46,9 @@ PHASE_A = 1  # `phases`: phase A alone is connected (a broken wire in B)
 PHASE_B = 2  # `phases`: phase B alone is connected (a broken wire in A)
 BOTH = 3  # `phases`: the stage drives both phases
 SMOOTHING = 5.0  # corner of the smoothed command over that of the damping, so that it does not amplify single pulses
+_fields = AXIS_PARAMETERS.names or ()  # all have eight bytes
+_MOTOR = slice(_fields.index("microstep_rad"), _fields.index("damping_share") + 1)
+_ERRORS = slice(_fields.index("plain"), _fields.index("current_offset") + 1)
 SETTLED_RAD = 1e-12  # electrical load-angle swing below which damping does nothing, so that a drive comes to rest
 
 
@@ -63,27 +66,29 @@ def axis_parameters(
     resistance = motor.resistance_ohm + stage.extra_resistance_ohm
     gain = -math.expm1(-resistance * dt_s / motor.inductance_h) / resistance
     p["kind"] = STEPPER
-    p["microstep_rad"] = 2.0 * math.pi * motor.pole_pairs / (motor.full_steps_per_rev * stage.microsteps)
-    p["phase_offset_rad"] = math.pi / 4.0 if stage.microsteps == 1 else 0.0
-    p["stepped"] = float(stage.stepped)
-    p["plain"] = float(not (stage.stepped or stage.step_error or stage.current_offset))
-    p["step_error_rad"] = stage.step_error * 0.5 * math.pi
-    p["current_offset"] = stage.current_offset
-    p["current_a"] = stage.current_a
-    p["drive_v"] = stage.drive_v
-    p["return_v"] = stage.supply_v
-    p["fast_share"] = stage.fast_share
-    p["decay"] = math.exp(-resistance * dt_s / motor.inductance_h)
-    p["gain_a_per_v"] = gain
-    p["gain_v_per_a"] = 1.0 / gain
-    p["torque_constant_nm_per_a"] = motor.torque_constant_nm_per_a
-    p["pole_pairs"] = motor.pole_pairs
-    p["detent_torque_nm"] = motor.detent_torque_nm
-    p["iron_nm_s_per_rad"] = motor.iron_drag_nm_s_per_rad
-    p["iron_knee_s_per_rad"] = 1.0 / motor.iron_knee_rad_s
-    p["damping_gain"] = 0.0 if stage.stepped else stage.damping_gain
-    p["smooth_share"] = -math.expm1(-2.0 * math.pi * SMOOTHING * stage.damping_corner_hz * dt_s)
-    p["damping_share"] = -math.expm1(-2.0 * math.pi * stage.damping_corner_hz * dt_s)
+    numbers = p.view(np.float64)
+    numbers[_MOTOR] = (  # in the order of AXIS_PARAMETERS
+        2.0 * math.pi * motor.pole_pairs / (motor.full_steps_per_rev * stage.microsteps),
+        math.pi / 4.0 if stage.microsteps == 1 else 0.0,
+        stage.stepped,
+        stage.current_a,
+        stage.drive_v,
+        stage.supply_v,
+        stage.fast_share,
+        math.exp(-resistance * dt_s / motor.inductance_h),
+        gain,
+        1.0 / gain,
+        motor.torque_constant_nm_per_a,
+        motor.pole_pairs,
+        motor.detent_torque_nm,
+        motor.iron_drag_nm_s_per_rad,
+        1.0 / motor.iron_knee_rad_s,
+        0.0 if stage.stepped else stage.damping_gain,
+        -math.expm1(-2.0 * math.pi * SMOOTHING * stage.damping_corner_hz * dt_s),
+        -math.expm1(-2.0 * math.pi * stage.damping_corner_hz * dt_s),
+    )
+    plain = not (stage.stepped or stage.step_error or stage.current_offset)
+    numbers[_ERRORS] = plain, stage.step_error * 0.5 * math.pi, stage.current_offset
     return p
 
 
