@@ -19,12 +19,12 @@ from typing import Any
 
 import pytest
 
+from isel_twin.base.cluster import Shared
 from isel_twin.base.crew import (
     Crew,
     Lost,
     LostError,
     MismatchError,
-    Shared,
     cluster,
     finished,
     given_up,

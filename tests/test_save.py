@@ -336,6 +336,12 @@ def test_a_state_of_another_kind_is_one_line() -> None:
         assert (twin.time_ns, twin.counts.tolist(), twin.position_mm.tolist()) == before
 
 
+@pytest.mark.parametrize("what", [None, b"state", 5], ids=repr)
+def test_what_is_no_state_is_one_line(what: Any) -> None:
+    with pytest.raises(StateError, match=rf"^restore takes a state that save has returned, not {type(what).__name__}$"):
+        Twin(plant="kinematic").restore(what)
+
+
 def test_a_state_never_changes() -> None:
     state: Any = Twin(plant="kinematic").save()
     for part, name in ((state, "time_ns"), (state.kind, "digest")):

@@ -50,7 +50,15 @@ POLL_NS = 10_000_000  # virtual time of a poll: 10 ms, as a polling host would s
 
 OPTIONS = ("machine", "plant", "seed", "speed", "scenario", "flash")
 
-_VALUES: Mapping[str, Callable[[str], Any]] = {"seed": int, "scenario": Path, "flash": Path}  # others stay text
+
+def _seed(text: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise ValueError(f"seed {text!r}: must be a whole number from 0") from None
+
+
+_VALUES: Mapping[str, Callable[[str], Any]] = {"seed": _seed, "scenario": Path, "flash": Path}  # others stay text
 
 
 def parse_url(url: str) -> dict[str, str]:

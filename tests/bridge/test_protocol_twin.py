@@ -232,7 +232,7 @@ def test_the_seed_decides_where_the_carriages_stand_at_power_on():
     [
         ("twin://imc-s8?machin=4030", "unknown option 'machin'"),
         ("twin://imc-s8?speed=fast", "speed 'fast'"),
-        ("twin://imc-s8?seed=one", "one"),
+        ("twin://imc-s8?seed=one", "seed 'one': must be a whole number from 0"),
         ("twin://imc-s8?seed=1&seed=2", "given twice"),
         ("twin://imc-s8?machine=", "has no value"),
         ("twin://imc-s8?machine", "machine"),

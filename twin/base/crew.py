@@ -33,11 +33,12 @@ import time
 from collections.abc import Callable, Generator, Iterator, MutableSequence, Sequence
 from concurrent import futures
 from concurrent.futures import BrokenExecutor, Executor, Future
-from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext, suppress
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext
 from dataclasses import dataclass
 from itertools import chain, count
 from typing import Any, TypeVar
 
+from isel_twin.base.cluster import Shared, workers_of
 from isel_twin.base.errors import CallError, one_line
 from isel_twin.version import VERSION
 
@@ -124,26 +125,6 @@ class Crew:
         self._open.close()
 
 
-class Shared(Executor):
-    """An executor whose tasks are shares: several items each."""
-
-    def __init__(self, executor: Executor, places: Callable[[], int]) -> None:
-        """places: how many tasks its workers do at a time; they may come and go, and it is asked once a second at
-        most."""
-        self._executor, self._ask = executor, places
-        self._places, self._asked_s = 0, -math.inf
-
-    def submit(self, function: Callable[..., Any], /, *items: Any, **named: Any) -> Future[Any]:
-        return self._executor.submit(function, *items, **named)
-
-    @property
-    def places(self) -> int:
-        """At least 1."""
-        if (now_s := time.monotonic()) - self._asked_s > 1.0:
-            self._places, self._asked_s = self._ask(), now_s
-        return max(1, self._places)
-
-
 def here(executor: Executor | None = None) -> Crew:
     """Work on an executor that is already open; None: in this process, one item after the other."""
     flags = bytearray(CALLS) if isinstance(executor, futures.ThreadPoolExecutor) else None
@@ -168,7 +149,7 @@ def cluster(address: str) -> Crew:
         import distributed  # noqa: F401
     except ImportError:
         raise CallError("cluster needs distributed: pip install 'isel-twin[cluster]'", option=True) from None
-    return Crew(lambda: _dask(address), far=f"cluster {address}")
+    return Crew(lambda: workers_of(address), far=f"cluster {address}")
 
 
 def finished(
@@ -403,61 +384,3 @@ def _end_with_parent() -> None:
     if parent is not None:
         parent.join()
         os._exit(1)
-
-
-@contextmanager
-def _dask(address: str) -> Iterator[Executor]:
-    from distributed import Client
-
-    with _silent("distributed"), ExitStack() as open_:
-        try:
-            client: Any = Client(address, timeout="10s", set_as_default=False)
-        except (OSError, ValueError, TypeError) as error:
-            why = one_line(str(error)) or type(error).__name__
-            raise CallError(f"cluster {address}: {why}", option=True) from None
-        open_.callback(client.close, timeout=5)
-        if not client.ncores():
-            log.warning("%s: the cluster has no workers yet", address)
-        yield Shared(_OfCluster(client), lambda: sum(client.nthreads().values()))
-
-
-class _OfCluster(Executor):
-    """In place of distributed's own executor, which takes a result for an error if the worker that has made it dies
-    while it is handed over."""
-
-    def __init__(self, client: Any) -> None:
-        self._client = client
-
-    def submit(self, function: Callable[..., Result], /, *arguments: Any, **named: Any) -> Future[Result]:
-        mine: Future[Result] = Future()
-        theirs = self._client.submit(function, *arguments, pure=False, **named)
-        theirs.add_done_callback(functools.partial(_handed_over, mine))
-        mine.add_done_callback(lambda done: theirs.cancel() if done.cancelled() else None)
-        return mine
-
-
-def _handed_over(mine: Future[Any], theirs: Any) -> None:
-    with suppress(futures.InvalidStateError):  # nobody waits for it any more
-        try:
-            result = theirs.result()  # once more from another worker, if it was lost meanwhile
-        except BaseException as error:
-            if theirs.status != "cancelled":
-                mine.set_exception(error)
-            elif mine.cancel():
-                mine.set_running_or_notify_cancel()
-        else:
-            mine.set_result(result)
-
-
-@contextmanager
-def _silent(package: str) -> Iterator[None]:
-    """Silence a package's log of broken connections: the caller reports them in one line."""
-    names = [name for name in logging.root.manager.loggerDict if name.split(".")[0] == package]
-    before = {name: logging.getLogger(name).level for name in names}
-    try:
-        for name in names:
-            logging.getLogger(name).setLevel(logging.CRITICAL)
-        yield
-    finally:
-        for name, level in before.items():
-            logging.getLogger(name).setLevel(level)

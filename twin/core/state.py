@@ -50,6 +50,8 @@ class Kind:
 
     def check(self, state: TwinState) -> None:
         """Raise StateError unless a twin of this kind can restore the state."""
+        if not isinstance(state, TwinState):
+            raise StateError(f"restore takes a state that save has returned, not {type(state).__name__}")
         if state.kind == self:
             return
         differs = (
