@@ -1,5 +1,5 @@
-"""The workers of a dask cluster as an executor for a crew (crew.py): a task is a share of the items, and a result that is
-lost on the way is made once more."""
+"""The workers of a dask cluster as an executor for a crew (crew.py): a task is a share of the items, and a result
+that is lost on the way is made once more."""
 
 from __future__ import annotations
 
