@@ -163,11 +163,10 @@ def _open(pipe: Any) -> bool:
 @functools.cache
 def share() -> socket.socket:
     """Have the processes that are started from here on ask one template, which ends when this process does."""
-    name = f"isel-twin-tests-{os.getpid()}"
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener:
-        listener.bind(f"\0{name}")
+        listener.bind("")  # a free abstract address
         listener.listen()
-        os.environ[SHARED] = name
+        os.environ[SHARED] = listener.getsockname()[1:].decode()
         return _begin(listener.fileno())
 
 

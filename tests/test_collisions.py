@@ -412,6 +412,17 @@ def test_a_bound_for_the_clearance(
     assert code == int(fails)
 
 
+@pytest.mark.parametrize("plant", PLANTS)
+def test_a_bound_for_the_clearance_of_nothing_is_without_effect(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], plant: str
+) -> None:
+    (tmp_path / "job.txt").write_text("@07\n@0N7\n@0A160,900,0,30,0,30,0,30\n")
+    code, (told,) = outcome(capsys, "check", tmp_path / "job.txt", "--clearance", "2", "--plant", plant, "--json")
+    (finding,) = told["findings"]
+    assert (code, finding["rule"], finding["level"]) == (0, "effect", "warning")
+    assert finding["message"].startswith("clearance has no effect: nothing is clamped")
+
+
 def test_a_recording_has_it_and_is_played_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from isel_twin.recordings.reading import read
     from isel_twin.recordings.replay import rebuilt, replay

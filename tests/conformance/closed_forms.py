@@ -12,7 +12,7 @@ Times are computed with 60 decimal digits. An irrational time is never a tie bet
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from decimal import ROUND_HALF_EVEN, Context, Decimal, localcontext
 from fractions import Fraction
 
@@ -40,7 +40,7 @@ def tick_ns(k: int, n: int, v: Number, f0: Number, a: Number) -> Decimal:
         return _ns(_law(n, v, f0, a)(k))
 
 
-def times_ns(n: int, v: Number, f0: Number, a: Number, ticks: range | None = None) -> list[int]:
+def times_ns(n: int, v: Number, f0: Number, a: Number, ticks: Iterable[int] | None = None) -> list[int]:
     """Times in ns of all ticks of a move, or of those given, after its start: the nearest, ties to even."""
     with localcontext(_EXACT):
         tick_s = _law(n, v, f0, a)

@@ -6,6 +6,7 @@ with a = (V - f0) / R.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from fractions import Fraction
 
 import numpy as np
@@ -73,12 +74,15 @@ def moved(desk: Desk, *commands: str) -> Ticks:
     return Ticks(stream.t_ns - start_ns, stream.delta)
 
 
-def pulse_times_ns(steps: int, v: int, f0: int = 200, ramp_ms: int = 500, error_ppm: int = 0) -> list[int]:
-    """Times in ns of leading pulses 1 .. steps after the start; the error is that of the output frequency."""
+def pulse_times_ns(
+    steps: int, v: int, f0: int = 200, ramp_ms: int = 500, error_ppm: int = 0, ticks: Iterable[int] | None = None
+) -> list[int]:
+    """Times in ns of leading pulses 1 .. steps after the start, or of those given; the error is that of the output
+    frequency."""
     scale = 1 + Fraction(error_ppm, 1_000_000)
     if v <= f0 or ramp_ms == 0:
-        return times_ns(steps, v * scale, v * scale, 1)
-    return times_ns(steps, v * scale, f0 * scale, (v - f0) * scale * 1000 / ramp_ms)
+        return times_ns(steps, v * scale, v * scale, 1, ticks)
+    return times_ns(steps, v * scale, f0 * scale, (v - f0) * scale * 1000 / ramp_ms, ticks)
 
 
 def top_speed_hz(stream: Ticks) -> float:

@@ -53,7 +53,7 @@ TESTS = """
     import pytest
     from isel_twin.jobs.checks.asserts import *
 
-    pytestmark = pytest.mark.twin(start_mm=(5.0, 5.0, 5.0))
+    pytestmark = pytest.mark.twin(start_mm=(1.5, 1.5, 1.5))
 
     class TestPass:
         def test_it(self, square):
@@ -203,7 +203,7 @@ def test_assertions_pass_and_fail_with_what_was_when_and_where(project: pytest.P
         "too_fast.txt": TOO_FAST.read_text(),
     }.items():
         (project.path / name).write_text(content)
-    golden = Watched(Twin(plant="kinematic", start_mm=(5.0, 5.0, 5.0)))
+    golden = Watched(Twin(plant="kinematic", start_mm=(1.5, 1.5, 1.5)))
     golden.play(project.path / "square.txt")
     asserts.assert_golden(golden, project.path / "square.golden", update=True)
     project.makeconftest(CONFTEST)
@@ -223,7 +223,7 @@ def test_assertions_pass_and_fail_with_what_was_when_and_where(project: pytest.P
 
 
 def ready() -> Watched:
-    seen = Watched(Twin(plant="kinematic", start_mm=(5.0, 5.0, 5.0)))
+    seen = Watched(Twin(plant="kinematic", start_mm=(1.5, 1.5, 1.5)))
     for command in ("@07", "@0R7"):
         seen.twin.query(command)
     seen.begin()
@@ -290,7 +290,7 @@ def test_what_cannot_be_asserted_is_said(call: object, line: str) -> None:
 def test_a_missing_golden_run_says_how_to_make_it(tmp_path: Path) -> None:
     job = tmp_path / "square.txt"
     job.write_text(SQUARE)
-    seen = Watched(Twin(plant="kinematic", start_mm=(5.0, 5.0, 5.0)))
+    seen = Watched(Twin(plant="kinematic", start_mm=(1.5, 1.5, 1.5)))
     seen.play(job)
     with pytest.raises(
         GoldenError, match=r"square\.golden: there is no golden run; make it with isel-twin golden record"
@@ -304,7 +304,7 @@ def test_the_first_divergence_has_axis_and_time(tmp_path: Path) -> None:
     golden.write_text("@07\n@0R7\n@0A3200,4000,0,30,0,30,0,30\n@0A0,30,3200,4000,0,30,0,30\n")
     slower.write_text("@07\n@0R7\n@0A3200,4000,0,30,0,30,0,30\n@0A0,30,3200,3900,0,30,0,30\n")
     for job, update in ((golden, True), (slower, False)):
-        seen = Watched(Twin(plant="kinematic", start_mm=(5.0, 5.0, 5.0)))
+        seen = Watched(Twin(plant="kinematic", start_mm=(1.5, 1.5, 1.5)))
         seen.play(job)
         if update:
             asserts.assert_golden(seen, golden.with_suffix(".golden"), update=True)

@@ -17,6 +17,7 @@ class IdealDrives:
 
     def __init__(self, desk: _Desk) -> None:
         self._desk = desk
+        self._axes = len(desk.counts)
 
     @property
     def encoder(self) -> tuple[int, ...]:
@@ -24,7 +25,7 @@ class IdealDrives:
 
     @property
     def lag(self) -> tuple[float, ...]:
-        return (0.0,) * len(self._desk.counts)
+        return (0.0,) * self._axes
 
     speed = lag
 
@@ -32,18 +33,18 @@ class IdealDrives:
 
     @property
     def past_zero_pulse(self) -> tuple[int, ...]:
-        return (0,) * len(self._desk.counts)
+        return (0,) * self._axes
 
     @property
     def on(self) -> tuple[bool, ...]:
-        return (bool(self._desk.outputs.get("stages")),) * len(self._desk.counts)
+        return (bool(self._desk.outputs.get("stages")),) * self._axes
 
     @property
     def fault(self) -> tuple[bool, ...]:
-        return (False,) * len(self._desk.counts)
+        return (False,) * self._axes
 
     overloaded = fault
 
     @property
     def in_position(self) -> tuple[bool, ...]:
-        return (True,) * len(self._desk.counts)
+        return (True,) * self._axes

@@ -263,6 +263,10 @@ class Inspection:
         findings += [*_of_verdict(verdict, self._gone, self.results, self.bounds), *others]
         if self.bounds.contour_mm is not None and self._watch.contour is None:
             findings.append(Finding("effect", "contour_mm has no effect: no file of a CAM program, or none that cuts"))
+        if self.bounds.clearance is not None and self.twin.clearance is None:
+            findings.append(
+                Finding("effect", "clearance has no effect: nothing is clamped that could be met ([[fixture]])")
+            )
         placed = [_placed(finding, self.results) for finding in findings]
         golden = Golden() if self._scribe is None else self._scribe.golden(verdict)
         return Report(job, few(farthest(placed)), verdict, golden)
