@@ -120,7 +120,7 @@ def test_a_task_of_a_cluster_is_twice_what_the_last_one_did_and_at_most_a_part_o
     """Two places: two tasks for each are on their way, so that what is left is divided by four."""
     fake = Fake({})
     items = list(range(100, 140))
-    found = list(finished(double, items, Crew(lambda: nullcontext(Shared(fake, lambda: 2)))))
+    found = list(finished(double, items, Crew(lambda: nullcontext(Shared(fake, lambda: 2, there)))))
     assert sorted(found) == [(index, 2 * item) for index, item in enumerate(items)]
     assert list(chain.from_iterable(fake.tasks)) == items, "in order, each once"
     sizes = [len(task) for task in fake.tasks]
@@ -142,7 +142,7 @@ def test_what_a_worker_did_not_come_to_in_its_time_is_done_by_another_task(monke
         made.append(item)
         return 2 * item
 
-    found = list(finished(function, ITEMS * 4, Crew(lambda: nullcontext(Shared(Fake({}), lambda: 1)))))
+    found = list(finished(function, ITEMS * 4, Crew(lambda: nullcontext(Shared(Fake({}), lambda: 1, there)))))
     assert sorted(found) == [(index, 2 * item) for index, item in enumerate(ITEMS * 4)]
     assert sorted(made) == sorted(ITEMS * 4), "and nothing twice"
 
@@ -160,7 +160,7 @@ def test_one_item_of_a_task_that_kills_its_workers_is_lost_alone() -> None:
 
     fake = Poisoned({})
     items = list(range(100, 140))
-    found = list(finished(double, items, Crew(lambda: nullcontext(Shared(fake, lambda: 2)))))
+    found = list(finished(double, items, Crew(lambda: nullcontext(Shared(fake, lambda: 2, there)))))
     assert any(len(task) > 1 and 117 in task for task in fake.tasks), "it went in company"
     assert [117] in fake.tasks
     assert dict(found) == {
@@ -174,11 +174,43 @@ def test_an_error_amid_a_task_comes_after_the_results_before_it() -> None:
     found: list[tuple[int, float]] = []
     fake = Fake({})
     with pytest.raises(ZeroDivisionError):
-        found.extend(finished(inverse, items, Crew(lambda: nullcontext(Shared(fake, lambda: 1)))))
+        found.extend(finished(inverse, items, Crew(lambda: nullcontext(Shared(fake, lambda: 1, there)))))
     before = next(task for task in fake.tasks if 0 in task[1:])
     assert before[0] != 0
     assert {item - 1 for item in before[: before.index(0)]} <= {index for index, _ in found}
     assert any(task[0] == 0 for task in fake.tasks), "and it was asked for once more, by itself or at the head"
+
+
+@pytest.mark.parametrize("noticed_by", ["its places", "its status"])
+def test_a_scheduler_that_goes_and_comes_back_costs_what_was_on_its_way(noticed_by: str) -> None:
+    """It goes after two tasks."""
+    opened: list[int] = []
+    fake = Fake({})
+
+    def gone() -> bool:
+        return len(opened) == 1 and len(fake.tasks) >= 2
+
+    def places() -> int:
+        if noticed_by == "its places" and gone():
+            raise AttributeError("'NoneType' object has no attribute 'ncores'")
+        return 1
+
+    def status() -> bool:
+        return noticed_by == "its places" or not gone()
+
+    class Impatient(Shared):
+        @property
+        def places(self) -> int:
+            self._asked_s = -math.inf  # asked each time
+            return super().places
+
+    found = list(finished(double, ITEMS, crew(Impatient(fake, places, status), opened)))
+    assert sorted(found) == [(index, 2 * item) for index, item in enumerate(ITEMS)]
+    assert len(opened) == 2
+
+
+def there() -> bool:
+    return True
 
 
 def inverse(item: int) -> float:

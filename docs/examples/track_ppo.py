@@ -2,7 +2,7 @@
 
     python docs/examples/track_ppo.py --judge                      the table of docs/learning.md, without PyTorch
     python docs/examples/track_ppo.py --search 14                  the numbers of CMA-ES anew
-    python docs/examples/track_ppo.py --seeds 0 1 2                PPO anew: three minutes of one core a seed
+    python docs/examples/track_ppo.py --seeds 0 1 2 3 4            PPO anew: three minutes of one core a seed
                                                                    pip install isel-twin[learn] (brings PyTorch)
     python docs/examples/track_ppo.py --picture curves.png         its curves
 
@@ -393,7 +393,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--search", type=int, default=0, help="generations of CMA-ES; nothing else is done")
     parser.add_argument("--picture", default="", help="a PNG file to draw the kept curves into; nothing else is done")
     parser.add_argument("--steps", type=int, default=STEPS)
-    parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2])
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2, 3, 4])
     parser.add_argument("--file", type=Path, default=DATA)
     given = parser.parse_args(arguments)
     if given.search:
