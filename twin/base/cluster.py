@@ -9,7 +9,7 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from concurrent import futures
-from concurrent.futures import Executor, Future
+from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import ExitStack, contextmanager, suppress
 from typing import Any, TypeVar
 
@@ -23,20 +23,25 @@ log = logging.getLogger("isel_twin")
 class Shared(Executor):
     """An executor whose tasks are shares: several items each."""
 
-    def __init__(self, executor: Executor, places: Callable[[], int]) -> None:
-        """places: how many tasks its workers do at a time; they may come and go, and it is asked once a second at
-        most."""
-        self._executor, self._ask = executor, places
+    def __init__(self, executor: Executor, places: Callable[[], int], there: Callable[[], bool]) -> None:
+        """places: how many tasks its workers do at a time; they may come and go, and it is asked once a second at most.
+        there: False when nobody does them any more; then it is broken, and so it is if `places` raises an error."""
+        self._executor, self._ask, self._there = executor, places, there
         self._places, self._asked_s = 0, -math.inf
 
     def submit(self, function: Callable[..., Any], /, *items: Any, **named: Any) -> Future[Any]:
+        if not self._there():
+            raise BrokenExecutor("the cluster is gone")
         return self._executor.submit(function, *items, **named)
 
     @property
     def places(self) -> int:
-        """At least 1."""
+        """At least 1. Raises BrokenExecutor."""
         if (now_s := time.monotonic()) - self._asked_s > 1.0:
-            self._places, self._asked_s = self._ask(), now_s
+            try:
+                self._places, self._asked_s = self._ask(), now_s
+            except Exception as error:  # of any kind: connections break in many ways
+                raise BrokenExecutor(one_line(str(error))) from error
         return max(1, self._places)
 
 
@@ -54,7 +59,8 @@ def workers_of(address: str) -> Iterator[Executor]:
         open_.callback(client.close, timeout=5)
         if not client.ncores():
             log.warning("%s: the cluster has no workers yet", address)
-        yield Shared(_OfCluster(client), lambda: sum(client.nthreads().values()))
+        executor = _OfCluster(client)
+        yield Shared(executor, lambda: sum(client.nthreads().values()), lambda: client.status == "running")
 
 
 class _OfCluster(Executor):
@@ -68,8 +74,14 @@ class _OfCluster(Executor):
         mine: Future[Result] = Future()
         theirs = self._client.submit(function, *arguments, pure=False, **named)
         theirs.add_done_callback(functools.partial(_handed_over, mine))
-        mine.add_done_callback(lambda done: theirs.cancel() if done.cancelled() else None)
+        mine.add_done_callback(functools.partial(_given_up, theirs))
         return mine
+
+
+def _given_up(theirs: Any, mine: Future[Any]) -> None:
+    if mine.cancelled():
+        with suppress(Exception):  # of a cluster that is gone
+            theirs.cancel()
 
 
 def _handed_over(mine: Future[Any], theirs: Any) -> None:

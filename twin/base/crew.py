@@ -125,34 +125,6 @@ class Crew:
         self._open.close()
 
 
-<<<<<<< HEAD
-=======
-class Shared(Executor):
-    """An executor whose tasks are shares: several items each."""
-
-    def __init__(self, executor: Executor, places: Callable[[], int], there: Callable[[], bool]) -> None:
-        """places: how many tasks its workers do at a time; they may come and go, and it is asked once a second at most.
-        there: False when nobody does them any more; then it is broken, and so it is if `places` raises an error."""
-        self._executor, self._ask, self._there = executor, places, there
-        self._places, self._asked_s = 0, -math.inf
-
-    def submit(self, function: Callable[..., Any], /, *items: Any, **named: Any) -> Future[Any]:
-        if not self._there():
-            raise BrokenExecutor("the cluster is gone")
-        return self._executor.submit(function, *items, **named)
-
-    @property
-    def places(self) -> int:
-        """At least 1. Raises BrokenExecutor."""
-        if (now_s := time.monotonic()) - self._asked_s > 1.0:
-            try:
-                self._places, self._asked_s = self._ask(), now_s
-            except Exception as error:  # of any kind: connections break in many ways
-                raise BrokenExecutor(one_line(str(error))) from error
-        return max(1, self._places)
-
-
->>>>>>> scale
 def here(executor: Executor | None = None) -> Crew:
     """Work on an executor that is already open; None: in this process, one item after the other."""
     flags = bytearray(CALLS) if isinstance(executor, futures.ThreadPoolExecutor) else None
@@ -412,39 +384,3 @@ def _end_with_parent() -> None:
     if parent is not None:
         parent.join()
         os._exit(1)
-<<<<<<< HEAD
-=======
-
-
-@contextmanager
-def _dask(address: str) -> Iterator[Executor]:
-    from distributed import Client
-
-    with _silent("distributed"), ExitStack() as open_:
-        try:
-            client: Any = Client(address, timeout="10s", set_as_default=False)
-        except (OSError, ValueError, TypeError) as error:
-            why = one_line(str(error)) or type(error).__name__
-            raise CallError(f"cluster {address}: {why}", option=True) from None
-        open_.callback(client.close, timeout=5)
-        if not client.ncores():
-            log.warning("%s: the cluster has no workers yet", address)
-        executor = client.get_executor(pure=False)
-        yield Shared(executor, lambda: sum(client.nthreads().values()), lambda: client.status == "running")
-        with suppress(Exception):  # of a cluster that is gone
-            executor.shutdown(wait=False)
-
-
-@contextmanager
-def _silent(package: str) -> Iterator[None]:
-    """Silence a package's log of broken connections: the caller reports them in one line."""
-    names = [name for name in logging.root.manager.loggerDict if name.split(".")[0] == package]
-    before = {name: logging.getLogger(name).level for name in names}
-    try:
-        for name in names:
-            logging.getLogger(name).setLevel(logging.CRITICAL)
-        yield
-    finally:
-        for name, level in before.items():
-            logging.getLogger(name).setLevel(level)
->>>>>>> scale
