@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+import signal
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,7 @@ import pytest
 
 from isel_twin.cli import main
 from isel_twin.jobs.checks import RULES
+from tests import forked
 
 pytestmark = pytest.mark.long(seconds=4)
 
@@ -112,6 +115,36 @@ def test_physics_loses_steps_keeps_margins_and_tolerances(tmp_path: Path, capsys
     assert found_lost is not None
     assert int(found_lost[1]) % SLIP == 0  # no load angle, as in the verdict
     assert rules(capsys, write(tmp_path, WELL, "slow.txt"), *bounds) == []
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no signals to a group of processes")
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize("workers", [1, 2])
+def test_what_was_judged_before_an_interruption_is_in_the_files(
+    tmp_path: Path, number: int, code: int, workers: int
+) -> None:
+    """As when CI ends a job that takes too long. The job that was not judged is an error: nothing is green unearned."""
+    write(tmp_path, HOME + "@0Q\n", "bad.txt")
+    write(tmp_path, HOME + "@0A80,5000,0,30,0,30,0,30\n@0A-80,5000,0,30,0,30,0,30\n" * 5_000, "endless.txt")
+    words = ("bad.txt", "endless.txt", "--plant", "kinematic", "--workers", str(workers))
+    files = ("--junit", "out.xml", "--sarif", "out.sarif")
+    with forked.start("check", *words, *files, cwd=tmp_path, start_new_session=True) as command:
+        assert command.stdout is not None
+        assert command.stdout.readline().startswith("bad.txt: NOT OK")
+        command.send_signal(number)
+        _, err = command.communicate(timeout=forked.PATIENCE_S)
+    assert (command.returncode, err) == (code, "isel-twin: interrupted: 1 of 2 jobs judged\n")
+    suite = next(iter(junitparser.JUnitXml.fromfile(str(tmp_path / "out.xml"))))
+    assert [(case.name, case.is_failure, case.is_error) for case in suite] == [
+        ("bad.txt", True, False),
+        ("endless.txt", False, True),
+    ]
+    assert (suite.tests, suite.failures, suite.errors) == (2, 1, 1)
+    (run,) = json.loads((tmp_path / "out.sarif").read_text())["runs"]
+    (told,) = run["invocations"]
+    assert [result["ruleId"] for result in run["results"]] == ["refused"]
+    assert told["executionSuccessful"] is False
+    assert [note["level"] for note in told["toolExecutionNotifications"]] == ["error"]
 
 
 def test_a_job_that_works_by_luck(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -15,6 +15,7 @@ from cyclopts import Parameter
 from isel_twin.base.crew import in_order
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import options
+from isel_twin.cli.interruption import cut_short, interruption
 from isel_twin.cli.jobs import (
     FormatName,
     JobTwin,
@@ -26,7 +27,7 @@ from isel_twin.cli.jobs import (
     read_source,
 )
 from isel_twin.cli.options import Whole
-from isel_twin.cli.outputs import many, put_off, tell
+from isel_twin.cli.outputs import many, put_off, say, tell
 
 if TYPE_CHECKING:
     from isel_twin.bridge.tap.real_job import RealReport
@@ -100,7 +101,8 @@ def check(
     Bounds come from options, or from isel-twin.toml in the folder of a job or above it ([check], see docs/ci.md). All
     other rules always apply. A job with a golden run beside it is compared with it.
 
-    Exit code 0 if nothing is wrong, 1 if something is, 2 for a call that cannot be carried out. In a workflow of
+    Exit code 0 if nothing is wrong, 1 if something is, 2 for a call that cannot be carried out, 130 after Ctrl-C and
+    143 after SIGTERM: reports then hold what was judged, and name as errors the jobs that were not. In a workflow of
     GITHUB_ACTIONS the findings are also annotations. With --watch the code is that of the last verdict, and what comes
     before a changed line is not played again.
 
@@ -129,9 +131,14 @@ def check(
 
     reports: list[Told] = []
     crew = options.crew_of(min(workers, len(tasks)))
-    for made in _real(tasks, isel_port) if isel_port else in_order(perform, list(zip(tasks, pages, strict=True)), crew):
-        reports.append(made)
-        print(as_json(made) if json else as_words(made), flush=True)
+    every = _real(tasks, isel_port) if isel_port else in_order(perform, list(zip(tasks, pages, strict=True)), crew)
+    with cut_short() as stopped:
+        for made in every:
+            reports.append(made)
+            print(as_json(made) if json else as_words(made), flush=True)
+    unjudged = [str(task.job) for task in tasks[len(reports) :]]
+    if stopped:
+        say(f"interrupted: {len(reports)} of {many(len(tasks), 'job')} judged")
     if os.environ.get("GITHUB_ACTIONS") == "true":
         for line in as_annotations(reports):
             print(line)
@@ -144,8 +151,10 @@ def check(
             from isel_twin.base.files import atomic_write
 
             with put_off(failures, path):
-                atomic_write(path, write(reports).encode())
+                atomic_write(path, write(reports, unjudged).encode())
     tell(failures)
+    if stopped:
+        return 128 + stopped[0]
     return 1 if failed else 0
 
 
@@ -222,7 +231,6 @@ def _real(tasks: Sequence[Task], port: str) -> Iterator[RealReport]:
     """The jobs one after the other at a real controller. Raises CallError if there is none."""
     from isel_twin.bridge.tap import real_job
     from isel_twin.bridge.tap.real_port import refusal
-    from isel_twin.cli.interruption import interruption
     from isel_twin.jobs.playing import TIMEOUT_S
 
     every = [read_job(task.job, task.call, task.form) for task in tasks]

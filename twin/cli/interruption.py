@@ -29,6 +29,31 @@ def interruption() -> Iterator[list[int]]:
 
 
 @contextmanager
+def cut_short() -> Iterator[list[int]]:
+    """Ctrl-C or SIGTERM ends the block where it is, and what follows is done: the list then holds the signal's number.
+    A second signal acts as usual."""
+    stopped: list[int] = []
+
+    def end(number: int, _: object) -> None:
+        restore()
+        stopped.append(number)
+        raise KeyboardInterrupt
+
+    def restore() -> None:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+    before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stopped
+    except KeyboardInterrupt:
+        if not stopped:
+            raise
+    finally:
+        restore()
+
+
+@contextmanager
 def until_told() -> Iterator[None]:
     """Around all of a process that is ended by a signal: exit code 0, also if more of them come while it ends."""
     numbers = [signal.SIGINT, signal.SIGTERM]

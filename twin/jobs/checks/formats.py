@@ -26,6 +26,9 @@ from isel_twin.version import VERSION
 _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
+NOT_JUDGED = "not judged: the check was interrupted"
+
+
 class Outcome(Protocol):
     """What the formats tell of a verdict."""
 
@@ -90,33 +93,43 @@ def _in_words(finding: Finding) -> str:
     return f"{finding.rule}: {finding.message}{f' ({place})' if place else ''}"
 
 
-def junit(reports: Sequence[Told]) -> str:
-    """JUnit XML. Times are those of the machine, from the first command to the end of the last one."""
+def junit(reports: Sequence[Told], unjudged: Sequence[str] = ()) -> str:
+    """JUnit XML. Times are those of the machine, from the first command to the end of the last one. unjudged: jobs that
+    an interruption has left out, which are errors."""
     failures = sum(not report.ok for report in reports)
     time_s = f"{sum(report.verdict.cycle_s for report in reports):.3f}"
-    counts = {"tests": str(len(reports)), "failures": str(failures), "errors": "0", "time": time_s}
+    tests, errors = str(len(reports) + len(unjudged)), str(len(unjudged))
+    counts = {"tests": tests, "failures": str(failures), "errors": errors, "time": time_s}
     root = ElementTree.Element("testsuites", counts)
     suite = ElementTree.SubElement(root, "testsuite", {"name": "isel-twin", **counts, "skipped": "0"})
     for report in reports:
-        path = Path(report.job)
-        about = {"name": _xml(path.name), "classname": _xml(path.parent.as_posix())}
-        case = ElementTree.SubElement(suite, "testcase", {**about, "time": f"{report.verdict.cycle_s:.3f}"})
+        about = {**_case(report.job), "time": f"{report.verdict.cycle_s:.3f}"}
+        case = ElementTree.SubElement(suite, "testcase", about)
         if wrong := [finding for finding in report.findings if not finding.warning]:
             failure = {"type": wrong[0].rule, "message": _xml(_in_words(wrong[0]))}
             ElementTree.SubElement(case, "failure", failure).text = _xml("\n".join(map(_in_words, wrong)))
         notes = [_in_words(finding) for finding in report.findings if finding.warning]
         if notes := [*notes, *([_unseen(report)] if report.unseen else [])]:
             ElementTree.SubElement(case, "system-out").text = _xml("\n".join(notes))
+    for job in unjudged:
+        case = ElementTree.SubElement(suite, "testcase", {**_case(job), "time": "0.000"})
+        ElementTree.SubElement(case, "error", {"type": "interrupted", "message": NOT_JUDGED}).text = NOT_JUDGED
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
+
+
+def _case(job: str) -> dict[str, str]:
+    path = Path(job)
+    return {"name": _xml(path.name), "classname": _xml(path.parent.as_posix())}
 
 
 def _xml(text: str) -> str:
     return _NO_XML.sub("?", text)
 
 
-def sarif(reports: Sequence[Told]) -> str:
-    """SARIF 2.1.0. Paths are those of the call; relative ones start at the root of the sources."""
+def sarif(reports: Sequence[Told], unjudged: Sequence[str] = ()) -> str:
+    """SARIF 2.1.0. Paths are those of the call; relative ones start at the root of the sources. unjudged: as for
+    `junit`."""
     rules = [{"id": rule, "shortDescription": {"text": text}} for rule, text in RULES.items()]
     names = list(RULES)
     results = [
@@ -131,12 +144,13 @@ def sarif(reports: Sequence[Told]) -> str:
         for finding in report.findings
     ]
     driver = {"name": "isel-twin", "semanticVersion": _semantic(VERSION), "rules": rules}
+    said = [("note", _unseen(report), report.job) for report in reports if report.unseen]
+    said += [("error", NOT_JUDGED, job) for job in unjudged]
     notes = [
-        {"level": "note", "message": {"text": _unseen(report)}, "locations": [{"physicalLocation": _place(report)}]}
-        for report in reports
-        if report.unseen
+        {"level": level, "message": {"text": text}, "locations": [{"physicalLocation": _place(job)}]}
+        for level, text, job in said
     ]
-    told = {"executionSuccessful": True, "toolExecutionNotifications": notes}
+    told = {"executionSuccessful": not unjudged, "toolExecutionNotifications": notes}
     run = {"tool": {"driver": driver}, "results": results, **({"invocations": [told]} if notes else {})}
     log = {"$schema": "https://json.schemastore.org/sarif-2.1.0.json", "version": "2.1.0", "runs": [run]}
     return json.dumps(log, indent=2) + "\n"
@@ -150,11 +164,11 @@ def _semantic(version: str) -> str:
 def _location(report: Told, finding: Finding) -> dict[str, Any]:
     line, column = finding.at or (finding.line or 1, 0)
     region = {"startLine": line, **({"startColumn": column} if column else {})}
-    return {**_place(report), "region": region}
+    return {**_place(report.job), "region": region}
 
 
-def _place(report: Told) -> dict[str, Any]:
-    path = Path(report.job)
+def _place(job: str) -> dict[str, Any]:
+    path = Path(job)
     uri = path.absolute().as_uri() if path.is_absolute() else quote(path.as_posix())
     return {"artifactLocation": {"uri": uri}}
 
