@@ -332,7 +332,7 @@ def test_a_file_that_cannot_be_written_is_named_as_the_user_did(tmp_path: Path, 
         resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (2048, 2048))
         out, err = process.communicate("@07\n@0N7\n@0A16000,5000,0,30,0,30,0,30\n", timeout=PATIENCE_S)
     assert (process.returncode, err) == (2, "isel-twin: out: File too large\n")
-    assert "all well" in out  # what the job did is not lost with the file
+    assert "\nnot as it should be: 3 commands, not written: out, " in out  # and what the job did
     assert list(tmp_path.iterdir()) == []
 
 
@@ -351,7 +351,7 @@ def test_one_file_that_cannot_be_written_costs_neither_the_verdict_nor_another_f
     outputs = ("--steps", "/dev/full", "--vcd", "job.vcd", "--report", "job.html")
     code, out, err = call("@07\n@0R7\n", *outputs)
     assert (code, err) == (2, "isel-twin: /dev/full: No space left on device\n")
-    assert "all well: 2 commands" in out
+    assert "not as it should be: 2 commands, not written: /dev/full, " in out
     assert (tmp_path / "job.vcd").stat().st_size > 1000
     assert "</html>" in (tmp_path / "job.html").read_text()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -109,26 +110,27 @@ def drive(
 
             motions = play(twin, player, ticks.over_ns, strikes, allowed, stop)
             made = followed(twin, lines, motions, [show.result], stop)
-        verdict = made.verdict
         told = {"plant": plant, "seed": seed, "capture": _summary(capture, ticks, strikes, allowed)}
+
+        def page(path: Path, recorder: Recorder) -> None:
+            from isel_twin.report.report import write_report
+
+            summary = {**made.verdict.summary(), **told}
+            write_report(path, f"isel-twin: {capture}", twin, recorder, made.results, summary)
+
+        unwritten = writing.write(page)
+        verdict = replace(made.verdict, unwritten=tuple(unwritten.names))
         show.verdict(verdict, told)
         if not json:
             for text in _in_words(ticks, strikes, allowed, limits_us):
                 print(text, flush=True)
         if verdict.interrupted:
             outputs.say(f"{capture}: interrupted at {twin.time_ns / SECOND_NS:.3f} s; the capture ends there")
-
-        def page(path: Path, recorder: Recorder) -> None:
-            from isel_twin.report.report import write_report
-
-            summary = {**verdict.summary(), **told}
-            write_report(path, f"isel-twin: {capture}", twin, recorder, made.results, summary)
-
-        recorded = writing.write(page)
+        outputs.tell(unwritten.failures)
     if verdict.interrupted:
         return 128 + stopped[0]
     struck = not all(allowed(strike.switch) for strike in strikes.seen)
-    return 0 if verdict.ok and recorded and not struck else 1
+    return 0 if verdict.ok and not struck else 1
 
 
 def _read(capture: Path, map: Sequence[str], limits_us: Mapping[str, float], how: Mapping[str, Any]) -> Ticks:

@@ -1,16 +1,16 @@
-"""Files that commands write: `--record`, and the files of `run` and `drive`. A file that cannot be written does not
-affect the verdict or other files.
+"""Files that commands write: `--record`, and the files of `run` and `drive`. One that cannot be written prevents
+neither the others nor the verdict, which names it and is then not well.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from cyclopts import Parameter
 
@@ -85,6 +85,21 @@ class Files:
         return Writing(self, twin, recorder, recording)
 
 
+class Unwritten(NamedTuple):
+    """Files that are not on the disk, or a recording that is not whole, and why not, as far as nobody has said it."""
+
+    names: list[str]
+    failures: list[CallError]
+
+    @contextmanager
+    def noted(self, path: Path) -> Iterator[None]:
+        failed = len(self.failures)
+        with outputs.put_off(self.failures, path):
+            yield
+        if len(self.failures) > failed:
+            self.names.append(str(path))
+
+
 @dataclass(frozen=True)
 class Writing:
     files: Files
@@ -92,25 +107,24 @@ class Writing:
     recorder: Recorder | None
     recording: FileRecording | None
 
-    def write(self, page: Callable[[Path, Recorder], None]) -> bool:
-        """Write all files, the report by `page`; True if the recording is complete. Raises the last CallError at the
-        end."""
-        files, whole = self.files, True
-        failures: list[CallError] = []
+    def write(self, page: Callable[[Path, Recorder], None]) -> Unwritten:
+        """Write all files, the report by `page`."""
+        files = self.files
+        missing = Unwritten([], [])
         from isel_twin.recordings.write import write_trace
 
         for path, kind in zip((files.steps, files.vcd, files.trace), files.kinds(), strict=True):
             if path is not None:
-                with outputs.put_off(failures, path):
+                with missing.noted(path):
                     write_trace(path, self.twin.steps, self.recorder, kind)
         if self.recording is not None and files.record is not None:
-            with outputs.put_off(failures, files.record):
-                whole = keep(self.recording, files.record)
+            with missing.noted(files.record):
+                if not keep(self.recording, files.record):
+                    missing.names.append(str(files.record))
         if files.report is not None and self.recorder is not None:
-            with outputs.put_off(failures, files.report):
+            with missing.noted(files.report):
                 page(files.report, self.recorder)
-        outputs.tell(failures)
-        return whole
+        return missing
 
 
 def check_record(record: Path | None) -> None:

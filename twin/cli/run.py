@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
@@ -113,23 +114,24 @@ def run(
             made = played(made_on, lines, watchers, timeout, lambda: bool(stopped))
         if not made.whole:
             outputs.say(f"{job_name(job)}: {_why_it_ended(made, timeout)}")
-        verdict, called = made.verdict, {"controller": twin.controller, "plant": twin.plant, "seed": twin.seed}
+        called = {"controller": twin.controller, "plant": twin.plant, "seed": twin.seed}
+        unwritten = writing.write(partial(_write_page, job, call, made_on, made, called, inspection, golden))
+        verdict = replace(made.verdict, unwritten=tuple(unwritten.names))
         if source is not None:
             show.source(source, made.results)
         show.verdict(verdict, called)
-        page = partial(_write_page, job, call, made_on, made, called, inspection, golden)
-        recorded = writing.write(page)
+        outputs.tell(unwritten.failures)
         if verdict.interrupted:
             return 128 + stopped[0]
         sound = True
-        if search is not None and (code := _tell_edges(job, verdict, search, show)) is not None:
+        if search is not None and (code := _tell_edges(job, made.verdict, search, show)) is not None:
             return code
         for other in others:
             told, code = _tell_others(job, made, other, show)
             if code is not None:
                 return code
             sound = told and sound
-    return 0 if verdict.ok and sound and recorded else 1
+    return 0 if verdict.ok and sound else 1
 
 
 def _golden(job: Path) -> Golden | None:
