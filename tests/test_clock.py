@@ -22,8 +22,6 @@ from isel_twin.base.units import MICROSECOND_NS, MILLISECOND_NS, SECOND_NS
 from isel_twin.controller import CounterSet, DriveInput, Drives, Event, FlashWrite, Output, Reply, SerialFormat
 from isel_twin.motion import Motion, SetPointRun, StepRun, constant, line, trapezoid
 
-pytestmark = pytest.mark.long(seconds=4)
-
 SUBSTEP_NS = 25 * MICROSECOND_NS
 STEP_MM = 1 / 320
 SWITCHES = {name: (name,) for name in ("limit_x1", "limit_x2", "limit_y1", "limit_y2", "limit_z1", "limit_z2")}

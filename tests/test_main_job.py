@@ -13,8 +13,6 @@ import pytest
 from isel_twin import Twin
 from isel_twin.core.state import TwinState
 
-pytestmark = pytest.mark.long(seconds=4)
-
 STEPS_PER_MM = 320
 HOME = ("@07", "@0R7")
 

@@ -21,7 +21,7 @@ from isel_twin.drives.screw import Screw
 from isel_twin.drives.shaft import axis_states
 from isel_twin.drives.stage import Stage
 
-pytestmark = pytest.mark.long(seconds=8)
+pytestmark = pytest.mark.long(seconds=4)
 
 IRON = 1650 * 3.2e-3 ** (2 / 3) * 0.65 ** (1 / 3)
 NEMA23 = Rig(0.65, 3.2e-3, 2.4 / (math.sqrt(2) * 4.0), 2 * 530e-7, 0.06, IRON, 72.0, supply=48.0, current=4.2)

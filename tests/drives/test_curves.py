@@ -26,7 +26,7 @@ from isel_twin.drives.motor import Motor, from_datasheet
 from isel_twin.drives.screw import Screw
 from isel_twin.drives.stage import Stage
 
-pytestmark = pytest.mark.long(seconds=10)
+pytestmark = pytest.mark.long(seconds=7)
 
 torque = cache(pull_out_torque)
 """Several tests look at the same places."""

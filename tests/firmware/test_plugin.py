@@ -204,8 +204,10 @@ def test_rows_of_the_toys_manual_are_shown_as_the_page_has_it(plugins: Path, tmp
     root = PAGE.parents[1]
     for folder in ("tests/conformance", "tests/golden", "docs"):
         shutil.copytree(root / folder, tmp_path / folder, ignore=other_tests)
-    for file in ("pyproject.toml", "tests/conftest.py", "tests/thorough.py"):
-        shutil.copy(root / file, tmp_path / file)
+    shutil.copy(root / "pyproject.toml", tmp_path)
+    for file in (root / "tests").glob("*.py"):
+        if not file.name.startswith("test_"):  # what the session's conftest needs
+            shutil.copy(file, tmp_path / "tests")
     folder, text = tmp_path / "tests" / "conformance", PAGE.read_text(encoding="utf-8")
     (table,), (test,) = blocks(text, "toml table"), blocks(text, "python test")
     (folder / "toy.toml").write_text(table, encoding="utf-8")

@@ -26,7 +26,7 @@ from tests import forked
 from tests.in_process import isel_twin
 from tests.near import COARSE, near_switches
 
-pytestmark = pytest.mark.long(seconds=11)
+pytestmark = pytest.mark.long(seconds=9)
 
 LONG = "@07\n@0N7\n@0J60\n@0A32000,{hz},0,30,0,30,0,30\n"
 """100 mm of X: at 48 V and 60 Hz/ms all is lost from between 25 500 and 26 000 Hz on."""

@@ -24,7 +24,7 @@ from isel_twin.many.identification.stand_in import carry_out
 from isel_twin.many.identification.unknowns import candidate, unknown
 from tests.many.identification.conftest import CONTROLLER, GAUGE_MM, NAMES, TRUE, Found, short, wanted
 
-pytestmark = pytest.mark.long(seconds=18)
+pytestmark = pytest.mark.long(seconds=16)
 
 
 @pytest.fixture(scope="session")

@@ -17,7 +17,7 @@ from tests import forked
 from tests.forked import PATIENCE_S
 from tests.near import near_switches
 
-pytestmark = pytest.mark.long(seconds=18)
+pytestmark = pytest.mark.long(seconds=10)
 
 ROWS = 24
 PLAN = """

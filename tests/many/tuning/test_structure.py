@@ -16,7 +16,7 @@ from isel_twin.many.tuning.judge import LEAST, Made
 from isel_twin.many.tuning.result import Tried
 from isel_twin.many.tuning.structure import Structure, move_time_s, steps_of
 
-pytestmark = pytest.mark.long(seconds=7)
+pytestmark = pytest.mark.long(seconds=4)
 
 STEPS = (32_000, 9_600, 320)
 JOB = "@07\n@0R7\n" + "".join(f"@0A{n},10000,0,30,0,30,0,30\n" for n in STEPS)

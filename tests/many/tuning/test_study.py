@@ -21,7 +21,7 @@ from isel_twin.many.tuning.study import Study, StudyError
 
 from .small import problem
 
-pytestmark = pytest.mark.long(seconds=8)
+pytestmark = pytest.mark.long(seconds=6)
 
 
 def invented(candidate: Any, weather: Any, numbers: Any, least: float = 0.0, stop: Any = None) -> Judgement | None:
