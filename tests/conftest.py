@@ -29,9 +29,6 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # what tests start by the hundr
 
 gc.disable()  # nothing of what is imported and collected is thrown away
 
-SELDOM = 10_000, 20, 20
-"""New objects from which on garbage is looked for, and every how often among older ones: 700, 10, 10 without this."""
-
 MANY = 200
 """Tests in a session from which on everything is compiled before the first of them."""
 
@@ -66,13 +63,11 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
-    """What has been collected stays to the end: the garbage collector need not look at it again and again, nor at what
-    tests make as often as it does (a thirtieth of their time).
+    """What has been collected stays to the end: the garbage collector need not look at it again and again.
 
     Without workers: compile if there is much to be done, so that no test is blamed for it.
     """
     gc.freeze()
-    gc.set_threshold(*SELDOM)
     gc.enable()
     config = session.config
     if len(session.items) >= MANY and not hasattr(config, "workerinput") and not config.option.collectonly:

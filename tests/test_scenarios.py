@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from isel_twin import Twin
+from isel_twin.base.units import SECOND_NS
 from isel_twin.plant import Cut
 from isel_twin.wiring import ScenarioError, ScenarioEvent
 
@@ -213,7 +214,7 @@ def test_more_events_at_one_instant_than_a_broken_controller_needs(
 def test_a_controller_that_does_not_come_to_an_end_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("isel_twin.core.twin._ENDLESS", 50)
     twin = twin_with(tmp_path, 60 * "[[event]]\nat = 1.0\nset = { user_0 = 'high' }\n")
-    monkeypatch.setattr(twin._line, "at_controller", lambda t_ns, at_once: b"x")
+    monkeypatch.setattr(type(twin._controller), "next_ns", property(lambda controller: SECOND_NS))
     with pytest.raises(RuntimeError, match="does not come to an end at 1000000000 ns"):
         twin.run(2.0)
 
