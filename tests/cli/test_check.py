@@ -197,12 +197,18 @@ def test_bounds_of_a_project_are_found_above_a_job(tmp_path: Path, capsys: pytes
 @pytest.mark.parametrize(
     ("text", "error"),
     [
-        ("[check]\nmargn = 0.2\n", "check.margn: unknown key; did you mean 'margin'?"),
+        ("[check]\nmargn = 0.2\n", "isel-twin.toml:2: check.margn: unknown key; did you mean 'margin'?"),
         ("[check]\nmargin = 2\n", "check.margin: 2; allowed: 0 .. 1"),
         ("[check]\nmargin = 'much'\n", "check.margin: 'much'; allowed: 0 .. 1"),
         ("[check]\nseed = 1.5\n", "check.seed: 1.5; allowed: a whole number"),
         ("[check]\nmay_strike = 'all'\n", "check.may_strike: 'all'; allowed: a list"),
         ("[check]\ngolden = 1\n", "check.golden: 1; allowed: true, false"),
+        (
+            "[check]\n\nmachine = '4031'\n",
+            "isel-twin.toml:3: check.machine: '4031'; allowed: a folder with",
+        ),
+        ("[check]\ncontroller = 'imc-s9'\n", "isel-twin.toml:2: check.controller: 'imc-s9'; allowed: bwo900, c142,"),
+        ("[[check.job]]\nmatch = '*'\nplant = 'sand'\n", "check.job 1.plant: 'sand'; allowed: mujoco, kinematic"),
         ("[[check.job]]\ncycle_s = 1\n", "check.job 1.match: missing"),
         ("[chek]\n", "chek: unknown key"),
         ("check = 1\n", "check: 1; allowed: a table"),
@@ -216,6 +222,19 @@ def test_wrong_bounds_are_one_line(tmp_path: Path, text: str, error: str, capsys
     assert error in err
     assert "isel-twin.toml" in err
     assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("name", ["ours", "ours/machine.toml", "./ours"])
+def test_a_machine_stands_where_the_settings_file_sees_it(
+    tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From whatever folder the jobs are checked."""
+    write(tmp_path, 'based_on = "4030"\nname = "ours"\n', "shop/ours/machine.toml")
+    write(tmp_path, f"[check]\nplant = 'kinematic'\nmachine = '{name}'\n", "shop/isel-twin.toml")
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    code, out, _ = call(capsys, write(tmp_path, WELL, "shop/job.txt"), "--json")
+    assert (code, json.loads(out)["ok"]) == (0, True)
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,7 @@ def test_bounds_that_change_count_at_once(live: LiveJob) -> None:
     settings.write_text('[check]\nplant = "kinematic"\ncycle_s = 10\n')
     assert (rules(live), live.played) == ([("cycle", 4)], 4)
     settings.write_text("[check]\nmargins = 0.1\n")
-    with pytest.raises(CallError, match=r"isel-twin.toml: check.margins"):
+    with pytest.raises(CallError, match=r"isel-twin.toml:2: check.margins"):
         live.report(JOB)
 
 

@@ -46,12 +46,15 @@ from pathlib import Path
 from typing import Any
 
 from isel_twin.base.errors import CallError
-from isel_twin.base.parameters import Limits, Place, boolean, known, plain, read_toml, table, text
+from isel_twin.base.parameters import Limits, Place, boolean, known, plain, table, text
+from isel_twin.base.toml_lines import read_lines
+from isel_twin.controller import controller_names
+from isel_twin.core.assembly import PLANTS
 from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs.checks.rules import Bounds
 from isel_twin.jobs.project import SettingsError, fixtures
 from isel_twin.jobs.sending import MOST_EDGE
-from isel_twin.machine import Fixture, Machine
+from isel_twin.machine import Fixture, Machine, machine_names
 from isel_twin.plant import MOST_CLEARANCE_MM
 
 _NUMBERS: Mapping[str, Limits] = {
@@ -85,8 +88,7 @@ class Task:
 def load(path: Path) -> list[tuple[str, dict[str, Any]]]:
     """The content of a settings file as pairs of pattern and values, the general one ("*") first. Raises SettingsError
     for anything wrong in it, OSError if it cannot be read."""
-    place = Place(path, SettingsError)
-    content = read_toml(place)
+    content, place = read_lines(path, SettingsError)
     known(content, ("check", "fixture", "cam"), place)
     section = dict(table(content.get("check", {}), place.at("check")))
     jobs = section.pop("job", [])
@@ -110,7 +112,7 @@ def _values(content: Mapping[str, Any], place: Place) -> dict[str, Any]:
 
 def _value(key: str, value: Any, place: Place) -> Any:
     if key in _WORDS:
-        return text(value, place)
+        return _word(key, text(value, place), place)
     if key == "golden":
         return boolean(value, place)
     if key == "set":
@@ -125,6 +127,18 @@ def _value(key: str, value: Any, place: Place) -> Any:
     if number != int(number):
         raise place.wrong(f"{value}; allowed: a whole number")
     return int(number)
+
+
+def _word(key: str, value: str, place: Place) -> str:
+    """A path is as seen from the folder of the file."""
+    beside = Path(place.file).resolve().parent / Path(value).expanduser()
+    there = {"plant": PLANTS, "controller": controller_names(), "machine": machine_names()}.get(key)
+    if key == "scenario" or (key == "machine" and beside.exists()):
+        return str(beside)
+    if there is not None and value not in there:
+        folder = "a folder with a machine.toml, as seen from this file, or " if key == "machine" else ""
+        raise place.wrong(f"{value!r}; allowed: {folder}{', '.join(there)}")
+    return value
 
 
 def switch_names(value: Any, place: Place) -> tuple[str, ...]:
@@ -161,9 +175,6 @@ def task(job: Path, settings: Path | None, options: Mapping[str, Any]) -> Task:
         for pattern, demanded in load(settings):
             if fnmatchcase(name, pattern):
                 values |= demanded
-        for key in ("machine", "scenario"):
-            if key in values and (key == "scenario" or (folder / values[key]).is_dir()):
-                values[key] = str(folder / values[key])
     overrides = {**values.pop("set", {}), **(options.get("set") or {})}
     values |= {key: value for key, value in options.items() if value is not None and key not in ("set", "form")}
     if values.get("scenario") is not None:
