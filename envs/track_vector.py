@@ -128,7 +128,7 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
         many = min(workers or os.cpu_count() or 1, num_envs)
         ends = np.linspace(0, num_envs, many + 1).astype(int).tolist()
         self._stretches = list(itertools.pairwise(ends))
-        self._pool = ThreadPoolExecutor(many, "isel-twin-tracks") if many > 1 else None
+        self._pool = ThreadPoolExecutor(many - 1, "isel-twin-tracks") if many > 1 else None
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
@@ -162,8 +162,12 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
         if self._pool is None:
             take_steps(*arguments, 0, self.num_envs)
         else:
-            for done in [self._pool.submit(take_steps, *arguments, *ends) for ends in self._stretches]:
-                done.result()
+            others = [self._pool.submit(take_steps, *arguments, *ends) for ends in self._stretches[1:]]
+            try:
+                take_steps(*arguments, *self._stretches[0])  # meanwhile
+            finally:
+                for done in others:
+                    done.result()
         track = self._track
         rewards = track["reward_progress"] + track["reward_time"] + track["reward_deviation"] + track["reward_abort"]
         self._left -= ~idle
