@@ -48,7 +48,7 @@ def test_a_file_is_judged_as_it_changes(tmp_path: Path) -> None:
         settings.write_text("[check]\nmargins = 0.1\n")
         while not (error := told().get("error")):  # the same
             pass
-        assert error.startswith(f"{settings}: check.margins: ")
+        assert error.startswith(f"{settings}:2: check.margins: ")
         settings.write_text("[check]\ncycle_s = 3.0\n")
         while not (found_now := told()).get("findings"):
             pass
