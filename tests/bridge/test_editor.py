@@ -126,7 +126,7 @@ def test_findings_are_diagnostics_at_their_lines(live: LiveJob) -> None:
         ("line 2: <300> is no byte", 1, 0, "<300> is no byte"),
         ("line 2, column 3: unknown", 1, 2, "unknown"),
         ("line 9: gone since", 2, 0, "gone since"),
-        ("isel-twin.toml: check.margins: unknown", 0, 0, "isel-twin.toml: check.margins: unknown"),
+        ("isel-twin.toml:2: check.margins: unknown", 0, 0, "isel-twin.toml:2: check.margins: unknown"),
     ],
 )
 def test_what_is_wrong_with_a_text_stands_where_it_is(message: str, line: int, column: int, told: str) -> None:
