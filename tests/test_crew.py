@@ -341,7 +341,7 @@ import os, sys, time
 from isel_twin.base.crew import finished, local
 
 def endless(item):
-    print(os.getpid(), flush=True)
+    os.write(1, b"%d\\n" % os.getpid())  # in one piece, as the other one writes, too
     while True:
         sum(range(1000))
 
@@ -358,9 +358,11 @@ def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
     words = [sys.executable, str(tmp_path / "endless.py")]
     with subprocess.Popen(words, stdout=subprocess.PIPE, text=True, start_new_session=True) as parent:
         assert parent.stdout is not None
-        workers = [int(parent.stdout.readline()) for _ in range(2)]
+        try:
+            workers = [int(parent.stdout.readline()) for _ in range(2)]
+        finally:
+            parent.kill()
         assert len(set(workers)) == 2
-        parent.kill()
         assert parent.stdout.read() == "", "ends when the last process that holds the pipe is gone"
     assert not any(alive(pid) for pid in workers)
 
