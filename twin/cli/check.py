@@ -15,7 +15,7 @@ from cyclopts import Parameter
 from isel_twin.base.crew import in_order
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import options
-from isel_twin.cli.interruption import cut_short, interruption
+from isel_twin.cli.interruption import interruption
 from isel_twin.cli.jobs import (
     FormatName,
     JobTwin,
@@ -132,7 +132,7 @@ def check(
     reports: list[Told] = []
     crew = options.crew_of(min(workers, len(tasks)))
     every = _real(tasks, isel_port) if isel_port else in_order(perform, list(zip(tasks, pages, strict=True)), crew)
-    with cut_short() as stopped:
+    with interruption(at_once=True) as stopped:
         for made in every:
             reports.append(made)
             print(as_json(made) if json else as_words(made), flush=True)

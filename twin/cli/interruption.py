@@ -9,13 +9,16 @@ from contextlib import contextmanager
 
 
 @contextmanager
-def interruption() -> Iterator[list[int]]:
-    """A list that is empty until Ctrl-C or SIGTERM comes, and then holds its number; a second signal acts as usual."""
+def interruption(at_once: bool = False) -> Iterator[list[int]]:
+    """A list that is empty until Ctrl-C or SIGTERM comes, and then holds its number; a second signal acts as usual.
+    at_once: the signal ends the block where it is, and what follows the block is done."""
     stopped: list[int] = []
 
     def stop(number: int, _: object) -> None:
-        stopped.append(number)
         restore()
+        stopped.append(number)
+        if at_once:
+            raise KeyboardInterrupt
 
     def restore() -> None:
         for number, handler in before.items():
@@ -24,30 +27,8 @@ def interruption() -> Iterator[list[int]]:
     before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield stopped
-    finally:
-        restore()
-
-
-@contextmanager
-def cut_short() -> Iterator[list[int]]:
-    """Ctrl-C or SIGTERM ends the block where it is, and what follows is done: the list then holds the signal's number.
-    A second signal acts as usual."""
-    stopped: list[int] = []
-
-    def end(number: int, _: object) -> None:
-        restore()
-        stopped.append(number)
-        raise KeyboardInterrupt
-
-    def restore() -> None:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-    before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield stopped
     except KeyboardInterrupt:
-        if not stopped:
+        if not (at_once and stopped):
             raise
     finally:
         restore()

@@ -152,7 +152,7 @@ class RecordingWriter:
 
     def _write_waiting(self) -> None:
         """Put the messages that wait into the chunk. Explained and encoded one after the other they take half the time
-        of as many alone, between which a processor forgets how."""
+        of as many with physics between them, which fills the processor's caches."""
         waiting, self._waiting = self._waiting, []
         for channel, time_ns, content in waiting:
             if isinstance(content, tuple):
