@@ -132,8 +132,9 @@ def test_what_was_judged_before_an_interruption_is_in_the_files(
         assert command.stdout is not None
         assert command.stdout.readline().startswith("bad.txt: NOT OK")
         command.send_signal(number)
-        _, err = command.communicate(timeout=forked.PATIENCE_S)
+        out, err = command.communicate(timeout=forked.PATIENCE_S)
     assert (command.returncode, err) == (code, "isel-twin: interrupted: 1 of 2 jobs judged\n")
+    assert out.splitlines()[-1] == "2 jobs, 1 not as it should be, 1 not judged"
     suite = next(iter(junitparser.JUnitXml.fromfile(str(tmp_path / "out.xml"))))
     assert [(case.name, case.is_failure, case.is_error) for case in suite] == [
         ("bad.txt", True, False),

@@ -144,7 +144,8 @@ def check(
             print(line)
     failed = sum(not made.ok for made in reports)
     if not json:
-        print(f"{many(len(reports), 'job')}, {f'{failed} not as it should be' if failed else 'all well'}")
+        wrong = [f"{failed} not as it should be"] * bool(failed) + [f"{len(unjudged)} not judged"] * bool(unjudged)
+        print(f"{many(len(tasks), 'job')}, {', '.join(wrong) or 'all well'}")
     failures: list[CallError] = []
     for path, write in ((junit, as_junit), (sarif, as_sarif)):
         if path is not None:
