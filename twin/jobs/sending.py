@@ -92,7 +92,7 @@ class Sent:
         parts = _parts(twin, line, self._said) if line.program else ()
         if line.program and twin.fault:
             accepted = False
-            why = next((part.text for part in reversed(parts) if not part.position_mm), "the controller shows an error")
+            why = next((part.text for part in reversed(parts) if not part.position_mm), twin.fault_cause)
         elif line.program and not complete and twin.steps_made:
             why = twin.unfinished
         elif line.expected is None and not complete:
@@ -104,6 +104,7 @@ class Sent:
         elif line.expected is None and twin.bytes_lost > self._lost:
             accepted, why = False, f"bytes lost on the line: {twin.bytes_lost - self._lost}"
         wrong = line.expected is None and not (accepted and complete)
+        expected_refusal = line.expected is not None and bool(reply) and not accepted and not why
         return Result(
             number=line.number,
             command=line.command,
@@ -120,6 +121,7 @@ class Sent:
             why=why,
             event=happened(twin, self.time_ns) if wrong or new else "",
             restarts=new,
+            fault_known=twin.fault_cause if expected_refusal or not twin.fault else None,
             parts=parts,
         )
 
@@ -194,7 +196,7 @@ def look(twin: Twin, line: Line, condition: Condition, last: Result | None) -> R
         lost_known=known if quantity == "lost" else (),
         unpowered_known=_unpowered_known(twin, quantity) if found.met else None,
         restarts_known=twin.restarts if found.met and quantity == "restarts" else None,
-        fault_known=found.met and quantity == "fault",
+        fault_known=twin.fault_cause if found.met and quantity == "fault" else None,
         drive_faults_known=known if quantity == "drive_faults" else (),
     )
 

@@ -80,7 +80,7 @@ class Verdict:
     lost_steps: tuple[float, ...]  # counter minus rotor position in steps at rest, since each counter was set
     forgotten_steps: tuple[float, ...]  # steps lost before that, since power-on
     slip_steps: tuple[float, ...]  # steps in one slip of each motor
-    controller_fault: bool  # the controller has an error that no reply has reported
+    fault_cause: str  # the error in which the controller stands; "": in none
     faults: Mapping[str, str]  # broken or stuck contacts, and how; no failure of the job, which may test them
     ticks: int  # ticks of the step stream since power-on
     counts: tuple[int, ...]
@@ -105,7 +105,7 @@ class Verdict:
     expectations: int = 0  # expected replies and conditions of the lines that were played
     unmet: tuple[int, ...] = ()  # numbers of the lines with one that was not met
     lost_known: tuple[float, ...] = ()  # lost steps of each axis that the job expects: they do not count
-    fault_known: bool = False  # the job expects the controller's error
+    fault_known: str = ""  # the error of the controller that the job expects
     drive_faults: tuple[tuple[int, str], ...] = ()  # how often each servo drive switched itself off, and the last cause
     drive_faults_known: tuple[int, ...] = ()  # number of faults of each that the job expects
     following_error: tuple[float | None, ...] = ()  # of each servo drive at rest, in increments; None: no such drive
@@ -118,6 +118,16 @@ class Verdict:
     @property
     def cycle_s(self) -> float:
         return (self.ended_ns - self.began_ns) / SECOND_NS
+
+    @property
+    def controller_fault(self) -> bool:
+        """True if the controller stands in an error."""
+        return bool(self.fault_cause)
+
+    @property
+    def fault_left(self) -> str:
+        """The error in which the controller stands and that the job does not expect; "" without one."""
+        return "" if self.fault_cause == self.fault_known else self.fault_cause
 
     @property
     def least_margin(self) -> float | None:
@@ -191,6 +201,7 @@ class Verdict:
             "lost_steps": list(self.whole_steps_lost),
             "lost_before_reference": [int(steps) for steps in self.forgotten_steps],
             "controller_fault": self.controller_fault,
+            "fault_cause": self.fault_cause,
             "steps": self.ticks,
             "counts": list(self.counts),
             "position_mm": [round(position, 6) for position in self.position_mm],
@@ -243,7 +254,7 @@ def judge(twin: Twin, results: Sequence[Result], unsent: int = 0, interrupted: b
         lost_steps=tuple(seen.lost_steps.tolist()),
         forgotten_steps=tuple(twin.forgotten_steps.tolist()),
         slip_steps=tuple(twin.slip_steps.tolist()),
-        controller_fault=twin.fault,
+        fault_cause=twin.fault_cause,
         faults={name: state for name, state in seen.inputs.items() if state in FAULTS and state != "ok"},
         ticks=twin.steps.made,
         counts=tuple(seen.counts.tolist()),
@@ -258,7 +269,7 @@ def judge(twin: Twin, results: Sequence[Result], unsent: int = 0, interrupted: b
         expectations=sum(result.expected is not None for result in results),
         unmet=tuple(result.number for result in results if result.expected is not None and not result.ok),
         lost_known=_known([result.lost_known for result in results]),
-        fault_known=any(result.fault_known for result in results),
+        fault_known=next((known for result in reversed(results) if (known := result.fault_known) is not None), ""),
         drive_faults=twin.drive_faults,
         drive_faults_known=tuple(int(n) for n in _known([result.drive_faults_known for result in results])),
         following_error=tuple(
@@ -307,8 +318,8 @@ def _problems(verdict: Verdict, refused: str) -> Iterator[str]:
     yield from map(str, verdict.collisions[:SHOWN_COLLISIONS])
     if more := len(verdict.collisions[SHOWN_COLLISIONS:]):
         yield f"{more} more collision{'' if more == 1 else 's'}"
-    if verdict.controller_fault and not verdict.fault_known:
-        yield "the controller shows an error"
+    if verdict.fault_left:
+        yield f"fault left in the controller: {verdict.fault_left}"
     if verdict.stores_lost:
         yield "the flash has not kept what was stored"
     if verdict.flash_fault:
