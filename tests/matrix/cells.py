@@ -21,35 +21,32 @@ from isel_twin.bridge.serve.pacing import Pacer
 from isel_twin.bridge.serve.server import Server
 from isel_twin.bridge.serve.tcp import TcpEndpoint, parse_address
 from isel_twin.core.spec import TwinSpec
+from isel_twin.jobs.checks.asserts import MotionError, assert_accepted, assert_no_collision, assert_no_step_lost
+from isel_twin.jobs.checks.watched import Watched
 from isel_twin.jobs.job import parse_job
 from isel_twin.jobs.playing import played
 from isel_twin.language import create_language
 from tests.forked import PATIENCE_S
 from tests.in_process import isel_twin
+from tests.matrix.expected import BWO900, CONTROLLERS, FAULTS, FEW, GMI99, IMC, ISMIF, JUDGES, SAME
 
 PLANTS = ("kinematic", "mujoco")
-CONTROLLERS: Mapping[str, tuple[str, str]] = {
-    "imc-s8": ("4030", "@07\n@0N7\n@0A1600,800,0,30,0,30,0,30\n"),
-    "ismif": ("4030", "L1,X3000<1>\n"),
-    "gmi99": ("4030-servo", "Q7;1\nf2000\nM5000\n81h 9000\n"),
-    "bwo900": ("4030-servo", "N10 G1 F300 G91 X10\nN20 M30\n"),
+JOBS: Mapping[str, tuple[str, str]] = {
+    IMC: ("4030", "@07\n@0R7\n@0A1600,800,0,30,0,30,0,30\n"),
+    ISMIF: ("4030", "$HZXY<1>\nL1,X3000<1>\n"),
+    GMI99: ("4030-servo", "Q7;1\nf2000\nM5000\n81h 9000\n"),
+    BWO900: ("4030-servo", "N10 G1 F300 G91 X10\nN20 M30\n"),
 }
-"""Machine and job of each; the last line moves X for some seconds."""
-FAULTS: Mapping[str, str] = {
-    "E-stop": 'set.estop = "pressed"',
-    "hood": 'set.hood = "forced"',
-    "brown-out": "brownout = true\nfor = 0.2",
-    "limit": 'set.limit_x2 = "broken"',
-    "obstacle": "obstacle_mm.x = {wall}",
-    "line cut": "line_cut = true",
-    "drive": 'phase_lost.x = "ab"',
-    "collision": "",
-}
-"""Acts of a scenario. `wall`: a place in machine coordinates that X has still to pass. At a collision the cutter meets
-a fixture there."""
-VISE = """
+"""Machine and job of each: a reference run, and X moves for some seconds in the last line."""
+MACHINE = """
 based_on = "{machine}"
-
+"""
+FOUND = """
+[axes.{axis}]
+power_on_low = {{ value = 2.0, unit = "mm", grade = "setting", source = "a short reference run" }}
+power_on_high = {{ value = 3.0, unit = "mm", grade = "setting", source = "a short reference run" }}
+"""
+VISE = """
 [[fixture]]
 name = "vise"
 shape = "box"
@@ -57,16 +54,18 @@ size_mm = [4, 40, {high}]
 at_mm = [{x}, {y}, 0]
 """
 CUTTER_MM, TABLE_MM = 3.0, 147.0  # radius of the cutter; height of its tip above the table where Z is 0
-TOOLS = ("run", "check", "golden", "replay", "compare", "exec", "sweep", "tune", "identify", "experiment", "serve")
+TOOLS = (*JUDGES, *SAME, "tune", "identify", "experiment")
+BAUD: Mapping[str, str] = {IMC: "19200", ISMIF: "19200", GMI99: '38400, parity="E"', BWO900: "19200"}
+LINE_S = 0.2  # more than a line takes on the way, which takes no time in `run`
 PATIENCE = ("--timeout", "60")
 HOST = """
 import time, serial
-port = serial.Serial("COM1", timeout=40)
-for frame in {frames!r}:
+port = serial.Serial("COM1", {baud}, timeout=0)
+began = time.monotonic()
+for at, frame in {frames!r}:
+    time.sleep(max(at - (time.monotonic() - began), 0.0))
+    port.reset_input_buffer()
     port.write(frame)
-    reply = port.read(1)
-    while port.in_waiting:
-        reply += port.read(port.in_waiting)
 time.sleep(30)
 """
 
@@ -102,6 +101,7 @@ class Outcome:
 class Clean:
     """The job without a fault: a time amid its last line, and the place of the carriages at its end."""
 
+    sent_s: tuple[float, ...]  # when each line is sent
     amid_s: float
     end_mm: tuple[float, float, float]  # machine coordinates
     way_mm: float  # of X in the last line
@@ -111,23 +111,31 @@ class Clean:
         """A place that X passes after that time."""
         return self.end_mm[0] - 0.25 * self.way_mm
 
-    def vise(self, machine: str) -> str:
-        """A machine with a fixture that the cutter touches when X is there."""
+    def vise(self) -> str:
+        """A fixture that the cutter touches when X is there."""
         beside_mm = math.copysign(CUTTER_MM + 2.0, self.way_mm)
         x, high = round(self.wall_mm + beside_mm, 3), round(TABLE_MM - self.end_mm[2] + 2.0, 3)
-        return VISE.format(machine=machine, x=x, y=round(self.end_mm[1], 3), high=high)
+        return VISE.format(x=x, y=round(self.end_mm[1], 3), high=high)
 
 
 @cache
 def clean(controller: str, plant: str) -> Clean:
-    machine, job = CONTROLLERS[controller]
-    twin = Twin(machine, controller, plant)
+    machine, job = JOBS[controller]
+    near = {f"axes.{axis}.power_on_{end}": mm for axis in "xyz" for end, mm in (("low", 2.0), ("high", 3.0))}
+    twin = Twin(machine, controller, plant, overrides=near)
     made = played(twin, parse_job(job, twin.language, controller))
     assert made.ok, made
     before, last = (result for result in made.results[-2:]) if len(made.results) > 1 else (None, made.results[-1])
     way_mm = last.position_mm[0] - (before.position_mm[0] if before else 0.0)
     x, y, z = twin.machine_position_mm[:3]
-    return Clean((last.time_ns + last.end_ns) / 2e9, (float(x), float(y), float(z)), way_mm)
+    x, y, z = twin.machine_position_mm[:3]
+    began_ns = next((part.time_ns for part in last.parts if part.position_mm), last.time_ns)
+    return Clean(
+        sent_s=tuple(result.time_ns / 1e9 for result in made.results),
+        amid_s=(began_ns + last.end_ns) / 2e9,
+        end_mm=(float(x), float(y), float(z)),
+        way_mm=way_mm,
+    )
 
 
 def call(*words: object) -> Outcome:
@@ -140,16 +148,17 @@ class Cell:
 
     def __init__(self, folder: Path, controller: str, fault: str, plant: str) -> None:
         self.folder, self.controller, self.plant = folder, controller, plant
-        self.machine, job = CONTROLLERS[controller]
-        well = clean(controller, plant)
-        acts = FAULTS[fault].format(wall=round(well.wall_mm, 3))
-        self.job, self.scenario = folder / "job.txt", folder / "events.toml"
+        machine, job = JOBS[controller]
+        well, kind = clean(controller, plant), FAULTS[fault]
+        acts = kind.acts.format(wall=round(well.wall_mm, 3))
+        at_s = 0.0 if kind.at_start else well.amid_s
+        self.job, self.scenario, self.machine = folder / "job.txt", folder / "events.toml", folder / "machine"
         self.job.write_text(job)
-        self.scenario.write_text(f"[[event]]\nat = {well.amid_s:.6f}\n{acts}\n" if acts else "")
-        if not acts:
-            (folder / "vised").mkdir()
-            (folder / "vised" / "machine.toml").write_text(well.vise(self.machine))
-            self.machine = str(folder / "vised")
+        self.scenario.write_text(f"[[event]]\nat = {at_s:.6f}\n{acts}\n" if acts else "")
+        self.machine.mkdir()
+        parts = [MACHINE.format(machine=machine), *(FOUND.format(axis=axis) for axis in "xyz")]
+        parts += [] if acts else [well.vise()]
+        (self.machine / "machine.toml").write_text("".join(parts))
         self.same = ("--machine", self.machine, "--controller", controller)
         self.called = (*self.same, "--plant", plant, "--scenario", self.scenario)
 
@@ -158,6 +167,18 @@ class Cell:
 
     def check(self) -> Outcome:
         return call("check", self.job, *self.called, *PATIENCE)
+
+    def pytest(self) -> Outcome:
+        """A test that plays the job and asserts all that can be asserted of any."""
+        spec = TwinSpec(str(self.machine), controller=self.controller, plant=self.plant, scenario=self.scenario)
+        watched = Watched(spec.build())
+        try:
+            watched.play(self.job, timeout_s=60.0)
+            for holds in (assert_accepted, assert_no_step_lost, assert_no_collision):
+                holds(watched)
+        except MotionError as error:
+            return Outcome(1, str(error), "")
+        return Outcome(0, "", "")
 
     def golden(self) -> Outcome:
         """What a golden run compares is the same once more, well or not."""
@@ -176,13 +197,15 @@ class Cell:
     def exec(self) -> Outcome:
         host, language = self.folder / "host.py", create_language(self.controller)
         lines = parse_job(self.job.read_text(), language, self.controller)
-        host.write_text(HOST.format(frames=[line.sent for line in lines]))
+        sent_s = clean(self.controller, self.plant).sent_s
+        frames = [(at + n * LINE_S, line.sent) for n, (at, line) in enumerate(zip(sent_s, lines, strict=True))]
+        host.write_text(HOST.format(baud=BAUD[self.controller], frames=frames))
         return call("exec", "--check", *self.called, "--timeout", "200", "--", "python", host)
 
     def sweep(self) -> Outcome:
         plan = self.folder / "plan.toml"
         plan.write_text(
-            f'[sweep]\njob = "job.txt"\ncontroller = "{self.controller}"\nmachine = "{self.machine}"\n'
+            f'[sweep]\njob = "job.txt"\ncontroller = "{self.controller}"\nmachine = "machine"\n'
             f'plant = "{self.plant}"\nscenario = "events.toml"\ntimeout_s = 60\nseeds = 1\n'
         )
         done = call("sweep", plan, "--workers", "1")
@@ -200,8 +223,8 @@ class Cell:
 
     def serve(self) -> Outcome:
         """A server in this process: it lives on, whatever the fault; its twin has seen it."""
-        _, job = CONTROLLERS[self.controller]
-        spec = TwinSpec(self.machine, controller=self.controller, plant=self.plant, scenario=self.scenario)
+        job = self.job.read_text()
+        spec = TwinSpec(str(self.machine), controller=self.controller, plant=self.plant, scenario=self.scenario)
         twin, language = spec.build(), create_language(self.controller)
         endpoint = TcpEndpoint("127.0.0.1:0")
         server = Server(twin, Pacer(100.0), (endpoint,))
@@ -235,9 +258,10 @@ def cells() -> Iterator[tuple[str, str, str, str]]:
     """Tool, controller, fault and plant of every cell. `tune` knows the plant with physics only; `identify` and
     `experiment` take no faults, so one stands for all."""
     for tool in TOOLS:
+        faults = tuple(FAULTS) if tool in JUDGES else FEW[:1] if tool in ("identify", "experiment") else FEW
         for controller in CONTROLLERS:
-            for plant in PLANTS[1:] if tool in ("tune", "identify", "experiment") else PLANTS:
-                for fault in list(FAULTS)[: 1 if tool in ("identify", "experiment") else None]:
+            for plant in PLANTS if tool in JUDGES or tool in SAME else PLANTS[1:]:
+                for fault in faults:
                     yield tool, controller, fault, plant
 
 

@@ -96,6 +96,7 @@ class Verdict:
     unsent: int = 0  # commands of the job that were never sent
     interrupted: bool = False  # the caller stopped the job
     unfinished: int = 0  # commands that were not over when the job ended: 0 or 1
+    stands: str = ""  # where and why the program of a host that has ended stopped before its end
     restarts: int = 0  # unexpected restarts of the controller before the end of the last command
     unpowered_steps: int = 0  # unexpected steps of all axes while the stages had no power
     stores_lost: int = 0  # writes that the flash memory could not store
@@ -234,18 +235,22 @@ class Verdict:
         return told
 
 
-def judge(twin: Twin, results: Sequence[Result], unsent: int = 0, interrupted: bool = False) -> Verdict:
+def judge(
+    twin: Twin, results: Sequence[Result], unsent: int = 0, interrupted: bool = False, host_since_ns: int | None = None
+) -> Verdict:
     """The verdict on a job with these results on this twin, after SETTLE_S to come to rest. unsent: commands without a
-    result. interrupted: the caller stopped the job.
+    result. interrupted: the caller stopped the job. host_since_ns: when a host began, whose commands have no results.
     """
     start_ns, events_after_end = twin.time_ns, twin.events_left
-    began_ns = results[0].time_ns if results else start_ns
+    began_ns = results[0].time_ns if results else start_ns if host_since_ns is None else host_since_ns
     twin.run(SETTLE_S)
+    left = host_since_ns is not None and not twin.idle
     seen = snapshot(twin)
     return Verdict(
         commands=sum(not result.condition for result in results),
         refused=sum(not result.ok and result.complete and result.expected is None for result in results),
-        unfinished=sum(not result.complete for result in results),
+        unfinished=sum(not result.complete for result in results) + left,
+        stands="" if host_since_ns is None else twin.unfinished,
         restarts=sum(result.restarts for result in _since_known(results)) if results else twin.restarts,
         unpowered_steps=int(twin.unpowered_steps.sum()) - _last([result.unpowered_known for result in results]),
         stores_lost=twin.stores_lost,
@@ -293,7 +298,9 @@ def _problems(verdict: Verdict, refused: str) -> Iterator[str]:
     if verdict.refused:
         yield f"{verdict.refused} {refused}"
     if verdict.unfinished and not verdict.interrupted:
-        yield f"{verdict.unfinished} not over"
+        yield f"{verdict.unfinished} not over" if verdict.commands else "the controller is still busy"
+    if verdict.stands:
+        yield f"the program stands: {verdict.stands}"
     if verdict.unsent:
         yield f"{verdict.unsent} not sent"
     if verdict.unmet:

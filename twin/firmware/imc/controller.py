@@ -283,9 +283,7 @@ class Imc:
         values = command.admitted(device, command.read(device, text))
         return lambda: self._carry_out(line, command, values, letter in device.profile.acknowledge_at_once)
 
-    def _carry_out(
-        self, line: bytes, command: commands.Command, values: tuple[Any, ...], at_once: bool
-    ) -> str | None:
+    def _carry_out(self, line: bytes, command: commands.Command, values: tuple[Any, ...], at_once: bool) -> str | None:
         """at_once: a command that takes time is acknowledged when it begins."""
         result = command.do(self._device, *values)
         if not isinstance(result, GeneratorType):

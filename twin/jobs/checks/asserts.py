@@ -145,9 +145,17 @@ def assert_no_collision(seen: Watched) -> None:
 
 
 def assert_accepted(seen: Heard) -> None:
-    """Every command since `begin` was answered and not refused; in a job, every expectation was met."""
+    """Every command since `begin` was answered and not refused; in a job, every expectation was met. The controller does
+    not stand in a fault: some tell an error in no reply."""
     __tracebackhide__ = True
     seen.rest()
+    _require_accepted(seen)
+    if seen.fault_left:
+        raise MotionError("the controller stands in a fault", expected="none", was=seen.fault_left, time_ns=seen.now_ns)
+
+
+def _require_accepted(seen: Heard) -> None:
+    __tracebackhide__ = True
     if seen.job is not None:
         for result in seen.job[0]:
             if not result.ok:
