@@ -7,7 +7,6 @@ Every call is one of the command line, in this process; each cell has a folder o
 
 from __future__ import annotations
 
-import math
 import socket
 import threading
 import time
@@ -17,6 +16,8 @@ from functools import cache
 from pathlib import Path
 
 from isel_twin import Twin
+from isel_twin.bridge.operate.conditions import conditions
+from isel_twin.bridge.operate.control import Operator
 from isel_twin.bridge.serve.pacing import Pacer
 from isel_twin.bridge.serve.server import Server
 from isel_twin.bridge.serve.tcp import TcpEndpoint, parse_address
@@ -40,11 +41,15 @@ JOBS: Mapping[str, tuple[str, str]] = {
 """Machine and job of each: a reference run, and X moves for some seconds in the last line."""
 MACHINE = """
 based_on = "{machine}"
+
+[supply]
+enabled = true
+chopper_voltage = {{ value = 75.0, unit = "V", grade = "setting", source = "above the supply of either machine" }}
 """
 FOUND = """
 [axes.{axis}]
-power_on_low = {{ value = 2.0, unit = "mm", grade = "setting", source = "a short reference run" }}
-power_on_high = {{ value = 3.0, unit = "mm", grade = "setting", source = "a short reference run" }}
+power_on_low = {{ value = 1.0, unit = "mm", grade = "setting", source = "a short reference run" }}
+power_on_high = {{ value = 1.5, unit = "mm", grade = "setting", source = "a short reference run" }}
 """
 VISE = """
 [[fixture]]
@@ -54,9 +59,11 @@ size_mm = [4, 40, {high}]
 at_mm = [{x}, {y}, 0]
 """
 CUTTER_MM, TABLE_MM = 3.0, 147.0  # radius of the cutter; height of its tip above the table where Z is 0
-TOOLS = (*JUDGES, *SAME, "tune", "identify", "experiment")
+TOOLS = (*JUDGES, *SAME, "serve", "tune", "identify", "experiment")
 BAUD: Mapping[str, str] = {IMC: "19200", ISMIF: "19200", GMI99: '38400, parity="E"', BWO900: "19200"}
-LINE_S = 0.2  # more than a line takes on the way, which takes no time in `run`
+SLACK_S = 5.0  # of virtual time, for a server whose thread is not asked at once
+LINE_S = 1.0  # more than a line takes on the way, which takes no time in `run`
+OFF = 50.0  # increments that no servo axis at rest is beside its command
 PATIENCE = ("--timeout", "60")
 HOST = """
 import time, serial
@@ -99,48 +106,53 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Clean:
-    """The job without a fault: a time amid its last line, and the place of the carriages at its end."""
+    """The job without a fault."""
 
     sent_s: tuple[float, ...]  # when each line is sent
-    amid_s: float
+    end_s: float
     end_mm: tuple[float, float, float]  # machine coordinates
-    way_mm: float  # of X in the last line
+    way_mm: float  # of X in the last line, upwards
+
+    @property
+    def amid_mm(self) -> float:
+        """A place that X passes in its last motion only."""
+        return self.end_mm[0] - 0.4 * self.way_mm
 
     @property
     def wall_mm(self) -> float:
-        """A place that X passes after that time."""
+        """A place that X passes after that one."""
         return self.end_mm[0] - 0.25 * self.way_mm
 
     def vise(self) -> str:
         """A fixture that the cutter touches when X is there."""
-        beside_mm = math.copysign(CUTTER_MM + 2.0, self.way_mm)
-        x, high = round(self.wall_mm + beside_mm, 3), round(TABLE_MM - self.end_mm[2] + 2.0, 3)
+        x, high = round(self.wall_mm + CUTTER_MM + 2.0, 3), round(TABLE_MM - self.end_mm[2] + 2.0, 3)
         return VISE.format(x=x, y=round(self.end_mm[1], 3), high=high)
 
 
 @cache
 def clean(controller: str, plant: str) -> Clean:
     machine, job = JOBS[controller]
-    near = {f"axes.{axis}.power_on_{end}": mm for axis in "xyz" for end, mm in (("low", 2.0), ("high", 3.0))}
-    twin = Twin(machine, controller, plant, overrides=near)
+    near = {f"axes.{axis}.power_on_{end}": mm for axis in "xyz" for end, mm in (("low", 1.0), ("high", 1.5))}
+    twin = Twin(machine, controller, plant, overrides={**near, "supply.enabled": True, "supply.chopper_voltage": 75.0})
     made = played(twin, parse_job(job, twin.language, controller))
     assert made.ok, made
     before, last = (result for result in made.results[-2:]) if len(made.results) > 1 else (None, made.results[-1])
     way_mm = last.position_mm[0] - (before.position_mm[0] if before else 0.0)
     x, y, z = twin.machine_position_mm[:3]
-    x, y, z = twin.machine_position_mm[:3]
-    began_ns = next((part.time_ns for part in last.parts if part.position_mm), last.time_ns)
-    return Clean(
-        sent_s=tuple(result.time_ns / 1e9 for result in made.results),
-        amid_s=(began_ns + last.end_ns) / 2e9,
-        end_mm=(float(x), float(y), float(z)),
-        way_mm=way_mm,
-    )
+    sent_s = tuple(result.time_ns / 1e9 for result in made.results)
+    return Clean(sent_s, last.end_ns / 1e9, (float(x), float(y), float(z)), way_mm)
 
 
 def call(*words: object) -> Outcome:
     done = isel_twin(*words)
     return Outcome(done.returncode, done.stdout, done.stderr)
+
+
+def _wait(twin: Twin, thread: threading.Thread, time_s: float) -> None:
+    """Wait for a virtual time of a served twin."""
+    deadline = time.monotonic() + PATIENCE_S
+    while twin.time_ns < time_s * 1e9 and thread.is_alive() and time.monotonic() < deadline:
+        time.sleep(0.001)
 
 
 class Cell:
@@ -149,12 +161,13 @@ class Cell:
     def __init__(self, folder: Path, controller: str, fault: str, plant: str) -> None:
         self.folder, self.controller, self.plant = folder, controller, plant
         machine, job = JOBS[controller]
-        well, kind = clean(controller, plant), FAULTS[fault]
+        self.well, kind = clean(controller, plant), FAULTS[fault]
+        well, self.bites = self.well, kind.bites(controller, plant)
         acts = kind.acts.format(wall=round(well.wall_mm, 3))
-        at_s = 0.0 if kind.at_start else well.amid_s
+        at = "at = 0" if kind.at_start else f'when = "x > {well.amid_mm:.3f} mm"'
         self.job, self.scenario, self.machine = folder / "job.txt", folder / "events.toml", folder / "machine"
         self.job.write_text(job)
-        self.scenario.write_text(f"[[event]]\nat = {at_s:.6f}\n{acts}\n" if acts else "")
+        self.scenario.write_text(f"[[event]]\n{at}\n{acts}\n" if acts else "")
         self.machine.mkdir()
         parts = [MACHINE.format(machine=machine), *(FOUND.format(axis=axis) for axis in "xyz")]
         parts += [] if acts else [well.vise()]
@@ -222,26 +235,33 @@ class Cell:
         return call("tune", self.job, *self.same, "--scenario", self.scenario, *few)
 
     def serve(self) -> Outcome:
-        """A server in this process: it lives on, whatever the fault; its twin has seen it."""
-        job = self.job.read_text()
+        """A server in this process: it lives on, whatever the fault, and its state says what bites."""
         spec = TwinSpec(str(self.machine), controller=self.controller, plant=self.plant, scenario=self.scenario)
         twin, language = spec.build(), create_language(self.controller)
         endpoint = TcpEndpoint("127.0.0.1:0")
-        server = Server(twin, Pacer(100.0), (endpoint,))
+        server = Server(twin, Pacer(20.0), (endpoint,))
         thread = threading.Thread(target=server.run, daemon=True)
         thread.start()
         host, port = parse_address(endpoint.address)
+        lines = parse_job(self.job.read_text(), language, self.controller)
         with socket.create_connection((host, port), timeout=PATIENCE_S) as line:
-            for frame in parse_job(job, language, self.controller):
+            for n, (at_s, frame) in enumerate(zip(self.well.sent_s, lines, strict=True)):
+                _wait(twin, thread, at_s + n * SLACK_S)
                 line.sendall(frame.sent)
-            deadline = time.monotonic() + PATIENCE_S
-            while twin.events_left and thread.is_alive() and time.monotonic() < deadline:
-                time.sleep(0.005)
+            _wait(twin, thread, self.well.end_s + (len(lines) + 1) * SLACK_S)
         alive = thread.is_alive()
         server.stop()
         thread.join(PATIENCE_S)
+        state = Operator(server, twin).state()
+        told = [*filter(None, conditions(state).values()), *state["collisions"]]
+        told += ["it has started anew"] if twin.restarts else []
+        told += [f"{error:.0f} increments off" for error in state["following_error"] if abs(error) > OFF]
         well = alive and not thread.is_alive() and not twin.events_left
-        return Outcome(0 if well else 1, "", "")
+        return Outcome(
+            0 if well and bool(told) == (self.bites or twin.faults.get("line_cut", False)) else 1,
+            "; ".join(map(str, told)),
+            "",
+        )
 
     def experiment(self) -> Outcome:
         """It plans without a twin, so without a fault."""
@@ -260,7 +280,7 @@ def cells() -> Iterator[tuple[str, str, str, str]]:
     for tool in TOOLS:
         faults = tuple(FAULTS) if tool in JUDGES else FEW[:1] if tool in ("identify", "experiment") else FEW
         for controller in CONTROLLERS:
-            for plant in PLANTS if tool in JUDGES or tool in SAME else PLANTS[1:]:
+            for plant in PLANTS[1:] if tool in ("tune", "identify", "experiment") else PLANTS:
                 for fault in faults:
                     yield tool, controller, fault, plant
 

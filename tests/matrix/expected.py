@@ -104,11 +104,28 @@ FAULTS: Mapping[str, Fault] = {
     "push": Fault("force_n.x = -5000.0", "no motor holds five kilonewtons", physical=True),
     "friction": Fault("friction_n.x = 5000.0", "no motor overcomes five kilonewtons", physical=True),
     "drive": Fault('phase_lost.x = "ab"', "a motor without current does not follow", physical=True),
-    "supply": Fault("undervoltage = 0.95", "a twentieth of the voltage moves no motor", physical=True),
+    "supply": Fault("undervoltage = 0.95", "below its lockout the stages drop", physical=True),
     "hot stage": Fault("hot_stage_k.x = 200.0", "the stage's contact opens: the relay drops", physical=True),
     "collision": Fault("", "the cutter has met a vise"),
 }  # fmt: skip
+
+Cell = tuple[str, str, str, str]  # tool, controller, fault, plant
 JUDGES = ("run", "check", "exec", "pytest", "sweep")  # tools that say whether a job is well
-SAME = ("golden", "replay", "compare", "serve")  # they ask whether it is the same once more, or whether it goes on
+SAME = ("golden", "replay", "compare")  # they ask whether it is the same once more
 FEW = ("E-stop", "hood", "brown-out", "limit ahead", "obstacle", "line cut", "drive", "collision")
 """Faults of the tools that rest on the verdict of the others, or give none."""
+
+
+def allowed(cell: Cell) -> tuple[int, ...]:
+    """Exit codes that a cell may have: 0 well, 1 not well, 2 refused in one line."""
+    tool, controller, fault, plant = cell
+    bites = FAULTS[fault].bites(controller, plant)
+    if tool in JUDGES:
+        return (1,) if bites else (0,)
+    if tool == "tune":  # what is not over is refused, of the rest no settings are well
+        return (1, 2) if bites else (0,)
+    if tool == "identify":  # there is nothing measured
+        return (2,)
+    if tool == "experiment":  # it plans without a twin; a BWO 900 answers nothing to a move
+        return (2,) if controller == BWO900 else (0,)
+    return (0,)

@@ -68,9 +68,9 @@ def power_loss(inputs: Inputs) -> str:
     """The cause of a loss of power, in words."""
     if circuit := open_circuit(inputs):
         return circuit
-    if not hood_safe(inputs):
-        return "hood opened in automatic"
-    return "emergency input of the program" if inputs.signals["power_ok"] else "the stages have lost their power"
+    if not inputs.signals["power_ok"]:
+        return "the stages have lost their power"
+    return "emergency input of the program" if hood_safe(inputs) else "hood open in automatic"
 
 
 def powered(inputs: Inputs) -> bool:

@@ -119,11 +119,10 @@ class Jobs:
     def _ended(self, reason: Unfinished | None) -> None:
         """Note the end of the activity in progress; `work` ends the command."""
         if isinstance(reason, Failure):
-            self._fail()
+            self._fail(str(reason))
 
-    def _fail(self) -> None:
+    def _fail(self, why: str) -> None:
         """Drop the rest of a job that cannot be carried out, in the memory and still to come (ismif/1)."""
-        why = "a command that could not be completed"
         self.go_wrong(why)
         while self._entry is not None and not self._entry.ends_job and self._memory.released:
             self._entry = self._memory.take()
