@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from textwrap import fill
 
 from tests.matrix.cells import PLANTS
 from tests.matrix.expected import CONTROLLERS, FAULTS, JUDGES, SAME, Fault
@@ -16,7 +17,7 @@ what was answered would be a wrong green. The page is the specification (tests/m
 tests/matrix/test_matrix.py holds cells of it, `python -m tests.matrix` every one.
 
 - {", ".join(f"`{tool}`" for tool in JUDGES)} say the same (`pytest`: `assert_accepted`, `assert_no_step_lost` and
-  `assert_no_collision` together): **not** well, exit code 1, or `well`, because nothing has been changed.
+  `assert_no_collision` together): `not` well, exit code 1, or `well`, because nothing has been changed.
 - `exec --check` says it of a host that takes no notice of replies.
 - `well` in a row of physics on the kinematic plant: it has no effect there, and the verdict says so.
 - {", ".join(f"`{tool}`" for tool in SAME)} ask whether it is the same once more: every fault is well there.
@@ -32,15 +33,16 @@ tests/matrix/test_matrix.py holds cells of it, `python -m tests.matrix` every on
 
 def row(name: str, fault: Fault) -> str:
     acts = fault.acts.replace("\n", ", ") or "a vise in the way"
-    words = [("**not**" if fault.bites(c, plant) else "well") for c in CONTROLLERS for plant in PLANTS]
+    words = [("not" if fault.bites(c, plant) else "well") for c in CONTROLLERS for plant in PLANTS]
     return f"| {name} | `{acts}`{' at the start' if fault.at_start else ''} | {' | '.join(words)} |\n"
 
 
 def reasons(name: str, fault: Fault) -> str:
     spares = "" if not fault.spares else fault.spared
     if 0 < len(fault.spares) < len(CONTROLLERS):
-        spares = f"not of {' and '.join(fault.spares)}: {spares}"
-    return f"- {name}: {'; '.join(filter(None, (fault.because, spares)))}.\n"
+        spares = f"not with {', '.join(fault.spares)}: {spares}"
+    text = f"- {name}: {'; '.join(filter(None, (fault.because, spares)))}."
+    return fill(text, 118, subsequent_indent="  ", break_on_hyphens=False) + "\n"
 
 
 def page() -> str:

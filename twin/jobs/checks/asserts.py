@@ -96,7 +96,8 @@ def _inside(check: Callable[Concatenate[Watched, P], None]) -> Callable[Concaten
 @_inside
 def assert_no_step_lost(seen: Watched) -> None:
     """Since power-on no axis has lost steps or rests halfway between two stable places, no servo drive has switched
-    itself off, and none rests short of its command. Lets the machine come to rest first. Fails if the controller is still busy."""
+    itself off, and none rests short of its command. Lets the machine come to rest first. Fails if the controller
+    is still busy."""
     __tracebackhide__ = True
     _at_rest(seen, "no step lost")
     twin = seen.twin
