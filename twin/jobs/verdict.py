@@ -9,6 +9,9 @@ and anything less is load angle. Almost half a slip is neither: dry friction hol
 between two stable places, and the next touch moves it one way or the other. So it is reported as `halfway` and is not
 ok. Steps lost before a reference run set the counter count, too.
 
+Bytes that the line has altered, lost or doubled are not well, whatever was answered: an iMC takes 6410 for 6400 and
+answers 0.
+
 Steps that are made while the stages have no power move nothing. With physics they are lost steps; the kinematic plant
 follows them, so they are counted for themselves, and are not well on any plant. Neither is a controller that starts
 anew before its last reply, whatever it answers afterwards.
@@ -34,6 +37,7 @@ from isel_twin.base.units import SECOND_NS
 from isel_twin.core.snapshot import snapshot
 from isel_twin.jobs.odd import oddities
 from isel_twin.plant import Collision
+from isel_twin.wiring import LineFaults
 from isel_twin.wiring.contacts import FAULTS
 
 if TYPE_CHECKING:
@@ -97,6 +101,7 @@ class Verdict:
     interrupted: bool = False  # the caller stopped the job
     unfinished: int = 0  # commands that were not over when the job ended: 0 or 1
     restarts: int = 0  # unexpected restarts of the controller before the end of the last command
+    line_faults: LineFaults = LineFaults()  # unexpected ones since power-on
     unpowered_steps: int = 0  # unexpected steps of all axes while the stages had no power
     stores_lost: int = 0  # writes that the flash memory could not store
     odd: tuple[tuple[int, str], ...] = ()  # legal but absurd lines: number and description (odd.py)
@@ -174,7 +179,7 @@ class Verdict:
     @property
     def ok(self) -> bool:
         """True if every command was sent and accepted or answered as expected, every condition is met, no step is lost,
-        half lost or made without power, nothing has collided, no drive has switched itself off or rests short of its
+        half lost or made without power, every byte has arrived as it was sent, nothing has collided, no drive has switched itself off or rests short of its
         command, there was no restart, the controller has no error left, and all files are on the disk."""
         return not self.problems()
 
@@ -216,6 +221,8 @@ class Verdict:
         if any(error is not None for error in self.following_error):
             told |= {"following_error": list(self.following_error), "switched_off": list(self.switched_off)}
             told["off_position"] = list(self.off_position)
+        if any(self.line_faults):
+            told["line_faults"] = self.line_faults._asdict()
         if self.unwritten:
             told["unwritten"] = list(self.unwritten)
         if self.collisions:
@@ -236,6 +243,7 @@ def judge(twin: Twin, results: Sequence[Result], unsent: int = 0, interrupted: b
         refused=sum(not result.ok and result.complete and result.expected is None for result in results),
         unfinished=sum(not result.complete for result in results),
         restarts=sum(result.restarts for result in _since_known(results)) if results else twin.restarts,
+        line_faults=_unexpected(twin.line_faults, [result.line_known for result in results]),
         unpowered_steps=int(twin.unpowered_steps.sum()) - _last([result.unpowered_known for result in results]),
         stores_lost=twin.stores_lost,
         physics=twin.physics,
@@ -290,6 +298,8 @@ def _problems(verdict: Verdict, refused: str) -> Iterator[str]:
         yield f"{len(verdict.unmet)} of {verdict.expectations} expectations not met: line {lines}"
     if verdict.restarts:
         yield f"the controller started anew {'once' if verdict.restarts == 1 else f'{verdict.restarts} times'}"
+    if any(verdict.line_faults):
+        yield verdict.line_faults.in_words()
     if any(verdict.lost):
         now = [f"{axis} {n}" for axis, n in zip(axes, verdict.whole_steps_lost, strict=False) if n]
         before = [f"{axis} {int(n)}" for axis, n in zip(axes, verdict.forgotten_steps, strict=False) if n]
@@ -321,6 +331,12 @@ def _since_known(results: Sequence[Result]) -> Sequence[Result]:
     """The restarts after the last met condition on them."""
     known = [number for number, result in enumerate(results, 1) if result.restarts_known is not None]
     return results[known[-1] if known else 0 :]
+
+
+def _unexpected(faults: LineFaults, known: Sequence[Sequence[int | None]]) -> LineFaults:
+    """Those after the last met condition on each kind."""
+    told = [each for each in known if each]
+    return faults.since(LineFaults(*map(_last, zip(*told, strict=True))))
 
 
 def _last(known: Sequence[int | None]) -> int:

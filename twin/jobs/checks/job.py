@@ -306,8 +306,9 @@ def check_job(
 
 def _expected(finding: Finding, verdict: Verdict, results: Sequence[Result]) -> bool:
     """True if the job itself expects it by a condition that is met: `! lost > 0`, `! limit_x2 == struck`."""
-    if finding.rule in ("unpowered", "restart"):
-        return not (verdict.unpowered_steps if finding.rule == "unpowered" else verdict.restarts)
+    if finding.rule in ("unpowered", "restart", "line"):
+        left = {"unpowered": verdict.unpowered_steps, "restart": verdict.restarts, "line": sum(verdict.line_faults)}
+        return not left[finding.rule]
     name = finding.message.partition(" ")[0]
     if finding.rule == "drive":
         return not verdict.switched_off[AXIS_NAMES.index(name.rstrip(":"))]
@@ -333,17 +334,21 @@ def _placed(finding: Finding, results: Sequence[Result]) -> Finding:
 
 def of_answer(result: Result, bounds: Bounds) -> list[Finding]:
     """What is wrong with the reply to a line, or with a condition."""
+    found = []
+    if result.disturbed:
+        told = "; ".join(filter(None, (f"{result.command}: {result.disturbed}", result.event)))
+        found.append(Finding("line", told, result.number, result.end_ns))
     if not result.complete:
         stands = result.why if result.expected is None else ""
         what = f"{result.command}: {stands or f'no complete reply within {bounds.timeout_s:g} s'}"
-        return [Finding("unfinished", what, result.number, result.end_ns)]
+        return [*found, Finding("unfinished", what, result.number, result.end_ns)]
     if result.restarts:
-        return [Finding("restart", f"{result.command}: {RESTARTED}; {result.event}", result.number, result.end_ns)]
-    if result.ok:
-        return []
+        return [*found, Finding("restart", f"{result.command}: {RESTARTED}; {result.event}", result.number, result.end_ns)]
+    if result.ok or (found and result.expected is None):
+        return found
     if result.condition:
         return [Finding("unmet", f"{result.command}: {result.why or result.reply}", result.number, result.end_ns)]
-    return [Finding("refused", f"{result.command}: {result.shown_reply or 'no reply'}", result.number, result.end_ns)]
+    return [*found, Finding("refused", f"{result.command}: {result.shown_reply or 'no reply'}", result.number, result.end_ns)]
 
 
 def of_cycle(cycle_s: float, bounds: Bounds, line: int | None, time_ns: int) -> list[Finding]:

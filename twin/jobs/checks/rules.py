@@ -3,6 +3,7 @@
 rule          it is broken when                                                       bound
 refused       a command is refused, or its reply is not what the job expects          always
 restart       the controller starts anew before the last reply                        always
+line          a byte is altered, lost or doubled on the line                          always
 unmet         a condition of the job (`! lost == 0`) is false                         always
 unfinished    a command is not over in time; the job ends there                       `timeout`
 collision     two bodies meet that must not: cutter and vise (docs/machines.md)       always
@@ -42,6 +43,7 @@ from isel_twin.jobs.result import Result
 RULES: Mapping[str, str] = {
     "refused": "Every command is accepted, or answered as the job expects.",
     "restart": "The controller does not start anew before the last reply.",
+    "line": "Every byte arrives as it was sent.",
     "unmet": "What a job says must be so is so.",
     "unfinished": "Every command is over in time.",
     "unpowered": "No step is made while the stages have no power.",
