@@ -26,7 +26,7 @@ the job, for example, has tested nothing.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -101,7 +101,7 @@ class Verdict:
     interrupted: bool = False  # the caller stopped the job
     unfinished: int = 0  # commands that were not over when the job ended: 0 or 1
     restarts: int = 0  # unexpected restarts of the controller before the end of the last command
-    line_faults: LineFaults = LineFaults()  # unexpected ones since power-on
+    line_faults: LineFaults = field(default_factory=LineFaults)  # unexpected ones since power-on
     unpowered_steps: int = 0  # unexpected steps of all axes while the stages had no power
     stores_lost: int = 0  # writes that the flash memory could not store
     odd: tuple[tuple[int, str], ...] = ()  # legal but absurd lines: number and description (odd.py)
@@ -179,8 +179,9 @@ class Verdict:
     @property
     def ok(self) -> bool:
         """True if every command was sent and accepted or answered as expected, every condition is met, no step is lost,
-        half lost or made without power, every byte has arrived as it was sent, nothing has collided, no drive has switched itself off or rests short of its
-        command, there was no restart, the controller has no error left, and all files are on the disk."""
+        half lost or made without power, every byte has arrived as it was sent, nothing has collided, no drive has
+        switched itself off or rests short of its command, there was no restart, the controller has no error left, and
+        all files are on the disk."""
         return not self.problems()
 
     def problems(self, refused: str = "refused") -> tuple[str, ...]:

@@ -183,6 +183,10 @@ class SerialLine:
             self._lose(t_ns)
         return self._to_host.receive(t_ns) if self._to_host.due else b""
 
+    def miss(self, number: int) -> None:
+        """Count bytes as lost that have arrived where nobody has supply to take them."""
+        self._count(lost=number)
+
     def cut(self, t_ns: int, is_cut: bool) -> None:
         """Cut the line at t_ns, or join it again."""
         if is_cut and not self.is_cut:

@@ -334,21 +334,21 @@ def _placed(finding: Finding, results: Sequence[Result]) -> Finding:
 
 def of_answer(result: Result, bounds: Bounds) -> list[Finding]:
     """What is wrong with the reply to a line, or with a condition."""
-    found = []
-    if result.disturbed:
-        told = "; ".join(filter(None, (f"{result.command}: {result.disturbed}", result.event)))
-        found.append(Finding("line", told, result.number, result.end_ns))
+
+    def found(rule: str, what: str) -> Finding:
+        return Finding(rule, f"{result.command}: {what}", result.number, result.end_ns)
+
+    line = [found("line", "; ".join(filter(None, (result.disturbed, result.event))))] if result.disturbed else []
     if not result.complete:
         stands = result.why if result.expected is None else ""
-        what = f"{result.command}: {stands or f'no complete reply within {bounds.timeout_s:g} s'}"
-        return [*found, Finding("unfinished", what, result.number, result.end_ns)]
+        return [*line, found("unfinished", stands or f"no complete reply within {bounds.timeout_s:g} s")]
     if result.restarts:
-        return [*found, Finding("restart", f"{result.command}: {RESTARTED}; {result.event}", result.number, result.end_ns)]
-    if result.ok or (found and result.expected is None):
-        return found
+        return [*line, found("restart", f"{RESTARTED}; {result.event}")]
+    if result.ok or (line and result.expected is None):
+        return line
     if result.condition:
-        return [Finding("unmet", f"{result.command}: {result.why or result.reply}", result.number, result.end_ns)]
-    return [*found, Finding("refused", f"{result.command}: {result.shown_reply or 'no reply'}", result.number, result.end_ns)]
+        return [found("unmet", result.why or result.reply)]
+    return [*line, found("refused", result.shown_reply or "no reply")]
 
 
 def of_cycle(cycle_s: float, bounds: Bounds, line: int | None, time_ns: int) -> list[Finding]:
