@@ -192,10 +192,15 @@ def test_how_long_a_dwell_may_be() -> None:
 
 
 @shows("bwo900-4.5-5")
-@pytest.mark.parametrize("written", ["G04.1", "G4.1.", "G04.001.000"])
-def test_how_a_dwell_is_written_does_not_matter(written: str) -> None:
-    (block,) = [block for block in analysed(f"N10 {written}|N20 M30").blocks if block.dwell_s is not None]
-    assert block.dwell_s == 1.0
+@pytest.mark.parametrize("written", ["G04.3.5", "G4.3.5", "G04.3.500", "G04.000003.500", "G04.3,5"])
+def test_a_dwell_needs_no_zeros(written: str) -> None:
+    """The printed 3.5 s, with and without the zeros that the text asks for; nothing is said, nothing lasts longer."""
+    lasting = []
+    for block in (written, "G04.0"):
+        desk = run(f"P1|N10 {block}|N20 M30")
+        lasting.append(desk.time_ns)
+        assert said(desk) == []
+    assert (lasting[0] - lasting[1]) / 1e9 == pytest.approx(3.5, abs=0.05)
 
 
 # 4.8
