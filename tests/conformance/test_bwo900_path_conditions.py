@@ -580,6 +580,16 @@ def test_the_plane_at_the_start() -> None:
     assert analysed("N10 G0 X1|N20 M30", p8650=18).path[0].plane.third == 1
 
 
+@shows("bwo900-7.2-4")
+@pytest.mark.parametrize(("y", "there"), [(20, (28.0, 2.0)), (-20, (32.0, 0.0))])
+def test_where_a_block_without_a_path_is_executed(y: int, there: tuple[float, float]) -> None:
+    """M07 within a contour along X that turns at (30, 0), the tool (2 mm) on its left. Turning left the corrected
+    paths meet at (28, 2); turning right an arc of 2 mm about the corner ends at (32, 0)."""
+    times, place, desk = moved(f"P1|N10 F1200 tr:2|N20 G41 G1 X10|N30 X30|N40 M7|N50 Y{y}|N60 M30")
+    (on_ns,) = [t for t, name, on in desk.output_log if name == "a0.3" and on]
+    assert place[times <= on_ns / 1e9][-1][:2] == pytest.approx(there, abs=0.1)
+
+
 @shows("bwo900-4.16-8")
 @pytest.mark.parametrize(("g", "signs"), [("G61", (-1, 1)), ("G62", (1, -1)), ("G61 G62", (-1, -1))])
 def test_mirrors_in_turned_coordinates(g: str, signs: tuple[int, int]) -> None:
