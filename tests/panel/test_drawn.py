@@ -27,22 +27,27 @@ PAUSE_S = 87.0
 INTERVAL_NS = 1_000_000
 
 DRAWN = """
-async (zoom) => {
-  const strokes = [], bars = [], pen = CanvasRenderingContext2D.prototype, plain = { ...Object.fromEntries(
-    ["beginPath", "moveTo", "lineTo", "stroke", "fillRect"].map((name) => [name, pen[name]])) };
+() => {
+  const strokes = [], bars = [], pen = CanvasRenderingContext2D.prototype, plain = {};
   let path = [];
-  pen.beginPath = function () { path = []; plain.beginPath.call(this); };
-  pen.moveTo = function (x, y) { path.push([x, y, true]); plain.moveTo.call(this, x, y); };
-  pen.lineTo = function (x, y) { path.push([x, y, false]); plain.lineTo.call(this, x, y); };
-  pen.stroke = function () { strokes.push({ ink: this.strokeStyle, path }); plain.stroke.call(this); };
-  pen.fillRect = function (...box) { bars.push({ ink: this.fillStyle, box }); plain.fillRect.apply(this, box); };
+  const heard = {
+    beginPath: () => { path = []; },
+    moveTo: (_, x, y) => path.push([x, y, true]),
+    lineTo: (_, x, y) => path.push([x, y, false]),
+    stroke: ({ strokeStyle }) => strokes.push([strokeStyle, path]),
+    fillRect: ({ fillStyle }, ...box) => bars.push([fillStyle, box]),
+  };
+  for (const [name, hear] of Object.entries(heard)) {
+    plain[name] = pen[name];
+    pen[name] = function (...where) { hear(this, ...where); plain[name].apply(this, where); };
+  }
   document.getElementById("all").click();
-  for (const name of ["moveTo", "lineTo", "beginPath", "stroke", "fillRect"]) pen[name] = plain[name];
+  Object.assign(pen, plain);
   const dot = document.createElement("canvas").getContext("2d");
   dot.fillStyle = colour("x");
-  const canvas = document.getElementById("traces");
-  return { x: strokes.filter(({ ink }) => ink === dot.fillStyle).map(({ path }) => path), bars: bars.filter(({ ink }) => ink === dot.fillStyle).map(({ box }) => box),
-           left: 150, right: canvas.clientWidth - 6, end: session.end };
+  const of_x = (drawn) => drawn.filter(([ink]) => ink === dot.fillStyle).map(([, where]) => where);
+  const right = document.getElementById("traces").clientWidth - 6;
+  return { x: of_x(strokes), bars: of_x(bars), left: 150, right, end: session.end };
 }
 """
 """Paths and boxes of the ink of X, of the whole session in one window."""
@@ -66,8 +71,8 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
 
 
 def with_velocity(recorded: Recorded) -> Recorded:
-    """It, with other samples: 60 s of a wave of 60 mm/s with spikes of 100 mm/s, a pause in which it is held at the value
-    it had when it broke off, 3 s of single millisecond pulses."""
+    """It, with other samples: 60 s of a wave of 60 mm/s with spikes of 100 mm/s, a pause in which the value is held
+    with which it broke off, 3 s of single pulses of a millisecond."""
     random = np.random.default_rng(43)
     times_s = np.concatenate([np.arange(60_000), 60_000 + 1e3 * PAUSE_S + np.arange(3_000)]) / 1e3
     velocity = 60.0 * np.sin(times_s) + 5.0 * random.standard_normal(len(times_s))
@@ -146,9 +151,10 @@ def test_a_pause_has_no_ink_but_where_the_value_is_held(drawn, empty_page: Page,
     told = drawn(with_velocity(recorded), "velocity")
     rows = empty_page.evaluate(
         """(share) => {
-          const canvas = document.getElementById("traces"), at = Math.round((150 + share * (canvas.clientWidth - 156)) * devicePixelRatio);
-          const { data } = canvas.getContext("2d").getImageData(at, 0, 1, 60);
-          return [...Array(60).keys()].filter((row) => data[4 * row] > 150 && data[4 * row + 1] < 120 && data[4 * row + 3] > 60);
+          const canvas = document.getElementById("traces"), x = 150 + share * (canvas.clientWidth - 156);
+          const { data } = canvas.getContext("2d").getImageData(Math.round(x * devicePixelRatio), 0, 1, 60);
+          const red = (row) => data[row] > 150 && data[row + 1] < 120 && data[row + 3] > 60;
+          return [...Array(60).keys()].filter((row) => red(4 * row));
         }""",
         (60.0 + PAUSE_S / 2.0) / told["end"],
     )
