@@ -1,7 +1,7 @@
 """The fault of each controller: it stands until what it wants has been done, and names its cause.
 
-For the iMC by its manual, section 5 (`2`: initialisation and a reference run, imc/47; `9`: plant fault) and docs/safety.md;
-for a host that takes no notice of replies the verdict is the same as for one that does.
+For the iMC by its manual, section 5 (`2`: initialisation and a reference run, imc/47; `9`: plant fault) and
+docs/safety.md; of a host that takes no notice of replies the verdict is the same as of one that does.
 """
 
 from __future__ import annotations
