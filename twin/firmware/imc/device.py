@@ -96,7 +96,7 @@ class Device:
 
     @property
     def fault_cause(self) -> str:
-        """The fault that stands, or the line that it has hindered (imc/51); "" if there is none."""
+        """The fault that stands, or the line that it has hindered (imc/52); "" if there is none."""
         if cause := self._left_by or open_circuit(self.inputs):
             return cause
         if self._unmade is None:
