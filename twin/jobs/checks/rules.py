@@ -26,8 +26,8 @@ luck          repetitions on other machines of the kind end differently         
 doubt         repetitions on what this machine may be, as far as it is known, end     `uncertain`
               differently or break the bounds on margin, edge or time
 odd           a line is legal and absurd: a move that crawls (a warning)               always
-effect        an event of the scenario came too late, or it or a bound had no effect  always
-              (a warning)
+effect        an event of the scenario came too late, or it or a bound had no effect, always
+              or a repetition was not made (a warning)
 """
 
 from __future__ import annotations
@@ -146,6 +146,15 @@ def of_edge(result: Result, bounds: Bounds) -> list[Finding]:
     """Axes that would swing out of step at less than the factor on the speed of a line that the bound asks for."""
     words = f"{{name}} swings from {{value:.2f}} times this speed on; at least {bounds.edge or 0.0:g}"
     return _below("edge", result, result.edge, bounds.edge, words)
+
+
+def of_left_out(option: str, number: int) -> list[Finding]:
+    """Repetitions that were not made, as their machines cannot be built."""
+    if not number:
+        return []
+    return [
+        Finding("effect", f"{option}: {number} of its machines cannot be built, so the job was not repeated on them")
+    ]
 
 
 def _below(rule: str, result: Result, values: Sequence[float | None], least: float | None, words: str) -> list[Finding]:
