@@ -210,12 +210,18 @@ def unknown(machine: Machine, name: str, span: tuple[float, float] | None = None
         unit="1" if meaning.factor else meaning.unit if first is None else first.unit,
         source=source,
         factor=meaning.factor,
-        whole=setting and (first is None or isinstance(first.value, int)),
+        whole=(setting and (first is None or isinstance(first.value, int))) or _whole(meaning.keys[0]),
         flag=meaning.flag,
         place=meaning.half is not None,
         least=max(least for least, _ in ranges),
         most=min(most for _, most in ranges),
     )
+
+
+def _whole(key: str) -> bool:
+    """True if a machine file has whole numbers there, in its own unit."""
+    allowed = limits(key)
+    return allowed.whole and allowed.scale == 1.0
 
 
 def _allowed(machine: Machine, key: str, factor: bool) -> tuple[float, float]:
