@@ -388,11 +388,11 @@ def test_the_edge_of_a_servo_axis_is_where_its_drive_switches_itself_off(
 
 
 def test_a_factor_beyond_the_range_of_a_number_loses_that_trial_alone() -> None:
-    """The inductance of a specimen ends at 5 times that of its sheet; what would lie beyond is known to lose nothing."""
+    """The inductance of a specimen ends at 5 times that of its sheet; beyond, nothing is known to be lost."""
     call = TwinSpec("4030", "imc-s8", "mujoco", overrides={"axes.x.specimen.inductance": 4.9})
     lines = parse_job("@07\n@0N7\n@0A800,800,0,30,0,30,0,30\n", create_language("imc-s8"), "imc-s8")
-    assert losers(call, lines, "inductance", ("x",), 1.1, 0) == {}
+    assert edge.losers(call, lines, "inductance", ("x",), 1.1, 0) == {}
     verdict = played(call.build(), lines).verdict
-    found = [edge for edge in edges(call, lines, verdict, timeout_s=60.0) if edge.quantity == "inductance"]
-    assert [(edge.axis, edge.factor) for edge in found] == [("x", None)]
+    found = [one for one in edge.edges(call, lines, verdict, timeout_s=60.0) if one.quantity == "inductance"]
+    assert [(one.axis, one.factor) for one in found] == [("x", None)]
     assert 1.0 <= found[0].tried <= 5.0 / 4.9

@@ -102,6 +102,7 @@ class Verdict:
     unfinished: int = 0  # commands that were not over when the job ended: 0 or 1
     restarts: int = 0  # unexpected restarts of the controller before the end of the last command
     line_faults: LineFaults = field(default_factory=LineFaults)  # unexpected ones since power-on
+    astray: tuple[str, ...] = ()  # what has been referenced without its end switch, of each line that has
     unpowered_steps: int = 0  # unexpected steps of all axes while the stages had no power
     stores_lost: int = 0  # writes that the flash memory could not store
     odd: tuple[tuple[int, str], ...] = ()  # legal but absurd lines: number and description (odd.py)
@@ -224,6 +225,8 @@ class Verdict:
             told["off_position"] = list(self.off_position)
         if any(self.line_faults):
             told["line_faults"] = self.line_faults._asdict()
+        if self.astray:
+            told["astray"] = list(self.astray)
         if self.unwritten:
             told["unwritten"] = list(self.unwritten)
         if self.collisions:
@@ -245,6 +248,7 @@ def judge(twin: Twin, results: Sequence[Result], unsent: int = 0, interrupted: b
         unfinished=sum(not result.complete for result in results),
         restarts=sum(result.restarts for result in _since_known(results)) if results else twin.restarts,
         line_faults=_unexpected(twin.line_faults, [result.line_known for result in results]),
+        astray=tuple(result.astray for result in results if result.astray),
         unpowered_steps=int(twin.unpowered_steps.sum()) - _last([result.unpowered_known for result in results]),
         stores_lost=twin.stores_lost,
         physics=twin.physics,
@@ -301,6 +305,7 @@ def _problems(verdict: Verdict, refused: str) -> Iterator[str]:
         yield f"the controller started anew {'once' if verdict.restarts == 1 else f'{verdict.restarts} times'}"
     if any(verdict.line_faults):
         yield verdict.line_faults.in_words()
+    yield from dict.fromkeys(verdict.astray)
     if any(verdict.lost):
         now = [f"{axis} {n}" for axis, n in zip(axes, verdict.whole_steps_lost, strict=False) if n]
         before = [f"{axis} {int(n)}" for axis, n in zip(axes, verdict.forgotten_steps, strict=False) if n]

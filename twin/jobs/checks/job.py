@@ -344,6 +344,8 @@ def of_answer(result: Result, bounds: Bounds) -> list[Finding]:
         return [*line, found("unfinished", stands or f"no complete reply within {bounds.timeout_s:g} s")]
     if result.restarts:
         return [*line, found("restart", f"{RESTARTED}; {result.event}")]
+    if result.astray:
+        line.append(found("switch", "; ".join(filter(None, (result.astray, result.event)))))
     if result.ok or (line and result.expected is None):
         return line
     if result.condition:

@@ -14,7 +14,8 @@ halfway       a rotor rests between two stable places                           
 drive         a servo drive has switched itself off; with the line, or rests short     always
               of its command
 switch        an end switch is struck in a line that sets no counter, and no          `may_strike`
-              condition of the job (`! limit_x1 == struck`) expects it
+              condition of the job (`! limit_x1 == struck`) expects it; or an axis is
+              referenced and none of its is struck                                    always
 fault         the controller shows an error at the end, or its flash is damaged       always
 margin        the least pull-out margin of a motor in a line                          `margin`
 edge          a motor turns faster than the speed from which on it swings, over this   `edge`
@@ -52,7 +53,7 @@ RULES: Mapping[str, str] = {
     "drive": "No servo drive switches itself off.",
     "collision": "Nothing meets what it must not.",
     "clearance": "What must not meet keeps a distance.",
-    "switch": "No end switch is struck but in a reference run.",
+    "switch": "End switches are struck in reference runs, and only there.",
     "fault": "The controller shows no error.",
     "margin": "Every motor keeps a margin of torque.",
     "edge": "Every motor turns slower than it may before it swings.",

@@ -137,8 +137,8 @@ def predict_day(
     crew: Crew | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> list[Predicted]:
-    """Predictions by so many machines, 2 or more; one that cannot be built is left out. progress: called with the number
-    carried out. Raises ValueError if none can be."""
+    """Predictions by so many machines, 2 or more; one that cannot be built is left out. progress: called with the
+    number carried out. Raises ValueError if none can be built."""
     calls = [(experiment, machine, controller, seed, n) for n in range(1, number + 1)]
     by: dict[tuple[str, str], list[float]] = {}
     for done, found in enumerate(in_order(_carried_out, calls, crew), 1):
