@@ -130,8 +130,8 @@ class Sent:
         )
 
     def _astray(self) -> str:
-        """Axes that this line has referenced though no end switch of theirs was struck: by the stop key (imc/12), or by
-        a contact that is broken."""
+        """Axes that this line has referenced though no end switch of theirs was struck: by the stop key, or by its
+        contact that is broken (jobs/14)."""
         twin, language = self.twin, self.twin.language
         if self.line.program or twin.steps.made == self._made or not offers(language, TellsActs):
             return ""

@@ -9,8 +9,8 @@ and anything less is load angle. Almost half a slip is neither: dry friction hol
 between two stable places, and the next touch moves it one way or the other. So it is reported as `halfway` and is not
 ok. Steps lost before a reference run set the counter count, too.
 
-Bytes that the line has altered, lost or doubled are not well, whatever was answered: an iMC takes 6410 for 6400 and
-answers 0.
+Bytes that the line has altered, lost or doubled are not well, whatever was answered (jobs/13): an iMC takes 6410 for
+6400 and answers 0.
 
 Steps that are made while the stages have no power move nothing. With physics they are lost steps; the kinematic plant
 follows them, so they are counted for themselves, and are not well on any plant. Neither is a controller that starts

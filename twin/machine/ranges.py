@@ -1,4 +1,4 @@
-"""The allowed range of a number of a machine file, by its key: what a search may try.
+"""The allowed range of a number of a machine file, by its key: what a search may try (many/28).
 
 The range stands at the field that holds the number (schema.py); here it is only found.
 """
