@@ -47,6 +47,10 @@ if TYPE_CHECKING:
 HALFWAY = 0.375  # distance from the nearest stable place, in slips, beyond which a rotor counts as halfway
 
 SHOWN_COLLISIONS = 3  # most collisions in words
+AFTER_END = "after the end of the job"
+HALF_A_SLIP = "stopped half a slip off, held there by friction alone"
+NOT_SIMULATED = "lost steps, margins and loads were not simulated; use --plant mujoco"
+
 SHOWN_UNMET = 10  # lines of a job that are named if they did not get what they expected
 
 SETTLE_S = 0.5  # virtual time for the machine to come to rest after the last command, before judging
@@ -178,6 +182,16 @@ class Verdict:
         return tuple(halfway(self.lost_steps, self.slip_steps).tolist())
 
     @property
+    def headline(self) -> str:
+        """The verdict in a few words, "all well" only as far as it was looked at."""
+        if not self.ok:
+            return "failed"
+        well = "all well" if self.physics else "all well as far as simulated"
+        idle = [(self.events_without_effect, "without effect (no physics)"), (self.events_after_end, AFTER_END)]
+        but = ", ".join(f"{number} event{'' if number == 1 else 's'} {what}" for number, what in idle if number)
+        return f"{well}, but for the scenario: {but}" if but else well
+
+    @property
     def ok(self) -> bool:
         """True if every command was sent and accepted or answered as expected, every condition is met, no step is lost,
         half lost or made without power, every byte has arrived as it was sent, nothing has collided, no drive has
@@ -295,14 +309,14 @@ def _problems(verdict: Verdict, refused: str) -> Iterator[str]:
     if verdict.refused:
         yield f"{verdict.refused} {refused}"
     if verdict.unfinished and not verdict.interrupted:
-        yield f"{verdict.unfinished} not over"
+        yield f"{verdict.unfinished} unfinished"
     if verdict.unsent:
         yield f"{verdict.unsent} not sent"
     if verdict.unmet:
         lines = ", ".join(map(str, verdict.unmet[:SHOWN_UNMET])) + (", ..." if verdict.unmet[SHOWN_UNMET:] else "")
         yield f"{len(verdict.unmet)} of {verdict.expectations} expectations not met: line {lines}"
     if verdict.restarts:
-        yield f"the controller started anew {'once' if verdict.restarts == 1 else f'{verdict.restarts} times'}"
+        yield f"the controller restarted {'once' if verdict.restarts == 1 else f'{verdict.restarts} times'}"
     if any(verdict.line_faults):
         yield verdict.line_faults.in_words()
     yield from dict.fromkeys(verdict.astray)
@@ -313,9 +327,9 @@ def _problems(verdict: Verdict, refused: str) -> Iterator[str]:
         yield f"lost steps: {', '.join(now) or 'none, but some were expected'}"
     if any(verdict.halfway):
         where = " ".join(axis for axis, is_so in zip(axes, verdict.halfway, strict=False) if is_so)
-        yield f"{where} between two places that hold, kept there by friction alone"
+        yield f"{where} {HALF_A_SLIP}"
     if verdict.unpowered_steps:
-        yield f"{verdict.unpowered_steps} steps made while the stages had no power"
+        yield f"{verdict.unpowered_steps} steps made while the power stages were off"
     yield from (f"{axis}: {why}" for axis, why in zip(axes, verdict.switched_off, strict=False) if why)
     for axis, is_off, error in zip(axes, verdict.off_position, verdict.following_error, strict=False):
         if is_off and error is not None:
@@ -326,9 +340,9 @@ def _problems(verdict: Verdict, refused: str) -> Iterator[str]:
     if verdict.controller_fault and not verdict.fault_known:
         yield "the controller shows an error"
     if verdict.stores_lost:
-        yield "the flash has not kept what was stored"
+        yield "the flash memory did not keep what was stored"
     if verdict.flash_fault:
-        yield "the flash image cannot be read"
+        yield "the flash memory cannot be read"
     if verdict.unwritten:
         yield f"not written: {', '.join(verdict.unwritten)}"
 

@@ -139,13 +139,13 @@ def few(findings: Sequence[Finding]) -> tuple[Finding, ...]:
 
 def of_margin(result: Result, bounds: Bounds) -> list[Finding]:
     """Axes whose motors keep less torque in a line than the bound asks for."""
-    words = f"{{name}} keeps {{percent:.0f}} %; at least {100 * (bounds.margin or 0.0):.0f} %"
+    words = f"{{name}} keeps {{percent:.0f}} % torque; at least {100 * (bounds.margin or 0.0):.0f} %"
     return _below("margin", result, result.margin, bounds.margin, words)
 
 
 def of_edge(result: Result, bounds: Bounds) -> list[Finding]:
     """Axes that would swing out of step at less than the factor on the speed of a line that the bound asks for."""
-    words = f"{{name}} swings from {{value:.2f}} times this speed on; at least {bounds.edge or 0.0:g}"
+    words = f"{{name}}: unstable above {{value:.2f}} times this speed; at least {bounds.edge or 0.0:g} times"
     return _below("edge", result, result.edge, bounds.edge, words)
 
 
