@@ -267,6 +267,11 @@ class Seen:
         return self._controller.serial_format
 
     @property
+    def strikes(self) -> Mapping[str, int]:
+        """How often an end switch of each axis has been struck since power-on, by a carriage."""
+        return dict(self._wiring.strikes)
+
+    @property
     def line_faults(self) -> LineFaults:
         """Bytes of both directions that have not arrived as they were sent, since power-on."""
         return self._line.faults

@@ -9,8 +9,8 @@ and anything less is load angle. Almost half a slip is neither: dry friction hol
 between two stable places, and the next touch moves it one way or the other. So it is reported as `halfway` and is not
 ok. Steps lost before a reference run set the counter count, too.
 
-Bytes that the line has altered, lost or doubled are not well, whatever was answered: an iMC takes 6410 for 6400 and
-answers 0.
+Bytes that the line has altered, lost or doubled are not well, whatever was answered (jobs/13): an iMC takes 6410 for
+6400 and answers 0.
 
 Steps that are made while the stages have no power move nothing. With physics they are lost steps; the kinematic plant
 follows them, so they are counted for themselves, and are not well on any plant. Neither is a controller that starts
@@ -107,6 +107,7 @@ class Verdict:
     stands: str = ""  # where and why the program of a host that has ended stopped before its end
     restarts: int = 0  # unexpected restarts of the controller before the end of the last command
     line_faults: LineFaults = field(default_factory=LineFaults)  # unexpected ones since power-on
+    astray: tuple[str, ...] = ()  # what has been referenced without its end switch, of each line that has
     unpowered_steps: int = 0  # unexpected steps of all axes while the stages had no power
     stores_lost: int = 0  # writes that the flash memory could not store
     odd: tuple[tuple[int, str], ...] = ()  # legal but absurd lines: number and description (odd.py)
@@ -250,6 +251,8 @@ class Verdict:
             told["off_position"] = list(self.off_position)
         if any(self.line_faults):
             told["line_faults"] = self.line_faults._asdict()
+        if self.astray:
+            told["astray"] = list(self.astray)
         if self.unwritten:
             told["unwritten"] = list(self.unwritten)
         if self.collisions:
@@ -275,6 +278,7 @@ def judge(
         stands="" if host_since_ns is None else twin.unfinished,
         restarts=sum(result.restarts for result in _since_known(results)) if results else twin.restarts,
         line_faults=_unexpected(twin.line_faults, [result.line_known for result in results]),
+        astray=tuple(result.astray for result in results if result.astray),
         unpowered_steps=int(twin.unpowered_steps.sum()) - _last([result.unpowered_known for result in results]),
         stores_lost=twin.stores_lost,
         physics=twin.physics,
@@ -333,6 +337,7 @@ def _problems(verdict: Verdict, refused: str) -> Iterator[str]:
         yield f"the controller restarted {'once' if verdict.restarts == 1 else f'{verdict.restarts} times'}"
     if any(verdict.line_faults):
         yield verdict.line_faults.in_words()
+    yield from dict.fromkeys(verdict.astray)
     if any(verdict.lost):
         now = [f"{axis} {n}" for axis, n in zip(axes, verdict.whole_steps_lost, strict=False) if n]
         before = [f"{axis} {int(n)}" for axis, n in zip(axes, verdict.forgotten_steps, strict=False) if n]
