@@ -93,7 +93,7 @@ class Sent:
         parts = _parts(twin, line, self._said) if line.program else ()
         if line.program and twin.fault:
             accepted = False
-            why = next((part.text for part in reversed(parts) if not part.position_mm), "the controller shows an error")
+            why = next((part.text for part in reversed(parts) if not part.position_mm), twin.fault_cause)
         elif line.program and not complete and twin.steps_made:
             why = twin.unfinished
         elif line.expected is None and not complete:
@@ -108,6 +108,7 @@ class Sent:
         if line.expected is None and accepted and astray:
             accepted, why = False, astray
         wrong = line.expected is None and not (accepted and complete)
+        expected_refusal = line.expected is not None and bool(reply) and not accepted and not why
         return Result(
             number=line.number,
             command=line.command,
@@ -126,6 +127,7 @@ class Sent:
             disturbed=disturbed,
             astray=astray,
             restarts=new,
+            fault_known=twin.fault_cause if expected_refusal or not twin.fault else None,
             parts=parts,
         )
 
@@ -216,7 +218,7 @@ def look(twin: Twin, line: Line, condition: Condition, last: Result | None) -> R
         unpowered_known=_unpowered_known(twin, quantity) if found.met else None,
         line_known=_line_known(twin, axis) if found.met and quantity == "bytes" else (),
         restarts_known=twin.restarts if found.met and quantity == "restarts" else None,
-        fault_known=found.met and quantity == "fault",
+        fault_known=twin.fault_cause if found.met and quantity == "fault" else None,
         drive_faults_known=known if quantity == "drive_faults" else (),
     )
 

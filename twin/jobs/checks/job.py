@@ -391,8 +391,8 @@ def _of_verdict(verdict: Verdict, gone: NDArray[np.bool_], results: Sequence[Res
         if is_off and error is not None
     ]
     told = any(result.why and not result.ok and result.parts for result in results)
-    if verdict.controller_fault and not verdict.fault_known and not told:
-        found.append(Finding("fault", "the controller shows an error that no reply reported", last, verdict.time_ns))
+    if verdict.fault_left and not told:
+        found.append(Finding("fault", f"left in the controller: {verdict.fault_left}", last, verdict.time_ns))
     if verdict.stores_lost:
         found.append(Finding("fault", "the flash memory did not keep what was stored"))
     if verdict.flash_fault:

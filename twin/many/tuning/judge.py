@@ -123,8 +123,7 @@ def make(candidate: Candidate, weather: Weather, number: int) -> Judgement | Non
         verdict = job.verdict
         slipped = any(verdict.lost) or any(verdict.halfway) or any(verdict.switched_off)
         met = next(map(str, verdict.collisions), "")
-        in_error = verdict.controller_fault and not verdict.fault_known
-        rest = met or ("the controller is in error" if in_error else verdict.problems()[0])
+        rest = met or ("the controller is in error" if verdict.fault_left else verdict.problems()[0])
         why = _wrong(results) or losses(twin) or rest
     if why:
         where = f", repetition {number}" if number > 0 else f", number {-number} of what this machine may be"
