@@ -87,9 +87,11 @@ def check(
     settings: SettingsFile = None,
     demands: Demands = DEFAULT_DEMANDS,
     workers: options.Workers = 1,
-    junit: Annotated[Path | None, Parameter(help="Write the findings as JUnit XML.")] = None,
-    sarif: Annotated[Path | None, Parameter(help="Write the findings as SARIF 2.1.0.")] = None,
-    report: Annotated[Path | None, Parameter(help="Folder for a page about each job (HTML).")] = None,
+    junit: Annotated[Path | None, options.written("Write the findings as JUnit XML.", ".xml", bare=True)] = None,
+    sarif: Annotated[
+        Path | None, options.written("Write the findings as SARIF 2.1.0.", ".sarif", ".json", bare=True)
+    ] = None,
+    report: Annotated[Path | None, options.written("Folder for a page about each job (HTML).")] = None,
     json: Annotated[bool, Parameter(help="One line of JSON a job, or a judgement.")] = False,
     isel_port: Annotated[
         str | None, Parameter(help="Send the jobs to the real controller at this port: /dev/ttyUSB0, COM3, tcp://H:P.")

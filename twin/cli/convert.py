@@ -27,7 +27,7 @@ def convert(
     machine: options.MachineName = MACHINE,
     set: options.Overrides = (),
     form: FormatName = None,
-    out: Annotated[Path | None, Parameter(name=("--out", "-o"), help="Write them here; standard output.")] = None,
+    out: Annotated[Path | None, options.written("Write them here; standard output.", name=("--out", "-o"))] = None,
 ) -> int:
     """Write a file of a CAM program as commands of a controller, one a line, or as a program of it.
 

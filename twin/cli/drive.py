@@ -14,7 +14,7 @@ from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.base.units import MICROSECOND_NS, SECOND_NS
 from isel_twin.cli import options, outputs
-from isel_twin.cli.files import MOST_SAMPLES, Files, RecordPath, StepsPath, TracePath, VcdPath
+from isel_twin.cli.files import MOST_SAMPLES, Files, RecordPath, ReportPath, StepsPath, TracePath, VcdPath
 from isel_twin.cli.interruption import interruption
 from isel_twin.core.spec import MACHINE, TwinSpec
 
@@ -58,7 +58,7 @@ def drive(
     steps: StepsPath = None,
     vcd: VcdPath = None,
     trace: TracePath = None,
-    report: Annotated[Path | None, Parameter(help="Write an HTML page about the capture.")] = None,
+    report: ReportPath = None,
     record: RecordPath = None,
     interval: options.Interval = 0.01,
     json: Annotated[bool, Parameter(help="One line of JSON a motion, then one with the summary.")] = False,

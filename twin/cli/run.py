@@ -16,7 +16,7 @@ from cyclopts import Parameter
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.base.units import SECOND_NS
 from isel_twin.cli import options, outputs
-from isel_twin.cli.files import MOST_SAMPLES, Files, RecordPath, StepsPath, TracePath, VcdPath
+from isel_twin.cli.files import MOST_SAMPLES, Files, RecordPath, ReportPath, StepsPath, TracePath, VcdPath
 from isel_twin.cli.interruption import interruption
 from isel_twin.cli.jobs import FormatName, check_names, clamped, job_name, read_source
 
@@ -42,9 +42,7 @@ def run(
     steps: StepsPath = None,
     vcd: VcdPath = None,
     trace: TracePath = None,
-    report: Annotated[
-        Path | None, Parameter(help="Write a page about the job (HTML; a picture if it ends in .png).")
-    ] = None,
+    report: ReportPath = None,
     record: RecordPath = None,
     interval: options.Interval = 0.01,
     timeout: options.Timeout = 3600.0,

@@ -18,7 +18,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
-from isel_twin.base.files import atomic_write
+from isel_twin.base.files import atomic_write, kind_of
 from isel_twin.base.units import SECOND_NS
 from isel_twin.jobs.checks.rules import RULES
 from isel_twin.report.columns import Columns, columns
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from isel_twin.jobs.result import Part, Result
     from isel_twin.recordings.recorder import Recorder
 
+KINDS = ".html", ".htm", ".png"
 ROWS = 1000  # most commands listed, beside those with a finding
 PICTURES = 60  # most findings with a picture
 LONG = 400  # most characters of a command or reply that are shown
@@ -49,10 +50,11 @@ def write_report(
     checked: Report | None = None,
     bounds: Bounds | None = None,
 ) -> None:
-    """Write the page, or a picture if the name ends in .png. Raises OSError.
+    """Write the page, or a picture if the name ends in .png. Raises OSError, and ValueError for another ending.
 
     summary: of the verdict, with "ok". checked: report with the findings; bounds: those of the check.
     """
+    kind = kind_of(path, KINDS, bare=True)
     seen = columns(recorder, twin.step_mm, twin.time_ns)
     findings = () if checked is None else checked.findings
     marks = [
@@ -62,7 +64,7 @@ def write_report(
     ]
     asked = {} if bounds is None else {"deviation_mm": bounds.deviation_mm, "margin": bounds.margin}
     limits = {key: value for key, value in asked.items() if value is not None}
-    if os.fspath(path).lower().endswith(".png"):
+    if kind == ".png":
         from isel_twin.report.picture import draw
 
         atomic_write(path, draw(title, seen, results, marks, limits))
