@@ -54,7 +54,8 @@ def tap(
 ) -> int:
     """Sit between a host program and a real controller: pass every byte on at once, record both directions.
 
-    Prints one line of JSON with the addresses for the host once everything is open. Ends with Ctrl-C.
+    Prints one line of JSON with the addresses for the host once everything is open. Ends with Ctrl-C. Exit code 1 if
+    bytes of the host went nowhere, as the controller's port was gone, or if the recording is not whole.
     """
     from isel_twin.bridge.serve.log import log_to
     from isel_twin.bridge.serve.loop import on_signals
@@ -93,7 +94,7 @@ def tap(
         finally:
             if writer is not None:
                 whole = writer.close()
-        return 0 if whole else 1
+        return 0 if whole and not between.lost_bytes else 1
 
 
 def _format(baud: int, frame: str) -> SerialFormat:

@@ -114,6 +114,7 @@ class Verdict:
     collisions: tuple[Collision, ...] = ()  # of bodies that must not meet, since the first command was sent
     events_without_effect: int = 0  # forces, cuts and lost phases of the scenario on a plant without physics
     unwritten: tuple[str, ...] = ()  # files about the job that are not on the disk, or not whole
+    found: tuple[str, ...] = ()  # what else is wrong, such as signals of a capture that drives may misread
 
     @property
     def cycle_s(self) -> float:
@@ -175,7 +176,8 @@ class Verdict:
     def ok(self) -> bool:
         """True if every command was sent and accepted or answered as expected, every condition is met, no step is lost,
         half lost or made without power, nothing has collided, no drive has switched itself off or rests short of its
-        command, there was no restart, the controller has no error left, and all files are on the disk."""
+        command, there was no restart, the controller has no error left, all files are on the disk, and nothing else was
+        found."""
         return not self.problems()
 
     def problems(self, refused: str = "refused") -> tuple[str, ...]:
@@ -216,8 +218,7 @@ class Verdict:
         if any(error is not None for error in self.following_error):
             told |= {"following_error": list(self.following_error), "switched_off": list(self.switched_off)}
             told["off_position"] = list(self.off_position)
-        if self.unwritten:
-            told["unwritten"] = list(self.unwritten)
+        told |= {name: list(values) for name in ("unwritten", "found") if (values := getattr(self, name))}
         if self.collisions:
             told |= {"collisions": [collision.content for collision in self.collisions]}
         return told
@@ -313,6 +314,7 @@ def _problems(verdict: Verdict, refused: str) -> Iterator[str]:
         yield "the flash has not kept what was stored"
     if verdict.flash_fault:
         yield "the flash image cannot be read"
+    yield from verdict.found
     if verdict.unwritten:
         yield f"not written: {', '.join(verdict.unwritten)}"
 
