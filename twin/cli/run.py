@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from isel_twin.jobs.job import Line
     from isel_twin.jobs.playing import Played
     from isel_twin.jobs.robust import Repetition
+    from isel_twin.jobs.toolpaths import Source as JobSource
     from isel_twin.jobs.verdict import Verdict
     from isel_twin.machine.spread import Source
     from isel_twin.recordings.recorder import Recorder
@@ -113,7 +114,7 @@ def run(
         if not made.whole:
             outputs.say(f"{job_name(job)}: {_why_it_ended(made, timeout)}")
         called = {"controller": twin.controller, "plant": twin.plant, "seed": twin.seed}
-        unwritten = writing.write(partial(_write_page, job, call, made_on, made, called, inspection, golden))
+        unwritten = writing.write(partial(_write_page, job, call, made_on, made, called, inspection, golden, source))
         verdict = replace(made.verdict, unwritten=tuple(unwritten.names))
         if source is not None:
             show.source(source, made.results)
@@ -157,16 +158,18 @@ def _write_page(
     called: Mapping[str, Any],
     inspection: Inspection | None,
     golden: Golden | None,
+    source: JobSource | None,
     path: Path,
     recorder: Recorder,
 ) -> None:
     """A page about the job, with what `check` would find in it, compared with its golden run if there is one."""
+    from isel_twin.jobs.checks.rules import of_cautions
     from isel_twin.jobs.golden import called as as_called
     from isel_twin.jobs.golden import golden_file
     from isel_twin.report.report import write_report
 
     assert inspection is not None
-    found = inspection.report(job_name(job), made.verdict)
+    found = inspection.report(job_name(job), made.verdict, cautions=of_cautions(source))
     if golden is not None:
         found = found.compared(golden, as_called(found.golden, call, job, golden_file(job)))
     title, summary = f"isel-twin: {job_name(job)}", {**made.verdict.summary(), **called}

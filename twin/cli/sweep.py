@@ -15,6 +15,7 @@ from cyclopts import Parameter
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import outputs
 from isel_twin.cli.interruption import interruption
+from isel_twin.cli.jobs import say_cautions
 from isel_twin.cli.options import (
     PICTURE,
     Cluster,
@@ -75,6 +76,7 @@ def sweep(
         read = load_plan(plan)
         wanted = points(read)
     file = out if out is not None else plan.with_suffix(".parquet")
+    say_cautions(plan.parent / read.work.job_name, read.cautions)
     if sensitivity is not None:
         from isel_twin.many.studies.sensitivity import check
 

@@ -15,7 +15,7 @@ from cyclopts import Parameter
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import options
 from isel_twin.cli.interruption import interruption
-from isel_twin.cli.jobs import FormatName, check_file, clamped, job_name, read_source
+from isel_twin.cli.jobs import FormatName, check_file, clamped, job_name, read_source, say_cautions
 from isel_twin.cli.options import Whole
 from isel_twin.core.spec import MACHINE, TwinSpec
 
@@ -167,6 +167,7 @@ def tune(
     call = clamped(TwinSpec(machine, controller, "mujoco", seed, scenario, None, overrides=overrides), job)
 
     _, source = read_source(job, call, form)  # reports errors with their line
+    say_cautions(job, () if source is None else source.cautions)
     from isel_twin.base.compile_watch import told_of_compiling
     from isel_twin.cli.tune_output import Json, Table
 
