@@ -202,10 +202,10 @@ def _in_words(ticks: Ticks, strikes: Strikes, allowed: Callable[[str], bool], un
     begin, end = int(ticks.t_ns[0]), int(ticks.t_ns[-1])
     yield f"cycle time {(end - begin) / SECOND_NS:.6f} s, from the first step at {begin / SECOND_NS:.6f} s to the last"
     for strike in strikes.seen:
-        may = " (it may be)" if allowed(strike.switch) else ""
+        may = " (allowed)" if allowed(strike.switch) else ""
         yield f"{strike.switch} struck at {strike.time_ns / SECOND_NS:.6f} s{may}"
     for axis, timing in ticks.timing.items():
-        yield f"{axis.upper()}: {timing.steps} steps, at most {timing.fastest_hz:g} a second"
+        yield f"{axis.upper()}: {timing.steps} steps, at most {timing.fastest_hz:g} steps/s"
     if unseen:
-        why = f"the capture resolves {ticks.resolution_ns:g} ns only" if ticks.timing else "there are no signals in it"
+        why = f"the capture resolves {ticks.resolution_ns:g} ns" if ticks.timing else "there are no signals in it"
         yield f"not looked at: {', '.join(unseen)}; {why}"

@@ -95,7 +95,7 @@ def compare(
         if found and replace:
             _write(file, run)
             if not json:
-                print(f"  {file}: written anew")
+                print(f"  {file}: replaced")
         same = same and (replace or not found)
     return 0 if same else 1
 
@@ -153,7 +153,7 @@ def _write(file: Path, run: Golden) -> None:
 
 
 def _in_words(run: Golden) -> str:
-    return f"{many(len(run.moves), 'command')}, {run.end['cycle_s']:.3f} s, {'ok' if run.end['ok'] else 'not ok'}"
+    return f"{many(len(run.moves), 'command')}, {run.end['cycle_s']:.3f} s, {'ok' if run.end['ok'] else 'failed'}"
 
 
 def _tell(job: Path, run: Golden, found: Sequence[Difference], cautions: Sequence[Caution], json: bool) -> None:
@@ -162,12 +162,12 @@ def _tell(job: Path, run: Golden, found: Sequence[Difference], cautions: Sequenc
         said = {"cautions": list(map(str, cautions))} if cautions else {}
         say_json({"job": str(job), "same": not found, "differences": told, **said})
         return
-    rows = [f"{job}: {many(len(found), 'difference')}, the first one first"]
+    rows = [f"{job}: {many(len(found), 'difference')} from its golden run"]
     if not found:
-        rows = [f"{job}: as it was ({_in_words(run)})"]
+        rows = [f"{job}: unchanged ({_in_words(run)})"]
     rows += [f"  {difference}" for difference in found[:MOST]]
     if len(found) > MOST:
-        rows.append(f"  and {len(found) - MOST} more; --json has all of them")
+        rows.append(f"  and {len(found) - MOST} more; --json lists all")
     print("\n".join([*rows, *_cautioned(cautions)]))
 
 

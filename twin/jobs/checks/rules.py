@@ -36,15 +36,16 @@ class Rule:
 RULES: Mapping[str, Rule] = {
     "refused": Rule("Every command is accepted, or answered as the job expects.", heard=True),
     "restart": Rule("The controller does not start anew before the last reply."),
+    "line": Rule("Every byte arrives as it was sent."),
     "unmet": Rule("What a job says must be so is so.", heard=True),
     "unfinished": Rule("Every command is over in time.", "timeout_s", "{:g} s a command", heard=True),
     "unpowered": Rule("No step is made while the stages have no power."),
     "lost": Rule("No motor loses steps.", physics=True),
     "halfway": Rule("No rotor rests between two places that would hold.", physics=True),
-    "drive": Rule("No servo drive switches itself off.", physics=True),
+    "drive": Rule("No servo drive switches itself off."),
     "collision": Rule("Nothing meets what it must not."),
     "clearance": Rule("What must not meet keeps a distance.", "clearance", "at least {:g} mm"),
-    "switch": Rule("No end switch is struck but in a reference run.", "may_strike", "may be struck: {}"),
+    "switch": Rule("End switches are struck in reference runs, and only there.", "may_strike", "may be struck: {}"),
     "fault": Rule("The controller shows no error."),
     "margin": Rule("Every motor keeps a margin of torque.", "margin", "at least {:.4g} %", physics=True),
     "edge": Rule("Every motor turns slower than it may before it swings.", "edge", "at least {:g}", physics=True),
@@ -159,14 +160,23 @@ def few(findings: Sequence[Finding]) -> tuple[Finding, ...]:
 
 def of_margin(result: Result, bounds: Bounds) -> list[Finding]:
     """Axes whose motors keep less torque in a line than the bound asks for."""
-    words = f"{{name}} keeps {{percent:.0f}} %; at least {100 * (bounds.margin or 0.0):.0f} %"
+    words = f"{{name}} keeps {{percent:.0f}} % torque; at least {100 * (bounds.margin or 0.0):.0f} %"
     return _below("margin", result, result.margin, bounds.margin, words)
 
 
 def of_edge(result: Result, bounds: Bounds) -> list[Finding]:
     """Axes that would swing out of step at less than the factor on the speed of a line that the bound asks for."""
-    words = f"{{name}} swings from {{value:.2f}} times this speed on; at least {bounds.edge or 0.0:g}"
+    words = f"{{name}}: unstable above {{value:.2f}} times this speed; at least {bounds.edge or 0.0:g} times"
     return _below("edge", result, result.edge, bounds.edge, words)
+
+
+def of_left_out(option: str, number: int) -> list[Finding]:
+    """Repetitions that were not made, as their machines cannot be built."""
+    if not number:
+        return []
+    return [
+        Finding("effect", f"{option}: {number} of its machines cannot be built, so the job was not repeated on them")
+    ]
 
 
 def _below(rule: str, result: Result, values: Sequence[float | None], least: float | None, words: str) -> list[Finding]:
