@@ -329,6 +329,7 @@ def test_the_sarif_file_is_one(tmp_path: Path, capsys: pytest.CaptureFixture[str
         ("refused", 3),
         ("refused", 4),
         ("switch", 4),
+        ("fault", 4),
     ]
     assert all(place["artifactLocation"]["uri"].endswith("odd%20%22%26%3C.txt") for place in places)
     assert all(list(RULES)[each["ruleIndex"]] == each["ruleId"] for each in results)
