@@ -166,7 +166,7 @@ class Server:
         self._watched.wait(self._watches(), self._sleep_s())
 
     def _say_pace(self) -> None:
-        """Say that the speed is not reached, measured for MEASURED_S, and that it is again; of a single stall, its length."""
+        """Say that the speed is not reached, measured for MEASURED_S, and is again; of a single stall, its length."""
         pacer, was, self._behind = self.pacer, self._behind, self.pacer.behind
         if not self._said_slow and pacer.slips > 1 and pacer.behind and pacer.behind_s >= MEASURED_S:
             self._said_slow = True

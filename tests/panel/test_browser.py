@@ -532,7 +532,7 @@ def test_a_file_is_opened_run_and_followed_line_by_line(bench, open_panel, tmp_p
     expect(page["[data-axis=x] td:nth-child(3)"]).to_have_text("50.000")
     later = open_panel(here)
     later["[data-tab=job]"].click()
-    expect(later["#doing"]).to_contain_text("sent to its end, none refused")
+    expect(later["#doing"]).to_contain_text("all lines accepted")
     expect(later["#program li"]).to_have_count(7)
     assert page.said == other.said == []
 
@@ -604,7 +604,7 @@ def test_a_desk_for_hands_keys_and_readers(bench, chromium: Browser) -> None:
     page.keyboard.press("Escape")
     expect(rest).to_have_text("at rest")
     assert float(work["x"].inner_text()) < 100.0
-    expect(page.locator("#override")).to_have_text("has no override")
+    expect(page.locator("#override")).to_have_text("no feed override on this controller")
     expect(page.locator("#flat")).to_contain_text("no WebGL")
     script = (files("axe_playwright_python") / "axe.min.js").read_text(encoding="utf-8")
     for width, scheme in ((1024, "light"), (390, "dark")):

@@ -76,7 +76,7 @@ function go() {
 
 function build_override() {
   const key = about.keys.find((one) => one.key === "override" && one.form && one.form.number);
-  if (!key) return make("span", { class: "far", id: "override", title: "this controller makes its commands at the speeds that are in them" }, "has no override");
+  if (!key) return make("span", { class: "far", id: "override", title: "it moves at the speeds in its commands" }, "no feed override on this controller");
   const { low, high } = key.form.number, shown = make("output");
   const slider = make("input", { type: "range", min: low, max: high, step: 1, "aria-label": "override in percent", onchange: () => please({ key: { override: Number(slider.value) } }) });
   updates.push((now) => {
@@ -97,7 +97,7 @@ function motion_text(now) {
 
 function build_desk() {
   held = null;
-  if (!about.desk) { $("desk").replaceChildren(make("p", {}, "Nobody has told what the bytes of this controller mean, so nothing can be moved by hand.")); return; }
+  if (!about.desk) { $("desk").replaceChildren(make("p", {}, "The language of this controller is not known: nothing can be moved by hand.")); return; }
   const [low, high, usual] = about.desk.mm_s;
   const speed = make("input", { type: "number", id: "jogspeed", min: low, max: high, step: "any", value: usual, "aria-label": "speed by hand, mm/s" });
   const keys = make("button", { class: "toggle", id: "bykeys", "aria-pressed": by_keys, title: "arrow keys jog X and Y, page keys Z; Escape stops",
@@ -134,7 +134,7 @@ addEventListener("blur", let_go);
 // ---- the job ---------------------------------------------------------------------------------------------------------
 
 const LONGEST = 500000, LINES = 20000; // characters of a file, lines of it that are shown
-const STATES = { ready: "ready", running: "running", pausing: "pausing", paused: "paused", done: "sent to its end, none refused", failed: "failed", stopped: "stopped" };
+const STATES = { ready: "ready", running: "running", pausing: "pausing", paused: "paused", done: "all lines accepted", failed: "failed", stopped: "stopped" };
 let opened = 0;
 
 $("file").addEventListener("change", async (event) => {
