@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import time
 from collections.abc import Iterator
@@ -89,7 +90,7 @@ def test_half_of_real_time_is_behind_it(bench, page: Page) -> None:
 
 
 def test_least_margins_begin_anew(bench, browser, page: Page) -> None:
-    """By the button, and by whoever else asks: what a motor holds at rest leaves more than what it needed on the way."""
+    """By the button, and by whoever else asks: a motor at rest has more left than it had on the way."""
     here = bench(speed=20.0, plant="mujoco", ready=True)
     page.goto(here.panel.url)
     least, since = page.locator("[data-axis=x] td:nth-child(8)"), page.locator("#since")
@@ -116,7 +117,7 @@ def test_a_job_that_was_made_to_its_end_is_not_called_well(bench, page: Page, tm
     page.locator("[data-tab=job]").click()
     page.locator("#file").set_input_files(job)
     page.locator("#start").click()
-    expect(page.locator("#doing")).to_contain_text("sent to its end, none refused, 1 of 1 commands")
+    expect(page.locator("#doing")).to_contain_text("all lines accepted, 1 of 1 commands")
 
 
 def test_plots_show_what_lies_between_two_frames_and_no_line_where_nobody_looked(bench, browser) -> None:
@@ -131,7 +132,7 @@ def test_plots_show_what_lies_between_two_frames_and_no_line_where_nobody_looked
         first.until(lambda: first.plots[-1][1] >= end_s)
         assert max(point[3][0] for point in first.plots) == pytest.approx(5000.0, rel=0.01)
         assert min(point[2][0] for point in first.plots) == pytest.approx(-4000.0, rel=0.01)
-        assert all(after[0] == before[1] for before, after in zip(first.plots, first.plots[1:], strict=False))
+        assert all(after[0] == before[1] for before, after in itertools.pairwise(first.plots))
         first.close()
         until_s = time.monotonic() + WAIT_S
         while here.panel._site.watched:
@@ -141,6 +142,6 @@ def test_plots_show_what_lies_between_two_frames_and_no_line_where_nobody_looked
         assert host.read(1) == b"0"
         unseen_s = here.twin.time_ns / 1e9 - 1.0
     plots = browser(here).plots
-    gaps = [(before[1], after[0]) for before, after in zip(plots, plots[1:], strict=False) if after[0] != before[1]]
+    gaps = [(before[1], after[0]) for before, after in itertools.pairwise(plots) if after[0] != before[1]]
     assert len(gaps) == 1
     assert gaps[0][0] <= end_s < unseen_s < gaps[0][1]
