@@ -336,7 +336,7 @@ class Panel(Guest):
         lines = self.monitor.lines()
         for collision in twin.collisions[self._met :]:
             lines.append({"s": collision.time_ns / SECOND_NS, "who": "", "text": "", "means": str(collision)})
-        self._met = len(twin.collisions)
+        frame["met"] = self._met = len(twin.collisions)
         frame["trigger"] = self._shown_trigger()
         frame["job"] = self._job.shown
         frame["desk"] = None if self._desk is None else self._desk.shown

@@ -299,7 +299,7 @@ function build_axes() {
     cells[4].className = error >= 0.1 ? "lost" : error >= 0.05 ? "off" : "";
     const off = now.drive_faults[i] && now.drive_faults[i][0] > 0;
     cells[6].className = off || (lag !== null && Math.abs(lag) >= 180) ? "lost" : "";
-    cells[6].title = off ? now.drive_faults[i][1] : "";
+    cells[6].title = off ? `the drive has switched itself off, times since power-on: ${now.drive_faults[i][0]}, the last: ${now.drive_faults[i][1]}` : "";
     cells[7].className = now.margin[i] !== null && now.margin[i] !== undefined && now.margin[i] < 0.05 ? "lost" : "";
   }));
 }
@@ -353,6 +353,7 @@ function build_faults() {
   updates.push((now) => {
     const entries = Object.entries(now.faults);
     for (const { first, second, time_ns } of now.collisions) entries.push([`${first} hit ${second}`, `at ${(time_ns / 1e9).toFixed(3)} s`]);
+    if (now.met > now.collisions.length) entries.push([`${now.met - now.collisions.length} collisions`, "before these"]);
     put($("faulty"), entries.length ? String(entries.length) : "");
     if (shown === (shown = JSON.stringify(entries))) return;
     wrong.replaceChildren(...entries.map(([name, fault]) => {
@@ -482,7 +483,7 @@ $("text").addEventListener("keydown", (event) => {
 
 // ---- plots -----------------------------------------------------------------------------------------------------------
 
-const PLOTS = [["step frequency", "steps/s", [2, 3], 100], ["true minus counter", "mm", [4, 5], 0.02], ["least margin between points", "", [6], 1]]; // columns: least, largest;
+const PLOTS = [["step frequency", "steps/s", [2, 3], 100], ["true minus counter", "mm", [4, 5], 0.02], ["least torque margin", "", [6], 1]]; // columns: least, largest;
 
 function build_plots() {
   $("plots").replaceChildren(...PLOTS.map(([name, unit]) =>
@@ -518,16 +519,19 @@ function draw() {
     const hit_s = frame && frame.trigger ? frame.trigger.hit_s : null;
     if (hit_s !== null && hit_s >= begin && hit_s <= end) { pen.strokeStyle = colour("warned"); pen.beginPath(); pen.moveTo(x(hit_s), top); pen.lineTo(x(hit_s), bottom); pen.stroke(); }
     about.axes.slice(0, 4).forEach((_, axis) => {
-      pen.strokeStyle = inks[axis]; pen.lineWidth = 1.3; pen.beginPath();
-      let on = null; // until when the curve is drawn
+      pen.fillStyle = inks[axis];
+      let until = null, before = null; // of the point before: where nobody has looked there is nothing
       for (const point of shown) {
-        const [low, high = low] = columns.map((column) => point[column][axis]), middle = (point[0] + point[1]) / 2;
-        if (low === null || low === undefined) { on = null; continue; }
-        on === point[0] ? pen.lineTo(x(middle), y(low)) : pen.moveTo(x(middle), y(low)); // else nobody has looked meanwhile
-        if (high > low) pen.lineTo(x(middle), y(high));
-        on = point[1];
+        const [low, high = low] = columns.map((column) => point[column][axis]), from = Math.max(left, x(point[0])), wide = Math.max(1.3, x(point[1]) - from);
+        if (low !== null && low !== undefined) {
+          pen.globalAlpha = wide > 4 && high > low ? 0.45 : 1;
+          pen.fillRect(from, y(high) - 0.65, wide, y(low) - y(high) + 1.3);
+          if (columns.length === 1 && before !== null && until === point[0]) pen.fillRect(from, Math.min(y(low), y(before)), 1.3, Math.abs(y(low) - y(before)));
+          until = point[1];
+        }
+        before = low ?? null;
       }
-      pen.stroke();
+      pen.globalAlpha = 1;
     });
   });
 }
