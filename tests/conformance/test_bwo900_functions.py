@@ -361,6 +361,19 @@ def test_where_the_axes_were_is_kept(by: str) -> None:
 
 
 @shows("bwo900-6.1-30")
+@pytest.mark.parametrize(("axes", "kept"), [(0, [12_153, 12_353]), (1, [12_153]), (2, [12_353]), (3, [12_153, 12_353])])
+def test_p8895_chooses_the_axes_whose_positions_are_kept(axes: int, kept: list[int]) -> None:
+    """A bit an axis, X the lowest; 0 means all."""
+    desk = fresh("P1|N10 G1 F1200 X50 Y50 M26|N20 M30", p8895=axes)
+    start(desk)
+    desk.run(1.5)
+    desk.set("probe", "touched")
+    desk.finish()
+    told = put_out(desk)
+    assert [n for n in (12_153, 12_353) if told.get(n - 10_000, 0.0) > 5.0] == kept
+
+
+@shows("bwo900-6.1-30")
 def test_positions_on_display_are_kept_with_p8855() -> None:
     desk = fresh("P1|N10 G54 G0 X0|N20 G1 F1200 X50 M26|N30 M30", p20003=2.0, p8855=1)
     start(desk)

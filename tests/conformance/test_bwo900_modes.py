@@ -19,7 +19,8 @@ def test_reference_runs() -> None:
     start(desk)
     desk.finish()
     assert said(desk) == [1008]
-    assert value(desk, 8579) == 0.0
+    assert [value(desk, n) for n in (8579, 12180, 12380, 12580)] == [0.0] * 4
+    assert desk.ticks == 0
     desk.send(REFERENCE)
     desk.finish()
     assert mm(desk) == (7.0, 0.0, 0.0)

@@ -575,7 +575,7 @@ def test_the_rotation_is_what_the_parameters_hold() -> None:
 
 @shows("bwo900-4.12-5")
 def test_the_plane_at_the_start() -> None:
-    """P8928 is the speed of a spindle; P8650 to P8659 are asked."""
+    """P8928 stands among the speeds of spindles, and is no plane; P8650 to P8659 are asked."""
     assert analysed("N10 G0 X1|N20 M30", p8928=18).path[0].plane.third == 2
     assert analysed("N10 G0 X1|N20 M30", p8650=18).path[0].plane.third == 1
 
