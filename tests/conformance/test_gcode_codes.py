@@ -42,7 +42,11 @@ ELSEWHERE = dataclasses.replace(SETTINGS, zero=(100.0, 50.0, 20.0), start=(100.0
         case(
             "gcode-1-13", "G21\nF60\nG0 X5 Y5\nG28.1\nG0 X9\nG28\nM2", "rapid 5 5 0 | rapid 9 5 0 | rapid 5 5 0 | end"
         ),
-        case("gcode-1-14", "G21\nF60\nG0 X5\nG30\nM2", "rapid 5 0 0 | rapid 0 0 0 | end"),
+        case(
+            "gcode-1-14",
+            "G21\nF60\nG0 X5\nG30.1\nG0 X9\nG30\nG28\nM2",
+            "rapid 5 0 0 | rapid 9 0 0 | rapid 5 0 0 | rapid 0 0 0 | end",
+        ),
         case("gcode-1-15", "G21\nF60\nG0 X5\nG30.1\nG0 X9\nG30\nM2", "rapid 5 0 0 | rapid 9 0 0 | rapid 5 0 0 | end"),
         case("gcode-1-16", "G21\nF60\nG40\nG41\nM2", "G41 is refused: cutter compensation"),
         case("gcode-1-17", "G21\nF60\nG43 H4\nG0 X1 Z0\nM2", "rapid 1 0 10 | end"),

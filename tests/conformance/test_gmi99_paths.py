@@ -331,6 +331,14 @@ def test_waiting_until_a_flag_is_reset() -> None:
     assert desk.ask(STATUS) == READY
 
 
+@shows("gmi99-4-2")
+def test_moves_of_a_program_join() -> None:
+    """20 000 in two moves take as long as in one: 2 s, and 0.2 s for both ramps."""
+    desk = prepared(*record(0, TO_10000, TO_20000))
+    assert moved_s(desk, START_0) == 2.2
+    assert desk.counts[0] == 20_000
+
+
 @shows("gmi99-6.1.2-8", "gmi99-6.1.2-3")
 def test_an_output_on_the_fly() -> None:
     desk = prepared()
