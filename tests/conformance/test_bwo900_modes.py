@@ -177,7 +177,6 @@ def test_emergency_stop() -> None:
     assert (mm(desk), said(desk)) == (there, [3001])
 
 
-@shows("bwo900-9.5-15")
 def test_a_workspace_that_vanishes_is_a_message() -> None:
     desk = fresh("P1|N10 G54 G0 X5 M00|N20 X6|N30 M30", p8555=1)
     start(desk)

@@ -549,6 +549,14 @@ def test_words_for_tools(word: str, radius: float) -> None:
     assert (done.path[0].correction.side, done.path[0].correction.radius_mm) == (-1, radius)
 
 
+@shows("bwo900-7.1-5")
+@pytest.mark.parametrize(("word", "z"), [("", 10.0), ("tl:80", 83.0)])
+def test_a_new_length_has_no_correction(word: str, z: float) -> None:
+    """P8163 is the correction of the length in force."""
+    done = analysed(f"N5 P8163:7|N8 M16|N10 {word}|N30 G0 Z3|N40 M30")
+    assert (done.points[-1][2], done.parameters.get(8163)) == (z, z - 3.0 if not word else 0.0)
+
+
 @shows("bwo900-7.1-5", "bwo900-7.1-7")
 @pytest.mark.parametrize(("g", "axis"), [("G17", 2), ("G18", 1), ("G19", 0)])
 def test_the_length_acts_along_the_third_axis(g: str, axis: int) -> None:
