@@ -5,7 +5,7 @@
 
       outer corner, change of direction > P8845       an arc about the corner (P8845 deleted: always)
       outer corner, otherwise                          both prolonged to their meeting point
-      the way back                                     an arc, as outside
+      the way back                                     an arc, as outside; an arc may lead inside (bwo900/63)
       inner corner                                     both cut at their meeting point
       tangential                                       nothing
 
@@ -32,11 +32,20 @@ from typing import Final
 
 from isel_twin.firmware.bwo900.geometry.blocks import Correction, PathBlock
 from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Plane, Point, Straight
-from isel_twin.firmware.bwo900.geometry.plane import UV, flat_length, heading, meetings, offset, share_of, turn
+from isel_twin.firmware.bwo900.geometry.plane import (
+    STRAIGHT_RAD,
+    UV,
+    bend,
+    crosses_again,
+    flat_length,
+    heading,
+    meetings,
+    offset,
+    share_of,
+)
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 
 MOST_EMPTY: Final = 12  # blocks without a path in a row (M1157)
-STRAIGHT_RAD: Final = 1e-6
 NEAR_MM: Final = 1e-7
 NEAR: Final = 1e-9  # share of an element
 SHARPEST: Final = 120.0  # degrees, for P8845 = 0: above this change of direction an arc
@@ -183,14 +192,14 @@ class Offset:
         the end of the next element."""
         plane, old = last.plane, last.correction
         moved = _beside(element, plane, replace(old, side=side))
-        angle = turn(heading(last.element, plane, 1.0), heading(element, plane, 0.0))
         same = side == old.side
+        angle = bend(last.element, element, plane, retraced=-side)
         there = plane.into(last.moved.end, *plane.of(moved.start))  # before moves across the plane in between
         if same and abs(angle) < STRAIGHT_RAD:
             self._over(last, _between(last, there, 1.0))
             return moved.start, 0.0
-        back = abs(angle) > math.pi - STRAIGHT_RAD
-        outer = same and (back or side * angle < 0.0)
+        crosses = crosses_again(last.element, element, plane, angle, old.radius_mm)
+        outer = same and side * angle < 0.0 and not crosses
         if not same or (outer and corner_arc(math.degrees(abs(angle)), self._threshold)):
             sweep = -side * abs(angle) if same else _over_the_path(old.side, angle)
             arc = Arc(last.moved.end, there, plane, plane.of(element.start), sweep)
