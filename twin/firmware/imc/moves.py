@@ -209,8 +209,8 @@ def helix_parameters(device: Device) -> tuple[Number, ...]:
 
 
 def check_arc_numbers(device: Device, *values: int) -> None:
-    """Directions are +1 or -1, and a third axis cannot make more steps than the arc has (1)."""
-    if not values[5] or not values[6] or abs(_third(values)) > values[0]:
+    """Directions are +1 or -1 (1)."""
+    if not values[5] or not values[6]:
         raise Refusal(BAD_NUMBER)
 
 
@@ -235,7 +235,7 @@ def plan_arc(device: Device, length: int, speed_hz: int, *rest: int) -> tuple[Se
     d, xs, ys, rx, ry, third = (*rest, 0)[:6]
     first, second, other = PLANES[device.plane]
     path = circle(length, d, xs, ys, rx, ry, device.clockwise, (first, second), other if third else None, third)
-    if length:
+    if path.ticks:
         device.require_reference((first, second, *((other,) if third else ())))
-    device.require_room(path.displacement(length))
+    device.require_room(path.displacement(path.ticks))
     return ([Leg(path, device.law(speed_hz))],)
