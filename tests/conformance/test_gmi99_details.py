@@ -592,7 +592,7 @@ def test_steps_of_six_axes_are_on_one_grid() -> None:
     assert not np.any(desk.steps.t_ns % 4_000_000)
 
 
-# ---- positions of 24 bits (gmi99/35) ----------------------------------------------------------------------------------
+# ---- positions of 24 bits (gmi99/35) --------------------------------------------------------------------------------
 
 HIGHEST, LOWEST = 8_388_607, -8_388_352  # as the manual prints them at O
 
