@@ -30,7 +30,7 @@ from collections import deque
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from isel_twin.firmware.bwo900.geometry.blocks import Correction, PathBlock
+from isel_twin.firmware.bwo900.geometry.blocks import Correction, PathBlock, Text
 from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Plane, Point, Straight
 from isel_twin.firmware.bwo900.geometry.plane import (
     STRAIGHT_RAD,
@@ -69,6 +69,10 @@ class _Open:
         self.done += elements
         self.left -= 1
 
+    def tell(self, text: str) -> None:
+        """Have the block say that about the special case of 7.2, unless it says something else."""
+        self.block = self.block.like(text=self.block.text or Text(f"G40 without a path, then another plane: {text}"))
+
 
 @dataclass
 class _Last:
@@ -93,13 +97,16 @@ _Place = tuple[Point, float]  # a point of a moved element, and its share of the
 class Offset:
     """Takes blocks and returns them corrected."""
 
-    def __init__(self, threshold: float | None = None) -> None:
-        """threshold: P8845."""
+    def __init__(self, threshold: float | None = None, *, in_place: bool = False) -> None:
+        """threshold: P8845. in_place: `Readings.plane_change_in_place`."""
         self._threshold = threshold
+        self._in_place = in_place
         self._open: deque[_Open] = deque()
         self._last: _Last | None = None
         self._place: tuple[Plane, UV] | None = None
         """Where the corrected path ended, if the correction was switched off in a block without a path."""
+        self._strayed = False
+        """It has been left for a place that was wrong by the tool's offset; the next line ends where it should."""
         self._waiting: list[tuple[_Open, Element]] = []
         """Moves across the plane, until it is known where the next element begins."""
         self._empty = 0
@@ -122,12 +129,16 @@ class Offset:
         self._open.append(entry)
         if not flat and not on:
             self._finish_last()
-        if not flat:
+        strays = not on and self._place is not None and self._place[0] != block.plane and not self._strayed
+        if not flat and not (strays and block.length_mm > NEAR_MM):
             self._pathless(entry)
             return self._done()
         self._empty = 0
         for element in block.drawn:
-            if flat_length(element, block.plane) <= NEAR_MM:
+            if strays and element.length_mm > NEAR_MM:
+                strays = False
+                self._stray(entry, element)
+            elif flat_length(element, block.plane) <= NEAR_MM:
                 self._across(entry, element)
             elif on:
                 self._corrected(entry, element)
@@ -223,7 +234,7 @@ class Offset:
             self._over(last, Straight(last.begin, last.element.end))
             return
         self._over(last, _between(last, last.moved.end, 1.0))
-        self._place = last.plane, last.plane.of(last.moved.end)
+        self._place, self._strayed = (last.plane, last.plane.of(last.moved.end)), False
 
     def _off(self, entry: _Open, element: Element) -> None:
         """The line that switches the correction off, or an element after it."""
@@ -231,10 +242,26 @@ class Offset:
         if self._place is None:
             entry.add(element)
             return
-        (plane, place), self._place = self._place, None
+        (plane, place), self._place, self._strayed = self._place, None, False
         if isinstance(element, Arc):
             raise ProgramError(Code.NO_APPROACH, "the correction is switched off with a line")
         entry.add(Straight(plane.into(element.start, *place), element.end))
+
+    def _stray(self, entry: _Open, element: Element) -> None:
+        """The first path in another plane, the correction having been switched off without one: it takes the tool's
+        offset along (7.2)."""
+        assert self._place is not None
+        plane, place = self._place
+        if self._in_place:
+            entry.tell("the place is right (plane_change_in_place); at the manual's control it is wrong")
+            self._off(entry, element)
+            return
+        (u, v), (end_u, end_v) = plane.of(element.start), plane.of(element.end)
+        off_u, off_v = place[0] - u, place[1] - v
+        wrong = plane.into(element.end, end_u + off_u, end_v + off_v)
+        self._off(entry, replace(element, end=wrong))
+        self._place, self._strayed = (plane, plane.of(wrong)), True
+        entry.tell(f"the place is wrong by {math.hypot(off_u, off_v):g} mm")
 
 
 def _beside(element: Element, plane: Plane, correction: Correction) -> Element:
