@@ -146,7 +146,7 @@ def test_bounds_of_a_project_may_set_parameters(tmp_path: Path, capsys: pytest.C
 
 
 @pytest.mark.parametrize("set_to", [None, "true"])
-def test_describe_says_which_reading_of_the_manual_holds(set_to: str | None, capsys: pytest.CaptureFixture[str]) -> None:
+def test_describe_says_which_reading_holds(set_to: str | None, capsys: pytest.CaptureFixture[str]) -> None:
     options = [] if set_to is None else ["--set", f"controller.path_speed={set_to}"]
     with pytest.raises(SystemExit):
         main(["describe", "4030", *options, "--json"])

@@ -490,8 +490,9 @@ def test_example_1_of_rotation_with_axes_that_stay() -> None:
 
 @shows("bwo900-4.16-17")
 @pytest.mark.parametrize(("block", "place"), [
-    ("N30 P168:90", (10.0, 0.0, 2.0)), ("N30 P168:90|N40 Z2", (10.0, 0.0, 2.0)), ("N30 Z2 P168:90 P165:5", (0.0, 15.0, 2.0)),
-    ("N30 X20 P168:90", (0.0, 20.0, 2.0)), ("N30 Y7 Z2 P168:90", (-7.0, 10.0, 2.0)), ("N30 G66 Z2 P168:90", (10.0, 0.0, 2.0)),
+    ("N30 P168:90", (10.0, 0.0, 2.0)), ("N30 P168:90|N40 Z2", (10.0, 0.0, 2.0)),
+    ("N30 Z2 P168:90 P165:5", (0.0, 15.0, 2.0)), ("N30 X20 P168:90", (0.0, 20.0, 2.0)),
+    ("N30 Y7 Z2 P168:90", (-7.0, 10.0, 2.0)), ("N30 G66 Z2 P168:90", (10.0, 0.0, 2.0)),
 ])  # fmt: skip
 def test_a_turn_in_a_block_with_a_path_takes_both_axes_along(block: str, place: tuple[float, ...]) -> None:
     """A block without one moves nothing, nor does the next one then; G66 has no rotation."""

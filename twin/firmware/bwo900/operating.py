@@ -18,7 +18,6 @@ from isel_twin.firmware.bwo900.realtime import overrides
 from isel_twin.firmware.bwo900.realtime.axes import AXES, NAMES
 from isel_twin.firmware.bwo900.realtime.channel import State
 
-
 RAMPED = "axes that P8701 or P12137 stops brake with ramps (ramped_halts); those of the manual's control have none"
 
 
