@@ -220,13 +220,13 @@ def test_repetitions_have_scenario_line_and_machine_of_the_call(tmp_path: Path) 
 def test_a_sound_job_is_robust(run: Any) -> None:
     code, out, err = run(SOUND, "--robust", "5")
     assert (code, err) == (0, "")
-    assert out[-1] == "robust: 0 of 5 machines lost steps: at most 45% do"
+    assert out[-1] == "robust: 0 of 5 machines lost steps: at most 45 % of such machines do (95 %)"
 
 
 @pytest.mark.slow
 def test_a_job_that_fails_always_is_not_called_robust(run: Any) -> None:
     code, out, _ = run(NEAR_STALL.replace("20500", "40000"), "--machine", "m36", "--robust", "2")
-    assert (code, out[-1]) == (1, "no matter of luck: 2 machines went wrong alike")
+    assert (code, out[-1]) == (1, "failed on every machine: all 2 ended alike")
 
 
 @pytest.mark.slow
@@ -340,7 +340,7 @@ def test_ctrl_c_of_a_terminal_ends_the_repetitions_and_shows_what_has_been_done(
     assert command.returncode == 130
     assert "Traceback" not in err
     assert re.search(r"job.txt: interrupted after \d+ of 100 repetitions", err)
-    assert out.splitlines()[-1].startswith("unclear: ")
+    assert out.splitlines()[-1].startswith("unfinished: ")
 
 
 def test_a_repetition_in_progress_is_given_up() -> None:

@@ -145,8 +145,8 @@ def test_the_table_tells_what_happened(call: Any, tmp_path: Path) -> None:
     code, out, err = call("drive", "job.vcd", "--plant", "kinematic", "--start", "50,50,20", "--interval", "1")
     assert (code, err) == (0, "")
     assert "X +8000" in out
-    assert "all well: 1 motion, " in out
-    assert "X: 8000 steps, at most 5000 a second" in out
+    assert "all well as far as simulated: 1 motion, " in out
+    assert "X: 8000 steps, at most 5000 steps/s" in out
     assert "cycle time" in out
 
 
@@ -166,7 +166,7 @@ def test_one_file_that_cannot_be_written_costs_neither_the_verdict_nor_another_f
     outputs = ("--steps", "/dev/full", "--vcd", "v.vcd", "--record", "r.mcap", "--report", "r.html")
     code, out, err = call("drive", "a.npz", "--plant", "kinematic", "--start", "50,50,20", *outputs)
     assert (code, err) == (2, "isel-twin: /dev/full: No space left on device\n")
-    assert "not as it should be: 1 motion, not written: /dev/full, " in out
+    assert "failed: 1 motion, not written: /dev/full, " in out
     assert "cycle time" in out
     assert all((tmp_path / name).stat().st_size > 1000 for name in ("v.vcd", "r.mcap"))
     assert "</html>" in (tmp_path / "r.html").read_text()

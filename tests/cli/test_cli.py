@@ -66,7 +66,7 @@ def test_a_good_job_as_a_table(tmp_path):
     done = isel_twin("run", job, "--plant", "kinematic")
     assert done.returncode == 0, done.stderr
     assert "0003E80001F40000000" in done.stdout
-    assert "all well" in done.stdout
+    assert "all well as far as simulated" in done.stdout
 
 
 def test_a_refused_command_is_exit_1():

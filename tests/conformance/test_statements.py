@@ -44,11 +44,8 @@ def committed() -> Iterable[tuple[str, str]]:
 
 def unnamed(rows: Iterable[Row], statements: dict[str, set[str]]) -> list[str]:
     """Rows that hold with a statement which is none of those that did not, and that name no decision for it."""
-    return [
-        row.id
-        for row in rows
-        if row.kind == "holds" and not row.turned and plain(row.statement) not in statements.get(row.id, {plain(row.statement)})
-    ]
+    said = [(row, plain(row.statement)) for row in rows if row.kind == "holds" and not row.turned]
+    return [row.id for row, statement in said if statement not in statements.get(row.id, [statement])]
 
 
 def test_a_row_that_begins_to_hold_with_another_statement_names_its_decision() -> None:
@@ -77,6 +74,6 @@ def test_no_row_that_did_not_hold_is_taken_out() -> None:
 
 
 def test_turned_names_a_decision() -> None:
-    """Of a row that once did not hold; that the decision exists is looked at with all others (tests/test_decisions.py)."""
+    """Only rows that once did not hold have it; tests/test_decisions.py looks whether the decision exists."""
     turned = [row for row in ROWS.values() if row.turned]
     assert [row.id for row in turned if not re.fullmatch(r"[a-z0-9]+/\d+", row.turned) or row.id not in kept()] == []

@@ -144,8 +144,9 @@ def check(
             print(line)
     failed = sum(not made.ok for made in reports)
     if not json:
-        wrong = [f"{failed} not as it should be"] * bool(failed) + [f"{len(unjudged)} not judged"] * bool(unjudged)
-        print(f"{many(len(tasks), 'job')}, {', '.join(wrong) or 'all well'}")
+        wrong = [f"{failed} failed"] * bool(failed) + [f"{len(unjudged)} not judged"] * bool(unjudged)
+        well = "all well as far as looked at" if any(made.unseen for made in reports) else "all well"
+        print(f"{many(len(tasks), 'job')}: {', '.join(wrong) or well}")
     failures: list[CallError] = []
     for path, write in ((junit, as_junit), (sarif, as_sarif)):
         if path is not None:

@@ -189,15 +189,15 @@ def _in_words(
     begin, end = int(ticks.t_ns[0]), int(ticks.t_ns[-1])
     yield f"cycle time {(end - begin) / SECOND_NS:.6f} s, from the first step at {begin / SECOND_NS:.6f} s to the last"
     for strike in strikes.seen:
-        may = " (it may be)" if allowed(strike.switch) else ""
+        may = " (allowed)" if allowed(strike.switch) else ""
         yield f"{strike.switch} struck at {strike.time_ns / SECOND_NS:.6f} s{may}"
     for axis, timing in ticks.timing.items():
-        yield f"{axis.upper()}: {timing.steps} steps, at most {timing.fastest_hz:g} a second"
+        yield f"{axis.upper()}: {timing.steps} steps, at most {timing.fastest_hz:g} steps/s"
         yield from (f"  {text}" for text in _offences(timing, limits_us))
         if timing.while_off:
-            yield f"  {timing.while_off} steps while the power stages were off: no drive makes them"
+            yield f"  {timing.while_off} steps while the power stages were off: no drive made them"
     if ticks.resolution_ns > min(limits_us.values()) * MICROSECOND_NS:
-        yield f"the capture resolves {ticks.resolution_ns:g} ns only: what is shorter cannot be told from it"
+        yield f"the capture resolves {ticks.resolution_ns:g} ns: shorter times were not measured"
 
 
 def _offences(timing: AxisTiming, limits_us: Mapping[str, float]) -> Iterator[str]:

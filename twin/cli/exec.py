@@ -48,7 +48,7 @@ def exec_(
     minutes of waiting take seconds, and the program behaves the same to the nanosecond every time. The verdict on the
     machine follows on standard error.
 
-    Exit code: the host's own; with --check 1 if that is 0 and the machine is not well; 2 if the call cannot be carried
+    Exit code: the host's own; with --check 1 if that is 0 and the machine failed; 2 if the call cannot be carried
     out, or the host does what virtual time cannot do.
     """
     try:
@@ -153,12 +153,14 @@ def summary(done: HostRun) -> dict[str, Any]:
 
 def told(done: HostRun) -> str:
     """The same in one line for people."""
+    from isel_twin.jobs.verdict import NOT_SIMULATED
+
     verdict = done.verdict
     where = ", ".join(f"{name} {value:.3f}" for name, value in zip("XYZ", verdict.position_mm, strict=False))
     parts = [
-        "all well" if verdict.ok else "the machine is not well",
+        verdict.headline if verdict.ok else "the machine failed",
         *verdict.problems(),
-        *([] if any(verdict.lost) else ["no steps lost" if verdict.physics else "losses unknown without physics"]),
+        *([] if any(verdict.lost) else ["no steps lost" if verdict.physics else NOT_SIMULATED]),
         f"struck: {', '.join(done.struck)}" if done.struck else "no end switch struck",
         f"at {where} mm",
         f"{(done.ended_ns - done.began_ns) / SECOND_NS:.3f} s of virtual time",

@@ -92,7 +92,7 @@ def compare(
         if found and replace:
             _write(file, run)
             if not json:
-                print(f"  {file}: written anew")
+                print(f"  {file}: replaced")
         same = same and (replace or not found)
     return 0 if same else 1
 
@@ -148,7 +148,7 @@ def _write(file: Path, run: Golden) -> None:
 
 
 def _in_words(run: Golden) -> str:
-    return f"{many(len(run.moves), 'command')}, {run.end['cycle_s']:.3f} s, {'ok' if run.end['ok'] else 'not ok'}"
+    return f"{many(len(run.moves), 'command')}, {run.end['cycle_s']:.3f} s, {'ok' if run.end['ok'] else 'failed'}"
 
 
 def _tell(job: Path, run: Golden, found: Sequence[Difference], json: bool) -> None:
@@ -157,10 +157,10 @@ def _tell(job: Path, run: Golden, found: Sequence[Difference], json: bool) -> No
         say_json({"job": str(job), "same": not found, "differences": told})
         return
     if not found:
-        print(f"{job}: as it was ({_in_words(run)})")
+        print(f"{job}: unchanged ({_in_words(run)})")
         return
-    print(f"{job}: {many(len(found), 'difference')}, the first one first")
+    print(f"{job}: {many(len(found), 'difference')} from its golden run")
     for difference in found[:MOST]:
         print(f"  {difference}")
     if len(found) > MOST:
-        print(f"  and {len(found) - MOST} more; --json has all of them")
+        print(f"  and {len(found) - MOST} more; --json lists all")

@@ -71,9 +71,9 @@ def _print(told: list[Told], result: Explained) -> None:
     for line in sessions.words(result.before, result if result.causes else None):
         print(line)
     if result.same and not result.causes:
-        print("the twin does the same: nothing else to learn")
+        print("the twin already answers as recorded")
     elif result.same:
-        print("with that the twin does the same")
+        print("with these settings the twin answers as recorded")
     else:
         print(sessions.verdict(result.before, result))
 

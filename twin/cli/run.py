@@ -250,12 +250,12 @@ def _tell_edges(
 ) -> int | None:
     """Look for the edges of a job that is well, and show them; the exit code if it was interrupted."""
     if not verdict.ok:
-        outputs.say(f"{job_name(job)}: no edge is looked for, as the job is not well as it stands")
+        outputs.say(f"{job_name(job)}: no edge is searched for, as the job itself fails")
         return None
     with interruption() as stopped:
         found = list(search(verdict, lambda: bool(stopped)))
     if stopped:
-        outputs.say(f"{job_name(job)}: interrupted; not all edges are known")
+        outputs.say(f"{job_name(job)}: interrupted; not all edges were found")
     if found or not stopped:
         show.edge(found)
     return 128 + stopped[0] if stopped else None

@@ -113,7 +113,7 @@ def verdict(found: Comparison, explained: Explained | None) -> str:
         but = "; ".join(", or ".join((cause.told, *others)) for cause, others in both)
         if explained.same:
             return f"the same but for {but}"
-        return f"not the same: {but}; and {many(_left(explained), 'difference')} that this does not explain"
+        return f"not the same: {but}; and {many(_left(explained), 'difference')} unexplained"
     only = len(found.only_a) + len(found.only_b)
     more = f", {many(only, 'command')} on one side only" if only else ""
     return f"not the same: {number} compared, {len(found.different)} differ{more}"

@@ -116,7 +116,7 @@ def _fill(table: Table, plan: Plan, crew: Crew, json: bool) -> int:
     missing = table.missing()
     had = len(table.rows)
     if had and missing and not json:
-        outputs.say(f"{table.file}: goes on after {had} rows; {len(missing)} are missing")
+        outputs.say(f"{table.file}: continues after {had} rows; {len(missing)} are missing")
     why = ""
     with ExitStack() as stack:
         shown = stack.enter_context(_Progress(len(missing) + had, had, json))
@@ -169,7 +169,7 @@ class _Progress:
 
     def row(self, row: dict[str, Any]) -> None:
         self._failed += row["ok"] is not True
-        self._bar.update(self._task, advance=1, description=f"rows, {self._failed} not well")
+        self._bar.update(self._task, advance=1, description=f"rows, {self._failed} failed")
         if self._json:
             outputs.say_json(row)
 
@@ -183,7 +183,7 @@ def _tell(plan: Plan, rows: Sequence[dict[str, Any]], wanted: int, file: Path, j
         more = {"errors": len(errors), "missing": wanted - len(rows), "table": str(file)}
         outputs.say_json({"summary": True, **counts, **more})
         return
-    print(f"{file}: {len(rows)} of {wanted} rows, {_share(len(failed), len(rows) - len(errors))} not well")
+    print(f"{file}: {len(rows)} of {wanted} rows, {_share(len(failed), len(rows) - len(errors))} failed")
     if errors:
         print(f"  {len(errors)} could not be computed, the first: {errors[0]['error']}")
     for name in (parameter.name for parameter in plan.parameters if not parameter.sampled):
@@ -197,7 +197,7 @@ def _tell(plan: Plan, rows: Sequence[dict[str, Any]], wanted: int, file: Path, j
         for value, some in by_value.items():
             bad = [row for row in some if row["ok"] is False]
             rules = _counted([rule for row in bad for rule in row["failure"].split()])
-            print(f"  {name} = {_shown(value):<{width}}  {_share(len(bad), len(some))} not well{rules}")
+            print(f"  {name} = {_shown(value):<{width}}  {_share(len(bad), len(some))} failed{rules}")
 
 
 def _tell_indices(found: Sequence[Index], picture: Path, json: bool) -> None:

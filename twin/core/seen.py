@@ -16,7 +16,7 @@ from isel_twin.drives.stage import Stage
 from isel_twin.machine import Machine
 from isel_twin.motion import Steps, Stream
 from isel_twin.plant import Plant
-from isel_twin.wiring import SerialLine, Wiring
+from isel_twin.wiring import LineFaults, SerialLine, Wiring
 
 _MOVING_SLICE_NS = 10 * MILLISECOND_NS  # time after which to look again while something moves
 
@@ -259,9 +259,9 @@ class Seen:
         return self._controller.serial_format
 
     @property
-    def bytes_lost(self) -> int:
-        """Bytes of both directions that a cut line has swallowed since power-on."""
-        return self._line.lost
+    def line_faults(self) -> LineFaults:
+        """Bytes of both directions that have not arrived as they were sent, since power-on."""
+        return self._line.faults
 
     @property
     def idle(self) -> bool:

@@ -40,6 +40,8 @@ class Result:
     condition: bool = False  # it is a condition: the reply is the value found
     lost_known: tuple[float | None, ...] = ()  # lost steps of each axis that a condition expects
     unpowered_known: int | None = None  # number of steps without power that a condition expects
+    disturbed: str = ""  # bytes of it that have not arrived as they were sent, in words
+    line_known: tuple[int | None, ...] = ()  # those since power-on that a condition expects, as in LineFaults
     restarts: int = 0  # restarts of the controller since the line before, or since the beginning of the job
     restarts_known: int | None = None  # number of restarts since power-on that a condition expects
     fault_known: bool = False  # a condition expects the controller's fault

@@ -64,7 +64,7 @@ class Sent:
 
     def __init__(self, twin: Twin, line: Line, edges: bool = True) -> None:
         self.twin, self.line, self._edges = twin, line, edges
-        self.time_ns, self._lost, self._restarts = twin.time_ns, twin.bytes_lost, twin.restarts
+        self.time_ns, self._faults, self._restarts = twin.time_ns, twin.line_faults, twin.restarts
         twin.watch_margin()
         twin.steps_made.clear()
         self._said = twin.remarks[-1] if twin.remarks else None
@@ -84,7 +84,7 @@ class Sent:
     def result(self, complete: bool, reply: bytes, timeout_s: float) -> Result:
         """The outcome. complete: the line is over, and did not take timeout_s."""
         twin, line, language = self.twin, self.line, self.twin.language
-        new = twin.restarts - self._restarts
+        new, disturbed = twin.restarts - self._restarts, twin.line_faults.since(self._faults).in_words()
         text = None if language is None else language.text(reply)
         took_ns = twin.time_ns - self.time_ns
         why = "" if line.expected is None else line.expected.why_not(reply, complete, took_ns, text)
@@ -101,8 +101,8 @@ class Sent:
             why = meaning(twin, line.sent, reply)
         if new and line.expected is None:
             accepted, why = False, RESTARTED
-        elif line.expected is None and twin.bytes_lost > self._lost:
-            accepted, why = False, f"bytes lost on the line: {twin.bytes_lost - self._lost}"
+        elif line.expected is None and disturbed:
+            accepted, why = False, disturbed
         wrong = line.expected is None and not (accepted and complete)
         return Result(
             number=line.number,
@@ -118,7 +118,8 @@ class Sent:
             complete=complete,
             expected=None if line.expected is None else line.expected.text,
             why=why,
-            event=happened(twin, self.time_ns) if wrong or new else "",
+            event=happened(twin, self.time_ns) if wrong or new or disturbed else "",
+            disturbed=disturbed,
             restarts=new,
             parts=parts,
         )
@@ -193,10 +194,16 @@ def look(twin: Twin, line: Line, condition: Condition, last: Result | None) -> R
         condition=True,
         lost_known=known if quantity == "lost" else (),
         unpowered_known=_unpowered_known(twin, quantity) if found.met else None,
+        line_known=_line_known(twin, axis) if found.met and quantity == "bytes" else (),
         restarts_known=twin.restarts if found.met and quantity == "restarts" else None,
         fault_known=found.met and quantity == "fault",
         drive_faults_known=known if quantity == "drive_faults" else (),
     )
+
+
+def _line_known(twin: Twin, kind: str) -> tuple[int | None, ...]:
+    """Bytes not as they were sent that a condition which is met answers for: of one kind, "": of each."""
+    return tuple(number if kind in ("", name) else None for name, number in twin.line_faults._asdict().items())
 
 
 def _unpowered_known(twin: Twin, quantity: str) -> int | None:

@@ -9,6 +9,9 @@ and anything less is load angle. Almost half a slip is neither: dry friction hol
 between two stable places, and the next touch moves it one way or the other. So it is reported as `halfway` and is not
 ok. Steps lost before a reference run set the counter count, too.
 
+Bytes that the line has altered, lost or doubled are not well, whatever was answered: an iMC takes 6410 for 6400 and
+answers 0.
+
 Steps that are made while the stages have no power move nothing. With physics they are lost steps; the kinematic plant
 follows them, so they are counted for themselves, and are not well on any plant. Neither is a controller that starts
 anew before its last reply, whatever it answers afterwards.
@@ -23,7 +26,7 @@ the job, for example, has tested nothing.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -34,6 +37,7 @@ from isel_twin.base.units import SECOND_NS
 from isel_twin.core.snapshot import snapshot
 from isel_twin.jobs.odd import oddities
 from isel_twin.plant import Collision
+from isel_twin.wiring import LineFaults
 from isel_twin.wiring.contacts import FAULTS
 
 if TYPE_CHECKING:
@@ -43,6 +47,10 @@ if TYPE_CHECKING:
 HALFWAY = 0.375  # distance from the nearest stable place, in slips, beyond which a rotor counts as halfway
 
 SHOWN_COLLISIONS = 3  # most collisions in words
+AFTER_END = "after the end of the job"
+HALF_A_SLIP = "stopped half a slip off, held there by friction alone"
+NOT_SIMULATED = "lost steps, margins and loads were not simulated; use --plant mujoco"
+
 SHOWN_UNMET = 10  # lines of a job that are named if they did not get what they expected
 
 SETTLE_S = 0.5  # virtual time for the machine to come to rest after the last command, before judging
@@ -97,6 +105,7 @@ class Verdict:
     interrupted: bool = False  # the caller stopped the job
     unfinished: int = 0  # commands that were not over when the job ended: 0 or 1
     restarts: int = 0  # unexpected restarts of the controller before the end of the last command
+    line_faults: LineFaults = field(default_factory=LineFaults)  # unexpected ones since power-on
     unpowered_steps: int = 0  # unexpected steps of all axes while the stages had no power
     stores_lost: int = 0  # writes that the flash memory could not store
     odd: tuple[tuple[int, str], ...] = ()  # legal but absurd lines: number and description (odd.py)
@@ -172,10 +181,21 @@ class Verdict:
         return tuple(halfway(self.lost_steps, self.slip_steps).tolist())
 
     @property
+    def headline(self) -> str:
+        """The verdict in a few words, "all well" only as far as it was looked at."""
+        if not self.ok:
+            return "failed"
+        well = "all well" if self.physics else "all well as far as simulated"
+        idle = [(self.events_without_effect, "without effect (no physics)"), (self.events_after_end, AFTER_END)]
+        but = ", ".join(f"{number} event{'' if number == 1 else 's'} {what}" for number, what in idle if number)
+        return f"{well}, but for the scenario: {but}" if but else well
+
+    @property
     def ok(self) -> bool:
         """True if every command was sent and accepted or answered as expected, every condition is met, no step is lost,
-        half lost or made without power, nothing has collided, no drive has switched itself off or rests short of its
-        command, there was no restart, the controller has no error left, and all files are on the disk."""
+        half lost or made without power, every byte has arrived as it was sent, nothing has collided, no drive has
+        switched itself off or rests short of its command, there was no restart, the controller has no error left, and
+        all files are on the disk."""
         return not self.problems()
 
     def problems(self, refused: str = "refused") -> tuple[str, ...]:
@@ -216,6 +236,8 @@ class Verdict:
         if any(error is not None for error in self.following_error):
             told |= {"following_error": list(self.following_error), "switched_off": list(self.switched_off)}
             told["off_position"] = list(self.off_position)
+        if any(self.line_faults):
+            told["line_faults"] = self.line_faults._asdict()
         if self.unwritten:
             told["unwritten"] = list(self.unwritten)
         if self.collisions:
@@ -236,6 +258,7 @@ def judge(twin: Twin, results: Sequence[Result], unsent: int = 0, interrupted: b
         refused=sum(not result.ok and result.complete and result.expected is None for result in results),
         unfinished=sum(not result.complete for result in results),
         restarts=sum(result.restarts for result in _since_known(results)) if results else twin.restarts,
+        line_faults=_unexpected(twin.line_faults, [result.line_known for result in results]),
         unpowered_steps=int(twin.unpowered_steps.sum()) - _last([result.unpowered_known for result in results]),
         stores_lost=twin.stores_lost,
         physics=twin.physics,
@@ -282,14 +305,16 @@ def _problems(verdict: Verdict, refused: str) -> Iterator[str]:
     if verdict.refused:
         yield f"{verdict.refused} {refused}"
     if verdict.unfinished and not verdict.interrupted:
-        yield f"{verdict.unfinished} not over"
+        yield f"{verdict.unfinished} unfinished"
     if verdict.unsent:
         yield f"{verdict.unsent} not sent"
     if verdict.unmet:
         lines = ", ".join(map(str, verdict.unmet[:SHOWN_UNMET])) + (", ..." if verdict.unmet[SHOWN_UNMET:] else "")
         yield f"{len(verdict.unmet)} of {verdict.expectations} expectations not met: line {lines}"
     if verdict.restarts:
-        yield f"the controller started anew {'once' if verdict.restarts == 1 else f'{verdict.restarts} times'}"
+        yield f"the controller restarted {'once' if verdict.restarts == 1 else f'{verdict.restarts} times'}"
+    if any(verdict.line_faults):
+        yield verdict.line_faults.in_words()
     if any(verdict.lost):
         now = [f"{axis} {n}" for axis, n in zip(axes, verdict.whole_steps_lost, strict=False) if n]
         before = [f"{axis} {int(n)}" for axis, n in zip(axes, verdict.forgotten_steps, strict=False) if n]
@@ -297,9 +322,9 @@ def _problems(verdict: Verdict, refused: str) -> Iterator[str]:
         yield f"lost steps: {', '.join(now) or 'none, but some were expected'}"
     if any(verdict.halfway):
         where = " ".join(axis for axis, is_so in zip(axes, verdict.halfway, strict=False) if is_so)
-        yield f"{where} between two places that hold, kept there by friction alone"
+        yield f"{where} {HALF_A_SLIP}"
     if verdict.unpowered_steps:
-        yield f"{verdict.unpowered_steps} steps made while the stages had no power"
+        yield f"{verdict.unpowered_steps} steps made while the power stages were off"
     yield from (f"{axis}: {why}" for axis, why in zip(axes, verdict.switched_off, strict=False) if why)
     for axis, is_off, error in zip(axes, verdict.off_position, verdict.following_error, strict=False):
         if is_off and error is not None:
@@ -310,9 +335,9 @@ def _problems(verdict: Verdict, refused: str) -> Iterator[str]:
     if verdict.controller_fault and not verdict.fault_known:
         yield "the controller shows an error"
     if verdict.stores_lost:
-        yield "the flash has not kept what was stored"
+        yield "the flash memory did not keep what was stored"
     if verdict.flash_fault:
-        yield "the flash image cannot be read"
+        yield "the flash memory cannot be read"
     if verdict.unwritten:
         yield f"not written: {', '.join(verdict.unwritten)}"
 
@@ -321,6 +346,12 @@ def _since_known(results: Sequence[Result]) -> Sequence[Result]:
     """The restarts after the last met condition on them."""
     known = [number for number, result in enumerate(results, 1) if result.restarts_known is not None]
     return results[known[-1] if known else 0 :]
+
+
+def _unexpected(faults: LineFaults, known: Sequence[Sequence[int | None]]) -> LineFaults:
+    """Those after the last met condition on each kind."""
+    told = [each for each in known if each]
+    return faults.since(LineFaults(*map(_last, zip(*told, strict=True))))
 
 
 def _last(known: Sequence[int | None]) -> int:

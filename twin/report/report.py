@@ -71,7 +71,7 @@ def write_report(
     ok = bool(summary.get("ok")) if checked is None else checked.ok and bool(summary.get("ok"))
     body = [
         f"<header><h1>{escape(title)}</h1>",
-        f"<p class='verdict {'good' if ok else 'bad'}'>{'OK' if ok else 'NOT OK'}</p>",
+        f"<p class='verdict {'good' if ok else 'bad'}'>{'OK' if ok else 'FAILED'}</p>",
         f"<p>{escape(_in_short(summary, findings))}</p>",
         "<nav aria-label='Parts of the report'><ul><li><a href='#summary'>Summary</a></li>",
         "<li><a href='#findings'>Findings</a></li>" if findings else "",

@@ -75,7 +75,7 @@ def as_words(report: Told) -> str:
     least = verdict.least_margin
     margin = "" if least is None else f", margin {100.0 * least:.0f} %"
     commands = f"{verdict.commands} command{'' if verdict.commands == 1 else 's'}"
-    rows = [f"{report.job}: {'ok' if report.ok else 'NOT OK'} ({commands}, {verdict.cycle_s:.3f} s{margin})"]
+    rows = [f"{report.job}: {'ok' if report.ok else 'failed'} ({commands}, {verdict.cycle_s:.3f} s{margin})"]
     for finding in report.findings:
         warning, place = "warning " if finding.warning else "", where(finding)
         rows.append(f"  {warning}{finding.rule:<10} {f'{place}: ' if place else ''}{finding.message}")

@@ -28,7 +28,7 @@ from isel_twin.jobs.golden import Golden, Scribe, called, differences, golden_fi
 from isel_twin.jobs.job import Line
 from isel_twin.jobs.playing import Played, played
 from isel_twin.jobs.result import Result
-from isel_twin.jobs.verdict import Verdict, lost, whole_slips
+from isel_twin.jobs.verdict import AFTER_END, HALF_A_SLIP, Verdict, lost, whole_slips
 from isel_twin.jobs.why import RESTARTED
 
 if TYPE_CHECKING:
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
     from isel_twin.jobs.robust import Repetition
 
+NEED_PHYSICS = ("lost", "halfway", "margin", "edge", "deviation")  # rules that the kinematic plant cannot break
 LOOK_NS = 5 * MILLISECOND_NS  # sampling interval of the deviation
 
 
@@ -47,12 +48,16 @@ class Report:
     findings: tuple[Finding, ...]
     verdict: Verdict
     golden: Golden  # the run, without its call; empty if nobody asked for it
-    unseen: tuple[str, ...] = ()  # nothing: all of a twin can be seen
 
     @property
     def ok(self) -> bool:
         """True without findings other than warnings."""
         return all(finding.warning for finding in self.findings)
+
+    @property
+    def unseen(self) -> tuple[str, ...]:
+        """Rules that were not simulated."""
+        return () if self.verdict.physics else NEED_PHYSICS
 
     def compared(self, was: Golden, now: Golden) -> Report:
         """The report with the differences from a golden run as findings; now: this run with its call."""
@@ -306,8 +311,9 @@ def check_job(
 
 def _expected(finding: Finding, verdict: Verdict, results: Sequence[Result]) -> bool:
     """True if the job itself expects it by a condition that is met: `! lost > 0`, `! limit_x2 == struck`."""
-    if finding.rule in ("unpowered", "restart"):
-        return not (verdict.unpowered_steps if finding.rule == "unpowered" else verdict.restarts)
+    if finding.rule in ("unpowered", "restart", "line"):
+        left = {"unpowered": verdict.unpowered_steps, "restart": verdict.restarts, "line": sum(verdict.line_faults)}
+        return not left[finding.rule]
     name = finding.message.partition(" ")[0]
     if finding.rule == "drive":
         return not verdict.switched_off[AXIS_NAMES.index(name.rstrip(":"))]
@@ -333,17 +339,21 @@ def _placed(finding: Finding, results: Sequence[Result]) -> Finding:
 
 def of_answer(result: Result, bounds: Bounds) -> list[Finding]:
     """What is wrong with the reply to a line, or with a condition."""
+
+    def found(rule: str, what: str) -> Finding:
+        return Finding(rule, f"{result.command}: {what}", result.number, result.end_ns)
+
+    line = [found("line", "; ".join(filter(None, (result.disturbed, result.event))))] if result.disturbed else []
     if not result.complete:
         stands = result.why if result.expected is None else ""
-        what = f"{result.command}: {stands or f'no complete reply within {bounds.timeout_s:g} s'}"
-        return [Finding("unfinished", what, result.number, result.end_ns)]
+        return [*line, found("unfinished", stands or f"no complete reply within {bounds.timeout_s:g} s")]
     if result.restarts:
-        return [Finding("restart", f"{result.command}: {RESTARTED}; {result.event}", result.number, result.end_ns)]
-    if result.ok:
-        return []
+        return [*line, found("restart", f"{RESTARTED}; {result.event}")]
+    if result.ok or (line and result.expected is None):
+        return line
     if result.condition:
-        return [Finding("unmet", f"{result.command}: {result.why or result.reply}", result.number, result.end_ns)]
-    return [Finding("refused", f"{result.command}: {result.shown_reply or 'no reply'}", result.number, result.end_ns)]
+        return [found("unmet", result.why or result.reply)]
+    return [*line, found("refused", result.shown_reply or "no reply")]
 
 
 def of_cycle(cycle_s: float, bounds: Bounds, line: int | None, time_ns: int) -> list[Finding]:
@@ -356,7 +366,7 @@ def of_unsent(unsent: int, line: int | None, time_ns: int) -> list[Finding]:
     if not unsent:
         return []
     many = f"{unsent} line{'s are' if unsent > 1 else ' is'}"
-    return [Finding("unfinished", f"{many} not sent any more", line, time_ns)]
+    return [Finding("unfinished", f"{many} not sent", line, time_ns)]
 
 
 def _of_verdict(verdict: Verdict, gone: NDArray[np.bool_], results: Sequence[Result], bounds: Bounds) -> list[Finding]:
@@ -369,7 +379,7 @@ def _of_verdict(verdict: Verdict, gone: NDArray[np.bool_], results: Sequence[Res
         if is_lost and not told
     ]
     found += [
-        Finding("halfway", f"{name} rests between two places that would hold", last, verdict.time_ns)
+        Finding("halfway", f"{name} {HALF_A_SLIP}", last, verdict.time_ns)
         for name, is_halfway in zip(AXIS_NAMES, verdict.halfway, strict=False)
         if is_halfway
     ]
@@ -380,19 +390,19 @@ def _of_verdict(verdict: Verdict, gone: NDArray[np.bool_], results: Sequence[Res
     ]
     told = any(result.why and not result.ok and result.parts for result in results)
     if verdict.controller_fault and not verdict.fault_known and not told:
-        found.append(Finding("fault", "the controller shows an error that no reply has told", last, verdict.time_ns))
+        found.append(Finding("fault", "the controller shows an error that no reply reported", last, verdict.time_ns))
     if verdict.stores_lost:
-        found.append(Finding("fault", "the flash memory has not kept what was stored"))
+        found.append(Finding("fault", "the flash memory did not keep what was stored"))
     if verdict.flash_fault:
-        found.append(Finding("fault", "the flash memory could not be read"))
+        found.append(Finding("fault", "the flash memory cannot be read"))
     found += of_cycle(verdict.cycle_s, bounds, last, verdict.ended_ns)
     found += [Finding("odd", what, line) for line, what in verdict.odd]
     found += of_unsent(verdict.unsent, last, verdict.ended_ns)
     asked = (("margin", bounds.margin), ("edge", bounds.edge), ("deviation_mm", bounds.deviation_mm))
     if in_vain := [] if verdict.physics else [name for name, bound in asked if bound is not None]:
-        found.append(Finding("effect", f"without physics nobody can judge {', '.join(in_vain)}: the plant mujoco does"))
+        found.append(Finding("effect", f"not simulated: {', '.join(in_vain)}; use --plant mujoco"))
     for number, what in (
-        (verdict.events_after_end, "to come when the job is over"),
+        (verdict.events_after_end, AFTER_END),
         (verdict.events_without_effect, "without effect: the plant has no physics"),
     ):
         if number:
@@ -408,7 +418,7 @@ def repeated(call: TwinSpec, lines: Sequence[Line], made: Played, bounds: Bounds
     if bounds.robust:
         others = repetitions(call, lines, bounds.robust, timeout_s=bounds.timeout_s)
         differ = [other.number for other in others if not agree(made.verdict, other.verdict)]
-        found += [Finding("luck", _otherwise(differ, bounds.robust, "end otherwise"))] if differ else []
+        found += [Finding("luck", _otherwise(differ, bounds.robust, "end differently"))] if differ else []
     if bounds.uncertain:
         may_be = list(repetitions(call, lines, bounds.uncertain, timeout_s=bounds.timeout_s, source="known"))
         found += _doubts(made, may_be, bounds)
@@ -432,7 +442,7 @@ def _doubts(made: Played, may_be: Sequence[Repetition], bounds: Bounds) -> Itera
             where = f"; {known[what].in_words()}" if what in known else ""
             yield Finding("doubt", f"{_otherwise(numbers, len(may_be), how)}{where}")
 
-    yield from doubt("", "end otherwise", lambda verdict: not agree(made.verdict, verdict))
+    yield from doubt("", "end differently", lambda verdict: not agree(made.verdict, verdict))
     if (cycle_s := bounds.cycle_s) is not None:
         yield from doubt("time", f"take more than {cycle_s:g} s", lambda verdict: verdict.cycle_s > cycle_s)
     if (margin := bounds.margin) is not None:

@@ -49,8 +49,8 @@ class Figures:
 
     def __str__(self) -> str:
         words = [f"{self.seconds:.3f} s"]
-        words += [f"{self.margin[1]} keeps {100.0 * self.margin[0]:.0f} %"] if self.margin else []
-        words += [f"{self.edge[1]} swings from {self.edge[0]:.2f} times this speed on"] if self.edge else []
+        words += [f"{self.margin[1]} keeps {100.0 * self.margin[0]:.0f} % torque"] if self.margin else []
+        words += [f"{self.edge[1]}: unstable above {self.edge[0]:.2f} times this speed"] if self.edge else []
         return ", ".join(words)
 
 

@@ -3,6 +3,7 @@
 rule          it is broken when                                                       bound
 refused       a command is refused, or its reply is not what the job expects          always
 restart       the controller starts anew before the last reply                        always
+line          a byte is altered, lost or doubled on the line                          always
 unmet         a condition of the job (`! lost == 0`) is false                         always
 unfinished    a command is not over in time; the job ends there                       `timeout`
 collision     two bodies meet that must not: cutter and vise (docs/machines.md)       always
@@ -42,6 +43,7 @@ from isel_twin.jobs.result import Result
 RULES: Mapping[str, str] = {
     "refused": "Every command is accepted, or answered as the job expects.",
     "restart": "The controller does not start anew before the last reply.",
+    "line": "Every byte arrives as it was sent.",
     "unmet": "What a job says must be so is so.",
     "unfinished": "Every command is over in time.",
     "unpowered": "No step is made while the stages have no power.",
@@ -136,13 +138,13 @@ def few(findings: Sequence[Finding]) -> tuple[Finding, ...]:
 
 def of_margin(result: Result, bounds: Bounds) -> list[Finding]:
     """Axes whose motors keep less torque in a line than the bound asks for."""
-    words = f"{{name}} keeps {{percent:.0f}} %; at least {100 * (bounds.margin or 0.0):.0f} %"
+    words = f"{{name}} keeps {{percent:.0f}} % torque; at least {100 * (bounds.margin or 0.0):.0f} %"
     return _below("margin", result, result.margin, bounds.margin, words)
 
 
 def of_edge(result: Result, bounds: Bounds) -> list[Finding]:
     """Axes that would swing out of step at less than the factor on the speed of a line that the bound asks for."""
-    words = f"{{name}} swings from {{value:.2f}} times this speed on; at least {bounds.edge or 0.0:g}"
+    words = f"{{name}}: unstable above {{value:.2f}} times this speed; at least {bounds.edge or 0.0:g} times"
     return _below("edge", result, result.edge, bounds.edge, words)
 
 

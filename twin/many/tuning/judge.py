@@ -119,7 +119,8 @@ def make(candidate: Candidate, weather: Weather, number: int) -> Judgement:
         verdict = job.verdict
         slipped = any(verdict.lost) or any(verdict.halfway) or any(verdict.switched_off)
         met = next(map(str, verdict.collisions), "")
-        rest = met or ("a rotor rests halfway" if slipped else "the controller is in error")
+        in_error = verdict.controller_fault and not verdict.fault_known
+        rest = met or ("the controller is in error" if in_error else verdict.problems()[0])
         why = _wrong(results) or losses(twin) or rest
     if why:
         where = f", repetition {number}" if number > 0 else f", number {-number} of what this machine may be"
