@@ -37,6 +37,7 @@ from isel_twin.controller.roles import (
     Key,
     KeyValue,
     NamesOutputs,
+    TellsFault,
     UsesDrives,
     offers,
 )
@@ -68,6 +69,7 @@ __all__ = [
     "SerialFormat",
     "Setting",
     "Step",
+    "TellsFault",
     "UnknownNameError",
     "UsesDrives",
     "controller_factory",

@@ -23,7 +23,7 @@ from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.drives.servo_drive import ServoDrive
 from isel_twin.jobs.checks.contour import Contour, Drawing, Way
-from isel_twin.jobs.checks.rules import Bounds, Finding, farthest, few, of_edge, of_margin
+from isel_twin.jobs.checks.rules import Bounds, Finding, farthest, few, of_edge, of_left_out, of_margin
 from isel_twin.jobs.golden import Golden, Scribe, called, differences, golden_file, load
 from isel_twin.jobs.job import Line
 from isel_twin.jobs.playing import Played, played
@@ -349,6 +349,8 @@ def of_answer(result: Result, bounds: Bounds) -> list[Finding]:
         return [*line, found("unfinished", stands or f"no complete reply within {bounds.timeout_s:g} s")]
     if result.restarts:
         return [*line, found("restart", f"{RESTARTED}; {result.event}")]
+    if result.astray:
+        line.append(found("switch", "; ".join(filter(None, (result.astray, result.event)))))
     if result.ok or (line and result.expected is None):
         return line
     if result.condition:
@@ -389,8 +391,8 @@ def _of_verdict(verdict: Verdict, gone: NDArray[np.bool_], results: Sequence[Res
         if is_off and error is not None
     ]
     told = any(result.why and not result.ok and result.parts for result in results)
-    if verdict.controller_fault and not verdict.fault_known and not told:
-        found.append(Finding("fault", "the controller shows an error that no reply reported", last, verdict.time_ns))
+    if verdict.fault_left and not told:
+        found.append(Finding("fault", f"left in the controller: {verdict.fault_left}", last, verdict.time_ns))
     if verdict.stores_lost:
         found.append(Finding("fault", "the flash memory did not keep what was stored"))
     if verdict.flash_fault:
@@ -416,12 +418,14 @@ def repeated(call: TwinSpec, lines: Sequence[Line], made: Played, bounds: Bounds
 
     found = []
     if bounds.robust:
-        others = repetitions(call, lines, bounds.robust, timeout_s=bounds.timeout_s)
+        others = list(repetitions(call, lines, bounds.robust, timeout_s=bounds.timeout_s))
         differ = [other.number for other in others if not agree(made.verdict, other.verdict)]
-        found += [Finding("luck", _otherwise(differ, bounds.robust, "end differently"))] if differ else []
+        found += [Finding("luck", _otherwise(differ, len(others), "end differently"))] if differ else []
+        found += of_left_out("robust", bounds.robust - len(others))
     if bounds.uncertain:
         may_be = list(repetitions(call, lines, bounds.uncertain, timeout_s=bounds.timeout_s, source="known"))
         found += _doubts(made, may_be, bounds)
+        found += of_left_out("uncertain", bounds.uncertain - len(may_be))
     return found
 
 
