@@ -20,6 +20,7 @@ class MachineAxes:
     # least and greatest reading of the counter, mm; (0, 0) for an axis that there is not
     travel_mm: tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
     top_mm_s: tuple[float, float, float] | None = None  # None: what the controller makes, the axis follows
+    speed_along_path: bool = False  # the controller is set so that speeds of straight moves are those of the path
     lag_s: float = 0.0  # by which drives follow, the slowest of them; stepper motors do not
     # following error by which the speed loop of a drive, without its integral, turns an axis round against friction ...
     held_mm: float = 0.0

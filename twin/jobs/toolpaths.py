@@ -60,6 +60,7 @@ def machine_axes(machine: Machine) -> MachineAxes:
     return MachineAxes(
         steps_mm=(1.0 / x.step_mm, 1.0 / y.step_mm, 1.0 / z.step_mm),
         travel_mm=((0.0, x.travel_mm), (0.0, y.travel_mm), (0.0, z.travel_mm)),
+        speed_along_path=bool(machine.controller.get("path_speed", False)),
         lag_s=max((abs(drive.lag_s) for _, drive in servos), default=0.0),
         held_mm=max((axis.held_mm for axis, _ in servos), default=0.0),
         reset_s=max((drive.reset_s for _, drive in servos), default=1.0),
