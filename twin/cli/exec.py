@@ -160,7 +160,7 @@ def told(done: HostRun) -> str:
     parts = [
         verdict.headline if verdict.ok else "the machine failed",
         *verdict.problems(),
-        *([] if any(verdict.lost) else ["no steps lost" if verdict.physics else NOT_SIMULATED]),
+        *([] if any(verdict.lost) else ["no steps lost" if verdict.physics else f"{NOT_SIMULATED}; use --plant mujoco"]),
         f"struck: {', '.join(done.struck)}" if done.struck else "no end switch struck",
         f"at {where} mm",
         f"{(done.ended_ns - done.began_ns) / SECOND_NS:.3f} s of virtual time",
