@@ -63,7 +63,6 @@ with serial.Serial("COM4", 19200, timeout=60) as port:
 """
 SLOT = "%1\nN1 G01 X10 Y5 F1000\nN2 G01 X30 Y5\nN3 M30\n"
 POCKET = "@07\n@0R7\n@0M3200,1000,1600,1000,0,1000,0,30\n@0M14080,2500,1600,1000,0,1000,0,30\n@0P => *\n"
-ENGRAVE = "@07\n@0R7\n@0J4000\n@0M3200,1000,3200,1000,0,1000,0,30\n@0M12800,30000,3200,1000,0,1000,0,30\n"
 
 
 class Block(NamedTuple):
@@ -130,7 +129,6 @@ def prepare(folder: Path) -> None:
     (folder / "part.nc").write_text(SLOT)
     (folder / "host.py").write_text(HOST)
     (folder / "jobs" / "pocket.txt").write_text(POCKET)
-    (folder / "jobs" / "engrave.txt").write_text(ENGRAVE)
     with (folder / "isel-twin.toml").open("a") as file:  # ends with [cam]
         file.write("feed_mm_s = 20.0\n")
     record = ("run", "job.txt", "--plant", "kinematic", "--record", "session.mcap", "--steps", "job.npz")
