@@ -209,11 +209,11 @@ class Pacer:
         self._late = twin.time_ns < present
         if self._late:
             return
-        now = self._clock()
-        if self.behind and now - self._slipped[0] >= STEADY_NS:
+        if self.behind and self._clock() - self._slipped[0] >= STEADY_NS:
             self.behind = False
             self.reached = self._factor()
-        self._even = now, twin.time_ns
+        assert self.speed is not None
+        self._even = self._wall_0 + round((present - self._virtual_0) / self.speed), twin.time_ns
 
     def _factor(self) -> float:
         """Times real time reached from falling behind to the last slip."""

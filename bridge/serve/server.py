@@ -86,6 +86,12 @@ class _Piece:
         return data
 
 
+def _three_digits(factor: float) -> str:
+    """Text of a factor, rounded down: never the speed that it is short of."""
+    unit = 10.0 ** (math.floor(math.log10(factor)) - 2) if factor > 0.0 else 1.0
+    return f"{math.floor(factor / unit) * unit:.3g}"
+
+
 class Server:
     """Serves one twin on some endpoints until `stop` is called."""
 
@@ -162,9 +168,9 @@ class Server:
         if self.pacer.behind == self._behind:
             return
         self._behind = self.pacer.behind
-        slow = "this computer does not reach speed %g: %.3g times real time"
-        again = "speed %g is reached again; it was %.3g times real time meanwhile"
-        log.warning(slow if self._behind else again, self.pacer.speed, self.pacer.reached)
+        slow = "this computer does not reach speed %g: %s times real time"
+        again = "speed %g is reached again; it was %s times real time meanwhile"
+        log.warning(slow if self._behind else again, self.pacer.speed, _three_digits(self.pacer.reached))
 
     def _watches(self) -> list[FileWatch]:
         watches = [self._wake.watch]

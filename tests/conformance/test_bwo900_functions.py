@@ -485,7 +485,7 @@ def test_m26_is_refused_where_m01_is() -> None:
 @shows("bwo900-6.1-23")
 @pytest.mark.parametrize(("plc", "place"), [(BY_KEY, 30.0), (DEAF, 50.0)], ids=["yes", "no"])
 def test_a_jump_by_comparison_beside_a_function_with_a_jump(plc: str, place: float) -> None:
-    """Z72: acknowledged, the function's goal; else that of the comparison."""
+    """bwo900/61: acknowledged, the function's goal; else that of the comparison."""
     desk = with_plc(plc, "P1|N10 P500=1.50 M41.30|N20 X20 M30|N30 G0 X30 M30|N50 G0 X50 M30", p11060=M41_JUMPS, p500=1)
     desk.set("key", "setup")
     start(desk)

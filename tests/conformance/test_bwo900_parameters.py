@@ -724,7 +724,7 @@ LINES = "P1|N10 G1 F3000 X40|N20 G8 X60|N30 X100|N40 M30"
     ],
 )
 def test_limits_count_from_the_next_standstill_on(values: dict[str, float], later: float) -> None:
-    """Z87: N20 joins N10 and ends with an exact stop; N30 is planned anew."""
+    """bwo900/72: N20 joins N10 and ends with an exact stop; N30 is planned anew."""
     desk = fresh(LINES)
     first = desk.ticks
     start(desk)

@@ -192,10 +192,15 @@ def test_how_long_a_dwell_may_be() -> None:
 
 
 @shows("bwo900-4.5-5")
-@pytest.mark.parametrize("written", ["G04.1", "G4.1.", "G04.001.000"])
-def test_how_a_dwell_is_written_does_not_matter(written: str) -> None:
-    (block,) = [block for block in analysed(f"N10 {written}|N20 M30").blocks if block.dwell_s is not None]
-    assert block.dwell_s == 1.0
+@pytest.mark.parametrize("written", ["G04.3.5", "G4.3.5", "G04.3.500", "G04.000003.500", "G04.3,5"])
+def test_a_dwell_needs_no_zeros(written: str) -> None:
+    """The printed 3.5 s, with and without the zeros that the text asks for; nothing is said, nothing lasts longer."""
+    lasting = []
+    for block in (written, "G04.0"):
+        desk = run(f"P1|N10 {block}|N20 M30")
+        lasting.append(desk.time_ns)
+        assert said(desk) == []
+    assert (lasting[0] - lasting[1]) / 1e9 == pytest.approx(3.5, abs=0.05)
 
 
 # 4.8
@@ -573,6 +578,16 @@ def test_the_plane_at_the_start() -> None:
     """P8928 is the speed of a spindle; P8650 to P8659 are asked."""
     assert analysed("N10 G0 X1|N20 M30", p8928=18).path[0].plane.third == 2
     assert analysed("N10 G0 X1|N20 M30", p8650=18).path[0].plane.third == 1
+
+
+@shows("bwo900-7.2-4")
+@pytest.mark.parametrize(("y", "there"), [(20, (28.0, 2.0)), (-20, (32.0, 0.0))])
+def test_where_a_block_without_a_path_is_executed(y: int, there: tuple[float, float]) -> None:
+    """M07 within a contour along X that turns at (30, 0), the tool (2 mm) on its left. Turning left the corrected
+    paths meet at (28, 2); turning right an arc of 2 mm about the corner ends at (32, 0)."""
+    times, place, desk = moved(f"P1|N10 F1200 tr:2|N20 G41 G1 X10|N30 X30|N40 M7|N50 Y{y}|N60 M30")
+    (on_ns,) = [t for t, name, on in desk.output_log if name == "a0.3" and on]
+    assert place[times <= on_ns / 1e9][-1][:2] == pytest.approx(there, abs=0.1)
 
 
 @shows("bwo900-4.16-8")

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 import unknown
 from conformance.closed_forms import hex24, line, pulse_times_ns
-from conformance.imc_desk import CONTROLLERS, MIDDLE, XYZA, fresh, initialised, made, program, ready, stored
+from conformance.imc_desk import CONTROLLERS, MIDDLE, TRAVEL, XYZA, fresh, initialised, made, program, ready, stored
 from conformance.rows import case, shows
 
 from isel_twin.testing import Desk, Ticks
@@ -796,12 +797,50 @@ def test_erasing_takes_about_two_seconds() -> None:
         case("imc-2.2.14-1", "@0ID3"),
         case("imc-2.2.14-2", "@0IR1"),
         case("imc-2.2.14-3", "@0Id1000,900,500,900"),
-        case("imc-2.2.14-4", "@0IW"),
     ],
 )
 def test_printed_initialisations(command: str) -> None:
     assert fresh().query(command) == "0"
     assert initialised().query(command) == "0"
+
+
+def inverted_axes(desk: Desk) -> bool:
+    """X and Y run backwards, Z does not."""
+    assert desk.query("@0N7") == "0"
+    before = desk.carriage
+    made(desk, "@0A100,900,100,900,100,900,0,30")
+    return [now - was for now, was in zip(desk.carriage, before, strict=True)][:3] == [-100, -100, 100]
+
+
+def reference_at_the_far_end(desk: Desk) -> bool:
+    made(desk, "@0R7")
+    return desk.carriage[0] > TRAVEL[0] - 100 and max(desk.carriage[1:3]) < 100
+
+
+def reference_at_1000_hz(desk: Desk) -> bool:
+    times = made(desk, "@0R1").t_ns
+    return 1e9 / float((times[1:] - times[:-1]).min()) == pytest.approx(1000.0, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("printed", "acts"),
+    [
+        case("imc-2.2.14-1", "@0ID3", inverted_axes),
+        case("imc-2.2.14-2", "@0IR1", reference_at_the_far_end),
+        case("imc-2.2.14-3", "@0Id1000,900,500,900", reference_at_1000_hz),
+    ],
+)
+@shows("imc-2.2.14-4")
+@pytest.mark.parametrize("written", [True, False])
+def test_printed_initialisations_at_the_next_power_on(
+    printed: str, acts: Callable[[Desk], bool], written: bool
+) -> None:
+    desk = fresh(carriage=(2000, 2000, 2000, 2000))
+    for command in ("@0IE65535", "@0IW", printed, *(["@0IW"] if written else [])):
+        assert desk.query(command) == "0"
+    desk.power_cycle()
+    assert desk.query("@07") == "0"
+    assert acts(desk) == written
 
 
 @shows("imc-2.2.14-5")

@@ -114,7 +114,7 @@ def test_the_edge_of_each_axis_is_seen(bench, open_panel):
     axis = here.twin.machine.axes[0]
     limit_hz = limit_rad_s(axis.motor, axis.stage) * axis.steps_per_rev / (2.0 * math.pi)
     edge = page["[data-axis=x] td:nth-child(9)"]
-    expect(page["#axes th:nth-child(9)"]).to_have_text("edge")
+    expect(page["#axes th:nth-child(9)"]).to_have_text("least edge")
     page.say(f"@0A 64000,{round(limit_hz / 2.0)},0,30,0,30,0,30")
     expect(edge).to_have_text("2.00")
     expect(edge).not_to_have_class("lost")

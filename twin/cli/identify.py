@@ -199,7 +199,13 @@ def unknowns_of(
         names = list(dict.fromkeys(wanted or [*default_names(axes, machine), *spans]))
         if missing := [name for name in spans if name not in names]:
             raise CallError(f"prior {missing[0]}: is not fitted; add it to --fit", option=True)
-        return [unknown(machine, name, spans.get(name)) for name in names]
+        found = [unknown(machine, name, spans.get(name)) for name in names]
+        for item in found:
+            low, high = spans.get(item.name, (item.prior, item.prior))
+            if low < item.least or high > item.most:
+                allowed = f"{item.least:g} .. {item.most:g} {item.unit}".removesuffix(" 1")
+                raise ValueError(f"prior {item.name}: {low:g} .. {high:g}; allowed: within {allowed}")
+        return found
 
 
 def _sessions(recordings: Sequence[Path], told: Measured, controller: str, machine: Machine) -> list[Session]:

@@ -168,7 +168,7 @@ class JsonOutput:
 
         told = dataclasses.asdict(result)
         unknown = [name for name in told if name.endswith("_known")]
-        unknown += [name for name in ("why", "event", "parts", "restarts") if not told[name]]
+        unknown += [name for name in ("why", "event", "parts", "restarts", "disturbed", "astray") if not told[name]]
         if result.expected is None:
             unknown += ["expected", "condition"]
         say_json({key: value for key, value in told.items() if key not in unknown})

@@ -36,6 +36,7 @@ from isel_twin.controller.roles import (
     Key,
     KeyValue,
     NamesOutputs,
+    TellsFault,
     UsesDrives,
     offers,
 )
@@ -67,6 +68,7 @@ __all__ = [
     "SerialFormat",
     "Setting",
     "Step",
+    "TellsFault",
     "UnknownNameError",
     "UsesDrives",
     "controller_factory",

@@ -204,6 +204,8 @@ class Twin(Operated, Seen, Connected, Saved):
         self._straight = self._plant if isinstance(self._plant, GoesStraight) else None
         self._notes: list[Note] = []
         self._margin_readers = MarginReaders()
+        self.margin_since_ns = 0
+        """From when on `margin` and `speed_edge` are the least: the last `watch_margin`."""
         self._least: Any = None
         self._sense: NDArray[np.int8] | None = None
         """Directions of the motors in a motion, if one is turned round."""

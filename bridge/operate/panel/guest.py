@@ -23,6 +23,7 @@ import logging
 import math
 import socket
 import time
+from collections import deque
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -57,6 +58,7 @@ log = logging.getLogger("isel_twin")
 
 FRAMES_PER_S = 20.0  # samples of the twin in a wall second, at most
 ROUND = 32  # requests dealt with in one round of the server's loop
+PACE_S = 1.0  # wall seconds over which it is measured how fast virtual time runs
 MARGIN_NS = 5 * MILLISECOND_NS  # virtual time of a least margin: several windows of the plant
 SAID_BYTES = 4096  # longest text typed at once, as bytes on the line
 
@@ -101,6 +103,7 @@ class Panel(Guest):
         self._trigger: tuple[Mapping[str, Any], Pending] | None = None  # of all browsers together
         self._next_s = 0.0
         self._last: Frame = {}
+        self._paces: deque[tuple[float, int]] = deque()  # wall time in s and virtual time in ns of the last samples
         self._met = 0  # collisions that have been shown
         self._margin_ns = -MARGIN_NS
         self._margin: list[float | None] = []  # least margins from the frame before to that time
@@ -309,9 +312,20 @@ class Panel(Guest):
             "desk": None if self._desk is None else self._desk.about,
         }
 
+    def _reached(self) -> float | None:
+        """Times real time that virtual time has run in the last second of samples; None before there is one."""
+        (began_s, began_ns), (now_s, now_ns) = self._paces[0], self._paces[-1]
+        past_s = now_s - began_s
+        return None if past_s < PACE_S / 2.0 else (now_ns - began_ns) / SECOND_NS / past_s
+
     def _sample(self) -> None:
         assert self._server is not None
         twin, pacer = self._twin, self._server.pacer
+        if not pacer.behind or (self._paces and pacer.wall_s - self._paces[-1][0] > PACE_S):
+            self._paces.clear()
+        self._paces.append((pacer.wall_s, twin.time_ns))
+        while self._paces[-1][0] - self._paces[0][0] > PACE_S:
+            self._paces.popleft()
         frame = self._operator.state()
         frame["step_hz"] = twin.step_hz.tolist()
         if twin.time_ns >= self._margin_ns + MARGIN_NS:
@@ -319,7 +333,9 @@ class Panel(Guest):
             self._margin = [None if math.isnan(margin) else margin for margin in self._margins.take().tolist()]
         frame["margin_now"] = self._margin
         frame["supply_v"] = twin.supply_v if math.isfinite(twin.supply_v) else None
+        frame["velocity_mm_s"] = twin.velocity_mm_s.tolist()
         frame["behind"] = pacer.behind
+        frame["reached"] = self._reached() if pacer.behind else None
         frame["hosts"] = [endpoint.kind for endpoint in self._server.endpoints if endpoint.busy]
         lines = self.monitor.lines()
         for collision in twin.collisions[self._met :]:

@@ -67,7 +67,14 @@ class Control:
 
     @property
     def fault(self) -> bool:
-        return self._outgoing.fault
+        return bool(self.fault_cause)
+
+    @property
+    def fault_cause(self) -> str:
+        """The last message that is a fault; one that HAND has cleared while its cause stands, too."""
+        if self._outgoing.fault_cause:
+            return self._outgoing.fault_cause
+        return "emergency stop" if not self._hardware.levels.get("estop", True) else ""
 
     @property
     def messages(self) -> list[Message]:
@@ -157,8 +164,10 @@ class Control:
                 self._channel.abort()
                 self._feeder.end()
             else:
-                self._hardware.say(message(error.number, detail=error.detail, infos=error.infos, effect=Effect.SHOWN))
-                self._outgoing.fault = self.fault or error.number != Code.PROGRAM_OVERWRITTEN
+                said = message(error.number, detail=error.detail, infos=error.infos, effect=Effect.SHOWN)
+                self._hardware.say(said)
+                if error.number != Code.PROGRAM_OVERWRITTEN:
+                    self._outgoing.fault_cause = self._outgoing.fault_cause or str(said)
         if self._receiver.changed and not self._receiver.busy:
             self._receiver.changed = False
             self._execution.keep()

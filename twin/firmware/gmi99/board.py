@@ -36,7 +36,7 @@ class Board:
         self.now_ns = 0
         self.power_on_ns = 0
         self.events: list[Event] = []
-        self.fault = False
+        self.refused = ""  # the last failure that no reply has told
         self.path_run: SetPointRun | None = None  # the interpolator's motion, even a ghost
         self.ghost = False  # path_run sends no set points (N17)
         self.drives_run: SetPointRun | None = None  # motion of the drives' own indexers
@@ -64,7 +64,7 @@ class Board:
 
     def refuse(self, why: str) -> None:
         """Report a failure for which the host gets no reply."""
-        self.fault = True
+        self.refused = why
         self.events.append(Remark(why))
 
     def _output_changed(self, byte: int, value: int) -> None:

@@ -253,8 +253,9 @@ def load_settings(device: Device) -> None:
     _put_in_force(device, device.flash.settings)
 
 
-def save_settings(device: Device) -> None:
-    """`@0IW`."""
+def save_settings(device: Device) -> Activity:
+    """`@0IW`: the new values count once all of them are written; power lost before leaves the old ones (imc/51)."""
+    yield Pause(device.profile.store_ms * MILLISECOND_NS)
     device.store(settings=device.settings)
 
 

@@ -58,24 +58,27 @@ def set_off(device: Device, way: Travel) -> Generator[Request, Ended, Ended]:
     if isinstance(purpose, Until) and purpose.condition():
         return Ended(way.first, by_event=True)
     seeks = isinstance(purpose, Reference) and purpose.seek is not None
-    if not seeks and _blocked(device, way):
-        device.limit_struck()
+    if not seeks and (axis := _blocked(device, way)) is not None:
+        device.limit_struck(axis)
         raise Refusal(LIMIT_SWITCH)
     return (yield way)
 
 
-def _blocked(device: Device, way: Travel) -> bool:
-    """True if this travel would drive an axis further onto its struck switch."""
+def _blocked(device: Device, way: Travel) -> int | None:
+    """An axis that this travel would drive further onto its struck switch."""
     if not device.limits.all_active():
-        return False
+        return None
     first, last = way.first, way.first + way.law.ticks
     # over the first ticks, as a curved path may turn later; over all if the axis rests in those
     spans = (first, min(first + 100, last)), (first, last)
-    return any(
-        device.limits.blocks(axis, sense(way.path, axis, *spans))
+    blocked = (
+        axis
         for axis in device.axis_list
-        if device.guards(axis) and device.limits.struck(axis)
+        if device.guards(axis)
+        and device.limits.struck(axis)
+        and device.limits.blocks(axis, sense(way.path, axis, *spans))
     )
+    return next(blocked, None)
 
 
 def sense(path: StepPath, axis: int, *spans: tuple[int, int]) -> int:

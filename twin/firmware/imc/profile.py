@@ -35,6 +35,7 @@ class Profile:
     relay_ms: int
     cycle_ms: int
     erase_ms: int
+    store_ms: int
     line_bytes: int
     input_bytes: int
     program_memory_bytes: int

@@ -56,6 +56,23 @@ def circuits_closed(inputs: Inputs) -> bool:
     return signals["estop_1"] and signals["estop_2"] and signals["cool"]
 
 
+def open_circuit(inputs: Inputs) -> str:
+    """The emergency circuit that is open, in words; "" if none is."""
+    signals = inputs.signals
+    if not (signals["estop_1"] and signals["estop_2"]):
+        return "emergency stop"
+    return "" if signals["cool"] else "a power stage is too hot"
+
+
+def power_loss(inputs: Inputs) -> str:
+    """The cause of a loss of power, in words."""
+    if circuit := open_circuit(inputs):
+        return circuit
+    if not inputs.signals["power_ok"]:
+        return "the stages have lost their power"
+    return "emergency input of the program" if hood_safe(inputs) else "hood open in automatic"
+
+
 def powered(inputs: Inputs) -> bool:
     """True if the stages have power and may have it."""
     return inputs.signals["power_ok"] and circuits_closed(inputs)

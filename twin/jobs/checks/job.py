@@ -23,7 +23,7 @@ from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.drives.servo_drive import ServoDrive
 from isel_twin.jobs.checks.contour import Contour, Drawing, Way
-from isel_twin.jobs.checks.rules import Bounds, Finding, farthest, few, of_edge, of_margin
+from isel_twin.jobs.checks.rules import Bounds, Finding, farthest, few, of_edge, of_left_out, of_margin
 from isel_twin.jobs.golden import Golden, Scribe, called, differences, golden_file, load
 from isel_twin.jobs.job import Line
 from isel_twin.jobs.playing import Played, played
@@ -311,8 +311,9 @@ def check_job(
 
 def _expected(finding: Finding, verdict: Verdict, results: Sequence[Result]) -> bool:
     """True if the job itself expects it by a condition that is met: `! lost > 0`, `! limit_x2 == struck`."""
-    if finding.rule in ("unpowered", "restart"):
-        return not (verdict.unpowered_steps if finding.rule == "unpowered" else verdict.restarts)
+    if finding.rule in ("unpowered", "restart", "line"):
+        left = {"unpowered": verdict.unpowered_steps, "restart": verdict.restarts, "line": sum(verdict.line_faults)}
+        return not left[finding.rule]
     name = finding.message.partition(" ")[0]
     if finding.rule == "drive":
         return not verdict.switched_off[AXIS_NAMES.index(name.rstrip(":"))]
@@ -338,17 +339,23 @@ def _placed(finding: Finding, results: Sequence[Result]) -> Finding:
 
 def of_answer(result: Result, bounds: Bounds) -> list[Finding]:
     """What is wrong with the reply to a line, or with a condition."""
+
+    def found(rule: str, what: str) -> Finding:
+        return Finding(rule, f"{result.command}: {what}", result.number, result.end_ns)
+
+    line = [found("line", "; ".join(filter(None, (result.disturbed, result.event))))] if result.disturbed else []
     if not result.complete:
         stands = result.why if result.expected is None else ""
-        what = f"{result.command}: {stands or f'no complete reply within {bounds.timeout_s:g} s'}"
-        return [Finding("unfinished", what, result.number, result.end_ns)]
+        return [*line, found("unfinished", stands or f"no complete reply within {bounds.timeout_s:g} s")]
     if result.restarts:
-        return [Finding("restart", f"{result.command}: {RESTARTED}; {result.event}", result.number, result.end_ns)]
-    if result.ok:
-        return []
+        return [*line, found("restart", f"{RESTARTED}; {result.event}")]
+    if result.astray:
+        line.append(found("switch", "; ".join(filter(None, (result.astray, result.event)))))
+    if result.ok or (line and result.expected is None):
+        return line
     if result.condition:
-        return [Finding("unmet", f"{result.command}: {result.why or result.reply}", result.number, result.end_ns)]
-    return [Finding("refused", f"{result.command}: {result.shown_reply or 'no reply'}", result.number, result.end_ns)]
+        return [found("unmet", result.why or result.reply)]
+    return [*line, found("refused", result.shown_reply or "no reply")]
 
 
 def of_cycle(cycle_s: float, bounds: Bounds, line: int | None, time_ns: int) -> list[Finding]:
@@ -384,8 +391,8 @@ def _of_verdict(verdict: Verdict, gone: NDArray[np.bool_], results: Sequence[Res
         if is_off and error is not None
     ]
     told = any(result.why and not result.ok and result.parts for result in results)
-    if verdict.controller_fault and not verdict.fault_known and not told:
-        found.append(Finding("fault", "the controller shows an error that no reply reported", last, verdict.time_ns))
+    if verdict.fault_left and not told:
+        found.append(Finding("fault", f"left in the controller: {verdict.fault_left}", last, verdict.time_ns))
     if verdict.stores_lost:
         found.append(Finding("fault", "the flash memory did not keep what was stored"))
     if verdict.flash_fault:
@@ -411,12 +418,14 @@ def repeated(call: TwinSpec, lines: Sequence[Line], made: Played, bounds: Bounds
 
     found = []
     if bounds.robust:
-        others = repetitions(call, lines, bounds.robust, timeout_s=bounds.timeout_s)
+        others = list(repetitions(call, lines, bounds.robust, timeout_s=bounds.timeout_s))
         differ = [other.number for other in others if not agree(made.verdict, other.verdict)]
-        found += [Finding("luck", _otherwise(differ, bounds.robust, "end differently"))] if differ else []
+        found += [Finding("luck", _otherwise(differ, len(others), "end differently"))] if differ else []
+        found += of_left_out("robust", bounds.robust - len(others))
     if bounds.uncertain:
         may_be = list(repetitions(call, lines, bounds.uncertain, timeout_s=bounds.timeout_s, source="known"))
         found += _doubts(made, may_be, bounds)
+        found += of_left_out("uncertain", bounds.uncertain - len(may_be))
     return found
 
 

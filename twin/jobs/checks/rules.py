@@ -3,6 +3,7 @@
 rule          it is broken when                                                       bound
 refused       a command is refused, or its reply is not what the job expects          always
 restart       the controller starts anew before the last reply                        always
+line          a byte is altered, lost or doubled on the line                          always
 unmet         a condition of the job (`! lost == 0`) is false                         always
 unfinished    a command is not over in time; the job ends there                       `timeout`
 collision     two bodies meet that must not: cutter and vise (docs/machines.md)       always
@@ -13,7 +14,8 @@ halfway       a rotor rests between two stable places                           
 drive         a servo drive has switched itself off; with the line, or rests short     always
               of its command
 switch        an end switch is struck in a line that sets no counter, and no          `may_strike`
-              condition of the job (`! limit_x1 == struck`) expects it
+              condition of the job (`! limit_x1 == struck`) expects it; or an axis is
+              referenced and none of its is struck                                    always
 fault         the controller shows an error at the end, or its flash is damaged       always
 margin        the least pull-out margin of a motor in a line                          `margin`
 edge          a motor turns faster than the speed from which on it swings, over this   `edge`
@@ -25,8 +27,8 @@ luck          repetitions on other machines of the kind end differently         
 doubt         repetitions on what this machine may be, as far as it is known, end     `uncertain`
               differently or break the bounds on margin, edge or time
 odd           a line is legal and absurd: a move that crawls (a warning)               always
-effect        an event of the scenario came too late, or it or a bound had no effect  always
-              (a warning)
+effect        an event of the scenario came too late, or it or a bound had no effect, always
+              or a repetition was not made (a warning)
 """
 
 from __future__ import annotations
@@ -42,6 +44,7 @@ from isel_twin.jobs.result import Result
 RULES: Mapping[str, str] = {
     "refused": "Every command is accepted, or answered as the job expects.",
     "restart": "The controller does not start anew before the last reply.",
+    "line": "Every byte arrives as it was sent.",
     "unmet": "What a job says must be so is so.",
     "unfinished": "Every command is over in time.",
     "unpowered": "No step is made while the stages have no power.",
@@ -50,7 +53,7 @@ RULES: Mapping[str, str] = {
     "drive": "No servo drive switches itself off.",
     "collision": "Nothing meets what it must not.",
     "clearance": "What must not meet keeps a distance.",
-    "switch": "No end switch is struck but in a reference run.",
+    "switch": "End switches are struck in reference runs, and only there.",
     "fault": "The controller shows no error.",
     "margin": "Every motor keeps a margin of torque.",
     "edge": "Every motor turns slower than it may before it swings.",
@@ -144,6 +147,15 @@ def of_edge(result: Result, bounds: Bounds) -> list[Finding]:
     """Axes that would swing out of step at less than the factor on the speed of a line that the bound asks for."""
     words = f"{{name}}: unstable above {{value:.2f}} times this speed; at least {bounds.edge or 0.0:g} times"
     return _below("edge", result, result.edge, bounds.edge, words)
+
+
+def of_left_out(option: str, number: int) -> list[Finding]:
+    """Repetitions that were not made, as their machines cannot be built."""
+    if not number:
+        return []
+    return [
+        Finding("effect", f"{option}: {number} of its machines cannot be built, so the job was not repeated on them")
+    ]
 
 
 def _below(rule: str, result: Result, values: Sequence[float | None], least: float | None, words: str) -> list[Finding]:

@@ -90,6 +90,11 @@ class Heard(Protocol):
         """Let the machine come to rest."""
 
     @property
+    def fault_left(self) -> str:
+        """The fault in which the controller stands and that the job does not expect; "" for a real one, of which only
+        replies are known."""
+
+    @property
     def now_ns(self) -> int: ...
 
     def overlook(self, what: str) -> bool:
@@ -209,6 +214,12 @@ class Watched:
         if self.run is None or self.run.verdict.began_ns < self.begin_ns:
             return None
         return self.run.results, self.run.verdict.ended_ns
+
+    @property
+    def fault_left(self) -> str:
+        known = "" if self.job is None or self.run is None else self.run.verdict.fault_known
+        cause = self.twin.fault_cause
+        return "" if cause == known else cause
 
     @property
     def now_ns(self) -> int:

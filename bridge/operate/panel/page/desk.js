@@ -3,6 +3,7 @@
 
 // ---- moves by hand ---------------------------------------------------------------------------------------------------
 
+const AT_REST = "at rest", STILL_MM_S = 0.05;
 const STEPS_MM = [10, 1, 0.1, 0.01], HELD_MS = 250; // while a key is held it is said so often
 const JOG_KEYS = { ArrowLeft: ["x", -1], ArrowRight: ["x", 1], ArrowDown: ["y", -1], ArrowUp: ["y", 1], PageDown: ["z", -1], PageUp: ["z", 1] };
 let step_mm = 1, by_keys = false, held = null; // null: continuous; held: {axis, way, beat} of the key that is down
@@ -85,6 +86,15 @@ function build_override() {
   return make("label", { class: "far", id: "override", title: key.meaning }, "override", slider, shown);
 }
 
+// The machine as it is, whoever moves it: the desk knows its own moves only.
+function motion_text(now) {
+  const moving = about.axes.flatMap((axis, i) => now.step_hz[i] ? [`${axis} ${Math.round(now.step_hz[i])} steps/s`] : []);
+  if (moving.length) return `moving: ${moving.join(", ")}`;
+  const drifts = about.axes.flatMap((axis, i) => Math.abs(now.velocity_mm_s[i] || 0) >= STILL_MM_S ? [`${axis} ${now.velocity_mm_s[i].toFixed(1)} mm/s`] : []);
+  if (drifts.length) return `moving without steps: ${drifts.join(", ")}`;
+  return now.idle ? AT_REST : `${AT_REST}; the controller is at work`;
+}
+
 function build_desk() {
   held = null;
   if (!about.desk) { $("desk").replaceChildren(make("p", {}, "The language of this controller is not known: nothing can be moved by hand.")); return; }
@@ -95,8 +105,8 @@ function build_desk() {
   const doings = make("p", { id: "doings", role: "status" });
   const all = Object.fromEntries(about.desk.axes.map((axis) => [axis, 0]));
   updates.push((now) => {
-    const { doing, waiting, why } = now.desk;
-    put(doings, why || (doing ? `${doing}${waiting ? `, ${waiting} more` : ""}` : "at rest"));
+    const { doing, waiting, why } = now.desk, seen = motion_text(now);
+    put(doings, doing ? `${doing}${waiting ? `, ${waiting} more` : ""}` : [why, why && seen === AT_REST ? "" : seen].filter(Boolean).join("; "));
     mark(doings, "data-state", why ? "failed" : "");
   });
   $("desk").replaceChildren(build_places(),

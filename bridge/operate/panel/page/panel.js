@@ -122,9 +122,18 @@ function build_time() {
     const speed = String(now.speed);
     if (![...$("speed").options].some((option) => option.value === speed)) $("speed").append(make("option", { value: speed }, `× ${speed}`));
     if (document.activeElement !== $("speed") && $("speed").value !== speed) $("speed").value = speed;
-    $("link").dataset.state = now.behind ? "lost" : "on";
-    put($("link"), now.behind ? "behind real time" : now.hosts.length ? `host on ${now.hosts.join(", ")}` : "connected");
+    put($("link"), now.hosts.length ? `host on ${now.hosts.join(", ")}` : "connected");
+    put($("pace"), pace_text(now));
+    $("pace").hidden = !now.behind;
+    mark($("pace"), "data-state", now.reached !== null && now.reached < 1 && now.speed >= 1 ? "lost" : "slow");
   });
+}
+
+// Only less than real time is behind it; less than was asked for may still be much more.
+function pace_text({ reached, speed }) {
+  if (reached === null) return `less than × ${speed}`;
+  const is = `× ${reached < 10 ? reached.toFixed(2) : reached.toFixed(1)}`;
+  return reached < 1 && speed >= 1 ? `behind real time: ${is}` : `${is}, not × ${speed}`;
 }
 
 const own_states = (name) => about.settable[name].filter((state) => !about.fault_states.includes(state));
@@ -269,6 +278,10 @@ function build_axes() {
     return cells;
   });
   $("axes").tBodies[0].replaceChildren(...rows.map((cells, i) => make("tr", { "data-axis": about.axes[i] }, ...cells)));
+  const closed = about.closed_loop.slice(0, 3);
+  put($("lag"), closed.every(Boolean) ? "following error" : "load angle");
+  $("lag").title = closed.some(Boolean) ? "of a servo: command minus encoder, increments" : "counter minus rotor as an electrical angle; 180 is lost";
+  updates.push((now) => put($("since"), now.margin_since_s.toFixed(3)));
   const fixed = (value, digits) => value === undefined || value === null ? "–" : value.toFixed(digits);
   updates.push((now) => rows.forEach((cells, i) => {
     const slip = about.slip_steps[i], lag = slip && i < 3 && about.physics && !about.closed_loop[i] ? 360 * now.lost_steps[i] / slip : null;
@@ -339,7 +352,7 @@ function build_faults() {
   let shown = "";
   updates.push((now) => {
     const entries = Object.entries(now.faults);
-    for (const { first, second, time_ns } of now.collisions) entries.push([`${first} hits ${second}`, `at ${(time_ns / 1e9).toFixed(3)} s`]);
+    for (const { first, second, time_ns } of now.collisions) entries.push([`${first} hit ${second}`, `at ${(time_ns / 1e9).toFixed(3)} s`]);
     put($("faulty"), entries.length ? String(entries.length) : "");
     if (shown === (shown = JSON.stringify(entries))) return;
     wrong.replaceChildren(...entries.map(([name, fault]) => {
@@ -469,7 +482,7 @@ $("text").addEventListener("keydown", (event) => {
 
 // ---- plots -----------------------------------------------------------------------------------------------------------
 
-const PLOTS = [["step frequency", "steps/s", 1, 100], ["following error", "mm", 2, 0.02], ["torque margin", "", 3, 1]];
+const PLOTS = [["step frequency", "steps/s", 1, 100], ["true minus counter", "mm", 2, 0.02], ["least margin between points", "", 3, 1]];
 
 function build_plots() {
   $("plots").replaceChildren(...PLOTS.map(([name, unit]) =>
@@ -530,6 +543,7 @@ $("speed").addEventListener("change", (event) => {
   please({ speed: event.target.value === "max" ? "max" : Number(event.target.value) });
   event.target.blur();
 });
+$("anew").addEventListener("click", () => please({ watch_margin: true }));
 $("snapshot").addEventListener("click", () => ask({ state: true }).then((state) => save(`state-${state.time_s.toFixed(3)}s.json`, JSON.stringify(state, null, 2)), () => {}));
 
 function save(name, text) {
