@@ -162,7 +162,7 @@ def unfit(lines: Sequence[Line], controller: str) -> str:
     """Why this job cannot be sent to a real controller; "" if it can."""
     language = needed(create_language(controller), controller)
     if offers(language, RunsPrograms) or any(line.program for line in lines):
-        return f"{controller} acknowledges nothing on its line, so nobody can hear when a line is over; take the twin"
+        return f"{controller} acknowledges nothing on its line: the end of a command cannot be heard; use the twin"
     return ""
 
 

@@ -178,7 +178,7 @@ def test_what_had_no_effect_is_said_and_counted(call: Any, tmp_path: Path) -> No
     assert (code, summary["ok"]) == (0, True)
     assert (summary["events_without_effect"], summary["events_after_end"]) == (2, 2)
     assert err.count("\n") == 1
-    assert "scenario.toml: 2 of 4 events push, cut, load or break what is not there" in err
+    assert "scenario.toml: 2 of 4 events have no effect without physics" in err
 
     code, out, _ = call(job, "--scenario", "scenario.toml")
     assert code == 0

@@ -69,7 +69,7 @@ def test_the_tuned_job_is_faster_and_holds(tune: Any, tmp_path: Path) -> None:
     code, out, err = tune("tune", "job.txt", *SMALL, "--picture", "front.svg")
     assert (code, err) == (0, "")
     assert "3 new machines" in out
-    assert "kept in the controller by: @0IL  @0Ij300  @0IJ" in out
+    assert "to keep its ramps in the controller, send: @0IL  @0Ij300  @0IJ" in out
     assert (tmp_path / "front.svg").read_text().startswith("<?xml")
     assert {path.name for path in tmp_path.iterdir()} == {
         "job.txt", "job.tuned.txt", "job.permanent.txt", "job.tune.db", "front.svg"

@@ -154,11 +154,12 @@ def told(done: HostRun) -> str:
     from isel_twin.jobs.verdict import NOT_SIMULATED
 
     verdict = done.verdict
+    no_loss = "no steps lost" if verdict.physics else f"{NOT_SIMULATED}; use --plant mujoco"
     where = ", ".join(f"{name} {value:.3f}" for name, value in zip("XYZ", verdict.position_mm, strict=False))
     parts = [
         verdict.headline if verdict.ok else "the machine failed",
         *verdict.problems(),
-        *([] if any(verdict.lost) else ["no steps lost" if verdict.physics else NOT_SIMULATED]),
+        *([] if any(verdict.lost) else [no_loss]),
         f"struck: {', '.join(done.struck)}" if done.struck else "no end switch struck",
         f"at {where} mm",
         f"{(done.ended_ns - done.began_ns) / SECOND_NS:.3f} s of virtual time",

@@ -85,7 +85,7 @@ def language_of(recorded: Recorded, controller: str) -> Language:
     with call_errors(recorded.path):
         language = create_language(name)
     if language is None:
-        raise CallError(f"controller {name!r} has no language: nobody knows where its commands end")
+        raise CallError(f"controller {name!r} has no language, which would say where its commands end")
     return language
 
 

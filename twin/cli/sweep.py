@@ -189,6 +189,10 @@ def _tell(plan: Plan, rows: Sequence[dict[str, Any]], wanted: int, file: Path, j
         outputs.say_json({"summary": True, **counts, **more})
         return
     print(f"{file}: {len(rows)} of {wanted} rows, {_share(len(failed), len(rows) - len(errors))} failed")
+    if not any(row["margin"] is not None for row in rows):
+        from isel_twin.jobs.verdict import NOT_SIMULATED
+
+        print(f'  {NOT_SIMULATED}; use plant = "mujoco"')
     if errors:
         print(f"  {len(errors)} could not be computed, the first: {errors[0]['error']}")
     for name in (parameter.name for parameter in plan.parameters if not parameter.sampled):

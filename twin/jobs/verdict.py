@@ -49,7 +49,7 @@ HALFWAY = 0.375  # distance from the nearest stable place, in slips, beyond whic
 SHOWN_COLLISIONS = 3  # most collisions in words
 AFTER_END = "after the end of the job"
 HALF_A_SLIP = "stopped half a slip off, held there by friction alone"
-NOT_SIMULATED = "lost steps, margins and loads were not simulated; use --plant mujoco"
+NOT_SIMULATED = "lost steps, margins and loads were not simulated"
 
 SHOWN_UNMET = 10  # lines of a job that are named if they did not get what they expected
 
