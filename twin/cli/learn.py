@@ -22,7 +22,7 @@ def learn(
     /,
     *,
     twin: options.SessionTwin = options.DEFAULT_SESSION_TWIN,
-    out: Annotated[Path | None, Parameter(name=("--out", "-o"), help="A flash memory with what was found.")] = None,
+    out: Annotated[Path | None, options.written("A flash memory with what was found.", name=("--out", "-o"))] = None,
     time_tolerance: sessions.TimeTolerance = None,
     step_tolerance: sessions.StepTolerance = 1,
     json: options.Json = False,

@@ -181,7 +181,7 @@ class JsonOutput:
                 "format": source.title,
                 "said_s": round(source.seconds, 3),
                 "told": compared(source, results),
-                "cautions": list(source.cautions),
+                "cautions": list(map(str, source.cautions)),
             }
         }
 

@@ -31,7 +31,7 @@ TimeTolerance = Annotated[
     float | None, Parameter(help="Seconds by which durations may differ. Default: from the session's quick replies.")
 ]
 StepTolerance = Annotated[options.Whole, Parameter(help="Steps by which positions may differ.")]
-ReportPath = Annotated[Path | None, Parameter(help="A page with both time lines (HTML).")]
+ReportPath = Annotated[Path | None, options.written("A page with both time lines (HTML).", *options.PAGE, bare=True)]
 
 
 def limits_of(time_tolerance: float | None, step_tolerance: int) -> Limits:
