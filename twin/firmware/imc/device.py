@@ -128,9 +128,10 @@ class Device:
         if event in (SafetyEvent.INITIALISED, SafetyEvent.REFERENCE_BEGUN):
             self.forget_unmade()
 
-    def limit_struck(self, axis: int) -> None:
-        """A limit switch has ended a motion: moves are forbidden, positions are lost."""
-        self.note(SafetyEvent.LIMIT_STRUCK, " and ".join(map(name_of, self.limits.struck(axis))) + " struck")
+    def limit_struck(self, axis: int, why: str = "") -> None:
+        """A limit switch has ended a motion: moves are forbidden, positions are lost. why: in place of its name."""
+        struck = " and ".join(map(name_of, self.limits.struck(axis)))
+        self.note(SafetyEvent.LIMIT_STRUCK, why or f"{struck} struck")
         self.lose_references()
 
     def require_axes(self) -> None:

@@ -100,7 +100,7 @@ def _find_switch(device: Device, axis: int) -> Activity:
 
 def _fail(device: Device, axis: int, what: str, why: str) -> NoReturn:
     """Raise Refusal(2), as after a limit switch, with its reason as a remark."""
-    device.limit_struck()
+    device.limit_struck(axis, why)
     device.remark(f"{what} of {AXIS_NAMES[axis].upper()}: {why}")
     raise Refusal(LIMIT_SWITCH)
 
