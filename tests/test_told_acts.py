@@ -202,3 +202,32 @@ def test_a_file_of_noise_fails_a_check(tmp_path: Path) -> None:
         done = isel_twin(command, *called)
         assert done.returncode == 1
         assert "bytes altered on the line" in done.stdout
+
+
+# ---- reference runs that end without their switch --------------------------------------------------------------------
+
+REFERENCE = "@07\n@0d5000,5000,5000\n@0R7{}\n@0A1600,5000,0,30,0,30,0,30\n"
+"""By 2.2.22 of the iMC's manual the stop key stands for the switch while an axis is on its way to it."""
+
+
+@pytest.mark.parametrize("state", ["down", "broken", "stuck_open"])
+@pytest.mark.parametrize("expected", ["", " => 0"])
+@pytest.mark.parametrize("at_s", [2.0, 8.0])
+def test_a_reference_run_that_the_stop_key_has_ended_is_told(state: str, expected: str, at_s: float) -> None:
+    spec = TwinSpec("4030", "imc-s8", "kinematic", start_mm=(100.0, 100.0, 35.0))
+    twin = spec.with_events([{"at": at_s, "set": {"stop": state}}]).build()
+    lines = parse_job(REFERENCE.format(expected), create_language("imc-s8"), "imc-s8")
+    inspection = Inspection(twin, golden=False)
+    made = played(twin, lines, [inspection.take], 60.0)
+    axis = {2.0: "Z", 8.0: "Y"}[at_s]
+    said = f"referenced though no end switch was struck: {axis}"
+    assert said in made.verdict.problems()
+    findings = inspection.report("job", made.verdict).findings
+    assert [(one.rule, one.line) for one in findings if said in one.message] == [("switch", 3)]
+
+
+@pytest.mark.parametrize("start_mm", [(100.0, 100.0, 35.0), (-0.5, -0.5, -0.5)])
+def test_a_reference_run_with_its_switches_is_well(start_mm: tuple[float, float, float]) -> None:
+    twin = TwinSpec("4030", "imc-s8", "kinematic", start_mm=start_mm).build()
+    lines = parse_job(REFERENCE.format(""), create_language("imc-s8"), "imc-s8")
+    assert played(twin, lines, timeout_s=60.0).ok

@@ -224,6 +224,7 @@ class Operator:
             "paused": self._pacer.paused,
             "idle": twin.idle,
             "fault": twin.fault,
+            "fault_cause": twin.fault_cause,
             "counts": twin.counts.tolist(),
             "step_mm": twin.step_mm.tolist(),
             "position_mm": twin.position_mm.tolist(),

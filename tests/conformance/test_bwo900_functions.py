@@ -593,3 +593,19 @@ def test_before_after_or_both(bits: int, pre: int, post: int, halt: bool, jump: 
     block = done.blocks[0]
     assert ([f.code for f in block.pre], [f.code for f in block.post]) == ([50] * pre, [50] * post)
     assert {(f.halt, f.jump) for f in (*block.pre, *block.post)} == {(halt, jump)}
+
+
+@shows("bwo900-6.1-21")
+@pytest.mark.parametrize(("byte_2", "settings", "way_mm"), [
+    (0, {}, 12.5), (0x0100, {}, 0.0), (0x0100, {"ramped_halts": True}, 12.5),
+])  # fmt: skip
+def test_a_path_is_deleted_with_its_ramp_or_without(byte_2: int, settings: dict[str, bool], way_mm: float) -> None:
+    """Byte 2 of P8855; a ramp from 100 mm/s takes 100 / 2 / 400 s."""
+    desk = fresh("P1|N10 G1 F6000 X100 M26|N20 Y5|N30 M30", p12004=6000, p12008=250, p8855=byte_2, settings=settings)
+    start(desk)
+    desk.run(0.6)
+    at = mm(desk)[0]
+    desk.set("probe", "touched")
+    desk.finish()
+    assert mm(desk)[0] - at == pytest.approx(way_mm, abs=0.25)
+    assert mm(desk)[1] == 5.0

@@ -385,3 +385,14 @@ def test_the_edge_of_a_servo_axis_is_where_its_drive_switches_itself_off(
         assert edge == {}
     else:
         assert edge == {"x": {"speed": pytest.approx(1.6, rel=0.03)}}
+
+
+def test_a_factor_beyond_the_range_of_a_number_loses_that_trial_alone() -> None:
+    """The inductance of a specimen ends at 5 times that of its sheet; beyond, nothing is known to be lost."""
+    call = TwinSpec("4030", "imc-s8", "mujoco", overrides={"axes.x.specimen.inductance": 4.9})
+    lines = parse_job("@07\n@0N7\n@0A800,800,0,30,0,30,0,30\n", create_language("imc-s8"), "imc-s8")
+    assert edge.losers(call, lines, "inductance", ("x",), 1.1, 0) == {}
+    verdict = played(call.build(), lines).verdict
+    found = [one for one in edge.edges(call, lines, verdict, timeout_s=60.0) if one.quantity == "inductance"]
+    assert [(one.axis, one.factor) for one in found] == [("x", None)]
+    assert 1.0 <= found[0].tried <= 5.0 / 4.9

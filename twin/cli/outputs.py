@@ -168,7 +168,7 @@ class JsonOutput:
 
         told = dataclasses.asdict(result)
         unknown = [name for name in told if name.endswith("_known")]
-        unknown += [name for name in ("why", "event", "parts", "restarts", "disturbed") if not told[name]]
+        unknown += [name for name in ("why", "event", "parts", "restarts", "disturbed", "astray") if not told[name]]
         if result.expected is None:
             unknown += ["expected", "condition"]
         say_json({key: value for key, value in told.items() if key not in unknown})
@@ -181,7 +181,7 @@ class JsonOutput:
                 "format": source.title,
                 "said_s": round(source.seconds, 3),
                 "told": compared(source, results),
-                "cautions": list(source.cautions),
+                "cautions": list(map(str, source.cautions)),
             }
         }
 
@@ -332,7 +332,7 @@ class TableOutput:
             self._print(f"remark: line {line}: {what}")
         self._print(f"{verdict.headline}: {', '.join(told)}", style=style)
         if not verdict.physics:
-            self._print(NOT_SIMULATED)
+            self._print(f"{NOT_SIMULATED}; use --plant mujoco")
 
     def edge(self, edges: Sequence[Edge]) -> None:
         if not edges:
