@@ -215,7 +215,7 @@ class Panel(Guest):
             return self._job.ask(request["job"])
         if "desk" in request:
             if self._desk is None:
-                raise place.at("desk").wrong("nobody knows the controller's language; allowed: with one")
+                raise place.at("desk").wrong("the controller's language is not known; allowed: with one")
             return self._desk.ask(request["desk"], self._free)
         if "trigger" in request:
             return self._set_trigger(request["trigger"], place.at("trigger"))

@@ -145,7 +145,7 @@ $("file").addEventListener("change", async (event) => {
   const data = await file.arrayBuffer();
   let text;
   try { text = new TextDecoder("utf-8", { fatal: true }).decode(data); } catch { text = new TextDecoder("latin1").decode(data); }
-  request({ job: { open: { name: file.name, text } } }).then((job) => { if (job.cautions.length) tell(job.cautions.join("; ")); }, (error) => tell(error.message));
+  request({ job: { open: { name: file.name, text } } }).catch((error) => tell(error.message));
 });
 const job_please = (act) => request({ job: { [act]: true } }).catch((error) => tell(error.message));
 $("start").addEventListener("click", () => job_please("start"));
@@ -174,6 +174,7 @@ function build_job() {
     const format = job.format ? ` (${job.format})` : "", times = job.state === "ready" ? "" : `, ${job.seconds.toFixed(1)} s`;
     put($("doing"), `${job.name}${format}: ${STATES[job.state]}, ${job.made} of ${job.commands} commands${times}${job.why ? `: ${job.why}` : ""}`);
     $("doing").dataset.state = job.state;
+    put($("cautions"), job.cautions.map((said) => `caution: ${said}`).join("\n"));
     const at = $("program").children[job.line - 1], before = $("program").querySelector("[aria-current]");
     if (job.state === "ready" || before === at) return;
     if (before) before.removeAttribute("aria-current");
