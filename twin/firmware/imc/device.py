@@ -129,8 +129,12 @@ class Device:
             self.forget_unmade()
 
     def limit_struck(self, axis: int) -> None:
-        """A limit switch has ended a motion: moves are forbidden, positions are lost."""
-        self.note(SafetyEvent.LIMIT_STRUCK, " and ".join(map(name_of, self.limits.struck(axis))) + " struck")
+        """A limit switch has ended a motion."""
+        self.limit_error(" and ".join(map(name_of, self.limits.struck(axis))) + " struck")
+
+    def limit_error(self, cause: str) -> None:
+        """Moves are forbidden until the axes are set anew, positions are lost."""
+        self.note(SafetyEvent.LIMIT_STRUCK, cause)
         self.lose_references()
 
     def require_axes(self) -> None:
