@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from conformance.bwo900_desk import T1, analysed, fresh, mm, parameters, run, said, start, value
+from conformance.bwo900_desk import T1, analysed, fresh, mm, parameters, put_out, run, said, start, value
 from conformance.rows import case, shows
 from conformance.test_bwo900_paths import elements, feeds, near, refused
 
@@ -605,7 +605,12 @@ def test_the_rotation_is_what_the_parameters_hold() -> None:
 
 @shows("bwo900-4.12-5")
 def test_the_plane_at_the_start() -> None:
-    """P8928 is the speed of a spindle; P8650 to P8659 are asked."""
+    """P8928 is the speed of spindle 4 in the block that is carried out, and no plane; P8650 to P8659 are asked."""
+    desk = fresh("P1|N10 G1 F600 S1:500 S4:700 X20|N20 X40|N30 M30")
+    start(desk)
+    for seconds, speeds in ((0.5, (500.0, 700.0)), (2.5, (None, None))):
+        desk.run(seconds)
+        assert tuple(put_out(desk).get(q) for q in (16_925, 16_928)) == speeds
     assert analysed("N10 G0 X1|N20 M30", p8928=18).path[0].plane.third == 2
     assert analysed("N10 G0 X1|N20 M30", p8650=18).path[0].plane.third == 1
 

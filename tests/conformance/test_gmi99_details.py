@@ -552,7 +552,7 @@ def test_the_reference_inputs_are_bits_6_and_7_of_the_second_byte(slot: int) -> 
         desk.set(f"limit_{'xyz'[slot]}{1 + end}", "closed")
 
 
-@shows("gmi99-6-11")
+@shows("gmi99-6-11", "gmi99-3.1.2-3")
 def test_with_cards_the_drives_outputs_are_a24_on() -> None:
     """Mode 0: A0.0 is a card's, to which nothing leads; A24.0 is the first drive's."""
     desk = fresh()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
-from isel_twin.cam.toolpath import Place
+from isel_twin.cam.toolpath import Caution, Place
 
 Counts: TypeAlias = tuple[int, int, int]  # X Y Z in steps or increments, in the sense of the counters
 
@@ -56,4 +56,4 @@ class Written(NamedTuple):
 
     text: str
     place: Place | None = None  # in the user's file; None: no line of it asked for this
-    caution: bool = False  # a remark that the user has to see
+    caution: Caution | None = None  # of a remark that the user has to see

@@ -21,7 +21,7 @@
     margin, margin.x            least torque margin during the last command: 0 .. 1, or %
     time, clock                 duration of the last command, virtual time since power-on: s, ms, min
     steps                       ticks of the stream since power-on
-    fault                       1: the controller has an error that no reply has reported
+    fault                       1: the controller stands in an error that somebody must put in order
     lag, lag.x                  following error of servo drives now, the largest or of one axis, in increments
     drive_faults, .x            how often servo drives have switched themselves off since power-on
     spindle, hood, limit_x1     outputs and relays (numbers); elements, switches and faults of contacts (words)

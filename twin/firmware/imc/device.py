@@ -100,7 +100,7 @@ class Device:
 
     @property
     def fault_cause(self) -> str:
-        """The fault that stands, or the line that it has hindered (imc/51); "" if there is none."""
+        """The fault that stands, or the line that it has hindered (imc/52); "" if there is none."""
         if cause := self._left_by or open_circuit(self.inputs):
             return cause
         if self._unmade is None:
@@ -128,13 +128,10 @@ class Device:
         if event in (SafetyEvent.INITIALISED, SafetyEvent.REFERENCE_BEGUN):
             self.forget_unmade()
 
-    def limit_struck(self, axis: int) -> None:
-        """A limit switch has ended a motion."""
-        self.limit_error(" and ".join(map(name_of, self.limits.struck(axis))) + " struck")
-
-    def limit_error(self, cause: str) -> None:
-        """Moves are forbidden until the axes are set anew, positions are lost."""
-        self.note(SafetyEvent.LIMIT_STRUCK, cause)
+    def limit_struck(self, axis: int, cause: str = "") -> None:
+        """End motion at a limit switch: moves are forbidden, positions are lost. cause: in words; "": the switches."""
+        struck = " and ".join(map(name_of, self.limits.struck(axis)))
+        self.note(SafetyEvent.LIMIT_STRUCK, cause or f"{struck} struck")
         self.lose_references()
 
     def require_axes(self) -> None:

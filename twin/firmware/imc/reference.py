@@ -101,7 +101,7 @@ def _find_switch(device: Device, axis: int) -> Activity:
 def _fail(device: Device, axis: int, what: str, why: str) -> NoReturn:
     """Raise Refusal(2), as after a limit switch, with its reason as a remark."""
     cause = f"{what} of {AXIS_NAMES[axis].upper()}: {why}"
-    device.limit_error(cause)
+    device.limit_struck(axis, cause)
     device.remark(cause)
     raise Refusal(LIMIT_SWITCH)
 
