@@ -379,7 +379,7 @@ def test_other_processes_give_up_what_they_are_at() -> None:
     [
         (
             ("--robust", "3", "--plant", "kinematic"),
-            "--robust: the kinematic plant loses no step whatever",
+            "--robust: the kinematic plant loses no steps; use --plant mujoco",
         ),
         (("--robust", "-1"), "--robust -1: must be a number of repetitions"),
         (("--robust", "3", "--workers", "0"), "--workers 0: must be a number of processes from 1"),

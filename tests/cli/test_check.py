@@ -261,7 +261,7 @@ def test_a_machine_stands_where_the_settings_file_sees_it(
         (("job.txt", "--may-strike", "limit_q"), "may-strike limit_q: is no end switch; there are:"),
         (("job.txt", "--settings", "none.toml"), "none.toml: there is no such file"),
         (("job.txt", "--machine", "4O30"), "unknown machine '4O30'"),
-        (("job.txt", "--junit", "job.txt"), "job.txt: is named twice"),
+        (("job.txt", "--junit", "job.txt"), "--junit job.txt: the name must end in .xml"),
         (("job.txt", "--sarif", "none/x.sarif"), "cannot write in folder"),
         (("names.txt", "--plant", "kinematic"), "names.txt: line 3"),
         (("job.txt", "empty.txt"), "empty.txt: there is no command in it"),
@@ -329,6 +329,7 @@ def test_the_sarif_file_is_one(tmp_path: Path, capsys: pytest.CaptureFixture[str
         ("refused", 3),
         ("refused", 4),
         ("switch", 4),
+        ("fault", 4),
     ]
     assert all(place["artifactLocation"]["uri"].endswith("odd%20%22%26%3C.txt") for place in places)
     assert all(list(RULES)[each["ruleIndex"]] == each["ruleId"] for each in results)

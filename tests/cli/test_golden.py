@@ -143,7 +143,7 @@ def test_lines_that_come_and_go(job: Path, capsys: pytest.CaptureFixture[str]) -
     job.write_text(text + "@0P\n")
     assert (7, "@0P: is new") in told(capsys, job)
     job.write_text("".join(text.splitlines(keepends=True)[:-1]))
-    assert (6, "@0M0,3000,0,3000,0,30,0,30: not sent any more") in told(capsys, job)
+    assert (6, "@0M0,3000,0,3000,0,30,0,30: no longer sent") in told(capsys, job)
 
 
 def test_comments_and_empty_lines_change_nothing(job: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -64,11 +64,11 @@ def lines_of(out: str) -> tuple[list[dict[str, Any]], dict[str, Any]]:
 @pytest.mark.parametrize(
     ("option", "name"),
     [(option, "-") for option in ("--steps", "--vcd", "--trace", "--report")]
-    + [("--vcd", name) for name in ("/dev/stdin", "/dev/fd/0", "precious.txt")],
+    + [("--vcd", name) for name in ("/dev/stdin", "/dev/fd/0", "precious.vcd")],
 )
 def test_nothing_is_written_to_the_file_behind_standard_input(tmp_path: Path, option: str, name: str) -> None:
     (tmp_path / "job.txt").write_text("@07\n")
-    precious = tmp_path / "precious.txt"
+    precious = tmp_path / "precious.vcd"
     precious.write_text("years of work")
     with precious.open() as stdin:
         done = run("run", "job.txt", "--plant", "kinematic", option, name, stdin=stdin, cwd=tmp_path)
@@ -178,7 +178,7 @@ def test_what_had_no_effect_is_said_and_counted(call: Any, tmp_path: Path) -> No
     assert (code, summary["ok"]) == (0, True)
     assert (summary["events_without_effect"], summary["events_after_end"]) == (2, 2)
     assert err.count("\n") == 1
-    assert "scenario.toml: 2 of 4 events push, cut, load or break what is not there" in err
+    assert "scenario.toml: 2 of 4 events have no effect without physics" in err
 
     code, out, _ = call(job, "--scenario", "scenario.toml")
     assert code == 0

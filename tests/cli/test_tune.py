@@ -69,7 +69,7 @@ def test_the_tuned_job_is_faster_and_holds(tune: Any, tmp_path: Path) -> None:
     code, out, err = tune("tune", "job.txt", *SMALL, "--picture", "front.svg")
     assert (code, err) == (0, "")
     assert "3 new machines" in out
-    assert "kept in the controller by: @0IL  @0Ij300  @0IJ" in out
+    assert "to keep its ramps in the controller, send: @0IL  @0Ij300  @0IJ" in out
     assert (tmp_path / "front.svg").read_text().startswith("<?xml")
     assert {path.name for path in tmp_path.iterdir()} == {
         "job.txt", "job.tuned.txt", "job.permanent.txt", "job.tune.db", "front.svg"
@@ -169,7 +169,7 @@ def test_where_nothing_holds_nothing_is_written(tune: Any, tmp_path: Path) -> No
         ("job.txt --speed fast", "--speed fast: must be LOW:HIGH, for example 5000:20000"),
         ("job.txt --speed 5:50000", "speed_hz 5:50000: imc-s8 takes 30 to 40000"),
         ("job.txt --storage nonsense://x", "nonsense://x: cannot be used as a storage: Can't load plugin: *"),
-        ("job.txt --picture o.xyz", "--picture o.xyz: the name must end in one of *"),
+        ("job.txt --picture o.xyz", "--picture o.xyz: the name must end in .png, .svg or .pdf"),
         ("job.txt --out job.txt", "job.txt: is named twice in this call; choose another name for what is written"),
         ("job.txt --machine none", "unknown machine 'none'*"),
         ("none.txt", "there is no move in the job that settings could be brought to"),

@@ -256,7 +256,7 @@ def test_recordings_in_which_nothing_is_done_are_not_the_same(
         twin.run(0.1)
         assert recording.close()
     assert command("replay", tmp_path / "a.mcap") == 2
-    assert "nobody does anything in it: there is nothing to compare" in capsys.readouterr().err
+    assert "no host and no operator acts in it: there is nothing to compare" in capsys.readouterr().err
     assert command("compare", tmp_path / "a.mcap", tmp_path / "b.mcap") == 2
     assert "no host sends a command in them: there is nothing to compare" in capsys.readouterr().err
 

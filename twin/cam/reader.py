@@ -14,6 +14,7 @@ from isel_twin.cam.toolpath import Arc, CamError, Caution, Element, End, Line, P
 HEAD_LINES = 200  # that say something, by which a file is recognised
 HEAD_BYTES = 1 << 20  # at its beginning, in which they are looked for
 LONGEST = 65_536  # characters of a line that are read at once; a longer line comes in pieces of this length
+SHALLOW_MM = 0.02  # no cut of these machines is meant to be less deep
 MOST = 1e6  # mm, mm/s, s, turns a minute: no number of a job for these machines is larger
 _COMMAND = re.compile(r"\s*(@\d|<\d)")
 _REMARK = re.compile(r"\s*([;#(].*)?$")
@@ -147,22 +148,29 @@ class Once:
         return (Caution(place, text),)
 
 
-def plausible(path: Toolpath) -> Toolpath:
-    """The same toolpath; before its end a caution if it cuts above the height at which it travels (cam/14)."""
+def plausible(path: Toolpath, settings: CamSettings) -> Toolpath:
+    """The same toolpath; before its end a caution if it cuts above the height at which it travels (cam/14), or less
+    deep than it can be meant (cam/34)."""
     rapids = cuts = 0
     travel = cut = 0.0
+    deepest = zero = settings.machine_point(settings.zero)[2]
     element: Element
     for element in path:
         kind = type(element)
         if kind is Line or kind is Arc:
+            z = element.to[2]  # type: ignore[union-attr]
             cuts += 1
-            cut += element.to[2]  # type: ignore[union-attr]
+            cut += z
+            if z < deepest:
+                deepest = z
         elif kind is Rapid:
             rapids += 1
             travel += element.to[2]  # type: ignore[union-attr]
-        elif kind is End and rapids and cuts and cut / cuts > travel / rapids + 1e-9:
-            yield Caution(
-                element.place,
-                "Z of this file seems to count downwards: it cuts above its rapid moves; if so, set file_z_up = false",
-            )
+        elif kind is End:
+            if rapids and cuts and cut / cuts > travel / rapids + 1e-9:
+                why = "it cuts above its rapid moves; if so, set file_z_up = false"
+                yield Caution(element.place, f"Z of this file seems to count downwards: {why}")
+            if 1e-9 < (depth := zero - deepest) < SHALLOW_MM:
+                told = f"the deepest cut is {1000.0 * depth:.3g} um below the zero of the work"
+                yield Caution(element.place, f"{told}; is the file in another unit?")
         yield element

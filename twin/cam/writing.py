@@ -173,7 +173,7 @@ class _Writer:
             case Remark():
                 yield Written(commands.remark(element.text), place)
             case Caution():
-                yield Written(commands.remark(f"caution: {element.text}"), place, caution=True)
+                yield self._cautioned(element)
 
     def _spindle(self, spindle: Spindle) -> Iterator[Written]:
         place, speed = spindle.place, spindle.speed_rpm
@@ -242,5 +242,7 @@ class _Writer:
 
     def _cautions(self) -> Iterator[Written]:
         said, self._course.cautions = self._course.cautions, []
-        for place, text in said:
-            yield Written(self._commands.remark(f"caution: {text}"), place, caution=True)
+        yield from map(self._cautioned, said)
+
+    def _cautioned(self, caution: Caution) -> Written:
+        return Written(self._commands.remark(f"caution: {caution.text}"), caution.place, caution)

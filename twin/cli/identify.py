@@ -45,14 +45,14 @@ def identify(
             help="NAME of a recording, or how many of the last, not fitted but predicted. Default: the last one."
         ),
     ] = None,
-    patch: Annotated[Path | None, Parameter(help="Folder for a machine.toml with what was found.")] = None,
-    report: Annotated[Path | None, Parameter(help="A page about it (HTML).")] = None,
+    patch: Annotated[Path | None, options.written("Folder for a machine.toml with what was found.")] = None,
+    report: Annotated[Path | None, options.written("A page about it (HTML).", *options.PAGE, bare=True)] = None,
     score: Annotated[
         Path | None,
         Parameter(help="A filled form of a measuring day: predicted, measured, E_n. Needs no recordings."),
     ] = None,
     journal: Annotated[
-        Path | None, Parameter(help="Keeps each replay, so that the same call goes on after it was ended.")
+        Path | None, options.written("Keeps each replay, so that the same call goes on after it was ended.")
     ] = None,
     workers: options.Workers = 1,
     json: Annotated[bool, Parameter(help="One JSON object.")] = False,

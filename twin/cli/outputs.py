@@ -181,7 +181,7 @@ class JsonOutput:
                 "format": source.title,
                 "said_s": round(source.seconds, 3),
                 "told": compared(source, results),
-                "cautions": list(source.cautions),
+                "cautions": list(map(str, source.cautions)),
             }
         }
 
@@ -332,7 +332,7 @@ class TableOutput:
             self._print(f"remark: line {line}: {what}")
         self._print(f"{verdict.headline}: {', '.join(told)}", style=style)
         if not verdict.physics:
-            self._print(NOT_SIMULATED)
+            self._print(f"{NOT_SIMULATED}; use --plant mujoco")
 
     def edge(self, edges: Sequence[Edge]) -> None:
         if not edges:

@@ -169,7 +169,7 @@ def _print_found(found: Tuned, study: Study, files: Sequence[Path]) -> None:
         print(*(f"  {one.in_words()}" for one in found.may_be), sep="\n")
     print(f"written: {', '.join(map(str, files))}")
     if found.permanent:
-        print(f"kept in the controller by: {'  '.join(found.permanent)}")
+        print(f"to keep its ramps in the controller, send: {'  '.join(found.permanent)}")
 
 
 def _summary(study: Study, found: Tuned | None) -> dict[str, Any]:

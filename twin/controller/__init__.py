@@ -20,6 +20,7 @@ from isel_twin.controller.registry import (
     controller_settings,
     create_controller,
     plugin_errors,
+    readings_in_force,
     takes,
 )
 from isel_twin.controller.roles import (
@@ -77,5 +78,6 @@ __all__ = [
     "create_controller",
     "offers",
     "plugin_errors",
+    "readings_in_force",
     "takes",
 ]

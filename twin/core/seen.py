@@ -117,6 +117,11 @@ class Seen:
         return self._plant.drive_faults
 
     @property
+    def may_collide(self) -> bool:
+        """True if there are bodies that must not meet, and can: something is clamped on the table."""
+        return self._plant.may_collide
+
+    @property
     def slip_steps(self) -> NDArray[np.float64]:
         """float64 [axes], steps in one slip of each motor, four full steps."""
         return self._position.slip_steps

@@ -146,8 +146,8 @@ class Twin(Operated, Seen, Connected, Saved):
         plans, first = draw_up(origin, controller)
         self._switch_on(origin, plans, first, keep_motions)
         if not self.physics and (idle := sum(event.physical for event in plans.events)):
-            what = f"{spec.scenario or 'events'}: {idle} of {len(plans.events)} events push, cut, load or break"
-            log.warning("%s what is not there, which does nothing without physics; take the plant mujoco", what)
+            what = f"{spec.scenario or 'events'}: {idle} of {len(plans.events)} events"
+            log.warning("%s have no effect without physics; use the plant mujoco", what)
 
     def _switch_on(
         self, origin: TwinSpec, plans: Plans, controller: Controller, keep_motions: int | None, model: Any = None

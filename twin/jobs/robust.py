@@ -213,7 +213,7 @@ def check(call: TwinSpec, number: int, source: Source = "kind") -> None:
     """
     if call.plant == "kinematic":
         option = OPTIONS[source]
-        raise CallError(f"{option}: the kinematic plant loses no step whatever one perturbs; take mujoco", option=True)
+        raise CallError(f"{option}: the kinematic plant loses no steps; use --plant mujoco", option=True)
     with call_errors():
         machine, built = call.fitted(), not number
         for n in range(1, number + 1):

@@ -49,7 +49,7 @@ HALFWAY = 0.375  # distance from the nearest stable place, in slips, beyond whic
 SHOWN_COLLISIONS = 3  # most collisions in words
 AFTER_END = "after the end of the job"
 HALF_A_SLIP = "stopped half a slip off, held there by friction alone"
-NOT_SIMULATED = "lost steps, margins and loads were not simulated; use --plant mujoco"
+NOT_SIMULATED = "lost steps, margins and loads were not simulated"
 
 SHOWN_UNMET = 10  # lines of a job that are named if they did not get what they expected
 
@@ -125,6 +125,7 @@ class Verdict:
     collisions: tuple[Collision, ...] = ()  # of bodies that must not meet, since the first command was sent
     events_without_effect: int = 0  # forces, cuts and lost phases of the scenario on a plant without physics
     unwritten: tuple[str, ...] = ()  # files about the job that are not on the disk, or not whole
+    found: tuple[str, ...] = ()  # what else is wrong, such as signals of a capture that drives may misread
 
     @property
     def cycle_s(self) -> float:
@@ -206,8 +207,8 @@ class Verdict:
     def ok(self) -> bool:
         """True if every command was sent and accepted or answered as expected, every condition is met, no step is lost,
         half lost or made without power, every byte has arrived as it was sent, nothing has collided, no drive has
-        switched itself off or rests short of its command, there was no restart, the controller has no error left, and
-        all files are on the disk."""
+        switched itself off or rests short of its command, there was no restart, the controller has no error left, all
+        files are on the disk, and nothing else was found."""
         return not self.problems()
 
     def problems(self, refused: str = "refused") -> tuple[str, ...]:
@@ -253,8 +254,7 @@ class Verdict:
             told["line_faults"] = self.line_faults._asdict()
         if self.astray:
             told["astray"] = list(self.astray)
-        if self.unwritten:
-            told["unwritten"] = list(self.unwritten)
+        told |= {name: list(values) for name in ("unwritten", "found") if (values := getattr(self, name))}
         if self.collisions:
             told |= {"collisions": [collision.content for collision in self.collisions]}
         return told
@@ -361,6 +361,7 @@ def _problems(verdict: Verdict, refused: str) -> Iterator[str]:
         yield "the flash memory did not keep what was stored"
     if verdict.flash_fault:
         yield "the flash memory cannot be read"
+    yield from verdict.found
     if verdict.unwritten:
         yield f"not written: {', '.join(verdict.unwritten)}"
 

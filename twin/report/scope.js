@@ -20,7 +20,7 @@ function signals_of(session) {
     found.push({ name: `dir ${axis}`, unit: "1: minus", kind: "bits", led, axis, times: Float64Array.from(turns, (k) => times[k]), values: turns.map((k) => values[k] < 0 ? 1 : 0), shown: true });
   });
   const wanted = ["position_error_mm", "margin", "force_n", "velocity_mm_s"];
-  for (const one of session.samples) found.push({ name: one.name.replace(/_(mm|n|mm_s|v)$/, "").replaceAll("_", " "), unit: one.unit === "1" ? "" : one.unit, kind: "curves", times: session.times, curves: one.values, axes: one.values.length > 1 ? session.axes : ["path"], shown: wanted.includes(one.name) });
+  for (const one of session.samples) found.push({ name: one.name === "margin" ? "least margin" : one.name.replace(/_(mm|n|mm_s|v)$/, "").replaceAll("_", " "), unit: one.unit === "1" ? "" : one.unit, kind: "curves", times: session.times, curves: one.values, axes: one.values.length > 1 ? session.axes : ["path"], shown: wanted.includes(one.name) });
   for (const [name, changes] of Object.entries(session.changes)) {
     const values = changes.map(([, value]) => value), bits = values.every((value) => value === 0 || value === 1);
     found.push({ name, unit: "", kind: bits ? "bits" : "words", times: Float64Array.from(changes, ([time_ns]) => time_ns / 1e9), values, shown: changes.length > 1 && !/^output (current|analog)/.test(name) });

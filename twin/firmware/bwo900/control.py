@@ -23,6 +23,7 @@ from isel_twin.firmware.bwo900.modes import Mode
 from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.operating import Operating
 from isel_twin.firmware.bwo900.ports import TERMINALS, serial_format
+from isel_twin.firmware.bwo900.readings import Readings
 from isel_twin.firmware.bwo900.realtime.axes import AXES, NAMES
 from isel_twin.firmware.bwo900.realtime.deletion import PROBE
 from isel_twin.firmware.bwo900.realtime.stretch import PERIOD_NS
@@ -38,10 +39,18 @@ class Control:
     direction = (1,) * AXES
     output_names: Sequence[str] = (*MachinePlc.OUTPUTS, "spindle_speed", "drive_reset", "auto", "active", "message")
 
-    def __init__(self, flash: bytes | None, *, plc: str | None = None, memory_bytes: int = 0) -> None:
+    def __init__(
+        self,
+        flash: bytes | None,
+        *,
+        plc: str | None = None,
+        memory_bytes: int = 0,
+        readings: Readings = Readings(),  # noqa: B008 -- frozen
+    ) -> None:
         """flash: stored programs and parameters. plc: STEP 5 text in place of the default program. memory_bytes: of all
         programs; 0: as many as there are."""
         self._parameters, store, self._flash_fault = memory.read(flash)
+        self._parameters.readings = readings
         self._hardware = hardware = Hardware(self._parameters, plc)
         self._axes, self._power, self._hand = hardware.axes, hardware.power, hardware.hand
         self._plc, self._outgoing = hardware.plc, hardware.outgoing

@@ -53,6 +53,7 @@ class Board:
         self.image_mode = 0  # FB 254.2
         self.analog_drives = 0  # drives whose analog output leaves the image (FB 254.8)
         self._analog = 0
+        self.told_modulo: frozenset[int] = frozenset()  # slots whose position did not fit into its last answer
         self.pot_percent = override_pot_percent  # where the potentiometer stands
         self._levels: dict[tuple[int, int], int] = {}  # present outputs of the drives, by byte and bit
         self.images = Images(self._output_changed)

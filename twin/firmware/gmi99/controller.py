@@ -259,7 +259,7 @@ class Gmi99:
         if (instruction := parse(frame.command, frame.content)) is None:
             return
         if instruction.p1 == 0:
-            answer = b"@" + (self._card.drives.encoder(slot) & 0xFFFFFF).to_bytes(3, "little")
+            answer = queries.position(self._card, slot, self._card.drives.encoder(slot))
         elif (instruction.p1, instruction.p2) == (1, 0):
             answer = b"V" + DRIVE_VERSION.to_bytes(2, "little")
         if answer:

@@ -32,9 +32,13 @@ from isel_twin.firmware.imc.replies import (
 from isel_twin.firmware.imc.safety import TRANSITIONS, State, hood_safe, open_circuit, power_loss, powered
 from isel_twin.firmware.imc.safety import Event as SafetyEvent
 from isel_twin.firmware.imc.settings import AXES, Flash, Modal, Settings, StoredProgram, axes_of
-from isel_twin.motion import Displacement, TimeLaw, trapezoid
+from isel_twin.motion import Displacement, Rational, TimeLaw, trapezoid
 from isel_twin.motion.path import added
 
+KINDER = (
+    "the reference run alone ends the state after a limit switch (reference_ends_limit); the manual's controller "
+    "answers 2 until the axes have been set anew (@07)"
+)
 POSITION_LIMIT = 1 << 23  # counters have 24 bits, two's complement
 
 
@@ -124,9 +128,10 @@ class Device:
         if event in (SafetyEvent.INITIALISED, SafetyEvent.REFERENCE_BEGUN):
             self.forget_unmade()
 
-    def limit_struck(self, axis: int) -> None:
-        """A limit switch has ended a motion: moves are forbidden, positions are lost."""
-        self.note(SafetyEvent.LIMIT_STRUCK, " and ".join(map(name_of, self.limits.struck(axis))) + " struck")
+    def limit_struck(self, axis: int, cause: str = "") -> None:
+        """End motion at a limit switch: moves are forbidden, positions are lost. cause: in words; "": the switches."""
+        struck = " and ".join(map(name_of, self.limits.struck(axis)))
+        self.note(SafetyEvent.LIMIT_STRUCK, cause or f"{struck} struck")
         self.lose_references()
 
     def require_axes(self) -> None:
@@ -152,6 +157,18 @@ class Device:
         if not self.outputs["stages"]:
             raise Refusal(FAULT)
         self.require_hood()
+
+    def require_reference_run(self) -> None:
+        """Raise Refusal unless a reference run may begin: after a limit switch set the axes anew first (2, imc/47)."""
+        self.require_power()
+        if self.safety is State.LIMIT and not self.profile.reference_ends_limit:
+            raise Refusal(LIMIT_SWITCH)
+
+    def begin_reference_run(self) -> None:
+        """Take note that one begins, real or simulated."""
+        if self.safety is State.LIMIT:
+            self.remark(KINDER)
+        self.note(SafetyEvent.REFERENCE_BEGUN)
 
     def require_move(self) -> None:
         """Raise Refusal unless axes may move and no limit switch has been struck since (2)."""
@@ -224,7 +241,7 @@ class Device:
         """Direction of arcs; clockwise by default (imc/34)."""
         return self.modal.clockwise is not False
 
-    def law(self, speed_hz: int) -> Callable[[int], TimeLaw]:
+    def law(self, speed_hz: Rational) -> Callable[[int], TimeLaw]:
         """A function of a number of ticks that gives the time law with the present ramps, even if called later."""
         start_stop_hz, acceleration_hz_per_s = self.start_stop_hz, 1000 * self.acceleration_hz_per_ms
         return lambda ticks: trapezoid(ticks, speed_hz, start_stop_hz, acceleration_hz_per_s)

@@ -3,7 +3,7 @@ without it; this state machine reads their contacts, drops the controller's own 
 
                   initialised (@0<axes>: circuits closed, power on)
           +------------------------------------------------------------+
-          |                 initialised, reference begun               |
+          |          initialised, reference begun (imc/47)             |
           |          +-----------------------------------------+       |
           v          v                                         |       |
         [ OPERATING ] ------- limit switch struck ------> [ LIMIT ]    |
@@ -15,7 +15,7 @@ without it; this state machine reads their contacts, drops the controller's own 
                                       +--------------------------------+
 
 FAULT: stages, brake and spindle off, every reference lost; commands that move or start the spindle answer 9.
-LIMIT: every reference lost; moves answer 2. docs/safety.md has the table of events.
+LIMIT: every reference lost; moves and reference runs answer 2. docs/safety.md has the table of events.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ from isel_twin.base.units import SECOND_NS
 from isel_twin.jobs.checks.paths import arc, from_path, since_left
 from isel_twin.jobs.checks.watched import Command, Heard, JobRun, Watched
 from isel_twin.jobs.golden import Golden, GoldenError, called, differences, dumps, golden_file, load
-from isel_twin.jobs.verdict import halfway
+from isel_twin.jobs.verdict import HALF_A_SLIP, halfway
 
 __all__ = [
     "MotionError",
@@ -128,7 +128,7 @@ def assert_no_step_lost(seen: Watched) -> None:
         )
     for i in np.flatnonzero(halfway(twin.lost_steps, twin.slip_steps)):
         raise MotionError(
-            f"{AXIS_NAMES[i]} rests between two places that would hold",
+            f"{AXIS_NAMES[i]} {HALF_A_SLIP}",
             expected="no step lost",
             was=f"{twin.lost_steps[i]:+.2f} of {twin.slip_steps[i]:.0f} steps off",
             time_ns=twin.time_ns,

@@ -12,7 +12,7 @@ struck is reported once.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,7 +23,17 @@ from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.drives.servo_drive import ServoDrive
 from isel_twin.jobs.checks.contour import Contour, Drawing, Way
-from isel_twin.jobs.checks.rules import Bounds, Finding, farthest, few, of_edge, of_left_out, of_margin
+from isel_twin.jobs.checks.rules import (
+    NO_PHYSICS,
+    RULES,
+    Bounds,
+    Finding,
+    farthest,
+    few,
+    of_edge,
+    of_left_out,
+    of_margin,
+)
 from isel_twin.jobs.golden import Golden, Scribe, called, differences, golden_file, load
 from isel_twin.jobs.job import Line
 from isel_twin.jobs.playing import Played, played
@@ -36,7 +46,6 @@ if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
     from isel_twin.jobs.robust import Repetition
 
-NEED_PHYSICS = ("lost", "halfway", "margin", "edge", "deviation")  # rules that the kinematic plant cannot break
 LOOK_NS = 5 * MILLISECOND_NS  # sampling interval of the deviation
 
 
@@ -48,6 +57,17 @@ class Report:
     findings: tuple[Finding, ...]
     verdict: Verdict
     golden: Golden  # the run, without its call; empty if nobody asked for it
+    blind: Mapping[str, str] = field(default_factory=dict)  # rules that this run cannot judge, and why
+
+    def outcome(self, rule: str, bounds: Bounds) -> str:
+        """What came of a rule. "ok": it was asked for, it was measured, and nothing was found."""
+        if number := sum(finding.rule == rule for finding in self.findings):
+            return f"{number} finding{'' if number == 1 else 's'}"
+        if rule == "golden":
+            return "ok" if self.golden.call else "not asked"
+        if bounds.limit(rule) is None or (rule == "unmet" and not self.verdict.expectations):
+            return "not asked"
+        return f"not looked at: {self.blind[rule]}" if rule in self.blind else "ok"
 
     @property
     def ok(self) -> bool:
@@ -57,7 +77,7 @@ class Report:
     @property
     def unseen(self) -> tuple[str, ...]:
         """Rules that were not simulated."""
-        return () if self.verdict.physics else NEED_PHYSICS
+        return () if self.verdict.physics else tuple(name for name, rule in RULES.items() if rule.physics)
 
     def compared(self, was: Golden, now: Golden) -> Report:
         """The report with the differences from a golden run as findings; now: this run with its call."""
@@ -261,8 +281,11 @@ class Inspection:
         lines = [one.number for one in self.results if not one.condition and one.time_ns < found.time_ns]
         return [Finding("clearance", f"{found}; at least {bound:g} mm", lines[-1] if lines else None, found.time_ns)]
 
-    def report(self, job: str, verdict: Verdict, others: Sequence[Finding] = ()) -> Report:
-        """The report at the end of the job; others: further findings."""
+    def report(
+        self, job: str, verdict: Verdict, others: Sequence[Finding] = (), cautions: Sequence[Finding] | None = None
+    ) -> Report:
+        """The report at the end of the job. cautions: what its file may mean otherwise, None for no file of a CAM
+        program; others: further findings."""
         findings = [finding for finding in self._findings if not _expected(finding, verdict, self.results)]
         findings += [*self._collisions(self.results[-1].number if self.results else None), *self._clearance()]
         findings += [*_of_verdict(verdict, self._gone, self.results, self.bounds), *others]
@@ -272,9 +295,36 @@ class Inspection:
             findings.append(
                 Finding("effect", "clearance has no effect: nothing is clamped that could be met ([[fixture]])")
             )
-        placed = [_placed(finding, self.results) for finding in findings]
+        placed = [*(_placed(finding, self.results) for finding in findings), *(cautions or ())]
+        if self.bounds.strict:
+            placed = [replace(finding, strict=True) for finding in placed]
         golden = Golden() if self._scribe is None else self._scribe.golden(verdict)
-        return Report(job, few(farthest(placed)), verdict, golden)
+        return Report(job, few(farthest(placed)), verdict, golden, self._blind(verdict, cautions))
+
+    def _blind(self, verdict: Verdict, cautions: Sequence[Finding] | None) -> dict[str, str]:
+        twin, bounds = self.twin, self.bounds
+        if verdict.physics:
+            turned = {"margin": verdict.least_margin, "edge": verdict.least_edge}
+            blind = {name: "no motor has turned" for name, least in turned.items() if least is None}
+        else:
+            blind = {
+                name: NO_PHYSICS for name, rule in RULES.items() if rule.physics and bounds.limit(name) is not None
+            }
+        servos = [isinstance(axis.stage, ServoDrive) for axis in twin.machine.axes]
+        if all(servos):
+            blind |= dict.fromkeys(("lost", "halfway", "edge"), "no stepper motor")
+        if not any(servos):
+            blind["drive"] = "no servo drive"
+        met = {"collision": twin.may_collide, "clearance": twin.clearance is not None}
+        blind |= {name: "nothing is clamped that could be met" for name, can in met.items() if not can}
+        if cautions is None:
+            blind["caution"] = "no file of a CAM program"
+        bound = [name for name in RULES if bounds.limit(name) is not None and Bounds().limit(name) is None]
+        if twin.origin.scenario is None and not bound:
+            blind["effect"] = "no scenario, no bound"
+        if self._watch.contour is None:
+            blind["contour"] = "no file of a CAM program that cuts"
+        return blind
 
 
 def beside_golden(report: Report, job: Path, call: TwinSpec) -> Report:
@@ -292,13 +342,14 @@ def check_job(
     bounds: Bounds | None = None,
     begun: Callable[[Inspection], None] | None = None,
     drawn: Drawing | None = None,
+    cautions: Sequence[Finding] | None = None,
     *,
     golden: bool = True,
 ) -> Report:
     """Play a job on a twin of its own and report findings; `Report.compared` adds differences from a golden run.
 
-    begun: called with the inspection before the first line. drawn: what a file of a CAM program draws. golden: as for
-    `Inspection`. Raises CallError for a call that cannot be carried out.
+    begun: called with the inspection before the first line. drawn: what a file of a CAM program draws; cautions: what
+    it may mean otherwise. golden: as for `Inspection`. Raises CallError for a call that cannot be carried out.
     """
     inspection = Inspection(call.build(), bounds, golden=golden)
     inspection.draw(drawn)
@@ -306,7 +357,7 @@ def check_job(
         begun(inspection)
     verdict = played(inspection.twin, lines, [inspection.take], inspection.bounds.timeout_s).verdict
     others = repeated(call, lines, Played(tuple(inspection.results), verdict), inspection.bounds)
-    return inspection.report(str(job), verdict, others)
+    return inspection.report(str(job), verdict, others, cautions)
 
 
 def _expected(finding: Finding, verdict: Verdict, results: Sequence[Result]) -> bool:
@@ -400,8 +451,8 @@ def _of_verdict(verdict: Verdict, gone: NDArray[np.bool_], results: Sequence[Res
     found += of_cycle(verdict.cycle_s, bounds, last, verdict.ended_ns)
     found += [Finding("odd", what, line) for line, what in verdict.odd]
     found += of_unsent(verdict.unsent, last, verdict.ended_ns)
-    asked = (("margin", bounds.margin), ("edge", bounds.edge), ("deviation_mm", bounds.deviation_mm))
-    if in_vain := [] if verdict.physics else [name for name, bound in asked if bound is not None]:
+    asked = [rule.bound for name, rule in RULES.items() if rule.physics and bounds.limit(name)]
+    if in_vain := [] if verdict.physics else asked:
         found.append(Finding("effect", f"not simulated: {', '.join(in_vain)}; use --plant mujoco"))
     for number, what in (
         (verdict.events_after_end, AFTER_END),

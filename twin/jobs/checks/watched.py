@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 import os
+import warnings
 from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -102,7 +103,8 @@ class Heard(Protocol):
 
 
 def lines_of_job(job: str | os.PathLike[str], twin: Twin) -> Sequence[Line]:
-    """The lines of a job file, for this twin. Raises JobError (ValueError) for a job that cannot be played, OSError."""
+    """The lines of a job file, for this twin; what a file of a CAM program may mean otherwise is a warning. Raises
+    JobError (ValueError) for a job that cannot be played, OSError."""
     __tracebackhide__ = True
     path = Path(job)
     try:
@@ -118,6 +120,8 @@ def lines_of_job(job: str | os.PathLike[str], twin: Twin) -> Sequence[Line]:
         raise type(error)(error.errno, error.strerror, str(path)) from None
     if not lines:
         raise JobError(f"{path}: there is no command in it")
+    for caution in () if source is None else source.cautions:
+        warnings.warn(f"{path}: {caution}", stacklevel=3)
     return lines
 
 

@@ -3,7 +3,7 @@
 
 // ---- moves by hand ---------------------------------------------------------------------------------------------------
 
-const AT_REST = "at rest", STILL_MM_S = 0.05;
+const AT_REST = "at rest", STILL_MM_S = 0.05, NEAR_MM = 0.05; // a carriage that rings so near to its counter is at rest
 const STEPS_MM = [10, 1, 0.1, 0.01], HELD_MS = 250; // while a key is held it is said so often
 const JOG_KEYS = { ArrowLeft: ["x", -1], ArrowRight: ["x", 1], ArrowDown: ["y", -1], ArrowUp: ["y", 1], PageDown: ["z", -1], PageUp: ["z", 1] };
 let step_mm = 1, by_keys = false, held = null; // null: continuous; held: {axis, way, beat} of the key that is down
@@ -90,7 +90,7 @@ function build_override() {
 function motion_text(now) {
   const moving = about.axes.flatMap((axis, i) => now.step_hz[i] ? [`${axis} ${Math.round(now.step_hz[i])} steps/s`] : []);
   if (moving.length) return `moving: ${moving.join(", ")}`;
-  const drifts = about.axes.flatMap((axis, i) => Math.abs(now.velocity_mm_s[i] || 0) >= STILL_MM_S ? [`${axis} ${now.velocity_mm_s[i].toFixed(1)} mm/s`] : []);
+  const drifts = about.axes.flatMap((axis, i) => Math.abs(now.velocity_mm_s[i] || 0) >= STILL_MM_S && Math.abs(now.position_error_mm[i]) >= NEAR_MM ? [`${axis} ${now.velocity_mm_s[i].toFixed(1)} mm/s`] : []);
   if (drifts.length) return `moving without steps: ${drifts.join(", ")}`;
   return now.idle ? AT_REST : `${AT_REST}; the controller is at work`;
 }
@@ -145,7 +145,7 @@ $("file").addEventListener("change", async (event) => {
   const data = await file.arrayBuffer();
   let text;
   try { text = new TextDecoder("utf-8", { fatal: true }).decode(data); } catch { text = new TextDecoder("latin1").decode(data); }
-  request({ job: { open: { name: file.name, text } } }).then((job) => { if (job.cautions.length) tell(job.cautions.join("; ")); }, (error) => tell(error.message));
+  request({ job: { open: { name: file.name, text } } }).catch((error) => tell(error.message));
 });
 const job_please = (act) => request({ job: { [act]: true } }).catch((error) => tell(error.message));
 $("start").addEventListener("click", () => job_please("start"));
@@ -174,6 +174,7 @@ function build_job() {
     const format = job.format ? ` (${job.format})` : "", times = job.state === "ready" ? "" : `, ${job.seconds.toFixed(1)} s`;
     put($("doing"), `${job.name}${format}: ${STATES[job.state]}, ${job.made} of ${job.commands} commands${times}${job.why ? `: ${job.why}` : ""}`);
     $("doing").dataset.state = job.state;
+    put($("cautions"), job.cautions.map((said) => `caution: ${said}`).join("\n"));
     const at = $("program").children[job.line - 1], before = $("program").querySelector("[aria-current]");
     if (job.state === "ready" || before === at) return;
     if (before) before.removeAttribute("aria-current");
