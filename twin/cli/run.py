@@ -18,7 +18,7 @@ from isel_twin.base.units import SECOND_NS
 from isel_twin.cli import options, outputs
 from isel_twin.cli.files import MOST_SAMPLES, Files, RecordPath, ReportPath, StepsPath, TracePath, VcdPath
 from isel_twin.cli.interruption import interruption
-from isel_twin.cli.jobs import FormatName, check_names, clamped, job_name, read_source
+from isel_twin.cli.jobs import check_names, clamped, job_name, read_source, say_zero
 
 if TYPE_CHECKING:
     from isel_twin.core.spec import TwinSpec
@@ -53,7 +53,7 @@ def run(
     robust: options.Robust = 0,
     uncertain: options.Uncertain = 0,
     workers: options.Workers = 1,
-    form: FormatName = None,
+    cam: options.CamOptions = options.AS_IT_LOOKS,
     json: Annotated[bool, Parameter(help="One line of JSON a command, then one with the summary.")] = False,
 ) -> int:
     """Run a file of controller commands, or a program of the controller's, in virtual time.
@@ -88,7 +88,9 @@ def run(
     options.check_seconds("interval", interval, 1e-9)
     options.check_seconds("timeout", timeout, 0.0)
     call = clamped(twin.spec(), job)
-    lines, source = read_source(job, call, form)
+    asked = cam.reading()
+    lines, source = read_source(job, call, asked)
+    say_zero(job, asked, None if source is None else source.zero)
     files = Files(steps, vcd, trace, report, record, interval)
     if files.sampled:
         _check_samples(lines, interval)
@@ -171,7 +173,8 @@ def _write_page(
     assert inspection is not None
     found = inspection.report(job_name(job), made.verdict, cautions=of_cautions(source))
     if golden is not None:
-        found = found.compared(golden, as_called(found.golden, call, job, golden_file(job)))
+        zero = None if source is None else source.zero
+        found = found.compared(golden, as_called(found.golden, call, job, golden_file(job), zero))
     title, summary = f"isel-twin: {job_name(job)}", {**made.verdict.summary(), **called}
     write_report(path, title, twin, recorder, made.results, summary, found, inspection.bounds)
 

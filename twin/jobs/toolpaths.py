@@ -15,14 +15,17 @@ import io
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Literal
 
 from isel_twin.base.units import SECOND_NS
+from isel_twin.cam.course import TravelError
 from isel_twin.cam.estimate import Estimate
+from isel_twin.cam.fitting import FIT, Read, advised, fitted, remarked, with_zero
 from isel_twin.cam.reader import Reader, head_of, statements, text_lines
 from isel_twin.cam.registry import reader_for, reader_named
 from isel_twin.cam.settings import CamSettings
-from isel_twin.cam.toolpath import CamError, Caution, Element, End, Toolpath
+from isel_twin.cam.toolpath import CamError, Caution, Element, End, Point, Toolpath
 from isel_twin.cam.written import MachineAxes, Written
 from isel_twin.controller import offers
 from isel_twin.drives.servo_drive import ServoDrive
@@ -46,6 +49,30 @@ class Source:
     seconds: float = 0.0  # ways at their feeds, without ramps
     of_lines_s: Mapping[int, float] = field(default_factory=dict)  # the same of each line of the file
     path: Callable[[], Toolpath] = field(default=lambda: iter(()), repr=False)  # reads the file once more
+    zero: Point | None = None  # of the work, if the call has asked for one, or for one that fits
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What a call says of files of CAM programs, whatever they look like and their settings say."""
+
+    form: str | None = None  # the format
+    zero: Point | Literal["fit"] | None = None  # of the work; "fit": one with which the file is within the travel
+
+    def taken(self, read: Read, axes: MachineAxes, settings: CamSettings) -> tuple[Read, CamSettings]:
+        """The settings with the zero asked for, and the file, which says a chosen one. Raises JobError if none fits."""
+        if self.zero is None:
+            return read, settings
+        if self.zero != FIT:
+            return read, with_zero(settings, self.zero)
+        try:
+            chosen = fitted(read, axes, settings)
+        except CamError as error:
+            raise JobError(str(error)) from None
+        return lambda settings: remarked(read(settings), settings), chosen
+
+
+AS_IT_LOOKS = Reading()
 
 
 def machine_axes(machine: Machine) -> MachineAxes:
@@ -86,19 +113,19 @@ def source_of(
     controller: str,
     machine: Callable[[], Machine],
     settings: CamSettings,
-    named: str | None = None,
+    reading: Reading = AS_IT_LOOKS,
 ) -> Source | None:
-    """What a file of a CAM program becomes; None for anything else. machine: asked for such a file only. named: its
-    format, whatever it looks like. Raises JobError."""
+    """What a file of a CAM program becomes; None for anything else. machine: asked for such a file only. Raises
+    JobError."""
+    named = reading.form or settings.format or None
     try:
-        named = named or settings.format or None
         reader = reader_of(data, suffix, language, named)
     except ValueError as error:
         raise JobError(str(error)) from None
     if reader is None:
         return None
     try:
-        return converted(data, reader, language, controller, machine_axes(machine()), settings)
+        return converted(data, reader, language, controller, machine_axes(machine()), settings, reading)
     except JobError:
         if named is not None or not _is_program(head_of(data), language):
             raise
@@ -126,28 +153,38 @@ def reader_of(data: bytes, suffix: str, language: Language | None, named: str | 
 
 
 def written(
-    toolpath: Toolpath, language: Language | None, controller: str, axes: MachineAxes, settings: CamSettings
+    read: Read, watched: Watched, language: Language | None, controller: str, axes: MachineAxes
 ) -> Iterator[Written]:
-    """The lines of a job. Raises CamError, and JobError for a controller that cannot be written for."""
+    """The lines of a job of the file that is read. Raises JobError for what cannot be made, with its place, and for a
+    controller that cannot be written for."""
+    settings = watched.settings
     if not offers(language, WritesToolpaths):
         raise JobError(f"the language of {controller} cannot write toolpaths; name another controller")
-    return language.written(toolpath, axes, settings)
+    try:
+        yield from language.written(watched.through(read(settings)), axes, settings)
+    except TravelError as error:
+        raise JobError(str(advised(error, read, axes, settings))) from None
+    except CamError as error:
+        raise JobError(str(error)) from None
 
 
 def converted(
-    data: bytes, reader: Reader, language: Language | None, controller: str, axes: MachineAxes, settings: CamSettings
+    data: bytes,
+    reader: Reader,
+    language: Language | None,
+    controller: str,
+    axes: MachineAxes,
+    settings: CamSettings,
+    reading: Reading = AS_IT_LOOKS,
 ) -> Source:
     """A whole file as a job. Raises JobError for anything in it that cannot be made, with its place."""
-    watched = Watched(settings)
 
-    def read() -> Toolpath:
+    def read(settings: CamSettings) -> Toolpath:
         return reader.read(text_lines(io.BytesIO(data)), settings)
 
-    path = watched.through(read())
-    try:
-        made = list(written(path, language, controller, axes, settings))
-    except CamError as error:
-        raise JobError(str(error)) from None
+    taken, settings = reading.taken(read, axes, settings)
+    watched = Watched(settings)
+    made = list(written(taken, watched, language, controller, axes))
     places = _places(made)
     text = "\n".join(one.text for one in made) + "\n"
     lines = []
@@ -157,7 +194,9 @@ def converted(
         else:
             lines.append(replace(line, number=places[line.number - 1]))
     cautions = (*watched.cautions, *(one.caution for one in made if one.caution is not None))
-    return Source(reader.title, text, tuple(lines), cautions, watched.seconds, watched.of_lines_s, read)
+    zero = None if reading.zero is None else settings.zero
+    again = partial(taken, settings)
+    return Source(reader.title, text, tuple(lines), cautions, watched.seconds, watched.of_lines_s, again, zero)
 
 
 def _places(made: Sequence[Written]) -> tuple[int, ...]:
@@ -174,6 +213,7 @@ class Watched:
     asked for, and a caution about a file that moves nothing."""
 
     def __init__(self, settings: CamSettings, by_line: bool = True) -> None:
+        self.settings = settings
         self._sums = Estimate(settings)
         self._by_line = by_line
         self.cautions: list[Caution] = []

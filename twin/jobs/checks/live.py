@@ -96,7 +96,7 @@ class LiveJob:
                 made = self._made = _Made(task, files, settings)
         call = task.call
         language, controller = made.language, call.controller
-        source = source_of(data, self.job.suffix, language, controller, lambda: made.machine, made.cam, task.form)
+        source = source_of(data, self.job.suffix, language, controller, lambda: made.machine, made.cam, task.reading)
         lines = lines_of(source, data, language, controller)
         if not lines:
             raise JobError("there is no command in it")
@@ -107,7 +107,7 @@ class LiveJob:
         self._lines, self._converted = lines, source is not None
         self.figures = figures(made.check.results)
         with call_errors(golden_file(self.job)):
-            return beside_golden(report, self.job, call) if task.golden else report
+            return beside_golden(report, self.job, call, source) if task.golden else report
 
     def explained(self, number: int, text: str) -> Iterator[str]:
         """What a line of the file means, a row for each command; text: the line as it stands there now."""
