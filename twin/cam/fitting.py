@@ -1,7 +1,7 @@
 """Where a file's ways lie, and a zero of the work with which they are within the travel.
 
-    file, zero       --- read --->   X 10 .. 60      a coordinate that follows the zero, or stays where it is:
-    file, zero + 1   --- read --->   X 11 .. 61      G53, G28, a zero of its own
+    file, a zero     --- read --->   X 10 .. 60      a coordinate that follows the zero, or stays where it is:
+    file, 1 mm more  --- read --->   X 11 .. 61      G53, G28, a zero of its own
 
 Nobody has to know what the words of a format do with the zero: the file is read with two zeros, and compared.
 """
@@ -25,6 +25,7 @@ Read: TypeAlias = Callable[[CamSettings], Toolpath]
 FIT: Final = "fit"  # in place of a zero
 ROOM_MM = 5.0  # kept from the ends of the travel, where there is as much
 _SAME_MM = 1e-6
+_ASIDE_MM = 0.577215  # so that no way has no length, as one to where the tool stands anyway
 _NO_WAY = "the way depends on the zero of the work; choose one by hand"
 
 _Span: TypeAlias = tuple[float, float]  # least and greatest, mm
@@ -39,6 +40,16 @@ class Extents:
     fixed: tuple[_Ends | None, ...]  # of the machine, of what does not
 
 
+class BeyondError(CamError):
+    """A way beyond the travel, with all that it takes to mend it. zero: one that fits, if there is one."""
+
+    def __init__(self, why: str, zero: Point | None = None, key: str = "") -> None:
+        words = "" if zero is None else in_words(zero)
+        keeps = f"{key} = [{words.replace(',', ', ')}] keeps it"
+        super().__init__(why if zero is None else f"{why}: --zero {words} fits, or --zero fit ({keeps})")
+        self.why, self.zero = why, zero
+
+
 def with_zero(settings: CamSettings, zero: Point) -> CamSettings:
     """The settings with this zero of the work, which is that of G54, too."""
     return replace(settings, zero=zero, zeros={**settings.zeros, 1: zero} if 1 in settings.zeros else settings.zeros)
@@ -50,7 +61,8 @@ def in_words(zero: Point) -> str:
 
 
 def fitted(read: Read, axes: MachineAxes, settings: CamSettings) -> CamSettings:
-    """The settings with the nearest zero that keeps all ways within the travel. Raises CamError if none does."""
+    """The settings with the nearest zero that keeps all that follows it within the travel. Raises CamError if none
+    does."""
     found = extents(read, settings)
     zero, why = _nearest(found, axes, _zero(settings))
     if why:
@@ -64,26 +76,35 @@ def remarked(path: Toolpath, settings: CamSettings) -> Iterator[Element]:
     yield from path
 
 
-def advised(error: TravelError, read: Read, axes: MachineAxes, settings: CamSettings) -> CamError:
-    """The refusal of a way beyond the travel, with all that it takes to mend it."""
+def advised(error: TravelError, read: Read, axes: MachineAxes, settings: CamSettings) -> BeyondError:
+    """The refusal of a way beyond the travel, with the zero that mends it."""
     try:
         found = extents(read, settings)
     except CamError as other:
-        return CamError(f"{error}; no zero that fits can be told: {other}")
+        return BeyondError(f"{error}; no zero that fits can be told: {other}")
     zero, why = _nearest(found, axes, _zero(settings))
-    key = "[cam] zeros 1" if 1 in settings.zeros else "[cam] zero"
-    mend = f"no zero fits: {why}" if why else f"--zero {in_words(zero)} fits, or --zero fit ({key} keeps it)"
-    return CamError(f"{error}; {_drawn(found, axes, settings)}: {mend}")
+    told = f"{error}; {_drawn(found, axes, settings)}"
+    if why := _fixed_beyond(found, axes) or why:
+        return BeyondError(f"{told}: no zero fits: {why}")
+    return BeyondError(told, zero, "[cam] zeros.1" if 1 in settings.zeros else "[cam] zero")
 
 
 def extents(read: Read, settings: CamSettings) -> Extents:
     """Raises CamError, also for a file of which they cannot be told."""
-    zero = _zero(settings)
-    moved = with_zero(settings, (zero[0] + 1.0, zero[1] + 1.0, zero[2] + 1.0))
+    try:
+        return _extents(read, settings, (1.0, 1.0, 1.0))
+    except CamError:  # as of an arc that begins where the tool stands before the job
+        return _extents(read, settings, (0.0, 0.0, 1.0))
+
+
+def _extents(read: Read, settings: CamSettings, by_mm: Point) -> Extents:
+    """by_mm: between the two zeros, 0 or 1."""
+    x, y, z = (at + _ASIDE_MM * by for at, by in zip(_zero(settings), by_mm, strict=True))
+    zero, moved = (x, y, z), with_zero(settings, (x + by_mm[0], y + by_mm[1], z + by_mm[2]))
     start, signs = settings.machine_point(settings.start), (1, 1, settings.z_sign)
     work: list[_Span | None] = [None] * len(AXES)
     fixed: list[_Ends | None] = [None] * len(AXES)
-    for one, other in zip_longest(_motions(read(settings)), _motions(read(moved))):
+    for one, other in zip_longest(_motions(read(with_zero(settings, zero))), _motions(read(moved))):
         if one is None or other is None or one.place != other.place:
             raise CamError(_NO_WAY)
         for axis, span in enumerate(_reach(one, start)):
@@ -94,7 +115,7 @@ def extents(read: Read, settings: CamSettings) -> Extents:
                 ends = fixed[axis] or (least, most)
                 fixed[axis] = min(ends[0], least), max(ends[1], most)
             elif abs(by - 1.0) < _SAME_MM:
-                low, high = low - zero[axis], high - zero[axis]
+                low, high = (round(mm - zero[axis], 9) for mm in (low, high))
                 before = work[axis] or (low, high)
                 work[axis] = min(before[0], low), max(before[1], high)
             else:
@@ -124,20 +145,25 @@ def _nearest(found: Extents, axes: MachineAxes, zero: Point) -> tuple[Point, str
     """The zero nearest to this one that fits, and "", or this one, and why there is none."""
     chosen = list(zero)
     for axis, (name, (low, high)) in enumerate(zip(AXES, axes.travel_mm, strict=True)):
-        half = 0.5 / axes.steps_mm[axis]  # of a count: places are rounded to one
-        for mm, place in found.fixed[axis] or ():
-            if not low - half <= mm <= high + half:
-                where = f"line {place.line} leads to {name} {_plain(mm)} mm wherever the zero of the work is"
-                return zero, f"{where} (G53, G28, G91 from the start, a zero of its own)"
         if (span := found.work[axis]) is None:
             continue
         least, most = low - span[0], high - span[1]  # of the zero
-        if most < least - half:
+        if most < least - 0.5 / axes.steps_mm[axis]:  # places are rounded to a count
             return zero, f"along {name} the file is longer than the travel by {_plain(least - most)} mm"
         # counters are 0 where the reference run ends, but the far switch may stand before the end of the travel
         if not least - _SAME_MM <= zero[axis] <= max(most - ROOM_MM, least) + _SAME_MM:
             chosen[axis] = _within(zero[axis], least, most)
     return (chosen[0], chosen[1], chosen[2]), ""
+
+
+def _fixed_beyond(found: Extents, axes: MachineAxes) -> str:
+    """A place beyond the travel that no zero moves, in words; "" if there is none."""
+    for name, ends, (low, high), steps in zip(AXES, found.fixed, axes.travel_mm, axes.steps_mm, strict=True):
+        for mm, place in ends or ():
+            if not low - 0.5 / steps <= mm <= high + 0.5 / steps:
+                where = f"line {place.line} leads to {name} {_plain(mm)} mm wherever the zero of the work is"
+                return f"{where} (G53, G28, G91 from the start, a zero of its own)"
+    return ""
 
 
 def _within(mm: float, least: float, most: float) -> float:

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from isel_twin.base.errors import CallError, call_errors
-from isel_twin.cli.outputs import many, say
+from isel_twin.cli.outputs import say
 
 COMMANDS = ".txt"  # suffix of a job of commands
 SHOWN = 5  # most files that are named as passed over
@@ -30,7 +30,7 @@ def chosen(jobs: Sequence[Path], settings: Path | None) -> list[Path]:
     if passed:
         names = ", ".join(map(str, passed[:SHOWN]))
         more = f" and {len(passed) - SHOWN} more" if len(passed) > SHOWN else ""
-        say(f"passed over {many(len(passed), 'file')} without the suffix of a job: {names}{more}")
+        say(f"passed over, as no job has such a name, or as links to folders: {names}{more}")
     return list(found)
 
 
@@ -42,6 +42,7 @@ def _files(job: Path, passed: list[Path]) -> Iterator[Path]:
     found: list[Path] = []
     for folder, folders, names in os.walk(job):
         folders[:] = sorted(name for name in folders if not name.startswith("."))
+        passed += [path for name in folders if (path := Path(folder, name)).is_symlink()]  # which are not walked
         for name in sorted(names):
             if not name.startswith("."):
                 file = Path(folder, name)
@@ -68,7 +69,8 @@ def _of_project(settings: Path | None, passed: list[Path]) -> Iterator[Path]:
         matching = sorted(glob.glob(pattern, root_dir=above, recursive=True)) or [pattern]
         for name in matching:
             path = seen / name
-            if pattern != name and path.is_file() and path.suffix.lower() not in job_suffixes():
+            other = path.is_symlink() if path.is_dir() else path.suffix.lower() not in job_suffixes()
+            if pattern != name and other:
                 passed.append(path)
             else:
                 yield path

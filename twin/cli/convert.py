@@ -61,17 +61,17 @@ def convert(
             yield from reader.read(text_lines(source), settings)
 
     told = []
-    try:
-        taken, settings = asked.taken(read, axes, settings)
-        watched = Watched(settings, by_line=False)
-        with _output(out) as into:
+    with _output(out) as into:
+        try:
+            taken, settings = asked.taken(read, axes, settings)
+            watched = Watched(settings, by_line=False)
             for line in written(taken, watched, language, controller, axes):
                 into.write(f"{line.text}\n")
                 if line.caution is not None:
                     told.append(line.caution)
-    except JobError as error:
-        raise CallError(f"{file}: {error}") from None
-    say_zero(file, asked, settings.zero)
+        except JobError as error:
+            raise CallError(f"{file}: {error}") from None
+    say_zero(file, asked, None if asked.zero is None else settings.zero)
     say_cautions(file, (*watched.cautions, *told))
     return 0
 

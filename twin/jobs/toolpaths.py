@@ -163,7 +163,8 @@ def written(
     try:
         yield from language.written(watched.through(read(settings)), axes, settings)
     except TravelError as error:
-        raise JobError(str(advised(error, read, axes, settings))) from None
+        beyond = advised(error, read, axes, settings)
+        raise JobError(str(beyond)) from beyond
     except CamError as error:
         raise JobError(str(error)) from None
 
