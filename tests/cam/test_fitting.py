@@ -35,6 +35,8 @@ def zero_of(text: str, settings: CamSettings | None = None, name: str = "gcode")
         (CUT, CamSettings(), (0.0, 0.0, 10.0)),
         # with Z that counts upwards the deepest cut is the lowest counter
         (CUT, CamSettings(z_sign=1), (0.0, 0.0, 10.0)),
+        # a cut that is positive in the file
+        (CUT.replace("Z5", "Z-1").replace("Z-5", "Z2"), CamSettings(file_z_up=False), (0.0, 0.0, 6.0)),
         # what fits stays
         (CUT, CamSettings(zero=(100.0, 80.0, 60.0)), (100.0, 80.0, 60.0)),
         # X up to 460 is 60 too far, and 5 mm of room
@@ -85,6 +87,10 @@ def test_every_format_has_it(name: str, text: str, zero: Point) -> None:
 @pytest.mark.parametrize(
     ("text", "why"),
     [
+        (
+            CUT.replace("X60", "X420").replace("Z-5", "Z-9"),
+            r"draws X 10 to 420, Y 10 to 40, Z -9 to 5 mm about its zero",
+        ),
         (CUT.replace("X60", "X420"), r"draws X 10 to 420, .*: along X the file is longer than the travel by 10 mm"),
         # 5 inches above and below the work
         (

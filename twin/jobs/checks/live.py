@@ -34,6 +34,7 @@ from isel_twin.jobs.toolpaths import lines_of, source_of, times
 from isel_twin.language import create_language
 
 if TYPE_CHECKING:
+    from isel_twin.cam.toolpath import Point
     from isel_twin.jobs.checks.settings import Task
 
 Stamp = tuple[str, int, int]  # path, time of its last change in ns, length in bytes
@@ -69,6 +70,7 @@ class LiveJob:
         self._made: _Made | None = None
         self._lines: Sequence[Line] = ()
         self._converted = False  # the file is one of a CAM program
+        self.zero: Point | None = None  # of the work, if the options ask for one, or for one that fits
 
     @property
     def played(self) -> int:
@@ -105,6 +107,7 @@ class LiveJob:
             drawn = drawing(source.path(), made.cam, task.bounds.contour_mm)
         report = made.check.check(lines, stop, drawn, of_cautions(source))
         self._lines, self._converted = lines, source is not None
+        self.zero = None if source is None else source.zero
         self.figures = figures(made.check.results)
         with call_errors(golden_file(self.job)):
             return beside_golden(report, self.job, call, source) if task.golden else report
