@@ -111,13 +111,13 @@ def check(
     taken whose suffix a job has. Without a job: what [check] jobs of isel-twin.toml names.
 
     Each file is judged by itself; one that cannot be read is an error of that file. Exit code 0 if nothing is wrong, 1
-    if something is, 2 if nothing can be judged or for a wrong call, 130 after Ctrl-C and 143
-    after SIGTERM: reports then hold what was judged, and name as errors the jobs that were not. In a workflow of
-    GITHUB_ACTIONS the findings are also annotations. With --watch the code is that of the last verdict, and what comes
-    before a changed line is not played again.
+    if something is, 2 if nothing can be judged or for a wrong call, 130 after Ctrl-C and 143 after SIGTERM: reports
+    then hold what was judged, and name as errors the jobs that were not. In a workflow of GITHUB_ACTIONS the findings
+    are also annotations. With --watch the code is that of the last verdict, and what comes before a changed line is not
+    played again.
 
     With --isel-port the machine is a real one, and is moved by the jobs: replies and times are judged, what needs a
-    look inside is named as not looked at. Ctrl-C breaks the motion off.
+    look inside is named as not looked at. One file that cannot be read keeps all from it. Ctrl-C breaks the motion off.
     """
     asked = demands.asked()
     _check_options(asked, workers)
@@ -140,9 +140,8 @@ def check(
 
     taken = _taken(jobs, settings, asked)
     tasks = [one for one in taken if not isinstance(one, Unread)]
-    unread = [CallError(one.why, excerpt=one.excerpt) for one in taken if isinstance(one, Unread)]
-    if isel_port is not None and unread:  # a real machine is moved by all of them or by none
-        tell(unread)
+    if isel_port is not None:  # a real machine is moved by all of them or by none
+        _tell_unread(taken)
     pages = _pages(tasks, report)
     options.check_writable(junit, sarif, *pages, kept=(*jobs, settings, demands.scenario))
     reports: list[Told] = []
@@ -158,7 +157,8 @@ def check(
                 print(as_json(made) if json else as_words(made), flush=True)
     unjudged = [str(one.job) for one in taken[len(reports) :]]
     if stopped:
-        say(f"interrupted: {len(reports)} of {many(len(taken), 'job')} judged")
+        judged = sum(not isinstance(made, Unread) for made in reports)
+        say(f"interrupted: {judged} of {many(len(taken), 'job')} judged")
     if os.environ.get("GITHUB_ACTIONS") == "true":
         for line in as_annotations(reports):
             print(line)
@@ -175,8 +175,15 @@ def check(
     if stopped:
         return 128 + stopped[0]
     if all(isinstance(made, Unread) for made in reports):
-        tell(list({str(error): error for error in unread}.values()))
+        _tell_unread(reports)
     return 0 if all(made.ok for made in reports) else 1
+
+
+def _tell_unread(found: Sequence[object]) -> None:
+    """Say of the files that cannot be read why, each reason once, and raise the last one as CallError."""
+    from isel_twin.jobs.checks.formats import Unread
+
+    tell([*{one.why: CallError(one.why, excerpt=one.excerpt) for one in found if isinstance(one, Unread)}.values()])
 
 
 def _in_a_line(reports: Sequence[Told], unjudged: Sequence[str]) -> str:
