@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import signal
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import junitparser
 import pytest
@@ -148,6 +151,29 @@ def test_a_real_machine_is_moved_by_all_or_none(shop: Path) -> None:
     done = isel_twin("check", "jobs/a.txt", "jobs/b.nc", "--isel-port", "tcp://127.0.0.1:1", "--controller", "imc-s8")
     assert (done.returncode, done.stdout) == (2, "")
     assert "jobs/b.nc: line 3" in done.stderr
+    (shop / "isel-twin.toml").write_text('[check]\njobs = ["jobs/a.txt"]\n')
+    done = isel_twin("check", "--isel-port", "tcp://127.0.0.1:1", "--controller", "imc-s8")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "name the jobs that are to move the machine" in done.stderr
+
+
+def test_a_folder_that_may_not_be_read_is_an_error_of_it(shop: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    listed, scanned = os.listdir, os.scandir
+
+    def denied(made: Callable[[Any], Any]) -> Callable[[Any], Any]:
+        def list_(path: Any) -> Any:
+            if Path(path).name == "sub":
+                raise PermissionError(13, "Permission denied", str(path))
+            return made(path)
+
+        return list_
+
+    monkeypatch.setattr(os, "listdir", denied(listed))
+    monkeypatch.setattr(os, "scandir", denied(scanned))
+    done = isel_twin("check", "jobs", *PLANT)
+    assert done.returncode == 1
+    assert "jobs/sub: not read: Permission denied\n" in done.stdout
+    assert "jobs/a.txt: ok" in done.stdout
 
 
 def test_a_folder_is_not_watched_unless_it_has_one_job(shop: Path) -> None:

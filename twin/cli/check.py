@@ -124,6 +124,8 @@ def check(
     if isel_port is not None:
         inside = {"set": demands.set, "report": report, "watch": watch}
         _check_outside(asked, inside, workers)
+        if not jobs:
+            raise CallError("name the jobs that are to move the machine: isel-twin check JOB... --isel-port PORT")
         asked |= {"plant": "kinematic", "golden": False}  # of the twin that only knows names
     if settings is not None and not settings.is_file():
         raise CallError(f"{settings}: there is no such file")
@@ -247,6 +249,8 @@ def _task(job: Path, settings: Path | None, asked: dict[str, Any], twins: dict[s
 
     check_file(job)
     if job.is_dir():
+        with call_errors(job):
+            os.listdir(job)
         raise CallError(f"{job}: there is no job file in this folder ({', '.join(sorted(job_suffixes()))})")
     with call_errors(job):
         found = settings if settings is not None else project.find(job)

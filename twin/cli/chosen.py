@@ -22,8 +22,9 @@ def job_suffixes() -> frozenset[str]:
 
 
 def chosen(jobs: Sequence[Path], settings: Path | None) -> list[Path]:
-    """The files to judge, each once, those of folders in the order of their names. An empty folder, and a pattern of
-    the settings that nothing matches, stay as they are: nobody can read them. Raises CallError if nothing is named."""
+    """The files to judge, each once, those of folders in the order of their names. A folder that is empty or may not be
+    read, and a pattern of the settings that nothing matches, stay as they are: there is nothing to read. Raises
+    CallError if nothing is named."""
     passed: list[Path] = []
     every = list(jobs) or list(_of_project(settings, passed))
     found = dict.fromkeys(file for job in every for file in _files(job, passed))
@@ -40,7 +41,7 @@ def _files(job: Path, passed: list[Path]) -> Iterator[Path]:
         return
     before, suffixes = len(passed), job_suffixes()
     found: list[Path] = []
-    for folder, folders, names in os.walk(job):
+    for folder, folders, names in os.walk(job, onerror=lambda error: found.append(Path(error.filename))):
         folders[:] = sorted(name for name in folders if not name.startswith("."))
         passed += [path for name in folders if (path := Path(folder, name)).is_symlink()]  # which are not walked
         for name in sorted(names):
