@@ -6,7 +6,7 @@ Inside, everything is mm in the active coordinates, Z upwards, whatever unit and
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterable, Iterator
 
 from isel_twin.cam.arcs import seen_from_above
 from isel_twin.cam.gcode import arcs, codes
@@ -15,9 +15,8 @@ from isel_twin.cam.gcode.offsets import Offsets
 from isel_twin.cam.gcode.words import Block
 from isel_twin.cam.reader import Once
 from isel_twin.cam.settings import CamSettings
-from isel_twin.cam.toolpath import Arc, CamError, Dwell, Element, Line, Place, Point, Rapid
+from isel_twin.cam.toolpath import Arc, CamError, Caution, Dwell, Element, Line, Place, Point, Rapid
 
-_INCH_MM = 25.4
 _AXES = "XYZ"
 _CENTRES = "IJK"
 _USES = {  # which codes of a block give these letters a meaning; arcs and cycles come on top
@@ -25,6 +24,7 @@ _USES = {  # which codes of a block give these letters a meaning; arcs and cycle
     "L": {100},
     "P": {40, 100, 640},
     "Q": {640},
+    "R": {100},
 }
 
 
@@ -44,7 +44,8 @@ class Motion:
         self.code: int | None = None
         self.feed = 0.0
         self._inverse = False
-        self._absolute, self._centre_absolute = True, False
+        self._absolute = True
+        self._centre_absolute: bool | None = None  # by G90.1 and G91.1; None: by neither
         self._plane = 170
         self._to_start = not settings.strict  # G98 (cam/17)
         self._cycle = Cycle()
@@ -108,7 +109,7 @@ class Motion:
 
     def set_feed(self, block: Block) -> None:
         """F, in the unit of its own line; it stays as fast when the unit changes (cam/18)."""
-        unit = {None: self.unit, 200: _INCH_MM, 700: _INCH_MM}.get(block.g.get(codes.UNIT), 1.0)
+        unit = {None: self.unit, 200: arcs.INCH_MM, 700: arcs.INCH_MM}.get(block.g.get(codes.UNIT), 1.0)
         self.feed = block.words["F"] * (1.0 if self._inverse else unit) / 60.0
 
     def modes(self, block: Block, loaded: int | None) -> Iterator[Element]:
@@ -151,7 +152,7 @@ class Motion:
         else:
             self._told_din = False
         self._unit_given = True
-        self._set_unit(_INCH_MM if code in (200, 700) else 1.0)
+        self._set_unit(arcs.INCH_MM if code in (200, 700) else 1.0)
 
     def _length(self, block: Block, loaded: int | None) -> Iterator[Element]:
         length = 0.0
@@ -197,6 +198,8 @@ class Motion:
             raise block.wrong("G10 wants L2 or L20; tables of tools are in tool_length_mm", "L")
         if number is None or number not in range(10):
             raise block.wrong("G10 wants P 0 .. 9, the number of the system", "P")
+        if "R" in block.words and (block.words["R"] or kind == 20.0):
+            raise block.wrong("R of G10 turns the coordinates: a rotation is not made", "R")
         system = int(number) or self.offsets.active
         if kind == 2.0:
             self.offsets.set_system(system, values)
@@ -252,8 +255,7 @@ class Motion:
         elif block.g.get(codes.ONCE) == 530:
             raise CamError("G53 wants X, Y or Z, with G0 or G1", block.at("G", 530))
         self.plain = self._absolute and self._unit_given and not self._inverse and self.code in (0, 10, 20, 30)
-        offsets = not (self._centre_absolute or self._told_din or self._settings.dialect == "din")
-        self.flat = self.plain and self._plane == 170 and offsets
+        self.flat = self.plain and self._plane == 170 and self._reads_absolute() is False
 
     def _made(self, block: Block, code: int, values: dict[int, float]) -> Iterator[Element]:
         place = block.at("G", code) if codes.name("G", code) in block.places else block.place
@@ -337,51 +339,74 @@ class Motion:
             return arcs.by_radius(start, end, words["R"] * self.unit, clockwise)
         if not given:
             raise ValueError("an arc wants its centre I J K, or its radius R")
-        a, b = (given.get(axis, 0.0) for axis in axes)
-        offset = (start[0] + a, start[1] + b)
-        absolute = (given.get(axes[0], start[0]), given.get(axes[1], start[1]))
-        centre = absolute if self._reads_absolute() else offset
-        if self._told_din and absolute != offset:
-            fitting = [one for one in (offset, absolute) if arcs.fits(start, end, one)]
-            if len(fitting) != 1:
-                raise ValueError(f"{' '.join(letters)} may be offsets or absolute; set dialect to rs274 or din")
-            centre = fitting[0]
-            kind = "offsets from the start" if centre == offset else "absolute"
-            yield from self._once("din arcs", block.place, f"I J K are read as {kind}: only so the radii are equal")
-        elif self._centre_absolute and len(given) < 2:
+        if self._centre_absolute and len(given) < 2:
             raise ValueError(f"with G90.1 an arc wants both {' and '.join(letters)}")
-        if not arcs.fits(start, end, centre):
-            r0, r1 = arcs.radii(start, end, centre)
-            if min(r0, r1) < arcs.SMALL_MM:
-                raise ValueError("an arc without radius; correct its centre I J K")
-            raise ValueError(f"radii to start and end of the arc differ: {r0:.4f} and {r1:.4f} mm; correct its I J K")
+        offset = (start[0] + given.get(axes[0], 0.0), start[1] + given.get(axes[1], 0.0))
+        absolute = (given.get(axes[0], start[0]), given.get(axes[1], start[1]))
+        reads = self._reads_absolute()
+        fitting = [centre for centre in (offset, absolute) if arcs.fits(start, end, centre, self.unit)]
+        if reads is None and fitting:
+            if len(fitting) == 2 and offset != absolute:
+                raise ValueError(f"{' '.join(letters)} may be offsets or absolute; write G91.1 or G90.1 before it")
+            reads = fitting[0] is absolute
+            kind = "absolute" if reads else "offsets from the start"
+            yield from self._once("din arcs", block.place, f"I J K are read as {kind}: only so the radii are equal")
+        centre = absolute if reads else offset
+        if centre not in fitting:
+            readings = offset, absolute
+            raise ValueError(arcs.misfit(" ".join(letters), self.unit, (start, end), readings, bool(reads)))
         return centre
 
-    def _reads_absolute(self) -> bool:
-        return self._absolute if self._settings.dialect == "din" else self._centre_absolute
+    def _reads_absolute(self) -> bool | None:
+        """Is a centre absolute? G90.1 and G91.1 say so; else DIN 66025 by G90, all others never, and None where nobody
+        knows (cam/26)."""
+        if self._centre_absolute is not None:
+            return self._centre_absolute
+        if self._settings.dialect == "din":
+            return self._absolute
+        return None if self._told_din else False
 
     def _hole(self, block: Block, place: Place, code: int, values: dict[int, float]) -> Iterator[Element]:
         if not values:
             return
-        if self._plane != 170:
-            raise block.wrong(f"{codes.name('G', code)} is made in G17 only")
         if self._inverse:
-            raise block.wrong("cycles want G94")
+            raise block.wrong("cycles want G94 and F a minute")
         feed = yield from self._feed(block, 0.0)
-        repeats = self._cycle.take(block, code, self.unit, self._up, self.at[2])
+        along, series = arcs.PLANES[self._plane], self._cycle.series
+        repeats = self._cycle.take(block, code, along, self._mm(along, 1.0), self.unit, self.at[along])
         clear, bottom = self._cycle.heights(block, self._absolute)
-        across = {axis: value for axis, value in values.items() if axis != 2}
-        if self.at[2] < clear:
-            yield from self._rapid(place, (self.at[0], self.at[1], clear))
+        across = {axis: value for axis, value in values.items() if axis != along}
+        if series is not None:
+            yield from self._unlike(place, series, (along, self.unit), clear)
+        if self.at[along] < clear:
+            yield from self._rapid(place, self._with({along: clear}))
         for _ in range(repeats):
-            x, y, _ = self._target(across)
-            yield from self._rapid(place, (x, y, self.at[2]))
-            yield from self._rapid(place, (x, y, clear))
+            yield from self._rapid(place, self._target(across))
+            yield from self._rapid(place, self._with({along: clear}))
             for kind, value in self._cycle.steps(clear, bottom, self._to_start):
                 if kind == "dwell":
                     yield Dwell(place, value)
                 elif kind == "rapid":
-                    yield from self._rapid(place, (x, y, value))
-                elif value != self.at[2]:
-                    self.at = (x, y, value)
+                    yield from self._rapid(place, self._with({along: value}))
+                elif value != self.at[along]:
+                    self.at = self._with({along: value})
                     yield Line(place, self._machine(self.at), feed)
+
+    def _unlike(
+        self, place: Place, before: tuple[int, float], now: tuple[int, float], clear: float
+    ) -> Iterable[Caution]:
+        """What LinuxCNC makes otherwise of this hole of a series (cam/19)."""
+        height, began = self.at[now[0]], self._cycle.began or 0.0
+        if before[0] != now[0]:
+            what = "the plane changes: a new series begins where the tool is", "keeps heights of the old plane"
+        elif before[1] != now[1]:
+            what = "the unit changes: R, depth and Q stay as long as they were", "keeps their numbers"
+        elif height < clear <= began:
+            what = "R rises: the tool is lifted before it goes across", "lifts it on the way"
+        elif began < clear < height:
+            what = "R falls: the tool goes across before it goes down", "lowers it before"
+        elif self._to_start and clear <= height < began:
+            what = "G98 follows G99: the tool goes across at the R at which it stands", "lifts it on the way"
+        else:
+            return ()
+        return self._once(what[0], place, f"within a series of holes {what[0]}; LinuxCNC {what[1]}")

@@ -103,8 +103,8 @@ class Lines:
             else:
                 group = _group(letter, code, value, place)
             groups = block.g if letter == "G" else block.m
-            if group in groups and not self._strict and {groups[group], code} - codes.STRAIGHT_OR_ARC == {800}:
-                code = code if groups[group] == 800 else groups[group]  # "G00G21G90G80": G80 says nothing more (cam/21)
+            if 800 in (code, groups.get(group)) and group in groups:
+                code = code if groups[group] == 800 else groups[group]  # G80 says nothing beside a motion
             elif group in groups:
                 first = codes.name(letter, groups[group])
                 raise CamError(f"{first} and {codes.name(letter, code)} exclude each other in one line", place)
