@@ -15,10 +15,13 @@ from isel_twin.cam.gcode.offsets import Offsets
 from isel_twin.cam.gcode.words import Block
 from isel_twin.cam.reader import Once
 from isel_twin.cam.settings import CamSettings
-from isel_twin.cam.toolpath import Arc, CamError, Caution, Dwell, Element, Line, Place, Point, Rapid
+from isel_twin.cam.toolpath import Arc, CamError, Caution, Dwell, Element, Line, Place, Point, Rapid, Reference
 
 _AXES = "XYZ"
 _CENTRES = "IJK"
+_TAPPING_OR_REFERENCE = (
+    "G74 is tapping, which needs a spindle that the axis follows; if it is a reference run, set dialect = \"din\""
+)
 _USES = {  # which codes of a block give these letters a meaning; arcs and cycles come on top
     "H": {430},
     "L": {100},
@@ -74,11 +77,15 @@ class Motion:
         axes = [letter for letter in _AXES if letter in words]
         once, code = g.get(codes.ONCE), g.get(codes.MOTION)
         takes = once in codes.TAKES_AXES
+        if once == 740 and not self._is_din():
+            raise block.wrong(_TAPPING_OR_REFERENCE)
         if code is not None and code != 800 and takes:
-            both = f"{codes.name('G', code)} and {codes.name('G', int(once or 0))}"
-            raise block.wrong(f"{both} both take X Y Z; write them in two lines")
+            motion, other = codes.name("G", code), codes.name("G", int(once or 0))
+            raise block.wrong(f"{motion} and {other} both take X Y Z; write {motion} in a line of its own before it")
         if axes and not takes and (code == 800 or (code is None and self.code in (None, 800))):
-            raise block.wrong(f"no motion takes {axes[0]}; write G0 or G1 before it", axes[0])
+            raise block.wrong(f"no motion takes {axes[0]}: none has come yet, or G80 has ended it", axes[0])
+        if 500 in g.values() and ("S" in words or (axes and code is None)):
+            raise block.wrong("G50 with S, or alone with X Y Z, is of lathes")
         if once in (520, 920) and not axes:
             raise block.wrong(f"{codes.name('G', once)} wants X, Y or Z")
         motion = self._to_be(block)
@@ -88,7 +95,8 @@ class Motion:
             free = letter in "XYZFSTD" or (letter == "R" and (arc or cycle)) or (letter in _CENTRES and arc)
             free = free or (letter == "P" and (arc or cycle)) or (letter in "LQ" and cycle)
             if letter == "D" or not (free or every & _USES.get(letter, set())):
-                raise block.wrong(f"no code of this line takes {letter}; leave it out", letter)
+                holds = f": {codes.name('G', motion)} holds here" if motion is not None else ""
+                raise block.wrong(f"no code of this line takes {letter}{holds}", letter)
 
     def _to_be(self, block: Block) -> int | None:
         """The motion of the block; None for none."""
@@ -131,20 +139,46 @@ class Motion:
         if codes.RETRACT in g:
             self._to_start = g[codes.RETRACT] == 980
         once = g.get(codes.ONCE)
-        if once in codes.TAKES_AXES or codes.CLEAR in g or once in (281, 301):
+        if once == 530 and self._switches_zeros_off(block):
+            if self._settings.dialect != "din":
+                text = "G53 alone is read as DIN 66025 has it: zeros are off until G54 .. G59 come"
+                yield from self._once("G53", block.at("G", once), text)
+            here = self._machine(self.at)
+            self.offsets.switch_off()
+            self.at = self._program(here)
+        elif once == 740:
+            yield from self._reference(block)
+        elif once in codes.TAKES_AXES or codes.CLEAR in g or once in (281, 301):
             if not self._unit_given and any(letter in block.words for letter in _AXES):
                 yield from self._say_mm(block)
             yield from self._one_shot(block, once)
+
+    def _is_din(self) -> bool:
+        return self._settings.dialect == "din" or (self._told_din and not self._settings.strict)
+
+    def _switches_zeros_off(self, block: Block) -> bool:
+        """G53 in DIN 66025; elsewhere G53 alone means nothing (cam/34)."""
+        if self._settings.strict or self._settings.dialect == "rs274":
+            return False
+        return self._settings.dialect == "din" or not any(letter in block.words for letter in _AXES)
+
+    def _reference(self, block: Block) -> Iterator[Element]:
+        """G74 of DIN 66025: of the axes named, all if none is (cam/34)."""
+        place, given = block.at("G", 740), [axis for axis, letter in enumerate(_AXES) if letter in block.words]
+        if any(block.words[_AXES[axis]] for axis in given):
+            yield from self._once("G74", place, "the numbers behind X Y Z of G74 mean nothing here: Z goes first")
+        run = Reference(place, tuple(given or range(3)))
+        self.at = self._program(run.ends(self._machine(self.at)))
+        yield run
 
     def _units(self, block: Block) -> Iterator[Element]:
         code = block.g[codes.UNIT]
         if code in (700, 710):
             dialect = "rs274" if self._settings.strict else self._settings.dialect
             if dialect == "rs274":
-                raise CamError(
-                    f"{codes.name('G', code)} is not of this dialect; write G20 or G21, or set dialect",
-                    block.at("G", code),
-                )
+                instead = "G20" if code == 700 else "G21"
+                wrong = f"{codes.name('G', code)} is not of this dialect; write {instead}"
+                raise CamError(wrong, block.at("G", code))
             if dialect != "din":
                 self._told_din = True
                 unit = "inch" if code == 700 else "mm"
@@ -177,6 +211,9 @@ class Motion:
             axis: self._mm(axis, block.words[letter]) for axis, letter in enumerate(_AXES) if letter in block.words
         }
         here = self._machine(self.at)
+        zero = once in (520, 920) or (once == 100 and not block.words.get("P"))
+        if zero and not self.offsets.active:
+            raise block.wrong(f"{codes.name('G', once or 0)} stands behind G53, which switches zeros off; write G54 before it")
         if once in (280, 300):
             yield from self._home(block, once, values)
             return
@@ -252,18 +289,18 @@ class Motion:
             if code not in codes.CYCLES:
                 self._cycle.end()
             yield from self._made(block, code, values)
-        elif block.g.get(codes.ONCE) == 530:
+        elif block.g.get(codes.ONCE) == 530 and self.offsets.active:
             raise CamError("G53 wants X, Y or Z, with G0 or G1", block.at("G", 530))
         self.plain = self._absolute and self._unit_given and not self._inverse and self.code in (0, 10, 20, 30)
         self.flat = self.plain and self._plane == 170 and self._reads_absolute() is False
 
     def _made(self, block: Block, code: int, values: dict[int, float]) -> Iterator[Element]:
         place = block.at("G", code) if codes.name("G", code) in block.places else block.place
-        if block.g.get(codes.ONCE) == 530:
+        if block.g.get(codes.ONCE) == 530 and self.offsets.active:
             if code not in (0, 10):
                 raise block.wrong("G53 goes with G0 or G1 only")
             if not self._absolute:
-                raise block.wrong("G53 cannot be used with G91; write G90")
+                raise block.wrong("G53 cannot be used with G91; write G90 in its line, and G91 again in the next one")
             base = self.offsets.base
             to = self._with({axis: value - base[axis] for axis, value in values.items()})
         else:
@@ -286,7 +323,8 @@ class Motion:
         """Where no F has come yet. Raises CamError if none is set."""
         usual = self._settings.feed_mm_s
         if usual <= 0.0 or self._settings.strict:
-            raise CamError("there is no feed yet; write F before the first cut, or set feed_mm_s", place)
+            setting = "" if self._settings.strict else ", or set feed_mm_s"
+            raise CamError(f"there is no feed yet; write F before the first cut{setting}", place)
         self.feed = usual
         yield from self._once("feed", place, f"there is no F yet: the feed is feed_mm_s, {usual:g} mm/s")
 
@@ -329,7 +367,8 @@ class Motion:
         axes, other = seen_from_above(third), _CENTRES[third]
         letters = [_CENTRES[axis] for axis in axes]
         if words.get(other) is not None and (words[other] or self._settings.strict):
-            raise ValueError(f"{other} is not of this plane; leave it out")
+            leave = "" if words[other] else "; leave it out"  # of more than 0 it may be another plane, or a pitch
+            raise ValueError(f"{other} is not of this plane{leave}")
         given = {
             axis: self._mm(axis, words[letter]) for axis, letter in zip(axes, letters, strict=True) if letter in words
         }

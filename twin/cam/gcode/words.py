@@ -17,10 +17,14 @@ from isel_twin.cam.reader import Once
 from isel_twin.cam.toolpath import CamError, Caution, Place
 
 MOST = 1e7  # of any number
-_WORD = re.compile(r"[ \t]*([A-Z])[ \t]*([-+]?(?:[ \t]*[0-9.])+)", re.I | re.A)
+_WORD = re.compile(r"[ \t]*([A-Z])[ \t]*([-+]?(?:[ \t]*[0-9.,])+(?:E[-+]?[0-9]{1,2}(?![0-9.]))?)", re.I | re.A)
 _START = re.compile(r"[ \t]*/?[ \t]*(?:N[ \t]*[0-9][0-9. \t]*)?", re.I | re.A)
 _LABEL = re.compile(r"O[ \t]*[0-9][0-9 \t]*(.*)", re.I | re.A | re.S)
 _ACTIVE = re.compile(r"[ \t]*(MSG|DEBUG|PRINT|LOG)[ \t]*,(.*)", re.I | re.S)
+_EDING = re.compile(
+    r"[ \t]*(msg|(?:dlg|warn|err|log)msg|logfile|print|gosub|(?:end)?(?:sub|if|while)|else)\b(?:[ \t]*\"([^\"]*)\"?)?", re.I
+)
+_BRACKETS = str.maketrans("()", "[]")
 _NO_AXIS = "ABCUVW"
 _LETTERS = "XYZIJKRFSTPQLHD"
 
@@ -70,6 +74,8 @@ class Lines:
                     Place(number, at + 1, text[at:].strip()[:20]),
                 )
             return block, said
+        if eding := _EDING.match(text, at):
+            raise _of_eding(eding, Place(number, eding.start(1) + 1, eding[1]))
         for letter, value, place in self._words(text, at, number):
             if not block.places:
                 block.place = place
@@ -81,8 +87,11 @@ class Lines:
         while match is not None:
             letter, written = match.groups()
             place = Place(number, match.start(1) + 1, match[0].strip())
+            plain = "".join(written.split())
+            if "," in plain or "e" in plain.lower():
+                raise _not_plain(letter.upper(), plain, place)
             try:
-                value = float("".join(written.split()))
+                value = float(plain)
             except ValueError:
                 raise CamError(f"{match[0].strip()[:30]!r} is not a number", place) from None
             if not abs(value) <= MOST:
@@ -111,7 +120,8 @@ class Lines:
             groups[group] = code
             return
         if letter in _NO_AXIS:
-            raise CamError(f"this machine has no axis {letter}; leave {letter} out", place)
+            leave = "" if value else f"; leave {letter}0 out"  # of more than 0 that makes another part
+            raise CamError(f"this machine has no axis {letter}{leave}", place)
         if letter == "N":
             raise CamError("N stands at the beginning of a line only", place)
         if letter not in _LETTERS:
@@ -155,7 +165,7 @@ def _group(letter: str, code: int, value: float, place: Place) -> str:
     group = (codes.G_GROUPS if letter == "G" else codes.M_GROUPS).get(code)
     scaled = value * 10 if letter == "G" else value
     if abs(scaled - code) > 1e-6 or (refused is None and group is None):
-        raise CamError(f"{place.word[:20]} is unknown; leave it out, or write what it does in other words", place)
+        raise CamError(f"{place.word[:20]} is unknown here: what it does is not made", place)
     if refused is not None:
         raise CamError(f"{codes.name(letter, code)} is refused: {refused}", place)
     return str(group)
@@ -166,4 +176,21 @@ def _not_a_word(rest: str, place: Place) -> CamError:
         return CamError("parameters # and expressions [ ] are not read; let the CAM program write numbers", place)
     if rest[0].isascii() and rest[0].isalpha():
         return CamError(f"{rest[0].upper()} has no number behind it", place)
-    return CamError(f"{rest[0]!r} is no word of G-code; leave it out", place)
+    return CamError(f"{rest[0]!r} is no word of G-code", place)
+
+
+def _not_plain(letter: str, number: str, place: Place) -> CamError:
+    """A number with a decimal comma or an exponent, and how it is written."""
+    what = "a comma" if "," in number else "an exponent"
+    try:
+        plain = f"{float(number.replace(',', '.')):.9f}".rstrip("0").rstrip(".")
+    except ValueError:
+        return CamError(f"{letter}{number[:30]} has {what}, which no number of G-code has", place)
+    return CamError(f"{letter}{number[:30]} has {what}, which no number of G-code has; write {letter}{plain}", place)
+
+
+def _of_eding(match: re.Match[str], place: Place) -> CamError:
+    word, text = match[1].lower(), match[2]
+    if word == "msg" and text:
+        return CamError(f"msg is a command of EdingCNC; write (MSG,{text.translate(_BRACKETS)[:60]})", place)
+    return CamError(f"{word} is a command of EdingCNC, whose macros are not read; write what they do as G-code", place)
