@@ -350,3 +350,19 @@ def test_what_is_no_job_is_named(content: bytes, what: str) -> None:
 )
 def test_jobs_are_not_taken_for_drawings(content: bytes) -> None:
     assert head_of(content)
+
+
+@pytest.mark.parametrize(
+    ("content", "suffix", "what"),
+    [
+        (b"#axis xyz;\n#steps 80,80,80;\n#input\nreference xyz;\nmove 10(5000),0(3000);\nstop.\n", ".pal", "PAL-PC"),
+        (b"; a plate\n{ by hand }\n#axis xyz;\nreference xyz;\nmoverel 10(5000),0(3000);\nstop.\n", ".txt", "PAL-PC"),
+        (b"ProgBegin\nFastVel 50.0\nRef xyz\nFastAbs X10.0 Y5.0\nProgEnd\n", ".iso", "ProNC"),
+        (b"N1 ProgBegin\nN2 FOR R1 = 1, 10, 1\nN3 MoveAbs X10 Y20\nN4 ENDFOR\nN5 ProgEnd\n", ".pal", "ProNC"),
+        (b'G21 G90\nmsg "insert the tool"\nG0 X5\nM30\n', ".nc", "EdingCNC"),
+        (b"G21 G90\nG0 X5\ngosub change_tool\nM30\n", ".cnc", "EdingCNC"),
+    ],
+)
+def test_sources_of_other_programs_are_named(content: bytes, suffix: str, what: str) -> None:
+    with pytest.raises(CamError, match=what):
+        deque(reader_for(head_of(content), suffix).read(text_lines(io.BytesIO(content)), UP), maxlen=0)

@@ -29,8 +29,9 @@ _NO_TEXT: Mapping[str, str] = {
     "\xfe\xff": "is UTF-16; save it as UTF-8",
 }
 _DRAWN = "it has shapes, no way of a tool; make toolpaths of it with a CAM program"
+_PAL = r"#(axis|steps|elev|units|ref_speed)\b|reference\s+[xyza]+\s*;|move(to|rel)?\s+-?[\d.]+\(\d"
 _NO_JOB = {  # by the first lines of a text
-    rf"\s*{pattern}": f"is {what}"
+    rf"\s*+{pattern}": f"is {what}"
     for pattern, what in {
         r"(999\s[^\n]*\n\s*)*0\s+SECTION\b": f"a DXF drawing: {_DRAWN}",
         r"(<\?xml[^>]*>\s*)?(<!--[^>]*>\s*|<!DOCTYPE[^>]*>\s*)*<svg\b": f"an SVG drawing: {_DRAWN}",
@@ -41,7 +42,10 @@ _NO_JOB = {  # by the first lines of a text
         r"ISO-10303-21;": f"a STEP body: {_DRAWN}",
         r"%!PS": f"PostScript: {_DRAWN}, or with pstoedit",
         r"(G04[^\n]*\*\s*)*%(FS[LT][AI]|MO(MM|IN)\*|TF\.)": "a Gerber drawing; pcb2gcode makes toolpaths of it",
-        r"P\d+\s*\n\s*[GMXYZ]": "a program of the BWO 900 without numbers of blocks (N10 ...); for G-code leave P out",
+        rf"(.*\n){{0,20}}?\s*+({_PAL})": "a source of PAL-PC; what that sends can be recorded and run",
+        r"P\d+\s*\n\s*[GMXYZ]": (
+            "a program of the BWO 900 without numbers of blocks (N10 ...); for G-code leave that line out"
+        ),
         r"M48\s+(INCH|METRIC|FMAT|VER|T\d+[CF])": "an Excellon drill file; gerbv -x idrill makes an NCP file of it",
     }.items()
 }
@@ -132,6 +136,18 @@ def _decoded(line: str) -> str:
         return line.encode("latin-1").decode("utf-8")
     except UnicodeDecodeError:
         return line
+
+
+def unusual(number: str) -> str:
+    """Why a number with a decimal comma or an exponent is not read, and how it is written; "" for any other."""
+    if "," not in number and "e" not in number.lower():
+        return ""
+    what = "a comma" if "," in number else "an exponent"
+    try:
+        plain = f"{float(number.replace(',', '.')):.9f}".rstrip("0").rstrip(".")
+    except ValueError:
+        return f"{number[:30]} has {what}"
+    return f"{number[:30]} has {what}; write {plain}"
 
 
 class Once:

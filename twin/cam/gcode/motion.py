@@ -20,7 +20,7 @@ from isel_twin.cam.toolpath import Arc, CamError, Caution, Dwell, Element, Line,
 _AXES = "XYZ"
 _CENTRES = "IJK"
 _TAPPING_OR_REFERENCE = (
-    "G74 is tapping, which needs a spindle that the axis follows; if it is a reference run, set dialect = \"din\""
+    'G74 is tapping, which needs a spindle that the axis follows; if it is a reference run, set dialect = "din"'
 )
 _USES = {  # which codes of a block give these letters a meaning; arcs and cycles come on top
     "H": {430},
@@ -213,7 +213,9 @@ class Motion:
         here = self._machine(self.at)
         zero = once in (520, 920) or (once == 100 and not block.words.get("P"))
         if zero and not self.offsets.active:
-            raise block.wrong(f"{codes.name('G', once or 0)} stands behind G53, which switches zeros off; write G54 before it")
+            raise block.wrong(
+                f"{codes.name('G', once or 0)} stands behind G53, which switches zeros off; write G54 before it"
+            )
         if once in (280, 300):
             yield from self._home(block, once, values)
             return

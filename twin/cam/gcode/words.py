@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from isel_twin.cam.gcode import codes
-from isel_twin.cam.reader import Once
+from isel_twin.cam.reader import Once, unusual
 from isel_twin.cam.toolpath import CamError, Caution, Place
 
 MOST = 1e7  # of any number
@@ -22,7 +22,8 @@ _START = re.compile(r"[ \t]*/?[ \t]*(?:N[ \t]*[0-9][0-9. \t]*)?", re.I | re.A)
 _LABEL = re.compile(r"O[ \t]*[0-9][0-9 \t]*(.*)", re.I | re.A | re.S)
 _ACTIVE = re.compile(r"[ \t]*(MSG|DEBUG|PRINT|LOG)[ \t]*,(.*)", re.I | re.S)
 _EDING = re.compile(
-    r"[ \t]*(msg|(?:dlg|warn|err|log)msg|logfile|print|gosub|(?:end)?(?:sub|if|while)|else)\b(?:[ \t]*\"([^\"]*)\"?)?", re.I
+    r"[ \t]*(msg|(?:dlg|warn|err|log)msg|logfile|print|gosub|(?:end)?(?:sub|if|while)|else)\b(?:[ \t]*\"([^\"]*)\"?)?",
+    re.I,
 )
 _BRACKETS = str.maketrans("()", "[]")
 _NO_AXIS = "ABCUVW"
@@ -88,8 +89,8 @@ class Lines:
             letter, written = match.groups()
             place = Place(number, match.start(1) + 1, match[0].strip())
             plain = "".join(written.split())
-            if "," in plain or "e" in plain.lower():
-                raise _not_plain(letter.upper(), plain, place)
+            if wrong := unusual(plain):
+                raise CamError(f"{letter.upper()}: {wrong}", place)
             try:
                 value = float(plain)
             except ValueError:
@@ -111,6 +112,8 @@ class Lines:
                 group = f"{codes.SWITCH} {abs(code)}"
             else:
                 group = _group(letter, code, value, place)
+                if self._strict and letter == "G" and code in codes.CANCELS:
+                    raise CamError(f"{place.word[:20]} is unknown to LinuxCNC; leave it out", place)
             groups = block.g if letter == "G" else block.m
             if 800 in (code, groups.get(group)) and group in groups:
                 code = code if groups[group] == 800 else groups[group]  # G80 says nothing beside a motion
@@ -179,18 +182,8 @@ def _not_a_word(rest: str, place: Place) -> CamError:
     return CamError(f"{rest[0]!r} is no word of G-code", place)
 
 
-def _not_plain(letter: str, number: str, place: Place) -> CamError:
-    """A number with a decimal comma or an exponent, and how it is written."""
-    what = "a comma" if "," in number else "an exponent"
-    try:
-        plain = f"{float(number.replace(',', '.')):.9f}".rstrip("0").rstrip(".")
-    except ValueError:
-        return CamError(f"{letter}{number[:30]} has {what}, which no number of G-code has", place)
-    return CamError(f"{letter}{number[:30]} has {what}, which no number of G-code has; write {letter}{plain}", place)
-
-
 def _of_eding(match: re.Match[str], place: Place) -> CamError:
     word, text = match[1].lower(), match[2]
     if word == "msg" and text:
         return CamError(f"msg is a command of EdingCNC; write (MSG,{text.translate(_BRACKETS)[:60]})", place)
-    return CamError(f"{word} is a command of EdingCNC, whose macros are not read; write what they do as G-code", place)
+    return CamError(f"{word} is a command of EdingCNC, whose macros are not read", place)

@@ -6,11 +6,12 @@ import math
 import re
 from dataclasses import dataclass
 
+from isel_twin.cam.reader import unusual
 from isel_twin.cam.toolpath import CamError, Place
 
 MOST_UM = 1e9
 _NUMBERED = re.compile(r"[ \t]*(?:N[0-9]+[ \t]*)?", re.I)
-_TOKEN = re.compile(r"COOLANT2|POPTION[12]|[A-Z_]+|[-+]?[0-9]+(?:\.[0-9]*)?|[^ \t]", re.I | re.A)
+_TOKEN = re.compile(r"COOLANT2|POPTION[12]|[A-Z_]+|[-+]?[0-9]+(?:[.,][0-9]*)?(?:E[-+]?[0-9]{1,2})?|[^ \t]", re.I | re.A)
 
 
 @dataclass
@@ -38,6 +39,8 @@ class Statement:
         return self.value(*self.tokens[0], least, most)
 
     def value(self, token: str, at: int, least: float, most: float) -> float:
+        if wrong := unusual(token):
+            raise self.wrong(wrong, at)
         try:
             value = float(token)
         except ValueError:
