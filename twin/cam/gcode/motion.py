@@ -79,13 +79,14 @@ class Motion:
         takes = once in codes.TAKES_AXES
         if once == 740 and not self._is_din():
             raise block.wrong(_TAPPING_OR_REFERENCE)
-        if code is not None and code != 800 and takes:
-            motion, other = codes.name("G", code), codes.name("G", int(once or 0))
-            raise block.wrong(f"{motion} and {other} both take X Y Z; write {motion} in a line of its own before it")
-        if axes and not takes and (code == 800 or (code is None and self.code in (None, 800))):
-            raise block.wrong(f"no motion takes {axes[0]}: none has come yet, or G80 has ended it", axes[0])
         if 500 in g.values() and ("S" in words or (axes and code is None)):
             raise block.wrong("G50 with S, or alone with X Y Z, is of lathes")
+        if code is not None and code != 800 and takes:
+            motion, other = codes.name("G", code), codes.name("G", int(once or 0))
+            remedy = "" if code in (20, 30) else f"; write {motion} in a line of its own before it"
+            raise block.wrong(f"{motion} and {other} both take X Y Z{remedy}")
+        if axes and not takes and (code == 800 or (code is None and self.code in (None, 800))):
+            raise block.wrong(f"no motion takes {axes[0]}: none has come yet, or G80 has ended it", axes[0])
         if once in (520, 920) and not axes:
             raise block.wrong(f"{codes.name('G', once)} wants X, Y or Z")
         motion = self._to_be(block)
