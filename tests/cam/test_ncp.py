@@ -206,7 +206,7 @@ HEAD = "IMF_PBL_V1.0\nFASTVEL 40000\n"
         ("WPREG2ACT", "line 3, column 1: WPREG: zero 2 is not known; set zeros.2 = [x, y, z]"),
         ("SETPORT A4=1", "line 3, column 1: SETPORT: wants a port and its eight bits, as A4=00000001"),
         ("REF A", "line 3, column 1: REF: 'A' names no axes of this machine; allowed: X, Y, Z"),
-        ("LIMIT 5", "line 3, column 1: LIMIT: what it means is not known"),
+        ("LIMIT 5", "line 3, column 1: unknown word 'LIMIT'; "),
         ("FASTABS A0 X5", "line 3, column 1: FASTABS: this machine has no axis A; leave A0 out"),
         ("FASTABS X5,5", "line 3, column 10: FASTABS: 5,5 has a comma; write 5.5"),
         ("FASTABS X5e3", "line 3, column 10: FASTABS: 5E3 has an exponent; write 5000"),

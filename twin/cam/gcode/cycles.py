@@ -18,23 +18,23 @@ MOST_REPEATS = 10_000
 
 
 class Cycle:
-    """What stays from one hole to the next: the words R P Q of the code and the depth (mm, s), the axis they are along.
-    began: the height at which the series began, None without one."""
+    """What stays from one hole to the next: the words R P Q of the code and the depth (mm, s), the axis they are along,
+    the height at which the series began."""
 
     def __init__(self) -> None:
         self._code: int | None = None
         self._axis, self._unit = 2, 1.0
         self._words: dict[str, float] = {}
-        self.began: float | None = None
+        self._began: float | None = None
 
     @property
     def series(self) -> tuple[int, float] | None:
         """Axis and unit of the series that is going on; None for none."""
-        return None if self.began is None else (self._axis, self._unit)
+        return None if self._began is None else (self._axis, self._unit)
 
     def end(self) -> None:
         """Of a series of holes."""
-        self._code = self.began = None
+        self._code = self._began = None
 
     def take(self, block: Block, code: int, axis: int, scale: float, unit: float, height: float) -> int:
         """Take the words of a block; returns how often it is repeated. scale: mm in a number along the axis, signed;
@@ -45,11 +45,11 @@ class Cycle:
                 if letter not in words:
                     raise block.wrong(f"{cycle} wants {letter}; write it where {cycle} begins")
             if axis != self._axis:
-                self.began = height
+                self._began = height
             self._code, self._axis, self._words = code, axis, {}
         self._unit = unit
-        if self.began is None:
-            self.began = height
+        if self._began is None:
+            self._began = height
         scales = {depth: scale, "R": scale, "Q": unit, "P": 1.0}
         self._words |= {letter: words[letter] * mm for letter, mm in scales.items() if letter in words}
         if code in (730, 830) and self._words.get("Q", 0.0) <= 0.0:
@@ -64,7 +64,7 @@ class Cycle:
     def heights(self, block: Block, absolute: bool) -> tuple[float, float]:
         """R and depth of the hole; in G91 from where the series began. Raises CamError."""
         depth = "XYZ"[self._axis]
-        clear = self._words["R"] + (0.0 if absolute else self.began or 0.0)
+        clear = self._words["R"] + (0.0 if absolute else self._began or 0.0)
         bottom = self._words[depth] + (0.0 if absolute else clear)
         if clear < bottom:
             raise block.wrong(f"R {clear:g} is below {depth} {bottom:g}; a hole goes down from R")
@@ -72,6 +72,24 @@ class Cycle:
         if self._code in (730, 830) and peck and (clear - bottom) / peck > MOST_PECKS:
             raise block.wrong(f"more than {MOST_PECKS} pecks; write a larger Q")
         return clear, bottom
+
+    def unlike(self, before: tuple[int, float], height: float, clear: float, to_start: bool) -> str:
+        """What LinuxCNC makes otherwise of the hole that has been taken (cam/19); "" for nothing. before: `series` of
+        before it; height: where the tool is."""
+        began = self._began or 0.0
+        if before[0] != self._axis:
+            what = "the plane changes: a new series begins where the tool is", "keeps heights of the old plane"
+        elif before[1] != self._unit:
+            what = "the unit changes: R, depth and Q stay as long as they were", "keeps their numbers"
+        elif height < clear <= began:
+            what = "R rises: the tool is lifted before it goes across", "lifts it on the way"
+        elif began < clear < height:
+            what = "R falls: the tool goes across before it goes down", "lowers it before"
+        elif to_start and clear <= height < began:
+            what = "G98 follows G99: the tool goes across at the R at which it stands", "lifts it on the way"
+        else:
+            return ""
+        return f"within a series of holes {what[0]}; LinuxCNC {what[1]}"
 
     def steps(self, clear: float, bottom: float, to_start: bool) -> Iterator[Step]:
         """What is done at the hole, from R on. to_start: back to the height of before (G98), if that is above R."""
@@ -89,5 +107,5 @@ class Cycle:
             yield "dwell", self._words["P"]
         if self._code == 850:
             yield "feed", clear
-        began = clear if self.began is None else self.began
+        began = clear if self._began is None else self._began
         yield "feed" if self._code == 890 else "rapid", max(clear, began) if to_start else clear

@@ -6,7 +6,7 @@ Inside, everything is mm in the active coordinates, Z upwards, whatever unit and
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Generator, Iterator
 
 from isel_twin.cam.arcs import seen_from_above
 from isel_twin.cam.gcode import arcs, codes
@@ -15,7 +15,7 @@ from isel_twin.cam.gcode.offsets import Offsets
 from isel_twin.cam.gcode.words import Block
 from isel_twin.cam.reader import Once
 from isel_twin.cam.settings import CamSettings
-from isel_twin.cam.toolpath import Arc, CamError, Caution, Dwell, Element, Line, Place, Point, Rapid, Reference
+from isel_twin.cam.toolpath import Arc, CamError, Dwell, Element, Line, Place, Point, Rapid, Reference
 
 _AXES = "XYZ"
 _CENTRES = "IJK"
@@ -418,8 +418,8 @@ class Motion:
         repeats = self._cycle.take(block, code, along, self._mm(along, 1.0), self.unit, self.at[along])
         clear, bottom = self._cycle.heights(block, self._absolute)
         across = {axis: value for axis, value in values.items() if axis != along}
-        if series is not None:
-            yield from self._unlike(place, series, (along, self.unit), clear)
+        if series is not None and (told := self._cycle.unlike(series, self.at[along], clear, self._to_start)):
+            yield from self._once(told, place, told)
         if self.at[along] < clear:
             yield from self._rapid(place, self._with({along: clear}))
         for _ in range(repeats):
@@ -433,22 +433,3 @@ class Motion:
                 elif value != self.at[along]:
                     self.at = self._with({along: value})
                     yield Line(place, self._machine(self.at), feed)
-
-    def _unlike(
-        self, place: Place, before: tuple[int, float], now: tuple[int, float], clear: float
-    ) -> Iterable[Caution]:
-        """What LinuxCNC makes otherwise of this hole of a series (cam/19)."""
-        height, began = self.at[now[0]], self._cycle.began or 0.0
-        if before[0] != now[0]:
-            what = "the plane changes: a new series begins where the tool is", "keeps heights of the old plane"
-        elif before[1] != now[1]:
-            what = "the unit changes: R, depth and Q stay as long as they were", "keeps their numbers"
-        elif height < clear <= began:
-            what = "R rises: the tool is lifted before it goes across", "lifts it on the way"
-        elif began < clear < height:
-            what = "R falls: the tool goes across before it goes down", "lowers it before"
-        elif self._to_start and clear <= height < began:
-            what = "G98 follows G99: the tool goes across at the R at which it stands", "lifts it on the way"
-        else:
-            return ()
-        return self._once(what[0], place, f"within a series of holes {what[0]}; LinuxCNC {what[1]}")

@@ -52,8 +52,7 @@ class Program:
         self.base = self.job_zero  # machine point of the active zero
         self.tool_length = 0.0
         self.cleared = False  # by WPCLEAR: coordinates are the machine's, without the tool's length
-        x, y, z = settings.machine_point(settings.start)
-        self.at: Point = (x - self.base[0], y - self.base[1], z - self.base[2])
+        self.at: Point = self.program(settings.machine_point(settings.start))
         self.up = 1 if settings.file_z_up else -1  # of the numbers in the file
         self.per_mm = 1000.0
         self.rapid = 0.0
@@ -102,8 +101,8 @@ class Program:
 
     def _carried_out(self, statement: Statement) -> Iterator[Element]:
         row = _STATEMENTS.get(statement.word)
-        if _OF_PRONC.match(statement.word):
-            raise statement.wrong(f"is {_PRONC}")
+        self.named = self.named or statement.word == "IMF_PBL"
+        statement.check_compiled(self.named)
         if row is None:
             raise CamError(
                 f"unknown word {statement.place.word[:40]!r}; {hint(statement.word, _STATEMENTS, 'NCP has')}",
@@ -115,11 +114,6 @@ class Program:
                 yield from self.once("head", statement.place, "there is no line IMF_PBL at the beginning")
         if statement.place.word != statement.place.word.upper() and statement.word != "IMF_PBL":
             yield from self.once("case", statement.place, "words in small letters are read like capitals")
-        self.named = self.named or statement.word == "IMF_PBL"
-        if not self.named and statement.word.startswith(_MEASURED):
-            for token, at in statement.tokens:
-                if "." in token:
-                    raise statement.wrong(f"{token} has a point, and no line IMF_PBL stands before it: {_PRONC}", at)
         made = row(self, statement)
         if made is not None:
             yield from made
@@ -129,12 +123,15 @@ class Program:
     def machine(self, point: Point) -> Point:
         return point[0] + self.base[0], point[1] + self.base[1], point[2] + self.base[2]
 
+    def program(self, machine: Point) -> Point:
+        return machine[0] - self.base[0], machine[1] - self.base[1], machine[2] - self.base[2]
+
     def rebase(self) -> None:
         """The active zero or the tool has changed; the tool stays where it is."""
-        x, y, z = self.machine(self.at)
+        machine = self.machine(self.at)
         bx, by, bz = (0.0, 0.0, 0.0) if self.cleared else self.job_zero
         self.base = (bx, by, bz if self.cleared else bz + self.tool_length)
-        self.at = (x - self.base[0], y - self.base[1], z - self.base[2])
+        self.at = self.program(machine)
 
     def mm(self, letter: str, value: float) -> float:
         """A coordinate or increment of the file."""
@@ -416,12 +413,8 @@ class Program:
             raise statement.wrong(f"{named[:20]!r} names no axes of this machine; allowed: X, Y, Z")
         axes = tuple(axis for axis, letter in enumerate("XYZ") if not named or letter in named)
         run = Reference(statement.place, axes)
-        x, y, z = run.ends(self.machine(self.at))
-        self.at = (x - self.base[0], y - self.base[1], z - self.base[2])
+        self.at = self.program(run.ends(self.machine(self.at)))
         yield run
-
-    def refused(self, statement: Statement) -> None:
-        raise statement.wrong("what it means is not known")
 
 
 def _no_rotary(statement: Statement, words: Mapping[str, float]) -> None:
@@ -432,11 +425,6 @@ def _no_rotary(statement: Statement, words: Mapping[str, float]) -> None:
 
 
 _TURNS = {"CW": 1, "CCW": -1, "OFF": 0}
-_OF_PRONC = re.compile(
-    r"((END)?(IF|FOR|WHILE)|THEN|ELSE|REPEAT|UNTIL|LABEL|GOTO|(SUBR|PROC)(BEGIN|END)?|CALL|RETURN)\Z"
-)
-_PRONC = "of a source of ProNC, which is compiled there: its .ncp is run here"
-_MEASURED = ("FAST", "MOVE", "CW", "CCW", "VEL", "DRILL")  # how words with lengths begin
 _STATEMENTS: Mapping[str, Callable[[Program, Statement], Iterable[Element] | None]] = {
     "IMF_PBL": Program.shown,
     **dict.fromkeys(("FASTABS", "FASTREL", "MOVEABS", "MOVEREL"), Program.move),
@@ -459,5 +447,4 @@ _STATEMENTS: Mapping[str, Callable[[Program, Statement], Iterable[Element] | Non
     **dict.fromkeys(("INITTOOL", "PROGBEGIN"), Program.no_effect),
     "PROGEND": Program.stop,
     "REF": Program.reference,
-    "LIMIT": Program.refused,
 }
