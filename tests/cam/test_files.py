@@ -239,7 +239,12 @@ def test_tabs_and_a_few_marks_of_plotters_are_text() -> None:
 def test_a_file_that_cuts_as_high_as_it_travels_is_plausible() -> None:
     assert told("gcode", "G21 G90 F60\nG0 X1\nG1 X2\nM2\n", UP) == ["rapid 1 0 0", "line 2 0 0 F1", "end"]
     assert told("gcode", "G21 G90 F60\nG0 X1\nG1 X2 Z0.001\nM2\n", UP)[-2:] == ["caution", "end"]
-    assert "caution" not in told("gcode", "G21 G90 F60\nG0 X1 Z5\nG1 X2 Z1\nM2\n", UP)
+    for body in (
+        "G0 X1 Z5\nG1 X2 Z1",
+        "G0 X1\nG1 Z-1\nX2\nZ5\nG0 X0",  # drawn back by a feed, as posts without rapids write it
+        "G0 X1 Z5\nG1 Z-9\nX2\nG0 Z-8\nX1\nG1 X2 Z-2\nG0 Z-8\nX0\nG1 Z-2\nG0 Z5",  # rapids within a pocket
+    ):
+        assert "caution" not in told("gcode", f"G21 G90 F60\n{body}\nM2\n", UP)
 
 
 def test_a_format_is_claimed_by_more_than_a_quarter_of_its_statements() -> None:

@@ -329,7 +329,7 @@ def test_a_system_is_not_turned() -> None:
 def test_cycles_in_three_planes() -> None:
     """Along Y in G18, along X in G19, as rs274 makes them."""
     head = "G21 F60 G98\nG0 X1 Y10 Z2\n"
-    assert told("gcode", f"{head}G18 G81 X3 Z4 Y-1 R2\nX5\nM2", STRICT)[1:-2] == [
+    assert told("gcode", f"{head}G18 G81 X3 Z4 Y-1 R2\nX5\nM2", STRICT)[1:-1] == [
         *("rapid 3 10 4", "rapid 3 2 4", "line 3 -1 4 F1", "rapid 3 10 4"),
         *("rapid 5 10 4", "rapid 5 2 4", "line 5 -1 4 F1", "rapid 5 10 4"),
     ]

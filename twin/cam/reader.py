@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import islice
@@ -164,19 +165,18 @@ class Once:
 
 
 def plausible(path: Toolpath) -> Toolpath:
-    """The same toolpath; before its end a caution if it cuts above the height at which it travels (cam/14)."""
-    rapids = cuts = 0
-    travel = cut = 0.0
+    """The same toolpath; before its end a caution if its highest point is cut and its lowest is travelled (cam/14)."""
+    travel, cut = [math.inf, -math.inf], [math.inf, -math.inf]  # lowest and highest Z
     element: Element
     for element in path:
         kind = type(element)
-        if kind is Line or kind is Arc:
-            cuts += 1
-            cut += element.to[2]  # type: ignore[union-attr]
-        elif kind is Rapid:
-            rapids += 1
-            travel += element.to[2]  # type: ignore[union-attr]
-        elif kind is End and rapids and cuts and cut / cuts > travel / rapids + 1e-9:
+        if kind is Line or kind is Arc or kind is Rapid:
+            z, heights = element.to[2], travel if kind is Rapid else cut  # type: ignore[union-attr]
+            if z < heights[0]:
+                heights[0] = z
+            if z > heights[1]:
+                heights[1] = z
+        elif kind is End and travel[0] <= cut[0] and cut[1] > travel[1] + 1e-9:
             yield Caution(
                 element.place,
                 "Z of this file seems to count downwards: it cuts above its rapid moves; if so, set file_z_up = false",

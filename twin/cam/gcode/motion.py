@@ -82,9 +82,9 @@ class Motion:
         if 500 in g.values() and ("S" in words or (axes and code is None)):
             raise block.wrong("G50 with S, or alone with X Y Z, is of lathes")
         if code is not None and code != 800 and takes:
-            motion, other = codes.name("G", code), codes.name("G", int(once or 0))
-            remedy = "" if code in (20, 30) else f"; write {motion} in a line of its own before it"
-            raise block.wrong(f"{motion} and {other} both take X Y Z{remedy}")
+            first, other = codes.name("G", code), codes.name("G", int(once or 0))
+            remedy = "" if code in (20, 30) else f"; write {first} in a line of its own before it"
+            raise block.wrong(f"{first} and {other} both take X Y Z{remedy}")
         if axes and not takes and (code == 800 or (code is None and self.code in (None, 800))):
             raise block.wrong(f"no motion takes {axes[0]}: none has come yet, or G80 has ended it", axes[0])
         if once in (520, 920) and not axes:

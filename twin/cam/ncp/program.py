@@ -114,9 +114,7 @@ class Program:
                 yield from self.once("head", statement.place, "there is no line IMF_PBL at the beginning")
         if statement.place.word != statement.place.word.upper() and statement.word != "IMF_PBL":
             yield from self.once("case", statement.place, "words in small letters are read like capitals")
-        made = row(self, statement)
-        if made is not None:
-            yield from made
+        yield from row(self, statement) or ()
 
     # Points ----------------------------------------------------------------------------------------------------------
 
