@@ -92,7 +92,7 @@ release: $(RELEASE)/.ready ## REPOSITORY=https://HOST/OWNER/NAME: the commit's f
 	$(RELEASE)/bin/twine check --strict dist/*
 
 .PHONY: site docs-run
-docs-run: $(READY) ## run what the pages print: commands and programs, in a project of their own
+docs-run: $(READY) ## run what the pages print and compare the answers; takes ten minutes of two quiet cores
 	@$(BIN)/python -m tests.printed
 
 site: build/site/.ready ## the pages as a site in build/site/html; a broken link fails

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from isel_twin.envs.track import TrackPath
 from isel_twin.envs.tuning import JobTuning
-from isel_twin.envs.variations import VARIATIONS
+from isel_twin.envs.variations import VARIATIONS, varied
 from isel_twin.machine import Machine, load_machine, with_overrides
 
 _DRAWS = 0x5242  # separates the random numbers of `Randomised` from the environment's of the same seed
@@ -100,6 +100,8 @@ class Randomised(gymnasium.Wrapper[NDArray[np.float64], NDArray[np.float32], NDA
             low, high = VARIATIONS[name]
             if len(bounds) != 2 or not low <= bounds[0] <= bounds[1] <= high:
                 raise ValueError(f"range {name} is {bounds!r}; allowed: two numbers from {low:g} to {high:g}, in order")
+            for end in bounds:  # refuse it now, not in some episode
+                varied(env.unwrapped.machine, {name: float(end)})
         self._ranges: Mapping[str, Sequence[float]] = {name: ranges[name] for name in VARIATIONS if name in ranges}
         self._random: np.random.Generator | None = None
 

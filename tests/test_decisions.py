@@ -37,6 +37,13 @@ def test_every_citation_leads_to_a_decision() -> None:
     assert lost == []
 
 
+def test_no_decision_is_cited_without_its_room() -> None:
+    """As they were until they had rooms: a letter and a number."""
+    roomless = re.compile(r'(?:"""|[(:] ?|\bis |\bare |\bin |\), )([DZ]\d{1,2})(?=[:;)]|\.(?: |$)| to [DZ]\d)', re.M)
+    found = {str(path.relative_to(ROOT)): roomless.findall(path.read_text(encoding="utf-8")) for path in files()}
+    assert {path: numbers for path, numbers in found.items() if numbers} == {}
+
+
 @pytest.mark.parametrize("room", ROOMS)
 def test_every_decision_is_cited_where_it_is_kept(room: str) -> None:
     """Who changes the code must meet the decision there; one that nobody cites decides nothing."""

@@ -261,7 +261,7 @@ def test_a_job_that_must_stop_at_a_switch_is_green() -> None:
     assert (verdict.ok, verdict.refused, verdict.expectations, verdict.commands) == (False, 0, 5, 3)
     assert verdict.unmet == (7,)
     assert (results[-1].why, results[-1].condition) == (f"is {results[-1].counts[1]} steps", True)
-    _, verdict = played(f"{FAR} => 2\n! limit_x2 == struck\n! fault == 0\n! lost == 0\n! steps > 1000\n")
+    _, verdict = played(f"{FAR} => 2\n! limit_x2 == struck\n! fault == 1\n! lost == 0\n! steps > 1000\n")
     assert verdict.ok
 
 

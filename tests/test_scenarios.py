@@ -242,7 +242,7 @@ def test_what_needs_physics_is_said_and_counted_without(
         """,
         plant,
     )
-    said = f"{tmp_path}/scenario.toml: 2 of 3 events push, cut, load or break what is not there"
+    said = f"{tmp_path}/scenario.toml: 2 of 3 events have no effect without physics"
     assert [record.getMessage().startswith(said) for record in caplog.records] == [True] * bool(idle)
     assert (twin.events_left, twin.events_without_effect) == (3, 0)
     twin.run(2.5)

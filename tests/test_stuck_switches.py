@@ -61,7 +61,7 @@ def test_on_the_shell(
     with pytest.raises(SystemExit) as caught:
         main([*call, "--scenario", str(stuck(tmp_path, state))])
     assert caught.value.code == 1
-    assert "not as it should be" in capsys.readouterr().out
+    assert "\nfailed: " in capsys.readouterr().out
     said = [record.getMessage() for record in caplog.records]
     assert len(said) == 1
     assert said[0].endswith(f" s: reference run of X: {SAID[controller, state]}")

@@ -239,7 +239,7 @@ def test_a_check_doubts_a_bound_that_only_the_machine_of_the_file_keeps(
     lost = dataclasses.replace(trials[2].verdict, lost_steps=(64.0, 0.0, 0.0, 0.0))
     trials = [*trials[:2], dataclasses.replace(trials[2], verdict=lost)]
     (finding,) = repeated(TwinSpec(), [], job, Bounds(uncertain=3))
-    assert finding.message.startswith("1 of 3 repetitions end otherwise: number 3")
+    assert finding.message.startswith("1 of 3 repetitions end differently: number 3")
 
 
 def test_the_command_line_shows_bands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

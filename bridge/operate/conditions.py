@@ -52,7 +52,7 @@ def conditions(state: State) -> dict[str, str]:
     """
     told = {
         "power": "" if powered(state) else "the safety relay is open",
-        "controller": "the controller has an error that no reply has told" if state["fault"] else "",
+        "controller": state["fault_cause"],
         "line": "the line to the host is cut" if "line_cut" in state["faults"] else "",
     }
     for at, axis in enumerate(CARRIAGES):

@@ -9,6 +9,7 @@ use the same functions. No sockets here.
     {"step": 0.001}                     seconds of virtual time, while paused
     {"speed": 2}, {"speed": "max"}      times real time, from now on
     {"state": true}                     the machine as it is
+    {"watch_margin": true}              least margins and edges of `state` begin anew
     {"settable": true}                  everything that can be set, with its states
     {"keys": true}                      the controller's own keys, {"key": {"mode": "auto"}}, and their values
     {"wait": {"output": "spindle", "is": 1}}      until it is true (`_condition`)
@@ -52,7 +53,7 @@ _WALL_S = Limits("s", 0.0, 86_400.0)
 _MM = Limits("mm", -1e5, 1e5)
 _COUNT = Limits("steps", -1e10, 1e10)
 
-_ACTIONS = ("pause", "resume", "step", "speed", "state", "settable", "keys", "wait", "stop")
+_ACTIONS = ("pause", "resume", "step", "speed", "state", "watch_margin", "settable", "keys", "wait", "stop")
 _CONDITIONS = ("output", "input", "level", "position", "count", "idle", "time", "collision", "fault", *KINDS)
 _CONDITION_KEYS = (*_CONDITIONS, "is", "above", "below", "edge")
 _WAIT_KEYS = (*_CONDITION_KEYS, "timeout_s", "wall_s", "pause")
@@ -123,7 +124,8 @@ class Operator:
             return {name: list(states) for name, states in self.settable.items()}
         if key == "keys":
             return {name: f"{one.meaning}: {one.allowed}" for name, one in self._twin.keys.items()}
-        return self._done(request, {"pause": self.pause, "resume": self.resume, "stop": self.stop}[key])
+        plain_acts = {"pause": self.pause, "resume": self.resume, "stop": self.stop, "watch_margin": self.watch_margin}
+        return self._done(request, plain_acts[key])
 
     def _done(self, request: Any, act: Callable[[], Answer | Pending]) -> Answer | Pending:
         """The action's result; the action is logged."""
@@ -152,6 +154,11 @@ class Operator:
     def pause(self) -> Answer:
         """Stop virtual time, even in the middle of a step."""
         self._pacer.pause(self._twin.time_ns)
+        return self._now()
+
+    def watch_margin(self) -> Answer:
+        """Let the least margins and edges begin anew."""
+        self._twin.watch_margin()
         return self._now()
 
     def resume(self) -> Answer:
@@ -217,6 +224,7 @@ class Operator:
             "paused": self._pacer.paused,
             "idle": twin.idle,
             "fault": twin.fault,
+            "fault_cause": twin.fault_cause,
             "counts": twin.counts.tolist(),
             "step_mm": twin.step_mm.tolist(),
             "position_mm": twin.position_mm.tolist(),
@@ -228,6 +236,7 @@ class Operator:
             "following_error": twin.following_error.tolist(),
             "drive_faults": [list(fault) for fault in twin.drive_faults],
             "edge": [round(edge, 3) if edge < MOST_EDGE else None for edge in twin.speed_edge.tolist()],
+            "margin_since_s": twin.margin_since_ns / SECOND_NS,
             "margin": [None if math.isnan(margin) else margin for margin in twin.margin.tolist()],
             "inputs": dict(twin.inputs),
             "outputs": dict(twin.outputs),

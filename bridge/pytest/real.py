@@ -94,6 +94,8 @@ class RealWatched:
             return None
         return self.report.results, self.report.results[-1].end_ns
 
+    fault_left = ""
+
     def rest(self) -> None:
         """Nothing: a line of a job is over when the controller has said so."""
 

@@ -82,7 +82,8 @@ class Pacer:
     ) -> None:
         self.speed = speed
         self.behind = False  # the speed is not kept at present
-        self.reached = 0.0  # times real time: while `behind`, in the first moments of it; afterwards, in all of it
+        self.reached = 0.0  # times real time, from falling behind to the last slip
+        self.slips = 0  # since falling behind
         self.onlookers: list[Onlooker] = []
         self._clock = clock
         self.hold_ns: int | None = None  # while paused: the virtual time of the stop, after all steps
@@ -201,22 +202,26 @@ class Pacer:
         self._slipped = self._wall_0, twin.time_ns
         if not self.behind:
             self.behind = True
-            self._fell = self._even
-            self.reached = self._factor()
+            self._fell, self.slips = self._even, 0
+        self.slips += 1
+        self.reached = self._factor()
         self._even = self._slipped
 
     def _judge(self, twin: Clocked, present: int) -> None:
         self._late = twin.time_ns < present
         if self._late:
             return
-        now = self._clock()
-        if self.behind and now - self._slipped[0] >= STEADY_NS:
+        if self.behind and self._clock() - self._slipped[0] >= STEADY_NS:
             self.behind = False
-            self.reached = self._factor()
-        self._even = now, twin.time_ns
+        assert self.speed is not None
+        self._even = self._wall_0 + round((present - self._virtual_0) / self.speed), twin.time_ns
+
+    @property
+    def behind_s(self) -> float:
+        """Wall seconds over which `reached` was measured."""
+        return (self._slipped[0] - self._fell[0]) / 1e9
 
     def _factor(self) -> float:
-        """Times real time reached from falling behind to the last slip."""
         wall_ns, virtual_ns = (slipped - fell for slipped, fell in zip(self._slipped, self._fell, strict=True))
         return virtual_ns / max(wall_ns, 1)
 

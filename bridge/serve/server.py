@@ -38,6 +38,7 @@ LINE_BYTES = 4096
 
 SILENCE_BYTES = 2  # byte times of silence on a paced line that end a piece
 PIECE_BYTES = 1024  # largest such piece
+MEASURED_S = 1.0  # wall time over which a speed is measured before it is said not to be reached
 
 
 class Guest(Protocol):
@@ -86,6 +87,12 @@ class _Piece:
         return data
 
 
+def _three_digits(factor: float) -> str:
+    """Text of a factor, rounded down: never the speed that it is short of."""
+    unit = 10.0 ** (math.floor(math.log10(factor)) - 2) if factor > 0.0 else 1.0
+    return f"{math.floor(factor / unit) * unit:.3g}"
+
+
 class Server:
     """Serves one twin on some endpoints until `stop` is called."""
 
@@ -109,7 +116,7 @@ class Server:
         self._speaker: Endpoint | None = None
         self._line_free_ns = 0
         self._piece = _Piece()
-        self._behind = False
+        self._behind = self._said_slow = False
         self._stopped = False
         self._watched = FileWatches()
         self._wake = Wake()
@@ -159,12 +166,19 @@ class Server:
         self._watched.wait(self._watches(), self._sleep_s())
 
     def _say_pace(self) -> None:
-        if self.pacer.behind == self._behind:
+        """Say that the speed is not reached, measured for MEASURED_S, and is again; of a single stall, its length."""
+        pacer, was, self._behind = self.pacer, self._behind, self.pacer.behind
+        if not self._said_slow and pacer.slips > 1 and pacer.behind and pacer.behind_s >= MEASURED_S:
+            self._said_slow = True
+            told = "this computer does not reach speed %g: %s times real time"
+        elif was and not pacer.behind:
+            told = "speed %g is reached again; it was %s times real time meanwhile"
+            if not self._said_slow:
+                told = "this computer was late once at speed %g: %s times real time for " + f"{pacer.behind_s:.2g} s"
+            self._said_slow = False
+        else:
             return
-        self._behind = self.pacer.behind
-        slow = "this computer does not reach speed %g: %.3g times real time"
-        again = "speed %g is reached again; it was %.3g times real time meanwhile"
-        log.warning(slow if self._behind else again, self.pacer.speed, self.pacer.reached)
+        log.warning(told, pacer.speed, _three_digits(pacer.reached))
 
     def _watches(self) -> list[FileWatch]:
         watches = [self._wake.watch]
@@ -296,7 +310,7 @@ class Server:
     def go_on(self, speed: float | None, paused: bool = False) -> None:
         """Change the speed from now on, or, if still paused, after the pause."""
         self.pacer.go_on(speed, self.twin.time_ns, paused)
-        self._behind = False
+        self._behind = self._said_slow = False
         if speed is None:
             self._line_free_ns = min(self._line_free_ns, self.twin.time_ns)
 

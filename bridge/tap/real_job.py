@@ -14,7 +14,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
 TIMEOUT_S = 300.0  # real time that a line may take, if nobody says more: a reference run of a long machine
 QUIET_NS = 200 * MILLISECOND_NS  # silence after a line that needs no reply
 LOOK_S = 0.05  # between looks at a silent line
-SEEN = ("refused", "unmet", "unfinished", "cycle")  # rules that need no inside view
 
 
 class SilentError(OSError):
@@ -151,27 +150,34 @@ class RealReport:
 
     @property
     def ok(self) -> bool:
-        return not self.findings
+        return all(finding.warning for finding in self.findings)
 
     @property
     def unseen(self) -> tuple[str, ...]:
         """Rules and conditions that nobody could look at."""
-        return (*(rule for rule in RULES if rule not in SEEN), *self.conditions_unseen)
+        return (*(name for name, rule in RULES.items() if not rule.heard), *self.conditions_unseen)
 
 
 def unfit(lines: Sequence[Line], controller: str) -> str:
     """Why this job cannot be sent to a real controller; "" if it can."""
     language = needed(create_language(controller), controller)
     if offers(language, RunsPrograms) or any(line.program for line in lines):
-        return f"{controller} acknowledges nothing on its line, so nobody can hear when a line is over; take the twin"
+        return f"{controller} acknowledges nothing on its line: the end of a command cannot be heard; use the twin"
     return ""
 
 
 def check_real(
-    job: str, lines: Sequence[Line], controller: str, real: RealController, bounds: Bounds, stop: Stop
+    job: str,
+    lines: Sequence[Line],
+    controller: str,
+    real: RealController,
+    bounds: Bounds,
+    stop: Stop,
+    cautions: Sequence[Finding] = (),
 ) -> RealReport:
-    """Send a job line by line and judge the replies. bounds: cycle_s and timeout_s count, in real seconds. stop: true
-    ends the job. Raises SilentError if the controller has never said anything, or its port has gone."""
+    """Send a job line by line and judge the replies. bounds: cycle_s and timeout_s count, in real seconds, and strict.
+    stop: true ends the job. cautions: what its file may mean otherwise. Raises SilentError if the controller has never
+    said anything, or its port has gone."""
     results: list[Result] = []
     unseen: list[str] = []
     counts: Mapping[int, int] = {}
@@ -208,7 +214,9 @@ def check_real(
     cycle_s = (end_ns - begin_ns) / SECOND_NS
     number, over_ns = (results[-1].number, results[-1].end_ns) if results else (None, 0)
     found = [finding for result in results for finding in of_answer(result, bounds)]
-    found += [*of_cycle(cycle_s, bounds, number, end_ns), *of_unsent(left, number, over_ns)]
+    found += [*of_cycle(cycle_s, bounds, number, end_ns), *of_unsent(left, number, over_ns), *cautions]
+    if bounds.strict:
+        found = [replace(finding, strict=True) for finding in found]
     verdict = RealVerdict(len(sent), cycle_s, real.address, controller, left, stop() and not whole)
     return RealReport(job, few(found), verdict, tuple(unseen), tuple(results), halted)
 

@@ -170,6 +170,11 @@ class Tap:
             watches += endpoint.watches(listening)
         self._watched.wait(watches, LOOK_S)
 
+    @property
+    def lost_bytes(self) -> int:
+        """Bytes of the host that the controller cannot have got."""
+        return self._port.nowhere
+
     # from the controller
 
     def _deliver(self) -> None:

@@ -165,7 +165,7 @@ def run_host(
     if time.ending is not None and time.ending.kind in ("deadlock", "timeout", "refused"):
         ending, reason = time.ending.kind, time.ending.reason
         code = 2 if ending == "refused" else 1
-    verdict = judge(twin, ())
+    verdict = judge(twin, (), host_since_ns=began_ns)
     seen, notes, left = tuple(sorted(struck.seen)), tuple(time.ports.notes), tuple(time.left)
     return HostRun(code, ending, reason, began_ns, ended_ns, verdict, struck.now(twin), seen, notes, left)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fnmatch
 import os
 import re
 import socket
@@ -14,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from tests import printed
 from tests.forked import PATIENCE_S
 
 pytestmark = pytest.mark.long(seconds=8)
@@ -25,23 +25,12 @@ PORT = "127.0.0.1:4002"
 
 def blocks() -> list[list[str]]:
     """The indented blocks of the section."""
-    text = PAGE.read_text(encoding="utf-8").split(SECTION)[1].split("\n## ")[0]
-    return [
-        [line[4:] for line in block.strip("\n").splitlines()]
-        for block in re.findall(r"(?m)(?:^(?:    .*|)\n)*^    .*\n", text)
-    ]
+    return printed.indented(PAGE.read_text(encoding="utf-8").split(SECTION)[1].split("\n## ")[0])
 
 
 def steps() -> list[tuple[str, str]]:
     """What is typed, and what comes back."""
-    typed: list[tuple[str, str]] = []
-    for block in blocks():
-        for line in block:
-            if line.startswith("$ "):
-                typed.append((line[2:], ""))
-            elif typed and line and block[0].startswith("$ "):
-                typed[-1] = (typed[-1][0], f"{typed[-1][1]}{line}\n")
-    return typed
+    return [step for block in blocks() if block[0].startswith(printed.PROMPT) for step in printed.typed(block)]
 
 
 class Shell:
@@ -99,5 +88,4 @@ def test_the_commissioning_works_as_it_is_written(shell: Shell) -> None:
         port = "{}:{}".format(*free.getsockname())
     for line, expected in typed:
         answer = re.sub(r"(?m)^\[\d+\].*\n", "", shell.type(line.replace(PORT, port)))  # bash's own words about jobs
-        pattern = expected.replace(PORT, port).replace("[", "[[]").replace("...", "*")
-        assert fnmatch.fnmatchcase(answer, pattern), f"$ {line}\n{answer}--- the page has\n{expected}"
+        assert printed.fits(answer, expected.replace(PORT, port)), f"$ {line}\n{answer}--- the page has\n{expected}"

@@ -146,7 +146,10 @@ def test_figures_stand_behind_their_lines() -> None:
 
     figures = {1: Figures(0.0), 2: Figures(33.7), 3: Figures(0.5, (0.41, "x")), 4: Figures(9.0)}
     hints = shown.hints(figures, shown.lines_of(JOB), 0, 2, len)
-    assert [(hint.position.line, hint.label) for hint in hints] == [(1, "33.700 s"), (2, "0.500 s, x keeps 41 %")]
+    assert [(hint.position.line, hint.label) for hint in hints] == [
+        (1, "33.700 s"),
+        (2, "0.500 s, x keeps 41 % torque"),
+    ]
     hover = shown.explained(["@07: axes *X*"], Figures(0.1, replies=("0",)))
     assert hover is not None
     assert isinstance(hover.contents, types.MarkupContent)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from isel_twin.bridge.serve.pacing import LONGEST_S, PATIENCE_NS, SLIP_NS, STEADY_NS, TICK_NS, Pacer, parse_speed
@@ -227,3 +228,18 @@ def test_what_a_host_says_waits_for_a_twin_that_is_nearly_there():
     assert present is not None
     assert spoken <= machine.time_ns <= present
     assert not pacer.behind
+
+
+@pytest.mark.parametrize("seed", [71, 84, 251, 286, 345])
+def test_a_speed_that_is_not_reached_is_never_said_to_be_exceeded(seed: int) -> None:
+    """A computer that makes 22 to 50 times real time, but for long looks now and then; hosts speak meanwhile."""
+    chance = np.random.default_rng(seed)
+    clock = Clock()
+    pacer, machine = Pacer(20.0, clock=clock), Machine(clock, idle=False)
+    while not pacer.behind:
+        machine.cost = float(chance.choice([0.02, 0.045, 0.045, 4.0]))
+        pacer.advance(machine)
+        clock.now += int(chance.choice([1, 1, 1, 1, 40])) * MS
+        if chance.random() < 0.05:
+            pacer.catch_up(machine, lambda: None)
+    assert 0.0 < pacer.reached < 20.0

@@ -69,7 +69,7 @@ def test_replies_counters_and_times_are_judged_and_the_rest_is_named(judge: Judg
     told = json.loads(out)
     assert (code, told["ok"], told["findings"], told["verdict"]["commands"]) == (0, True, [], 4)
     assert told["not_looked_at"][-1] == "line 4 (! lost == 0)"
-    assert set(told["not_looked_at"][:-1]) == set(RULES) - {"refused", "unmet", "unfinished", "cycle"}
+    assert set(told["not_looked_at"][:-1]) == set(RULES) - {"refused", "unmet", "unfinished", "cycle", "caution"}
     noted = ElementTree.parse(tmp_path / "report.xml").find("testsuite/testcase/system-out")
     assert noted is not None
     assert "not looked at: " in str(noted.text)
@@ -200,7 +200,7 @@ def test_a_stop_by_hand_breaks_the_motion_off(tmp_path: Path) -> None:
     os.close(slave)
     assert process.returncode == 1
     assert "interrupted: <255> was sent to" in err
-    assert "1 line is not sent any more" in out
+    assert "1 line is not sent" in out
 
 
 def test_a_controller_whose_line_says_nothing_is_refused(judge: Judge, served: dict[str, Served]) -> None:
@@ -210,3 +210,11 @@ def test_a_controller_whose_line_says_nothing_is_refused(judge: Judge, served: d
     code, _, err = judge("K1:P1\n", controller="bwo900", port=served["imc-s8"].info["pty"])
     assert code == 2
     assert len(err.splitlines()) == 1
+
+
+def test_cautions_of_a_file_are_said_of_the_real_machine_too(judge: Judge) -> None:
+    """A file without a unit; the machine carries it out."""
+    code, out, _ = judge("G0 X1\nM2\n")
+    assert code == 0
+    assert out.count("warning caution    line 1: there is no G20 or G21: numbers are read as mm") == 1
+    assert judge("G0 X1\nM2\n", "--strict")[0] == 1

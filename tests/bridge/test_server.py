@@ -181,3 +181,19 @@ def test_the_collector_does_not_hold_the_server_up():
     server.run()
     assert frozen[-1] > before + 10_000
     assert gc.get_freeze_count() == 0
+
+
+def test_a_single_stall_is_not_called_a_speed_that_is_not_reached(caplog) -> None:
+    """Two seconds in which the computer did something else, at a speed that it reaches."""
+    clock = Clock()
+    twin = Twin(plant="kinematic")
+    stalls = [2_000 * MS]
+
+    def look(_: Twin) -> None:
+        clock.now += stalls.pop() if stalls and twin.time_ns > 1_000 * MS else MS // 5
+
+    twin.observe(look, 10 * MS)
+    Server(twin, Pacer(20.0, clock=clock), [Mouth(b"\n", clock, looks=10_000, look_ns=1 * MS)]).run()
+    (said,) = [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING]
+    assert said.startswith("this computer was late once at speed 20: 0.")
+    assert said.endswith(" times real time for 2 s")

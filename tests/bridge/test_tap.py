@@ -255,7 +255,7 @@ def test_a_device_that_is_unplugged_in_use_is_said_waited_for_and_taken_again(de
         device.unplug()
         until(lambda: any("has gone" in text for text in notes.said))
         port.write(b"nowhere")
-        until(lambda: notes.tap._port.nowhere == len(b"nowhere"))
+        until(lambda: notes.tap.lost_bytes == len(b"nowhere"))
         device.plug_in()
         until(lambda: any("is back" in text for text in notes.said))
         port.write(b"again")
@@ -440,6 +440,18 @@ def test_a_session_recorded_by_the_command(device, tap, tmp_path):
     assert not os.path.lexists(tmp_path / "imc")
 
 
+def test_bytes_that_went_nowhere_are_in_the_exit_code(device, tap, tmp_path):
+    file = tmp_path / "real.mcap"
+    tapped = tap(str(device.link), "--record", str(file))
+    with tapped.open() as port:
+        device.unplug()
+        until(lambda: b"has gone" in file.read_bytes())
+        port.write(b"@07\r")
+        until(lambda: traffic(file)[0] == b"@07\r")
+    assert tapped.stop(signal.SIGTERM) == 1
+    assert traffic(file)[0] == b"@07\r"
+
+
 def test_it_agrees_with_the_recording_of_the_controller_itself(serve, tap, tmp_path):
     """A twin in place of the real controller, which records itself: the same bytes, no difference."""
     files = {"twin": tmp_path / "twin.mcap", "tap": tmp_path / "real.mcap"}
@@ -482,7 +494,7 @@ def test_what_cannot_be_tapped_is_one_line(device, tap, refused, tmp_path):
         f"isel-twin: {file}: exists already; choose another name, or add --replace"
     )
     assert file.read_bytes() == b"precious"
-    assert "a tap records .mcap" in refused(str(device.link), "--record", str(tmp_path / "real.vcd"))
+    assert "the name must end in .mcap" in refused(str(device.link), "--record", str(tmp_path / "real.vcd"))
     assert "Connection refused; is something listening there?" in refused("tcp://127.0.0.1:1")
     full = tmp_path / "full.mcap"
     full.symlink_to("/dev/full")

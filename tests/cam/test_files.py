@@ -19,7 +19,7 @@ from isel_twin.cam.registry import reader_for, reader_named, reader_names
 from isel_twin.cam.settings import CamSettings, read_cam
 from isel_twin.cam.toolpath import CamError, Element, End
 from isel_twin.language import create_language
-from tests.cam.short import UP, told
+from tests.cam.short import UP, cautions, told
 from tests.cam.test_gcode import PRODUCERS as GCODE
 from tests.cam.test_gcode import PROGRAMS
 from tests.cam.test_hpgl import FIGURES, PEN, STAR
@@ -234,6 +234,22 @@ def test_tabs_and_a_few_marks_of_plotters_are_text() -> None:
     assert head_of(b"G1 X1\n" * 100 + b"\x01\x02\x04\x05\x06\n")
     with pytest.raises(CamError, match="the file is no text"):
         head_of(b"G1 X\x01\x02\x04\x05\x06\n")
+
+
+@pytest.mark.parametrize(
+    ("reader", "text", "said"),
+    [
+        ("ncp", "IMF_PBL\nVEL 10000\nFASTABS Z5\nMOVEABS Z-3\nMOVEABS X100\nPROGEND\n", "3 um below"),
+        ("gcode", "G21 G90 F60\nG0 Z1\nG1 Z-0.003\nM2\n", "3 um below"),
+        ("ncp", "IMF_PBL\nVEL 10000\nFASTABS Z5000\nMOVEABS Z-3000\nPROGEND\n", ""),
+        ("gcode", "G21 G90 F60\nG0 Z1\nG1 Z-0.02\nM2\n", ""),
+        ("gcode", "G21 G90 F60\nG0 Z9\nG1 Z0\nM2\n", ""),
+    ],
+)
+def test_a_cut_of_some_micrometres_is_said_to_be_in_another_unit(reader: str, text: str, said: str) -> None:
+    """NCP counts in 1/1000 mm."""
+    found = cautions(reader, text)
+    assert [said in one for one in found] == [True] * bool(said)
 
 
 def test_a_file_that_cuts_as_high_as_it_travels_is_plausible() -> None:

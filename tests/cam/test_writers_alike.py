@@ -115,7 +115,7 @@ def test_what_a_reader_says_stands_in_the_job(controller: str) -> None:
     path = [Remark(P, "pocket\n2"), Caution(Place(9), "no feed: 5 mm/s"), END]
     said = [each for each in lines_of(controller, path) if each.text[0] in "#;" and len(each.text) > 1]
     assert [each.text[1:] for each in said] == [" pocket 2", " caution: no feed: 5 mm/s"]
-    assert [each.caution for each in said] == [False, True]
+    assert [each.caution is not None for each in said] == [False, True]
     assert said[1].place == Place(9)
 
 

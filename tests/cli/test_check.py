@@ -56,7 +56,12 @@ def test_nothing_is_wrong_with_a_job_that_is_well(tmp_path: Path, capsys: pytest
     code, out, err = call(capsys, write(tmp_path, WELL), "--plant", "kinematic")
     assert (code, err) == (0, "")
     assert out.startswith(f"{tmp_path / 'job.txt'}: ok (3 commands, ")
-    assert out.endswith("1 job, all well\n")
+    assert "\n  not looked at: lost, halfway, margin, edge, deviation\n" in out
+    assert out.endswith("1 job: all well as far as looked at\n")
+    code, out, err = call(capsys, write(tmp_path, WELL), "--plant", "mujoco")
+    assert (code, err) == (0, "")
+    assert out.endswith("1 job: all well\n")
+    assert "not looked at" not in out
 
 
 @pytest.mark.parametrize(
@@ -130,11 +135,11 @@ def test_what_was_judged_before_an_interruption_is_in_the_files(
     files = ("--junit", "out.xml", "--sarif", "out.sarif")
     with forked.start("check", *words, *files, cwd=tmp_path, start_new_session=True) as command:
         assert command.stdout is not None
-        assert command.stdout.readline().startswith("bad.txt: NOT OK")
+        assert command.stdout.readline().startswith("bad.txt: failed")
         command.send_signal(number)
         out, err = command.communicate(timeout=forked.PATIENCE_S)
     assert (command.returncode, err) == (code, "isel-twin: interrupted: 1 of 2 jobs judged\n")
-    assert out.splitlines()[-1] == "2 jobs, 1 not as it should be, 1 not judged"
+    assert out.splitlines()[-1] == "2 jobs: 1 failed, 1 not judged"
     suite = next(iter(junitparser.JUnitXml.fromfile(str(tmp_path / "out.xml"))))
     assert [(case.name, case.is_failure, case.is_error) for case in suite] == [
         ("bad.txt", True, False),
@@ -145,7 +150,7 @@ def test_what_was_judged_before_an_interruption_is_in_the_files(
     (told,) = run["invocations"]
     assert [result["ruleId"] for result in run["results"]] == ["refused"]
     assert told["executionSuccessful"] is False
-    assert [note["level"] for note in told["toolExecutionNotifications"]] == ["error"]
+    assert [note["level"] for note in told["toolExecutionNotifications"]] == ["note", "error"]
 
 
 def test_a_job_that_works_by_luck(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -153,7 +158,7 @@ def test_a_job_that_works_by_luck(tmp_path: Path, capsys: pytest.CaptureFixture[
     job = write(tmp_path, "@07\n@0N7\n@0A-19200,9000,0,30,0,30,0,30 => *\n! x < -59 mm\n")
     told = found(capsys, job, "--robust", "12", "--may-strike", "all")
     (luck,) = (message for rule, _, message in told if rule == "luck")
-    assert "of 12 repetitions end otherwise: number " in luck
+    assert "of 12 repetitions end differently: number " in luck
     assert rules(capsys, write(tmp_path, WELL, "well.txt"), "--robust", "3") == []
 
 
@@ -256,7 +261,7 @@ def test_a_machine_stands_where_the_settings_file_sees_it(
         (("job.txt", "--may-strike", "limit_q"), "may-strike limit_q: is no end switch; there are:"),
         (("job.txt", "--settings", "none.toml"), "none.toml: there is no such file"),
         (("job.txt", "--machine", "4O30"), "unknown machine '4O30'"),
-        (("job.txt", "--junit", "job.txt"), "job.txt: is named twice"),
+        (("job.txt", "--junit", "job.txt"), "--junit job.txt: the name must end in .xml"),
         (("job.txt", "--sarif", "none/x.sarif"), "cannot write in folder"),
         (("names.txt", "--plant", "kinematic"), "names.txt: line 3"),
         (("job.txt", "empty.txt"), "empty.txt: there is no command in it"),
@@ -324,6 +329,7 @@ def test_the_sarif_file_is_one(tmp_path: Path, capsys: pytest.CaptureFixture[str
         ("refused", 3),
         ("refused", 4),
         ("switch", 4),
+        ("fault", 4),
     ]
     assert all(place["artifactLocation"]["uri"].endswith("odd%20%22%26%3C.txt") for place in places)
     assert all(list(RULES)[each["ruleIndex"]] == each["ruleId"] for each in results)
@@ -388,7 +394,7 @@ def test_one_file_that_cannot_be_written_costs_no_other(tmp_path: Path, capsys: 
     job, sarif = write(tmp_path, WELL), tmp_path / "found.sarif"
     code, out, err = call(capsys, job, "--plant", "kinematic", "--junit", "/dev/full", "--sarif", sarif)
     assert (code, err) == (2, "isel-twin: /dev/full: No space left on device\n")
-    assert "1 job, all well" in out
+    assert "1 job: all well as far as looked at" in out
     assert json.loads(sarif.read_text())["version"] == "2.1.0"
 
 

@@ -66,7 +66,7 @@ def test_a_good_job_as_a_table(tmp_path):
     done = isel_twin("run", job, "--plant", "kinematic")
     assert done.returncode == 0, done.stderr
     assert "0003E80001F40000000" in done.stdout
-    assert "all well" in done.stdout
+    assert "all well as far as simulated" in done.stdout
 
 
 def test_a_refused_command_is_exit_1():
@@ -293,9 +293,9 @@ def test_a_file_that_is_no_flash_image_is_refused_and_kept(tmp_path):
     assert precious.read_text() == "years of work"
 
 
-@pytest.mark.parametrize("options", [("--steps", "job.txt"), ("--steps", "o.npz", "--vcd", "o.npz")])
+@pytest.mark.parametrize("options", [("--trace", "job.csv"), ("--trace", "o.csv", "--record", "o.csv")])
 def test_a_file_named_twice_is_refused_and_kept(tmp_path, options):
-    job = tmp_path / "job.txt"
+    job = tmp_path / "job.csv"
     job.write_text(JOB)
     done = isel_twin("run", job, "--plant", "kinematic", *(o if o.startswith("-") else tmp_path / o for o in options))
     assert done.returncode == 2

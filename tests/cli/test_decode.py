@@ -173,7 +173,7 @@ def test_a_controller_without_language(monkeypatch, capsys):
     assert language_names() == []
     code, _, err = call(capsys, "@07")
     assert code == 2
-    assert err == "isel-twin: controller 'imc-s8' has no language: nobody knows what its bytes mean\n"
+    assert err == "isel-twin: controller 'imc-s8' has no language, which would say what its bytes mean\n"
 
 
 def test_nobody_reads_any_more(tmp_path):

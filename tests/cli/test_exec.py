@@ -65,7 +65,8 @@ def test_the_verdict_follows_in_one_line(host):
     done = execute("--port", "COM4", "--", "python3", host(MOVE.format(way=3200, speed=8000)))
     assert (done.returncode, done.stdout) == (0, "")
     last = done.stderr.splitlines()[-1]  # before it there may be a word about compiling
-    assert "all well; losses unknown without physics; no end switch struck; at X 10.000, Y 0.000, Z 0.000 mm" in last
+    assert "all well as far as simulated; lost steps, margins and loads were not simulated" in last
+    assert "; no end switch struck; at X 10.000, Y 0.000, Z 0.000 mm" in last
 
 
 def test_lost_steps_are_exit_1_if_asked_for(host):
@@ -77,7 +78,7 @@ def test_lost_steps_are_exit_1_if_asked_for(host):
     assert abs(summary["lost_steps"][0]) > 32
     done = execute("--check", "--", "python", file, plant="mujoco")
     assert done.returncode == 1
-    assert "the machine is not well; lost steps" in done.stderr
+    assert "the machine failed; lost steps" in done.stderr
 
 
 def test_the_hosts_own_code_comes_first(host):

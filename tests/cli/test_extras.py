@@ -44,13 +44,13 @@ def said(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str]:
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        ("run job.txt --trace out", "--trace needs pyarrow: pip install 'isel-twin[trace]'"),
-        ("run job.txt --report o.png", "--report o.png: a picture needs matplotlib: pip install 'isel-twin[report]'"),
+        ("run job.txt --trace out", "--trace out: needs pyarrow: pip install 'isel-twin[trace]'"),
+        ("run job.txt --report o.png", "--report o.png: needs matplotlib: pip install 'isel-twin[report]'"),
         ("serve --record o.parquet", "--record o.parquet: needs pyarrow: pip install 'isel-twin[trace]'"),
         ("tune job.txt", "a study needs optuna: pip install 'isel-twin[tune]'"),
         ("serve --panel 127.0.0.1:0", "--panel needs viser: pip install 'isel-twin[panel]'"),
         ("lsp", "lsp needs pygls: pip install 'isel-twin[lsp]'"),
-        ("motor 23HS32-4004S --picture o.png", "--picture needs matplotlib: pip install 'isel-twin[report]'"),
+        ("motor 23HS32-4004S --picture o.png", "--picture o.png: needs matplotlib: pip install 'isel-twin[report]'"),
     ],
 )
 def test_who_asks_for_an_extra_is_told_what_to_install(

@@ -93,7 +93,7 @@ def test_digests_are_those_of_the_stream(job: Path) -> None:
 def test_the_same_again_is_the_same(job: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, out, err = call(capsys, "compare", job)
     assert (code, err) == (0, "")
-    assert "as it was (5 commands" in out
+    assert "unchanged (5 commands" in out
 
 
 def test_with_physics_as_well(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -143,7 +143,7 @@ def test_lines_that_come_and_go(job: Path, capsys: pytest.CaptureFixture[str]) -
     job.write_text(text + "@0P\n")
     assert (7, "@0P: is new") in told(capsys, job)
     job.write_text("".join(text.splitlines(keepends=True)[:-1]))
-    assert (6, "@0M0,3000,0,3000,0,30,0,30: not sent any more") in told(capsys, job)
+    assert (6, "@0M0,3000,0,3000,0,30,0,30: no longer sent") in told(capsys, job)
 
 
 def test_comments_and_empty_lines_change_nothing(job: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -184,7 +184,7 @@ def test_several_jobs_and_the_exit_code_is_of_all(job: Path, capsys: pytest.Capt
     change(job, "@0P\n", "")
     code, out, _ = call(capsys, "compare", job, other)
     assert code == 1
-    assert "other.txt: as it was (1 command, 0.000 s, ok)" in out
+    assert "other.txt: unchanged (1 command, 0.000 s, ok)" in out
 
 
 def test_a_machine_and_a_scenario_of_ones_own_are_found_from_elsewhere(

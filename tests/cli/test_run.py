@@ -64,11 +64,11 @@ def lines_of(out: str) -> tuple[list[dict[str, Any]], dict[str, Any]]:
 @pytest.mark.parametrize(
     ("option", "name"),
     [(option, "-") for option in ("--steps", "--vcd", "--trace", "--report")]
-    + [("--vcd", name) for name in ("/dev/stdin", "/dev/fd/0", "precious.txt")],
+    + [("--vcd", name) for name in ("/dev/stdin", "/dev/fd/0", "precious.vcd")],
 )
 def test_nothing_is_written_to_the_file_behind_standard_input(tmp_path: Path, option: str, name: str) -> None:
     (tmp_path / "job.txt").write_text("@07\n")
-    precious = tmp_path / "precious.txt"
+    precious = tmp_path / "precious.vcd"
     precious.write_text("years of work")
     with precious.open() as stdin:
         done = run("run", "job.txt", "--plant", "kinematic", option, name, stdin=stdin, cwd=tmp_path)
@@ -160,7 +160,7 @@ def test_a_reply_that_comes_too_late_is_credited_to_nobody(call: Any) -> None:
 def test_the_last_line_may_be_late_as_well(call: Any) -> None:
     code, out, err = call("@07\n@0N7\n@0A16000,5000,0,30,0,30,0,30\n", "--timeout", "1")
     assert code == 1
-    assert "not as it should be: 3 commands, 1 not over" in out
+    assert "failed: 3 commands, 1 unfinished" in out
     assert "line 3: no complete reply within 1 s of virtual time; the job ends there; --timeout waits longer" in err
 
 
@@ -178,12 +178,12 @@ def test_what_had_no_effect_is_said_and_counted(call: Any, tmp_path: Path) -> No
     assert (code, summary["ok"]) == (0, True)
     assert (summary["events_without_effect"], summary["events_after_end"]) == (2, 2)
     assert err.count("\n") == 1
-    assert "scenario.toml: 2 of 4 events push, cut, load or break what is not there" in err
+    assert "scenario.toml: 2 of 4 events have no effect without physics" in err
 
     code, out, _ = call(job, "--scenario", "scenario.toml")
     assert code == 0
     idle = "2 events without effect (no physics), 2 events after the end of the job"
-    assert f"all well, but for the scenario: {idle}" in out
+    assert f"all well as far as simulated, but for the scenario: {idle}" in out
 
     code, out, err = call("@07\n<91s>\n", "--scenario", "scenario.toml", "--json", plant="mujoco")
     _, summary = lines_of(out)
@@ -201,7 +201,7 @@ def test_a_damaged_flash_image_fails_the_job(call: Any, tmp_path: Path, job: str
     assert (returned, summary["flash_fault"], summary["ok"]) == (code, bool(code), not code)
     (tmp_path / "flash.bin").write_bytes(image)
     _, out, _ = call(job, "--flash", "flash.bin")
-    assert ("the flash image cannot be read" in out) == bool(code)
+    assert ("the flash memory cannot be read" in out) == bool(code)
 
 
 # ---- the table, as it goes ------------------------------------------------------------------------------------------
@@ -281,7 +281,7 @@ def test_ctrl_c_keeps_table_trace_and_report(
     ended, out, err = call(FOR_EVER, "--interval", "20", *(word for option in files.items() for word in option))
     assert ended == code
     assert re.search(r"<1000000000s> +no complete", out)
-    assert "not as it should be: 4 commands, interrupted, 2 not sent" in out
+    assert "failed: 4 commands, interrupted, 2 not sent" in out
     assert err == "isel-twin: job.txt: line 4: interrupted; the job ends there and 2 lines are not sent\n"
     assert {path.name for path in tmp_path.iterdir()} == {"job.txt", *files.values()}
     assert pq.read_table(tmp_path / "o.parquet")["count_x"][-1].as_py() == 3200
@@ -332,7 +332,7 @@ def test_a_file_that_cannot_be_written_is_named_as_the_user_did(tmp_path: Path, 
         resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (2048, 2048))
         out, err = process.communicate("@07\n@0N7\n@0A16000,5000,0,30,0,30,0,30\n", timeout=PATIENCE_S)
     assert (process.returncode, err) == (2, "isel-twin: out: File too large\n")
-    assert "\nnot as it should be: 3 commands, not written: out, " in out  # and what the job did
+    assert "\nfailed: 3 commands, not written: out, " in out  # and what the job did
     assert list(tmp_path.iterdir()) == []
 
 
@@ -351,7 +351,7 @@ def test_one_file_that_cannot_be_written_costs_neither_the_verdict_nor_another_f
     outputs = ("--steps", "/dev/full", "--vcd", "job.vcd", "--report", "job.html")
     code, out, err = call("@07\n@0R7\n", *outputs)
     assert (code, err) == (2, "isel-twin: /dev/full: No space left on device\n")
-    assert "not as it should be: 2 commands, not written: /dev/full, " in out
+    assert "failed: 2 commands, not written: /dev/full, " in out
     assert (tmp_path / "job.vcd").stat().st_size > 1000
     assert "</html>" in (tmp_path / "job.html").read_text()
 

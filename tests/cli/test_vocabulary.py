@@ -143,3 +143,23 @@ def test_bounds_of_a_project_may_set_parameters(tmp_path: Path, capsys: pytest.C
             main(["check", str(tmp_path / "job.txt")])
         assert ended.value.code == (0 if lead == 10 else 2)
     assert "axes.x.lead" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("set_to", [None, "true"])
+def test_describe_says_which_reading_holds(set_to: str | None, capsys: pytest.CaptureFixture[str]) -> None:
+    options = [] if set_to is None else ["--set", f"controller.path_speed={set_to}"]
+    with pytest.raises(SystemExit):
+        main(["describe", "4030", *options, "--json"])
+    (row,) = [r for r in json.loads(capsys.readouterr().out) if r["parameter"] == "controller.path_speed"]
+    assert row["value"] is (set_to is not None)
+    assert ("1.41" if set_to else "step frequency of its leading axis") in row["source"]
+
+
+def test_describe_says_it_of_the_controller_that_is_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
+    found = {}
+    for controller in ("imc-s8", "c142"):
+        with pytest.raises(SystemExit):
+            main(["describe", "4030", "--controller", controller, "--json"])
+        rows = {row["parameter"]: row["value"] for row in json.loads(capsys.readouterr().out)}
+        found[controller] = rows["controller.reference_ends_limit"]
+    assert found == {"imc-s8": False, "c142": True}

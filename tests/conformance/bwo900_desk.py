@@ -3,8 +3,11 @@ their end. Programs are written here with `|` between their blocks."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from firmware.bwo900.run import Analysed
 
+from isel_twin.firmware.bwo900.readings import Readings
 from isel_twin.testing import Desk, IdealDrives
 
 CARRIAGE = (20_000, 20_000, 20_000)
@@ -25,9 +28,11 @@ def parameters(**values: float) -> bytes:
 REFERENCE = parameters(p8683=1, p12530=1, p12330=1, p12130=1)
 
 
-def fresh(*programs: str, referenced: bool = True, **before: float) -> Desk:
-    """A control with these programs and parameters, its axes at 0."""
-    desk = Desk.of("bwo900", carriage=CARRIAGE)
+def fresh(
+    *programs: str, referenced: bool = True, settings: Mapping[str, object] | None = None, **before: float
+) -> Desk:
+    """A control with these programs and parameters, its axes at 0. settings: of the machine file."""
+    desk = Desk.of("bwo900", carriage=CARRIAGE, settings=settings or {})
     for text in programs:
         desk.send(file(*text.split("|")))
     if before:
@@ -91,9 +96,9 @@ def put_out(desk: Desk) -> dict[int, float]:
     return {int(line[1:].split(":")[0]): float(line.split(":")[1].split()[0]) for line in lines if line[:1] == "q"}
 
 
-def analysed(text: str, **values: float) -> Analysed:
+def analysed(text: str, readings: Readings = Readings(), **values: float) -> Analysed:  # noqa: B008 -- frozen
     """A program analysed to its end."""
-    return Analysed(text.replace("|", "\n"), **values)
+    return Analysed(text.replace("|", "\n"), readings=readings, **values)
 
 
 class Lagging:

@@ -10,6 +10,7 @@ import argparse
 import contextlib
 import io
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -45,11 +46,12 @@ def markdown(record: Record) -> str:
     lines = [
         "# Conformance",
         "",
-        "| table | rows | hold | deviate | not on this machine | commands of the overview |",
-        "|---|---|---|---|---|---|",
+        "| table | rows | hold | torn | deviate | not on this machine | commands of the overview |",
+        "|---|---|---|---|---|---|---|",
     ]
     for table in tables():
-        counts = [sum(row.status.startswith(kind) for row in table.rows) for kind in ("holds", "deviates", "not on")]
+        kinds = Counter(row.kind for row in table.rows)
+        counts = (kinds[kind] for kind in ("holds", "torn", "deviates", "not on this machine"))
         columns = (table.title, len(table.rows), *counts, len(table.overview))
         lines.append(f"| {' | '.join(map(str, columns))} |")
     for table in tables():
@@ -59,7 +61,7 @@ def markdown(record: Record) -> str:
             for row in table.rows:
                 if row.section == number:
                     names = ", ".join(f"`{name}`" for name in sorted(record.tests.get(row.id, [])))
-                    lines.append(f"| {row.id} | {row.statement.replace('|', '/')} | {row.status} | {names} |")
+                    lines.append(f"| {row.id} | {row.manual.replace('|', '/')} | {row.status} | {names} |")
     return "\n".join(lines) + "\n"
 
 
@@ -80,7 +82,7 @@ def print_table(table: Table, record: Record, console: Console) -> int:
         good = record.holds(row.id)
         failing += not good
         result = "[green]holds[/green]" if good else "[bold red]FAILS[/bold red]"
-        shown.add_row(row.id, row.statement, row.status, "\n".join(record.tests.get(row.id, [])), result)
+        shown.add_row(row.id, row.manual, row.status, "\n".join(record.tests.get(row.id, [])), result)
     console.print(shown)
     console.print(f"{table.title}: {len(table.rows)} rows, {failing} failing\n")
     return failing

@@ -17,13 +17,20 @@ A table is a TOML file of this folder, `<controller>.toml`; which test shows whi
     rows = [
       { id = "imc-2.2.1-1", statement = "...", status = "holds" },
       { id = "imc-2.2.1-2", statement = "...", status = "deviates: imc/7" },      # docs/decisions/imc.md
+      { id = "imc-2.2.1-3", statement = "...", status = "torn: imc/8", places = ["2.2.1", "5, `4`"],
+        against = "...", follows = "5, `4`" },                                    # on one line, as TOML wants it
     ]
+
+A statement says what the manual says there, whether the twin follows or not. Where the manual says something else in
+another place the row is torn: the twin follows one of both places. A row that begins to hold with another statement
+names the decision for it (`turned = "imc/7"`); test_statements.py knows all statements that ever did not hold.
 """
 
 from __future__ import annotations
 
+import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -31,17 +38,40 @@ from typing import Any
 import pytest
 
 FOLDER = Path(__file__).parent
+STATUS = re.compile(r"holds|(torn|deviates|not on this machine): [a-z0-9]+/\d+")
 
 
 @dataclass(frozen=True)
 class Row:
-    """A statement of the manual in our words; `status` is "holds", "deviates: <decision>", or "not on this machine:
-    <decision>" for axes, ports and units that a gantry of three axes has not: they are refused or have no effect."""
+    """A statement of the manual in our words; `status` is one of
+
+    - holds
+    - torn: <decision>. The first of `places` says the statement, the second one `against`; the twin `follows` one
+    - deviates: <decision>
+    - not on this machine: <decision>, for axes, ports and units that a gantry of three axes has not: they are refused
+      or have no effect
+    """
 
     id: str
     section: str
     statement: str
     status: str
+    places: Sequence[str] = ()
+    against: str = ""
+    follows: str = ""
+    turned: str = ""
+
+    @property
+    def kind(self) -> str:
+        """Status without its decision."""
+        return self.status.partition(":")[0]
+
+    @property
+    def manual(self) -> str:
+        """Statement, and what another place of the manual says against it."""
+        if self.kind != "torn":
+            return self.statement
+        return f"{self.statement} ({self.places[0]}) But: {self.against} ({self.places[1]}) Followed: {self.follows}."
 
 
 @dataclass(frozen=True)

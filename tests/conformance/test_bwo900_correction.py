@@ -363,3 +363,67 @@ def test_full_circles_that_begin_tangentially() -> None:
     arcs = [element for block in blocks for element in block.elements if isinstance(element, Arc)]
     assert [math.degrees(arc.sweep_rad) for arc in arcs] == pytest.approx([90.0, 360.0, 90.0])
     assert [arc.radius_mm for arc in arcs] == pytest.approx([7.0, 17.0, 7.0])
+
+
+def reversal(length: float, radius: float, sweep_deg: float, aside_deg: float = 0.0) -> list[Piece]:
+    """A line along X, and an arc that leaves its end backwards."""
+    return contour([(0.0, length, 0.0), (180.0 + aside_deg, radius, sweep_deg)])
+
+
+@shows("bwo900-7.3-5")
+@pytest.mark.parametrize("aside_deg", [0.0, 0.02, -0.02])
+@pytest.mark.parametrize(("side", "sweep_deg"), [("G41", -60.0), ("G42", 60.0)])
+def test_an_arc_straight_back_on_the_side_of_the_tool_is_an_inner_corner(
+    side: str, sweep_deg: float, aside_deg: float
+) -> None:
+    """Line and circle R touch; moved by r they meet 2 sqrt(R r) before the corner, or never on a shorter line."""
+    radius, arc_radius = 3.0, 20.0
+    meeting = 2.0 * math.sqrt(arc_radius * radius)
+    pieces = reversal(50.0, arc_radius, sweep_deg, aside_deg)
+    blocks, message = tried("\n".join(program(pieces, side, radius)), before(pieces))
+    assert not message
+    joined(blocks)
+    line, arc = (block.elements for block in blocks if number_of(block) is not None)
+    assert [len(line), len(arc)] == [1, 1]
+    assert line[0].end[:2] == pytest.approx((50.0 - meeting, SIDES[side] * radius), abs=0.02)
+    for points in (flat(line[0]), flat(arc[0])):
+        assert distance(points, pieces).min() > radius - NEAR
+    short = reversal(meeting - 1.0, arc_radius, sweep_deg, aside_deg)
+    assert tried("\n".join(program(short, side, radius)), before(short))[1] == 1223
+
+
+@shows("bwo900-7.3-5")
+@pytest.mark.parametrize(("side", "sweep_deg"), [("G41", 60.0), ("G42", -60.0)])
+def test_an_arc_straight_back_on_the_other_side_is_an_outer_corner(side: str, sweep_deg: float) -> None:
+    radius, pieces = 3.0, reversal(50.0, 20.0, sweep_deg)
+    blocks, message = tried("\n".join(program(pieces, side, radius)), before(pieces))
+    assert not message
+    keeps_off(pieces, blocks, radius, SIDES[side])
+    corner = [element for block in blocks if number_of(block) == 0 for element in block.elements[1:]]
+    assert [abs(arc.sweep_rad) for arc in corner if isinstance(arc, Arc)] == [pytest.approx(math.pi, abs=1e-6)]
+
+
+@shows("bwo900-7.3-5")
+@pytest.mark.parametrize("side", ["G41", "G42"])
+@pytest.mark.parametrize("sweep_deg", [0.0, 60.0, -60.0])
+def test_the_way_back_on_itself_is_an_outer_corner(side: str, sweep_deg: float) -> None:
+    """A line and the same line, an arc and the same arc."""
+    radius, pieces = 3.0, contour([(0.0, 20.0, sweep_deg), (180.0, 20.0, -sweep_deg)])
+    blocks, message = tried("\n".join(program(pieces, side, radius)), before(pieces))
+    assert not message
+    keeps_off(pieces, blocks, radius, SIDES[side])
+
+
+@shows("bwo900-4.4-1")
+@pytest.mark.parametrize("sweep_deg", [60.0, -60.0])
+def test_a_rounding_between_a_line_and_an_arc_straight_back(sweep_deg: float) -> None:
+    """It lies between them: its centre is P71 beside the line, 2 sqrt(R P71) before the corner."""
+    rounding, arc_radius = 1.5, 20.0
+    pieces = reversal(50.0, arc_radius, sweep_deg)
+    line, arc = words(pieces)
+    text = f"N10 G1 F100 X0 Y0\nN20 G12 P71:{rounding} {line}\nN30 {arc}\nN40 M30"
+    made = [element for block in filtered(text, Contour(), position=(-50.0, 0.0, 0.0)) for element in block.elements]
+    put = made[2]
+    assert isinstance(put, Arc)
+    aside = math.copysign(rounding, -sweep_deg)
+    assert put.centre == pytest.approx((50.0 - 2.0 * math.sqrt(arc_radius * rounding), aside), abs=1e-5)

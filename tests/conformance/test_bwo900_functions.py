@@ -361,6 +361,32 @@ def test_where_the_axes_were_is_kept(by: str) -> None:
 
 
 @shows("bwo900-6.1-30")
+@pytest.mark.parametrize(("axes", "kept"), [(0, [12_153, 12_353]), (1, [12_153]), (2, [12_353]), (3, [12_153, 12_353])])
+def test_p8895_chooses_the_axes_whose_positions_are_kept(axes: int, kept: list[int]) -> None:
+    """A bit an axis, X the lowest; 0 means all."""
+    desk = fresh("P1|N10 G1 F1200 X50 Y50 M26|N20 M30", p8895=axes)
+    start(desk)
+    desk.run(1.5)
+    desk.set("probe", "touched")
+    desk.finish()
+    told = put_out(desk)
+    assert [n for n in (12_153, 12_353) if told.get(n - 10_000, 0.0) > 5.0] == kept
+
+
+@shows("bwo900-7.1-36")
+@pytest.mark.parametrize(("definition", "place"), [(0, 5.0), (0x05, 0.0)])
+def test_m16_comes_to_the_plc_where_it_is_defined(definition: int, place: float) -> None:
+    """P11054 has M16 in byte 1: before the path, with halt. This PLC acknowledges nothing unless the key says so."""
+    desk = with_plc(BY_KEY, "P1|N10 M16 G1 F3000 X5|N20 M30", p11054=definition)
+    start(desk)
+    desk.run(5.0)
+    assert (mm(desk)[0], value(desk, 8559)) == (place, float(place == 0.0))
+    desk.set("key", "setup")
+    desk.finish()
+    assert mm(desk)[0] == 5.0
+
+
+@shows("bwo900-6.1-30")
 def test_positions_on_display_are_kept_with_p8855() -> None:
     desk = fresh("P1|N10 G54 G0 X0|N20 G1 F1200 X50 M26|N30 M30", p20003=2.0, p8855=1)
     start(desk)
@@ -485,7 +511,7 @@ def test_m26_is_refused_where_m01_is() -> None:
 @shows("bwo900-6.1-23")
 @pytest.mark.parametrize(("plc", "place"), [(BY_KEY, 30.0), (DEAF, 50.0)], ids=["yes", "no"])
 def test_a_jump_by_comparison_beside_a_function_with_a_jump(plc: str, place: float) -> None:
-    """Z72: acknowledged, the function's goal; else that of the comparison."""
+    """bwo900/61: acknowledged, the function's goal; else that of the comparison."""
     desk = with_plc(plc, "P1|N10 P500=1.50 M41.30|N20 X20 M30|N30 G0 X30 M30|N50 G0 X50 M30", p11060=M41_JUMPS, p500=1)
     desk.set("key", "setup")
     start(desk)
@@ -567,3 +593,19 @@ def test_before_after_or_both(bits: int, pre: int, post: int, halt: bool, jump: 
     block = done.blocks[0]
     assert ([f.code for f in block.pre], [f.code for f in block.post]) == ([50] * pre, [50] * post)
     assert {(f.halt, f.jump) for f in (*block.pre, *block.post)} == {(halt, jump)}
+
+
+@shows("bwo900-6.1-21")
+@pytest.mark.parametrize(("byte_2", "settings", "way_mm"), [
+    (0, {}, 12.5), (0x0100, {}, 0.0), (0x0100, {"ramped_halts": True}, 12.5),
+])  # fmt: skip
+def test_a_path_is_deleted_with_its_ramp_or_without(byte_2: int, settings: dict[str, bool], way_mm: float) -> None:
+    """Byte 2 of P8855; a ramp from 100 mm/s takes 100 / 2 / 400 s."""
+    desk = fresh("P1|N10 G1 F6000 X100 M26|N20 Y5|N30 M30", p12004=6000, p12008=250, p8855=byte_2, settings=settings)
+    start(desk)
+    desk.run(0.6)
+    at = mm(desk)[0]
+    desk.set("probe", "touched")
+    desk.finish()
+    assert mm(desk)[0] - at == pytest.approx(way_mm, abs=0.25)
+    assert mm(desk)[1] == 5.0

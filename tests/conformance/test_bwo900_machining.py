@@ -126,7 +126,7 @@ def test_all_but_p16_are_positive(cycle: str) -> None:
 
 @shows("bwo900-5.2-1", "bwo900-5.2-2")
 def test_g71_step_by_step() -> None:
-    """The printed order of work, with the places of example 1 (the burrs are Z42)."""
+    """The printed order of work, with the places of example 1 (the burrs are bwo900/38)."""
     program = done(f"{MILL}|N20 G71 X55,5 Y40,5 Z2 P14:-- {POCKETS['G71']}|N30 M30")
     found = moves(program)
     expected: list[tuple[tuple[float, ...], float | None]] = [((55.5, 40.5, 2.0), RAPID), ((23.0, 23.0, 2.0), RAPID)]
@@ -188,7 +188,7 @@ def test_g72_step_by_step() -> None:
     ],
 )
 def test_spirals_in_every_layer(block: str, centre: int, floors: list[int], radii: list[float]) -> None:
-    """The spiral crosses the first axis at the printed infeeds; what comes back within the wall is Z46."""
+    """The spiral crosses the first axis at the printed infeeds; what comes back within the wall is bwo900/42."""
     program = done(f"{MILL}|N20 {block}|N30 M30")
     found: dict[float, list[float]] = {}
     for b in program.path:

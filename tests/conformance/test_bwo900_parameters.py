@@ -618,7 +618,7 @@ def test_what_the_channel_is_made_of() -> None:
 @shows("bwo900-8.5-70", "bwo900-8.5-71")
 @pytest.mark.parametrize(("stop", "free"), [({"p8702": 1}, {"p8702": 0}), ({"p8701": 0}, {"p8701": 1})])
 def test_safety_stop_and_release_of_the_channel(stop: dict[str, float], free: dict[str, float]) -> None:
-    """The axes brake along the path and go on by themselves; Start is no help; in HAND nothing begins (bwo900/71)."""
+    """The axes stop on the path and go on by themselves; Start is no help; in HAND nothing begins (bwo900/71)."""
     desk = fresh("P1|N10 G63 G1 F1200 X20|N20 Y20|N30 M30")
     start(desk)
     desk.run(0.5)
@@ -626,7 +626,7 @@ def test_safety_stop_and_release_of_the_channel(stop: dict[str, float], free: di
     desk.send(parameters(**stop))
     desk.run(1.0)
     place = mm(desk)[0]
-    assert before < place < before + 1.0
+    assert before <= place < before + 1.0
     assert value(desk, 8685) == 1
     desk.send(parameters(p8684=1))
     desk.run(1.0)
@@ -638,6 +638,92 @@ def test_safety_stop_and_release_of_the_channel(stop: dict[str, float], free: di
     desk.send(parameters(p8750=2, p8751=1, p8760=1, p8752=1))
     desk.run(1.0)
     assert (mm(desk)[0], said(desk)) == (20.0, [1321])
+
+
+def on_its_way(**options: object) -> Desk:
+    """X at 100 mm/s, with a ramp of 100 / 2 / 400 s: 12.5 mm."""
+    desk = fresh("P1|N10 G1 F6000 X100|N20 Y10|N30 M30", p12004=6000, p12008=250, **options)  # type: ignore[arg-type]
+    start(desk)
+    desk.run(0.6)
+    return desk
+
+
+@shows("bwo900-8.5-70", "bwo900-8.7-23")
+@pytest.mark.parametrize(("stop", "free"), [
+    ({"p8701": 0}, {"p8701": 1}), ({"p12137": 0x010001}, {"p12137": 0}), ({"p12137": 0x010101}, {"p12137": 0}),
+])  # fmt: skip
+@pytest.mark.parametrize("before", [{}, {"p8702": 1}, {"p8704": 0}, {"p11313": 0, "p11310": 0}])
+def test_a_halt_without_ramps_ends_at_the_next_set_point(
+    before: dict[str, float], stop: dict[str, float], free: dict[str, float]
+) -> None:
+    """At full speed, and while the axes brake already for a safety stop, a Stop or an override of 0."""
+    desk = on_its_way()
+    if before:
+        desk.send(parameters(**before))
+        desk.run(0.05)
+    at = mm(desk)[0]
+    desk.send(parameters(**stop))
+    desk.run(0.5)
+    assert mm(desk)[0] == pytest.approx(at, abs=0.2)  # one set point, 2 ms, at 100 mm/s
+    desk.send(parameters(**free))
+    desk.send(parameters(p8702=0, p11313=100, p11310=100))
+    desk.send(parameters(p8684=1))
+    desk.finish()
+    assert (mm(desk), said(desk)) == ((100.0, 10.0, 0.0), [])
+
+
+@shows("bwo900-8.5-70", "bwo900-8.7-23")
+@pytest.mark.parametrize("stop", [{"p8701": 0}, {"p12137": 0x010001}])
+def test_a_halt_with_ramps_is_a_setting_and_says_so(stop: dict[str, float]) -> None:
+    desk = on_its_way(settings={"ramped_halts": True})
+    at = mm(desk)[0]
+    desk.send(parameters(**stop))
+    desk.run(0.5)
+    assert mm(desk)[0] - at == pytest.approx(12.5, abs=0.25)
+    assert any("ramped_halts" in text for _, text in desk.remarks)
+
+
+@shows("bwo900-8.7-23")
+@pytest.mark.parametrize("stop", [{"p12137": 1}, {"p12137": 0x010100}, {"p8702": 1}])
+def test_other_locks_brake_with_ramps_or_not_at_all(stop: dict[str, float]) -> None:
+    """Without byte 3, or with byte 3 for the other direction; a safety stop has ramps by its text."""
+    desk = on_its_way()
+    at = mm(desk)[0]
+    desk.send(parameters(**stop))
+    desk.run(0.15)
+    assert mm(desk)[0] - at > 9.0
+
+
+@shows("bwo900-8.5-70", "bwo900-8.7-23")
+@pytest.mark.parametrize("stop", [{"p8701": 0}, {"p12137": 0x010001}])
+@pytest.mark.parametrize("move", [{"p8750": 1, "p8751": 1, "p8755": 6000, "p8754": 6000}, {"p12121": 6000}])
+def test_moves_without_a_program_halt_so_too(move: dict[str, float], stop: dict[str, float]) -> None:
+    desk = fresh(p12004=6000, p12008=250)
+    desk.send(parameters(p8683=1, **move))
+    desk.send(parameters(p8752=1) if "p8750" in move else parameters(p12111=80))
+    desk.run(0.6)
+    at = mm(desk)[0]
+    assert at > 20.0
+    desk.send(parameters(**stop))
+    desk.run(0.5)
+    assert mm(desk)[0] == pytest.approx(at, abs=0.2)
+
+
+@shows("bwo900-8.5-70")
+@pytest.mark.parametrize(("stop", "least_mm"), [({"p8701": 0}, 0.0), ({"p8702": 1}, 0.1)])
+def test_a_reference_run_ends_with_the_release_of_the_channel(stop: dict[str, float], least_mm: float) -> None:
+    """It has no reference point then; the next one finds it."""
+    desk = fresh(referenced=False)
+    desk.send(parameters(p8683=1, p12130=1))
+    desk.run(0.6)
+    at = desk.carriage[0]
+    assert 0 < at < 20_000
+    desk.send(parameters(**stop))
+    desk.run(1.0)
+    place = desk.carriage[0]
+    assert 1000.0 * least_mm <= at - place <= 1000.0
+    desk.run(1.0)
+    assert (desk.carriage[0], value(desk, 8709)) == (place, 0.0)
 
 
 @shows("bwo900-8.5-71")
@@ -724,7 +810,7 @@ LINES = "P1|N10 G1 F3000 X40|N20 G8 X60|N30 X100|N40 M30"
     ],
 )
 def test_limits_count_from_the_next_standstill_on(values: dict[str, float], later: float) -> None:
-    """Z87: N20 joins N10 and ends with an exact stop; N30 is planned anew."""
+    """bwo900/72: N20 joins N10 and ends with an exact stop; N30 is planned anew."""
     desk = fresh(LINES)
     first = desk.ticks
     start(desk)

@@ -11,11 +11,12 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from conformance.bwo900_desk import T1, analysed, fresh, mm, parameters, run, said, start, value
+from conformance.bwo900_desk import T1, analysed, fresh, mm, parameters, put_out, run, said, start, value
 from conformance.rows import case, shows
 from conformance.test_bwo900_paths import elements, feeds, near, refused
 
 from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Straight
+from isel_twin.firmware.bwo900.readings import Readings
 from isel_twin.testing import Desk, IdealDrives
 
 ROUNDED = 2e-3
@@ -192,10 +193,15 @@ def test_how_long_a_dwell_may_be() -> None:
 
 
 @shows("bwo900-4.5-5")
-@pytest.mark.parametrize("written", ["G04.1", "G4.1.", "G04.001.000"])
-def test_how_a_dwell_is_written_does_not_matter(written: str) -> None:
-    (block,) = [block for block in analysed(f"N10 {written}|N20 M30").blocks if block.dwell_s is not None]
-    assert block.dwell_s == 1.0
+@pytest.mark.parametrize("written", ["G04.3.5", "G4.3.5", "G04.3.500", "G04.000003.500", "G04.3,5"])
+def test_a_dwell_needs_no_zeros(written: str) -> None:
+    """The printed 3.5 s, with and without the zeros that the text asks for; nothing is said, nothing lasts longer."""
+    lasting = []
+    for block in (written, "G04.0"):
+        desk = run(f"P1|N10 {block}|N20 M30")
+        lasting.append(desk.time_ns)
+        assert said(desk) == []
+    assert (lasting[0] - lasting[1]) / 1e9 == pytest.approx(3.5, abs=0.05)
 
 
 # 4.8
@@ -463,23 +469,52 @@ def turned(u: float, v: float, degrees: float, origin: tuple[float, float] = (0.
 
 @shows("bwo900-4.16-12", "bwo900-4.16-17")
 def test_example_1_of_rotation() -> None:
+    """Block 70 takes X and Y to the corner as turned, so that block 20 has nothing to do but the first time."""
     done = analysed(TRIANGLES)
+    flat = [block for block in done.path if block.start[:2] != block.finish[:2]]
+    corners = [turned(u, v, 90.0 * n) for n in range(4) for u, v in ((40, 0), (40, 15), (10, 0), turned(10, 0, 90.0))]
+    near([block.finish for block in flat], [(10.0, 0.0), *corners], 1e-9)
+    assert [block.number for block in flat] == [20, *[40, 50, 60, 70] * 4]
+    assert [block.finish[2] for block in flat] == [2.0, *[-1.5, -1.5, -1.5, 2.0] * 4]
+    near(done.points[-1:], [(10.0, 0.0, 2.0)], 1e-9)
+
+
+@shows("bwo900-4.16-12", "bwo900-4.16-17")
+def test_example_1_of_rotation_with_axes_that_stay() -> None:
+    """By a setting: block 70 moves Z alone, block 20 goes to the corner in rapid, and the program says so."""
+    done = analysed(TRIANGLES, Readings(rotation_stays=True))
     flat = [block for block in done.path if block.start[:2] != block.finish[:2]]
     expected = [turned(u, v, 90.0 * n) for n in range(4) for u, v in ((10, 0), (40, 0), (40, 15), (10, 0))]
     near([block.finish for block in flat], expected, 1e-9)
     assert [block.rapid for block in flat] == [True, False, False, False] * 4
     assert all(block.finish[2] == (2.0 if block.rapid else -1.5) for block in flat)
     near(done.points[-1:], [(0.0, -10.0, 2.0)], 1e-9)
+    assert all("rotation_stays" in block.text.text for block in done.path if block.number == 70 and block.text)
+    assert sum(block.text is not None for block in done.path) == 4
+
+
+@shows("bwo900-4.16-17")
+@pytest.mark.parametrize(("block", "place"), [
+    ("N30 P168:90", (10.0, 0.0, 2.0)), ("N30 P168:90|N40 Z2", (10.0, 0.0, 2.0)),
+    ("N30 Z2 P168:90 P165:5", (0.0, 15.0, 2.0)), ("N30 X20 P168:90", (0.0, 20.0, 2.0)),
+    ("N30 Y7 Z2 P168:90", (-7.0, 10.0, 2.0)), ("N30 G66 Z2 P168:90", (10.0, 0.0, 2.0)),
+])  # fmt: skip
+def test_a_turn_in_a_block_with_a_path_takes_both_axes_along(block: str, place: tuple[float, ...]) -> None:
+    """A block without one moves nothing, nor does the next one then; G66 has no rotation."""
+    done = analysed(f"N10 G45 P160:0 P161:0 P163:0|N20 G0 X10 Y0 Z2|{block}|N90 M30")
+    near(done.points[-1:], [place], 1e-9)
 
 
 @shows("bwo900-4.16-13")
 def test_example_2_of_rotation() -> None:
+    """Block 70 leads to the next triangle; behind the last one there is none."""
     done = analysed(TWO_TRIANGLES)
     flat = [block.finish for block in done.path if block.start[:2] != block.finish[:2]]
     first = [(7.071, 7.071), (28.284, 28.284), (17.678, 38.891), (7.071, 7.071)]
     second = [(45.962, 45.962), (67.175, 67.175), (56.569, 77.782), (45.962, 45.962)]
-    near(flat, first + second, 1e-3)
+    near(flat[:-1], first + second, 1e-3)
     assert math.dist(flat[0][:2], flat[4][:2]) == pytest.approx(55.0)
+    assert math.dist(flat[4][:2], flat[-1][:2]) == pytest.approx(55.0)
 
 
 RECTANGLE = ((30, 0), (30, 20), (0, 20), (0, 0))
@@ -570,9 +605,24 @@ def test_the_rotation_is_what_the_parameters_hold() -> None:
 
 @shows("bwo900-4.12-5")
 def test_the_plane_at_the_start() -> None:
-    """P8928 is the speed of a spindle; P8650 to P8659 are asked."""
+    """P8928 is the speed of spindle 4 in the block that is carried out, and no plane; P8650 to P8659 are asked."""
+    desk = fresh("P1|N10 G1 F600 S1:500 S4:700 X20|N20 X40|N30 M30")
+    start(desk)
+    for seconds, speeds in ((0.5, (500.0, 700.0)), (2.5, (None, None))):
+        desk.run(seconds)
+        assert tuple(put_out(desk).get(q) for q in (16_925, 16_928)) == speeds
     assert analysed("N10 G0 X1|N20 M30", p8928=18).path[0].plane.third == 2
     assert analysed("N10 G0 X1|N20 M30", p8650=18).path[0].plane.third == 1
+
+
+@shows("bwo900-7.2-4")
+@pytest.mark.parametrize(("y", "there"), [(20, (28.0, 2.0)), (-20, (32.0, 0.0))])
+def test_where_a_block_without_a_path_is_executed(y: int, there: tuple[float, float]) -> None:
+    """M07 within a contour along X that turns at (30, 0), the tool (2 mm) on its left. Turning left the corrected
+    paths meet at (28, 2); turning right an arc of 2 mm about the corner ends at (32, 0)."""
+    times, place, desk = moved(f"P1|N10 F1200 tr:2|N20 G41 G1 X10|N30 X30|N40 M7|N50 Y{y}|N60 M30")
+    (on_ns,) = [t for t, name, on in desk.output_log if name == "a0.3" and on]
+    assert place[times <= on_ns / 1e9][-1][:2] == pytest.approx(there, abs=0.1)
 
 
 @shows("bwo900-4.16-8")

@@ -133,7 +133,7 @@ def test_a_full_circle() -> None:
 
 @shows("bwo900-4.3-5")
 def test_the_centre_between_two_radii() -> None:
-    """Start 10 from the centre, end 10.004: R is 10.002 (P8843 = 0.01)."""
+    """Start 10.002 from the programmed centre, end 10: R is the mean of both (P8843 = 0.02 allows it)."""
     (arc,) = elements("N10 F500 G3 X10.002 Y10.002 I0.002 J10.002|N40 M30", p8843=0.02)[:1]
     assert isinstance(arc, Arc)
     first, last = math.dist(arc.start[:2], arc.centre), math.dist(arc.end[:2], arc.centre)
@@ -547,6 +547,14 @@ def test_the_tool_of_a_program() -> None:
 def test_words_for_tools(word: str, radius: float) -> None:
     done = analysed(f"N10 {word}|N30 G1 F100 X100 Y100 G42|N40 M30")
     assert (done.path[0].correction.side, done.path[0].correction.radius_mm) == (-1, radius)
+
+
+@shows("bwo900-7.1-5")
+@pytest.mark.parametrize(("word", "z"), [("", 10.0), ("tl:80", 83.0)])
+def test_a_new_length_has_no_correction(word: str, z: float) -> None:
+    """P8163 is the correction of the length in force."""
+    done = analysed(f"N5 P8163:7|N8 M16|N10 {word}|N30 G0 Z3|N40 M30")
+    assert (done.points[-1][2], done.parameters.get(8163)) == (z, z - 3.0 if not word else 0.0)
 
 
 @shows("bwo900-7.1-5", "bwo900-7.1-7")

@@ -141,6 +141,16 @@ def test_g94_takes_it_back():
     assert path_s(desk) == pytest.approx(1.0, rel=0.01)
 
 
+@shows("bwo900-4.28-4")
+@pytest.mark.parametrize("axis", [0.0, 2.0, 6.0])
+def test_the_spindle_is_no_axis(axis: float) -> None:
+    """P11640 is kept; the spindle turns as without it, and no axis moves."""
+    desk, _ = with_spindle("P1|N1 G96 M3 S31415.9265|N2 G4.2.0|N3 M30", p11642=100.0, p11640=axis)
+    start(desk)
+    desk.finish()
+    assert (desk.outputs["spindle_speed"], mm(desk), value(desk, 11_640)) == (100.0, (0.0, 0.0, 0.0), axis)
+
+
 @shows("bwo900-3.8-3", "bwo900-4.28-2")
 @pytest.mark.parametrize(
     ("cutting", "given", "turns"),

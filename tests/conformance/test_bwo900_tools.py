@@ -9,6 +9,7 @@ from conformance.bwo900_desk import analysed, fresh, mm, parameters, run, start,
 from conformance.rows import shows
 from firmware.bwo900.run import Analysed
 
+from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
 from isel_twin.firmware.bwo900.geometry.contour import Contour
 from isel_twin.firmware.bwo900.geometry.elements import Element
 from isel_twin.firmware.bwo900.geometry.offset import Offset
@@ -28,12 +29,16 @@ def record(done: Analysed, first: int, *offsets: int) -> list[float]:
     return [done.parameters.get(first + offset) for offset in offsets]
 
 
-def corrected(text: str, **values: float) -> list[Element]:
-    """All elements, corners and radius correction done."""
+def filtered(text: str, offset: Offset, **values: float) -> list[PathBlock]:
+    """All blocks, corners and radius correction done."""
     done = analysed(text, **values).blocks
-    for item in (Contour(), Offset(None)):
+    for item in (Contour(), offset):
         done = [out for block in done for out in item.push(block)] + item.flush()
-    return [element for block in done for element in block.elements]
+    return done
+
+
+def corrected(text: str, **values: float) -> list[Element]:
+    return [element for block in filtered(text, Offset(None), **values) for element in block.elements]
 
 
 def refused(text: str, **values: float) -> ProgramError:
@@ -330,13 +335,48 @@ def test_another_plane_needs_g40_first(plane: str) -> None:
     assert made[-1].end == (50.0, 0.0, 9.0)
 
 
+HEAD = "N10 F500 tr:5|N20 G41 G1 X20|N30 X30|"
+
+
 @shows("bwo900-7.2-7")
-def test_the_printed_special_case_of_g40() -> None:
-    """The manual says that the first way ends in a wrong place, and prints none: here both end where they should."""
-    for line in ("N200 G40 Z100", "N200 G40 X40 Y100 Z100"):
-        made = corrected(f"N10 F500 tr:5|N20 G41 G1 X20|N30 X30|{line}|N210 G18 X20 Y50|N220 M30")
-        assert made[-1].end == (20.0, 50.0, 100.0)
-        assert all(a.end == b.start for a, b in pairwise(made))
+@pytest.mark.parametrize(("line", "wrong_mm"), [("N200 G40 Z100", 5.0), ("N200 G40 X40 Y100 Z100", 0.0)])
+@pytest.mark.parametrize("in_place", [False, True])
+def test_the_printed_special_case_of_g40(line: str, wrong_mm: float, in_place: bool) -> None:
+    """N210 takes the tool's offset along, 5 mm to the left of X, and the next line ends where it should; with a
+    setting N210 does, too. The block says what it does."""
+    text = f"{HEAD}{line}|N210 G18 X20 Y50|N220 X0 Y0|N230 M30"
+    blocks = [block for block in filtered(text, Offset(None, in_place=in_place)) if block.elements]
+    made = [element for block in blocks for element in block.elements]
+    assert all(a.end == b.start for a, b in pairwise(made))
+    assert made[-2].end == (20.0, 50.0 + (0.0 if in_place else wrong_mm), 100.0)
+    assert made[-1].end == (0.0, 0.0, 100.0)
+    said = {block.number: block.text.text for block in blocks if block.text is not None}
+    assert list(said) == ([210] if wrong_mm else [])
+    if wrong_mm:
+        assert ("plane_change_in_place" if in_place else "wrong by 5 mm") in said[210]
+
+
+@shows("bwo900-7.2-7")
+def test_g40_without_a_path_and_a_move_across_the_new_plane() -> None:
+    """Y is across Z X, and it is the offset's axis, too."""
+    made = corrected(f"{HEAD}N200 G40 Z100|N210 G18 Y50|N220 X0 Y0|N230 M30")
+    assert [element.end for element in made[-2:]] == [(30.0, 55.0, 100.0), (0.0, 0.0, 100.0)]
+
+
+@shows("bwo900-7.2-7", "bwo900-7.2-13")
+def test_g40_without_a_path_in_the_same_plane_ends_where_it_should() -> None:
+    made = corrected(f"{HEAD}N200 G40 Z100|N210 X20 Y50|N220 M30")
+    assert made[-1].end == (20.0, 50.0, 100.0)
+
+
+@shows("bwo900-7.2-7")
+def test_at_the_control_the_place_is_wrong_and_said() -> None:
+    for settings, y in (({}, 55.0), ({"plane_change_in_place": True}, 50.0)):
+        desk = fresh("P1|" + HEAD + "N200 G40 Z10|N210 G18 X20 Y50|N220 M30", settings=settings)
+        start(desk)
+        desk.finish()
+        assert mm(desk) == (20.0, y, 10.0)
+        assert any("G40 without a path" in text for _, text in desk.remarks)
 
 
 @shows("bwo900-7.2-8")

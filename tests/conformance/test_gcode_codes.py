@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import re
 from typing import Any
 
 import pytest
 from conformance.rows import case
 
-from isel_twin.cam.toolpath import CamError
-from tests.cam.short import UP, told
+from isel_twin.cam.registry import reader_named
+from isel_twin.cam.toolpath import Arc, CamError
+from tests.cam.short import UP, length, told
 
 SETTINGS = dataclasses.replace(
     UP,
@@ -40,7 +42,11 @@ ELSEWHERE = dataclasses.replace(SETTINGS, zero=(100.0, 50.0, 20.0), start=(100.0
         case(
             "gcode-1-13", "G21\nF60\nG0 X5 Y5\nG28.1\nG0 X9\nG28\nM2", "rapid 5 5 0 | rapid 9 5 0 | rapid 5 5 0 | end"
         ),
-        case("gcode-1-14", "G21\nF60\nG0 X5\nG30\nM2", "rapid 5 0 0 | rapid 0 0 0 | end"),
+        case(
+            "gcode-1-14",
+            "G21\nF60\nG0 X5\nG30.1\nG0 X9\nG30\nG28\nM2",
+            "rapid 5 0 0 | rapid 9 0 0 | rapid 5 0 0 | rapid 0 0 0 | end",
+        ),
         case("gcode-1-15", "G21\nF60\nG0 X5\nG30.1\nG0 X9\nG30\nM2", "rapid 5 0 0 | rapid 9 0 0 | rapid 5 0 0 | end"),
         case("gcode-1-16", "G21\nF60\nG40\nG41\nM2", "G41 is refused: cutter compensation"),
         case("gcode-1-17", "G21\nF60\nG43 H4\nG0 X1 Z0\nM2", "rapid 1 0 10 | end"),
@@ -148,7 +154,8 @@ ELSEWHERE = dataclasses.replace(SETTINGS, zero=(100.0, 50.0, 20.0), start=(100.0
         case(
             "gcode-3-7", "G21\nF60\nG2 X10.06 I5\nM2", "radii to start and end of the arc differ: 5.0000 and 5.0600 mm"
         ),
-        case("gcode-3-8", "G21\nF60\nG2 X10 R4.9999\nM2", "arc 10 0 0 about 5 0 cw F1 | end"),
+        case("gcode-3-8", "G21\nF60\nG2 X10 R4.9988\nM2", "arc 10 0 0 about 5 0 cw F1 | end"),
+        case("gcode-3-8", "G21\nF60\nG2 X10 R4.9986\nM2", "R"),
         case("gcode-3-9", "G21\nF60\nG2 X10\nM2", "an arc wants its centre I J K, or its radius R"),
         case("gcode-3-10", "G21\nF60\nG2 X10 I5 R5\nM2", "an arc has R or I J K, not both"),
         case("gcode-3-11", "G21\nF60\nG2 X10 I5 K0\nM2", "K is not of this plane"),
@@ -232,3 +239,19 @@ def test_code_is_refused(word: str, named: str) -> None:
 def test_word_is_refused(line: str, error: str) -> None:
     with pytest.raises(CamError, match=f"^line 3, {re.escape(error)}"):
         told("gcode", f"G21\nF60\n{line}\nM2", SETTINGS)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        case("gcode-1-7", "G17 G2 X5 Y5 I5"),  # from +Z, X to the right, Y up: from nine o'clock to twelve
+        case("gcode-1-8", "G18 G2 Z-5 X5 I5"),  # from +Y, Z to the right, X up: from six to nine
+        case("gcode-1-9", "G19 G3 Y4 Z4 K4"),  # from +X, Y to the right, Z up: from six to three
+    ],
+)
+def test_the_sense_of_arcs_is_seen_from_the_positive_axis(words: str) -> None:
+    """Each is a quarter; the other way round it would be three."""
+    (arc, *_) = reader_named("gcode").read(["G21", "F60", words, "M2"], SETTINGS)
+    assert isinstance(arc, Arc)
+    radius = 4.0 if "G19" in words else 5.0
+    assert length(arc, (0.0, 0.0, 0.0)) == pytest.approx(math.pi / 2 * radius)

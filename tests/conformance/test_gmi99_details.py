@@ -552,7 +552,7 @@ def test_the_reference_inputs_are_bits_6_and_7_of_the_second_byte(slot: int) -> 
         desk.set(f"limit_{'xyz'[slot]}{1 + end}", "closed")
 
 
-@shows("gmi99-6-11")
+@shows("gmi99-6-11", "gmi99-3.1.2-3")
 def test_with_cards_the_drives_outputs_are_a24_on() -> None:
     """Mode 0: A0.0 is a card's, to which nothing leads; A24.0 is the first drive's."""
     desk = fresh()
@@ -590,3 +590,79 @@ def test_steps_of_six_axes_are_on_one_grid() -> None:
     desk.tell(command("N", 63, 10), command("Q", 63), *PRE[1:], command(0xA1, 600, 6000))
     desk.finish()
     assert not np.any(desk.steps.t_ns % 4_000_000)
+
+
+# ---- positions of 24 bits (gmi99/35) --------------------------------------------------------------------------------
+
+HIGHEST, LOWEST = 8_388_607, -8_388_352  # as the manual prints them at O
+
+
+def at(place: int, *frames: str) -> CardDesk:
+    """Ready, axis 0 told to be there."""
+    return prepared(command("O", place, 0), *frames)
+
+
+@shows("gmi99-3.1.2-16")
+@pytest.mark.parametrize(("place", "way"), [(HIGHEST - 100, 100), (LOWEST + 100, -100)])
+def test_a_position_may_reach_its_last_value_and_not_pass_it(place: int, way: int) -> None:
+    desk = at(place, G91)
+    desk.tell(command(0x81, way + (1 if way > 0 else -1)))
+    assert desk.controller.fault
+    assert str(place + way + (1 if way > 0 else -1)) in desk.remarks[-1][1]
+    desk.finish()
+    assert desk.set_position() == place
+    desk.tell(command(0x81, way))
+    desk.finish()
+    assert desk.set_position() == place + way
+
+
+@shows("gmi99-3.1.2-16")
+def test_moves_in_a_queue_add_up() -> None:
+    """Each is short enough; the second one is refused before the first has ended."""
+    desk = at(HIGHEST - 1500, G91)
+    desk.tell(command(0x81, 1000), command(0x81, 1000))
+    assert desk.controller.fault
+    desk.finish()
+    assert desk.set_position() == HIGHEST - 500
+
+
+@shows("gmi99-3.1.2-16")
+def test_an_arc_may_not_pass_there_either() -> None:
+    """Half a circle of radius 1000: its ends lie on one side, its top 1000 further."""
+    for room, refused in ((900, True), (1100, False)):
+        desk = at(HIGHEST - room, G91)
+        desk.tell(command("G", 3), command(0x83, 0, 1000), command(0x83, 0, 2000))
+        assert desk.controller.fault is refused, room
+
+
+@shows("gmi99-3.1.1-73")
+@pytest.mark.parametrize(("segment", "refused"), [(100, True), (8, False)])
+def test_a_segment_lies_within_the_positions(segment: int, refused: bool) -> None:
+    desk = prepared(command("N", 1_000_000, 40, 1), command("H", 12, 0x0100 | segment))
+    assert desk.controller.fault is refused
+    assert desk.counts[1] == (0 if refused else segment * 1_000_000)
+
+
+@shows("gmi99-3.1.1-25")
+def test_a_position_that_is_set_counts_with_its_offsets() -> None:
+    """10 beyond the zero point of G54, which lies at 1000: 1010 of the machine, and the last value no more."""
+    desk = prepared(command("G", 54, 1000, 1), command("G", 54), command("O", 10, 0))
+    assert desk.set_position() == 1010
+    desk.tell(command("O", HIGHEST, 0))
+    assert desk.controller.fault
+    assert desk.set_position() == 1010
+
+
+@shows("gmi99-3.1.1-68", "gmi99-3.1.2-16")
+def test_an_axis_that_turns_passes_the_last_position_with_a_remark() -> None:
+    """20000 increments a revolution, 60 1/min: 20000 Hz, so that 10000 increments are behind it after half a second."""
+    desk = prepared(command("O", HIGHEST - 10_000, 2), command("N", 20_000, 40, 2), command("p", 4, 60, 0x0202))
+    assert desk.set_position(2) > 0
+    assert desk.remarks == []
+    desk.run(2.0)
+    for _ in range(2):
+        assert desk.set_position(2) == desk.counts[2] - (1 << 24)
+    (remark,) = [text for _, text in desk.remarks]
+    assert "slot 2" in remark
+    assert "modulo 2^24" in remark
+    assert not desk.controller.fault

@@ -23,6 +23,7 @@ from conformance.gmi99_desk import (
     long,
     moved_s,
     prepared,
+    running,
 )
 from conformance.rows import shows
 
@@ -292,20 +293,50 @@ def test_waiting_for_a_flag() -> None:
     [
         pytest.param(2, 8, ("user_0", "high"), marks=shows("gmi99-6.1.2-1"), id="WOSI"),
         pytest.param(3, 5, ("key", "setup"), marks=shows("gmi99-6.1.2-2"), id="WORI"),
-        pytest.param(11, 243, ("", ""), marks=shows("gmi99-6.1.2-6"), id="WORF"),
-        pytest.param(7, 9, ("", ""), marks=shows("gmi99-6.1.2-4"), id="WORO"),
     ],
 )
-def test_waiting_for_what_is_so_or_becomes_so(opcode: int, operand: int, change: tuple[str, str]) -> None:
+def test_waiting_for_an_input(opcode: int, operand: int, change: tuple[str, str]) -> None:
     desk = fresh()
     desk.ask(Q)
     if opcode == 3:
         desk.set("e0.5", True)
     desk.ask(command("p", 10, opcode, operand))
-    if change[0]:
-        assert desk.ask(STATUS) == BUSY
-        desk.set("e0.5", False) if opcode == 3 else desk.set(*change)
+    assert desk.ask(STATUS) == BUSY
+    desk.set("e0.5", False) if opcode == 3 else desk.set(*change)
     assert desk.ask(STATUS) == READY
+
+
+@shows("gmi99-6.1.2-4")
+def test_waiting_until_an_output_is_reset() -> None:
+    """A0.4 is what the PLC makes of E1.0."""
+    desk = running("OB 1\nU E 1.0\n= A 0.4\nBE\n")
+    desk.set("user_0", "high")
+    desk.run(0.1)
+    desk.ask(command("p", 10, 7, 4))
+    desk.run(0.1)
+    assert desk.ask(STATUS) == BUSY
+    desk.set("user_0", "low")
+    desk.run(0.1)
+    assert desk.ask(STATUS) == READY
+
+
+@shows("gmi99-6.1.2-6")
+def test_waiting_until_a_flag_is_reset() -> None:
+    """Flag 243 is bit 3 of byte 30."""
+    desk = fresh()
+    desk.tell(Q, command("p", 11, 30, 8), command("p", 10, 11, 243))
+    desk.run(1.0)
+    assert desk.ask(STATUS) == BUSY
+    desk.tell(command("p", 11, 30, 0))
+    assert desk.ask(STATUS) == READY
+
+
+@shows("gmi99-4-2")
+def test_moves_of_a_program_join() -> None:
+    """20 000 in two moves take as long as in one: 2 s, and 0.2 s for both ramps."""
+    desk = prepared(*record(0, TO_10000, TO_20000))
+    assert moved_s(desk, START_0) == 2.2
+    assert desk.counts[0] == 20_000
 
 
 @shows("gmi99-6.1.2-8", "gmi99-6.1.2-3")

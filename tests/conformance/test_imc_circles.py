@@ -348,6 +348,30 @@ def test_third_axis_is_spread_evenly(steps: int) -> None:
     assert stream.path()[:, 2].tolist() == made_after(np.arange(1, n + 1), steps, n).tolist()
 
 
+@shows("imc-2.2.27-10")
+@pytest.mark.parametrize("steps", [401, -6000])
+def test_a_steep_helix_is_led_by_its_third_axis(steps: int) -> None:
+    """A quarter of R = 200 has 2 R steps, made while the third axis makes its own at the given speed."""
+    desk = free()
+    assert desk.query("@0f-1") == "0"
+    begin = desk.time_ns
+    stream = made(desk, f"@0w400,1500,119,-141,141,-1,-1,{steps}")
+    n = abs(steps)
+    assert stream.t_ns.tolist() == [begin + t for t in pulse_times_ns(n, 1500)]
+    assert stream.delta[:, 2].tolist() == [np.sign(steps)] * n
+    arc = np.abs(stream.delta[:, :2]).sum(axis=1)
+    assert np.cumsum(arc).tolist() == made_after(np.arange(1, n + 1), 400, n).tolist()
+    path = points(stream, -141, 141)
+    assert tuple(path[-1]) == (-141, -141)
+    assert off_circle(path, 200) <= 1
+
+
+@shows("imc-2.2.27-10")
+def test_a_helix_without_an_arc_is_a_line() -> None:
+    stream = made(free(), "@0w0,1500,119,-141,141,-1,-1,300")
+    assert stream.delta.tolist() == [[0, 0, 1, 0]] * 300
+
+
 @shows("imc-2.2.27-6")
 @pytest.mark.parametrize(("plane", "third"), [(0, 2), (1, 1), (2, 0)])
 def test_third_axis_is_the_one_outside_the_plane(plane: int, third: int) -> None:

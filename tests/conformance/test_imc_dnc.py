@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Callable
+from decimal import Context, Decimal, localcontext
 
 import numpy as np
 import pytest
 import unknown
-from conformance.closed_forms import hex24, line, pulse_times_ns
-from conformance.imc_desk import CONTROLLERS, MIDDLE, XYZA, fresh, initialised, made, program, ready, stored
+from conformance.closed_forms import hex24, line, pulse_times_ns, stop_times_ns, times_ns
+from conformance.imc_desk import CONTROLLERS, MIDDLE, TRAVEL, XYZA, fresh, initialised, made, program, ready, stored
 from conformance.rows import case, shows
 
 from isel_twin.testing import Desk, Ticks
@@ -360,6 +363,75 @@ def test_the_speed_is_that_of_the_leading_axis_and_not_of_the_path(three_d: int)
     stream = made(desk, "@0A4000,900,4000,900,0,900,0,900")
     assert len(stream) == 4000
     assert 1e9 / 901 < (stream.t_ns[2000] - stream.t_ns[1000]) / 1000 < 1e9 / 899
+
+
+def along_path_ns(steps: tuple[int, ...], speed: int) -> list[int]:
+    """V along the path is V N / sqrt(sum n^2) of the leading axis, which makes N steps; ramps are step frequencies."""
+    n = max(map(abs, steps))
+    with localcontext(Context(prec=60)):
+        return times_ns(n, Decimal(speed * n) / Decimal(sum(s * s for s in steps)).sqrt(), 300, 100_000)
+
+
+@shows("imc-2.2.2-17", "imc-2.2.2-18")
+@pytest.mark.parametrize("speed", [350, 5000])
+@pytest.mark.parametrize("steps", [(4000, 4000, 0), (-3000, 4000, 0), (777, -301, 0), (0, -900, 0)])
+@pytest.mark.parametrize("three_d", [0, 1])
+def test_with_path_speed_the_number_is_the_speed_of_the_path(
+    three_d: int, steps: tuple[int, int, int], speed: int
+) -> None:
+    """The other half of the sentence (motion/1)."""
+    desk = ready(settings={"path_speed": True})
+    assert desk.query(f"@0z{three_d}") == "0"
+    begin = desk.time_ns
+    x, y, z = steps
+    stream = made(desk, f"@0A{x},{speed},{y},{speed},{z},30,0,30")
+    assert stream.t_ns.tolist() == [begin + t for t in along_path_ns(steps, speed)]
+    assert stream.delta.tolist() == line(x, y, z).tolist()
+
+
+@shows("imc-2.2.2-18")
+@pytest.mark.parametrize(("axes", "steps"), [(7, (4000, 4000, 4000)), (XYZA, (10, 50, -30, 200))])
+def test_with_path_speed_all_axes_of_3d_count(axes: int, steps: tuple[int, ...]) -> None:
+    desk = ready(axes, settings={"path_speed": True})
+    assert desk.query("@0z1") == "0"
+    begin = desk.time_ns
+    pairs = [f"{n},900" for n in steps] + ["0,30"] * (4 - len(steps))
+    stream = made(desk, f"@0A{','.join(pairs)}")
+    assert stream.t_ns.tolist() == [begin + t for t in along_path_ns(steps, 900)]
+
+
+@shows("imc-2.2.2-17", "imc-2.2.2-18")
+@pytest.mark.parametrize(("steps", "factor"), [((20_000, 20_000, 0), math.sqrt(2)), ((20_000,) * 3, math.sqrt(3))])
+def test_a_diagonal_takes_longer_with_path_speed(steps: tuple[int, int, int], factor: float) -> None:
+    """Without ramps by as much as the diagonal is longer than the way of its leading axis."""
+    took = []
+    for path_speed in (False, True):
+        desk = ready(settings={"path_speed": path_speed})
+        for text in ("@0j900", "@0z1"):
+            assert desk.query(text) == "0"
+        begin = desk.time_ns
+        assert desk.query(f"@0A{','.join(f'{n},900' for n in steps)},0,30") == "0"
+        took.append(desk.time_ns - begin)
+    assert took[1] / took[0] == pytest.approx(factor, rel=1e-6)
+
+
+@shows("imc-2.2.2-17")
+def test_a_stop_on_a_diagonal_with_path_speed() -> None:
+    """The ramp down begins at the frequency of the leading axis, and what is left goes on at the speed of the path."""
+    desk = ready(settings={"path_speed": True})
+    begin = desk.time_ns
+    desk.at(0.5, lambda: desk.send(b"\xfd"))
+    stream = made(desk, "@0A6000,5000,6000,5000,0,30,0,30", "F")
+    with localcontext(Context(prec=60)):
+        leading = Decimal(5000) / Decimal(2).sqrt()
+        expected = stop_times_ns(6000, leading, 300, 100_000, 500_000_000)
+    assert stream.t_ns.tolist() == [begin + t for t in expected]
+    mark, again = desk.ticks, desk.time_ns
+    assert desk.query("@0S") == "0"
+    left = 6000 - len(stream)
+    with localcontext(Context(prec=60)):
+        rest = times_ns(left, leading, 300, 100_000)
+    assert desk.steps_since(mark).t_ns.tolist() == [again + t for t in rest]
 
 
 @shows("imc-2.2.2-18", "imc-2.2.29-6")
@@ -796,12 +868,50 @@ def test_erasing_takes_about_two_seconds() -> None:
         case("imc-2.2.14-1", "@0ID3"),
         case("imc-2.2.14-2", "@0IR1"),
         case("imc-2.2.14-3", "@0Id1000,900,500,900"),
-        case("imc-2.2.14-4", "@0IW"),
     ],
 )
 def test_printed_initialisations(command: str) -> None:
     assert fresh().query(command) == "0"
     assert initialised().query(command) == "0"
+
+
+def inverted_axes(desk: Desk) -> bool:
+    """X and Y run backwards, Z does not."""
+    assert desk.query("@0N7") == "0"
+    before = desk.carriage
+    made(desk, "@0A100,900,100,900,100,900,0,30")
+    return [now - was for now, was in zip(desk.carriage, before, strict=True)][:3] == [-100, -100, 100]
+
+
+def reference_at_the_far_end(desk: Desk) -> bool:
+    made(desk, "@0R7")
+    return desk.carriage[0] > TRAVEL[0] - 100 and max(desk.carriage[1:3]) < 100
+
+
+def reference_at_1000_hz(desk: Desk) -> bool:
+    times = made(desk, "@0R1").t_ns
+    return 1e9 / float((times[1:] - times[:-1]).min()) == pytest.approx(1000.0, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("printed", "acts"),
+    [
+        case("imc-2.2.14-1", "@0ID3", inverted_axes),
+        case("imc-2.2.14-2", "@0IR1", reference_at_the_far_end),
+        case("imc-2.2.14-3", "@0Id1000,900,500,900", reference_at_1000_hz),
+    ],
+)
+@shows("imc-2.2.14-4")
+@pytest.mark.parametrize("written", [True, False])
+def test_printed_initialisations_at_the_next_power_on(
+    printed: str, acts: Callable[[Desk], bool], written: bool
+) -> None:
+    desk = fresh(carriage=(2000, 2000, 2000, 2000))
+    for command in ("@0IE65535", "@0IW", printed, *(["@0IW"] if written else [])):
+        assert desk.query(command) == "0"
+    desk.power_cycle()
+    assert desk.query("@07") == "0"
+    assert acts(desk) == written
 
 
 @shows("imc-2.2.14-5")

@@ -119,7 +119,6 @@ def test_replies_are_the_manuals_and_no_step_without_power(script: list[tuple[st
 letters = st.text("@0123456789,-+. \r\nAMRiNz", max_size=40).map(str.encode)
 
 
-@shows("imc-5-11")
 @settings(max_examples=drawn(120), deadline=None)
 @given(
     chunks=st.lists(st.one_of(st.binary(max_size=30), st.text("@0123456789,-+. \r\nAMRiNz", max_size=40)), max_size=12)
@@ -136,11 +135,11 @@ def test_any_bytes_are_answered_in_text(chunks: list[bytes | str]) -> None:
 
 
 @shows("imc-5-11")
-@pytest.mark.parametrize("length", [200, 5000, 100_000])
+@pytest.mark.parametrize("length", [5000, 100_000])
 def test_an_endless_line_is_a_syntax_error_and_the_next_one_is_understood(length: int) -> None:
     desk = fresh(carriage=MIDDLE)
     assert desk.query("@07") == "0"
-    assert desk.query("@0j" + "1" * length) in ("1", "5", "D")
+    assert desk.query("@0j" + "1" * length) == "5"
     assert desk.query("@0P") == "0" + "0" * 18
 
 

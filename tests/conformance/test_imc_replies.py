@@ -77,6 +77,8 @@ def test_after_a_limit_switch_axes_then_reference_run() -> None:
     mark = desk.ticks
     assert desk.query("@0A-10,900,0,900,0,900,0,900") == "2"
     assert desk.query("@0M0,900,0,900,0,900,0,900") == "2"
+    assert desk.query("@0R7") == "2"
+    assert desk.query("@0N7") == "2"
     assert desk.query("@07") == "0"
     assert desk.query("@0A-10,900,0,900,0,900,0,900") == "R"
     assert desk.ticks == mark
@@ -85,10 +87,27 @@ def test_after_a_limit_switch_axes_then_reference_run() -> None:
 
 
 @shows("imc-5-6")
-def test_after_a_limit_switch_a_reference_run_at_once() -> None:
-    desk = ready()
+@pytest.mark.parametrize("reference", ["@0R7", "@0N7"])
+def test_after_a_limit_switch_a_reference_run_at_once(reference: str) -> None:
+    """With a setting, for hosts that send it by themselves on `2`; the twin says that the manual wants more."""
+    desk = ready(settings={"reference_ends_limit": True})
     assert desk.query("@0A900000,40000,0,900,0,900,0,900") == "2"
-    assert desk.query("@0R7") == "0"
+    assert desk.remarks == []
+    assert desk.query(reference) == "0"
+    assert desk.query("@0A-10,900,0,900,0,900,0,900" if reference == "@0N7" else OUT) == "0"
+    (remark,) = [text for _, text in desk.remarks]
+    assert "reference_ends_limit" in remark
+
+
+@shows("imc-5-6")
+def test_a_reference_run_that_has_failed_is_a_limit_switch_error_too() -> None:
+    """2 stands for both: the axes are set anew before the next one."""
+    desk = ready(settings={"search_steps": 1000})
+    assert desk.query("@0R1") == "2"
+    assert desk.query("@0R1") == "2"
+    assert desk.query("@0N7") == "2"
+    assert desk.query("@07") == "0"
+    assert desk.query("@0N7") == "0"
     assert desk.query(OUT) == "0"
 
 

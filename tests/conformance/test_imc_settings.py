@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -566,29 +567,50 @@ def test_built_in_values_come_back() -> None:
     assert ramp(desk, 700, 120)
 
 
+def stored_anew() -> Desk:
+    """A desk whose flash has 700 Hz and 120 Hz/ms, while 60 Hz and 50 Hz/ms are in force."""
+    return set_up("@0IJ120", "@0Ij700", "@0IW", "@0IJ50", "@0Ij60")
+
+
+def without_power(desk: Desk) -> None:
+    desk.power_cycle()
+
+
+def reset(desk: Desk) -> None:
+    desk.send(b"\xfe")
+    desk.run(3.0)
+
+
+STORE_MS = 40.0
+
+
 @shows("imc-4.2.18-2")
-def test_power_lost_at_any_write_leaves_old_or_new_values() -> None:
-    desk = set_up("@0IJ120", "@0Ij700", "@0IW")
-    mark, before = len(desk.flash_log), desk.flash
-    for text in ("@0IJ50", "@0Ij60", "@0IW"):
+@pytest.mark.parametrize("loss", [without_power, reset])
+@pytest.mark.parametrize("after_ms", [0.0, 0.001, 1.0, 20.0, 39.0, 39.999, 40.0, 40.001, 50.0, 1000.0])
+def test_power_lost_while_values_are_stored(after_ms: float, loss: Callable[[Desk], None]) -> None:
+    desk = stored_anew()
+    desk.send(b"@0IW\r")
+    desk.run(after_ms / 1000)
+    answered = desk.read()
+    loss(desk)
+    for text in ("@07", "@0N7"):
         assert desk.query(text) == "0"
-    images = [image for _, image in desk.flash_log[mark:]]
-    assert images
-    outcomes = []
-    for image in [before, *images]:
-        cut = fresh(flash=image, carriage=MIDDLE)
-        for text in ("@07", "@0N7"):
-            assert cut.query(text) == "0"
-        begin = cut.time_ns
-        stream = made(cut, "@0A300,2000,0,30,0,30,0,30")
-        times = (stream.t_ns - begin).tolist()
-        outcomes.append([times == pulse_times_ns(300, 2000, *law) for law in ((700, 120), (60, 50))])
-    assert all(sum(outcome) == 1 for outcome in outcomes)
-    assert outcomes[0] == [True, False]
-    assert outcomes[-1] == [False, True]
+    assert answered == ("0" if after_ms >= STORE_MS else "")
+    assert ramp(desk, *((60, 50) if answered else (700, 120)))
 
 
 @shows("imc-4.2.18-2")
+def test_a_store_keeps_the_program_whenever_power_is_lost() -> None:
+    for after_ms in (0.0, 20.0, 60.0):
+        desk = stored("0 300,2000,0,30,0,30,0,30")
+        desk.send(b"@0IW\r")
+        desk.run(after_ms / 1000)
+        desk.power_cycle()
+        for text in ("@07", "@0N7"):
+            assert desk.query(text) == "0"
+        assert len(made(desk, "@0S")) == 300
+
+
 @pytest.mark.parametrize("image", [b"", b"\x00", b"\xff" * 4096, b"not a flash image"])
 def test_a_flash_that_is_no_flash_is_a_new_device(image: bytes) -> None:
     desk = fresh(flash=image, carriage=MIDDLE)

@@ -162,6 +162,14 @@ ELSEWHERE = dataclasses.replace(SETTINGS, zero=(100.0, 50.0, 20.0), start=(100.0
             "rapid 20 0 0 | caution | arc 30 0 0 about 25 0 cw F10 | end",
         ),
         case("ncp-3-9", "IMF_PBL\nVEL 10000\nCWHLXABS I5000 J0 W182 X10000\nPROGEND", "CWHLXABS: W182 does not lead"),
+        *(
+            case(
+                "ncp-3-9",
+                f"IMF_PBL\nVEL 10000\nCWHLXABS I5000 J0 W{sweep} X10000\nPROGEND",
+                "arc 10 0 0 about 5 0 cw F10 | end",
+            )
+            for sweep in (179, 180, 181)
+        ),
         case(
             "ncp-4-1",
             "IMF_PBL\nVEL 10000\nFASTABS Z-1000\nDRILLDEF D1000\nDRILL X1000\nPROGEND",

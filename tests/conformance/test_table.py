@@ -9,7 +9,7 @@ import sys
 import pytest
 from conformance.record import Record, covers_folder
 from conformance.report import collect, markdown
-from conformance.rows import FOLDER, Table, tables
+from conformance.rows import FOLDER, STATUS, Table, tables
 from golden.conformance import Golden
 
 TABLES = tables()
@@ -29,7 +29,13 @@ def test_rows_are_well_formed(table: Table) -> None:
     for row in table.rows:
         assert row.id.startswith(f"{table.name}-{row.section}-"), row.id
         assert row.statement.strip().endswith("."), row.id
-        assert re.fullmatch(r"holds|(deviates|not on this machine): [a-z0-9]+/\d+", row.status), row.id
+        assert STATUS.fullmatch(row.status), row.id
+        if row.kind == "torn":
+            assert len(set(row.places)) == 2, row.id
+            assert row.follows in row.places, row.id
+            assert row.against.endswith("."), row.id
+        else:
+            assert (row.places, row.against, row.follows) == ((), "", ""), row.id
 
 
 @each_table

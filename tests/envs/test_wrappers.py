@@ -155,3 +155,10 @@ def test_the_offset_moves_the_counters_off_the_path() -> None:
 def test_what_does_not_fit_is_one_clear_line(make: Any, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         make(gymnasium.make(JOB, plant="kinematic"), gymnasium.make(TRACK))
+
+
+def test_a_range_that_the_machine_does_not_take_is_refused_before_the_first_episode() -> None:
+    """0.5 mm of play times 3 are more than the 1 mm that a machine file allows."""
+    track = gymnasium.make(TRACK, overrides={"axes.x.backlash": 0.5})
+    with pytest.raises(ValueError, match=r"the machine does not take these options: .*backlash_mm must lie in 0"):
+        Randomised(track, backlash=(0.0, 3.0))

@@ -315,8 +315,10 @@ def test_silence_switches_off_and_the_next_line_is_told() -> None:
     assert "nothing was sent for 1000 ms" in twin.remarks[-1][1]
     answer = twin.query(f"row {MS_NS} 9 0 0")
     assert answer.startswith("error the watchdog has switched the outputs off")
-    assert (twin.counts.tolist(), twin.fault) == ([5, 0, 0], False)
+    assert (twin.counts.tolist(), twin.fault) == ([5, 0, 0], True)
+    assert "nothing was sent for 1000 ms" in twin.fault_cause
     assert twin.query(ON).startswith("ok ")
+    assert not twin.fault
 
 
 def test_the_watchdog_waits_for_the_end_of_a_row_and_can_be_left_out() -> None:

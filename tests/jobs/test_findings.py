@@ -32,13 +32,13 @@ def inspected(bounds: Bounds | None = None, **spec: Any) -> tuple[Inspection, An
             {"lost_steps": (0.0, 31.0, 0.0, 0.0), "slip_steps": (64.0,) * 4},
             "halfway",
             LAST,
-            "y rests between two places that would hold",
+            "y stopped half a slip off, held there by friction alone",
         ),
-        ({"stores_lost": 1}, "fault", None, "the flash memory has not kept what was stored"),
-        ({"unsent": 1}, "unfinished", LAST, "1 line is not sent any more"),
-        ({"unsent": 3}, "unfinished", LAST, "3 lines are not sent any more"),
-        ({"events_after_end": 1}, "effect", None, "1 event of the scenario to come when the job is over"),
-        ({"events_after_end": 2}, "effect", None, "2 events of the scenario to come when the job is over"),
+        ({"stores_lost": 1}, "fault", None, "the flash memory did not keep what was stored"),
+        ({"unsent": 1}, "unfinished", LAST, "1 line is not sent"),
+        ({"unsent": 3}, "unfinished", LAST, "3 lines are not sent"),
+        ({"events_after_end": 1}, "effect", None, "1 event of the scenario after the end of the job"),
+        ({"events_after_end": 2}, "effect", None, "2 events of the scenario after the end of the job"),
     ],
 )
 def test_what_the_end_of_a_job_shows(changed: dict[str, Any], rule: str, line: int | None, message: str) -> None:
@@ -53,7 +53,7 @@ def test_a_margin_is_told_in_per_cent() -> None:
     inspection.take(result)
     findings = inspection.report("job", verdict).findings
     told = [(one.line, one.message) for one in findings if one.rule == "margin"]
-    assert told == [(LAST, "x keeps 38 %; at least 50 %")]
+    assert told == [(LAST, "x keeps 38 % torque; at least 50 %")]
 
 
 def test_who_met_behind_the_last_line_is_told_there() -> None:

@@ -58,7 +58,8 @@ def test_each_line_has_its_figures_and_its_words(live: LiveJob) -> None:
     of = live.figures[3]
     assert of.seconds == pytest.approx((1600 - 101.5) / 3200 + 2 * 0.029, abs=0.02)
     assert (of.margin, of.edge, of.replies) == (None, None, ("0",))
-    assert str(Figures(1.5, (0.41, "x"), (1.2, "y"))) == "1.500 s, x keeps 41 %, y swings from 1.20 times this speed on"
+    words = "1.500 s, x keeps 41 % torque, y: unstable above 1.20 times this speed"
+    assert str(Figures(1.5, (0.41, "x"), (1.2, "y"))) == words
     (words,) = live.explained(3, "@0A1600,3200,0,30,0,30,0,30")
     assert "relative move by X 1600 at 3200 Hz" in words
     assert list(live.explained(4, "# a remark")) == []

@@ -10,7 +10,7 @@ import pytest
 
 from isel_twin.core.spec import TwinSpec
 from isel_twin.core.twin import Twin
-from isel_twin.many.learning.causes import sure
+from isel_twin.many.learning.causes import Cause, best, sure
 from isel_twin.many.learning.explain import explained
 from isel_twin.many.learning.learn import told_alone
 from isel_twin.many.learning.session import Session
@@ -108,6 +108,34 @@ def test_play_is_found_in_later_reference_runs_by_physics(tmp_path: Path) -> Non
     (cause,) = found.causes
     assert cause.name in ("backlash", "reference speed")
     assert found.same
+
+
+@pytest.mark.parametrize(("there_mm", "here_mm"), [(1.0, 0.02), (0.97, 1.0), (0.0, 1.0)])
+def test_play_is_looked_for_within_what_a_machine_file_allows(there_mm: float, here_mm: float, tmp_path: Path) -> None:
+    """0 to 1 mm: neither the first step nor any other of the search leaves that, wherever the truth is."""
+    there = HERE.with_(plant="mujoco", overrides={"axes.x.backlash": there_mm})
+    path = recorded(tmp_path / "real.mcap", there, ("@01", "@0d5000", "@0R1", "@0A1600,5000", "@0R1", "@0P"))
+    here = HERE.with_(plant="mujoco", start_mm=None, overrides={"axes.x.backlash": here_mm})
+    found = explained(session(path), here)
+    plays = [cause.value for cause in found.causes if cause.name == "backlash"]
+    assert all(0.0 <= value <= 1.0 for value in plays if value is not None)
+
+
+@pytest.mark.parametrize("what", ["too far", "cannot be built"])
+def test_a_trial_that_cannot_be_made_loses_that_trial(what: str, tmp_path: Path) -> None:
+    path = recorded(tmp_path / "real.mcap", HERE)
+    beyond = HERE.with_(overrides={"axes.x.backlash": 2.0} if what == "too far" else {"axes.x.travel": 9000.0})
+    assert session(path).tried(beyond) is None
+    good = Cause("good", "", "", HERE)
+    assert [cause for _, cause, _ in best(session(path), [Cause("bad", "", "", beyond), good], "kinematic")] == [good]
+
+
+def test_a_session_with_a_hood_opened_is_compared_to_its_end(tmp_path: Path) -> None:
+    """Reference runs that are broken off lead the search for play astray."""
+    commands = ("@07", "@0d5000,5000,5000", "@0R7", "@0A1600,5000,0,30,0,30,0,30", "@0R7", "@0P") * 4
+    opened = [{"at": 12.0, "set": {"hood": "forced"}}, {"at": 14.0, "set": {"hood": "closed"}}]
+    path = recorded(tmp_path / "real.mcap", HERE.with_(plant="mujoco").with_events(opened), commands)
+    explained(session(path), HERE.with_(plant="mujoco", start_mm=None))
 
 
 def test_a_place_at_power_on_that_is_said_is_a_difference_that_is_named(tmp_path: Path) -> None:

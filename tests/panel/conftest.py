@@ -6,6 +6,7 @@ import json
 import threading
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -39,10 +40,13 @@ class Bench:
         token: str | None = None,
         machine: str = "4030",
         plant: str = "kinematic",
+        scenario: Path | None = None,
+        look: Callable[[Twin], None] | None = None,
     ) -> None:
+        """look: called each 10 ms of virtual time."""
         self.panel = Panel(address, token)
         self.line = TcpEndpoint(LOOPBACK)
-        self.twin = Twin(machine, controller, plant=plant, line_speed=speed is not None)
+        self.twin = Twin(machine, controller, plant=plant, line_speed=speed is not None, scenario=scenario)
         if ready:
             assert self.twin.language is not None
             for data in self.twin.language.reference():
@@ -52,6 +56,8 @@ class Bench:
         self.server = Server(
             self.twin, Pacer(speed, self.twin.time_ns), [self.line], self.panel.monitor, guests=[self.panel]
         )
+        if look is not None:
+            self.twin.observe(look, 10_000_000)
         self.thread = threading.Thread(target=self.server.run, daemon=True)
         self.thread.start()
 
@@ -74,6 +80,7 @@ class Browser:
         )
         self.frame: dict[str, Any] = {}
         self.lines: list[dict[str, Any]] = []
+        self.plots: list[list[Any]] = []
         self.answers: dict[Any, dict[str, Any]] = {}
         self.about: dict[str, Any] = self.hear()["about"]
         self._number = 0
@@ -84,6 +91,7 @@ class Browser:
         message: dict[str, Any] = json.loads(self.socket.recv(timeout=WAIT_S))
         self.frame = message.get("frame", self.frame)
         self.lines += message.get("lines", [])
+        self.plots += message.get("plots", [])
         self.answers |= {answer["id"]: answer for answer in message.get("answers", [])}
         return message
 

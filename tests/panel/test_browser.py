@@ -114,7 +114,7 @@ def test_the_edge_of_each_axis_is_seen(bench, open_panel):
     axis = here.twin.machine.axes[0]
     limit_hz = limit_rad_s(axis.motor, axis.stage) * axis.steps_per_rev / (2.0 * math.pi)
     edge = page["[data-axis=x] td:nth-child(9)"]
-    expect(page["#axes th:nth-child(9)"]).to_have_text("edge")
+    expect(page["#axes th:nth-child(9)"]).to_have_text("least edge")
     page.say(f"@0A 64000,{round(limit_hz / 2.0)},0,30,0,30,0,30")
     expect(edge).to_have_text("2.00")
     expect(edge).not_to_have_class("lost")
@@ -532,7 +532,7 @@ def test_a_file_is_opened_run_and_followed_line_by_line(bench, open_panel, tmp_p
     expect(page["[data-axis=x] td:nth-child(3)"]).to_have_text("50.000")
     later = open_panel(here)
     later["[data-tab=job]"].click()
-    expect(later["#doing"]).to_contain_text("all well")
+    expect(later["#doing"]).to_contain_text("all lines accepted")
     expect(later["#program li"]).to_have_count(7)
     assert page.said == other.said == []
 
@@ -604,7 +604,7 @@ def test_a_desk_for_hands_keys_and_readers(bench, chromium: Browser) -> None:
     page.keyboard.press("Escape")
     expect(rest).to_have_text("at rest")
     assert float(work["x"].inner_text()) < 100.0
-    expect(page.locator("#override")).to_have_text("has no override")
+    expect(page.locator("#override")).to_have_text("no feed override on this controller")
     expect(page.locator("#flat")).to_contain_text("no WebGL")
     script = (files("axe_playwright_python") / "axe.min.js").read_text(encoding="utf-8")
     for width, scheme in ((1024, "light"), (390, "dark")):

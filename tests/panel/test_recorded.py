@@ -197,13 +197,13 @@ def test_it_is_usable_at_each_width(page: Page, width: int, scheme: str) -> None
 def test_what_does_not_fit_is_left_out_and_told(
     recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Of samples, the half at first: here of a session that is short."""
+    """Of samples, the half at first, but not their extremes: here of a session that is short."""
     monkeypatch.setattr(playback, "LEAST_SAMPLES", 100)
     size = recording.with_suffix(".html").stat().st_size
     out = tmp_path / "small.html"
     done = isel_twin("panel", recording, "--html", out, "--most", f"{(size - 100) / 1e6:.6f}", "--json")
     told = json.loads(done.stdout)
-    assert told["left_out"] == ["of 2 samples, all but one, for the size of the file"]
+    assert told["left_out"] == ["of 4 samples, all but the least and largest, for the size of the file"]
     assert told["bytes"] == out.stat().st_size <= size - 100
     done = isel_twin("panel", recording, "--html", tmp_path / "none.html", "--most", "0.01")
     assert (done.returncode, done.stderr.strip()) == (

@@ -143,13 +143,13 @@ def test_the_table_says_what_differs_first_and_most(tmp_path: Path) -> None:
     a, b = of_twin(tmp_path / "a.mcap"), of_twin(tmp_path / "b.mcap", start_mm=(3.0, 2.0, 2.0))
     done = cli("compare", a, b, "--time-tolerance", "0.1", "--no-explain")
     assert done.returncode == 1, done.stderr
-    assert "differs first: command 2, @0R7: start" in done.stdout
-    assert "differs most in time: command 2, @0R7: +" in done.stdout
+    assert "first difference: command 2, @0R7: start" in done.stdout
+    assert "largest time difference: command 2, @0R7: +" in done.stdout
     assert re.search(r"command 2 at 0\.\d{3} s, @0R7: start, first reference run \d+\.\d ms later on B", done.stdout)
     assert done.stdout.splitlines()[-1] == "not the same: 5 commands compared, 1 differ"
     done = cli("compare", a, b)
     assert done.returncode == 1
-    assert done.stdout.splitlines()[-1].startswith("the same but for the place at power-on: as from ")
+    assert done.stdout.splitlines()[-1].startswith("the same but for the place at power-on, ")
     assert cli("compare", a, b, "--time-tolerance", "3").returncode == 0
     rows = [json.loads(line) for line in cli("compare", a, b, "--json", "--all").stdout.splitlines()]
     assert [row["command"] for row in rows[:-1]] == list(COMMANDS)

@@ -32,7 +32,7 @@ def test_these_are_all_kinds() -> None:
     assert set(KINDS) == BEGINS.keys()
 
 
-@pytest.mark.parametrize("name", ["out.txt", "out", "out.NPZ", ".npz"])
+@pytest.mark.parametrize("name", ["out.txt", "out", "out.npz.gz", ".npz"])
 def test_other_names_are_refused_in_one_line(name: str, tmp_path: Path, twin: Twin) -> None:
     path = tmp_path / name
     with pytest.raises(ValueError, match=r"the name must end in \.npz, \.vcd, \.parquet or \.csv") as caught:

@@ -135,7 +135,7 @@ def test_what_comes_from_outside_is_text(text: str) -> None:
 
 def test_verdict_limits_findings_and_commands_are_there(text: str) -> None:
     page = Page(text)
-    assert "NOT OK" in page.text
+    assert "FAILED" in page.text
     assert "6 commands" in page.text
     assert page.text.count("@0M8000,5000,4000,5000,0,5000,0,30") >= 1
     findings = [each for each in page.all("li") if "finding" in (each.get("class") or "")]
@@ -156,7 +156,7 @@ def test_a_limit_is_told_and_judged(tmp_path: Path) -> None:
     page = Page(text)
     assert "at most 1 s" in page.text
     assert "may be struck: limit_x1" in page.text
-    assert "NOT OK" in page.text
+    assert "FAILED" in page.text
     assert "OK" in Page(report(tmp_path / "s.html", "@07\n@0R7\n")).text
 
 

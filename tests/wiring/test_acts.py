@@ -31,6 +31,14 @@ def test_the_page_has_the_row_of_each(act: Act) -> None:
     assert row(act) in PAGE.replace("100000", "100000")
 
 
+@pytest.mark.parametrize("act", ACTS.values(), ids=list(ACTS))
+def test_the_page_says_by_which_rules_each_is_told(act: Act) -> None:
+    alike = ", ".join(f"`{other.key}`" for other in ACTS.values() if set(other.told) == set(act.told))
+    (told,) = (line for line in PAGE.splitlines() if re.match(rf"\| [^|]*`{act.key}`[^|]* \| `[a-z]+`[^|]*\|$", line))
+    names, rules = (re.findall("`([a-z_]+)`", cell) for cell in told.split("|")[1:3])
+    assert (sorted(names), rules) == (sorted(re.findall("`([a-z_]+)`", alike)), list(act.told))
+
+
 def test_keys_are_unique_and_every_one_is_a_command_of_the_shell() -> None:
     assert len(set(EVENT_KEYS)) == len(EVENT_KEYS)
     assert set(ACTS) - {"cut"} <= set(Command.__args__)  # type: ignore[attr-defined]

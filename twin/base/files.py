@@ -19,7 +19,7 @@ import logging
 import os
 import threading
 import weakref
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -27,6 +27,15 @@ log = logging.getLogger("isel_twin")
 
 _numbers = itertools.count()
 _WINDOWS = os.name == "nt"
+
+
+def kind_of(path: str | os.PathLike[str], kinds: Sequence[str], bare: bool = False) -> str:
+    """The kind of a file, one of `kinds`, by the ending of its name; bare: without an ending it is the first of them.
+    Raises ValueError."""
+    kind = Path(path).suffix.lower()
+    if kind in kinds or (bare and not kind):
+        return kind or kinds[0]
+    raise ValueError(f"{path}: the name must end in {' or '.join(filter(None, (', '.join(kinds[:-1]), kinds[-1])))}")
 
 
 @contextmanager

@@ -171,6 +171,12 @@ def keys(cls: Any) -> tuple[str, ...]:
     return tuple(key for key, _ in _fields(cls))
 
 
+def limits_of(cls: Any, key: str) -> Limits | None:
+    """The range of the field of a dataclass that stands in files under this key; None for another key, or no number."""
+    rule = next((item.metadata["rule"] for name, item in _fields(cls) if name == key), None)
+    return rule if isinstance(rule, Limits) else None
+
+
 def section(cls: type[T], value: Any, place: Place, **given: Any) -> T:
     """An instance of the dataclass from its table; `given`: fields that are not in files."""
     content = table(value, place)

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from isel_twin.base.errors import CallError
 from isel_twin.base.files import atomic_write
 
 if TYPE_CHECKING:
@@ -23,18 +22,6 @@ class Curve:
     x: Sequence[float]
     y: Sequence[float]
     style: str = "-"
-
-
-def check_picture(path: Path, extra: str = "report") -> None:
-    """Raise CallError unless matplotlib is installed and knows the file type."""
-    try:
-        import matplotlib  # noqa: F401  (first, so that a part that was imported before does not hide that it is missing)
-        from matplotlib.backend_bases import FigureCanvasBase
-    except ImportError:
-        raise CallError(f"picture needs matplotlib: pip install 'isel-twin[{extra}]'", option=True) from None
-    kinds = FigureCanvasBase.get_supported_filetypes()
-    if path.suffix.removeprefix(".").lower() not in kinds:
-        raise CallError(f"picture {path}: the name must end in one of .{', .'.join(sorted(kinds))}", option=True)
 
 
 def picture_bytes(figure: Figure, kind: str = "png") -> bytes:

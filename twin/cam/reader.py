@@ -15,6 +15,7 @@ from isel_twin.cam.toolpath import Arc, CamError, Caution, Element, End, Line, P
 HEAD_LINES = 200  # that say something, by which a file is recognised
 HEAD_BYTES = 1 << 20  # at its beginning, in which they are looked for
 LONGEST = 65_536  # characters of a line that are read at once; a longer line comes in pieces of this length
+SHALLOW_MM = 0.02  # no cut of these machines is meant to be less deep
 MOST = 1e6  # mm, mm/s, s, turns a minute: no number of a job for these machines is larger
 _COMMAND = re.compile(r"\s*(@\d|<\d)")
 _REMARK = re.compile(r"\s*([;#(].*)?$")
@@ -164,9 +165,11 @@ class Once:
         return (Caution(place, text),)
 
 
-def plausible(path: Toolpath) -> Toolpath:
-    """The same toolpath; before its end a caution if its highest point is cut and its lowest is travelled (cam/14)."""
+def plausible(path: Toolpath, settings: CamSettings) -> Toolpath:
+    """The same toolpath; before its end a caution if its highest point is cut and its lowest is travelled (cam/14), or
+    if it cuts less deep than it can be meant (cam/34)."""
     travel, cut = [math.inf, -math.inf], [math.inf, -math.inf]  # lowest and highest Z
+    zero = settings.machine_point(settings.zero)[2]
     element: Element
     for element in path:
         kind = type(element)
@@ -176,9 +179,11 @@ def plausible(path: Toolpath) -> Toolpath:
                 heights[0] = z
             if z > heights[1]:
                 heights[1] = z
-        elif kind is End and travel[0] <= cut[0] and cut[1] > travel[1] + 1e-9:
-            yield Caution(
-                element.place,
-                "Z of this file seems to count downwards: it cuts above its rapid moves; if so, set file_z_up = false",
-            )
+        elif kind is End:
+            if travel[0] <= cut[0] and cut[1] > travel[1] + 1e-9:
+                why = "it cuts above its rapid moves; if so, set file_z_up = false"
+                yield Caution(element.place, f"Z of this file seems to count downwards: {why}")
+            if 1e-9 < (depth := zero - cut[0]) < SHALLOW_MM:
+                told = f"the deepest cut is {1000.0 * depth:.3g} um below the zero of the work"
+                yield Caution(element.place, f"{told}; is the file in another unit?")
         yield element

@@ -138,10 +138,13 @@ class Remark(NamedTuple):
 
 
 class Caution(NamedTuple):
-    """One line for the user, place not included. Readers say each kind once a file, at its first place."""
+    """One line for the user. Readers say each kind once a file, at its first place."""
 
     place: Place
     text: str
+
+    def __str__(self) -> str:
+        return f"line {self.place.line}: {self.text}"
 
 
 class End(NamedTuple):

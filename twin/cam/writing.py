@@ -180,7 +180,7 @@ class _Writer:
             case Remark():
                 yield Written(commands.remark(element.text), place)
             case Caution():
-                yield Written(commands.remark(f"caution: {element.text}"), place, caution=True)
+                yield self._cautioned(element)
 
     def _reference(self, run: Reference) -> Iterator[Written]:
         """Of the axes that there are (language/10)."""
@@ -261,5 +261,7 @@ class _Writer:
 
     def _cautions(self) -> Iterator[Written]:
         said, self._course.cautions = self._course.cautions, []
-        for place, text in said:
-            yield Written(self._commands.remark(f"caution: {text}"), place, caution=True)
+        yield from map(self._cautioned, said)
+
+    def _cautioned(self, caution: Caution) -> Written:
+        return Written(self._commands.remark(f"caution: {caution.text}"), caution.place, caution)

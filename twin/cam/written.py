@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
-from isel_twin.cam.toolpath import Place
+from isel_twin.cam.toolpath import Caution, Place
 
 Counts: TypeAlias = tuple[int, int, int]  # X Y Z in steps or increments, in the sense of the counters
 
@@ -20,6 +20,7 @@ class MachineAxes:
     # least and greatest reading of the counter, mm; (0, 0) for an axis that there is not
     travel_mm: tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
     top_mm_s: tuple[float, float, float] | None = None  # None: what the controller makes, the axis follows
+    speed_along_path: bool = False  # the controller is set so that speeds of straight moves are those of the path
     lag_s: float = 0.0  # by which drives follow, the slowest of them; stepper motors do not
     # following error by which the speed loop of a drive, without its integral, turns an axis round against friction ...
     held_mm: float = 0.0
@@ -55,4 +56,4 @@ class Written(NamedTuple):
 
     text: str
     place: Place | None = None  # in the user's file; None: no line of it asked for this
-    caution: bool = False  # a remark that the user has to see
+    caution: Caution | None = None  # of a remark that the user has to see

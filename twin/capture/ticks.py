@@ -6,8 +6,8 @@
              |<->|          |<-->|           setup: from the change to the edge     hold: from the edge to the change
 
 A drive outside its data-sheet timing may miss a pulse or take it in the wrong direction; the twin does neither, so
-times that are too short are counted and reported. A change of direction at the time of an edge counts as before it
-(capture/2).
+times that are too short are counted, and judged (judging.py). A change of direction at the time of an edge counts as
+before it (capture/2).
 """
 
 from __future__ import annotations
@@ -30,6 +30,10 @@ class Needs:
     pulse_ns: int = 1900  # of a step signal at either level
     setup_ns: int = 650  # from a change of direction to an active edge of step
     hold_ns: int = 650  # from an active edge of step to a change of direction
+
+    def told_by(self, resolution_ns: float) -> Needs:
+        """The same without those that are shorter than a capture can tell: 0 asks for nothing."""
+        return Needs(*(need if need >= resolution_ns else 0 for need in (self.pulse_ns, self.setup_ns, self.hold_ns)))
 
 
 @dataclass(frozen=True)
@@ -72,6 +76,7 @@ class Ticks:
 
 def ticks_of(capture: Capture, signals: Mapping[str, Signal], needs: Needs, edge: str = "rising") -> Ticks:
     """The stream of a capture. signals: by role, as from `parse_map`. edge: the active one, or "both"."""
+    needs = needs.told_by(capture.resolution_ns)
     waves = {role: capture.waves[signal.name] for role, signal in signals.items()}
     waves |= {role: waves[role].inverted() for role, signal in signals.items() if signal.inverted}
     used = [axis for axis in AXIS_NAMES if f"{axis}.step" in waves or f"{axis}.plus" in waves]

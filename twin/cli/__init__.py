@@ -28,7 +28,7 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
 
-from cyclopts import App, CycloptsError, Group, Parameter, UnusedCliTokensError
+from cyclopts import App, CycloptsError, Group, Parameter, UnusedCliTokensError, ValidationError
 
 from isel_twin.base.errors import CallError, one_line
 from isel_twin.cli.interruption import until_told
@@ -106,6 +106,9 @@ def _run(tokens: Sequence[str]) -> int:
         name = " ".join(error.command_chain or ())
         words = ", ".join(map(repr, error.unused_tokens or ()))
         code = _say(2, f"{words}: {name or 'isel-twin'} takes no such word; isel-twin {name} --help says what it takes")
+    except ValidationError as error:
+        option = error.argument.name if error.argument is not None else ""
+        code = _say(2, f"{option} {error.exception_message}" if option.startswith("-") else error.exception_message)
     except (CallError, CycloptsError) as error:
         dashes = "--" if isinstance(error, CallError) and error.option else ""
         code = _say(2, f"{dashes}{error}")

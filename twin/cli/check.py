@@ -69,6 +69,9 @@ class Demands(JobTwin):
     form: FormatName = None
     timeout: Annotated[float | None, Parameter(help="Virtual seconds a command may take.")] = None
     golden: Annotated[bool | None, Parameter(negative="no-golden", help="Compare with golden runs.")] = None
+    strict: Annotated[
+        bool | None, Parameter(negative="no-strict", help="Warnings make a job fail, too: cautions of a CAM file ...")
+    ] = None
 
     def asked(self) -> dict[str, Any]:
         """The demands in the words of isel-twin.toml. Raises CallError for a wrong --set."""
@@ -87,9 +90,11 @@ def check(
     settings: SettingsFile = None,
     demands: Demands = DEFAULT_DEMANDS,
     workers: options.Workers = 1,
-    junit: Annotated[Path | None, Parameter(help="Write the findings as JUnit XML.")] = None,
-    sarif: Annotated[Path | None, Parameter(help="Write the findings as SARIF 2.1.0.")] = None,
-    report: Annotated[Path | None, Parameter(help="Folder for a page about each job (HTML).")] = None,
+    junit: Annotated[Path | None, options.written("Write the findings as JUnit XML.", ".xml", bare=True)] = None,
+    sarif: Annotated[
+        Path | None, options.written("Write the findings as SARIF 2.1.0.", ".sarif", ".json", bare=True)
+    ] = None,
+    report: Annotated[Path | None, options.written("Folder for a page about each job (HTML).")] = None,
     json: Annotated[bool, Parameter(help="One line of JSON a job, or a judgement.")] = False,
     isel_port: Annotated[
         str | None, Parameter(help="Send the jobs to the real controller at this port: /dev/ttyUSB0, COM3, tcp://H:P.")
@@ -112,7 +117,7 @@ def check(
     asked = demands.asked()
     _check_options(asked, workers)
     if isel_port is not None:
-        inside = {"set": demands.set, "may-strike": demands.may_strike, "report": report, "watch": watch}
+        inside = {"set": demands.set, "report": report, "watch": watch}
         _check_outside(asked, inside, workers)
         asked |= {"plant": "kinematic", "golden": False}  # of the twin that only knows names
     if watch:
@@ -144,8 +149,9 @@ def check(
             print(line)
     failed = sum(not made.ok for made in reports)
     if not json:
-        wrong = [f"{failed} not as it should be"] * bool(failed) + [f"{len(unjudged)} not judged"] * bool(unjudged)
-        print(f"{many(len(tasks), 'job')}, {', '.join(wrong) or 'all well'}")
+        wrong = [f"{failed} failed"] * bool(failed) + [f"{len(unjudged)} not judged"] * bool(unjudged)
+        well = "all well as far as looked at" if any(made.unseen for made in reports) else "all well"
+        print(f"{many(len(tasks), 'job')}: {', '.join(wrong) or well}")
     failures: list[CallError] = []
     for path, write in ((junit, as_junit), (sarif, as_sarif)):
         if path is not None:
@@ -219,7 +225,10 @@ def _tasks(jobs: Sequence[Path], settings: Path | None, asked: dict[str, Any]) -
 
 def _check_outside(asked: dict[str, Any], others: dict[str, Any], workers: int) -> None:
     """Raise CallError for an option that only a twin can satisfy."""
-    names = "plant seed scenario margin edge deviation_mm contour_mm clearance robust uncertain golden".split()  # noqa: SIM905
+    from isel_twin.jobs.checks.rules import RULES
+
+    bounds = [rule.bound for rule in RULES.values() if rule.bound in asked and not rule.heard]
+    names = ["plant", "seed", "scenario", *bounds]
     given = {name.replace("_", "-"): asked[name] for name in names} | others | {"workers": workers > 1 or None}
     for option, value in given.items():
         if value is not None and value is not False and value != ():
@@ -232,15 +241,16 @@ def _real(tasks: Sequence[Task], port: str) -> Iterator[RealReport]:
     """The jobs one after the other at a real controller. Raises CallError if there is none."""
     from isel_twin.bridge.tap import real_job
     from isel_twin.bridge.tap.real_port import refusal
+    from isel_twin.jobs.checks.rules import of_cautions
     from isel_twin.jobs.playing import TIMEOUT_S
 
-    every = [read_job(task.job, task.call, task.form) for task in tasks]
-    for task, lines in zip(tasks, every, strict=True):
+    every = [read_source(task.job, task.call, task.form) for task in tasks]
+    for task, (lines, _) in zip(tasks, every, strict=True):
         if why := real_job.unfit(lines, task.call.controller):
             raise CallError(f"{task.job}: {why}")
     with interruption() as stopped:
-        for task, lines in zip(tasks, every, strict=True):
-            bounds = task.bounds
+        for task, (lines, source) in zip(tasks, every, strict=True):
+            bounds, cautions = task.bounds, of_cautions(source) or ()
             if bounds.timeout_s == TIMEOUT_S:  # nobody asked for another one
                 bounds = replace(bounds, timeout_s=real_job.TIMEOUT_S)
             form = task.call.build().serial_format
@@ -250,7 +260,7 @@ def _real(tasks: Sequence[Task], port: str) -> Iterator[RealReport]:
                 raise CallError(refusal(port, error)) from None
             try:
                 made = real_job.check_real(
-                    str(task.job), lines, task.call.controller, real, bounds, lambda: bool(stopped)
+                    str(task.job), lines, task.call.controller, real, bounds, lambda: bool(stopped), cautions
                 )
             except real_job.SilentError as error:
                 raise CallError(str(error)) from None
@@ -290,6 +300,7 @@ def perform(asked: tuple[Task, Path | None]) -> Report:
     task, page = asked
     from isel_twin.jobs.checks.contour import drawing
     from isel_twin.jobs.checks.job import Inspection, beside_golden, check_job
+    from isel_twin.jobs.checks.rules import of_cautions
     from isel_twin.jobs.golden import golden_file
     from isel_twin.recordings.recorder import Recorder
 
@@ -306,7 +317,8 @@ def perform(asked: tuple[Task, Path | None]) -> Report:
 
         golden = task.golden and golden_file(task.job).is_file()
         looked = None if page is None else begun
-        report = check_job(task.job, task.call, lines, task.bounds, looked, drawn, golden=golden)
+        cautions = of_cautions(source)
+        report = check_job(task.job, task.call, lines, task.bounds, looked, drawn, cautions, golden=golden)
         if golden:
             report = beside_golden(report, task.job, task.call)
         for inspection, recorder in watched:

@@ -183,9 +183,9 @@ def _print_table(found: Comparison, recordings: list[Recorded], lines: list[str]
             print(f"only in {name}: {number}, the first at {first.sent_ns / SECOND_NS:.3f} s: {first.text}")
     if found.different:
         first_pair = found.different[0]
-        print(f"differs first: command {first_pair.number}, {first_pair.a.text}: {_what(first_pair, found)}")
+        print(f"first difference: command {first_pair.number}, {first_pair.a.text}: {_what(first_pair, found)}")
     if (most := found.most) is not None and most.later_ns:
-        print(f"differs most in time: command {most.number}, {most.a.text}: {most.later_ns / 1e6:+.3f} ms")
+        print(f"largest time difference: command {most.number}, {most.a.text}: {most.later_ns / 1e6:+.3f} ms")
     print(*lines, sep="\n")
 
 

@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import options
-from isel_twin.cli.jobs import FormatName, cam_settings, check_file, job_name
+from isel_twin.cli.jobs import FormatName, cam_settings, check_file, job_name, say_cautions
 from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def convert(
     machine: options.MachineName = MACHINE,
     set: options.Overrides = (),
     form: FormatName = None,
-    out: Annotated[Path | None, Parameter(name=("--out", "-o"), help="Write them here; standard output.")] = None,
+    out: Annotated[Path | None, options.written("Write them here; standard output.", name=("--out", "-o"))] = None,
 ) -> int:
     """Write a file of a CAM program as commands of a controller, one a line, or as a program of it.
 
@@ -40,7 +40,7 @@ def convert(
     from isel_twin.cam.reader import text_lines
     from isel_twin.cam.toolpath import CamError
     from isel_twin.jobs.job import JobError
-    from isel_twin.jobs.toolpaths import Watched, machine_axes, said, written
+    from isel_twin.jobs.toolpaths import Watched, machine_axes, written
     from isel_twin.language import create_language
 
     if options.is_standard_input(file):
@@ -60,12 +60,11 @@ def convert(
         try:
             for line in written(path, language, controller, axes, settings):
                 into.write(f"{line.text}\n")
-                if line.caution and line.place is not None:
-                    told.append(f"line {line.place.line}: {said(line)}")
+                if line.caution is not None:
+                    told.append(line.caution)
         except (CamError, JobError) as error:
             raise CallError(f"{file}: {error}") from None
-    for caution in (*watched.cautions, *told):
-        print(f"isel-twin: {file}: {caution}", file=sys.stderr)
+    say_cautions(file, (*watched.cautions, *told))
     return 0
 
 

@@ -68,7 +68,7 @@ def decode(
     with call_errors():
         language = create_language(controller)
     if language is None:
-        raise CallError(f"controller {controller!r} has no language: nobody knows what its bytes mean")
+        raise CallError(f"controller {controller!r} has no language, which would say what its bytes mean")
     with call_errors(source):
         if recorded is None:
             pieces = _pieces(source, text, marked, not received, to is not None, language, controller)

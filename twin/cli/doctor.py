@@ -59,15 +59,13 @@ def _findings() -> Iterator[Finding]:
         except Exception as error:  # whatever is wrong with an installation is what is asked for
             name = examine.__name__.strip("_")
             why = " ".join(str(error).split()) or type(error).__name__
-            yield Finding(name, "wrong", why, "install isel-twin anew")
+            yield Finding(name, "wrong", why, "reinstall isel-twin")
 
 
 def _python() -> Iterator[Finding]:
     version = ".".join(map(str, sys.version_info[:3]))
     if sys.version_info[:2] > NEWEST:
-        yield Finding(
-            "Python", "missing", f"{version} is newer than what has been tried", "Python 3.11 to 3.14 have been"
-        )
+        yield Finding("Python", "missing", f"{version}: not tested", "use Python 3.11 to 3.14")
     else:
         yield Finding("Python", "ok", f"{version}, {sys.executable}")
 
@@ -123,8 +121,8 @@ def _compiled() -> Iterator[Finding]:
     warm_up_all(tell)
     folder = kept_in()
     if folder is None:
-        remedy = "name a folder for it by NUMBA_CACHE_DIR"
-        yield Finding("compiled code", "wrong", "cannot be kept, so each start compiles for seconds", remedy)
+        remedy = "set NUMBA_CACHE_DIR to a folder that can be written"
+        yield Finding("compiled code", "wrong", "not kept: each start compiles for seconds", remedy)
     else:
         yield Finding("compiled code", "ok", f"{'made just now, ' if told else ''}in {folder}")
 
@@ -141,7 +139,7 @@ def _plugins() -> Iterator[Finding]:
             create_language(name)
             working.append(name)
         except PluginError as error:
-            yield Finding(name, "wrong", str(error), "mend or uninstall the package that brings it")
+            yield Finding(name, "wrong", str(error), "update or uninstall its package")
     yield Finding("controllers", "ok", ", ".join(working))
     yield Finding("machines", "ok", ", ".join(machine_names()))
 

@@ -14,21 +14,14 @@ from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.base.units import MICROSECOND_NS, SECOND_NS
 from isel_twin.cli import options, outputs
-from isel_twin.cli.files import MOST_SAMPLES, Files, RecordPath, StepsPath, TracePath, VcdPath
+from isel_twin.cli.files import MOST_SAMPLES, Files, RecordPath, ReportPath, StepsPath, TracePath, VcdPath
 from isel_twin.cli.interruption import interruption
 from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
     from isel_twin.capture.play import Strikes
-    from isel_twin.capture.ticks import AxisTiming, Offence, Ticks
+    from isel_twin.capture.ticks import Needs, Ticks
     from isel_twin.recordings.recorder import Recorder
-
-_OFFENCES = {
-    "short_pulses": "pulses shorter than {pulse_us:g} us",
-    "short_pauses": "pauses between pulses shorter than {pulse_us:g} us",
-    "setup": "changes of direction less than {setup_us:g} us before a step",
-    "hold": "changes of direction less than {hold_us:g} us after a step",
-}
 
 
 def drive(
@@ -58,7 +51,7 @@ def drive(
     steps: StepsPath = None,
     vcd: VcdPath = None,
     trace: TracePath = None,
-    report: Annotated[Path | None, Parameter(help="Write an HTML page about the capture.")] = None,
+    report: ReportPath = None,
     record: RecordPath = None,
     interval: options.Interval = 0.01,
     json: Annotated[bool, Parameter(help="One line of JSON a motion, then one with the summary.")] = False,
@@ -70,10 +63,11 @@ def drive(
     high. Understood are CSV of Saleae Logic and sigrok, other CSV with times, VCD, --steps and --vcd of `run`,
     and, without signals, text of Klipper's parsedump.py (.dump) and step.out of grblHAL's simulator (.out).
 
-    Positions are relative to the beginning of the capture: --start, or random by --seed. Pulses that are too short and
-    changes of direction that are too late for the drives are counted; the default limits are those of a DRV8825.
+    Positions are relative to the beginning of the capture: --start, or random by --seed. The default limits of pulses
+    and changes of direction are those of a DRV8825; 0 is no limit.
 
-    Exit code 0 if no step was lost and no switch struck that is not named by --may-strike, else 1.
+    Exit code 0 if no step was lost, no pulse is too short and no change of direction too late for the drives, and no
+    switch struck that is not named by --may-strike, else 1.
     """
     options.check_seconds("interval", interval, 1e-9)
     options.check_seconds("gap", gap, 1e-6)
@@ -83,13 +77,16 @@ def drive(
     overrides = options.parse_overrides(set)
     call = TwinSpec(machine, plant=plant, seed=seed, scenario=scenario, overrides=overrides, start_mm=_start(start))
     reading = {"edge": edge, "time_unit": time_unit, "sample_rate_hz": sample_rate, "reverse": reverse}
-    ticks = _read(capture, map, limits_us, reading)
+    needs = _needs(limits_us)
+    ticks = _read(capture, map, needs, reading)
     if files.sampled and (samples := ticks.over_ns / SECOND_NS / interval) > MOST_SAMPLES:
         raise CallError(f"interval {interval:g}: makes {samples:.1e} samples of this capture; take more", option=True)
     with ExitStack() as stack:
         from isel_twin.base.compile_watch import told_of_compiling
+        from isel_twin.capture.judging import of_signals, of_strikes
         from isel_twin.capture.play import Strikes, lines_of, play
         from isel_twin.capture.player import NAME, Player
+        from isel_twin.jobs.checks.formats import content
         from isel_twin.jobs.playing import followed
 
         with call_errors():
@@ -110,38 +107,48 @@ def drive(
 
             motions = play(twin, player, ticks.over_ns, strikes, allowed, stop)
             made = followed(twin, lines, motions, [show.result], stop)
+        found = [*of_signals(ticks, needs), *of_strikes(strikes.seen, allowed)]
+        verdict = replace(made.verdict, found=tuple(one.message for one in found))
         told = {"plant": plant, "seed": seed, "capture": _summary(capture, ticks, strikes, allowed)}
+        told["findings"] = [content(one) for one in found]
+        told |= {"not_looked_at": unseen} if (unseen := _unseen(ticks, needs)) else {}
 
         def page(path: Path, recorder: Recorder) -> None:
+            from isel_twin.jobs.checks.job import Report
+            from isel_twin.jobs.golden import Golden
             from isel_twin.report.report import write_report
 
-            summary = {**made.verdict.summary(), **told}
-            write_report(path, f"isel-twin: {capture}", twin, recorder, made.results, summary)
+            summary, report = {**verdict.summary(), **told}, Report(str(capture), tuple(found), verdict, Golden())
+            write_report(path, f"isel-twin: {capture}", twin, recorder, made.results, summary, report)
 
         unwritten = writing.write(page)
-        verdict = replace(made.verdict, unwritten=tuple(unwritten.names))
+        verdict = replace(verdict, unwritten=tuple(unwritten.names))
         show.verdict(verdict, told)
         if not json:
-            for text in _in_words(ticks, strikes, allowed, limits_us):
+            for text in _in_words(ticks, strikes, allowed, unseen):
                 print(text, flush=True)
         if verdict.interrupted:
             outputs.say(f"{capture}: interrupted at {twin.time_ns / SECOND_NS:.3f} s; the capture ends there")
         outputs.tell(unwritten.failures)
     if verdict.interrupted:
         return 128 + stopped[0]
-    struck = not all(allowed(strike.switch) for strike in strikes.seen)
-    return 0 if verdict.ok and not struck else 1
+    return 0 if verdict.ok else 1
 
 
-def _read(capture: Path, map: Sequence[str], limits_us: Mapping[str, float], how: Mapping[str, Any]) -> Ticks:
-    from isel_twin.capture.load import load
+def _needs(limits_us: Mapping[str, float]) -> Needs:
+    """Raises CallError."""
     from isel_twin.capture.ticks import Needs
-    from isel_twin.capture.wave import WrongCallError
 
     for name, value in limits_us.items():
         if not 0.0 <= value <= 1e6:
             raise CallError(f"{name.replace('_', '-')} {value:g}: must be from 0 to 1e6 us", option=True)
-    needs = Needs(*(round(value * MICROSECOND_NS) for value in limits_us.values()))
+    return Needs(*(round(value * MICROSECOND_NS) for value in limits_us.values()))
+
+
+def _read(capture: Path, map: Sequence[str], needs: Needs, how: Mapping[str, Any]) -> Ticks:
+    from isel_twin.capture.load import load
+    from isel_twin.capture.wave import WrongCallError
+
     with call_errors(capture):
         try:
             return load(capture, map, needs=needs, **how)
@@ -183,26 +190,22 @@ def _summary(path: Path, ticks: Ticks, strikes: Strikes, allowed: Callable[[str]
     }  # fmt: skip
 
 
-def _in_words(
-    ticks: Ticks, strikes: Strikes, allowed: Callable[[str], bool], limits_us: Mapping[str, float]
-) -> Iterator[str]:
+def _unseen(ticks: Ticks, needs: Needs) -> list[str]:
+    """Limits that are shorter than the capture can tell."""
+    if not ticks.timing:
+        return ["pulse_us", "setup_us", "hold_us"]
+    told = vars(needs.told_by(ticks.resolution_ns))
+    return [f"{name.removesuffix('_ns')}_us" for name, need in vars(needs).items() if need != told[name]]
+
+
+def _in_words(ticks: Ticks, strikes: Strikes, allowed: Callable[[str], bool], unseen: Sequence[str]) -> Iterator[str]:
     begin, end = int(ticks.t_ns[0]), int(ticks.t_ns[-1])
     yield f"cycle time {(end - begin) / SECOND_NS:.6f} s, from the first step at {begin / SECOND_NS:.6f} s to the last"
     for strike in strikes.seen:
-        may = " (it may be)" if allowed(strike.switch) else ""
+        may = " (allowed)" if allowed(strike.switch) else ""
         yield f"{strike.switch} struck at {strike.time_ns / SECOND_NS:.6f} s{may}"
     for axis, timing in ticks.timing.items():
-        yield f"{axis.upper()}: {timing.steps} steps, at most {timing.fastest_hz:g} a second"
-        yield from (f"  {text}" for text in _offences(timing, limits_us))
-        if timing.while_off:
-            yield f"  {timing.while_off} steps while the power stages were off: no drive makes them"
-    if ticks.resolution_ns > min(limits_us.values()) * MICROSECOND_NS:
-        yield f"the capture resolves {ticks.resolution_ns:g} ns only: what is shorter cannot be told from it"
-
-
-def _offences(timing: AxisTiming, limits_us: Mapping[str, float]) -> Iterator[str]:
-    for name, words in _OFFENCES.items():
-        offence: Offence | None = getattr(timing, name)
-        if offence is not None:
-            first = f"the first at {offence.first_ns / SECOND_NS:.6f} s, the shortest {offence.least_ns / 1000:g} us"
-            yield f"{offence.count} {words.format(**limits_us)}, {first}"
+        yield f"{axis.upper()}: {timing.steps} steps, at most {timing.fastest_hz:g} steps/s"
+    if unseen:
+        why = f"the capture resolves {ticks.resolution_ns:g} ns" if ticks.timing else "there are no signals in it"
+        yield f"not looked at: {', '.join(unseen)}; {why}"

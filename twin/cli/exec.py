@@ -12,7 +12,7 @@ from cyclopts import Parameter
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.base.units import SECOND_NS
 from isel_twin.cli import options, outputs
-from isel_twin.cli.files import RecordPath, begin, check_record, keep
+from isel_twin.cli.files import RecordPath, StepsPath, begin, keep
 
 if TYPE_CHECKING:
     import logging
@@ -28,7 +28,7 @@ def exec_(
     port: Annotated[
         str | None, Parameter(help="Name of the twin's serial port; without it, every port that the host opens.")
     ] = None,
-    steps: Annotated[Path | None, Parameter(help="Write the step stream (npz: t_ns, delta).")] = None,
+    steps: StepsPath = None,
     record: RecordPath = None,
     interval: options.Interval = 0.01,
     log: Annotated[Literal["wire"] | None, Parameter(help="wire: print every message on the line, in words.")] = None,
@@ -48,7 +48,7 @@ def exec_(
     minutes of waiting take seconds, and the program behaves the same to the nanosecond every time. The verdict on the
     machine follows on standard error.
 
-    Exit code: the host's own; with --check 1 if that is 0 and the machine is not well; 2 if the call cannot be carried
+    Exit code: the host's own; with --check 1 if that is 0 and the machine failed; 2 if the call cannot be carried
     out, or the host does what virtual time cannot do.
     """
     try:
@@ -60,8 +60,6 @@ def exec_(
         options.check_seconds("timeout", timeout, 0.0)
     program = parse_program(command)
     options.check_seconds("interval", interval, 1e-9)
-    check_record(record)
-    options.check_kind("steps", steps, ".npz")
     options.check_writable(steps, record, kept=(*twin.files, None if program.path is None else Path(program.path)))
     driven = twin.spec(line_speed=True).build()
     from isel_twin.base.compile_watch import told_of_compiling
@@ -153,12 +151,15 @@ def summary(done: HostRun) -> dict[str, Any]:
 
 def told(done: HostRun) -> str:
     """The same in one line for people."""
+    from isel_twin.jobs.verdict import NOT_SIMULATED
+
     verdict = done.verdict
+    no_loss = "no steps lost" if verdict.physics else f"{NOT_SIMULATED}; use --plant mujoco"
     where = ", ".join(f"{name} {value:.3f}" for name, value in zip("XYZ", verdict.position_mm, strict=False))
     parts = [
-        "all well" if verdict.ok else "the machine is not well",
+        verdict.headline if verdict.ok else "the machine failed",
         *verdict.problems(),
-        *([] if any(verdict.lost) else ["no steps lost" if verdict.physics else "losses unknown without physics"]),
+        *([] if any(verdict.lost) else [no_loss]),
         f"struck: {', '.join(done.struck)}" if done.struck else "no end switch struck",
         f"at {where} mm",
         f"{(done.ended_ns - done.began_ns) / SECOND_NS:.3f} s of virtual time",

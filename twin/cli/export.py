@@ -8,13 +8,16 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from isel_twin.base.errors import call_errors
-from isel_twin.cli.options import Json, check_writable
+from isel_twin.cli.options import RECORDING, TRACES, Json, check_writable, written
 
 
 def export(
     recording: Annotated[Path, Parameter(help="File that --record NAME.mcap has made.")],
     out: Annotated[
-        Path, Parameter(help="What to write: .npz (steps), .vcd, .parquet, .csv (samples), .mcap (for viewers).")
+        Path,
+        written(
+            "What to write: .npz (steps), .vcd, .parquet, .csv (samples), .mcap (for viewers).", RECORDING, *TRACES
+        ),
     ],
     /,
     *,
@@ -30,8 +33,6 @@ def export(
     from isel_twin.cli.outputs import say, say_json
     from isel_twin.recordings import write
 
-    with call_errors():
-        write.export_kind(out)
     check_writable(out, kept=(recording,))
     with call_errors(recording):
         whole = write.export(recording, out)

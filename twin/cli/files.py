@@ -8,16 +8,14 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
-from cyclopts import Parameter
-
 from isel_twin.base.errors import CallError, call_errors
+from isel_twin.base.files import kind_of
 from isel_twin.base.units import SECOND_NS
 from isel_twin.cli import outputs
-from isel_twin.cli.options import check_kind, check_writable
+from isel_twin.cli.options import PAGE, RECORDING, TRACES, check_writable, written
 
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
@@ -25,16 +23,23 @@ if TYPE_CHECKING:
     from isel_twin.recordings.recording import FileRecording
 
 MOST_SAMPLES = 100_000_000  # most samples of a trace: ten gigabytes, two hours to take them
-StepsPath = Annotated[Path | None, Parameter(help="Write the step stream (npz: t_ns, delta).")]
-VcdPath = Annotated[Path | None, Parameter(help="Write step, direction, levels and positions (VCD).")]
-TracePath = Annotated[Path | None, Parameter(help="Write samples of counters, positions, levels (.parquet, .csv).")]
-
+SAMPLES = ".parquet", ".csv"
+StepsPath = Annotated[Path | None, written("Write the step stream (npz: t_ns, delta).", ".npz", bare=True)]
+VcdPath = Annotated[Path | None, written("Write step, direction, levels and positions (VCD).", ".vcd", bare=True)]
+TracePath = Annotated[
+    Path | None, written("Write samples of counters, positions, levels (.parquet, .csv).", *SAMPLES, bare=True)
+]
+ReportPath = Annotated[
+    Path | None, written("Write a page about it (HTML; a picture if it ends in .png).", *PAGE, ".png", bare=True)
+]
 RecordPath = Annotated[
     Path | None,
-    Parameter(help="Keep all that happens: .mcap, as it goes; or at the end .npz (steps), .vcd, .parquet, .csv."),
+    written(
+        "Keep all that happens: .mcap, as it goes; or at the end .npz (steps), .vcd, .parquet, .csv.",
+        RECORDING,
+        *TRACES,
+    ),
 ]
-
-MCAP = ".mcap"
 
 
 @dataclass(frozen=True)
@@ -64,19 +69,6 @@ class Files:
     def check(self, *kept: Path | None) -> None:
         """Raise CallError unless all of them can be written, without replacing a file that the call needs (`kept`)."""
         check_writable(self.steps, self.vcd, self.trace, self.report, self.record, kept=kept)
-        self.kinds()
-        if self.report is not None and self.report.suffix.lower() == ".png" and find_spec("matplotlib") is None:
-            why = "a picture needs matplotlib: pip install 'isel-twin[report]'"
-            raise CallError(f"report {self.report}: {why}", option=True)
-        check_record(self.record)
-
-    def kinds(self) -> tuple[str, str, str]:
-        """The kinds of steps, vcd and trace, by their names. Raises CallError."""
-        return (
-            check_kind("steps", self.steps, ".npz"),
-            check_kind("vcd", self.vcd, ".vcd"),
-            check_kind("trace", self.trace, ".parquet", ".csv"),
-        )
 
     def begin(self, twin: Twin, said: Mapping[str, str], stack: ExitStack) -> Writing:
         """Begin to record the twin. said: further metadata of a recording. Raises CallError."""
@@ -113,10 +105,10 @@ class Writing:
         missing = Unwritten([], [])
         from isel_twin.recordings.write import write_trace
 
-        for path, kind in zip((files.steps, files.vcd, files.trace), files.kinds(), strict=True):
+        for path, kinds in ((files.steps, (".npz",)), (files.vcd, (".vcd",)), (files.trace, SAMPLES)):
             if path is not None:
                 with missing.noted(path):
-                    write_trace(path, self.twin.steps, self.recorder, kind)
+                    write_trace(path, self.twin.steps, self.recorder, kind_of(path, kinds, bare=True))
         if self.recording is not None and files.record is not None:
             with missing.noted(files.record):
                 if not keep(self.recording, files.record):
@@ -125,19 +117,6 @@ class Writing:
             with missing.noted(files.report):
                 page(files.report, self.recorder)
         return missing
-
-
-def check_record(record: Path | None) -> None:
-    """Raise CallError unless the name has a known ending and the file can be written."""
-    if record is None or record.suffix == MCAP:
-        return
-    from isel_twin.recordings.write import trace_kind
-
-    try:
-        trace_kind(record)
-    except ValueError as error:
-        text = str(error).replace("must end in ", f"must end in {MCAP}, ")
-        raise CallError(f"record {text}", option=True) from None
 
 
 def now_in_words() -> str:
@@ -150,11 +129,11 @@ def begin(record: Path, twin: Twin, interval_s: float, said: Mapping[str, str], 
     from isel_twin.recordings.recording import FileRecording
 
     path = record
-    if record.suffix != MCAP:
+    if record.suffix.lower() != RECORDING:
         import tempfile
 
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="isel-twin-"))
-        path = Path(folder) / f"{record.stem}{MCAP}"
+        path = Path(folder) / f"{record.stem}{RECORDING}"
     with call_errors(record):
         recording = FileRecording(path, twin, round(interval_s * SECOND_NS), said)
     stack.callback(recording.close)
@@ -164,8 +143,8 @@ def begin(record: Path, twin: Twin, interval_s: float, said: Mapping[str, str], 
 def keep(recording: FileRecording, record: Path) -> bool:
     """End the recording, and write it as its kind. False if it is incomplete, on a full disk. Raises OSError."""
     whole = recording.close()
-    if record.suffix != MCAP:
+    if record.suffix.lower() != RECORDING:
         from isel_twin.recordings.write import export
 
-        export(recording.path, record, record.suffix)
+        export(recording.path, record)
     return whole

@@ -8,11 +8,11 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
-from isel_twin.cli.options import check_writable
+from isel_twin.cli.options import check_writable, written
 
 
 def fmu(
-    out: Annotated[Path, Parameter(help="What to write: NAME.fmu.")],
+    out: Annotated[Path, written("What to write: NAME.fmu.", ".fmu")],
     /,
     *,
     interface: Annotated[
@@ -26,8 +26,6 @@ def fmu(
     """
     from isel_twin.bridge.fmu.builder import build
 
-    if out.suffix != ".fmu":
-        raise CallError(f"{out}: the name must end in .fmu")
     check_writable(out)
     try:
         with call_errors(out):

@@ -10,12 +10,13 @@ from cyclopts import App, Parameter
 
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import options
-from isel_twin.cli.jobs import FormatName, check_file, check_names, clamped, read_job
+from isel_twin.cli.jobs import FormatName, check_file, check_names, clamped, read_source
 from isel_twin.cli.options import Whole
 from isel_twin.cli.outputs import many, say_json
 from isel_twin.core.spec import TwinSpec
 
 if TYPE_CHECKING:
+    from isel_twin.cam.toolpath import Caution
     from isel_twin.jobs.golden import Difference, Golden
 
 golden = App(name="golden", help="Jobs that have to do what they did: write down a run, compare with it.")
@@ -45,9 +46,10 @@ def record(
 
     call = twin.spec()
     for job, file in files:
-        run = called(_play(job, call, form, timeout), call, job, file)
+        made, cautions = _play(job, call, form, timeout)
+        run = called(made, call, job, file)
         _write(file, run)
-        print(f"{file}: {_in_words(run)}")
+        print("\n".join([f"{file}: {_in_words(run)}", *_cautioned(cautions)]))
     return 0
 
 
@@ -86,13 +88,14 @@ def compare(
     for (job, file), was in zip(files, kept, strict=True):
         wanted = {**was.call, **{key: value for key, value in asked.items() if value is not None}}
         call = _call(wanted, file, asked)
-        run = called(_play(job, call, form, timeout), call, job, file)
+        made, cautions = _play(job, call, form, timeout)
+        run = called(made, call, job, file)
         found = list(differences(was, run))
-        _tell(job, run, found, json)
+        _tell(job, run, found, cautions, json)
         if found and replace:
             _write(file, run)
             if not json:
-                print(f"  {file}: written anew")
+                print(f"  {file}: replaced")
         same = same and (replace or not found)
     return 0 if same else 1
 
@@ -117,15 +120,17 @@ def _files(jobs: Sequence[Path]) -> list[tuple[Path, Path]]:
     return files
 
 
-def _play(job: Path, call: TwinSpec, form: str | None, timeout_s: float) -> Golden:
+def _play(job: Path, call: TwinSpec, form: str | None, timeout_s: float) -> tuple[Golden, Sequence[Caution]]:
+    """The run, and what the file of a CAM program may mean otherwise."""
     from isel_twin.jobs.golden import Scribe
     from isel_twin.jobs.playing import played
 
     twin = clamped(call, job).build()
-    lines = read_job(job, call, form)
+    lines, source = read_source(job, call, form)
     check_names(job, lines, twin)
     scribe = Scribe(twin)
-    return scribe.golden(played(twin, lines, [scribe.take], timeout_s).verdict)
+    run = scribe.golden(played(twin, lines, [scribe.take], timeout_s).verdict)
+    return run, () if source is None else source.cautions
 
 
 def _call(head: dict[str, Any], file: Path, asked: dict[str, Any]) -> TwinSpec:
@@ -148,19 +153,23 @@ def _write(file: Path, run: Golden) -> None:
 
 
 def _in_words(run: Golden) -> str:
-    return f"{many(len(run.moves), 'command')}, {run.end['cycle_s']:.3f} s, {'ok' if run.end['ok'] else 'not ok'}"
+    return f"{many(len(run.moves), 'command')}, {run.end['cycle_s']:.3f} s, {'ok' if run.end['ok'] else 'failed'}"
 
 
-def _tell(job: Path, run: Golden, found: Sequence[Difference], json: bool) -> None:
+def _tell(job: Path, run: Golden, found: Sequence[Difference], cautions: Sequence[Caution], json: bool) -> None:
     if json:
         told = [{"line": difference.line, "what": difference.what} for difference in found]
-        say_json({"job": str(job), "same": not found, "differences": told})
+        said = {"cautions": list(map(str, cautions))} if cautions else {}
+        say_json({"job": str(job), "same": not found, "differences": told, **said})
         return
+    rows = [f"{job}: {many(len(found), 'difference')} from its golden run"]
     if not found:
-        print(f"{job}: as it was ({_in_words(run)})")
-        return
-    print(f"{job}: {many(len(found), 'difference')}, the first one first")
-    for difference in found[:MOST]:
-        print(f"  {difference}")
+        rows = [f"{job}: unchanged ({_in_words(run)})"]
+    rows += [f"  {difference}" for difference in found[:MOST]]
     if len(found) > MOST:
-        print(f"  and {len(found) - MOST} more; --json has all of them")
+        rows.append(f"  and {len(found) - MOST} more; --json lists all")
+    print("\n".join([*rows, *_cautioned(cautions)]))
+
+
+def _cautioned(cautions: Sequence[Caution]) -> list[str]:
+    return [f"  caution: {caution}" for caution in cautions]

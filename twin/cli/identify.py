@@ -45,14 +45,14 @@ def identify(
             help="NAME of a recording, or how many of the last, not fitted but predicted. Default: the last one."
         ),
     ] = None,
-    patch: Annotated[Path | None, Parameter(help="Folder for a machine.toml with what was found.")] = None,
-    report: Annotated[Path | None, Parameter(help="A page about it (HTML).")] = None,
+    patch: Annotated[Path | None, options.written("Folder for a machine.toml with what was found.")] = None,
+    report: Annotated[Path | None, options.written("A page about it (HTML).", *options.PAGE, bare=True)] = None,
     score: Annotated[
         Path | None,
         Parameter(help="A filled form of a measuring day: predicted, measured, E_n. Needs no recordings."),
     ] = None,
     journal: Annotated[
-        Path | None, Parameter(help="Keeps each replay, so that the same call goes on after it was ended.")
+        Path | None, options.written("Keeps each replay, so that the same call goes on after it was ended.")
     ] = None,
     workers: options.Workers = 1,
     json: Annotated[bool, Parameter(help="One JSON object.")] = False,
@@ -199,7 +199,13 @@ def unknowns_of(
         names = list(dict.fromkeys(wanted or [*default_names(axes, machine), *spans]))
         if missing := [name for name in spans if name not in names]:
             raise CallError(f"prior {missing[0]}: is not fitted; add it to --fit", option=True)
-        return [unknown(machine, name, spans.get(name)) for name in names]
+        found = [unknown(machine, name, spans.get(name)) for name in names]
+        for item in found:
+            low, high = spans.get(item.name, (item.prior, item.prior))
+            if low < item.least or high > item.most:
+                allowed = f"{item.least:g} .. {item.most:g} {item.unit}".removesuffix(" 1")
+                raise ValueError(f"prior {item.name}: {low:g} .. {high:g}; allowed: within {allowed}")
+        return found
 
 
 def _sessions(recordings: Sequence[Path], told: Measured, controller: str, machine: Machine) -> list[Session]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,9 +13,11 @@ from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli.options import is_standard_input
+from isel_twin.cli.outputs import say
 
 if TYPE_CHECKING:
     from isel_twin.cam.settings import CamSettings
+    from isel_twin.cam.toolpath import Caution
     from isel_twin.core.spec import TwinSpec
     from isel_twin.core.twin import Twin
     from isel_twin.jobs.job import Line
@@ -80,6 +82,12 @@ def read_source(job: Path, call: TwinSpec, form: str | None = None) -> tuple[Seq
     if not lines:
         raise CallError(f"{job_name(job)}: there is no command in it")
     return lines, source
+
+
+def say_cautions(job: Path, cautions: Iterable[Caution]) -> None:
+    """Tell what a file may mean otherwise, on standard error."""
+    for caution in cautions:
+        say(f"{job}: caution: {caution}")
 
 
 def _machine(call: TwinSpec) -> Machine:

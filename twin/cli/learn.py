@@ -22,7 +22,7 @@ def learn(
     /,
     *,
     twin: options.SessionTwin = options.DEFAULT_SESSION_TWIN,
-    out: Annotated[Path | None, Parameter(name=("--out", "-o"), help="A flash memory with what was found.")] = None,
+    out: Annotated[Path | None, options.written("A flash memory with what was found.", name=("--out", "-o"))] = None,
     time_tolerance: sessions.TimeTolerance = None,
     step_tolerance: sessions.StepTolerance = 1,
     json: options.Json = False,
@@ -67,13 +67,13 @@ def _print(told: list[Told], result: Explained) -> None:
     for one in told:
         print(f"{one.what}: {one.value} ({one.sure})")
     start = ", ".join(f"{mm:.1f}" for mm in result.spec.start_mm or ())
-    print(f"power-on: as from {start} mm off the motor-end switches (the first reference run)")
+    print(f"place at power-on: {start} mm from the motor-end switches (by the first reference run)")
     for line in sessions.words(result.before, result if result.causes else None):
         print(line)
     if result.same and not result.causes:
-        print("the twin does the same: nothing else to learn")
+        print("the twin already answers as recorded")
     elif result.same:
-        print("with that the twin does the same")
+        print("with these settings the twin answers as recorded")
     else:
         print(sessions.verdict(result.before, result))
 

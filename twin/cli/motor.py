@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
-from isel_twin.cli.options import Json, Overrides, check_writable, parse_overrides
+from isel_twin.cli.options import PICTURE, Json, Overrides, check_writable, parse_overrides, written
 
 if TYPE_CHECKING:
     from isel_twin.drives.stage import Stage
@@ -25,7 +25,7 @@ def motor(
     ] = None,
     set: Overrides = (),
     picture: Annotated[
-        Path | None, Parameter(help="Draw torque and growth of a swing into a file (.png, .svg, .pdf).")
+        Path | None, written("Draw torque and growth of a swing into a file (.png, .svg, .pdf).", *PICTURE)
     ] = None,
     json: Json = False,
 ) -> int:
@@ -39,11 +39,7 @@ def motor(
 
     if set and machine is None:
         raise CallError("set: changes a machine; name it with --machine", option=True)
-    from isel_twin.base.pictures import check_picture
-
     check_writable(picture)
-    if picture is not None:
-        check_picture(picture)
     with call_errors(), TemporaryDirectory() as folder:
         from isel_twin.base.axes import CARRIAGES
         from isel_twin.drives.library import MOTORS

@@ -16,7 +16,7 @@ def mtconnect(
     /,
     *,
     tcp: Annotated[str, Parameter(help="HOST:PORT for agents; port 0: a free one.")] = "127.0.0.1:7878",
-    devices: Annotated[Path | None, Parameter(help="Write the agent's Devices.xml here.")] = None,
+    devices: Annotated[Path | None, options.written("Write the agent's Devices.xml here.", ".xml", bare=True)] = None,
     interval: Annotated[float, Parameter(help="Seconds between two looks at the machine.")] = 0.1,
     token_file: Annotated[Path | None, Parameter(help="Holds what the server wants to be told.")] = None,
 ) -> int:

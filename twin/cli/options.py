@@ -8,7 +8,8 @@
     --json        output for programs
     --out, -o     the main output file; --steps --vcd --trace --report --picture --record: further files
 
-Files that can be made again are replaced. Recordings of a real machine, and golden runs, need --replace.
+The ending of a name decides what is written, or is refused (`written`). Files that can be made again are replaced.
+Recordings of a real machine, and golden runs, need --replace.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter, Token
 
 from isel_twin.base.errors import CallError, call_errors
+from isel_twin.base.files import kind_of
 from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
@@ -34,6 +36,43 @@ def _whole_number(_: Any, tokens: Sequence[Token]) -> int:
         return int(word)
     except ValueError:
         raise ValueError(f"{word} is no whole number") from None
+
+
+NEEDED = {".parquet": ("pyarrow", "trace"), **dict.fromkeys((".png", ".svg", ".pdf"), ("matplotlib", "report"))}
+PAGE = ".html", ".htm"
+PICTURE = ".png", ".svg", ".pdf"
+TRACES = ".npz", ".vcd", ".parquet", ".csv"
+RECORDING = ".mcap"
+OF_ONE_KIND = {*PAGE, *PICTURE, *TRACES, RECORDING, ".fmu", ".golden", ".sarif", ".toml", ".xml"}
+
+
+@dataclass(frozen=True)
+class Ending:
+    """Checks the name of what a command writes; a validator of its parameter. kinds: endings it may have, each of them
+    what is written then; none: any but those of another kind of file, for jobs, folders and the like. bare: without an
+    ending it is the first kind."""
+
+    kinds: tuple[str, ...] = ()
+    bare: bool = False
+
+    def __call__(self, _: Any, name: Path | str | None) -> None:
+        """Raises ValueError."""
+        if name is None or is_standard_input(path := Path(name)):  # which `check_writable` refuses
+            return
+        if not self.kinds:
+            if (kind := path.suffix.lower()) in OF_ONE_KIND and not path.is_dir():
+                raise ValueError(f"{name}: no {kind} is written here; choose a name with another ending")
+            return
+        from importlib.util import find_spec
+
+        package, extra = NEEDED.get(kind_of(path, self.kinds, self.bare), ("", ""))
+        if package and find_spec(package) is None:
+            raise ValueError(f"{name}: needs {package}: pip install 'isel-twin[{extra}]'")
+
+
+def written(help: str, *kinds: str, bare: bool = False, name: str | Sequence[str] | None = None) -> Parameter:
+    """The parameter of a file that a command writes, or of a folder; the others as for `Ending`."""
+    return Parameter(name=name, help=help, validator=Ending(kinds, bare))
 
 
 Whole = Annotated[int, Parameter(converter=_whole_number)]
@@ -183,24 +222,6 @@ def check_one_crew(workers: int | None, cluster: str | None) -> None:
     """Raise CallError if both are named. workers: None unless named."""
     if workers is not None and cluster is not None:
         raise CallError("workers and cluster: a cluster has its own workers; name one of the two", option=True)
-
-
-def check_kind(option: str, path: Path | None, *kinds: str) -> str:
-    """The kind of file of an option, by its ending; without one, or with the option's own name as in `out.steps`, the
-    first of kinds. Raises CallError."""
-    from isel_twin.recordings.write import check_kind as check_extra
-
-    if path is None:
-        return kinds[0]
-    says_nothing = path.suffix in ("", f".{option}") or path.is_char_device()
-    kind = kinds[0] if says_nothing else path.suffix
-    if kind not in kinds:
-        raise CallError(f"{option} {path}: the name must end in {' or '.join(kinds)}", option=True)
-    try:
-        check_extra(kind, option)
-    except ValueError as error:
-        raise CallError(str(error), option=True) from None
-    return kind
 
 
 def parse_overrides(texts: Iterable[str]) -> dict[str, Any]:

@@ -38,7 +38,6 @@ HEAD = 1 << 16  # characters of a program that are searched for its longest bloc
 NAME = 4  # characters before a block: the program's name
 SHOWN_FACTORS = 3  # of a repetition
 SHOWN_TRIALS = 5  # most repetitions shown that ended differently
-NO_PHYSICS = "without physics nothing is known of lost steps, margins and loads: --plant mujoco knows"
 
 
 def console() -> Console:
@@ -169,7 +168,7 @@ class JsonOutput:
 
         told = dataclasses.asdict(result)
         unknown = [name for name in told if name.endswith("_known")]
-        unknown += [name for name in ("why", "event", "parts", "restarts") if not told[name]]
+        unknown += [name for name in ("why", "event", "parts", "restarts", "disturbed", "astray") if not told[name]]
         if result.expected is None:
             unknown += ["expected", "condition"]
         say_json({key: value for key, value in told.items() if key not in unknown})
@@ -182,7 +181,7 @@ class JsonOutput:
                 "format": source.title,
                 "said_s": round(source.seconds, 3),
                 "told": compared(source, results),
-                "cautions": list(source.cautions),
+                "cautions": list(map(str, source.cautions)),
             }
         }
 
@@ -311,6 +310,8 @@ class TableOutput:
         self._print(compared(source, results))
 
     def verdict(self, verdict: Verdict, call: Mapping[str, Any]) -> None:
+        from isel_twin.jobs.verdict import NOT_SIMULATED
+
         self.__exit__()
         axes = [axis.upper() for axis in AXIS_NAMES]
         told = [self.counted(verdict), *verdict.problems(self.refused)]
@@ -318,24 +319,24 @@ class TableOutput:
             told.append("no steps lost")
         error = zip(axes, verdict.following_error, strict=False)
         lag = ", ".join(f"{axis} {round(e):g}" for axis, e in error if e is not None and round(e))
-        told += [f"following error: {lag}"] if lag else []
+        told += [f"following error, increments: {lag}"] if lag else []
         margin = _percent(verdict.margin)
         told += [f"least torque margin: {margin}"] if margin else []
         if verdict.least_edge is not None:
             edge, axis, line = verdict.least_edge
-            told.append(f"{axis.upper()} swings from {edge:.2f} times the speed of line {line} on")
+            told.append(f"{axis.upper()}: unstable above {edge:.2f} times the speed of line {line}")
         told.append(f"{verdict.time_ns / SECOND_NS:.3f} s of machine time")
         self._print("")
         style = "bold green" if verdict.ok else "bold red"
         for line, what in verdict.odd:
             self._print(f"remark: line {line}: {what}")
-        self._print(f"{_in_words(verdict)}: {', '.join(told)}", style=style)
+        self._print(f"{verdict.headline}: {', '.join(told)}", style=style)
         if not verdict.physics:
-            self._print(NO_PHYSICS)
+            self._print(f"{NOT_SIMULATED}; use --plant mujoco")
 
     def edge(self, edges: Sequence[Edge]) -> None:
         if not edges:
-            self._print("edge: nothing that was tried loses a step, or no motor has turned")
+            self._print("edge: no motor turned, or no change that was tried loses a step")
         for axis in dict.fromkeys(edge.axis for edge in edges):
             own = [edge for edge in edges if edge.axis == axis]
             at = [
@@ -375,19 +376,20 @@ class TableOutput:
 
         other = [trial for trial in trials if not agree(verdict, trial.verdict)]
         lost = sum(any(trial.verdict.lost) for trial in trials)
-        frequency = f"{lost} of {many(len(trials), 'machine')} lost steps: at most {at_most(lost, len(trials)):.0%} do"
+        most = f"at most {100.0 * at_most(lost, len(trials)):.0f} % of such machines do (95 %)"
+        frequency = f"{lost} of {many(len(trials), 'machine')} lost steps: {most}"
         if not other and verdict.ok:
             stopped = "" if len(trials) == wanted else f", {wanted - len(trials)} more were not made"
-            self._print(f"{'unclear' if stopped else sound}: {frequency}{stopped}", style="bold green")
+            self._print(f"{'unfinished' if stopped else sound}: {frequency}{stopped}", style="bold green")
         elif not other:
-            self._print(f"no matter of luck: {many(len(trials), 'machine')} went wrong alike", style="bold red")
+            self._print(f"failed on every machine: all {len(trials)} ended alike", style="bold red")
         else:
-            otherwise = f"{len(other)} of {many(len(trials), 'machine')} ended otherwise"
-            self._print(f"{other_word}: {otherwise}; {frequency}", style="bold red")
+            differently = f"{len(other)} of {many(len(trials), 'machine')} ended differently"
+            self._print(f"{other_word}: {differently}; {frequency}", style="bold red")
         if (found := separates(trials)) is not None:
             key, mine, theirs = found
-            values = f"{mine:.2f} of its value where steps were lost, else {theirs:.2f}"
-            self._print(f"  what separates them best: {key}, {values}")
+            values = f"{mine:.2f} times its value where steps were lost, else {theirs:.2f} times"
+            self._print(f"  best told apart by {key}: {values}")
         for trial in other[:SHOWN_TRIALS]:
             far = sorted(trial.factors.items(), key=lambda one: -_far(one[1]))[:SHOWN_FACTORS]
             changed = ", ".join(f"{name} {100.0 * (factor - 1.0):+.0f} %" for name, factor in far)
@@ -396,7 +398,7 @@ class TableOutput:
             losses = ", ".join(f"{axis.upper()} {now + before:.0f}" for axis, now, before, is_lost in steps if is_lost)
             refused = f"{ended.refused} refused" if ended.refused else "nothing lost or refused"
             what = f"lost {losses}" if losses else refused
-            self._print(f"  repetition {trial.number}: {what} (seed {trial.seed}; farthest off: {changed})")
+            self._print(f"  repetition {trial.number}: {what} (seed {trial.seed}; largest changes: {changed})")
         return not other
 
     def _row(self, number: str, time_s: str, words: str, *positions: str, style: str = "") -> None:
@@ -436,14 +438,3 @@ def _percent(margins: Sequence[float | None]) -> str:
     """The least of the margins in per cent; "" without physics."""
     least = min((margin for margin in margins if margin is not None), default=None)
     return "" if least is None else f"{100.0 * least:.0f} %"
-
-
-def _in_words(verdict: Verdict) -> str:
-    if not verdict.ok:
-        return "not as it should be"
-    idle = []
-    if verdict.events_without_effect:
-        idle.append(f"{many(verdict.events_without_effect, 'event')} without effect (no physics)")
-    if verdict.events_after_end:
-        idle.append(f"{many(verdict.events_after_end, 'event')} after the end of the job")
-    return f"all well, but for the scenario: {', '.join(idle)}" if idle else "all well"

@@ -17,7 +17,10 @@ def panel(
     recording: Annotated[Path, Parameter(help="File that --record NAME.mcap has made.")],
     /,
     *,
-    html: Annotated[Path | None, Parameter(help="Write the page here, to be handed on, instead of serving it.")] = None,
+    html: Annotated[
+        Path | None,
+        options.written("Write the page here, to be handed on, instead of serving it.", *options.PAGE, bare=True),
+    ] = None,
     most: Annotated[float, Parameter(help="Of --html: largest file, in MB; what does not fit is left out.")] = 5.0,
     address: Annotated[str, Parameter(help="HOST:PORT where browsers find the page; port 0: a free one.")] = ADDRESS,
     token_file: Annotated[

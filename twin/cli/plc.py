@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import App, Parameter
 
 from isel_twin.base.errors import CallError, call_errors
-from isel_twin.cli.options import ControllerName, Json, check_writable, is_standard_input
+from isel_twin.cli.options import ControllerName, Json, check_writable, is_standard_input, written
 from isel_twin.cli.outputs import say_json
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ def assemble(
     source: Source,
     *,
     out: Annotated[
-        Path | None, Parameter(name=("--out", "-o"), help="File for the image; without it the bytes are printed.")
+        Path | None, written("File for the image; without it the bytes are printed.", name=("--out", "-o"))
     ] = None,
     json: Json = False,
 ) -> int:

@@ -13,7 +13,7 @@ from cyclopts import Parameter
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.base.units import SECOND_NS
 from isel_twin.cli import options, sessions
-from isel_twin.cli.files import RecordPath, begin, check_record, keep
+from isel_twin.cli.files import RecordPath, begin, keep
 from isel_twin.core.spec import TwinSpec
 
 if TYPE_CHECKING:
@@ -56,7 +56,6 @@ def replay(
     limits = sessions.limits_of(time_tolerance, step_tolerance)
     with call_errors():
         factor = parse_speed(speed)
-    check_record(record)
     options.check_writable(record, report, kept=(recording, *twin.files))
     with call_errors(recording):
         recorded = read(recording)

@@ -16,7 +16,7 @@ from cyclopts import Parameter
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.base.units import SECOND_NS
 from isel_twin.cli import options, outputs
-from isel_twin.cli.files import MOST_SAMPLES, Files, RecordPath, StepsPath, TracePath, VcdPath
+from isel_twin.cli.files import MOST_SAMPLES, Files, RecordPath, ReportPath, StepsPath, TracePath, VcdPath
 from isel_twin.cli.interruption import interruption
 from isel_twin.cli.jobs import FormatName, check_names, clamped, job_name, read_source
 
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from isel_twin.jobs.job import Line
     from isel_twin.jobs.playing import Played
     from isel_twin.jobs.robust import Repetition
+    from isel_twin.jobs.toolpaths import Source as JobSource
     from isel_twin.jobs.verdict import Verdict
     from isel_twin.machine.spread import Source
     from isel_twin.recordings.recorder import Recorder
@@ -42,9 +43,7 @@ def run(
     steps: StepsPath = None,
     vcd: VcdPath = None,
     trace: TracePath = None,
-    report: Annotated[
-        Path | None, Parameter(help="Write a page about the job (HTML; a picture if it ends in .png).")
-    ] = None,
+    report: ReportPath = None,
     record: RecordPath = None,
     interval: options.Interval = 0.01,
     timeout: options.Timeout = 3600.0,
@@ -115,7 +114,7 @@ def run(
         if not made.whole:
             outputs.say(f"{job_name(job)}: {_why_it_ended(made, timeout)}")
         called = {"controller": twin.controller, "plant": twin.plant, "seed": twin.seed}
-        unwritten = writing.write(partial(_write_page, job, call, made_on, made, called, inspection, golden))
+        unwritten = writing.write(partial(_write_page, job, call, made_on, made, called, inspection, golden, source))
         verdict = replace(made.verdict, unwritten=tuple(unwritten.names))
         if source is not None:
             show.source(source, made.results)
@@ -159,16 +158,18 @@ def _write_page(
     called: Mapping[str, Any],
     inspection: Inspection | None,
     golden: Golden | None,
+    source: JobSource | None,
     path: Path,
     recorder: Recorder,
 ) -> None:
     """A page about the job, with what `check` would find in it, compared with its golden run if there is one."""
+    from isel_twin.jobs.checks.rules import of_cautions
     from isel_twin.jobs.golden import called as as_called
     from isel_twin.jobs.golden import golden_file
     from isel_twin.report.report import write_report
 
     assert inspection is not None
-    found = inspection.report(job_name(job), made.verdict)
+    found = inspection.report(job_name(job), made.verdict, cautions=of_cautions(source))
     if golden is not None:
         found = found.compared(golden, as_called(found.golden, call, job, golden_file(job)))
     title, summary = f"isel-twin: {job_name(job)}", {**made.verdict.summary(), **called}
@@ -250,12 +251,12 @@ def _tell_edges(
 ) -> int | None:
     """Look for the edges of a job that is well, and show them; the exit code if it was interrupted."""
     if not verdict.ok:
-        outputs.say(f"{job_name(job)}: no edge is looked for, as the job is not well as it stands")
+        outputs.say(f"{job_name(job)}: no edge is searched for, as the job itself fails")
         return None
     with interruption() as stopped:
         found = list(search(verdict, lambda: bool(stopped)))
     if stopped:
-        outputs.say(f"{job_name(job)}: interrupted; not all edges are known")
+        outputs.say(f"{job_name(job)}: interrupted; not all edges were found")
     if found or not stopped:
         show.edge(found)
     return 128 + stopped[0] if stopped else None

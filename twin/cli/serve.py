@@ -12,7 +12,7 @@ from cyclopts import Parameter
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.bridge.serve.endpoints import addresses, open_endpoints, ports
 from isel_twin.cli import options
-from isel_twin.cli.files import MCAP, RecordPath, check_record
+from isel_twin.cli.files import RecordPath
 
 if TYPE_CHECKING:
     from isel_twin.bridge.operate.control_port import ControlPort
@@ -77,7 +77,6 @@ def serve(
     token = options.token(token_file)
     with call_errors():
         factor = parse_speed(speed)
-    check_record(record)
     options.check_writable(record, kept=twin.files)
     call = twin.spec(line_speed=factor is not None)
     with ExitStack() as stack:
@@ -114,7 +113,7 @@ def serve(
         say_json({**where, **who})
         if record is None or recording is None:
             return serve_and_keep(server)
-        if record.suffix == MCAP:
+        if record.suffix.lower() == options.RECORDING:
             code = serve_and_keep(server)
             return code if recording.close() else 1
         return serve_and_keep(server, record, lambda path: keep(recording, path))

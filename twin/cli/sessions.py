@@ -31,7 +31,7 @@ TimeTolerance = Annotated[
     float | None, Parameter(help="Seconds by which durations may differ. Default: from the session's quick replies.")
 ]
 StepTolerance = Annotated[options.Whole, Parameter(help="Steps by which positions may differ.")]
-ReportPath = Annotated[Path | None, Parameter(help="A page with both time lines (HTML).")]
+ReportPath = Annotated[Path | None, options.written("A page with both time lines (HTML).", *options.PAGE, bare=True)]
 
 
 def limits_of(time_tolerance: float | None, step_tolerance: int) -> Limits:
@@ -85,7 +85,7 @@ def language_of(recorded: Recorded, controller: str) -> Language:
     with call_errors(recorded.path):
         language = create_language(name)
     if language is None:
-        raise CallError(f"controller {name!r} has no language: nobody knows where its commands end")
+        raise CallError(f"controller {name!r} has no language, which would say where its commands end")
     return language
 
 
@@ -113,7 +113,7 @@ def verdict(found: Comparison, explained: Explained | None) -> str:
         but = "; ".join(", or ".join((cause.told, *others)) for cause, others in both)
         if explained.same:
             return f"the same but for {but}"
-        return f"not the same: {but}; and {many(_left(explained), 'difference')} that this does not explain"
+        return f"not the same: {but}; and {many(_left(explained), 'difference')} unexplained"
     only = len(found.only_a) + len(found.only_b)
     more = f", {many(only, 'command')} on one side only" if only else ""
     return f"not the same: {number} compared, {len(found.different)} differ{more}"

@@ -15,7 +15,9 @@ from cyclopts import Parameter
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import outputs
 from isel_twin.cli.interruption import interruption
+from isel_twin.cli.jobs import say_cautions
 from isel_twin.cli.options import (
+    PICTURE,
     Cluster,
     Whole,
     check_one_crew,
@@ -23,6 +25,7 @@ from isel_twin.cli.options import (
     check_writable,
     crew_of,
     is_standard_input,
+    written,
 )
 
 if TYPE_CHECKING:
@@ -40,14 +43,15 @@ def sweep(
     /,
     *,
     out: Annotated[
-        Path | None, Parameter(name=("--out", "-o"), help="The table (Parquet). PLAN.parquet beside the plan.")
+        Path | None,
+        written("The table (Parquet). PLAN.parquet beside the plan.", ".parquet", bare=True, name=("--out", "-o")),
     ] = None,
     workers: Annotated[
         Whole | None, Parameter(help="Number of processes; without it as many as there are processors.")
     ] = None,
     cluster: Cluster = None,
     sensitivity: Annotated[
-        Path | None, Parameter(help="Write a picture of what the outcome depends on (.png, .svg).")
+        Path | None, written("Write a picture of what the outcome depends on (.png, .svg, .pdf).", *PICTURE)
     ] = None,
     json: Annotated[bool, Parameter(help="One line of JSON a row as it comes, and one for all.")] = False,
 ) -> int:
@@ -72,10 +76,11 @@ def sweep(
         read = load_plan(plan)
         wanted = points(read)
     file = out if out is not None else plan.with_suffix(".parquet")
+    say_cautions(plan.parent / read.work.job_name, read.cautions)
     if sensitivity is not None:
-        from isel_twin.many.studies.sensitivity import check_picture
+        from isel_twin.many.studies.sensitivity import check
 
-        check_picture(sensitivity, read)
+        check(read)
     check_writable(file, journal_of(file), sensitivity, kept=(plan, read.call.scenario))
     _try_out(read)
     with Table(file, read, wanted) as table:
@@ -116,7 +121,7 @@ def _fill(table: Table, plan: Plan, crew: Crew, json: bool) -> int:
     missing = table.missing()
     had = len(table.rows)
     if had and missing and not json:
-        outputs.say(f"{table.file}: goes on after {had} rows; {len(missing)} are missing")
+        outputs.say(f"{table.file}: continues after {had} rows; {len(missing)} are missing")
     why = ""
     with ExitStack() as stack:
         shown = stack.enter_context(_Progress(len(missing) + had, had, json))
@@ -169,7 +174,7 @@ class _Progress:
 
     def row(self, row: dict[str, Any]) -> None:
         self._failed += row["ok"] is not True
-        self._bar.update(self._task, advance=1, description=f"rows, {self._failed} not well")
+        self._bar.update(self._task, advance=1, description=f"rows, {self._failed} failed")
         if self._json:
             outputs.say_json(row)
 
@@ -183,7 +188,11 @@ def _tell(plan: Plan, rows: Sequence[dict[str, Any]], wanted: int, file: Path, j
         more = {"errors": len(errors), "missing": wanted - len(rows), "table": str(file)}
         outputs.say_json({"summary": True, **counts, **more})
         return
-    print(f"{file}: {len(rows)} of {wanted} rows, {_share(len(failed), len(rows) - len(errors))} not well")
+    print(f"{file}: {len(rows)} of {wanted} rows, {_share(len(failed), len(rows) - len(errors))} failed")
+    if not any(row["margin"] is not None for row in rows):
+        from isel_twin.jobs.verdict import NOT_SIMULATED
+
+        print(f'  {NOT_SIMULATED}; use plant = "mujoco"')
     if errors:
         print(f"  {len(errors)} could not be computed, the first: {errors[0]['error']}")
     for name in (parameter.name for parameter in plan.parameters if not parameter.sampled):
@@ -197,7 +206,7 @@ def _tell(plan: Plan, rows: Sequence[dict[str, Any]], wanted: int, file: Path, j
         for value, some in by_value.items():
             bad = [row for row in some if row["ok"] is False]
             rules = _counted([rule for row in bad for rule in row["failure"].split()])
-            print(f"  {name} = {_shown(value):<{width}}  {_share(len(bad), len(some))} not well{rules}")
+            print(f"  {name} = {_shown(value):<{width}}  {_share(len(bad), len(some))} failed{rules}")
 
 
 def _tell_indices(found: Sequence[Index], picture: Path, json: bool) -> None:

@@ -13,7 +13,17 @@ from cyclopts import Parameter
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.bridge.serve.endpoints import addresses, open_endpoints, ports
 from isel_twin.cli.files import now_in_words
-from isel_twin.cli.options import ControllerName, Ptys, Replace, Rfc2217s, Tcps, Whole, check_writable
+from isel_twin.cli.options import (
+    RECORDING,
+    ControllerName,
+    Ptys,
+    Replace,
+    Rfc2217s,
+    Tcps,
+    Whole,
+    check_writable,
+    written,
+)
 from isel_twin.core.spec import TwinSpec
 
 if TYPE_CHECKING:
@@ -36,7 +46,7 @@ def tap(
         Whole, Parameter(help="Speed of the controller's line in bit/s until the host sets another.")
     ] = 19_200,
     frame: Annotated[str, Parameter(help="Its data bits, parity and stop bits.")] = "8N1",
-    record: Annotated[Path | None, Parameter(help="FILE.mcap for both directions with their times.")] = None,
+    record: Annotated[Path | None, written("FILE.mcap for both directions with their times.", RECORDING)] = None,
     replace: Replace = False,
     log: Annotated[
         Literal["events", "wire"], Parameter(help="events: who comes and goes. wire: every message, in words, too.")
@@ -44,7 +54,8 @@ def tap(
 ) -> int:
     """Sit between a host program and a real controller: pass every byte on at once, record both directions.
 
-    Prints one line of JSON with the addresses for the host once everything is open. Ends with Ctrl-C.
+    Prints one line of JSON with the addresses for the host once everything is open. Ends with Ctrl-C. Exit code 1 if
+    bytes of the host went nowhere, as the controller's port was gone, or if the recording is not whole.
     """
     from isel_twin.bridge.serve.log import log_to
     from isel_twin.bridge.serve.loop import on_signals
@@ -83,7 +94,7 @@ def tap(
         finally:
             if writer is not None:
                 whole = writer.close()
-        return 0 if whole else 1
+        return 0 if whole and not between.lost_bytes else 1
 
 
 def _format(baud: int, frame: str) -> SerialFormat:
@@ -102,8 +113,6 @@ def _check(record: Path | None, replace: bool) -> None:
     (bridge/10)."""
     if record is None:
         return
-    if record.suffix.lower() != ".mcap":
-        raise CallError(f"record {record}: a tap records .mcap; other forms can be made of it", option=True)
     if record.is_file() and not replace:
         raise CallError(f"{record}: exists already; choose another name, or add --replace")
     check_writable(record)

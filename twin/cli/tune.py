@@ -15,7 +15,7 @@ from cyclopts import Parameter
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import options
 from isel_twin.cli.interruption import interruption
-from isel_twin.cli.jobs import FormatName, check_file, clamped, job_name, read_source
+from isel_twin.cli.jobs import FormatName, check_file, clamped, job_name, read_source, say_cautions
 from isel_twin.cli.options import Whole
 from isel_twin.core.spec import MACHINE, TwinSpec
 
@@ -117,7 +117,7 @@ def tune(
     form: FormatName = None,
     timeout: options.Timeout = 3600.0,
     storage: Annotated[
-        str | None, Parameter(help="Database of what has been tried: file, or URL as Optuna has it. JOB.tune.db")
+        str | None, options.written("Database of what has been tried: file, or URL as Optuna has it. JOB.tune.db")
     ] = None,
     study: Annotated[str, Parameter(help="Name of the study in it.")] = "tune",
     workers: options.Workers | None = None,
@@ -125,11 +125,13 @@ def tune(
     batch: Annotated[
         Whole, Parameter(help="Number of settings that are chosen together, so of workers that help.")
     ] = 8,
-    out: Annotated[Path | None, Parameter(name=("--out", "-o"), help="The tuned job. JOB.tuned.txt")] = None,
+    out: Annotated[Path | None, options.written("The tuned job. JOB.tuned.txt", name=("--out", "-o"))] = None,
     permanent: Annotated[
-        Path | None, Parameter(help="Commands that make its ramps the controller's own. JOB.permanent.txt")
+        Path | None, options.written("Commands that make its ramps the controller's own. JOB.permanent.txt")
     ] = None,
-    picture: Annotated[Path | None, Parameter(help="Draw time against margin (.png, .svg).")] = None,
+    picture: Annotated[
+        Path | None, options.written("Draw time against margin (.png, .svg, .pdf).", *options.PICTURE)
+    ] = None,
     json: Annotated[bool, Parameter(help="One line of JSON a trial, then one with the summary.")] = False,
 ) -> int:
     """Find the fastest settings of a job that lose no step and keep a margin, also on slightly different machines.
@@ -165,6 +167,7 @@ def tune(
     call = clamped(TwinSpec(machine, controller, "mujoco", seed, scenario, None, overrides=overrides), job)
 
     _, source = read_source(job, call, form)  # reports errors with their line
+    say_cautions(job, () if source is None else source.cautions)
     from isel_twin.base.compile_watch import told_of_compiling
     from isel_twin.cli.tune_output import Json, Table
 
@@ -175,7 +178,7 @@ def tune(
         share = (1.0 - demands.margin) * demands.edge
         how |= {"speed_share": share, "edge": demands.edge, "timeout_s": timeout}
         how["flash"] = flash.read_bytes() if flash is not None else None
-        problem = _problem(job, source, call, demands.confirm, picture, how)
+        problem = _problem(job, source, call, demands.confirm, how)
     with ExitStack() as stack:
         begun = _study(problem, file or database, stack, name=study, seed=seed, batch=batch, least=demands.margin)
         stack.enter_context(told_of_compiling())
@@ -198,19 +201,14 @@ def _check_numbers(**numbers: tuple[int, int]) -> None:
             raise CallError(f"{name} {value}: must be a whole number from {low}", option=True)
 
 
-def _problem(
-    job: Path, source: Source | None, call: TwinSpec, confirm: int, picture: Path | None, how: dict[str, Any]
-) -> Problem:
+def _problem(job: Path, source: Source | None, call: TwinSpec, confirm: int, how: dict[str, Any]) -> Problem:
     """What is to be tuned. how: further arguments of it. Raises as it does, and ValueError for what is missing."""
-    from isel_twin.base.pictures import check_picture
     from isel_twin.jobs.job import decode_job
     from isel_twin.jobs.robust import check
     from isel_twin.many.tuning import Problem
     from isel_twin.many.tuning.study import need_optuna
 
     need_optuna()
-    if picture is not None:
-        check_picture(picture, "tune")
     check(call, how["repetitions"] + confirm)
     check(call, how["uncertain"], "known")
     return Problem(decode_job(job.read_bytes()) if source is None else source.text, call, **how)

@@ -89,13 +89,13 @@ class Table(Output):
     def begun(self, study: Study) -> None:
         problem, had = study.problem, study.tried
         what = f"{many(len(problem.parameters), 'parameter')} for {many(len(problem.moves), 'move')}"
-        print(f"{what}; ways from {problem.rapid_from_hz} Hz are rapid", flush=True)
+        print(f"{what}; moves at {problem.rapid_from_hz} Hz or more are rapid", flush=True)
         for what, name in (("as it stands", "job as it stands"), ("defaults", "controller's defaults")):
             judgement = study.reference(what)
             if judgement is not None:
                 print(f"{name:<22} {_words(judgement)}", flush=True)
         if had:
-            print(f"goes on after {many(len(had), 'trial')}", flush=True)
+            print(f"continues after {many(len(had), 'trial')}", flush=True)
         self._seen = list(had)
         self._progress.update(self._task, completed=len(had), description="trials")
 
@@ -111,21 +111,21 @@ class Table(Output):
         self._progress.update(self._task, completed=len(self._seen), description=f"trials{fastest}")
 
     def puts_together(self) -> None:
-        self._progress.update(self._task, description="puts the best of each move together", total=None)
+        self._progress.update(self._task, description="combines the best of each move", total=None)
 
     def mended(self, why: str) -> None:
-        print(f"the best of each move does not hold, is mended: {why}", flush=True)
+        print(f"the best of each move, combined, fails and is corrected: {why}", flush=True)
 
     def confirms(self, tried: Tried) -> None:
         doing = f"confirms trial {tried.number}"
-        print(f"{doing} on {many(self._confirm, 'machine')} that no trial has seen", flush=True)
+        print(f"{doing} on {many(self._confirm, 'new machine')}", flush=True)
         self._progress.update(self._task, description=doing, total=self._confirm, completed=0)
 
     def confirmed(self, repetition: Judgement) -> None:
         self._progress.advance(self._task)
 
     def fell(self, tried: Tried, why: str) -> None:
-        print(f"trial {tried.number} does not hold: {why}", flush=True)
+        print(f"trial {tried.number} fails: {why}", flush=True)
 
     def over(self, job: Path, study: Study, found: Tuned | None, stopped: bool, files: Sequence[Path]) -> None:
         from isel_twin.many.tuning.front import rows
@@ -140,7 +140,7 @@ class Table(Output):
                 print(f"{trial:>6}{time_s:>11}{saved:>9}{margin:>9}  {settings}")
             print()
         if stopped:
-            say(f"{job}: interrupted after {len(study.tried)} of {self._trials} trials; the same command goes on")
+            say(f"{job}: interrupted after {len(study.tried)} of {self._trials} trials; the same command continues")
         elif found is None:
             say(f"{job}: no setting keeps the margin on all machines; a smaller --margin, or more --trials, may")
         else:
@@ -160,8 +160,8 @@ def _print_found(found: Tuned, study: Study, files: Sequence[Path]) -> None:
     ]
     print(f"tuned: {found.tried.judgement.time_s:.3f} s{''.join(saved)}")
     print(
-        f"margin: {100.0 * held.margin:.1f} % or more on {many(held.made, 'machine')} that no trial has seen, "
-        f"{100.0 * held.nearly_all:.1f} % or more on {100 - ALONE} % of them; nothing lost: "
+        f"margin: at least {100.0 * held.margin:.1f} % on {many(held.made, 'new machine')}, "
+        f"{100.0 * held.nearly_all:.1f} % on {100 - ALONE} % of them; no steps lost: "
         f"at most {100.0 * at_most(held.lost, held.made):.1f} % of such machines lose steps (95 %)"
     )
     if found.may_be:
@@ -169,7 +169,7 @@ def _print_found(found: Tuned, study: Study, files: Sequence[Path]) -> None:
         print(*(f"  {one.in_words()}" for one in found.may_be), sep="\n")
     print(f"written: {', '.join(map(str, files))}")
     if found.permanent:
-        print(f"permanent in the controller by: {'  '.join(found.permanent)}")
+        print(f"to keep its ramps in the controller, send: {'  '.join(found.permanent)}")
 
 
 def _summary(study: Study, found: Tuned | None) -> dict[str, Any]:

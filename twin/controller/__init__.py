@@ -20,6 +20,7 @@ from isel_twin.controller.registry import (
     controller_settings,
     create_controller,
     plugin_errors,
+    readings_in_force,
     takes,
 )
 from isel_twin.controller.roles import (
@@ -36,6 +37,7 @@ from isel_twin.controller.roles import (
     Key,
     KeyValue,
     NamesOutputs,
+    TellsFault,
     UsesDrives,
     offers,
 )
@@ -67,6 +69,7 @@ __all__ = [
     "SerialFormat",
     "Setting",
     "Step",
+    "TellsFault",
     "UnknownNameError",
     "UsesDrives",
     "controller_factory",
@@ -75,5 +78,6 @@ __all__ = [
     "create_controller",
     "offers",
     "plugin_errors",
+    "readings_in_force",
     "takes",
 ]

@@ -94,7 +94,9 @@ class Controller(Protocol):
 
     @property
     def fault(self) -> bool:
-        """True if there is an error that no reply has reported, so that the host must ask for it."""
+        """True while it stands in an error that host or operator must do something about, whether a reply has told it
+        or not: emergency stop, a limit switch struck, drives off after a fault, a motion that it could not make. A
+        controller that says which one is `TellsFault`."""
 
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
         """Mains on at t_ns; `levels`: electrical level (True: high) of every wired terminal."""

@@ -26,15 +26,20 @@ Setting: TypeAlias = Limits | tuple[str, ...] | type[bool]
 Factory = TypeVar("Factory", bound=Callable[..., Any])
 
 
-def takes(settings: Mapping[str, Setting]) -> Callable[[Factory], Factory]:
-    """Declare the settings that a factory takes: machine files with others are refused when they are read.
+# of a controller's name and the settings it is given: readings of the manual in force, value and words, by setting
+InForce: TypeAlias = Callable[[str, Mapping[str, Any]], Mapping[str, tuple[bool, str]]]
+
+
+def takes(settings: Mapping[str, Setting], in_force: InForce | None = None) -> Callable[[Factory], Factory]:
+    """Declare the settings that a factory takes: machine files with others are refused when they are read. in_force:
+    which readings of its manual hold, for `describe`.
 
     @takes({"program_memory_bytes": Limits("byte", 1, 1e9, whole=True)})
     def create(name, *, flash, settings): ...
     """
 
     def told(factory: Factory) -> Factory:
-        factory.settings = settings  # type: ignore[attr-defined]
+        factory.settings, factory.in_force = settings, in_force  # type: ignore[attr-defined]
         return factory
 
     return told
@@ -67,11 +72,15 @@ def controller_factory(name: str) -> Callable[[bytes | None, Mapping[str, Any]],
     """A function of flash image and settings that builds the controller called `name`. The look-up takes ten
     milliseconds, building much less. Both raise what `create_controller` raises.
     """
+    return partial(_build, *_loaded(name))
+
+
+def _loaded(name: str) -> tuple[importlib.metadata.EntryPoint, ControllerFactory]:
     for entry in installed(_GROUP):
         if entry.name == name:
             with plugin_errors("controller", entry):
                 factory: ControllerFactory = entry.load()
-            return partial(_build, entry, factory)
+            return entry, factory
     raise UnknownNameError(f"unknown controller {name!r}; installed: {', '.join(controller_names())}")
 
 
@@ -95,6 +104,15 @@ def controller_settings(wanted: Iterable[str]) -> Mapping[str, Setting]:
 
 
 _settings: dict[str, Setting] = {}
+
+
+def readings_in_force(name: str, settings: Mapping[str, Any]) -> Mapping[str, tuple[bool, str]]:
+    """Readings of its manual that hold in this controller with these settings: value and words, by setting. Raises what
+    `create_controller` raises."""
+    entry, factory = _loaded(name)
+    in_force: InForce | None = getattr(factory, "in_force", None)
+    with plugin_errors("controller", entry, ValueError):
+        return {} if in_force is None else in_force(name, settings)
 
 
 @contextmanager

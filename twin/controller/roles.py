@@ -193,6 +193,14 @@ class Compiles(Protocol):
         """Call each of them once, without any effect: the first command need not wait until they are compiled."""
 
 
+class TellsFault(Protocol):
+    """A controller that says which error it stands in."""
+
+    @property
+    def fault_cause(self) -> str:
+        """The cause in a few words; "" exactly while `Controller.fault` is False."""
+
+
 class EndsPrograms(Protocol):
     """A controller whose programs can stop before their end."""
 

@@ -110,6 +110,8 @@ class Connected:
     def _hand_over_bytes(self) -> bool:
         data = self._line.at_controller(self.time_ns, None if self._handshake is None else BYTES_AT_ONCE)
         if data:
+            if isinstance(self._controller, Unpowered):
+                self._line.miss(len(data))
             self._wiring.heard(data, sent=True)
             self._told.receive(self.time_ns, data)
             self._take_events()

@@ -44,6 +44,7 @@ class Operated:
     _sampled: Sampled | None
     acts: deque[tuple[int, str]]
     _margin_readers: MarginReaders
+    margin_since_ns: int
     _least: Any  # keeps the least distance; None: not asked for
     _due_ns: int
 
@@ -64,6 +65,7 @@ class Operated:
         """Reset the least margins, as before each line of a job."""
         self._note("operated", {"watch_margin": True})
         self._plant.watch_margin()
+        self.margin_since_ns = self.time_ns
 
     def forget_motions(self) -> None:
         """Keep of `steps` the last motion only; `steps.made` counts on. A state saved then is small."""

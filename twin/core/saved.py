@@ -23,7 +23,7 @@ from isel_twin.wiring import SerialLine, Wiring
 # further attributes of a twin in a state
 _OWN = (
     *("remarks", "acts", "collisions", "_restarts", "restarts", "unpowered_steps", "stores_lost"),
-    *("_sense", "_untold", "_levels"),
+    *("_sense", "_untold", "_levels", "margin_since_ns"),
 )
 
 

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.units import MILLISECOND_NS
-from isel_twin.controller import Arrival, Controller, EndsPrograms, HasKeys, KeyValue, SerialFormat, offers
+from isel_twin.controller import Arrival, Controller, EndsPrograms, HasKeys, KeyValue, SerialFormat, TellsFault, offers
 from isel_twin.core.position import Position
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.stage import Stage
 from isel_twin.machine import Machine
 from isel_twin.motion import Steps, Stream
 from isel_twin.plant import Plant
-from isel_twin.wiring import SerialLine, Wiring
+from isel_twin.wiring import LineFaults, SerialLine, Wiring
 
 _MOVING_SLICE_NS = 10 * MILLISECOND_NS  # time after which to look again while something moves
 
@@ -115,6 +115,11 @@ class Seen:
     def drive_faults(self) -> tuple[tuple[int, str], ...]:
         """[axes], how often each servo drive has switched itself off since power-on, and why last ("": never)."""
         return self._plant.drive_faults
+
+    @property
+    def may_collide(self) -> bool:
+        """True if there are bodies that must not meet, and can: something is clamped on the table."""
+        return self._plant.may_collide
 
     @property
     def slip_steps(self) -> NDArray[np.float64]:
@@ -233,8 +238,16 @@ class Seen:
 
     @property
     def fault(self) -> bool:
-        """The controller has an error that no reply has reported (`Controller.fault`)."""
+        """The controller stands in an error that somebody must do something about (`Controller.fault`)."""
+        self._tell()
         return self._controller.fault
+
+    @property
+    def fault_cause(self) -> str:
+        """The cause in a few words, if the controller says it; "" while `fault` is False."""
+        if not self.fault:
+            return ""
+        return self._controller.fault_cause if offers(self._controller, TellsFault) else "the controller shows an error"
 
     @property
     def reply_waiting(self) -> bool:
@@ -259,9 +272,14 @@ class Seen:
         return self._controller.serial_format
 
     @property
-    def bytes_lost(self) -> int:
-        """Bytes of both directions that a cut line has swallowed since power-on."""
-        return self._line.lost
+    def strikes(self) -> Mapping[str, int]:
+        """How often an end switch of each axis has been struck since power-on, by a carriage."""
+        return dict(self._wiring.strikes)
+
+    @property
+    def line_faults(self) -> LineFaults:
+        """Bytes of both directions that have not arrived as they were sent, since power-on."""
+        return self._line.faults
 
     @property
     def idle(self) -> bool:

@@ -146,8 +146,8 @@ class Twin(Operated, Seen, Connected, Saved):
         plans, first = draw_up(origin, controller)
         self._switch_on(origin, plans, first, keep_motions)
         if not self.physics and (idle := sum(event.physical for event in plans.events)):
-            what = f"{spec.scenario or 'events'}: {idle} of {len(plans.events)} events push, cut, load or break"
-            log.warning("%s what is not there, which does nothing without physics; take the plant mujoco", what)
+            what = f"{spec.scenario or 'events'}: {idle} of {len(plans.events)} events"
+            log.warning("%s have no effect without physics; use the plant mujoco", what)
 
     def _switch_on(
         self, origin: TwinSpec, plans: Plans, controller: Controller, keep_motions: int | None, model: Any = None
@@ -204,6 +204,8 @@ class Twin(Operated, Seen, Connected, Saved):
         self._straight = self._plant if isinstance(self._plant, GoesStraight) else None
         self._notes: list[Note] = []
         self._margin_readers = MarginReaders()
+        self.margin_since_ns = 0
+        """From when on `margin` and `speed_edge` are the least: the last `watch_margin`."""
         self._least: Any = None
         self._sense: NDArray[np.int8] | None = None
         """Directions of the motors in a motion, if one is turned round."""

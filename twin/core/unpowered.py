@@ -14,7 +14,8 @@ class Unpowered:
     run = None
     next_ns = None
     idle = True
-    fault = False
+    fault = True
+    fault_cause = "the mains is off"
 
     def __init__(self, controller: Controller) -> None:
         self.counts = (0,) * len(controller.counts)

@@ -168,9 +168,12 @@ def losers(
     timeout_s: float = TIMEOUT_S,
 ) -> Mapping[str, int]:
     """The axes that lose steps on a seed with a quantity (of `axes`; the speed is that of all) times a factor, and the
-    line in which each does. The job ends when all of `axes` have lost."""
+    line in which each does; none where the quantity leaves its range. The job ends when all of `axes` have lost."""
     spec, changed = _changed(call, lines, _Search(quantity, axes), factor)
-    twin = spec.with_(seed=seed).build()
+    try:
+        twin = spec.with_(seed=seed).build()
+    except ValueError:
+        return {}
     seen = _Losses(twin, axes)
     with quietly():
         verdict = played(twin, changed, [seen.take], timeout_s, seen.stop, edges=False).verdict

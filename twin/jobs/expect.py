@@ -15,19 +15,20 @@
     lost, lost.x                steps lost since power-on, of all axes or one, by whole slips of the motor
     unpowered                   steps made since power-on while the stages had no power, of all axes
     restarts                    how often the controller was reset or lost its supply since power-on
+    bytes, bytes.altered        bytes since power-on that did not arrive as they were sent: altered, lost, doubled
     x, y, z                     true position, mm or um; error.x: true position minus counter
     count.x                     counter, steps
     margin, margin.x            least torque margin during the last command: 0 .. 1, or %
     time, clock                 duration of the last command, virtual time since power-on: s, ms, min
     steps                       ticks of the stream since power-on
-    fault                       1: the controller has an error that no reply has reported
+    fault                       1: the controller stands in an error that somebody must put in order
     lag, lag.x                  following error of servo drives now, the largest or of one axis, in increments
     drive_faults, .x            how often servo drives have switched themselves off since power-on
     spindle, hood, limit_x1     outputs and relays (numbers); elements, switches and faults of contacts (words)
     output.NAME, input.NAME, level.NAME      the same where a name could be both, and input terminals (0, 1)
 
 `=>`, and `!` at the beginning, need a blank or the end of the line after them. A condition on lost or unpowered steps,
-restarts or a fault that is met makes them expected: the verdict then counts only later ones (jobs/2).
+restarts, bytes or a fault that is met makes them expected: the verdict then counts only later ones (jobs/2).
 """
 
 from __future__ import annotations
@@ -46,6 +47,7 @@ from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.jobs.verdict import whole_slips
 from isel_twin.language import LanguageError, encoded, readable
+from isel_twin.wiring import LineFaults
 from isel_twin.wiring.contacts import FAULTS
 
 if TYPE_CHECKING:
@@ -94,6 +96,7 @@ _QUANTITIES: Mapping[str, _Quantity] = {
     "lost": _Quantity(_STEPS, AXIS_NAMES, whole=True),
     "unpowered": _Quantity(_STEPS, whole=True),
     "restarts": _Quantity({"": 1.0}, whole=True),
+    "bytes": _Quantity({"": 1.0}, LineFaults._fields, whole=True),
     **dict.fromkeys(CARRIAGES, _Quantity(_MM)),
     "error": _Quantity(_MM, CARRIAGES, alone=False),
     "count": _Quantity(_STEPS, AXIS_NAMES, alone=False, whole=True),
@@ -309,6 +312,8 @@ def lost_steps(twin: Twin) -> NDArray[np.float64]:
 
 
 def _measured(twin: Twin, name: str, axis: str, last: Result | None) -> float | None:
+    if name == "bytes":
+        return float(getattr(twin.line_faults, axis) if axis else sum(twin.line_faults))
     own = slice(None) if not axis else slice(AXIS_NAMES.index(axis), AXIS_NAMES.index(axis) + 1)
     if name == "lost":
         return float(lost_steps(twin)[own].sum())
@@ -398,7 +403,7 @@ def _quantity(name: str, at: int) -> _Quantity:
         if head in _KINDS and not rest:
             raise ExpectError(f"{head} needs a name behind it: {head}.NAME", at)
         if dot and head not in _KINDS:
-            dotted = [f"{name}.x" for name, quantity in _QUANTITIES.items() if quantity.axes]
+            dotted = [f"{name}.{quantity.axes[0]}" for name, quantity in _QUANTITIES.items() if quantity.axes]
             there = ", ".join([*dotted, *(f"{kind}.NAME" for kind in _KINDS)])
             raise ExpectError(f"unknown name {name}; with a dot there are {there}", at)
         return _PLAIN

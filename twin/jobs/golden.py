@@ -282,7 +282,7 @@ def differences(golden: Golden, run: Golden) -> Iterator[Difference]:
     for was, now in zip(golden.moves, run.moves, strict=False):
         yield from _of_moves(was, now)
     for move in golden.moves[len(run.moves) :]:
-        yield Difference(move.line, f"{move.sent}: not sent any more")
+        yield Difference(move.line, f"{move.sent}: no longer sent")
     for move in run.moves[len(golden.moves) :]:
         yield Difference(move.line, f"{move.sent}: is new")
     yield from _of_ends(golden.end, run.end)

@@ -48,11 +48,11 @@ def _of_moves(results: Sequence[Result], language: RetimesJobs) -> Iterator[tupl
         if took_s < LONG_S or not ways[lead] or not result.ok:
             continue
         mean_hz = ways[lead] / took_s
-        made = f"{AXIS_NAMES[lead].upper()} makes {ways[lead]} steps in {took_s:.0f} s, {mean_hz:.3g} a second"
+        made = f"{AXIS_NAMES[lead].upper()}: {ways[lead]} steps in {took_s:.0f} s, {mean_hz:.3g} steps/s"
         if _another_times(move, ways, lead, took_s):
-            yield result.number, f"{made}, where {move.speeds_hz[lead]} are written: another axis times this move"
+            yield result.number, f"{made} instead of {move.speeds_hz[lead]}: another axis sets the time of this move"
         elif mean_hz * CRAWLS < fastest_hz:
-            yield result.number, f"{made}; the controller can make {fastest_hz}"
+            yield result.number, f"{made}; the controller can make {fastest_hz} steps/s"
 
 
 def _another_times(move: JobMove, ways: Sequence[int], lead: int, took_s: float) -> bool:

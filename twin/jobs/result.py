@@ -40,9 +40,13 @@ class Result:
     condition: bool = False  # it is a condition: the reply is the value found
     lost_known: tuple[float | None, ...] = ()  # lost steps of each axis that a condition expects
     unpowered_known: int | None = None  # number of steps without power that a condition expects
+    disturbed: str = ""  # bytes of it that have not arrived as they were sent, in words
+    astray: str = ""  # axes that it has referenced though no end switch of theirs was struck, in words
+    line_known: tuple[int | None, ...] = ()  # those since power-on that a condition expects, as in LineFaults
     restarts: int = 0  # restarts of the controller since the line before, or since the beginning of the job
     restarts_known: int | None = None  # number of restarts since power-on that a condition expects
-    fault_known: bool = False  # a condition expects the controller's fault
+    fault_known: str | None = None
+    """The fault in which the controller stands at the end of a line that expects it; None: it is not expected."""
     drive_faults_known: tuple[int | None, ...] = ()  # number of faults of each drive that a condition expects
     parts: tuple[Part, ...] = ()  # parts of a line that loads or runs a program; only the last of very many
 

@@ -42,6 +42,7 @@ from isel_twin.drives.stage import Stage
 from isel_twin.jobs.playing import played
 from isel_twin.jobs.verdict import Verdict
 from isel_twin.machine import Machine, with_overrides
+from isel_twin.machine.ranges import held
 from isel_twin.machine.spread import LAWS, Source, numbers, own, within
 
 if TYPE_CHECKING:
@@ -140,8 +141,9 @@ class _Draws:
             if shared:
                 deviations = self._shared.setdefault(f"{shared} {value} {interval}", deviations)
             factor = within(value, interval, deviations) / value
-        self.factors[key] = float(factor)
-        self.overrides[key] = value * float(factor)
+        drawn = value * float(factor)
+        self.overrides[key] = held(key, drawn)
+        self.factors[key] = float(factor) if self.overrides[key] == drawn else self.overrides[key] / value
 
     def rest(self) -> None:
         """Numbers of no kind that tell an interval of their own, if anything depends on them."""
@@ -204,18 +206,24 @@ def separates(trials: Sequence[Repetition]) -> tuple[str, float, float] | None:
 
 
 def check(call: TwinSpec, number: int, source: Source = "kind") -> None:
-    """Check, before any computation, that a call can be repeated this often.
+    """Check, before any computation, that a call can be repeated.
 
-    Raises CallError for a plant without physics, on which no perturbation can have an effect, and for a machine whose
-    numbers leave their limits when perturbed.
+    Raises CallError for a plant without physics, on which no perturbation can have an effect, and if none of these
+    machines can be built.
     """
     if call.plant == "kinematic":
         option = OPTIONS[source]
-        raise CallError(f"{option}: the kinematic plant loses no step whatever one perturbs; take mujoco", option=True)
+        raise CallError(f"{option}: the kinematic plant loses no steps; use --plant mujoco", option=True)
     with call_errors():
-        machine = call.fitted()
+        machine, built = call.fitted(), not number
         for n in range(1, number + 1):
-            with_overrides(machine, perturbation(machine, call.seed, n, source)[2])
+            try:
+                with_overrides(machine, perturbation(machine, call.seed, n, source)[2])
+            except ValueError:
+                if n == number and not built:
+                    raise
+            else:
+                built = True
 
 
 def repetitions(
@@ -229,13 +237,14 @@ def repetitions(
     stop: Stop | None = None,
     source: Source = "kind",
 ) -> Iterator[Repetition]:
-    """Repeat a job on other machines; results come in the order of their numbers, with any crew.
+    """Repeat a job on other machines; results come in the order of their numbers, with any crew. A machine that cannot
+    be built is left out.
 
     flash: image of the controller's flash memory at the beginning of the job; the call's file is not written. crew:
     None: in this process, on demand. stop: called now and then; True ends the iteration.
     """
     repeat = functools.partial(_repetition, call, lines, timeout_s, flash, source)
-    return in_order(repeat, range(1, number + 1), crew, stop)
+    return (made for made in in_order(repeat, range(1, number + 1), crew, stop) if made is not None)
 
 
 def agree(verdict: Verdict, other: Verdict) -> bool:
@@ -266,9 +275,12 @@ def perturbed_twin(
 
 def _repetition(
     call: TwinSpec, lines: Sequence[Line], timeout_s: float, flash: bytes | None, source: Source, number: int
-) -> Repetition:
-    """Depends only on its arguments, so that it can run in another process."""
-    twin, seed, factors = perturbed_twin(call, number, flash, source)
+) -> Repetition | None:
+    """Depends only on its arguments, so that it can run in another process. None if there is no such machine."""
+    try:
+        twin, seed, factors = perturbed_twin(call, number, flash, source)
+    except ValueError:
+        return None
     with quietly():
         made = played(twin, lines, timeout_s=timeout_s)
     places = tuple(result.position_mm for result in made.results) if source == "known" else ()

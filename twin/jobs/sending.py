@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from itertools import takewhile
 from typing import TYPE_CHECKING, Any, Protocol
 
-from isel_twin.base.axes import AXIS_NAMES
+from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.base.crew import Stop
 from isel_twin.base.units import SECOND_NS
 from isel_twin.controller import offers
@@ -22,7 +22,7 @@ from isel_twin.jobs.expect import Condition
 from isel_twin.jobs.job import Line
 from isel_twin.jobs.result import Part, Result
 from isel_twin.jobs.why import RESTARTED, happened, meaning, waits
-from isel_twin.language import RunsPrograms, readable
+from isel_twin.language import RunsPrograms, TellsActs, readable
 
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
@@ -64,10 +64,11 @@ class Sent:
 
     def __init__(self, twin: Twin, line: Line, edges: bool = True) -> None:
         self.twin, self.line, self._edges = twin, line, edges
-        self.time_ns, self._lost, self._restarts = twin.time_ns, twin.bytes_lost, twin.restarts
+        self.time_ns, self._faults, self._restarts = twin.time_ns, twin.line_faults, twin.restarts
         twin.watch_margin()
         twin.steps_made.clear()
         self._said = twin.remarks[-1] if twin.remarks else None
+        self._made, self._strikes, self._inputs = twin.steps.made, twin.strikes, twin.inputs
         self._step, self._number = "", line.number  # the last one that was looked up
 
     @property
@@ -84,7 +85,7 @@ class Sent:
     def result(self, complete: bool, reply: bytes, timeout_s: float) -> Result:
         """The outcome. complete: the line is over, and did not take timeout_s."""
         twin, line, language = self.twin, self.line, self.twin.language
-        new = twin.restarts - self._restarts
+        new, disturbed = twin.restarts - self._restarts, twin.line_faults.since(self._faults).in_words()
         text = None if language is None else language.text(reply)
         took_ns = twin.time_ns - self.time_ns
         why = "" if line.expected is None else line.expected.why_not(reply, complete, took_ns, text)
@@ -92,7 +93,7 @@ class Sent:
         parts = _parts(twin, line, self._said) if line.program else ()
         if line.program and twin.fault:
             accepted = False
-            why = next((part.text for part in reversed(parts) if not part.position_mm), "the controller shows an error")
+            why = next((part.text for part in reversed(parts) if not part.position_mm), twin.fault_cause)
         elif line.program and not complete and twin.steps_made:
             why = twin.unfinished
         elif line.expected is None and not complete:
@@ -101,9 +102,13 @@ class Sent:
             why = meaning(twin, line.sent, reply)
         if new and line.expected is None:
             accepted, why = False, RESTARTED
-        elif line.expected is None and twin.bytes_lost > self._lost:
-            accepted, why = False, f"bytes lost on the line: {twin.bytes_lost - self._lost}"
+        elif line.expected is None and disturbed:
+            accepted, why = False, disturbed
+        astray = self._astray() if complete and language is not None and language.accepted(line.sent, reply) else ""
+        if line.expected is None and accepted and astray:
+            accepted, why = False, astray
         wrong = line.expected is None and not (accepted and complete)
+        expected_refusal = line.expected is not None and bool(reply) and not accepted and not why
         return Result(
             number=line.number,
             command=line.command,
@@ -118,10 +123,28 @@ class Sent:
             complete=complete,
             expected=None if line.expected is None else line.expected.text,
             why=why,
-            event=happened(twin, self.time_ns) if wrong or new else "",
+            event=happened(twin, self.time_ns) if wrong or new or disturbed or astray else "",
+            disturbed=disturbed,
+            astray=astray,
             restarts=new,
+            fault_known=twin.fault_cause if expected_refusal or not twin.fault else None,
             parts=parts,
         )
+
+    def _astray(self) -> str:
+        """Axes that this line has referenced though no end switch of theirs was struck: by the stop key, or by its
+        contact that is broken (jobs/14)."""
+        twin, language = self.twin, self.twin.language
+        if self.line.program or twin.steps.made == self._made or not offers(language, TellsActs):
+            return ""
+        mask, switches = language.act(self.line.sent).references, twin.machine.switches
+        struck = {switch.axis for switch in switches if self._inputs.get(switch.name) == "struck"}
+        struck |= {name for name, times in twin.strikes.items() if times > self._strikes[name]}
+        of_switches = {switch.axis for switch in switches}
+        names = [
+            name.upper() for axis, name in enumerate(CARRIAGES) if mask >> axis & 1 and name in of_switches - struck
+        ]
+        return f"referenced though no end switch was struck: {', '.join(names)}" if names else ""
 
 
 def _edges(twin: Twin) -> tuple[float | None, ...]:
@@ -193,10 +216,16 @@ def look(twin: Twin, line: Line, condition: Condition, last: Result | None) -> R
         condition=True,
         lost_known=known if quantity == "lost" else (),
         unpowered_known=_unpowered_known(twin, quantity) if found.met else None,
+        line_known=_line_known(twin, axis) if found.met and quantity == "bytes" else (),
         restarts_known=twin.restarts if found.met and quantity == "restarts" else None,
-        fault_known=found.met and quantity == "fault",
+        fault_known=twin.fault_cause if found.met and quantity == "fault" else None,
         drive_faults_known=known if quantity == "drive_faults" else (),
     )
+
+
+def _line_known(twin: Twin, kind: str) -> tuple[int | None, ...]:
+    """Bytes not as they were sent that a condition which is met answers for: of one kind, "": of each."""
+    return tuple(number if kind in ("", name) else None for name, number in twin.line_faults._asdict().items())
 
 
 def _unpowered_known(twin: Twin, quantity: str) -> int | None:

@@ -34,8 +34,6 @@ from isel_twin.language import Language, RunsPrograms, WritesToolpaths, programs
 if TYPE_CHECKING:
     from isel_twin.machine import Machine
 
-CAUTIONS = 20  # of a file that are kept
-
 
 @dataclass(frozen=True)
 class Source:
@@ -44,7 +42,7 @@ class Source:
     title: str  # of its format
     text: str  # the job or program that it became
     lines: tuple[Line, ...]
-    cautions: tuple[str, ...] = ()
+    cautions: tuple[Caution, ...] = ()
     seconds: float = 0.0  # ways at their feeds, without ramps
     of_lines_s: Mapping[int, float] = field(default_factory=dict)  # the same of each line of the file
     path: Callable[[], Toolpath] = field(default=lambda: iter(()), repr=False)  # reads the file once more
@@ -62,6 +60,7 @@ def machine_axes(machine: Machine) -> MachineAxes:
     return MachineAxes(
         steps_mm=(1.0 / x.step_mm, 1.0 / y.step_mm, 1.0 / z.step_mm),
         travel_mm=((0.0, x.travel_mm), (0.0, y.travel_mm), (0.0, z.travel_mm)),
+        speed_along_path=bool(machine.controller.get("path_speed", False)),
         lag_s=max((abs(drive.lag_s) for _, drive in servos), default=0.0),
         held_mm=max((axis.held_mm for axis, _ in servos), default=0.0),
         reset_s=max((drive.reset_s for _, drive in servos), default=1.0),
@@ -157,14 +156,8 @@ def converted(
             lines.append(replace(line, places=places))
         else:
             lines.append(replace(line, number=places[line.number - 1]))
-    cautions = [f"line {one.place.line}: {said(one)}" for one in made if one.caution and one.place]
-    cautions = [*watched.cautions, *cautions]
-    return Source(reader.title, text, tuple(lines), tuple(cautions), watched.seconds, watched.of_lines_s, read)
-
-
-def said(caution: Written) -> str:
-    """The words of a remark that the user has to see."""
-    return caution.text.lstrip("#;{ ").removeprefix("caution: ").rstrip("} ")
+    cautions = (*watched.cautions, *(one.caution for one in made if one.caution is not None))
+    return Source(reader.title, text, tuple(lines), cautions, watched.seconds, watched.of_lines_s, read)
 
 
 def _places(made: Sequence[Written]) -> tuple[int, ...]:
@@ -177,12 +170,13 @@ def _places(made: Sequence[Written]) -> tuple[int, ...]:
 
 
 class Watched:
-    """What passes on its way from reader to writer: cautions, and times by line unless they are not asked for."""
+    """What passes on its way from reader to writer, who tells the cautions of both: times by line, unless they are not
+    asked for, and a caution about a file that moves nothing."""
 
     def __init__(self, settings: CamSettings, by_line: bool = True) -> None:
         self._sums = Estimate(settings)
         self._by_line = by_line
-        self.cautions: list[str] = []
+        self.cautions: list[Caution] = []
         self.of_lines_s: dict[int, float] = defaultdict(float)
 
     @property
@@ -193,9 +187,7 @@ class Watched:
         before = 0.0
         for element in self._sums.watched(path):
             if isinstance(element, End) and not before:
-                self.cautions.append("nothing in this file moves the tool")
-            if isinstance(element, Caution) and len(self.cautions) < CAUTIONS:
-                self.cautions.append(f"line {element.place.line}: {element.text}")
+                self.cautions.append(Caution(element.place, "nothing in this file moves the tool"))
             if self._sums.seconds > before:
                 if self._by_line:
                     self.of_lines_s[element.place.line] += self._sums.seconds - before

@@ -9,6 +9,9 @@ and anything less is load angle. Almost half a slip is neither: dry friction hol
 between two stable places, and the next touch moves it one way or the other. So it is reported as `halfway` and is not
 ok. Steps lost before a reference run set the counter count, too.
 
+Bytes that the line has altered, lost or doubled are not well, whatever was answered (jobs/13): an iMC takes 6410 for
+6400 and answers 0.
+
 Steps that are made while the stages have no power move nothing. With physics they are lost steps; the kinematic plant
 follows them, so they are counted for themselves, and are not well on any plant. Neither is a controller that starts
 anew before its last reply, whatever it answers afterwards.
@@ -23,7 +26,7 @@ the job, for example, has tested nothing.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -34,6 +37,7 @@ from isel_twin.base.units import SECOND_NS
 from isel_twin.core.snapshot import snapshot
 from isel_twin.jobs.odd import oddities
 from isel_twin.plant import Collision
+from isel_twin.wiring import LineFaults
 from isel_twin.wiring.contacts import FAULTS
 
 if TYPE_CHECKING:
@@ -43,6 +47,10 @@ if TYPE_CHECKING:
 HALFWAY = 0.375  # distance from the nearest stable place, in slips, beyond which a rotor counts as halfway
 
 SHOWN_COLLISIONS = 3  # most collisions in words
+AFTER_END = "after the end of the job"
+HALF_A_SLIP = "stopped half a slip off, held there by friction alone"
+NOT_SIMULATED = "lost steps, margins and loads were not simulated"
+
 SHOWN_UNMET = 10  # lines of a job that are named if they did not get what they expected
 
 SETTLE_S = 0.5  # virtual time for the machine to come to rest after the last command, before judging
@@ -80,7 +88,7 @@ class Verdict:
     lost_steps: tuple[float, ...]  # counter minus rotor position in steps at rest, since each counter was set
     forgotten_steps: tuple[float, ...]  # steps lost before that, since power-on
     slip_steps: tuple[float, ...]  # steps in one slip of each motor
-    controller_fault: bool  # the controller has an error that no reply has reported
+    fault_cause: str  # the error in which the controller stands; "": in none
     faults: Mapping[str, str]  # broken or stuck contacts, and how; no failure of the job, which may test them
     ticks: int  # ticks of the step stream since power-on
     counts: tuple[int, ...]
@@ -96,7 +104,10 @@ class Verdict:
     unsent: int = 0  # commands of the job that were never sent
     interrupted: bool = False  # the caller stopped the job
     unfinished: int = 0  # commands that were not over when the job ended: 0 or 1
+    stands: str = ""  # where and why the program of a host that has ended stopped before its end
     restarts: int = 0  # unexpected restarts of the controller before the end of the last command
+    line_faults: LineFaults = field(default_factory=LineFaults)  # unexpected ones since power-on
+    astray: tuple[str, ...] = ()  # what has been referenced without its end switch, of each line that has
     unpowered_steps: int = 0  # unexpected steps of all axes while the stages had no power
     stores_lost: int = 0  # writes that the flash memory could not store
     odd: tuple[tuple[int, str], ...] = ()  # legal but absurd lines: number and description (odd.py)
@@ -105,7 +116,7 @@ class Verdict:
     expectations: int = 0  # expected replies and conditions of the lines that were played
     unmet: tuple[int, ...] = ()  # numbers of the lines with one that was not met
     lost_known: tuple[float, ...] = ()  # lost steps of each axis that the job expects: they do not count
-    fault_known: bool = False  # the job expects the controller's error
+    fault_known: str = ""  # the error of the controller that the job expects
     drive_faults: tuple[tuple[int, str], ...] = ()  # how often each servo drive switched itself off, and the last cause
     drive_faults_known: tuple[int, ...] = ()  # number of faults of each that the job expects
     following_error: tuple[float | None, ...] = ()  # of each servo drive at rest, in increments; None: no such drive
@@ -114,10 +125,21 @@ class Verdict:
     collisions: tuple[Collision, ...] = ()  # of bodies that must not meet, since the first command was sent
     events_without_effect: int = 0  # forces, cuts and lost phases of the scenario on a plant without physics
     unwritten: tuple[str, ...] = ()  # files about the job that are not on the disk, or not whole
+    found: tuple[str, ...] = ()  # what else is wrong, such as signals of a capture that drives may misread
 
     @property
     def cycle_s(self) -> float:
         return (self.ended_ns - self.began_ns) / SECOND_NS
+
+    @property
+    def controller_fault(self) -> bool:
+        """True if the controller stands in an error."""
+        return bool(self.fault_cause)
+
+    @property
+    def fault_left(self) -> str:
+        """The error in which the controller stands and that the job does not expect; "" without one."""
+        return "" if self.fault_cause == self.fault_known else self.fault_cause
 
     @property
     def least_margin(self) -> float | None:
@@ -172,10 +194,21 @@ class Verdict:
         return tuple(halfway(self.lost_steps, self.slip_steps).tolist())
 
     @property
+    def headline(self) -> str:
+        """The verdict in a few words, "all well" only as far as it was looked at."""
+        if not self.ok:
+            return "failed"
+        well = "all well" if self.physics else "all well as far as simulated"
+        idle = [(self.events_without_effect, "without effect (no physics)"), (self.events_after_end, AFTER_END)]
+        but = ", ".join(f"{number} event{'' if number == 1 else 's'} {what}" for number, what in idle if number)
+        return f"{well}, but for the scenario: {but}" if but else well
+
+    @property
     def ok(self) -> bool:
         """True if every command was sent and accepted or answered as expected, every condition is met, no step is lost,
-        half lost or made without power, nothing has collided, no drive has switched itself off or rests short of its
-        command, there was no restart, the controller has no error left, and all files are on the disk."""
+        half lost or made without power, every byte has arrived as it was sent, nothing has collided, no drive has
+        switched itself off or rests short of its command, there was no restart, the controller has no error left, all
+        files are on the disk, and nothing else was found."""
         return not self.problems()
 
     def problems(self, refused: str = "refused") -> tuple[str, ...]:
@@ -191,6 +224,7 @@ class Verdict:
             "lost_steps": list(self.whole_steps_lost),
             "lost_before_reference": [int(steps) for steps in self.forgotten_steps],
             "controller_fault": self.controller_fault,
+            "fault_cause": self.fault_cause,
             "steps": self.ticks,
             "counts": list(self.counts),
             "position_mm": [round(position, 6) for position in self.position_mm],
@@ -216,26 +250,35 @@ class Verdict:
         if any(error is not None for error in self.following_error):
             told |= {"following_error": list(self.following_error), "switched_off": list(self.switched_off)}
             told["off_position"] = list(self.off_position)
-        if self.unwritten:
-            told["unwritten"] = list(self.unwritten)
+        if any(self.line_faults):
+            told["line_faults"] = self.line_faults._asdict()
+        if self.astray:
+            told["astray"] = list(self.astray)
+        told |= {name: list(values) for name in ("unwritten", "found") if (values := getattr(self, name))}
         if self.collisions:
             told |= {"collisions": [collision.content for collision in self.collisions]}
         return told
 
 
-def judge(twin: Twin, results: Sequence[Result], unsent: int = 0, interrupted: bool = False) -> Verdict:
+def judge(
+    twin: Twin, results: Sequence[Result], unsent: int = 0, interrupted: bool = False, host_since_ns: int | None = None
+) -> Verdict:
     """The verdict on a job with these results on this twin, after SETTLE_S to come to rest. unsent: commands without a
-    result. interrupted: the caller stopped the job.
+    result. interrupted: the caller stopped the job. host_since_ns: when a host began, whose commands have no results.
     """
     start_ns, events_after_end = twin.time_ns, twin.events_left
-    began_ns = results[0].time_ns if results else start_ns
+    began_ns = results[0].time_ns if results else start_ns if host_since_ns is None else host_since_ns
     twin.run(SETTLE_S)
+    left = host_since_ns is not None and not twin.idle
     seen = snapshot(twin)
     return Verdict(
         commands=sum(not result.condition for result in results),
         refused=sum(not result.ok and result.complete and result.expected is None for result in results),
-        unfinished=sum(not result.complete for result in results),
+        unfinished=sum(not result.complete for result in results) + left,
+        stands="" if host_since_ns is None else twin.unfinished,
         restarts=sum(result.restarts for result in _since_known(results)) if results else twin.restarts,
+        line_faults=_unexpected(twin.line_faults, [result.line_known for result in results]),
+        astray=tuple(result.astray for result in results if result.astray),
         unpowered_steps=int(twin.unpowered_steps.sum()) - _last([result.unpowered_known for result in results]),
         stores_lost=twin.stores_lost,
         physics=twin.physics,
@@ -243,7 +286,7 @@ def judge(twin: Twin, results: Sequence[Result], unsent: int = 0, interrupted: b
         lost_steps=tuple(seen.lost_steps.tolist()),
         forgotten_steps=tuple(twin.forgotten_steps.tolist()),
         slip_steps=tuple(twin.slip_steps.tolist()),
-        controller_fault=twin.fault,
+        fault_cause=twin.fault_cause,
         faults={name: state for name, state in seen.inputs.items() if state in FAULTS and state != "ok"},
         ticks=twin.steps.made,
         counts=tuple(seen.counts.tolist()),
@@ -258,7 +301,7 @@ def judge(twin: Twin, results: Sequence[Result], unsent: int = 0, interrupted: b
         expectations=sum(result.expected is not None for result in results),
         unmet=tuple(result.number for result in results if result.expected is not None and not result.ok),
         lost_known=_known([result.lost_known for result in results]),
-        fault_known=any(result.fault_known for result in results),
+        fault_known=next((known for result in reversed(results) if (known := result.fault_known) is not None), ""),
         drive_faults=twin.drive_faults,
         drive_faults_known=tuple(int(n) for n in _known([result.drive_faults_known for result in results])),
         following_error=tuple(
@@ -282,14 +325,19 @@ def _problems(verdict: Verdict, refused: str) -> Iterator[str]:
     if verdict.refused:
         yield f"{verdict.refused} {refused}"
     if verdict.unfinished and not verdict.interrupted:
-        yield f"{verdict.unfinished} not over"
+        yield f"{verdict.unfinished} unfinished" if verdict.commands else "the controller is still busy"
+    if verdict.stands:
+        yield f"the program stands: {verdict.stands}"
     if verdict.unsent:
         yield f"{verdict.unsent} not sent"
     if verdict.unmet:
         lines = ", ".join(map(str, verdict.unmet[:SHOWN_UNMET])) + (", ..." if verdict.unmet[SHOWN_UNMET:] else "")
         yield f"{len(verdict.unmet)} of {verdict.expectations} expectations not met: line {lines}"
     if verdict.restarts:
-        yield f"the controller started anew {'once' if verdict.restarts == 1 else f'{verdict.restarts} times'}"
+        yield f"the controller restarted {'once' if verdict.restarts == 1 else f'{verdict.restarts} times'}"
+    if any(verdict.line_faults):
+        yield verdict.line_faults.in_words()
+    yield from dict.fromkeys(verdict.astray)
     if any(verdict.lost):
         now = [f"{axis} {n}" for axis, n in zip(axes, verdict.whole_steps_lost, strict=False) if n]
         before = [f"{axis} {int(n)}" for axis, n in zip(axes, verdict.forgotten_steps, strict=False) if n]
@@ -297,9 +345,9 @@ def _problems(verdict: Verdict, refused: str) -> Iterator[str]:
         yield f"lost steps: {', '.join(now) or 'none, but some were expected'}"
     if any(verdict.halfway):
         where = " ".join(axis for axis, is_so in zip(axes, verdict.halfway, strict=False) if is_so)
-        yield f"{where} between two places that hold, kept there by friction alone"
+        yield f"{where} {HALF_A_SLIP}"
     if verdict.unpowered_steps:
-        yield f"{verdict.unpowered_steps} steps made while the stages had no power"
+        yield f"{verdict.unpowered_steps} steps made while the power stages were off"
     yield from (f"{axis}: {why}" for axis, why in zip(axes, verdict.switched_off, strict=False) if why)
     for axis, is_off, error in zip(axes, verdict.off_position, verdict.following_error, strict=False):
         if is_off and error is not None:
@@ -307,12 +355,13 @@ def _problems(verdict: Verdict, refused: str) -> Iterator[str]:
     yield from map(str, verdict.collisions[:SHOWN_COLLISIONS])
     if more := len(verdict.collisions[SHOWN_COLLISIONS:]):
         yield f"{more} more collision{'' if more == 1 else 's'}"
-    if verdict.controller_fault and not verdict.fault_known:
-        yield "the controller shows an error"
+    if verdict.fault_left:
+        yield f"fault left in the controller: {verdict.fault_left}"
     if verdict.stores_lost:
-        yield "the flash has not kept what was stored"
+        yield "the flash memory did not keep what was stored"
     if verdict.flash_fault:
-        yield "the flash image cannot be read"
+        yield "the flash memory cannot be read"
+    yield from verdict.found
     if verdict.unwritten:
         yield f"not written: {', '.join(verdict.unwritten)}"
 
@@ -321,6 +370,12 @@ def _since_known(results: Sequence[Result]) -> Sequence[Result]:
     """The restarts after the last met condition on them."""
     known = [number for number, result in enumerate(results, 1) if result.restarts_known is not None]
     return results[known[-1] if known else 0 :]
+
+
+def _unexpected(faults: LineFaults, known: Sequence[Sequence[int | None]]) -> LineFaults:
+    """Those after the last met condition on each kind."""
+    told = [each for each in known if each]
+    return faults.since(LineFaults(*map(_last, zip(*told, strict=True))))
 
 
 def _last(known: Sequence[int | None]) -> int:

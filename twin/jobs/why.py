@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
 
 LONG_S = 60.0  # a controller at which nothing moves for longer waits for something
-RESTARTED = "the controller started anew before this was over"
+RESTARTED = "the controller restarted before this was done"
 
 
 def meaning(twin: Twin, sent: bytes, reply: bytes) -> str:
@@ -41,4 +41,4 @@ def waits(twin: Twin, timeout_s: float) -> str:
     if timeout_s < LONG_S or twin.time_ns - moved_ns < LONG_S * SECOND_NS:
         return ""
     since = f"no complete reply within {timeout_s:g} s, and nothing has moved since {moved_ns / SECOND_NS:.3f} s"
-    return f"{since}: the controller waits, for an input that nobody sets or for more bytes"
+    return f"{since}: the controller waits for an input or for more bytes"

@@ -43,11 +43,11 @@ from isel_twin.machine.schema import (
 T = TypeVar("T")
 F = TypeVar("F", bound=Feeler)
 
-_STEPS_PER_REV = Limits("1", 200.0, 51_200.0, whole=True)  # full steps of the motor times the stage's microsteps
+STEPS_PER_REV = Limits("1", 200.0, 51_200.0, whole=True)  # full steps of the motor times the stage's microsteps
 _KIND: Final = "fast"  # of a stage that does not say it (drives/14)
-_STRIBECK_MM_S = Limits("mm/s", 0.01, 100.0)  # carriage speed at which half of the excess over Coulomb friction is gone
-_MASS_KG = Limits("kg", 1e-3, 1e4)
-_PAYLOAD_KG = Limits("kg", 0.0, 100.0)  # what tables of this class can carry
+STRIBECK_MM_S = Limits("mm/s", 0.01, 100.0)  # carriage speed at which half of the excess over Coulomb friction is gone
+MASS_KG = Limits("kg", 1e-3, 1e4)
+PAYLOAD_KG = Limits("kg", 0.0, 100.0)  # what tables of this class can carry
 
 
 # kinds of drives, and the keys of an axis that are of that kind only
@@ -139,9 +139,9 @@ def build(tree: dict[str, Any], file: Path, like: Machine | None = None) -> Mach
         probe=_feeler("probe", Probe),
         plate=_feeler("plate", Feeler),
         masses_kg={
-            key: quantity(value, _MASS_KG, place.at("masses").at(key)) for key, value in sections["masses"].items()
+            key: quantity(value, MASS_KG, place.at("masses").at(key)) for key, value in sections["masses"].items()
         },
-        payload_kg=quantity(sections["payload"].get("mass"), _PAYLOAD_KG, place.at("payload").at("mass")),
+        payload_kg=quantity(sections["payload"].get("mass"), PAYLOAD_KG, place.at("payload").at("mass")),
         structure=part(
             lambda m: m.structure,
             lambda: tuple(
@@ -257,7 +257,7 @@ def _axis(name: str, value: Any, motors: Mapping[str, Motor], on: Imperfections,
     if on.free_length:
         free_mm = 0.5 * (rod.length_mm - own["travel_mm"]) if math.isnan(rod.free_length_mm) else rod.free_length_mm
         screw |= {"rod_n": rod.rod_n, "free_length_m": 1e-3 * free_mm, "middle_m": 0.5e-3 * own["travel_mm"]}
-    stribeck_mm_s = quantity(content["stribeck_speed"], _STRIBECK_MM_S, place.at("stribeck_speed"))
+    stribeck_mm_s = quantity(content["stribeck_speed"], STRIBECK_MM_S, place.at("stribeck_speed"))
     try:
         return Axis(
             name=name,
@@ -277,7 +277,7 @@ def _stepper(
 ) -> tuple[Motor, Stage]:
     """A stepper motor by its name, and its stage."""
     motor = motors[text(content["motor"], place.at("motor"), tuple(motors))]
-    steps_per_rev = quantity(content["steps_per_rev"], _STEPS_PER_REV, place.at("steps_per_rev"))
+    steps_per_rev = quantity(content["steps_per_rev"], STEPS_PER_REV, place.at("steps_per_rev"))
     microsteps, rest = divmod(int(steps_per_rev), motor.full_steps_per_rev)
     if rest or not microsteps:
         raise place.at("steps_per_rev").wrong(

@@ -33,12 +33,13 @@ from isel_twin.motion.record import Steps
 from isel_twin.motion.set_points import SetPointRun, SetPoints
 from isel_twin.motion.step_run import StepRun
 from isel_twin.motion.stream import Stream
-from isel_twin.motion.time_law import TimeLaw, constant, trapezoid
+from isel_twin.motion.time_law import Rational, TimeLaw, along_path, constant, trapezoid
 
 __all__ = [
     "Displacement",
     "Listed",
     "Motion",
+    "Rational",
     "SetPointRun",
     "SetPoints",
     "StepPath",
@@ -46,6 +47,7 @@ __all__ = [
     "Steps",
     "Stream",
     "TimeLaw",
+    "along_path",
     "circle",
     "constant",
     "line",

@@ -58,23 +58,21 @@ def circle(
     third_steps: int = 0,
     axis_count: int = 4,
 ) -> Circle:
-    """An arc of `ticks` single-axis steps; iMC manual 2.2.28 and 2.3. A helix (2.2.27) has a third axis, whose
-    `third_steps` (signed) are spread evenly over the ticks.
+    """An arc of `ticks` single-axis steps; iMC manual 2.2.28 and 2.3. A helix (2.2.27) has a third axis with signed
+    `third_steps`: whichever are fewer, these or those of the arc, are spread evenly over the others.
 
     d: start value of the difference register. xs, ys: start point in steps from the centre. rx, ry: sense of each axis
     at the start; only the signs are used, to interpret d (motion/4). axes: first and second axis of the plane (0 X, 1 Y
     ...) out of axis_count.
 
-    Raises ValueError for a negative or too large tick number, too large coordinates, axes that are not different, or a
-    third axis with more steps than there are ticks.
+    Raises ValueError for a negative or too large tick number, too large coordinates, or axes that are not different.
     """
     used = [*axes] if third_axis is None else [*axes, third_axis]
     if len(axes) != 2 or len(set(used)) != len(used) or not set(used) <= set(range(axis_count)):
         raise ValueError(f"a circle needs different axes out of 0..{axis_count - 1}, got {used}")
-    if not 0 <= ticks < LARGEST or max(abs(xs), abs(ys)) >= LARGEST:
-        raise ValueError(f"ticks, xs and ys of a circle must stay below {LARGEST}, got {ticks}, {xs}, {ys}")
-    if abs(third_steps) > ticks:
-        raise ValueError(f"the third axis cannot make {third_steps} steps in {ticks} ticks")
+    if ticks < 0 or max(ticks, abs(xs), abs(ys), abs(third_steps)) >= LARGEST:
+        numbers = f"{ticks}, {xs}, {ys}, {third_steps}"
+        raise ValueError(f"ticks, xs, ys and third steps of a circle must stay below {LARGEST}, got {numbers}")
     if clockwise:
         (xs, ys), (rx, ry), axes = (ys, xs), (ry, rx), (axes[1], axes[0])
     r2 = squared_radius(d, xs, ys, 1 if rx > 0 else -1, 1 if ry > 0 else -1)
@@ -128,7 +126,7 @@ def _rounds_to(radius: int, x: int, y: int) -> bool:
 class Circle:
     """An arc in the counter-clockwise frame: for a clockwise arc the axes are exchanged."""
 
-    ticks: int
+    arc_ticks: int
     xs: int
     ys: int
     squared_radius: int
@@ -137,10 +135,21 @@ class Circle:
     third_steps: int
     axes: int
 
+    @property
+    def ticks(self) -> int:
+        """Those of the arc, or of a third axis that has more."""
+        return max(self.arc_ticks, abs(self.third_steps))
+
     def deltas(self, first: int, last: int) -> NDArray[np.int8]:
         check_range(first, last, self.ticks)
         delta = np.zeros((last - first, self.axes), dtype=np.int8)
-        _walk(*self._state(first), delta, *self.plane)
+        begin, end = (even(k, self.arc_ticks, self.ticks) for k in (first, last))
+        steps = delta if end - begin == last - first else np.zeros((end - begin, self.axes), dtype=np.int8)
+        _walk(*self._state(begin), steps, *self.plane)
+        if steps is not delta:
+            makes_one = np.zeros((last - first, 1), dtype=np.int8)
+            fill_even(makes_one, 0, first, self.arc_ticks, self.ticks)
+            delta[makes_one[:, 0] == 1] = steps
         if self.third_axis is not None:
             fill_even(delta, self.third_axis, first, self.third_steps, self.ticks)
         return delta
@@ -148,7 +157,7 @@ class Circle:
     def displacement(self, k: int) -> Displacement:
         check_range(0, k, self.ticks)
         steps = [0] * self.axes
-        x, y, _ = self._state(k)
+        x, y, _ = self._state(even(k, self.arc_ticks, self.ticks))
         steps[self.plane[0]] = x - self.xs
         steps[self.plane[1]] = y - self.ys
         if self.third_axis is not None:
@@ -156,7 +165,7 @@ class Circle:
         return tuple(steps)
 
     def _state(self, k: int) -> tuple[int, int, int]:
-        """x, y, c after k ticks, computed from the last checkpoint."""
+        """x, y, c after k steps of the arc, computed from the last checkpoint."""
         x, y, c = (int(value) for value in _checkpoints(self)[k // INTERVAL])
         rest = np.empty((k % INTERVAL, 2), dtype=np.int8)
         return _walk(x, y, c, rest, 0, 1) if rest.size else (x, y, c)
@@ -164,8 +173,8 @@ class Circle:
 
 @lru_cache(maxsize=16)
 def _checkpoints(path: Circle) -> NDArray[np.int64]:
-    """int64 [ticks // INTERVAL + 1, 3]: x, y, c after 0, INTERVAL, 2 INTERVAL, ... ticks."""
-    states = np.empty((path.ticks // INTERVAL + 1, 3), dtype=np.int64)
+    """int64 [n, 3]: x, y, c after 0, INTERVAL, 2 INTERVAL, ... steps of the arc."""
+    states = np.empty((path.arc_ticks // INTERVAL + 1, 3), dtype=np.int64)
     state = path.xs, path.ys, path.xs**2 + path.ys**2 - path.squared_radius
     scratch = np.empty((INTERVAL, 2), dtype=np.int8)
     for row in states:

@@ -197,7 +197,7 @@ class Joined:
         if self.dropped:
             return self
         same = (new.scale, new.ceiling, new.hold) == (self.scale, self.ceiling, self.hold)
-        same = same and wanted is None and not drop
+        same = same and wanted is None and not drop and (sharpness == 1 or not new.held)
         if same and (append is None or not len(append)):
             return self
         number, state = self._state(k)
@@ -212,7 +212,7 @@ class Joined:
             tail = tail.with_pieces(append)
         if drop and new.held:
             new = replace(new, dropped=True)
-        if not (self.held and new.held) or sharpness != 1:
+        if not (self.held and new.held) or (sharpness != 1 and state.v > 0):
             laid = new.ramps.braked(tail, state, sharpness) if new.held else new.ramps.laid(tail, state)
             tail = tail.with_phases(*laid)
         if not len(tail.phases) and len(tail.table):  # stands where it is, which may be in the middle of a piece

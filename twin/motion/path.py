@@ -5,7 +5,7 @@ one checkpoint interval).
 
     line     axis i with n_i steps has made floor((2 k n_i + N) / (2 N)) of them after tick k, N = max |n_i|
     circle   every tick is one step of one of the two axes
-    helix    a circle of B ticks; the third axis follows by the rule of the line with N = B
+    helix    a circle of B ticks; the third axis follows by the rule of the line with N = B, or leads if it has more
 """
 
 from __future__ import annotations

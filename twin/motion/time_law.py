@@ -41,6 +41,8 @@ LONGEST_NS = 1 << 62  # times must stay below this (146 years), so that sums of 
 # rest of T costs 1 u of the sum and 1 u of the rest.
 DOUBT = 12 * 2.0**-53
 
+PATH_DIGITS = 64  # binary digits after the point of a frequency that is irrational
+REST = 1 << 60  # parts of a nanosecond in which a rest that does not fit into 64 bits is kept
 ROOT_DIGITS = 128  # binary digits after the point to which irrational times are known
 
 
@@ -65,6 +67,16 @@ class TimeLaw(Protocol):
 
     def stopped(self, t_ns: int) -> TimeLaw:
         """The same up to t_ns, then the ramp from the momentary frequency to standstill, if there is one."""
+
+
+def along_path(speed_hz: int, steps: Sequence[int]) -> Rational:
+    """Frequency of the leading axis of a line whose speed along the path is `speed_hz`: V N / sqrt(sum n^2), exactly
+    or to 2^-64 Hz."""
+    square, leading = sum(n * n for n in steps), speed_hz * max(map(abs, steps))
+    length = math.isqrt(square)
+    if length * length == square:
+        return Fraction(leading, length)
+    return Fraction(math.isqrt((leading * leading << 2 * PATH_DIGITS) // square), 1 << PATH_DIGITS)
 
 
 def constant(ticks: int, speed_hz: Rational) -> Trapezoid:
@@ -269,8 +281,13 @@ class _Cruise(NamedTuple):
         start, den = self.slope * k + self.offset, self.denominator
         if den < 1 << 61:
             _fill_cruise(out, *divmod(start, den), *divmod(self.slope, den), den)
-        else:  # the accumulator does not fit into 64 bits: whole numbers of any length
-            out[:] = [round(Fraction(start + self.slope * i, den)) for i in range(len(out))]
+        else:  # the rests do not fit into 64 bits: between two that do, and the few ticks where these differ one by one
+            (whole, rest), (step_whole, step_rest) = divmod(start, den), divmod(self.slope, den)
+            low, step_low, high = rest * REST // den, step_rest * REST // den, np.empty_like(out)
+            _fill_cruise(out, whole, low, step_whole, step_low, REST)
+            _fill_cruise(high, whole, low + 1, step_whole, step_low + 1, REST)
+            for i in np.flatnonzero(out != high).tolist():
+                out[i] = self.time(k + i)
 
 
 def _cruise(first: int, last: int, slope: int, offset: int, denominator: int) -> _Cruise:
@@ -280,7 +297,7 @@ def _cruise(first: int, last: int, slope: int, offset: int, denominator: int) ->
 
 @njit(nogil=True)
 def _fill_cruise(out, whole, rest, step_whole, step_rest, den):
-    """out[i] = round(whole + rest / den + i (step_whole + step_rest / den)), ties to even; the rests are below den."""
+    """out[i] = round(whole + rest / den + i (step_whole + step_rest / den)), ties to even; no rest is above den."""
     for i in range(out.size):
         double = 2 * rest
         out[i] = whole + (double > den or (double == den and whole & 1))

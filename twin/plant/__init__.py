@@ -134,6 +134,10 @@ class Plant(Protocol):
         """Who has met since the last call, in machine coordinates. Empty unless something is clamped on the table, or,
         with physics, the tool reaches the table."""
 
+    @property
+    def may_collide(self) -> bool:
+        """True if there are bodies that must not meet, and can."""
+
     def watch_clearance(self) -> Any:
         """Something that keeps the least distance of bodies that must not meet (contact.Least) from now on, told of the
         path by the plant, or by whoever samples it. None if there are no such bodies."""

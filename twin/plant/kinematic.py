@@ -264,6 +264,10 @@ class KinematicPlant(IdealDrives, PathSamples):
         taken, self._collisions = self._collisions, ()
         return taken
 
+    @property
+    def may_collide(self) -> bool:
+        return self._along is not None
+
     def watch_clearance(self) -> Least | None:
         """It is told of the path here."""
         if self._along is None:

@@ -229,6 +229,10 @@ class MujocoPlant(LoopSamples):
         place, speed = self.position_mm, float(np.linalg.norm(self.velocity_mm_s))
         return (touch.crash(self.machine, int(feeler["at"][0]), place, self.time_ns, speed),)
 
+    @property
+    def may_collide(self) -> bool:
+        return len(self.parts.touching) > 0 or (self.machine.probe is not None and self.machine.probe.enabled)
+
     def watch_clearance(self) -> Least | None:
         """It has to be told of the path. None if no two bodies can meet."""
         geometry = Geometry(self.model_as_built())

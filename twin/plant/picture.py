@@ -19,6 +19,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from isel_twin.base.thinning import extremes
 from isel_twin.machine import Machine
 from isel_twin.plant import PLACES
 from isel_twin.plant.model import load_model
@@ -126,7 +127,7 @@ def on_table(model: mujoco.MjModel, names: Sequence[str], path_mm: NDArray[np.fl
     """float64 [m, 3], a path [n, 3] of the tool in machine coordinates, in metres from the table's top; m at most
     MOST_PIECES + 1. names: the joints of X, Y and Z."""
     data = mujoco.MjData(model)
-    points = path_mm[np.unique(np.linspace(0, len(path_mm) - 1, MOST_PIECES + 1).astype(np.int64))]
+    points = path_mm[extremes(path_mm, MOST_PIECES + 1)]
     line = np.empty((len(points), 3))
     for at, point in zip(line, points, strict=True):
         _place(model, data, names, point)

@@ -99,7 +99,7 @@ def spec_of(recorded: Recorded, folder: Path) -> TwinSpec:
     if not recorded.of_twin:
         raise RecordingError(f"{recorded.path}: is of a real controller and does not say what machine there was")
     if said.get("begins_ns") != "0":
-        raise RecordingError(f"{recorded.path}: does not begin at power-on, so nobody knows how the machine was then")
+        raise RecordingError(f"{recorded.path}: does not begin at power-on: the state of its machine is not known")
     files = recorded.attachments
     for name, data in files.items():
         kind, slash, rest = name.partition("/")
@@ -160,7 +160,7 @@ def replay(recorded: Recorded, twin: Twin, pace: Pace | None = None) -> Differen
     """Play a recording to its twin from `rebuilt` and return the first difference. Raises RecordingError, also for a
     recording without operations, as its comparison would have no meaning."""
     if not any(recorded.of(*_DONE)):
-        raise RecordingError(f"{recorded.path}: nobody does anything in it: there is nothing to compare")
+        raise RecordingError(f"{recorded.path}: no host and no operator acts in it: there is nothing to compare")
     eye = _Eye(recorded, twin)
     recording = Recording(twin, eye, recorded.interval_ns, recorded.has_forces)
     for entry in recorded.of(*CAUSES):

@@ -108,7 +108,8 @@ def add_run(steps: Steps, time_ns: int, content: dict[str, Any]) -> None:
 def _path_table(path: StepLine | Circle) -> dict[str, Any]:
     if isinstance(path, StepLine):
         return {"line": list(path.steps), "ticks": path.ticks}
-    return {"circle": {item.name: getattr(path, item.name) for item in fields(path)}}
+    table = {item.name: getattr(path, item.name) for item in fields(path)}
+    return {"circle": {"ticks": table.pop("arc_ticks"), **table}}
 
 
 def _path_from(table: dict[str, Any]) -> StepPath:
@@ -116,7 +117,7 @@ def _path_from(table: dict[str, Any]) -> StepPath:
         return replace(line([int(n) for n in table["line"]]), ticks=int(table["ticks"]))
     numbers = dict(table["circle"])
     first, second = numbers.pop("plane")
-    return Circle(plane=(int(first), int(second)), **numbers)
+    return Circle(numbers.pop("ticks"), plane=(int(first), int(second)), **numbers)
 
 
 def _joined_from(table: dict[str, Any], before: Motion | None) -> SetPointRun:

@@ -25,6 +25,7 @@ import numpy as np
 
 from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.base.files import replacing
+from isel_twin.base.thinning import extremes
 from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.language import readable
 from isel_twin.plant.scene import Poses, body_meshes
@@ -148,7 +149,7 @@ def _bodies(recorded: Recorded, machine: Places, epoch_ns: int) -> Iterator[Mess
         frame = ROOT if mesh.body == "world" else mesh.body
         entities.append(_entity(_stamp(epoch_ns + first_ns), frame, f"{mesh.body}/{number}", triangles=[shape]))
     path = []
-    for position_mm in at_mm[:: max(1, math.ceil(len(at_mm) / PATH_POINTS))]:
+    for position_mm in at_mm[extremes(at_mm, PATH_POINTS)]:
         poses.at(position_mm.tolist())
         path.append(_point(poses.tool))
     line = {

@@ -18,6 +18,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from isel_twin.base.files import kind_of
+
 if TYPE_CHECKING:
     from isel_twin.motion import Steps
     from isel_twin.recordings.recorder import Samples
@@ -28,26 +30,15 @@ VIEWER = ".mcap"  # a recording for viewers
 
 def trace_kind(path: Path) -> str:
     """The kind of trace by a file name, one of KINDS. Raises ValueError, also if an optional package is missing."""
-    if path.suffix not in KINDS:
-        raise ValueError(f"{path}: the name must end in {', '.join(KINDS[:-1])} or {KINDS[-1]}")
-    check_kind(path.suffix, f"{path}:")
-    return path.suffix
+    kind = kind_of(path, KINDS)
+    _check_package(path, kind)
+    return kind
 
 
-def export_kind(path: Path) -> str:
-    """As `trace_kind`, for what a recording can be written as: one of KINDS, or VIEWER."""
-    if path.suffix == VIEWER:
-        return VIEWER
-    try:
-        return trace_kind(path)
-    except ValueError as error:
-        raise ValueError(str(error).replace("must end in ", f"must end in {VIEWER}, ")) from None
-
-
-def check_kind(kind: str, about: str) -> None:
-    """Raise ValueError, one line that begins with `about`, if a kind of trace needs a missing package."""
+def _check_package(path: Path, kind: str) -> None:
+    """Raise ValueError if a kind of trace needs a missing package."""
     if kind == ".parquet" and find_spec("pyarrow") is None:
-        raise ValueError(f"{about} needs pyarrow: pip install 'isel-twin[trace]'")
+        raise ValueError(f"{path}: needs pyarrow: pip install 'isel-twin[trace]'")
 
 
 def write_trace(path: Path, steps: Steps, recorder: Samples | None, kind: str | None = None) -> None:
@@ -57,7 +48,7 @@ def write_trace(path: Path, steps: Steps, recorder: Samples | None, kind: str | 
     file cannot be written.
     """
     kind = kind or trace_kind(path)
-    check_kind(kind, f"{path}:")
+    _check_package(path, kind)
     if recorder is None and kind != ".npz":
         raise ValueError(f"{path}: this kind of trace needs a recorder that has watched the twin")
     writers = import_module(f"isel_twin.recordings.{kind[1:]}")
@@ -81,7 +72,7 @@ def export(recording: str | os.PathLike[str], out: str | os.PathLike[str], kind:
     from isel_twin.recordings.reading import Played, RecordingError, read
 
     out = Path(out)
-    kind = kind or export_kind(out)
+    kind = kind or kind_of(out, (VIEWER, *KINDS))
     recorded = read(recording)
     if not recorded.of_twin:
         raise RecordingError(f"{recording}: has bytes of a line and nothing else; `isel-twin decode` explains them")

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from isel_twin.base.thinning import extremes
 from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.core.position import position_error_mm
 
@@ -154,11 +155,10 @@ def _speed(
 
 
 class _WayMaker:
-    """Collects vertices, merges those within a pixel, and drops every second one when there are too many."""
+    """Collects vertices, merges those within a pixel, and keeps the extremes when there are too many."""
 
     def __init__(self, pixel_mm: float) -> None:
         self._pixel_mm = pixel_mm
-        self._stride = 1
         self._last: NDArray[np.int64] | None = None
         self._parts: list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]] = []
 
@@ -168,7 +168,7 @@ class _WayMaker:
         self._last = pixels[-1]
         new = (np.diff(pixels, axis=0, prepend=before) != 0).any(axis=1)
         new[0] = True
-        starts = np.flatnonzero(new)[:: self._stride]
+        starts = np.flatnonzero(new)
         worst = np.maximum.reduceat(deviation_mm, starts)
         self._parts.append((position_mm[starts], worst, t_ns[starts]))
         if sum(len(part[2]) for part in self._parts) > 2 * MOST_WAY:
@@ -177,9 +177,8 @@ class _WayMaker:
     def _thin(self) -> None:
         position_mm, worst, t_ns = (np.concatenate(each) for each in zip(*self._parts, strict=True))
         if len(t_ns) > MOST_WAY:
-            starts = np.arange(0, len(t_ns), 2)
+            starts = extremes(position_mm, MOST_WAY)
             position_mm, worst, t_ns = position_mm[starts], np.maximum.reduceat(worst, starts), t_ns[starts]
-            self._stride *= 2
         self._parts = [(position_mm, worst, t_ns)]
 
     def made(self) -> Way:

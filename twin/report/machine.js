@@ -63,13 +63,28 @@ function corners(mesh) {
   return new Float32Array(out);
 }
 
-// The path of the tool over the table: places in the frame of the table and colours, one point a sample or, in a long session, fewer.
+// Indices of at most `most` of the values of curves: of each stretch the first, least and largest of each, and the last one.
+function extremes(curves, most) {
+  const count = curves[0].length, size = count > most ? Math.ceil(count * (2 * curves.length + 1) / (most - 8)) : 1, kept = [];
+  for (let from = 0; from < count; from += size) {
+    const found = [from];
+    for (const values of size > 1 ? curves : []) {
+      let low = from, high = from;
+      for (let i = from; i < Math.min(from + size, count); i++) { if (values[i] < values[low]) low = i; if (values[i] > values[high]) high = i; }
+      found.push(low, high);
+    }
+    kept.push(...[...new Set(found)].sort((a, b) => a - b));
+  }
+  if (size > 1 && kept.at(-1) !== count - 1) kept.push(count - 1);
+  return kept;
+}
+
+// The path of the tool over the table: places in the frame of the table and colours, one point a sample or, in a long session, its extremes.
 function trail(session) {
   const { bodies, tool, table } = session.machine, error = session.samples.find((one) => one.name === "position_error_mm");
-  const every = Math.ceil(session.times.length / TRAIL), times_s = session.times.filter((_, i) => i % every === 0);
-  const places = new Float32Array(3 * times_s.length), paints = new Float32Array(4 * times_s.length);
-  times_s.forEach((_, point) => {
-    const i = point * every;
+  const kept = extremes(session.places, TRAIL), times_s = Float64Array.from(kept, (i) => session.times[i]);
+  const places = new Float32Array(3 * kept.length), paints = new Float32Array(4 * kept.length);
+  kept.forEach((i, point) => {
     const all = frames(bodies, session.places.map((values) => values[i]));
     places.set(inside(all[table], moved(all[tool.body], tool.at)), 3 * point);
     const off = Math.min(error ? Math.hypot(...error.values.map((values) => values[i])) / BAD_MM : 0, 1);

@@ -55,10 +55,10 @@ def draw(
     plots[0].fill_between(time_s, *seen.speed_mm_s, linewidth=1, color="#1d2733")
     for i, axis in enumerate(CARRIAGES):
         for plot, (low, high), by in ((plots[1], seen.position_mm, 1.0), (plots[2], seen.error_mm, 1e3)):
-            at, middle = time_s.copy(), (low[:, i] + high[:, i]) * by / 2.0
+            both = np.stack([low[:, i], high[:, i]], axis=1) * by  # a line through the least and the largest
             cuts = np.flatnonzero(np.diff(seen.piece)) + 1
-            plot.plot(np.insert(at, cuts, at[cuts]), np.insert(middle, cuts, np.nan), label=axis.upper(), linewidth=1)
-            plot.fill_between(time_s, low[:, i] * by, high[:, i] * by, linewidth=0, alpha=0.4)
+            at, values = np.insert(time_s, cuts, time_s[cuts]), np.insert(both, cuts, np.nan, axis=0)
+            plot.plot(at.repeat(2), values.ravel(), label=axis.upper(), linewidth=1)
     for plot, label in zip(plots, ("speed / mm/s", "position / mm", "error / um"), strict=False):
         plot.set_ylabel(label)
     low_um, high_um = plots[2].get_ylim()

@@ -3,8 +3,8 @@
     Recorded --- session ---> Session: JSON, and columns of whole numbers --- playback_page ---> one HTML file
 
 The page loads nothing, so it can be handed on. It holds all there is: each sample, and each step with its time. What
-does not fit into the bytes asked for is left out from the finest on, and told on the page: first every other sample,
-again and again, then the single steps.
+does not fit into the bytes asked for is left out from the finest on, and told on the page: first samples, of which the
+least and the largest of ever more remain, then the single steps.
 
     script      playback.js (time, line), scope.js (signals, cursors, trigger, VCD), machine.js (WebGL)
     data        zlib of: length of the JSON (4 bytes, little endian), JSON, columns
@@ -39,6 +39,7 @@ from isel_twin.report.svg import escape
 MOST_BYTES = 5_000_000  # of a file that is handed on
 LEAST_SAMPLES = 2000  # below that samples are not thinned out any more
 NOTHING = -(10**9)  # in a column: no value
+PAUSE = 3  # intervals between samples from which on nothing moved meanwhile (scope.js)
 
 # what is shown of the samples: name, unit, resolution
 QUANTITIES = (
@@ -87,7 +88,8 @@ def playback_page(recorded: Recorded, most_bytes: int | None = MOST_BYTES) -> tu
     every, steps = 1, True
     while True:
         left_out = [f"the machine in 3D: the recording {why}"] if why else []
-        left_out += [f"of {every} samples, all but one, for the size of the file"] if every > 1 else []
+        if every > 1:
+            left_out.append(f"of {2 * every} samples, all but the least and largest, for the size of the file")
         left_out += [] if steps else ["single steps, for the size of the file"]
         page = _page(recorded, session(recorded, machine, every, steps, left_out).data())
         if most_bytes is None or len(page) <= most_bytes:
@@ -116,25 +118,33 @@ def _page(recorded: Recorded, data: bytes) -> str:
 def session(
     recorded: Recorded, machine: Places | None, every: int = 1, steps: bool = True, left_out: list[str] | None = None
 ) -> Session:
-    """What the page holds. every: of so many samples one is taken; steps: with each step."""
+    """What the page holds. every: of twice as many samples two are taken, the least and the largest of each value;
+    steps: with each step."""
     columns: list[bytes] = []
 
     def column(values: NDArray[Any], order: int = 1) -> int:
         columns.append(packed(values, order))
         return len(columns) - 1
 
-    rows = np.append(np.diff(recorded.sample_times_ns) > 0, True)[: len(recorded.sample_times_ns)]
-    rows = np.flatnonzero(rows)[::every]
-    samples = recorded.samples[rows]
+    times_ns = recorded.sample_times_ns
+    kept = np.flatnonzero(np.append(np.diff(times_ns) > 0, True)[: len(times_ns)])
+    groups = _groups(times_ns[kept], every, recorded.interval_ns)
+    rows = kept[_middles(groups, len(kept))]
     about: dict[str, Any] = {
         "axes": list(AXIS_NAMES[: recorded.axes]),
         "end_ns": recorded.end_ns,
         "interval_ns": recorded.interval_ns * every,
         "left_out": left_out or [],
-        "times": column(recorded.sample_times_ns[rows], 2),
+        "times": column(times_ns[rows], 2),
         "samples": [
-            {"name": name, "unit": unit, "step": step, "nothing": NOTHING, "columns": [column(one) for one in parts]}
-            for name, unit, step, parts in _quantities(samples)
+            {
+                "name": name,
+                "unit": unit,
+                "step": step,
+                "nothing": NOTHING,
+                "columns": [column(_extremes(one, groups)) for one in parts],
+            }
+            for name, unit, step, parts in _quantities(recorded.samples[kept])
         ],
         "changes": _changes(recorded),
         "lines": list(_lines(recorded)),
@@ -146,6 +156,35 @@ def session(
         moved = [column(stream.delta[:, axis], 0) for axis in range(recorded.axes)]
         about["ticks"] = {"times": column(stream.t_ns, 2), "moved": moved, "led": bool(stream.dtype != np.int8)}
     return Session(about, tuple(columns))
+
+
+def _groups(times_ns: NDArray[np.int64], every: int, interval_ns: int) -> NDArray[np.int64]:
+    """First of each group of twice `every` samples without a pause. The last one before a pause, whose values hold
+    through it, is alone."""
+    ends = np.append(np.diff(times_ns) > PAUSE * interval_ns, True)[: len(times_ns)]
+    numbers = np.arange(len(times_ns))
+    begins = np.maximum.accumulate(np.where(np.append(True, ends[:-1])[: len(ends)], numbers, 0))
+    return np.flatnonzero(((numbers - begins) % (2 * every) == 0) | ends)
+
+
+def _middles(firsts: NDArray[np.int64], number: int) -> NDArray[np.int64]:
+    """The samples whose times the two of each group get: its first one, and the one in its middle if it has more."""
+    sizes = np.diff(firsts, append=number)
+    found: NDArray[np.int64] = np.sort(np.concatenate([firsts, (firsts + sizes // 2)[sizes > 1]]))
+    return found
+
+
+def _extremes(values: NDArray[np.int64], firsts: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The least and the largest of each group, in the order of the way from its first to its last."""
+    if not len(values):
+        return values
+    lasts = np.append(firsts[1:], len(values)) - 1
+    low = np.minimum.reduceat(np.where(values == NOTHING, -NOTHING, values), firsts)
+    low, high = np.where(low == -NOTHING, NOTHING, low), np.maximum.reduceat(values, firsts)
+    rises = values[firsts] <= values[lasts]
+    pairs = np.stack([np.where(rises, low, high), np.where(rises, high, low)], axis=1)
+    found: NDArray[np.int64] = pairs[np.stack([lasts >= firsts, lasts > firsts], axis=1)]
+    return found
 
 
 def _quantities(samples: NDArray[np.void]) -> Iterator[tuple[str, str, float, list[NDArray[np.int64]]]]:

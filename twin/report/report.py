@@ -18,7 +18,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
-from isel_twin.base.files import atomic_write
+from isel_twin.base.files import atomic_write, kind_of
 from isel_twin.base.units import SECOND_NS
 from isel_twin.jobs.checks.rules import RULES
 from isel_twin.report.columns import Columns, columns
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from isel_twin.jobs.result import Part, Result
     from isel_twin.recordings.recorder import Recorder
 
+KINDS = ".html", ".htm", ".png"
 ROWS = 1000  # most commands listed, beside those with a finding
 PICTURES = 60  # most findings with a picture
 LONG = 400  # most characters of a command or reply that are shown
@@ -49,10 +50,11 @@ def write_report(
     checked: Report | None = None,
     bounds: Bounds | None = None,
 ) -> None:
-    """Write the page, or a picture if the name ends in .png. Raises OSError.
+    """Write the page, or a picture if the name ends in .png. Raises OSError, and ValueError for another ending.
 
     summary: of the verdict, with "ok". checked: report with the findings; bounds: those of the check.
     """
+    kind = kind_of(path, KINDS, bare=True)
     seen = columns(recorder, twin.step_mm, twin.time_ns)
     findings = () if checked is None else checked.findings
     marks = [
@@ -62,7 +64,7 @@ def write_report(
     ]
     asked = {} if bounds is None else {"deviation_mm": bounds.deviation_mm, "margin": bounds.margin}
     limits = {key: value for key, value in asked.items() if value is not None}
-    if os.fspath(path).lower().endswith(".png"):
+    if kind == ".png":
         from isel_twin.report.picture import draw
 
         atomic_write(path, draw(title, seen, results, marks, limits))
@@ -71,14 +73,14 @@ def write_report(
     ok = bool(summary.get("ok")) if checked is None else checked.ok and bool(summary.get("ok"))
     body = [
         f"<header><h1>{escape(title)}</h1>",
-        f"<p class='verdict {'good' if ok else 'bad'}'>{'OK' if ok else 'NOT OK'}</p>",
+        f"<p class='verdict {'good' if ok else 'bad'}'>{'OK' if ok else 'FAILED'}</p>",
         f"<p>{escape(_in_short(summary, findings))}</p>",
         "<nav aria-label='Parts of the report'><ul><li><a href='#summary'>Summary</a></li>",
         "<li><a href='#findings'>Findings</a></li>" if findings else "",
         "<li><a href='#path'>Path</a></li><li><a href='#plots'>Time plots</a></li>",
         "<li><a href='#commands'>Commands</a></li></ul></nav></header><main>",
         "<section aria-labelledby='summary'><h2 id='summary'>Summary</h2><div class='columns tables'>",
-        "" if checked is None else _limits(checked, bounds),
+        "" if checked is None or bounds is None else _limits(checked, bounds),
         _facts(summary),
         "</div></section>",
         _findings(findings, marks, seen, plots) if findings else "",
@@ -132,43 +134,17 @@ def _facts(summary: Mapping[str, Any]) -> str:
     return f"<table><caption>The run</caption><tbody>{body}</tbody></table>"
 
 
-def _limits(checked: Report, bounds: Bounds | None) -> str:
+def _limits(checked: Report, bounds: Bounds) -> str:
     margin = "none" if checked.verdict.least_margin is None else f"{100.0 * checked.verdict.least_margin:.0f} %"
     nearest = checked.verdict.least_edge
     edge = "none" if nearest is None else f"{nearest[0]:.2f} ({nearest[1].upper()}, line {nearest[2]})"
     measured = {"margin": margin, "edge": edge, "cycle": f"{checked.verdict.cycle_s:.3f} s"}
-    limits: dict[str, str] = {}
-    if bounds is not None:
-        if bounds.margin is not None:
-            limits["margin"] = f"at least {100.0 * bounds.margin:g} %"
-        if bounds.edge is not None:
-            limits["edge"] = f"at least {bounds.edge:g}"
-        if bounds.deviation_mm is not None:
-            limits["deviation"] = f"at most {bounds.deviation_mm:g} mm"
-        if bounds.contour_mm is not None:
-            limits["contour"] = f"at most {bounds.contour_mm:g} mm"
-        if bounds.cycle_s is not None:
-            limits["cycle"] = f"at most {bounds.cycle_s:g} s"
-        if bounds.clearance is not None:
-            limits["clearance"] = f"at least {bounds.clearance:g} mm"
-        if bounds.may_strike:
-            limits["switch"] = f"may be struck: {', '.join(bounds.may_strike)}"
-        limits["unfinished"] = f"{bounds.timeout_s:g} s a command"
-        if bounds.robust:
-            limits["luck"] = f"{bounds.robust} repetitions"
-        if bounds.uncertain:
-            limits["doubt"] = f"{bounds.uncertain} repetitions"
     rows = []
-    for rule, demand in RULES.items():
-        number = sum(finding.rule == rule for finding in checked.findings)
-        unbound = rule in ("margin", "edge", "deviation", "cycle", "clearance", "luck", "doubt") and rule not in limits
-        told = _many(number, "finding") if number else ("no limit" if unbound else "ok")
-        if rule == "golden" and not checked.golden.call:
-            told = "not compared"
-        wrong = " class='wrong'" if number else ""
-        texts = demand, limits.get(rule, ""), measured.get(rule, ""), told
+    for name, rule in RULES.items():
+        wrong = " class='wrong'" if any(finding.rule == name for finding in checked.findings) else ""
+        texts = rule.demand, bounds.limit(name) or "", measured.get(name, ""), checked.outcome(name, bounds)
         cells = "".join(f"<td class='text'>{escape(text)}</td>" for text in texts)
-        rows.append(f"<tr{wrong}><th scope='row' class='text'>{rule}</th>{cells}</tr>\n")
+        rows.append(f"<tr{wrong}><th scope='row' class='text'>{name}</th>{cells}</tr>\n")
     head = _head([(name, True) for name in ("rule", "demand", "limit", "measured", "result")])
     return f"<div class='wide'><table><caption>Limits</caption>{head}<tbody>{''.join(rows)}</tbody></table></div>"
 

@@ -3,7 +3,7 @@
 //   wheel, + -        zoom about the pointer or the present time      drag, arrow keys    move the window
 //   click             go to that time                                 a, b                set a cursor to the present time
 
-const HEIGHT = { steps: 34, bits: 18, words: 18, curves: 66 }, AXIS_PX = 22, PULSE_S = 5e-6, LEAST_S = 2e-6, MOST_VCD = 2e6;
+const HEIGHT = { steps: 34, bits: 18, words: 18, curves: 66 }, AXIS_PX = 22, PULSE_S = 5e-6, PAUSE_S = 0.05, LEAST_S = 2e-6, MOST_VCD = 2e6;
 
 // Signals: {name, unit, kind, shown} and, by kind, what they have over time, as arrays `times` and `values`.
 function signals_of(session) {
@@ -20,7 +20,7 @@ function signals_of(session) {
     found.push({ name: `dir ${axis}`, unit: "1: minus", kind: "bits", led, axis, times: Float64Array.from(turns, (k) => times[k]), values: turns.map((k) => values[k] < 0 ? 1 : 0), shown: true });
   });
   const wanted = ["position_error_mm", "margin", "force_n", "velocity_mm_s"];
-  for (const one of session.samples) found.push({ name: one.name.replace(/_(mm|n|mm_s|v)$/, "").replaceAll("_", " "), unit: one.unit === "1" ? "" : one.unit, kind: "curves", times: session.times, curves: one.values, axes: one.values.length > 1 ? session.axes : ["path"], shown: wanted.includes(one.name) });
+  for (const one of session.samples) found.push({ name: one.name === "margin" ? "least margin" : one.name.replace(/_(mm|n|mm_s|v)$/, "").replaceAll("_", " "), unit: one.unit === "1" ? "" : one.unit, kind: "curves", times: session.times, curves: one.values, axes: one.values.length > 1 ? session.axes : ["path"], shown: wanted.includes(one.name) });
   for (const [name, changes] of Object.entries(session.changes)) {
     const values = changes.map(([, value]) => value), bits = values.every((value) => value === 0 || value === 1);
     found.push({ name, unit: "", kind: bits ? "bits" : "words", times: Float64Array.from(changes, ([time_ns]) => time_ns / 1e9), values, shown: changes.length > 1 && !/^output (current|analog)/.test(name) });
@@ -215,7 +215,7 @@ class Scope {
     }
   }
 
-  // Single pulses, up for plus and down for minus, or how many in a second if they lie too close.
+  // Single pulses, up for plus and down for minus, or the slowest and fastest rate of each pixel if they lie too close.
   draw_steps(pen, { times, values, sums, axis }, { top, bottom }) {
     const [a, b] = this.view, first = last_before(times, a) + 1, last = last_before(times, b), middle = (top + bottom) / 2, room = (bottom - top) / 2 - 4;
     pen.strokeStyle = pen.fillStyle = this.ink[axis] || this.ink.ink; pen.lineWidth = 1; pen.beginPath();
@@ -228,14 +228,9 @@ class Scope {
       pen.lineTo(this.left + this.width, middle); pen.stroke();
       return;
     }
-    const rates = [];
-    let before = first;
-    for (let px = 1; px <= this.width; px++) { // from the last pulse before a pixel to the last one in it
-      const to = last_before(times, this.time(this.left + px)) + 1, past_s = before ? times[to - 1] - times[before - 1] : (b - a) / this.width;
-      rates.push(to > before ? (sums[to] - sums[before]) / past_s : 0); before = to;
-    }
-    const most = rates.reduce((big, rate) => Math.max(big, Math.abs(rate)), 1);
-    rates.forEach((rate, px) => { if (rate) pen.fillRect(this.left + px, middle, 1.2, -rate / most * room); });
+    const bars = rates_of(times, sums, this.left, this.width, (x) => this.time(x), first, last);
+    const most = bars.reduce((big, [low, high]) => Math.max(big, -low, high), 1);
+    bars.forEach(([low, high], px) => { if (high > low) pen.fillRect(this.left + px, middle - high / most * room, 1.2, (high - low) / most * room); });
     const fastest = `${Math.round(most)} steps/s`, wide = pen.measureText(fastest).width + 6;
     pen.fillStyle = this.ink.paper; pen.fillRect(this.left + this.width - wide, top + 1, wide, 14); // to be read before pulses
     pen.fillStyle = this.ink.soft; pen.textAlign = "right"; pen.fillText(fastest, this.left + this.width - 3, top + 8);
@@ -247,19 +242,20 @@ class Scope {
     for (const values of curves) for (let i = first; i <= last; i++) { if (values[i] < low) low = values[i]; if (values[i] > high) high = values[i]; }
     if (high - low < 1e-9) high = low + 1;
     const y = (value) => bottom - 6 - (bottom - top - 12) * (value - low) / (high - low);
+    const pauses = (i) => i > 0 && times[i] - times[i - 1] > 3 * this.session.interval;
     pen.strokeStyle = this.ink.line; pen.beginPath(); pen.moveTo(this.left, y(0)); pen.lineTo(this.left + this.width, y(0)); pen.stroke();
     curves.forEach((values, k) => {
       pen.strokeStyle = this.ink[axes[k]] || this.ink.ink; pen.lineWidth = 1.2; pen.beginPath();
-      const step = Math.max(1, Math.floor((last - first) / this.width / 2));
-      let on = false;
-      for (let i = first; i <= last; i += step) {
-        let least = Infinity, most = -Infinity;
-        for (let j = i; j < Math.min(i + step, last + 1); j++) { if (values[j] < least) least = values[j]; if (values[j] > most) most = values[j]; }
-        if (most < least) { on = false; continue; }
-        const x = this.x(times[i]);
-        if (on && times[i] - times[i - 1] > 3 * this.session.interval) pen.lineTo(this.x(times[i] - this.session.interval), y(values[i - 1])); // nothing moved meanwhile
-        on ? pen.lineTo(x, y(least)) : pen.moveTo(x, y(least));
-        if (most > least) pen.lineTo(x, y(most));
+      let on = false, i = first;
+      while (i <= last) { // all samples of a pixel: in, least, most, out; none is left out
+        if (Number.isNaN(values[i])) { on = false; i++; continue; }
+        const from = i, x = this.x(times[from]);
+        if (on && pauses(from)) pen.lineTo(this.x(times[from] - this.session.interval), y(values[from - 1])); // nothing moved meanwhile
+        let least = values[from], most = least;
+        for (i++; i <= last && !Number.isNaN(values[i]) && !pauses(i) && this.x(times[i]) < x + 1; i++) { if (values[i] < least) least = values[i]; if (values[i] > most) most = values[i]; }
+        on ? pen.lineTo(x, y(values[from])) : pen.moveTo(x, y(values[from]));
+        if (i - from > 2) { pen.lineTo(x, y(least)); pen.lineTo(x, y(most)); }
+        if (i - from > 1) pen.lineTo(this.x(times[i - 1]), y(values[i - 1]));
         on = true;
       }
       if (on && last === times.length - 1) pen.lineTo(this.x(this.session.end), y(values[last]));
@@ -280,9 +276,31 @@ class Scope {
 
 function short(value) { const size = Math.abs(value); return size >= 100 ? value.toFixed(0) : size >= 1 ? value.toFixed(1) : String(Number(value.toPrecision(2))); }
 
+// Of each pixel the least and the largest rate, 0 included, over cells of PAUSE_S or a pixel: from the last pulse before
+// a cell, if there was no pause since, to the last one in it. Rates of both directions have room in one pixel.
+function rates_of(times, sums, left, width, time, first, last) {
+  const bars = Array.from({ length: Math.ceil(width) }, () => [0, 0]), cell_s = Math.min(time(left + 1) - time(left), PAUSE_S), begin = time(left);
+  for (let i = first; i <= last;) {
+    const cell = Math.floor((times[i] - begin) / cell_s), end = begin + (cell + 1) * cell_s, from = i > 0 && times[i] - times[i - 1] <= PAUSE_S ? i - 1 : i;
+    while (i + 1 <= last && times[i + 1] < end) i++;
+    const rate = from < i ? (sums[i + 1] - sums[from + 1]) / (times[i] - times[from]) : (sums[i + 1] - sums[i]) / PAUSE_S; // a single one in a long time
+    const bar = bars[Math.min(bars.length - 1, Math.floor((times[i] - begin) / (time(left + 1) - begin)))];
+    if (rate < bar[0]) bar[0] = rate;
+    if (rate > bar[1]) bar[1] = rate;
+    i++;
+  }
+  return bars;
+}
+
+// The rate of the last step, or how long there has been none: whether the machine stands is for the velocity to say.
 function value_text(signal, t) {
   const i = last_before(signal.times, t);
-  if (signal.kind === "steps") { if (i < 1 || t - signal.times[i] > 0.05) return "at rest"; return `${Math.round(signal.values[i] / (signal.times[i] - signal.times[i - 1]))} steps/s`; }
+  if (signal.kind === "steps") {
+    if (i < 0) return "no step yet";
+    const since = t - signal.times[i], took = signal.times[i] - signal.times[i - 1], rate = signal.values[i] / took;
+    if (took <= 1 && since <= Math.max(took, PAUSE_S)) return `${Math.abs(rate) < 100 ? rate.toFixed(1) : Math.round(rate)} steps/s`;
+    return `last ${since < 10 ? since.toFixed(3) : since.toFixed(1)} s ago`;
+  }
   if (i < 0) return "–";
   if (signal.kind === "curves") return signal.curves.map((values) => Number.isNaN(values[i]) ? "–" : values[i].toFixed(3)).join(" ");
   return String(signal.values[i]);
@@ -297,7 +315,7 @@ function hits_of(signal, edge, value) {
     return found;
   }
   for (let i = 0; i < times.length; i++) {
-    const is = { "any step": true, begins: !i || times[i] - times[i - 1] > 0.05, "turns round": i && values[i] < 0 !== values[i - 1] < 0, rises: i && values[i] && !values[i - 1], falls: i && !values[i] && values[i - 1],
+    const is = { "any step": true, begins: !i || times[i] - times[i - 1] > PAUSE_S, "turns round": i && values[i] < 0 !== values[i - 1] < 0, rises: i && values[i] && !values[i - 1], falls: i && !values[i] && values[i - 1],
       changes: i > 0, becomes: String(values[i]).toLowerCase().includes(value.toLowerCase()) }[edge];
     if (is) found.push(times[i]);
   }

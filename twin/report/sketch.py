@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.base.files import atomic_write
 from isel_twin.base.pictures import picture_bytes
+from isel_twin.base.thinning import extremes
 from isel_twin.base.units import SECOND_NS
 from isel_twin.core.position import position_error_mm
 
@@ -20,15 +21,15 @@ if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
     from isel_twin.recordings.recorder import Recorder
 
-POINTS = 4000  # approximate number of samples drawn
+POINTS = 4000  # most samples of a curve that are drawn
 
 
 def write_sketch(path: str | os.PathLike[str], twin: Twin, recorder: Recorder, zero_ns: int = 0) -> None:
     """Write a PNG of what the recorder saw. zero_ns: when a counter was last set. Raises OSError."""
     samples = np.concatenate(list(recorder.samples()))
-    samples = np.concatenate([samples[:: max(1, len(samples) // POINTS)], samples[-1:]])
     time_s = samples["time_ns"] / SECOND_NS
-    x, y, z = samples["position_mm"][samples["time_ns"] >= zero_ns].T
+    path_mm = samples["position_mm"][samples["time_ns"] >= zero_ns]
+    x, y, z = path_mm[extremes(path_mm, POINTS)].T
     figure = Figure(figsize=(11, 8), dpi=100)  # fixed margins; computing them would draw all twice
     figure.subplots_adjust(0.09, 0.07, 0.98, 0.95, wspace=0.2, hspace=0.3)
     (plan, front), (error, lost) = figure.subplots(2, 2)
@@ -43,10 +44,10 @@ def write_sketch(path: str | os.PathLike[str], twin: Twin, recorder: Recorder, z
             middle = sum(limits) / 2.0
             limit(min(limits[0], middle - 0.5), max(limits[1], middle + 0.5))
     error_um = position_error_mm(samples["position_mm"], samples["counts"], twin.step_mm) * 1e3
-    for i, axis in enumerate(CARRIAGES):
-        error.plot(time_s, error_um[:, i], label=axis, linewidth=1)
-    for i, axis in enumerate(AXIS_NAMES[: samples["lost_steps"].shape[1]]):
-        lost.plot(time_s, samples["lost_steps"][:, i], label=axis, linewidth=1)
+    for plot, values, names in ((error, error_um, CARRIAGES), (lost, samples["lost_steps"], AXIS_NAMES)):
+        kept = extremes(values, POINTS)
+        for axis, column in zip(names, values[kept].T, strict=False):
+            plot.plot(time_s[kept], column, label=axis, linewidth=1)
     error.set(xlabel="virtual time / s", ylabel="position error / um", title="true position minus counter")
     lost.set(xlabel="virtual time / s", ylabel="lost steps", title="counter minus rotor")
     for curve in (error, lost):

@@ -8,6 +8,7 @@ In the group `zoom` x is in pixels of the whole job; report.js stretches the gro
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
 MM_FROM_UM = 1000.0  # deviations and errors from here on are shown in mm
 LEFT, RIGHT = 120, 20  # of the time plots, px
 MOST_SPANS = 1500  # of a lane; spans shorter than this part of the job are joined
+NEAR_PX = WIDTH / MOST_SPANS  # what is nearer is drawn as one
+MOST_TOLD = 5  # events that one mark tells
 _Pixels = Callable[[int], float]
 
 
@@ -188,11 +191,14 @@ def _draw_margins(drawing: _Drawing, results: Sequence[Result], px: _Pixels, bou
 
 
 def _events(recorder: Recorder, px: _Pixels, y: float) -> Iterable[str]:
-    for time_ns, kind, text in recorder.events[:MOST_SPANS]:
-        told = f"{kind} at {time_ns / SECOND_NS:.3f} s: {text}"
+    """A mark for each event, or for those that are too near each other to be told apart."""
+    for _, near in itertools.groupby(recorder.events, lambda event: int(px(event[0]) / NEAR_PX)):
+        events = list(near)
+        told = [f"{kind} at {time_ns / SECOND_NS:.3f} s: {text}" for time_ns, kind, text in events]
+        told[MOST_TOLD:] = [f"and {len(told) - MOST_TOLD} more"] if len(told) > MOST_TOLD else []
         yield (
             f"<path class='event' stroke='#c77700' stroke-width='3' vector-effect='non-scaling-stroke' "
-            f"d='M{px(time_ns):.2f} {y:g}v16'><title>{escape(told)}</title></path>"
+            f"d='M{px(events[0][0]):.2f} {y:g}v16'><title>{escape('; '.join(told))}</title></path>"
         )
 
 
@@ -250,16 +256,20 @@ def _zigzag(
 
 
 def _command_band(results: Sequence[Result], px: _Pixels, y: float) -> str:
+    """The commands; those too short to be told apart as one, but for the refused."""
     parts = []
     sent = [result for result in results if not result.condition]
-    shown = 0.0
+    joined: Result | None = None  # the first of those that are not drawn yet
     for k, result in enumerate(sent):
-        first, last = px(result.time_ns), px(result.end_ns)
-        if last - shown < WIDTH / MOST_SPANS and result.ok:
+        begin = joined or result
+        first, last = px(begin.time_ns), px(result.end_ns)
+        if last - first < NEAR_PX and result.ok and k + 1 < len(sent):
+            joined = begin
             continue
-        shown = last
+        joined = None
         style = ("even", "odd")[k % 2] if result.ok else "refused"
-        told = f"line {result.number}: {result.command[:80]} ({result.time_ns / SECOND_NS:.3f} s)"
+        lines = f"line {result.number}" if begin is result else f"lines {begin.number} to {result.number}"
+        told = f"{lines}: {result.command[:80]} ({result.time_ns / SECOND_NS:.3f} s)"
         parts.append(
             f"<rect class='{style}' x='{first:.2f}' y='{y:g}' width='{max(last - first, 0.5):.2f}' height='18'>"
             f"<title>{escape(told)}</title></rect>"
@@ -268,20 +278,29 @@ def _command_band(results: Sequence[Result], px: _Pixels, y: float) -> str:
 
 
 def _margin_lines(results: Sequence[Result], px: _Pixels, y: float, height: float) -> dict[str, str]:
-    """The least margin of each axis in each line of the job, as a stepped curve; none without physics."""
+    """The least margin of each axis in each line of the job, as a stepped curve; none without physics. Of lines too
+    short to be told apart, the least and the largest."""
     found = {}
     for i, axis in enumerate(AXIS_NAMES):
-        data, shown = [], -1.0
+        spans: list[tuple[float, float, float, float]] = []  # begin, end, least, largest
         for result in results:
             margin = result.margin[i] if i < len(result.margin) else None
-            first, last = px(result.time_ns), px(result.end_ns)
-            if margin is None or (last - shown < WIDTH / MOST_SPANS and margin >= 0.2):
+            if margin is None:
                 continue
-            shown = last
-            data.append(f"M{first:.2f} {tenths(y + height * (1.0 - margin))}H{last:.2f}")
-        if data:
-            found[axis] = "".join(data)
+            first, last, low, high = px(result.time_ns), px(result.end_ns), margin, margin
+            if spans and last - spans[-1][0] < NEAR_PX:
+                first, _, least, largest = spans.pop()
+                low, high = min(low, least), max(high, largest)
+            spans.append((first, last, low, high))
+        if spans:
+            found[axis] = "".join(_margin_line(span, y, height) for span in spans)
     return found
+
+
+def _margin_line(span: tuple[float, float, float, float], y: float, height: float) -> str:
+    first, last, low, high = span
+    from_high = f"{tenths(y + height * (1.0 - high))}V" if high > low else ""
+    return f"M{first:.2f} {from_high}{tenths(y + height * (1.0 - low))}H{last:.2f}"
 
 
 def lanes(recorder: Recorder, last_ns: int) -> list[tuple[str, str, list[tuple[int, int, int | str]]]]:
@@ -305,16 +324,19 @@ def _lane(name: str, spans: Sequence[tuple[int, int, int | str]], px: _Pixels, y
     values: dict[int | str, int] = {0: 0, "free": 0, "released": 0, "closed": 0, "ok": 0}
     if isinstance(spans[0][2], str):  # the first state of an input is its rest; numbers have no rest
         values[spans[0][2]] = 0
-    least = (spans[-1][1] - spans[0][0]) / MOST_SPANS
-    drawn_ns = spans[0][0]
-    for first_ns, last_ns, value in spans:
-        if len(spans) > MOST_SPANS and last_ns - drawn_ns < least:
-            continue
-        first, last = px(min(first_ns, drawn_ns) if len(spans) > MOST_SPANS else first_ns), px(last_ns)
-        drawn_ns = last_ns
+    least_ns = (spans[-1][1] - spans[0][0]) / MOST_SPANS if len(spans) > MOST_SPANS else 0.0
+    styles, joined = set(), 0  # of spans too short to be told apart; how many
+    for k, (first_ns, last_ns, value) in enumerate(spans):
         kind = values.setdefault(value, max(values.values()) + 1)
-        style = "fault" if value in FAULTS and value != "ok" else f"v{min(kind, 3)}"
-        told = f"{name} {value} from {first_ns / SECOND_NS:.3f} to {last_ns / SECOND_NS:.3f} s"
+        styles.add("fault" if value in FAULTS and value != "ok" else f"v{min(kind, 3)}")
+        first_ns = spans[k - joined][0]
+        if last_ns - first_ns < least_ns and k + 1 < len(spans):
+            joined += 1
+            continue
+        said = f"{joined + 1} states, the last {value}," if joined else str(value)
+        told = f"{name} {said} from {first_ns / SECOND_NS:.3f} to {last_ns / SECOND_NS:.3f} s"
+        first, last, style = px(first_ns), px(last_ns), "fault" if "fault" in styles else max(styles)
+        styles, joined = set(), 0
         yield (
             f"<rect class='{style}' x='{first:.2f}' y='{y:g}' width='{max(last - first, 0.6):.2f}' height='16'>"
             f"<title>{escape(told)}</title></rect>"

@@ -17,7 +17,7 @@ from isel_twin.wiring.acts import ACTS, Act, check_input, cut_table
 from isel_twin.wiring.cabinet import SafetyCabinet
 from isel_twin.wiring.contacts import FAULTS, Contacts
 from isel_twin.wiring.event import EVENT_KEYS, ScenarioEvent, event_now
-from isel_twin.wiring.line import SerialLine
+from isel_twin.wiring.line import LineFaults, SerialLine
 from isel_twin.wiring.scenario import ScenarioError, load_scenario, read_events, scenario_text
 from isel_twin.wiring.schedule import Schedule
 from isel_twin.wiring.when import Trigger
@@ -29,6 +29,7 @@ __all__ = [
     "FAULTS",
     "Act",
     "Contacts",
+    "LineFaults",
     "SafetyCabinet",
     "ScenarioError",
     "ScenarioEvent",

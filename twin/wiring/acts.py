@@ -236,6 +236,7 @@ class Act:
     meaning: str  # in a few words, for people
     value: Form
     do: Deed
+    told: tuple[str, ...]  # rules (isel_twin.jobs.checks) one of which tells of it when it has changed what was made
     read: Reader = _one
     # what the keys of its table are; "": a single value
     by: Literal["", "axis", "place", "input", "contact", "key"] = ""
@@ -269,47 +270,72 @@ class Act:
 
 _PART = Limits("", 0.0, 1.0)
 
+# what becomes of an act that changes anything, by rules of a check
+_OF_LINE = ("line",)
+_OF_DRIVES = ("lost", "halfway", "drive")
+_OF_CONTROLLER = ("refused", "fault", "unfinished")
+_OF_CONTACTS = (*_OF_CONTROLLER, "unpowered", "lost", "switch")
+_OF_SUPPLY = ("restart", "unpowered", "line")
+
 _LIST = (
     Act(
         "set", "elements and contacts get a state; a fault of a contact is one, ok heals it", "state",
-        lambda site, states, _: site.set_states(states), _states, "input",
+        lambda site, states, _: site.set_states(states), _OF_CONTACTS, _states, "input",
     ),
-    Act("force_n", "a push along an axis", Limits("N", -1e5, 1e5), _push, _each, "axis", 0.0, True, fault=False),
-    Act("phase_lost", "motor phases are interrupted", ("a", "b", "ab", ""), _lose_phases, _each, "axis", "", True),
-    Act("noise", "chance of a flipped bit in each byte on the line", _PART, _of_line("noise"), off=0.0),
-    Act("cut", "a cutter is in the material", "cut", _begin_cut, _cut, off="off", physical=True, fault=False),
-    Act("swapped", "the wires of two contacts are exchanged where they lead", "contact", _swap, _pairs, "contact", ""),
-    Act("friction_n", "the guides of an axis rub more", Limits("N", 0.0, 1e5), _rub, _each, "axis", 0.0, True),
+    Act(
+        "force_n", "a push along an axis", Limits("N", -1e5, 1e5),
+        _push, _OF_DRIVES, _each, "axis", 0.0, True, fault=False,
+    ),
+    Act(
+        "phase_lost", "motor phases are interrupted", ("a", "b", "ab", ""),
+        _lose_phases, _OF_DRIVES, _each, "axis", "", True,
+    ),
+    Act("noise", "chance of a flipped bit in each byte on the line", _PART, _of_line("noise"), _OF_LINE, off=0.0),
+    Act(
+        "cut", "a cutter is in the material", "cut",
+        _begin_cut, _OF_DRIVES, _cut, off="off", physical=True, fault=False,
+    ),
+    Act(
+        "swapped", "the wires of two contacts are exchanged where they lead", "contact",
+        _swap, _OF_CONTACTS, _pairs, "contact", "",
+    ),
+    Act(
+        "friction_n", "the guides of an axis rub more", Limits("N", 0.0, 1e5),
+        _rub, _OF_DRIVES, _each, "axis", 0.0, True,
+    ),
     Act(
         "obstacle_mm", "something firm stands in the way of a carriage, at a place in machine coordinates",
-        Limits("mm", -1e4, 1e4), _obstruct, _each, "axis", "off", True,
+        Limits("mm", -1e4, 1e4), _obstruct, _OF_DRIVES, _each, "axis", "off", True,
     ),
-    Act("payload_kg", "a load on tool or table", Limits("kg", 0.0, 1000.0), _load, _each, "place", 0.0, True),
+    Act(
+        "payload_kg", "a load on tool or table", Limits("kg", 0.0, 1000.0),
+        _load, _OF_DRIVES, _each, "place", 0.0, True,
+    ),
     Act(
         "undervoltage", "part of the drives' supply voltage that is missing", Limits("", 0.0, 0.95),
-        lambda site, missing, _: site.plant.set_undervoltage(missing), off=0.0, physical=True,
+        lambda site, missing, _: site.plant.set_undervoltage(missing), _OF_DRIVES, off=0.0, physical=True,
     ),
     Act(
         "hot_stage_k", "a stage is warmer than its losses make it", Limits("K", 0.0, 500.0),
-        _warm, _each, "axis", 0.0, True,
+        _warm, _OF_CONTACTS, _each, "axis", 0.0, True,
     ),
-    Act("dropped", "chance that a byte on the line is lost", _PART, _of_line("dropped"), off=0.0),
-    Act("doubled", "chance that a byte on the line comes twice", _PART, _of_line("doubled"), off=0.0),
+    Act("dropped", "chance that a byte on the line is lost", _PART, _of_line("dropped"), _OF_LINE, off=0.0),
+    Act("doubled", "chance that a byte on the line comes twice", _PART, _of_line("doubled"), _OF_LINE, off=0.0),
     Act(
         "line_cut", "nothing passes on the line", bool,
-        lambda site, is_cut, moment: site.line.cut(moment.t_ns, is_cut), off=False,
+        lambda site, is_cut, moment: site.line.cut(moment.t_ns, is_cut), _OF_LINE, off=False,
     ),
     Act(
         "reset", "the controller starts anew, as by a reset button", bool,
-        lambda site, _, __: site.restart(), fault=False,
+        lambda site, _, __: site.restart(), _OF_SUPPLY, fault=False,
     ),
     Act(
         "key", "keys of the control's own panel are pressed, or put to a value", "key",
-        lambda site, keys, _: site.press(keys), _keys, "key", fault=False,
+        lambda site, keys, _: site.press(keys), _OF_CONTROLLER, _keys, "key", fault=False,
     ),
     Act(
         "brownout", "the mains is gone; when it is back, controller and cabinet start anew", bool,
-        lambda site, gone, _: site.set_mains(not gone), off=False,
+        lambda site, gone, _: site.set_mains(not gone), _OF_SUPPLY, off=False,
     ),
 )  # fmt: skip
 

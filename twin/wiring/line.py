@@ -21,13 +21,29 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Set
 from itertools import islice, takewhile
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from isel_twin.controller import KeepsBytes
 
 LONGEST_RUN: Final = 128  # bytes after which one is taken to act, so that a look at what comes costs little
+
+
+class LineFaults(NamedTuple):
+    """Bytes of both directions that have not arrived as they were sent."""
+
+    altered: int = 0
+    lost: int = 0
+    doubled: int = 0
+
+    def since(self, before: LineFaults) -> LineFaults:
+        """Those that have come since there were so many."""
+        return LineFaults(*(now - then for now, then in zip(self, before, strict=True)))
+
+    def in_words(self) -> str:
+        """In words; "" if all have arrived."""
+        return ", ".join(f"bytes {what} on the line: {number}" for what, number in self._asdict().items() if number)
 
 
 class _Direction:
@@ -129,7 +145,7 @@ class SerialLine:
         self.keeps: KeepsBytes | None = None
         """The controller, if it says which bytes have an effect on it when they arrive; None: any may."""
         self.is_cut = False
-        self.lost = 0  # bytes of both directions that a cut has swallowed
+        self.faults = LineFaults()  # since power-on
         self.on_reply: Callable[[int, bytes, int], None] | None = None
         """Called with what is on its way to the host: when its last byte arrives, the bytes, ns from byte to byte."""
         self.on_lost: Callable[[int, bytes], None] | None = None
@@ -166,6 +182,10 @@ class SerialLine:
         if self.is_cut:
             self._lose(t_ns)
         return self._to_host.receive(t_ns) if self._to_host.due else b""
+
+    def miss(self, number: int) -> None:
+        """Count bytes as lost that have arrived where nobody has supply to take them."""
+        self._count(lost=number)
 
     def cut(self, t_ns: int, is_cut: bool) -> None:
         """Cut the line at t_ns, or join it again."""
@@ -230,21 +250,25 @@ class SerialLine:
 
     def _lose(self, t_ns: int) -> None:
         if self._to_controller.held_ns is None:
-            self.lost += sum(len(data) for _, data in self._to_controller.lose(t_ns))
+            self._count(lost=sum(len(data) for _, data in self._to_controller.lose(t_ns)))
         for arrival_ns, data in self._to_host.lose(t_ns):
-            self.lost += len(data)
+            self._count(lost=len(data))
             if self.on_lost is not None:
                 self.on_lost(arrival_ns, data)
+
+    def _count(self, altered: int = 0, lost: int = 0, doubled: int = 0) -> None:
+        had = self.faults
+        self.faults = LineFaults(had.altered + altered, had.lost + lost, had.doubled + doubled)
 
     def _disturbed(self, data: bytes) -> bytes:
         if self.noise > 0.0 and data:
             hit = self._random.random(len(data)) < self.noise
             bit = self._random.integers(0, 8, len(data))
             data = bytes(byte ^ (1 << int(b)) if h else byte for byte, h, b in zip(data, hit, bit, strict=True))
+            self._count(altered=int(hit.sum()))
         if self.dropped <= 0.0 and self.doubled <= 0.0:
             return data
         chances = self._chances.random((len(data), 2)).tolist()
-        return b"".join(
-            b"" if lost < self.dropped else bytes([byte]) * (2 if twice < self.doubled else 1)
-            for byte, (lost, twice) in zip(data, chances, strict=True)
-        )
+        times = [0 if lost < self.dropped else 2 if twice < self.doubled else 1 for lost, twice in chances]
+        self._count(lost=times.count(0), doubled=times.count(2))
+        return b"".join(bytes([byte]) * often for byte, often in zip(data, times, strict=True))

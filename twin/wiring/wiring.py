@@ -107,6 +107,7 @@ class Wiring:
         self._faults: dict[str, str | float] = {}  # of acts, by key or `key.member`; contacts keep their own
         self.changes = 0  # counts up whenever an input may have changed
         self.restarts = 0  # how often the controller was restarted or lost its supply
+        self.strikes = dict.fromkeys(CARRIAGES, 0)  # how often an end switch of each axis has been struck
         self.pressed: list[tuple[str, KeyValue]] = []  # keys since `take_pressed`, and their values
         self.mains = True  # the controller has supply
         self.stages_powered = False
@@ -336,6 +337,7 @@ class Wiring:
         for number in changed:
             if number < len(self._switches):
                 self.contacts.strike(self._switches[number].name, bool(active[number]), t_ns)
+                self.strikes[self._switches[number].axis] += bool(active[number])
                 if not active[number]:
                     self._draw_trip_point(number)
             elif number == self._touch:

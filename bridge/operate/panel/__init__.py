@@ -5,6 +5,7 @@
     job.py      a job file opened in a browser
     desk.py     moves by hand: jog, home, go to, zero of the workpiece
     menu.py     everything an event can do, for the forms of the page
+    plots.py    what lies between two frames
     monitor.py  the serial line in words
     site.py     page, scene and browsers: one port, one origin                                       a thread of its own
     gate.py     access

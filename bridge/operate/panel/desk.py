@@ -251,7 +251,6 @@ class Desk:
         if self.sender.state == "failed" or self.sender.why:
             self._why = f"{self._doing}: {self.sender.why}"
         elif self.sender.state == "done" and self._twin.fault:
-            said = self._twin.remarks[-1][1] if self._twin.remarks else "no more is known"
-            self._why = f"{self._doing}: the controller shows an error: {said}"
+            self._why = f"{self._doing}: the controller shows an error: {self._twin.fault_cause}"
         if self._why:
             self._waiting.clear()

@@ -23,6 +23,7 @@ import logging
 import math
 import socket
 import time
+from collections import deque
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -31,13 +32,14 @@ from typing import Any, Protocol
 from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.base.errors import one_line
 from isel_twin.base.parameters import Place, known
-from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
+from isel_twin.base.units import SECOND_NS
 from isel_twin.bridge.operate.control import ControlError, Operator, Pending
 from isel_twin.bridge.operate.panel.desk import Desk
 from isel_twin.bridge.operate.panel.frame import COME, Asked, Frame
 from isel_twin.bridge.operate.panel.job import PanelJob
 from isel_twin.bridge.operate.panel.menu import key_menu, menu
 from isel_twin.bridge.operate.panel.monitor import Monitor
+from isel_twin.bridge.operate.panel.plots import Plots
 from isel_twin.bridge.operate.panel.sender import PanelEnd
 from isel_twin.bridge.operate.token import token_for
 from isel_twin.bridge.serve.loop import FileWatch
@@ -57,7 +59,7 @@ log = logging.getLogger("isel_twin")
 
 FRAMES_PER_S = 20.0  # samples of the twin in a wall second, at most
 ROUND = 32  # requests dealt with in one round of the server's loop
-MARGIN_NS = 5 * MILLISECOND_NS  # virtual time of a least margin: several windows of the plant
+PACE_S = 1.0  # wall seconds over which it is measured how fast virtual time runs
 SAID_BYTES = 4096  # longest text typed at once, as bytes on the line
 
 
@@ -101,9 +103,8 @@ class Panel(Guest):
         self._trigger: tuple[Mapping[str, Any], Pending] | None = None  # of all browsers together
         self._next_s = 0.0
         self._last: Frame = {}
+        self._paces: deque[tuple[float, int]] = deque()  # wall time in s and virtual time in ns of the last samples
         self._met = 0  # collisions that have been shown
-        self._margin_ns = -MARGIN_NS
-        self._margin: list[float | None] = []  # least margins from the frame before to that time
         if site is not None:
             self.address, self.token, self._site = address, token, site
             return
@@ -134,7 +135,7 @@ class Panel(Guest):
         not safe."""
         if not isinstance(server.twin, Twin):
             raise TypeError("a panel shows a Twin")
-        self._server, self._twin, self._margins = server, server.twin, server.twin.margin_reader()
+        self._server, self._twin, self._plots = server, server.twin, Plots(server.twin)
         self._operator = Operator(server, server.twin)
         settings = project.find(Path.cwd() / "job")
         self._desk = _desk(server, server.twin, settings)
@@ -168,6 +169,7 @@ class Panel(Guest):
         self._job.sender.advance()
         if self._desk is not None:
             self._desk.advance()
+        self._plots.watch(self._site.watched)
         if self._site.watched and (now := time.monotonic()) >= self._next_s:
             self._next_s = now + 1.0 / FRAMES_PER_S
             self._sample()
@@ -176,6 +178,7 @@ class Panel(Guest):
         """End all waits and close all connections. May be called again, and before there is a server."""
         if self._server is not None:
             self._operator.end()
+            self._plots.watch(False)
             self._answer_pending()
         self._site.close()
 
@@ -212,7 +215,7 @@ class Panel(Guest):
             return self._job.ask(request["job"])
         if "desk" in request:
             if self._desk is None:
-                raise place.at("desk").wrong("nobody knows the controller's language; allowed: with one")
+                raise place.at("desk").wrong("the controller's language is not known; allowed: with one")
             return self._desk.ask(request["desk"], self._free)
         if "trigger" in request:
             return self._set_trigger(request["trigger"], place.at("trigger"))
@@ -309,28 +312,37 @@ class Panel(Guest):
             "desk": None if self._desk is None else self._desk.about,
         }
 
+    def _reached(self) -> float | None:
+        """Times real time that virtual time has run in the last second of samples; None before there is one."""
+        (began_s, began_ns), (now_s, now_ns) = self._paces[0], self._paces[-1]
+        past_s = now_s - began_s
+        return None if past_s < PACE_S / 2.0 else (now_ns - began_ns) / SECOND_NS / past_s
+
     def _sample(self) -> None:
         assert self._server is not None
         twin, pacer = self._twin, self._server.pacer
+        if not pacer.behind or (self._paces and pacer.wall_s - self._paces[-1][0] > PACE_S):
+            self._paces.clear()
+        self._paces.append((pacer.wall_s, twin.time_ns))
+        while self._paces[-1][0] - self._paces[0][0] > PACE_S:
+            self._paces.popleft()
         frame = self._operator.state()
         frame["step_hz"] = twin.step_hz.tolist()
-        if twin.time_ns >= self._margin_ns + MARGIN_NS:
-            self._margin_ns = twin.time_ns
-            self._margin = [None if math.isnan(margin) else margin for margin in self._margins.take().tolist()]
-        frame["margin_now"] = self._margin
         frame["supply_v"] = twin.supply_v if math.isfinite(twin.supply_v) else None
+        frame["velocity_mm_s"] = twin.velocity_mm_s.tolist()
         frame["behind"] = pacer.behind
+        frame["reached"] = self._reached() if pacer.behind else None
         frame["hosts"] = [endpoint.kind for endpoint in self._server.endpoints if endpoint.busy]
         lines = self.monitor.lines()
         for collision in twin.collisions[self._met :]:
             lines.append({"s": collision.time_ns / SECOND_NS, "who": "", "text": "", "means": str(collision)})
-        self._met = len(twin.collisions)
+        frame["met"] = self._met = len(twin.collisions)
         frame["trigger"] = self._shown_trigger()
         frame["job"] = self._job.shown
         frame["desk"] = None if self._desk is None else self._desk.shown
         if lines or frame != self._last:
             self._last = frame
-            self._site.show({**frame, "wall_s": pacer.wall_s, "lines": lines})
+            self._site.show({**frame, "wall_s": pacer.wall_s, "lines": lines, "plot": self._plots.point()})
 
 
 def _desk(server: Server, twin: Twin, settings: Path | None) -> Desk | None:

@@ -41,6 +41,7 @@ class PanelJob:
         self.sender = Sender(server, twin)
         self._name = self._text = self._title = ""
         self._lines: Sequence[Line] = ()
+        self._cautions: list[str] = []  # what the file may mean otherwise
         self._made_for: Point | None = None
         self._fresh = True
         self._opened = self._started = 0
@@ -84,12 +85,12 @@ class PanelJob:
             raise place.wrong("a job is running; allowed: when it has been stopped or is over")
         if len(told) > MOST_CHARACTERS:
             raise place.wrong(f"{len(told)} characters; allowed: up to {MOST_CHARACTERS}, isel-twin run takes more")
-        source = self._take(name, told)
+        self._take(name, told)
         self._fresh = True
         self._opened += 1
-        return self.shown | {"cautions": [] if source is None else list(source.cautions)}
+        return self.shown
 
-    def _take(self, name: str, told: str) -> Source | None:
+    def _take(self, name: str, told: str) -> None:
         """Make the lines of a text. Raises ControlError, and then nothing has changed."""
         zero_mm = self._zero_mm
         try:
@@ -101,7 +102,7 @@ class PanelJob:
             raise ControlError(f"{name}: there is no command in it")
         self._name, self._text, self._lines = name, told, lines
         self._title, self._made_for = "" if source is None else source.title, zero_mm
-        return source
+        self._cautions = [] if source is None else list(map(str, source.cautions))
 
     def _read(self, name: str, data: bytes, zero_mm: Point | None) -> tuple[Source | None, Sequence[Line]]:
         twin = self._twin
@@ -171,4 +172,5 @@ class PanelJob:
             "command": line.command[:SHOWN],
             "seconds": 0.0 if self._fresh else (end_ns - sender.begin_ns) / SECOND_NS,
             "why": "" if self._fresh else sender.why,
+            "cautions": self._cautions,
         }

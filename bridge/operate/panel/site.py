@@ -50,8 +50,6 @@ UNANSWERED = 64  # most unanswered requests and unread answers of a browser; the
 HISTORY = 600  # frames for the plots of a new browser: half a minute
 LINES = 400  # messages of the line for a new browser
 
-_PLOTTED = ("time_s", "step_hz", "position_error_mm", "margin_now")
-
 
 class _Browser:
     """An open page and what it must still get. A new frame replaces an unsent one."""
@@ -119,7 +117,7 @@ class WebSite:
     def _show(self, frame: Frame) -> None:
         lines = frame.pop("lines")
         self._lines += lines
-        plots = [frame[key] for key in _PLOTTED]
+        plots = frame.pop("plot")
         self._plots.append(plots)
         for browser in self._browsers.values():
             browser.frame = frame

@@ -161,7 +161,7 @@ def clear_around(piece: Piece, following: Piece, turn: float, aside: float) -> b
 
 turns = st.sampled_from([0.0, 0.0, 0.0, 15.0, -15.0, 60.0, -60.0, 90.0, -90.0, 125.0, -125.0, 165.0, -165.0, 180.0])
 sizes = st.integers(5, 300).map(lambda n: n / 10.0)
-sweeps = st.sampled_from([30.0, -30.0, 90.0, -90.0, 180.0, -180.0, 270.0, -270.0])
+sweeps = st.sampled_from([30.0, -30.0, 90.0, -90.0, 180.0, -180.0, 270.0, -270.0, 360.0, -360.0])
 lines = st.tuples(turns, sizes, st.just(0.0))
 arcs = st.tuples(turns, sizes, sweeps)
 

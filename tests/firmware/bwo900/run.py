@@ -7,6 +7,7 @@ from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter, Waiting
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock, Stop
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.programs.stored import Store, StoredProgram
+from isel_twin.firmware.bwo900.readings import Readings
 
 MOST = 10_000
 
@@ -28,8 +29,16 @@ def programs(text: str) -> Store:
 class Analysed:
     """A program analysed to its end: its blocks, the parameters as they are then."""
 
-    def __init__(self, text: str, first: str | None = None, position=(0.0, 0.0, 0.0), **parameters: float) -> None:
+    def __init__(
+        self,
+        text: str,
+        first: str | None = None,
+        position=(0.0, 0.0, 0.0),
+        readings: Readings = Readings(),  # noqa: B008 -- frozen
+        **parameters: float,
+    ) -> None:
         self.parameters = Parameters()
+        self.parameters.readings = readings
         for number, value in {**FACTORY_FUNCTIONS, 12_004: 12_000.0, 12_204: 12_000.0, 12_404: 12_000.0}.items():
             self.parameters.write(number, value)
         for name, value in parameters.items():

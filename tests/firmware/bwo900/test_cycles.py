@@ -1,7 +1,7 @@
 """Cycles G71 to G89 and user cycles: the manual's own examples (chapter 5) and what its text says of them.
 
 Places and heights are those that the manual prints or that follow from its formulas; what its lost figures showed is
-decided in Z40 to Z49 and drawn in docs/images/bwo900_pockets.png.
+decided in bwo900/36 to bwo900/45 and drawn in docs/images/bwo900_pockets.png.
 """
 
 from __future__ import annotations

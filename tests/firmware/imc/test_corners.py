@@ -254,10 +254,11 @@ def test_a_simulated_reference_run_needs_what_a_real_one_needs() -> None:
     assert desk.query("@0N7") == "0"
 
 
-def test_a_simulated_reference_run_ends_the_limit_state() -> None:
+def test_a_simulated_reference_run_is_as_good_as_a_real_one_after_a_limit_switch() -> None:
     desk = desk_after("@07", "@0N7")
     assert desk.query("@0A100000,30000,0,900,0,900,0,900") == "2"
     assert desk.query("@0A-9,900,0,900,0,900,0,900") == "2"
+    assert desk.query("@07") == "0"
     assert desk.query("@0N7") == "0"
     assert desk.query("@0A-9,900,0,900,0,900,0,900") == "0"
 

@@ -174,7 +174,8 @@ def test_leaving_a_switch_is_allowed_and_its_bounce_is_not_a_strike() -> None:
     desk = desk_at(0)
     assert desk.query("@0N7") == "0"
     assert desk.query("@0A-1,900,0,900,0,900,0,900") == "2"
-    assert desk.query("@0N7") == "0"
+    for command in ("@07", "@0N7"):
+        assert desk.query(command) == "0"
     desk.start("@0A2000,900,0,900,0,900,0,900")
     while desk.struck("limit_x1"):
         desk.run(0.0001)
@@ -251,11 +252,12 @@ def test_swapping_the_switches_holds_for_one_struck_before(swap: tuple[str, ...]
     desk = desk_at(60_000)
     strike(desk, -200_000)
     assert desk.query("@0DRn") == "001"
-    for command in (*swap, "@0N7"):
+    for command in (*swap, "@07", "@0N7"):
         assert desk.query(command) == "0"
     assert [desk.query("@0DRn"), desk.query("@0DRp")] == ["000", "001"]
     assert desk.query("@0A1,900,0,900,0,900,0,900") == "2"
-    assert desk.query("@0N7") == "0"
+    for command in ("@07", "@0N7"):
+        assert desk.query(command) == "0"
     assert desk.query("@0A-1,900,0,900,0,900,0,900") == "0"
 
 
@@ -281,8 +283,11 @@ def test_a_switch_that_never_closes_ends_the_run() -> None:
     assert [text for _, text in desk.remarks] == [
         "reference run of X: limit_x1 is still struck 16000 steps away from it"
     ]
-    assert desk.query("@0A9,900,0,900,0,900,0,900") == "R"
+    assert desk.query("@0A9,900,0,900,0,900,0,900") == "2"
     desk.set("limit_x1", "free")
+    assert desk.query("@0R1") == "2"
+    assert desk.query("@07") == "0"
+    assert desk.query("@0A9,900,0,900,0,900,0,900") == "R"
     assert desk.query("@0R1") == "0"
 
 
@@ -301,7 +306,7 @@ def test_a_switch_that_never_opens_ends_the_run() -> None:
     assert desk.query("@0R1", limit_s=2000) == "2"
     assert desk.steps.total == (-(1 << 21), 0, 0, 0)
     assert [text for _, text in desk.remarks] == [NEVER_STRUCK]
-    assert desk.query("@0A9,900,0,900,0,900,0,900") == "R"
+    assert desk.query("@0A9,900,0,900,0,900,0,900") == "2"
 
 
 def test_a_stored_reference_run_with_such_a_switch_ends_its_program() -> None:
@@ -318,6 +323,7 @@ def test_how_far_is_a_setting() -> None:
     desk.set("limit_x1", "open")
     assert desk.query("@0R1") == "2"
     assert desk.steps.total == (300, 0, 0, 0)
+    assert desk.query("@07") == "0"
     desk.set("limit_x1", "closed")
     assert desk.query("@0R1") == "2"
     assert desk.steps.total == (300 - 5000, 0, 0, 0)

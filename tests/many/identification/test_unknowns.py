@@ -4,9 +4,17 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
-from isel_twin.machine import MachineError, load_machine
+from isel_twin.base.errors import CallError
+from isel_twin.cli.identify import unknowns_of
+from isel_twin.machine import MachineError, load_machine, with_overrides
+from isel_twin.many.identification import replays
+from isel_twin.many.identification.fit import fit
+from isel_twin.many.identification.measured import Measured, Reading
+from isel_twin.many.identification.model import BOUND, STEP, searched
+from isel_twin.many.identification.session import stand_alone
 from isel_twin.many.identification.unknowns import candidate, changes, default_names, parse_prior, unknown
 
 MACHINE = load_machine("4030")
@@ -113,3 +121,64 @@ def test_a_machine_with_servo_drives_has_no_supply_of_stages_to_be_fitted() -> N
     with pytest.raises(ValueError, match="fit 'supply': no such parameter") as caught:
         unknown(servo, "supply")
     assert "did you mean 'supply'" not in str(caught.value)
+
+
+# ---- the ends of what a machine file allows --------------------------------------------------------------------------
+
+FARTHEST_U = BOUND + STEP
+
+
+@pytest.mark.parametrize(
+    ("name", "keys", "end"),
+    [
+        ("backlash.x", ("axes.x.backlash",), 1.0),
+        ("supply", ("axes.all.stage.supply",), 200.0),
+        ("supply", ("axes.all.stage.supply",), 5.0),
+        ("friction.x", ("axes.x.guide_friction", "axes.x.shaft_coulomb"), 5.0),
+        ("stiffness.x", ("axes.x.stiffness", "structure.flex_x.stiffness"), 200.0),
+        ("damping.y", ("axes.y.shaft_viscous",), 0.1),
+        ("iron_loss.z", ("axes.z.specimen.iron_loss",), 10.0),
+        ("axes.x.efficiency", ("axes.x.efficiency",), 1.0),
+        ("lead.x", ("axes.x.lead_error",), 1.0),
+        ("squareness.xy", ("squareness.xy",), -10.0),
+        ("repeatability", ("switches.repeatability",), 1.0),
+        ("axes.x.steps_per_rev", ("axes.x.steps_per_rev",), 200.0),
+    ],
+)
+def test_a_search_ends_where_the_range_of_the_number_does(name: str, keys: tuple[str, ...], end: float) -> None:
+    """Candidates at all that a search may try can be built, wherever the prior is, and the end itself is one."""
+    machine = with_overrides(MACHINE, {**dict.fromkeys(keys, end), "imperfections": "static"})
+    item = unknown(machine, name)
+    tried = [item.value(u) for u in (-FARTHEST_U, -1.0, 0.0, 1.0, FARTHEST_U)]
+    for value in tried:
+        if not item.whole:
+            candidate(machine, [item], [value])
+    assert end in [value * (end if item.factor else 1.0) for value in (min(tried), max(tried))]
+    least, most = searched(item)
+    assert max(0.0 - least, most - 0.0) > 0.5, "there is a way to go inwards"
+    assert min(-least, most) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_fit_finds_a_number_at_the_end_of_its_range(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The machine has 1 mm of play, all that a file may say, and 0.6 mm are believed."""
+    machine = with_overrides(MACHINE, {"axes.x.backlash": 0.6})
+    monkeypatch.setattr(replays, "predict", lambda session, one: np.array([0.0, one.axes[0].screw.backlash_mm] * 2))
+    readings = tuple(Reading("day", n, "x", mm, sigma_mm=0.005) for n, mm in enumerate((0.0, 1.004, 0.003, 0.997), 1))
+    session = stand_alone("day", Measured(readings), "imc-s8")
+    (found,) = fit(machine, [unknown(machine, "backlash.x", (0.3, 1.0))], [session], []).estimates
+    assert found.value <= 1.0
+    assert found.high <= 1.0
+    assert found.low > 0.9
+
+
+def test_a_candidate_that_cannot_be_built_tells_nothing() -> None:
+    """A travel beyond the rail of the model: no range of a number says so."""
+    item = unknown(MACHINE, "axes.x.travel")
+    session = stand_alone("day", Measured((Reading("day", 1, "x", 1.0, sigma_mm=0.005),)), "imc-s8")
+    told = replays.replayed((session, MACHINE, (item,), [9000.0]))
+    assert np.isnan(told).all()
+
+
+def test_a_range_that_no_machine_file_may_have_is_refused() -> None:
+    with pytest.raises(CallError, match=r"prior backlash\.x: 0\.5 \.\. 2; allowed: within 0 \.\. 1 mm"):
+        unknowns_of(MACHINE, ["backlash.x"], ["backlash.x=0.5..2"], ["x"])

@@ -26,7 +26,7 @@ PLAN = '[sweep]\njob = "job.txt"\nplant = "kinematic"\nstart_mm = [2, 2, 2]\n[jo
         (
             "matplotlib",
             "grid.toml --sensitivity a.png",
-            "--sensitivity needs matplotlib: pip install 'isel-twin[tune]'",
+            "--sensitivity a.png: needs matplotlib: pip install 'isel-twin[report]'",
         ),
     ],
 )

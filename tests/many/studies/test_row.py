@@ -203,3 +203,12 @@ def test_a_plan_with_something_of_each_section(plans: Path) -> None:
     assert len({row["cycle_s"] for row in found}) == 4
     slowest = max(found, key=lambda row: row["cycle_s"])
     assert slowest["speed_hz"] == min(row["speed_hz"] for row in found)
+
+
+def test_perturbed_machines_at_the_end_of_a_range_are_rows(plans: Path) -> None:
+    """48 V times 200 / 48 are all that a machine file allows; no draw goes beyond."""
+    head = HEAD.replace("kinematic", "mujoco").replace("start_mm = [2, 2, 2]", "perturbed = true\nseeds = 8")
+    most = '[machine]\n"axes.all.stage.supply" = { values = [200.0], unit = "V" }\n'
+    (plans / "job.txt").write_text("@07\n@0P\n", encoding="utf-8")
+    found = rows(plan(plans, head + most))
+    assert [row["error"] for row in found] == [None] * 8

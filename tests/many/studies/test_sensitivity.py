@@ -107,13 +107,13 @@ def test_the_command_draws_it(plans: Path, capsys: pytest.CaptureFixture[str]) -
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        ("small.toml --sensitivity a.gif", "--sensitivity a.gif: the name must end in .png, .svg, .pdf"),
+        ("small.toml --sensitivity a.gif", "--sensitivity a.gif: the name must end in .png, .svg or .pdf"),
         ("small.toml --sensitivity a.png", "--sensitivity: 8 points tell too little; take 64 or more"),
         ("small.toml --workers 0", "--workers 0: must be a number of processes from 1"),
         ("small.toml --workers 1 --cluster tcp://a", "--workers and cluster: a cluster has its own workers; name one"),
         ("-", "-: a job stands beside its plan; name a file"),
         ("none.toml", "none.toml: there is no such file"),
-        ("small.toml --out small.toml", "small.toml: is named twice in this call"),
+        ("small.toml --out small.toml", "--out small.toml: the name must end in .parquet"),
     ],
 )
 def test_a_call_that_cannot_be_carried_out(

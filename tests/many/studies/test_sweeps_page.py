@@ -12,31 +12,29 @@ from isel_twin.cli import main
 from isel_twin.many.studies.plan import KEYS, SECTIONS, load_plan
 from isel_twin.many.studies.points import points
 from isel_twin.many.studies.row import OUTCOMES
+from tests import printed
 
-PAGE = (Path(__file__).parents[3] / "docs" / "sweeps.md").read_text(encoding="utf-8")
+FILE = printed.ROOT / "docs" / "sweeps.md"
+PAGE = FILE.read_text(encoding="utf-8")
 
 
 @pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with the files of the page."""
-    for name, text in re.findall(r"```(?:toml)?\n# (\w+\.\w+)\n(.*?)```", PAGE, flags=re.DOTALL):
-        (tmp_path / name).write_text(text, encoding="utf-8")
+    printed.show_files("docs/sweeps.md", tmp_path)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
-def told(plan: str, capsys: pytest.CaptureFixture[str]) -> str:
-    """What a sweep says, as the page has it."""
+def as_printed(plan: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Sweep, and compare the answer with that of the page."""
+    (answer,) = (block.answer for block in printed.blocks((FILE,)) if block.answer and block.text.endswith(plan))
     with pytest.raises(SystemExit) as caught:
         main(["sweep", plan, "--workers", "1"])
     out, err = capsys.readouterr()
     assert (caught.value.code, err) == (0, "")
-    return rounded(f"    $ isel-twin sweep {plan}\n" + "".join(f"    {line}\n" for line in out.splitlines()))
-
-
-def rounded(text: str) -> str:
-    """Without what a machine that has lost steps did next: that is chaotic."""
-    return re.sub(r" \((lost|refused|switch) .*\)$", "", text, flags=re.MULTILINE)
+    assert answer is not None
+    assert printed.fits(out, answer), out
 
 
 def programs(file: str) -> list[dict[str, Any]]:
@@ -52,7 +50,7 @@ def programs(file: str) -> list[dict[str, Any]]:
 
 @pytest.mark.usefixtures("here")
 def test_speeds_and_reading_the_table(capsys: pytest.CaptureFixture[str]) -> None:
-    assert told("speeds.toml", capsys) in rounded(PAGE)
+    as_printed("speeds.toml", capsys)
     by_duckdb, by_polars = programs("speeds.parquet")
     assert len(by_duckdb["worst"]) == 4
     assert by_duckdb["worst"][-1][3] == 4, "30000 Hz: all of them fail"
@@ -61,7 +59,7 @@ def test_speeds_and_reading_the_table(capsys: pytest.CaptureFixture[str]) -> Non
 
 @pytest.mark.usefixtures("here")
 def test_a_switch_that_sticks(capsys: pytest.CaptureFixture[str]) -> None:
-    assert told("stuck.toml", capsys) in rounded(PAGE)
+    as_printed("stuck.toml", capsys)
     (names,) = programs("stuck.parquet")
     assert 0.0 < names["fails_s"] < names["works_s"] < 3.0, "the reference run is over after two seconds"
 

@@ -155,8 +155,8 @@ def test_a_terminal_shows_how_far_it_is_and_how_long_it_takes(
     monkeypatch.setenv("FORCE_COLOR", "1")
     code, out, err = run(capsys, plans / "small.toml", "--workers", 1)
     assert code == 0
-    assert "8 of 8 rows, 4 of 8 (50 %, 22 to 78 %) not well" in out
-    assert re.search(r"rows, 4 not well .*8/8.*0:00:00", err), "all of them, and no time left"
+    assert "8 of 8 rows, 4 of 8 (50 %, 22 to 78 %) failed" in out
+    assert re.search(r"rows, 4 failed .*8/8.*0:00:00", err), "all of them, and no time left"
 
 
 def test_one_owner_at_a_time(plans: Path) -> None:

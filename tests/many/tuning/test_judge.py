@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 import pytest
 
 from isel_twin.base.crew import here
+from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs.result import Result
+from isel_twin.machine import MachineError
 from isel_twin.many.tuning import Judgement, confirm
 from isel_twin.many.tuning import judge as judge_module
 from isel_twin.many.tuning.judge import Made, Weather, judged, make
@@ -182,3 +185,19 @@ def test_a_time_with_settling_is_longer_by_what_each_move_rings() -> None:
     assert make(still.as_it_stands(), Weather.of(still), 0).time_s == pytest.approx(plain.time_s, abs=1e-3)
     assert patient.about()["settling"] == 0.0005
     assert "settling" not in asked.about()
+
+
+def test_a_repetition_whose_machine_cannot_be_built_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = judge_module.perturbed_twin
+
+    def some(call: TwinSpec, number: int, *more: Any) -> Any:
+        if number == 1:
+            raise MachineError("machine.toml: axes.x.travel: 9000 mm; allowed: up to 400 mm")
+        return made(call, number, *more)
+
+    monkeypatch.setattr(judge_module, "perturbed_twin", some)
+    asked = problem(repetitions=2)
+    judgement = judged(asked.candidate(SAFE), Weather.of(asked), range(3))
+    assert judgement is not None
+    assert judgement.good
+    assert (judgement.repetitions, judgement.number) == (2, 2)

@@ -46,7 +46,7 @@ SYSTEMS = {code: number for number, code in enumerate((540, 550, 560, 570, 580, 
 STRAIGHT_OR_ARC = frozenset((0, 10, 20, 30))
 CYCLES = frozenset((730, 810, 820, 830, 850, 890))
 TAKES_AXES = frozenset((100, 280, 300, 520, 740, 920))  # of the one-shot codes
-CANCELS = frozenset((150, 401, 500, 690))  # what is never begun: polar, 3D compensation, scaling, rotation (cam/35)
+CANCELS = frozenset((150, 401, 500, 690))  # what is never begun: polar, 3D compensation, scaling, rotation (cam/36)
 
 STOP, TOOL, SPINDLE, COOLANT, OVERRIDE, SWITCH = "stop", "tool", "spindle", "coolant", "override", "switch"
 M_GROUPS: Mapping[int, str] = {

@@ -158,13 +158,13 @@ class Motion:
         return self._settings.dialect == "din" or (self._told_din and not self._settings.strict)
 
     def _switches_zeros_off(self, block: Block) -> bool:
-        """G53 in DIN 66025; elsewhere G53 alone means nothing (cam/34)."""
+        """G53 in DIN 66025; elsewhere G53 alone means nothing (cam/35)."""
         if self._settings.strict or self._settings.dialect == "rs274":
             return False
         return self._settings.dialect == "din" or not any(letter in block.words for letter in _AXES)
 
     def _reference(self, block: Block) -> Iterator[Element]:
-        """G74 of DIN 66025: of the axes named, all if none is (cam/34)."""
+        """G74 of DIN 66025: of the axes named, all if none is (cam/35)."""
         place, given = block.at("G", 740), [axis for axis, letter in enumerate(_AXES) if letter in block.words]
         if any(block.words[_AXES[axis]] for axis in given):
             yield from self._once("G74", place, "the numbers behind X Y Z of G74 mean nothing here: Z goes first")

@@ -123,7 +123,7 @@ class Lines:
             groups[group] = code
             return
         if letter in _NO_AXIS:
-            leave = "" if value else f"; leave {letter}0 out"  # of more it makes another part (cam/36)
+            leave = "" if value else f"; leave {letter}0 out"  # of more it makes another part (cam/37)
             raise CamError(f"this machine has no axis {letter}{leave}", place)
         if letter == "N":
             raise CamError("N stands at the beginning of a line only", place)

@@ -39,7 +39,7 @@ class Ncp:
         return mostly(head, _CLAIM)
 
     def read(self, lines: Iterable[str], settings: CamSettings) -> Toolpath:
-        return plausible(Program(settings).run(whole_lines(lines)))
+        return plausible(Program(settings).run(whole_lines(lines)), settings)
 
 
 def create(name: str) -> Ncp:

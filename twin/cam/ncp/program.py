@@ -405,7 +405,7 @@ class Program:
         yield End(statement.place)
 
     def reference(self, statement: Statement) -> Iterator[Element]:
-        """REF: of the axes named, all if none is (cam/34)."""
+        """REF: of the axes named, all if none is (cam/35)."""
         named = "".join(token for token, _ in statement.tokens)
         if set(named) - {*"XYZ"}:
             raise statement.wrong(f"{named[:20]!r} names no axes of this machine; allowed: X, Y, Z")

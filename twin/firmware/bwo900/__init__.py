@@ -32,6 +32,7 @@ from typing import TYPE_CHECKING, Any
 
 from isel_twin.base.parameters import Limits
 from isel_twin.controller import takes
+from isel_twin.firmware.bwo900.readings import WORDS, readings_in_force, readings_of
 
 if TYPE_CHECKING:
     from isel_twin.firmware.bwo900.control import Control
@@ -39,11 +40,16 @@ if TYPE_CHECKING:
 __all__ = ["create"]
 
 
-@takes({"plc_program": (), "nc_memory_bytes": Limits("byte", 1, 1e9, whole=True)})
+@takes(
+    {"plc_program": (), "nc_memory_bytes": Limits("byte", 1, 1e9, whole=True), **dict.fromkeys(WORDS, bool)},
+    readings_in_force,
+)
 def create(name: str, *, flash: bytes | None, settings: Mapping[str, Any]) -> Control:
     """Entry point of `isel_twin.controllers`. Settings: `plc_program`, STEP 5 text in place of the default program;
-    `nc_memory_bytes`, M1256 beyond it, unless set none."""
+    `nc_memory_bytes`, M1256 beyond it, unless set none; and the readings of readings.py."""
     from isel_twin.firmware.bwo900.control import Control
 
     text = settings.get("plc_program")
-    return Control(flash, plc=None if text is None else str(text), memory_bytes=int(settings.get("nc_memory_bytes", 0)))
+    memory_bytes = int(settings.get("nc_memory_bytes", 0))
+    plc = None if text is None else str(text)
+    return Control(flash, plc=plc, memory_bytes=memory_bytes, readings=readings_of(settings))

@@ -23,6 +23,7 @@ from isel_twin.firmware.bwo900.modes import Mode
 from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.operating import Operating
 from isel_twin.firmware.bwo900.ports import TERMINALS, serial_format
+from isel_twin.firmware.bwo900.readings import Readings
 from isel_twin.firmware.bwo900.realtime.axes import AXES, NAMES
 from isel_twin.firmware.bwo900.realtime.deletion import PROBE
 from isel_twin.firmware.bwo900.realtime.stretch import PERIOD_NS
@@ -38,10 +39,18 @@ class Control:
     direction = (1,) * AXES
     output_names: Sequence[str] = (*MachinePlc.OUTPUTS, "spindle_speed", "drive_reset", "auto", "active", "message")
 
-    def __init__(self, flash: bytes | None, *, plc: str | None = None, memory_bytes: int = 0) -> None:
+    def __init__(
+        self,
+        flash: bytes | None,
+        *,
+        plc: str | None = None,
+        memory_bytes: int = 0,
+        readings: Readings = Readings(),  # noqa: B008 -- frozen
+    ) -> None:
         """flash: stored programs and parameters. plc: STEP 5 text in place of the default program. memory_bytes: of all
         programs; 0: as many as there are."""
         self._parameters, store, self._flash_fault = memory.read(flash)
+        self._parameters.readings = readings
         self._hardware = hardware = Hardware(self._parameters, plc)
         self._axes, self._power, self._hand = hardware.axes, hardware.power, hardware.hand
         self._plc, self._outgoing = hardware.plc, hardware.outgoing
@@ -67,7 +76,14 @@ class Control:
 
     @property
     def fault(self) -> bool:
-        return self._outgoing.fault
+        return bool(self.fault_cause)
+
+    @property
+    def fault_cause(self) -> str:
+        """The last message that is a fault; one that HAND has cleared while its cause stands, too."""
+        if self._outgoing.fault_cause:
+            return self._outgoing.fault_cause
+        return "emergency stop" if not self._hardware.levels.get("estop", True) else ""
 
     @property
     def messages(self) -> list[Message]:
@@ -157,8 +173,10 @@ class Control:
                 self._channel.abort()
                 self._feeder.end()
             else:
-                self._hardware.say(message(error.number, detail=error.detail, infos=error.infos, effect=Effect.SHOWN))
-                self._outgoing.fault = self.fault or error.number != Code.PROGRAM_OVERWRITTEN
+                said = message(error.number, detail=error.detail, infos=error.infos, effect=Effect.SHOWN)
+                self._hardware.say(said)
+                if error.number != Code.PROGRAM_OVERWRITTEN:
+                    self._outgoing.fault_cause = self._outgoing.fault_cause or str(said)
         if self._receiver.changed and not self._receiver.busy:
             self._receiver.changed = False
             self._execution.keep()

@@ -133,7 +133,7 @@ class Execution:
         if emergency is not None:
             name, block = emergency
             self.forget_emergencies()
-        self.hardware.outgoing.fault = False
+        self.hardware.outgoing.fault_cause = ""
         try:
             again = bool(p.get(P.RESTART) and p.get(P.BROKEN_PROGRAM)) and emergency is None
             if not positioning and emergency is None:

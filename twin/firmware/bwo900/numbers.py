@@ -232,6 +232,7 @@ class Cell:
     DEPTH_ANALYSED = 3
     CYCLE, CYCLE_BLOCK = 4, 5
     DEPTH, CALLER, CALLER_BLOCK = 12, 13, 14
+    FIRST_SPINDLE, LAST_SPINDLE = 25, 32
     PASSES, PASS = 34, 35
     LOOPS = 34  # of the block that is analysed
     FEED, END_FEED, SPEED = 36, 37, 38

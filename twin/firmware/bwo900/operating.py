@@ -7,7 +7,7 @@ move      HAND, no program --> power --> hand.py          (Start, Stop and abort
 
 from __future__ import annotations
 
-from isel_twin.controller import CounterSet
+from isel_twin.controller import CounterSet, Remark
 from isel_twin.firmware.bwo900 import keys
 from isel_twin.firmware.bwo900.execution import Execution
 from isel_twin.firmware.bwo900.messages import Code, Effect, ProgramError, message
@@ -17,6 +17,8 @@ from isel_twin.firmware.bwo900.parameters import of_axis
 from isel_twin.firmware.bwo900.realtime import overrides
 from isel_twin.firmware.bwo900.realtime.axes import AXES, NAMES
 from isel_twin.firmware.bwo900.realtime.channel import State
+
+RAMPED = "axes that P8701 or P12137 stops brake with ramps (ramped_halts); those of the manual's control have none"
 
 
 class Operating:
@@ -110,11 +112,13 @@ class Operating:
     def lock(self) -> None:
         """P8701 = 0 or P8702 = 1: the axes may not move."""
         p = self._execution.parameters
-        locked = p.get(P.TRAVEL_RELEASE, 1.0) == 0.0 or p.get(P.SAFETY_HALT) == 1.0
+        locked = not self._axes.released or p.get(P.SAFETY_HALT) == 1.0
         if locked:
-            self._hand.release(everything=True)
+            self._hand.brake()
         self._channel.lock(locked)
         self.override_changed()
+        if p.readings.ramped_halts and self._axes.halts_at_once:
+            self._hardware.outgoing.add(Remark(RAMPED))
 
     def move(self, key: int) -> None:
         """P8752, a key of an axis: 1 +, 2 -, 0 is released."""

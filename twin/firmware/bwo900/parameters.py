@@ -17,6 +17,7 @@ from typing import Final
 
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.numbers import Descriptor, P, Q
+from isel_twin.firmware.bwo900.readings import Readings
 
 LOADED: Final = 0x01
 REAL_TIME: Final = 0x04
@@ -81,6 +82,7 @@ class Parameters:
         """The q of each P of channel 1 that was asked for; forgotten when a definition changes."""
         self.live: Callable[[int], float | None] | None = None
         """The present value of a P of channel 1, None: as written."""
+        self.readings = Readings()  # settings of the machine file, not of the control
         self.revision = 0  # counts every write that changes a value
 
     def address(self, area: str, number: int, channel: int = 1) -> int:

@@ -1,6 +1,6 @@
 """Status parameters for programs and files (manual 8.5, P8900 on; 8.7, P12150 on).
 
-    P8900 .. P8942    program, block, cycle, loop, feed, motion, dwell: of the block in execution
+    P8900 .. P8942    program, block, cycle, S, loop, feed, motion, dwell: of the block in execution
     P8945 .. P8981    its G functions                P9100 .. P9102    its G92
     P9300 .. P9381    the same of the block in analysis, up to 400 further on; P9500 .. P9502 its G92
     P12150 ..         positions of an axis, mm       P12170            its speed, mm/min
@@ -44,8 +44,9 @@ MODAL: Final[Mapping[int, Callable[[Modal], int]]] = {
 }
 PLANE: Final = (Cell.FIRST_AXIS, Cell.SECOND_AXIS, Cell.THIRD_AXIS)
 EXECUTED: Final = (
-    Cell.PROGRAM, Cell.BLOCK, Cell.CYCLE, Cell.CYCLE_BLOCK, Cell.DEPTH, Cell.CALLER, Cell.CALLER_BLOCK, Cell.PASSES,
-    Cell.PASS, Cell.FEED, Cell.END_FEED, Cell.SPEED, Cell.MOTION, Cell.DWELL, Cell.DWELL_LEFT, Cell.SHIFT,
+    Cell.PROGRAM, Cell.BLOCK, Cell.CYCLE, Cell.CYCLE_BLOCK, Cell.DEPTH, Cell.CALLER, Cell.CALLER_BLOCK,
+    *range(Cell.FIRST_SPINDLE, Cell.LAST_SPINDLE + 1), Cell.PASSES, Cell.PASS, Cell.FEED, Cell.END_FEED, Cell.SPEED,
+    Cell.MOTION, Cell.DWELL, Cell.DWELL_LEFT, Cell.SHIFT,
 )  # fmt: skip
 ANALYSED: Final = (
     Cell.PROGRAM, Cell.BLOCK, Cell.DEPTH_ANALYSED, Cell.CYCLE, Cell.CYCLE_BLOCK, Cell.LOOPS, Cell.FEED, Cell.SHIFT,
@@ -126,6 +127,8 @@ def _executed(number: int, interpreter: Interpreter, channel: Channel) -> float 
     executed = channel.executed
     told = executed.in_force
     feed, end_feed = executed.feed_mm_min
+    if Cell.FIRST_SPINDLE <= number <= Cell.LAST_SPINDLE:
+        return None if executed.block is None else executed.block.speeds.get(number - Cell.FIRST_SPINDLE + 1)
     match number:
         case Cell.MOTION:
             return executed.motion

@@ -46,7 +46,8 @@ class External:
     def __init__(self, axes: int = 3, form: str = FORMS[0], watchdog_ms: int = WATCHDOG_MS) -> None:
         self.direction = (1,) * axes
         self.run: Listed | None = None
-        self.fault = False  # the watchdog has switched the outputs off, and no answer has said so
+        self._lapsed = False  # the watchdog has switched the outputs off, and no answer has said so
+        self.fault_cause = ""
         self._axes, self._form = axes, form
         self._watchdog_ns = watchdog_ms * MILLISECOND_NS
         self._t_ns = 0
@@ -90,6 +91,11 @@ class External:
     @property
     def idle(self) -> bool:
         return self._row_end_ns is None and not self._queue
+
+    @property
+    def fault(self) -> bool:
+        """The watchdog has switched the outputs off, and the host has not set one of them again."""
+        return bool(self.fault_cause)
 
     @property
     def clear_to_send(self) -> bool:
@@ -181,8 +187,8 @@ class External:
                 self._heard_ns = self._t_ns
                 if isinstance(line, LineError):
                     raise line
-                if self.fault:
-                    self.fault = False
+                if self._lapsed:
+                    self._lapsed = False
                     raise LineError(
                         "the watchdog has switched the outputs off: nothing was sent in time; out sets them"
                     )
@@ -232,6 +238,8 @@ class External:
         self._events += [CounterSet(axis, value) for axis, value in enumerate(counts)]
 
     def _put_out(self, outputs: Mapping[str, int]) -> None:
+        if self.fault_cause and any(outputs.get(name) for name in GUARDED):
+            self.fault_cause = ""
         for name, value in outputs.items():
             if name in self._outputs:
                 if self._outputs[name] == value:
@@ -242,8 +250,9 @@ class External:
 
     def _lapse(self) -> None:
         self._put_out(dict.fromkeys(GUARDED, 0))
-        self.fault = True
-        self._events.append(Remark(f"nothing was sent for {self._watchdog_ns // MILLISECOND_NS} ms: outputs go off"))
+        self._lapsed = True
+        self.fault_cause = f"nothing was sent for {self._watchdog_ns // MILLISECOND_NS} ms: outputs go off"
+        self._events.append(Remark(self.fault_cause))
 
     def _answer(self) -> None:
         drives = self._drives

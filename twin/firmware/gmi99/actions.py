@@ -10,7 +10,7 @@ from collections.abc import Generator
 
 from isel_twin.firmware.gmi99 import images
 from isel_twin.firmware.gmi99.device import Card
-from isel_twin.firmware.gmi99.instruction import Instruction, OutOfRangeError, signed
+from isel_twin.firmware.gmi99.instruction import Instruction, OutOfRangeError, require_place, signed
 from isel_twin.firmware.gmi99.interpolator import OntoSwitchError
 from isel_twin.firmware.gmi99.settings import HIGHEST, LOWEST, NUMBERS, RATIO_ONE, SLOTS, Settings
 from isel_twin.firmware.gmi99.waiting import Wait
@@ -222,8 +222,9 @@ def set_position(card: Card, instruction: Instruction) -> None:
     axis = axis_of("P2", instruction.p2)
     if card.uncoupled >> axis & 1:
         raise OutOfRangeError("O of an axis that has left the interpolation (p4)")
-    value = within("P1", signed(instruction.p1), LOWEST, HIGHEST)
-    card.set_counter(axis, value + card.offsets.total(axis))
+    value = within("P1", signed(instruction.p1), LOWEST, HIGHEST) + card.offsets.total(axis)
+    require_place(axis, value)
+    card.set_counter(axis, value)
 
 
 def auxiliary(card: Card, instruction: Instruction) -> Generator[Wait, None, None]:
@@ -245,8 +246,11 @@ def auxiliary(card: Card, instruction: Instruction) -> Generator[Wait, None, Non
         turns = [card.settings.per_turn[axis] for axis in axes]
         if not all(turns):
             raise OutOfRangeError("H12 wants the increments of a turn (N40)")
-        for axis, turn in zip(axes, turns, strict=True):
-            card.set_counter(axis, card.position[axis] % turn + segment * turn)
+        places = {axis: card.position[axis] % turn + segment * turn for axis, turn in zip(axes, turns, strict=True)}
+        for axis, place in places.items():
+            require_place(axis, place)
+        for axis, place in places.items():
+            card.set_counter(axis, place)
     else:
         raise OutOfRangeError(f"there is no H{what}")
 

@@ -36,7 +36,7 @@ class Board:
         self.now_ns = 0
         self.power_on_ns = 0
         self.events: list[Event] = []
-        self.fault = False
+        self.refused = ""  # the last failure that no reply has told
         self.path_run: SetPointRun | None = None  # the interpolator's motion, even a ghost
         self.ghost = False  # path_run sends no set points (N17)
         self.drives_run: SetPointRun | None = None  # motion of the drives' own indexers
@@ -53,6 +53,7 @@ class Board:
         self.image_mode = 0  # FB 254.2
         self.analog_drives = 0  # drives whose analog output leaves the image (FB 254.8)
         self._analog = 0
+        self.told_modulo: frozenset[int] = frozenset()  # slots whose position did not fit into its last answer
         self.pot_percent = override_pot_percent  # where the potentiometer stands
         self._levels: dict[tuple[int, int], int] = {}  # present outputs of the drives, by byte and bit
         self.images = Images(self._output_changed)
@@ -64,7 +65,7 @@ class Board:
 
     def refuse(self, why: str) -> None:
         """Report a failure for which the host gets no reply."""
-        self.fault = True
+        self.refused = why
         self.events.append(Remark(why))
 
     def _output_changed(self, byte: int, value: int) -> None:

@@ -89,7 +89,11 @@ class Gmi99:
 
     @property
     def fault(self) -> bool:
-        return self._card.fault
+        return bool(self.fault_cause)
+
+    @property
+    def fault_cause(self) -> str:
+        return self._card.fault_cause
 
     # ---- inputs -----------------------------------------------------------------------------------------------------
 
@@ -188,7 +192,7 @@ class Gmi99:
         else:
             self._reply(ACKNOWLEDGED)
             if instruction.code == ord("Q"):
-                self._card.fault = False
+                self._card.refused = ""
             self._sequencer.put(bytes([frame.command]) + frame.content, instruction)
 
     def _short(self, frame: Frame) -> None:
@@ -199,7 +203,7 @@ class Gmi99:
         self._reply(ACKNOWLEDGED)
         if frame.command == ABORT:
             card.abort()
-            card.fault = card.store.error = False
+            card.refused, card.store.error = "", False
         elif frame.command == SPINDLE_SPEED:
             card.interpolator.spindle_rpm = int.from_bytes(frame.content, "little")
             card.interpolator.speeds_changed()
@@ -255,7 +259,7 @@ class Gmi99:
         if (instruction := parse(frame.command, frame.content)) is None:
             return
         if instruction.p1 == 0:
-            answer = b"@" + (self._card.drives.encoder(slot) & 0xFFFFFF).to_bytes(3, "little")
+            answer = queries.position(self._card, slot, self._card.drives.encoder(slot))
         elif (instruction.p1, instruction.p2) == (1, 0):
             answer = b"V" + DRIVE_VERSION.to_bytes(2, "little")
         if answer:

@@ -43,7 +43,7 @@ class Card(Board):
             self.drives.set_input(terminal, True)
         for terminal in sorted(levels):
             self.drives.set_input(terminal, levels[terminal])
-        self.fault = False
+        self.refused = ""
         self.refresh_flags()
         self.plc.power_on(t_ns, bytes.fromhex(self.stored.plc))
 
@@ -87,6 +87,11 @@ class Card(Board):
         if flags.flag(images.ANALOG):
             self.put_analog_outputs()
         self.interpolator.speeds_changed()
+
+    @property
+    def fault_cause(self) -> str:
+        """The last failure, or what has taken readiness and still does; "" if there is neither."""
+        return self.refused or ("E-stop" if self.drives.estop else self.drives.lost_by)
 
     @property
     def in_program(self) -> bool:

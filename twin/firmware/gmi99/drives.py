@@ -69,6 +69,7 @@ class DriveBank:
         self._uncoupled = uncoupled
         self.asked: Drives | None = None
         self.ready = False
+        self.lost_by = ""  # what has ended readiness, until it is there again
         self.enabled = False
         self.searching = 0  # mask of axes that search or leave their switch (FB 254.3)
         self._zeroed = [False] * SLOTS
@@ -183,6 +184,7 @@ class DriveBank:
         if not stages:
             self._uncoupled.break_off(LIMIT_SHARPNESS)
         if was_ready:
+            self.lost_by = why
             self._board.refuse(why)
         self._queue.drop()
 
@@ -237,6 +239,8 @@ class DriveBank:
             return
         wanted = [slot for slot in range(SLOTS) if board.settings.axis_mask >> slot & 1]
         self.ready = all(self._zeroed[slot] and not self._faulty[slot] for slot in wanted)
+        if self.ready:
+            self.lost_by = ""
 
     def _reference(self, axes: list[int]) -> Generator[Wait, None, list[int]]:
         """The reference run of several axes at once; return those that succeeded."""

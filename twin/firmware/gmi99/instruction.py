@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from isel_twin.firmware.gmi99.settings import HIGHEST, LOWEST
+
 MOVE_BIT = 0x80  # in a command character: general motion command; its lower bits are the mask of axes
 
 
@@ -38,6 +40,12 @@ class Instruction:
     @property
     def is_move(self) -> bool:
         return self.code >= MOVE_BIT or self.code == ord("V")
+
+
+def require_place(slot: int, position: int) -> None:
+    """Raise OutOfRangeError for a position that `O` could not set and T0 not tell (gmi99/35)."""
+    if not LOWEST <= position <= HIGHEST:
+        raise OutOfRangeError(f"slot {slot} would come to {position}; positions lie in {LOWEST} .. {HIGHEST}")
 
 
 def signed(value: int) -> int:

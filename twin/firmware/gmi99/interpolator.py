@@ -19,13 +19,16 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from isel_twin.firmware.gmi99 import planner
 from isel_twin.firmware.gmi99.board import Board
 from isel_twin.firmware.gmi99.circle import circle
-from isel_twin.firmware.gmi99.instruction import Instruction, OutOfRangeError
+from isel_twin.firmware.gmi99.instruction import Instruction, OutOfRangeError, require_place
 from isel_twin.firmware.gmi99.settings import HIGHEST, LOWEST, SLOTS
 from isel_twin.motion import SetPointRun
 from isel_twin.motion.joined import Joined
+from isel_twin.motion.path import added
 
 Position = tuple[int, ...]
 
@@ -158,6 +161,10 @@ class Interpolator:
         except ValueError as error:
             raise OutOfRangeError(str(error)) from error
         if len(made.pieces):
+            ways = np.vstack(([way], made.pieces.displacement.cumsum(axis=0)))
+            for slot, position in enumerate(start):
+                for extreme in (ways[:, slot].min(), ways[:, slot].max()):
+                    require_place(slot, position + int(extreme))
             self._append(made, start, way, from_host=from_host)
 
     def _way(self, start: Position, given: dict[int, int], *, shortest: bool) -> Position:
@@ -190,7 +197,7 @@ class Interpolator:
         else:
             self._replace(planner.more(self._plan, self._tick(), [made], rules, self._heading))
         self._heading = made.last
-        self._end = tuple(s + n for s, n in zip(start, way, strict=True))
+        self._end = added(start, way)
         self._marks.append(_Mark(self._plan.pieces, None, from_host=from_host))
 
     def displaced(self, axis: int, way: int) -> None:

@@ -7,6 +7,7 @@ Widths and idents that the manual does not print: decision gmi99/8. An unknown q
 
 from __future__ import annotations
 
+from isel_twin.controller import Remark
 from isel_twin.firmware.gmi99.actions import parameter_value
 from isel_twin.firmware.gmi99.device import Card
 from isel_twin.firmware.gmi99.instruction import Instruction, signed
@@ -21,7 +22,7 @@ def answer(card: Card, instruction: Instruction) -> bytes | None:
     what, second, third = instruction.values
     match what:
         case 0:
-            return b"@" + _three(card.position[second]) if second < SLOTS else None
+            return position(card, second, card.position[second]) if second < SLOTS else None
         case 1:
             return _image(card, second, third)
         case 3:
@@ -36,6 +37,15 @@ def answer(card: Card, instruction: Instruction) -> bytes | None:
         case 12:
             return _plc(card, signed(second))
     return None
+
+
+def position(card: Card, slot: int, value: int) -> bytes:
+    """Ident and three bytes of a position; a remark when one does not fit, as of an axis that turns (gmi99/35)."""
+    fits = -(1 << 23) <= value < 1 << 23
+    if not fits and slot not in card.told_modulo:
+        card.events.append(Remark(f"slot {slot} is at {value}; T0 has three bytes and tells it modulo 2^24"))
+    card.told_modulo = card.told_modulo - {slot} if fits else card.told_modulo | {slot}
+    return b"@" + _three(value)
 
 
 def _image(card: Card, area: int, byte: int) -> bytes | None:

@@ -18,7 +18,7 @@ from dataclasses import replace
 
 from isel_twin.firmware.gmi99 import planner
 from isel_twin.firmware.gmi99.board import Board
-from isel_twin.firmware.gmi99.instruction import Instruction, OutOfRangeError
+from isel_twin.firmware.gmi99.instruction import Instruction, OutOfRangeError, require_place
 from isel_twin.firmware.gmi99.interpolator import Interpolator
 from isel_twin.firmware.gmi99.settings import HIGHEST, LOWEST, SLOTS
 from isel_twin.firmware.gmi99.waiting import Wait
@@ -178,6 +178,7 @@ class Uncoupled:
             if instruction.is_move:
                 value = self._value(axis, instruction)
                 way = value + board.offsets.total(axis) - board.position[axis] if absolute else value
+                require_place(axis, board.position[axis] + way)
                 self._goals[axis] = board.counts[axis] + way, speed
                 self._go(axis)
                 yield Wait(until=lambda: self._stands(axis) and board.counts[axis] == self._goals[axis][0])

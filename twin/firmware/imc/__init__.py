@@ -30,13 +30,13 @@ from typing import Any
 
 from isel_twin.controller import takes
 from isel_twin.firmware.imc.controller import Imc
-from isel_twin.firmware.imc.profile import load_profile
+from isel_twin.firmware.imc.profile import load_profile, readings_in_force
 from isel_twin.firmware.imc.profile import settings as settings_taken
 
 __all__ = ["Imc", "create"]
 
 
-@takes(settings_taken())
+@takes(settings_taken(), readings_in_force)
 def create(name: str, *, flash: bytes | None, settings: Mapping[str, Any]) -> Imc:
     """Entry point of `isel_twin.controllers`; `name` is a profile of profiles.toml.
 

@@ -64,9 +64,9 @@ def check_axes(device: Device, mask: int) -> None:
         raise Refusal(BAD_AXES)
 
 
-def admit_powered(device: Device, mask: int) -> tuple[int]:
-    """Refuse unless axes may move (`Device.require_power`)."""
-    device.require_power()
+def admit_simulated_reference(device: Device, mask: int) -> tuple[int]:
+    """Refuse as a reference run is."""
+    device.require_reference_run()
     return (mask,)
 
 
@@ -78,7 +78,7 @@ def set_virtual_zero(device: Device, mask: int) -> None:
 
 def simulate_reference(device: Device, mask: int) -> None:
     """`@0N`, `N`: the reference point is here (imc/24)."""
-    device.note(Event.REFERENCE_BEGUN)
+    device.begin_reference_run()
     for axis in axes_of(mask):
         device.set_reference(axis)
 
@@ -253,8 +253,9 @@ def load_settings(device: Device) -> None:
     _put_in_force(device, device.flash.settings)
 
 
-def save_settings(device: Device) -> None:
-    """`@0IW`."""
+def save_settings(device: Device) -> Activity:
+    """`@0IW`: the new values count once all of them are written; power lost before leaves the old ones (imc/51)."""
+    yield Pause(device.profile.store_ms * MILLISECOND_NS)
     device.store(settings=device.settings)
 
 

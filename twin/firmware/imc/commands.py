@@ -121,7 +121,7 @@ DNC: Mapping[str, Command] = {
         (Number(),),
         adjust.simulate_reference,
         adjust.check_axes,
-        adjust.admit_powered,
+        adjust.admit_simulated_reference,
     ),
     "P": Command("2.2.21", "position", (), query.position),
     "R": _on_axes(

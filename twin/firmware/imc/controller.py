@@ -105,8 +105,11 @@ class Imc:
 
     @property
     def fault(self) -> bool:
-        """Always False: replies report every error."""
-        return False
+        return bool(self.fault_cause)
+
+    @property
+    def fault_cause(self) -> str:
+        return self._device.fault_cause
 
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
         self._inputs = Inputs(levels)
@@ -221,6 +224,8 @@ class Imc:
 
     def _receive_end(self, byte: int) -> bool:
         """Take a CR or a control byte; return True if it has an effect now."""
+        if byte in (grammar.STOP, grammar.BREAK):
+            self._device.forget_unmade()  # the host does without it
         if byte == grammar.STOP:
             if self._supervisor.stop():
                 self._lines.hold()
@@ -252,10 +257,13 @@ class Imc:
             effect = self._admit(line) if recorder is None else self._admit_stored(line, recorder)
         except Refusal as refusal:
             self._device.send(refusal.code)
+            self._device.hindered(line, refusal.code)
             return
         reply = effect()
         if reply is not None:
             self._device.send(reply)
+            if self._supervisor.task is None:
+                self._device.made(line)
 
     def _admit(self, line: bytes) -> Effect:
         """A DNC line. Raises Refusal."""
@@ -266,16 +274,16 @@ class Imc:
         letter, code, text = parts
         if code == "S":
             grammar.read_numbers(text, ())
-            return self._admit_start(answers=True)
+            return self._admit_start(line, answers=True)
         if code == "i":
             grammar.read_numbers(text, ())
             admit_recording(device)
             return self._begin_recording
         command = commands.find_dnc(device, code)
         values = command.admitted(device, command.read(device, text))
-        return lambda: self._carry_out(command, values, letter in device.profile.acknowledge_at_once)
+        return lambda: self._carry_out(line, command, values, letter in device.profile.acknowledge_at_once)
 
-    def _carry_out(self, command: commands.Command, values: tuple[Any, ...], at_once: bool) -> str | None:
+    def _carry_out(self, line: bytes, command: commands.Command, values: tuple[Any, ...], at_once: bool) -> str | None:
         """at_once: a command that takes time is acknowledged when it begins."""
         result = command.do(self._device, *values)
         if not isinstance(result, GeneratorType):
@@ -283,7 +291,7 @@ class Imc:
         self._supervisor.forget_parked()
         while self._answer_held():
             pass
-        self._supervisor.start(result, answers=not at_once)
+        self._supervisor.start(result, line, answers=not at_once)
         return OK if at_once else None
 
     def _begin_recording(self) -> str:
@@ -306,13 +314,13 @@ class Imc:
             raise
         return lambda: OK
 
-    def _admit_start(self, *, answers: bool) -> Effect:
+    def _admit_start(self, line: bytes, *, answers: bool) -> Effect:
         """Resume a stopped task, or start the stored program (2.2.23). Raises Refusal."""
         device, parked = self._device, self._supervisor.parked
         device.require_supply()
         if parked is None:
             axes, modal = self._admit_program()
-            return partial(self._start_program, axes, modal, answers=answers)
+            return partial(self._start_program, line, axes, modal, answers=answers)
         device.require_move()
         self._supervisor.require_unchanged()
         if parked.program:
@@ -328,7 +336,7 @@ class Imc:
         if self._supervisor.task is not None or self._recorder is not None:
             return
         try:
-            effect = self._admit_start(answers=False)
+            effect = self._admit_start(b"", answers=False)
         except Refusal:
             return
         effect()
@@ -347,10 +355,10 @@ class Imc:
             self._require_sound(program)
         return program.axes, modal
 
-    def _start_program(self, axes: int, modal: settings.Modal, *, answers: bool) -> None:
+    def _start_program(self, line: bytes, axes: int, modal: settings.Modal, *, answers: bool) -> None:
         self._device.axes, self._device.modal = axes, modal
         signal_error(self._device, error=False)
-        self._supervisor.start(run_program(self._device, commands.CNC), answers=answers, program=True)
+        self._supervisor.start(run_program(self._device, commands.CNC), line, answers=answers, program=True)
 
     def _require_sound(self, program: settings.StoredProgram) -> None:
         """Raise Refusal(G) unless this firmware accepts every line: the image may come from another one."""

@@ -14,25 +14,31 @@ from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.controller import CounterSet, Event, FlashWrite, Remark, Reply
 from isel_twin.firmware.executor import Executor
 from isel_twin.firmware.imc import settings as flash_image
-from isel_twin.firmware.imc.limits import LimitSwitches
+from isel_twin.firmware.imc.limits import LimitSwitches, name_of
 from isel_twin.firmware.imc.ports import Inputs, Outputs
 from isel_twin.firmware.imc.profile import Profile
 from isel_twin.firmware.imc.replies import (
     BAD_NUMBER,
     FAULT,
+    HINDERED,
     HOOD_OPEN,
     LIMIT_SWITCH,
     NO_AXES,
     NOT_REFERENCED,
     SYNTAX,
+    WORDS,
     Refusal,
 )
-from isel_twin.firmware.imc.safety import TRANSITIONS, State, hood_safe, powered
+from isel_twin.firmware.imc.safety import TRANSITIONS, State, hood_safe, open_circuit, power_loss, powered
 from isel_twin.firmware.imc.safety import Event as SafetyEvent
 from isel_twin.firmware.imc.settings import AXES, Flash, Modal, Settings, StoredProgram, axes_of
-from isel_twin.motion import Displacement, TimeLaw, trapezoid
+from isel_twin.motion import Displacement, Rational, TimeLaw, trapezoid
 from isel_twin.motion.path import added
 
+KINDER = (
+    "the reference run alone ends the state after a limit switch (reference_ends_limit); the manual's controller "
+    "answers 2 until the axes have been set anew (@07)"
+)
 POSITION_LIMIT = 1 << 23  # counters have 24 bits, two's complement
 
 
@@ -49,6 +55,8 @@ class Device:
         self.limits = LimitSwitches(inputs, self._present_settings, profile.debounce_ms * MILLISECOND_NS)
         self.outputs = Outputs(events)
         self.safety = State.FAULT
+        self._left_by = ""  # the event that has led out of OPERATING
+        self._unmade: tuple[bytes, str] | None = None  # a line that the machine's state has hindered, and its reply
         self.number = 0
         self.axes = 0
         self.referenced = [False] * AXES
@@ -90,12 +98,39 @@ class Device:
     def lose_references(self) -> None:
         self.referenced = [False] * AXES
 
-    def note(self, event: SafetyEvent) -> None:
-        self.safety = TRANSITIONS.get((self.safety, event), self.safety)
+    @property
+    def fault_cause(self) -> str:
+        """The fault that stands, or the line that it has hindered (imc/52); "" if there is none."""
+        if cause := self._left_by or open_circuit(self.inputs):
+            return cause
+        if self._unmade is None:
+            return ""
+        line, code = self._unmade
+        return f"{line.decode('latin-1')} not made: {code}: {WORDS[code]}"
 
-    def limit_struck(self) -> None:
+    def hindered(self, line: bytes, code: str) -> None:
+        """Keep a line that has been refused or broken off by the machine's state."""
+        if code in HINDERED:
+            self._unmade = line, code
+
+    def made(self, line: bytes) -> None:
+        """A line has been carried out: one like it is no longer owed."""
+        if self._unmade is not None and self._unmade[0] == line:
+            self._unmade = None
+
+    def forget_unmade(self) -> None:
+        self._unmade = None
+
+    def note(self, event: SafetyEvent, cause: str = "") -> None:
+        """cause: in words, of an event that leads out of OPERATING."""
+        self.safety = TRANSITIONS.get((self.safety, event), self.safety)
+        self._left_by = "" if self.safety is State.OPERATING else cause or self._left_by
+        if event in (SafetyEvent.INITIALISED, SafetyEvent.REFERENCE_BEGUN):
+            self.forget_unmade()
+
+    def limit_struck(self, axis: int) -> None:
         """A limit switch has ended a motion: moves are forbidden, positions are lost."""
-        self.note(SafetyEvent.LIMIT_STRUCK)
+        self.note(SafetyEvent.LIMIT_STRUCK, " and ".join(map(name_of, self.limits.struck(axis))) + " struck")
         self.lose_references()
 
     def require_axes(self) -> None:
@@ -121,6 +156,18 @@ class Device:
         if not self.outputs["stages"]:
             raise Refusal(FAULT)
         self.require_hood()
+
+    def require_reference_run(self) -> None:
+        """Raise Refusal unless a reference run may begin: after a limit switch set the axes anew first (2, imc/47)."""
+        self.require_power()
+        if self.safety is State.LIMIT and not self.profile.reference_ends_limit:
+            raise Refusal(LIMIT_SWITCH)
+
+    def begin_reference_run(self) -> None:
+        """Take note that one begins, real or simulated."""
+        if self.safety is State.LIMIT:
+            self.remark(KINDER)
+        self.note(SafetyEvent.REFERENCE_BEGUN)
 
     def require_move(self) -> None:
         """Raise Refusal unless axes may move and no limit switch has been struck since (2)."""
@@ -156,7 +203,7 @@ class Device:
 
     def shut_down(self) -> None:
         """Fault: switch off stages, brake and spindle; positions are lost."""
-        self.note(SafetyEvent.POWER_LOST)
+        self.note(SafetyEvent.POWER_LOST, power_loss(self.inputs))
         for name in ("stages", "brake", "spindle"):
             self.outputs[name] = 0
         self.lose_references()
@@ -193,7 +240,7 @@ class Device:
         """Direction of arcs; clockwise by default (imc/34)."""
         return self.modal.clockwise is not False
 
-    def law(self, speed_hz: int) -> Callable[[int], TimeLaw]:
+    def law(self, speed_hz: Rational) -> Callable[[int], TimeLaw]:
         """A function of a number of ticks that gives the time law with the present ramps, even if called later."""
         start_stop_hz, acceleration_hz_per_s = self.start_stop_hz, 1000 * self.acceleration_hz_per_ms
         return lambda ticks: trapezoid(ticks, speed_hz, start_stop_hz, acceleration_hz_per_s)

@@ -4,8 +4,8 @@
             refuses                may end early: limit switch, fault, stop
 
 A relative move in 2.5D is up to three legs: X and Y together, Z by z1, Z by z2; with an A axis its way is the last leg.
-In 3D it is one leg, at the speed given for X (imc/22). A leg starts at the time of the last pulse of the one before.
-All reasons for a refusal are checked in planning.
+In 3D it is one leg, at the speed given for X (imc/22). Speeds are the leading axis's, or the path's (motion/1). A leg
+starts at the time of the last pulse of the one before. All reasons for a refusal are checked in planning.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from isel_twin.firmware.imc.grammar import Number
 from isel_twin.firmware.imc.purpose import Reference, Until
 from isel_twin.firmware.imc.replies import BAD_AXES, BAD_NUMBER, BAD_SPEED, LIMIT_SWITCH, Refusal
 from isel_twin.firmware.imc.settings import AXES
-from isel_twin.motion import Displacement, StepPath, TimeLaw, circle, line
+from isel_twin.motion import Displacement, StepPath, TimeLaw, along_path, circle, line
 
 XYZ = 7
 ANY_SPEED = Number(-(1 << 62), 1 << 62)  # a speed whose range is checked later, as it may be unused
@@ -58,24 +58,27 @@ def set_off(device: Device, way: Travel) -> Generator[Request, Ended, Ended]:
     if isinstance(purpose, Until) and purpose.condition():
         return Ended(way.first, by_event=True)
     seeks = isinstance(purpose, Reference) and purpose.seek is not None
-    if not seeks and _blocked(device, way):
-        device.limit_struck()
+    if not seeks and (axis := _blocked(device, way)) is not None:
+        device.limit_struck(axis)
         raise Refusal(LIMIT_SWITCH)
     return (yield way)
 
 
-def _blocked(device: Device, way: Travel) -> bool:
-    """True if this travel would drive an axis further onto its struck switch."""
+def _blocked(device: Device, way: Travel) -> int | None:
+    """An axis that this travel would drive further onto its struck switch."""
     if not device.limits.all_active():
-        return False
+        return None
     first, last = way.first, way.first + way.law.ticks
     # over the first ticks, as a curved path may turn later; over all if the axis rests in those
     spans = (first, min(first + 100, last)), (first, last)
-    return any(
-        device.limits.blocks(axis, sense(way.path, axis, *spans))
+    blocked = (
+        axis
         for axis in device.axis_list
-        if device.guards(axis) and device.limits.struck(axis)
+        if device.guards(axis)
+        and device.limits.struck(axis)
+        and device.limits.blocks(axis, sense(way.path, axis, *spans))
     )
+    return next(blocked, None)
 
 
 def sense(path: StepPath, axis: int, *spans: tuple[int, int]) -> int:
@@ -160,7 +163,10 @@ def _plan_linear(
     legs = [(as_steps(way), speed_hz) for way, speed_hz in ways if any(way.values())]
     device.require_room(*[leg for leg, _ in legs], unreferenced=unreferenced)
     # a program's fourth pair may have been stored in 3D, where it does not matter, and be travelled in 2.5D
-    return ([straight_leg(device, leg, speed(device).check(speed_hz)) for leg, speed_hz in legs],)
+    asked = [(leg, speed(device).check(speed_hz)) for leg, speed_hz in legs]
+    if device.profile.path_speed:
+        return ([Leg(line(leg), device.law(along_path(speed_hz, leg))) for leg, speed_hz in asked],)
+    return ([straight_leg(device, leg, speed_hz) for leg, speed_hz in asked],)
 
 
 def as_steps(way: dict[int, int]) -> Displacement:
@@ -209,8 +215,8 @@ def helix_parameters(device: Device) -> tuple[Number, ...]:
 
 
 def check_arc_numbers(device: Device, *values: int) -> None:
-    """Directions are +1 or -1, and a third axis cannot make more steps than the arc has (1)."""
-    if not values[5] or not values[6] or abs(_third(values)) > values[0]:
+    """Directions are +1 or -1 (1)."""
+    if not values[5] or not values[6]:
         raise Refusal(BAD_NUMBER)
 
 
@@ -235,7 +241,7 @@ def plan_arc(device: Device, length: int, speed_hz: int, *rest: int) -> tuple[Se
     d, xs, ys, rx, ry, third = (*rest, 0)[:6]
     first, second, other = PLANES[device.plane]
     path = circle(length, d, xs, ys, rx, ry, device.clockwise, (first, second), other if third else None, third)
-    if length:
+    if path.ticks:
         device.require_reference((first, second, *((other,) if third else ())))
-    device.require_room(path.displacement(length))
+    device.require_room(path.displacement(path.ticks))
     return ([Leg(path, device.law(speed_hz))],)

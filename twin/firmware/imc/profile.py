@@ -35,6 +35,7 @@ class Profile:
     relay_ms: int
     cycle_ms: int
     erase_ms: int
+    store_ms: int
     line_bytes: int
     input_bytes: int
     program_memory_bytes: int
@@ -45,6 +46,8 @@ class Profile:
     extra_values: bool
     relative_unreferenced: bool
     set_axes_only: bool
+    reference_ends_limit: bool
+    path_speed: bool
 
 
 def settings() -> Mapping[str, Setting]:
@@ -52,6 +55,27 @@ def settings() -> Mapping[str, Setting]:
     number = Limits("", 1, 1e9, whole=True)
     base = _profiles()[BASE].items()
     return {key: bool if isinstance(value, bool) else number for key, value in base if isinstance(value, int)}
+
+
+# readings of the manual that a setting chooses: what holds without it and with it, for people
+READINGS: Mapping[str, tuple[str, str]] = {
+    "path_speed": (
+        "the speed of a straight move is the step frequency of its leading axis",
+        "the speed of a straight move is that of the path: a diagonal takes up to 1.41, in 3D 1.73 times as long",
+    ),
+    "reference_ends_limit": (
+        "after a limit switch the axes are set anew (@07), then the reference run",
+        "after a limit switch a reference run alone is enough; the manual wants the axes set anew, too",
+    ),
+    "extra_values": ("@0d takes a value for each axis that is set", "@0d and @0Id take values of axes not set, too"),
+    "relative_unreferenced": ("relative moves want a reference run", "relative moves go without a reference run"),
+}
+
+
+def readings_in_force(name: str, settings: Mapping[str, Any]) -> Mapping[str, tuple[bool, str]]:
+    """Which readings hold in that profile with these settings. Raises ValueError like `load_profile`."""
+    profile = load_profile(name, settings)
+    return {key: (value := getattr(profile, key), words[value]) for key, words in READINGS.items()}
 
 
 def load_profile(name: str, settings: Mapping[str, Any]) -> Profile:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from isel_twin.firmware.imc.device import Device
+from isel_twin.firmware.imc.device import POSITION_LIMIT, Device
 from isel_twin.firmware.imc.replies import OK, SYNTAX, Refusal
 from isel_twin.firmware.imc.safety import State
 from isel_twin.firmware.imc.settings import AXES, ProgramState
@@ -17,6 +17,9 @@ REVISION = "0.1.0"  # of the emulated firmware
 def position(device: Device) -> str:
     """`@0P`: 24 bits an axis, two's complement, hexadecimal (2.2.21, imc/4)."""
     told = positions(device.axes, set_axes_only=device.profile.set_axes_only)
+    for axis in told:
+        if not -POSITION_LIMIT <= device.counts[axis] < POSITION_LIMIT:  # after a reference run that was broken off
+            device.remark(f"{AXIS_NAMES[axis]} is at {device.counts[axis]}; @0P has 24 bits and tells it modulo 2^24")
     return OK + "".join(f"{device.counts[axis] & 0xFFFFFF:06X}" for axis in told)
 
 

@@ -26,7 +26,6 @@ from isel_twin.firmware.imc.limits import name_of, switches_of
 from isel_twin.firmware.imc.moves import as_steps, set_off
 from isel_twin.firmware.imc.purpose import REFERENCE, Reference
 from isel_twin.firmware.imc.replies import LIMIT_SWITCH, Refusal
-from isel_twin.firmware.imc.safety import Event
 from isel_twin.motion import constant, line
 
 ORDER = (2, 1, 0, 3)  # Z, Y, X, A (2.2.22)
@@ -34,8 +33,8 @@ REFERENCE_RUN, RUNNING_FREE = "reference run", "running free"
 
 
 def admit_reference_run(device: Device, mask: int) -> tuple[int]:
-    """`@0R`, `7`: axes may move; two struck switches of one axis (2) matter only outside test mode."""
-    device.require_power()
+    """`@0R`, `7`: it may begin; two struck switches of one axis (2) matter only outside test mode."""
+    device.require_reference_run()
     if not device.test_mode:
         _require_ways_off(device, mask)
     return (mask,)
@@ -56,7 +55,7 @@ def _require_ways_off(device: Device, mask: int) -> None:
 
 def reference_run(device: Device, mask: int) -> Activity:
     """`@0R`, `7`: find the reference points of the axes in `mask`; in test mode take the present positions."""
-    device.note(Event.REFERENCE_BEGUN)
+    device.begin_reference_run()
     device.set_modal(three_d=False)
     axes = [axis for axis in ORDER if mask >> axis & 1]
     for axis in axes:
@@ -100,7 +99,8 @@ def _find_switch(device: Device, axis: int) -> Activity:
 
 
 def _fail(device: Device, axis: int, what: str, why: str) -> NoReturn:
-    """Raise Refusal(2) with its reason as a remark."""
+    """Raise Refusal(2), as after a limit switch, with its reason as a remark."""
+    device.limit_struck()
     device.remark(f"{what} of {AXIS_NAMES[axis].upper()}: {why}")
     raise Refusal(LIMIT_SWITCH)
 

@@ -42,6 +42,10 @@ WORDS: Mapping[str, str] = {
 }
 
 
+# a command answered so is right, and the machine's state is in its way
+HINDERED = frozenset({LIMIT_SWITCH, FAULT, STOPPED, HOOD_OPEN, NOT_REFERENCED})
+
+
 class Refusal(Unfinished):
     """A command is not carried out, or its activity ends early; `code` is the reply."""
 

@@ -3,7 +3,7 @@ without it; this state machine reads their contacts, drops the controller's own 
 
                   initialised (@0<axes>: circuits closed, power on)
           +------------------------------------------------------------+
-          |                 initialised, reference begun               |
+          |          initialised, reference begun (imc/47)             |
           |          +-----------------------------------------+       |
           v          v                                         |       |
         [ OPERATING ] ------- limit switch struck ------> [ LIMIT ]    |
@@ -15,7 +15,7 @@ without it; this state machine reads their contacts, drops the controller's own 
                                       +--------------------------------+
 
 FAULT: stages, brake and spindle off, every reference lost; commands that move or start the spindle answer 9.
-LIMIT: every reference lost; moves answer 2. docs/safety.md has the table of events.
+LIMIT: every reference lost; moves and reference runs answer 2. docs/safety.md has the table of events.
 """
 
 from __future__ import annotations
@@ -54,6 +54,23 @@ def circuits_closed(inputs: Inputs) -> bool:
     """Both emergency stop circuits closed and the power stages cool."""
     signals = inputs.signals
     return signals["estop_1"] and signals["estop_2"] and signals["cool"]
+
+
+def open_circuit(inputs: Inputs) -> str:
+    """The emergency circuit that is open, in words; "" if none is."""
+    signals = inputs.signals
+    if not (signals["estop_1"] and signals["estop_2"]):
+        return "emergency stop"
+    return "" if signals["cool"] else "a power stage is too hot"
+
+
+def power_loss(inputs: Inputs) -> str:
+    """The cause of a loss of power, in words."""
+    if circuit := open_circuit(inputs):
+        return circuit
+    if not inputs.signals["power_ok"]:
+        return "the stages have lost their power"
+    return "emergency input of the program" if hood_safe(inputs) else "hood open in automatic"
 
 
 def powered(inputs: Inputs) -> bool:

@@ -32,8 +32,10 @@ from isel_twin.motion import Displacement, StepRun
 
 @dataclass
 class Task:
-    """A command in progress. answers: the host gets a reply at its end (after a stop always); program: a stored one."""
+    """A command in progress. line: as sent, empty for the start key; answers: the host gets a reply at its end (after a
+    stop always); program: a stored one."""
 
+    line: bytes
     answers: bool
     program: bool
 
@@ -51,9 +53,9 @@ class Supervisor:
 
     # ---- starting and ending ----------------------------------------------------------------------------------------
 
-    def start(self, activity: Activity, *, answers: bool, program: bool = False) -> None:
+    def start(self, activity: Activity, line: bytes, *, answers: bool, program: bool = False) -> None:
         """Begin a task; none is in progress."""
-        self.task = Task(answers, program)
+        self.task = Task(line, answers, program)
         self._executor.start(activity, self._ended)
 
     def resume(self, *, answers: bool) -> None:
@@ -84,6 +86,10 @@ class Supervisor:
         assert reason is None or isinstance(reason, Refusal)
         task, self.task = self.task, None
         code = OK if reason is None else reason.code
+        if code == OK:
+            self._device.made(task.line)
+        elif code != STOPPED:  # byte 255 is the host's own will
+            self._device.hindered(task.line, code)
         if task.program:
             signal_error(self._device, code != OK)
         if task.answers or code == STOPPED:
@@ -124,6 +130,7 @@ class Supervisor:
             if code == FAULT:
                 self._power_lost()
             elif code is not None:
+                self._device.hindered(self.task.line, code)
                 self.break_off(code)
 
     # ---- the host's bytes, the keys ---------------------------------------------------------------------------------
@@ -150,7 +157,10 @@ class Supervisor:
         if isinstance(purpose, Reference) and purpose.seek is not None and not self._executor.stopping:
             self._executor.cut()
             return False
-        return self.stop()
+        task, stopped = self.task, self.stop()
+        if stopped and task is not None:
+            self._device.hindered(task.line, STOPPED)
+        return stopped
 
     def break_off(self, code: str = STOPPED) -> None:
         """Byte 255, or a port that ends the program: stop ramp, answer `code`, drop the rest."""
@@ -190,7 +200,7 @@ class Supervisor:
         if self._executor.purpose == Reference(seek=axis):
             self._executor.cut()
         elif device.guards(axis):
-            device.limit_struck()
+            device.limit_struck(axis)
             self.forget_parked()
             self._executor.abort(Refusal(LIMIT_SWITCH))
 

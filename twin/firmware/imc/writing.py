@@ -32,10 +32,10 @@ MOST = 1 << 23  # parameters have 24 bits (imc/15)
 class ImcCommands:
     """Implements `isel_twin.cam.writing.Commands`."""
 
-    along_path = False
     both_senses = False
 
     def __init__(self, profile: Profile, axes: MachineAxes, settings: CamSettings, reference: Sequence[str]) -> None:
+        self.along_path = axes.speed_along_path
         self.low_hz, self.high_hz = profile.min_speed_hz, profile.max_speed_hz
         self._lacks = profile.unknown_commands
         self._arc: tuple[int, ...] | None = None  # B, D, ... of the arc that has been asked for
@@ -54,7 +54,13 @@ class ImcCommands:
     def move(self, move: Move) -> Iterable[Written]:
         if "z" in self._lacks and move.steps[2] and (move.steps[0] or move.steps[1]):
             return self._by_parts(move)
-        return (self._line(move.place, move.to, round(move.hz)),)
+        return (self._line(move.place, move.to, self._speed(move)),)
+
+    def _speed(self, move: Move) -> int:
+        """Of the leading axis, or along the path (motion/1), where axes of other counts may ask for too much."""
+        if not self.along_path:
+            return round(move.hz)
+        return min(round(move.hz * math.hypot(*move.steps) / max(map(abs, move.steps))), self.high_hz)
 
     def _line(self, place: Place, to: tuple[int, int, int], hz: int) -> Written:
         x, y, z = to

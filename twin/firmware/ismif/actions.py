@@ -91,7 +91,7 @@ class Actions:
             ends[target.axis] = target.steps + (start if target.relative else 0)
             steps[target.axis] = ends[target.axis] - start
         if any(abs(end) > STEPS_LIMIT for end in ends):
-            raise Failure
+            raise Failure(f"a target more than {STEPS_LIMIT} half steps from the zero point")
         if self.configuration.plotter:
             self._set_pen(ends[2])
             steps[2] = 0
@@ -133,14 +133,16 @@ class Actions:
                 return
             made = ended.ticks
             if search is not None and made == path.ticks:
-                self._remark_not_found(steps, search)
-                raise Failure
+                raise Failure(self._not_found(steps, search))
 
-    def _remark_not_found(self, steps: Displacement, search: Search) -> None:
+    def _not_found(self, steps: Displacement, search: Search) -> str:
+        """Remark it, and return the words."""
         axis = next(axis for axis in AXES if steps[axis])
         level, way, limit = ("high", "free run", FREE_LIMIT) if search.level else ("low", "search", SEARCH_LIMIT)
         what = f"the reference input has not gone {level} in {limit} half steps of the {way}"
-        self._events.append(Remark(f"reference run of {AXIS_NAMES[axis].upper()}: {what}"))
+        text = f"reference run of {AXIS_NAMES[axis].upper()}: {what}"
+        self._events.append(Remark(text))
+        return text
 
     @property
     def purpose(self) -> object:

@@ -71,6 +71,10 @@ class Ismif:
     @property
     def fault(self) -> bool:
         """True for an error in the third character of the status, which only `@X` reads (ismif/14)."""
+        return bool(self._jobs.error)
+
+    @property
+    def fault_cause(self) -> str:
         return self._jobs.error
 
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
@@ -128,8 +132,8 @@ class Ismif:
         try:
             command = read(line)
             reply = self._masters[command.code](*command.arguments)
-        except CommandError:
-            self._jobs.error = True
+        except CommandError as error:
+            self._jobs.go_wrong(str(error))
         self._reply(reply or ACKNOWLEDGED)
 
     def _reply(self, data: bytes) -> None:
@@ -146,7 +150,7 @@ class Ismif:
         bits = (
             self.run is not None or (jobs.referencing and not jobs.paused),
             self._executor.purpose is Standing.WAITING,
-            jobs.error,
+            bool(jobs.error),
             not self._actions.position_known,
             jobs.referencing,
             jobs.in_progress and not jobs.referencing,
@@ -158,7 +162,7 @@ class Ismif:
 
     def _reset(self) -> None:
         """6.1: like 6.16, and the fault is cleared; power is requested from the cabinet as at power-on (ismif/11)."""
-        self._jobs.error = False
+        self._jobs.error = ""
         self._stop()
         self._actions.request_power()
 

@@ -25,8 +25,8 @@ class Jobs:
     """Stores and carries out commands; `reply(data)` sends a reply and its CR to the host."""
 
     def __init__(self, actions: Actions, reply: Callable[[bytes], None]) -> None:
-        self.error = False
-        """Third character of the status: something has gone wrong since the last reset."""
+        self.error = ""
+        """Third character of the status: what has gone wrong first since the last reset."""
         self.paused = False
         self._actions = actions
         self._executor = actions.executor
@@ -40,7 +40,8 @@ class Jobs:
     def receive(self, line: bytes, starts: bool) -> None:
         """Take a line without its end that is no master command; `starts`: it came with 01h."""
         if line or starts:
-            self.error |= not self._waiting_lines.append(line, starts)
+            if not self._waiting_lines.append(line, starts):
+                self.go_wrong("lines have come faster than they are taken")
             self._store_lines()
 
     def _store_lines(self) -> None:
@@ -49,7 +50,7 @@ class Jobs:
             line, starts = self._waiting_lines.head
             if line is None:
                 self._waiting_lines.take()
-                self._void_job()
+                self._void_job("a line that has found no room")
                 continue
             if len(line) + 1 > self._memory.free:
                 return
@@ -71,13 +72,18 @@ class Jobs:
         command = None
         try:
             command = read(line) if line else None
-        except CommandError:
-            self._void_job()
+        except CommandError as error:
+            self._void_job(str(error))
         return None if self._void else command
 
-    def _void_job(self) -> None:
+    def go_wrong(self, why: str) -> None:
+        """Set the third character of the status."""
+        self.error = self.error or why
+
+    def _void_job(self, why: str) -> None:
         """Drop the stored part of the job in reception, and ignore the rest up to its 01h (ismif/1)."""
-        self.error = self._void = True
+        self.go_wrong(why)
+        self._void = True
         self._memory.drop_stored()
 
     def work(self) -> None:
@@ -113,18 +119,18 @@ class Jobs:
     def _ended(self, reason: Unfinished | None) -> None:
         """Note the end of the activity in progress; `work` ends the command."""
         if isinstance(reason, Failure):
-            self._fail()
+            self._fail(str(reason))
 
-    def _fail(self) -> None:
+    def _fail(self, why: str) -> None:
         """Drop the rest of a job that cannot be carried out, in the memory and still to come (ismif/1)."""
-        self.error = True
+        self.go_wrong(why)
         while self._entry is not None and not self._entry.ends_job and self._memory.released:
             self._entry = self._memory.take()
         if self._entry is not None and self._entry.ends_job:
             self._entry = Entry(None, 0, ends_job=True)
         else:  # a full memory started the job: its 01h is still to come and gets the 02h
             self._entry = None
-            self._void_job()
+            self._void_job(why)
         self._use_room()
 
     def pause(self) -> None:

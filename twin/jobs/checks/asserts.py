@@ -36,7 +36,7 @@ from isel_twin.base.units import SECOND_NS
 from isel_twin.jobs.checks.paths import arc, from_path, since_left
 from isel_twin.jobs.checks.watched import Command, Heard, JobRun, Watched
 from isel_twin.jobs.golden import Golden, GoldenError, called, differences, dumps, golden_file, load
-from isel_twin.jobs.verdict import halfway
+from isel_twin.jobs.verdict import HALF_A_SLIP, halfway
 
 __all__ = [
     "MotionError",
@@ -95,8 +95,9 @@ def _inside(check: Callable[Concatenate[Watched, P], None]) -> Callable[Concaten
 
 @_inside
 def assert_no_step_lost(seen: Watched) -> None:
-    """Since power-on no axis has lost steps or rests halfway between two stable places, and no servo drive has switched
-    itself off. Lets the machine come to rest first. Fails if the controller is still busy."""
+    """Since power-on no axis has lost steps or rests halfway between two stable places, no servo drive has switched
+    itself off, and none rests short of its command. Lets the machine come to rest first. Fails if the controller
+    is still busy."""
     __tracebackhide__ = True
     _at_rest(seen, "no step lost")
     twin = seen.twin
@@ -117,9 +118,17 @@ def assert_no_step_lost(seen: Watched) -> None:
     for axis, (number, cause) in zip(AXIS_NAMES, twin.drive_faults, strict=False):
         if number:
             raise MotionError(f"{axis}: {cause}", expected="no drive switched off", was=f"{number} times", axis=axis)
+    for i in np.flatnonzero(~twin.in_position):
+        raise MotionError(
+            f"{AXIS_NAMES[i]} rests beside its command",
+            expected="every servo drive in position",
+            was=f"{twin.following_error[i]:+.0f} increments from it",
+            time_ns=twin.time_ns,
+            axis=AXIS_NAMES[i],
+        )
     for i in np.flatnonzero(halfway(twin.lost_steps, twin.slip_steps)):
         raise MotionError(
-            f"{AXIS_NAMES[i]} rests between two places that would hold",
+            f"{AXIS_NAMES[i]} {HALF_A_SLIP}",
             expected="no step lost",
             was=f"{twin.lost_steps[i]:+.2f} of {twin.slip_steps[i]:.0f} steps off",
             time_ns=twin.time_ns,
@@ -145,9 +154,17 @@ def assert_no_collision(seen: Watched) -> None:
 
 
 def assert_accepted(seen: Heard) -> None:
-    """Every command since `begin` was answered and not refused; in a job, every expectation was met."""
+    """Every command since `begin` was answered and not refused; in a job, every expectation was met. The controller
+    does not stand in a fault: some tell an error in no reply."""
     __tracebackhide__ = True
     seen.rest()
+    _require_accepted(seen)
+    if seen.fault_left:
+        raise MotionError("the controller stands in a fault", expected="none", was=seen.fault_left, time_ns=seen.now_ns)
+
+
+def _require_accepted(seen: Heard) -> None:
+    __tracebackhide__ = True
     if seen.job is not None:
         for result in seen.job[0]:
             if not result.ok:

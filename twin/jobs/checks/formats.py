@@ -75,7 +75,7 @@ def as_words(report: Told) -> str:
     least = verdict.least_margin
     margin = "" if least is None else f", margin {100.0 * least:.0f} %"
     commands = f"{verdict.commands} command{'' if verdict.commands == 1 else 's'}"
-    rows = [f"{report.job}: {'ok' if report.ok else 'NOT OK'} ({commands}, {verdict.cycle_s:.3f} s{margin})"]
+    rows = [f"{report.job}: {'ok' if report.ok else 'failed'} ({commands}, {verdict.cycle_s:.3f} s{margin})"]
     for finding in report.findings:
         warning, place = "warning " if finding.warning else "", where(finding)
         rows.append(f"  {warning}{finding.rule:<10} {f'{place}: ' if place else ''}{finding.message}")
@@ -130,7 +130,7 @@ def _xml(text: str) -> str:
 def sarif(reports: Sequence[Told], unjudged: Sequence[str] = ()) -> str:
     """SARIF 2.1.0. Paths are those of the call; relative ones start at the root of the sources. unjudged: as for
     `junit`."""
-    rules = [{"id": rule, "shortDescription": {"text": text}} for rule, text in RULES.items()]
+    rules = [{"id": name, "shortDescription": {"text": rule.demand}} for name, rule in RULES.items()]
     names = list(RULES)
     results = [
         {
@@ -173,18 +173,20 @@ def _place(job: str) -> dict[str, Any]:
     return {"artifactLocation": {"uri": uri}}
 
 
+def content(finding: Finding) -> dict[str, Any]:
+    """A finding in JSON's types."""
+    return {
+        "rule": finding.rule,
+        "level": finding.level,
+        "line": finding.line if finding.at is None else finding.at[0],
+        "time_s": None if finding.time_ns is None else finding.time_ns / SECOND_NS,
+        "message": finding.message,
+    }
+
+
 def as_json(report: Told) -> str:
     """One line: job, ok, findings, and the verdict as `isel-twin run --json` has it."""
-    findings = [
-        {
-            "rule": finding.rule,
-            "level": finding.level,
-            "line": finding.line if finding.at is None else finding.at[0],
-            "time_s": None if finding.time_ns is None else finding.time_ns / SECOND_NS,
-            "message": finding.message,
-        }
-        for finding in report.findings
-    ]
+    findings = list(map(content, report.findings))
     told = {"job": report.job, "ok": report.ok, "cycle_s": report.verdict.cycle_s, "findings": findings}
     told |= {"not_looked_at": list(report.unseen)} if report.unseen else {}
     return json.dumps({**told, "verdict": report.verdict.summary()})

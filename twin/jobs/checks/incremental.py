@@ -25,7 +25,7 @@ from isel_twin.core.spec import TwinSpec
 from isel_twin.core.state import StateError, TwinState
 from isel_twin.jobs.checks.contour import Drawing
 from isel_twin.jobs.checks.job import Inspection, Mark, Report, repeated
-from isel_twin.jobs.checks.rules import Bounds
+from isel_twin.jobs.checks.rules import Bounds, Finding
 from isel_twin.jobs.job import JobError, Line, check_conditions
 from isel_twin.jobs.playing import Played
 from isel_twin.jobs.result import Result
@@ -61,20 +61,28 @@ class IncrementalCheck:
         """Of the lines that were played in the last check or before it."""
         return () if self._inspection is None else self._inspection.results
 
-    def check(self, lines: Sequence[Line], stop: Stop | None = None, drawn: Drawing | None = None) -> Report:
+    def check(
+        self,
+        lines: Sequence[Line],
+        stop: Stop | None = None,
+        drawn: Drawing | None = None,
+        cautions: Sequence[Finding] | None = None,
+    ) -> Report:
         """The report on these lines, as `check_job` makes it. stop: as for `play`; what was played until then is kept.
 
         Raises GivenUp if it was stopped, JobError for a condition on what this twin does not have, CallError.
         """
         try:
-            return self._check(lines, stop, drawn)
+            return self._check(lines, stop, drawn, cautions)
         except (GivenUp, JobError):
             raise
         except BaseException:  # the twin stands in the middle of something
             self._inspection, self._saved = None, []
             raise
 
-    def _check(self, lines: Sequence[Line], stop: Stop | None, drawn: Drawing | None) -> Report:
+    def _check(
+        self, lines: Sequence[Line], stop: Stop | None, drawn: Drawing | None, cautions: Sequence[Finding] | None
+    ) -> Report:
         check_conditions(lines, (self._inspection or self._begin()).twin)
         numbers, changed = _alike(self._lines, lines)
         inspection, start = self._at(min(changed, len(lines) - 1), numbers)
@@ -86,7 +94,7 @@ class IncrementalCheck:
         self.played = len(inspection.results) - start
         verdict = judge(inspection.twin, inspection.results, len(lines) - len(inspection.results))
         others = repeated(self.call, lines, Played(tuple(inspection.results), verdict), self.bounds)
-        return inspection.report(str(self.job), verdict, others)
+        return inspection.report(str(self.job), verdict, others, cautions)
 
     def _begin(self) -> Inspection:
         self._inspection, self._used = Inspection(self.call.build(), self.bounds, golden=self._golden), False

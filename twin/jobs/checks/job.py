@@ -12,7 +12,7 @@ struck is reported once.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,12 +23,22 @@ from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.drives.servo_drive import ServoDrive
 from isel_twin.jobs.checks.contour import Contour, Drawing, Way
-from isel_twin.jobs.checks.rules import Bounds, Finding, farthest, few, of_edge, of_margin
+from isel_twin.jobs.checks.rules import (
+    NO_PHYSICS,
+    RULES,
+    Bounds,
+    Finding,
+    farthest,
+    few,
+    of_edge,
+    of_left_out,
+    of_margin,
+)
 from isel_twin.jobs.golden import Golden, Scribe, called, differences, golden_file, load
 from isel_twin.jobs.job import Line
 from isel_twin.jobs.playing import Played, played
 from isel_twin.jobs.result import Result
-from isel_twin.jobs.verdict import Verdict, lost, whole_slips
+from isel_twin.jobs.verdict import AFTER_END, HALF_A_SLIP, Verdict, lost, whole_slips
 from isel_twin.jobs.why import RESTARTED
 
 if TYPE_CHECKING:
@@ -47,12 +57,27 @@ class Report:
     findings: tuple[Finding, ...]
     verdict: Verdict
     golden: Golden  # the run, without its call; empty if nobody asked for it
-    unseen: tuple[str, ...] = ()  # nothing: all of a twin can be seen
+    blind: Mapping[str, str] = field(default_factory=dict)  # rules that this run cannot judge, and why
+
+    def outcome(self, rule: str, bounds: Bounds) -> str:
+        """What came of a rule. "ok": it was asked for, it was measured, and nothing was found."""
+        if number := sum(finding.rule == rule for finding in self.findings):
+            return f"{number} finding{'' if number == 1 else 's'}"
+        if rule == "golden":
+            return "ok" if self.golden.call else "not asked"
+        if bounds.limit(rule) is None or (rule == "unmet" and not self.verdict.expectations):
+            return "not asked"
+        return f"not looked at: {self.blind[rule]}" if rule in self.blind else "ok"
 
     @property
     def ok(self) -> bool:
         """True without findings other than warnings."""
         return all(finding.warning for finding in self.findings)
+
+    @property
+    def unseen(self) -> tuple[str, ...]:
+        """Rules that were not simulated."""
+        return () if self.verdict.physics else tuple(name for name, rule in RULES.items() if rule.physics)
 
     def compared(self, was: Golden, now: Golden) -> Report:
         """The report with the differences from a golden run as findings; now: this run with its call."""
@@ -256,8 +281,11 @@ class Inspection:
         lines = [one.number for one in self.results if not one.condition and one.time_ns < found.time_ns]
         return [Finding("clearance", f"{found}; at least {bound:g} mm", lines[-1] if lines else None, found.time_ns)]
 
-    def report(self, job: str, verdict: Verdict, others: Sequence[Finding] = ()) -> Report:
-        """The report at the end of the job; others: further findings."""
+    def report(
+        self, job: str, verdict: Verdict, others: Sequence[Finding] = (), cautions: Sequence[Finding] | None = None
+    ) -> Report:
+        """The report at the end of the job. cautions: what its file may mean otherwise, None for no file of a CAM
+        program; others: further findings."""
         findings = [finding for finding in self._findings if not _expected(finding, verdict, self.results)]
         findings += [*self._collisions(self.results[-1].number if self.results else None), *self._clearance()]
         findings += [*_of_verdict(verdict, self._gone, self.results, self.bounds), *others]
@@ -267,9 +295,36 @@ class Inspection:
             findings.append(
                 Finding("effect", "clearance has no effect: nothing is clamped that could be met ([[fixture]])")
             )
-        placed = [_placed(finding, self.results) for finding in findings]
+        placed = [*(_placed(finding, self.results) for finding in findings), *(cautions or ())]
+        if self.bounds.strict:
+            placed = [replace(finding, strict=True) for finding in placed]
         golden = Golden() if self._scribe is None else self._scribe.golden(verdict)
-        return Report(job, few(farthest(placed)), verdict, golden)
+        return Report(job, few(farthest(placed)), verdict, golden, self._blind(verdict, cautions))
+
+    def _blind(self, verdict: Verdict, cautions: Sequence[Finding] | None) -> dict[str, str]:
+        twin, bounds = self.twin, self.bounds
+        if verdict.physics:
+            turned = {"margin": verdict.least_margin, "edge": verdict.least_edge}
+            blind = {name: "no motor has turned" for name, least in turned.items() if least is None}
+        else:
+            blind = {
+                name: NO_PHYSICS for name, rule in RULES.items() if rule.physics and bounds.limit(name) is not None
+            }
+        servos = [isinstance(axis.stage, ServoDrive) for axis in twin.machine.axes]
+        if all(servos):
+            blind |= dict.fromkeys(("lost", "halfway", "edge"), "no stepper motor")
+        if not any(servos):
+            blind["drive"] = "no servo drive"
+        met = {"collision": twin.may_collide, "clearance": twin.clearance is not None}
+        blind |= {name: "nothing is clamped that could be met" for name, can in met.items() if not can}
+        if cautions is None:
+            blind["caution"] = "no file of a CAM program"
+        bound = [name for name in RULES if bounds.limit(name) is not None and Bounds().limit(name) is None]
+        if twin.origin.scenario is None and not bound:
+            blind["effect"] = "no scenario, no bound"
+        if self._watch.contour is None:
+            blind["contour"] = "no file of a CAM program that cuts"
+        return blind
 
 
 def beside_golden(report: Report, job: Path, call: TwinSpec) -> Report:
@@ -287,13 +342,14 @@ def check_job(
     bounds: Bounds | None = None,
     begun: Callable[[Inspection], None] | None = None,
     drawn: Drawing | None = None,
+    cautions: Sequence[Finding] | None = None,
     *,
     golden: bool = True,
 ) -> Report:
     """Play a job on a twin of its own and report findings; `Report.compared` adds differences from a golden run.
 
-    begun: called with the inspection before the first line. drawn: what a file of a CAM program draws. golden: as for
-    `Inspection`. Raises CallError for a call that cannot be carried out.
+    begun: called with the inspection before the first line. drawn: what a file of a CAM program draws; cautions: what
+    it may mean otherwise. golden: as for `Inspection`. Raises CallError for a call that cannot be carried out.
     """
     inspection = Inspection(call.build(), bounds, golden=golden)
     inspection.draw(drawn)
@@ -301,13 +357,14 @@ def check_job(
         begun(inspection)
     verdict = played(inspection.twin, lines, [inspection.take], inspection.bounds.timeout_s).verdict
     others = repeated(call, lines, Played(tuple(inspection.results), verdict), inspection.bounds)
-    return inspection.report(str(job), verdict, others)
+    return inspection.report(str(job), verdict, others, cautions)
 
 
 def _expected(finding: Finding, verdict: Verdict, results: Sequence[Result]) -> bool:
     """True if the job itself expects it by a condition that is met: `! lost > 0`, `! limit_x2 == struck`."""
-    if finding.rule in ("unpowered", "restart"):
-        return not (verdict.unpowered_steps if finding.rule == "unpowered" else verdict.restarts)
+    if finding.rule in ("unpowered", "restart", "line"):
+        left = {"unpowered": verdict.unpowered_steps, "restart": verdict.restarts, "line": sum(verdict.line_faults)}
+        return not left[finding.rule]
     name = finding.message.partition(" ")[0]
     if finding.rule == "drive":
         return not verdict.switched_off[AXIS_NAMES.index(name.rstrip(":"))]
@@ -333,17 +390,23 @@ def _placed(finding: Finding, results: Sequence[Result]) -> Finding:
 
 def of_answer(result: Result, bounds: Bounds) -> list[Finding]:
     """What is wrong with the reply to a line, or with a condition."""
+
+    def found(rule: str, what: str) -> Finding:
+        return Finding(rule, f"{result.command}: {what}", result.number, result.end_ns)
+
+    line = [found("line", "; ".join(filter(None, (result.disturbed, result.event))))] if result.disturbed else []
     if not result.complete:
         stands = result.why if result.expected is None else ""
-        what = f"{result.command}: {stands or f'no complete reply within {bounds.timeout_s:g} s'}"
-        return [Finding("unfinished", what, result.number, result.end_ns)]
+        return [*line, found("unfinished", stands or f"no complete reply within {bounds.timeout_s:g} s")]
     if result.restarts:
-        return [Finding("restart", f"{result.command}: {RESTARTED}; {result.event}", result.number, result.end_ns)]
-    if result.ok:
-        return []
+        return [*line, found("restart", f"{RESTARTED}; {result.event}")]
+    if result.astray:
+        line.append(found("switch", "; ".join(filter(None, (result.astray, result.event)))))
+    if result.ok or (line and result.expected is None):
+        return line
     if result.condition:
-        return [Finding("unmet", f"{result.command}: {result.why or result.reply}", result.number, result.end_ns)]
-    return [Finding("refused", f"{result.command}: {result.shown_reply or 'no reply'}", result.number, result.end_ns)]
+        return [found("unmet", result.why or result.reply)]
+    return [*line, found("refused", result.shown_reply or "no reply")]
 
 
 def of_cycle(cycle_s: float, bounds: Bounds, line: int | None, time_ns: int) -> list[Finding]:
@@ -356,7 +419,7 @@ def of_unsent(unsent: int, line: int | None, time_ns: int) -> list[Finding]:
     if not unsent:
         return []
     many = f"{unsent} line{'s are' if unsent > 1 else ' is'}"
-    return [Finding("unfinished", f"{many} not sent any more", line, time_ns)]
+    return [Finding("unfinished", f"{many} not sent", line, time_ns)]
 
 
 def _of_verdict(verdict: Verdict, gone: NDArray[np.bool_], results: Sequence[Result], bounds: Bounds) -> list[Finding]:
@@ -369,7 +432,7 @@ def _of_verdict(verdict: Verdict, gone: NDArray[np.bool_], results: Sequence[Res
         if is_lost and not told
     ]
     found += [
-        Finding("halfway", f"{name} rests between two places that would hold", last, verdict.time_ns)
+        Finding("halfway", f"{name} {HALF_A_SLIP}", last, verdict.time_ns)
         for name, is_halfway in zip(AXIS_NAMES, verdict.halfway, strict=False)
         if is_halfway
     ]
@@ -379,20 +442,20 @@ def _of_verdict(verdict: Verdict, gone: NDArray[np.bool_], results: Sequence[Res
         if is_off and error is not None
     ]
     told = any(result.why and not result.ok and result.parts for result in results)
-    if verdict.controller_fault and not verdict.fault_known and not told:
-        found.append(Finding("fault", "the controller shows an error that no reply has told", last, verdict.time_ns))
+    if verdict.fault_left and not told:
+        found.append(Finding("fault", f"left in the controller: {verdict.fault_left}", last, verdict.time_ns))
     if verdict.stores_lost:
-        found.append(Finding("fault", "the flash memory has not kept what was stored"))
+        found.append(Finding("fault", "the flash memory did not keep what was stored"))
     if verdict.flash_fault:
-        found.append(Finding("fault", "the flash memory could not be read"))
+        found.append(Finding("fault", "the flash memory cannot be read"))
     found += of_cycle(verdict.cycle_s, bounds, last, verdict.ended_ns)
     found += [Finding("odd", what, line) for line, what in verdict.odd]
     found += of_unsent(verdict.unsent, last, verdict.ended_ns)
-    asked = (("margin", bounds.margin), ("edge", bounds.edge), ("deviation_mm", bounds.deviation_mm))
-    if in_vain := [] if verdict.physics else [name for name, bound in asked if bound is not None]:
-        found.append(Finding("effect", f"without physics nobody can judge {', '.join(in_vain)}: the plant mujoco does"))
+    asked = [rule.bound for name, rule in RULES.items() if rule.physics and bounds.limit(name)]
+    if in_vain := [] if verdict.physics else asked:
+        found.append(Finding("effect", f"not simulated: {', '.join(in_vain)}; use --plant mujoco"))
     for number, what in (
-        (verdict.events_after_end, "to come when the job is over"),
+        (verdict.events_after_end, AFTER_END),
         (verdict.events_without_effect, "without effect: the plant has no physics"),
     ):
         if number:
@@ -406,12 +469,14 @@ def repeated(call: TwinSpec, lines: Sequence[Line], made: Played, bounds: Bounds
 
     found = []
     if bounds.robust:
-        others = repetitions(call, lines, bounds.robust, timeout_s=bounds.timeout_s)
+        others = list(repetitions(call, lines, bounds.robust, timeout_s=bounds.timeout_s))
         differ = [other.number for other in others if not agree(made.verdict, other.verdict)]
-        found += [Finding("luck", _otherwise(differ, bounds.robust, "end otherwise"))] if differ else []
+        found += [Finding("luck", _otherwise(differ, len(others), "end differently"))] if differ else []
+        found += of_left_out("robust", bounds.robust - len(others))
     if bounds.uncertain:
         may_be = list(repetitions(call, lines, bounds.uncertain, timeout_s=bounds.timeout_s, source="known"))
         found += _doubts(made, may_be, bounds)
+        found += of_left_out("uncertain", bounds.uncertain - len(may_be))
     return found
 
 
@@ -432,7 +497,7 @@ def _doubts(made: Played, may_be: Sequence[Repetition], bounds: Bounds) -> Itera
             where = f"; {known[what].in_words()}" if what in known else ""
             yield Finding("doubt", f"{_otherwise(numbers, len(may_be), how)}{where}")
 
-    yield from doubt("", "end otherwise", lambda verdict: not agree(made.verdict, verdict))
+    yield from doubt("", "end differently", lambda verdict: not agree(made.verdict, verdict))
     if (cycle_s := bounds.cycle_s) is not None:
         yield from doubt("time", f"take more than {cycle_s:g} s", lambda verdict: verdict.cycle_s > cycle_s)
     if (margin := bounds.margin) is not None:

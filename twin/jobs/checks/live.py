@@ -25,6 +25,7 @@ from isel_twin.jobs.checks import settings as demanded
 from isel_twin.jobs.checks.contour import drawing
 from isel_twin.jobs.checks.incremental import IncrementalCheck
 from isel_twin.jobs.checks.job import Report, beside_golden
+from isel_twin.jobs.checks.rules import of_cautions
 from isel_twin.jobs.decode import DecodeError, Piece, explain, typed
 from isel_twin.jobs.golden import golden_file
 from isel_twin.jobs.job import JobError, Line
@@ -49,8 +50,8 @@ class Figures:
 
     def __str__(self) -> str:
         words = [f"{self.seconds:.3f} s"]
-        words += [f"{self.margin[1]} keeps {100.0 * self.margin[0]:.0f} %"] if self.margin else []
-        words += [f"{self.edge[1]} swings from {self.edge[0]:.2f} times this speed on"] if self.edge else []
+        words += [f"{self.margin[1]} keeps {100.0 * self.margin[0]:.0f} % torque"] if self.margin else []
+        words += [f"{self.edge[1]}: unstable above {self.edge[0]:.2f} times this speed"] if self.edge else []
         return ", ".join(words)
 
 
@@ -102,7 +103,7 @@ class LiveJob:
         drawn = None
         if source is not None and task.bounds.contour_mm is not None:
             drawn = drawing(source.path(), made.cam, task.bounds.contour_mm)
-        report = made.check.check(lines, stop, drawn)
+        report = made.check.check(lines, stop, drawn, of_cautions(source))
         self._lines, self._converted = lines, source is not None
         self.figures = figures(made.check.results)
         with call_errors(golden_file(self.job)):

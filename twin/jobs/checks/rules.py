@@ -1,32 +1,7 @@
 """What a check demands of a job, and what it finds.
 
-rule          it is broken when                                                       bound
-refused       a command is refused, or its reply is not what the job expects          always
-restart       the controller starts anew before the last reply                        always
-unmet         a condition of the job (`! lost == 0`) is false                         always
-unfinished    a command is not over in time; the job ends there                       `timeout`
-collision     two bodies meet that must not: cutter and vise (docs/machines.md)       always
-clearance     two bodies that must not meet come nearer to each other                 `clearance`
-unpowered     steps are made while the stages have no power                           always
-lost          an axis has lost steps; with the first line after which it had          always
-halfway       a rotor rests between two stable places                                 always
-drive         a servo drive has switched itself off; with the line, or rests short     always
-              of its command
-switch        an end switch is struck in a line that sets no counter, and no          `may_strike`
-              condition of the job (`! limit_x1 == struck`) expects it
-fault         the controller shows an error at the end, or its flash is damaged       always
-margin        the least pull-out margin of a motor in a line                          `margin`
-edge          a motor turns faster than the speed from which on it swings, over this   `edge`
-deviation     true position and counter differ by more, sampled every 5 ms            `deviation_mm`
-contour       the carriages leave what a file of a CAM program cuts by more           `contour_mm`
-cycle         first command to end of the last one takes longer                       `cycle_s`
-golden        the run differs from the golden run of the job, if it has one           `golden`
-luck          repetitions on other machines of the kind end differently               `robust`
-doubt         repetitions on what this machine may be, as far as it is known, end     `uncertain`
-              differently or break the bounds on margin, edge or time
-odd           a line is legal and absurd: a move that crawls (a warning)               always
-effect        an event of the scenario came too late, or it or a bound had no effect  always
-              (a warning)
+RULES is the one list of them: reports, JUnit, SARIF, the page, editors and docs/ci.md, which says when each is broken,
+have theirs from here.
 """
 
 from __future__ import annotations
@@ -34,36 +9,65 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.jobs.playing import TIMEOUT_S
 from isel_twin.jobs.result import Result
 
-RULES: Mapping[str, str] = {
-    "refused": "Every command is accepted, or answered as the job expects.",
-    "restart": "The controller does not start anew before the last reply.",
-    "unmet": "What a job says must be so is so.",
-    "unfinished": "Every command is over in time.",
-    "unpowered": "No step is made while the stages have no power.",
-    "lost": "No motor loses steps.",
-    "halfway": "No rotor rests between two places that would hold.",
-    "drive": "No servo drive switches itself off.",
-    "collision": "Nothing meets what it must not.",
-    "clearance": "What must not meet keeps a distance.",
-    "switch": "No end switch is struck but in a reference run.",
-    "fault": "The controller shows no error.",
-    "margin": "Every motor keeps a margin of torque.",
-    "edge": "Every motor turns slower than it may before it swings.",
-    "deviation": "The machine is where the counters say, within a tolerance.",
-    "contour": "What is cut is what the file draws, within a tolerance.",
-    "cycle": "The job takes no longer than it may.",
-    "golden": "The job does what it did.",
-    "luck": "The job ends alike on other machines of the kind.",
-    "doubt": "The job ends alike, and within its bounds, on all that this machine may be, as far as it is known.",
-    "odd": "No move crawls.",
-    "effect": "Every event of the scenario comes in time, and has an effect as every bound has.",
+if TYPE_CHECKING:
+    from isel_twin.jobs.toolpaths import Source
+
+NO_PHYSICS = "no physics"
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A demand on a job."""
+
+    demand: str
+    bound: str = ""  # its key in [check]; "": it always applies
+    limit: str = ""  # the bound in words, {} for its value
+    warning: bool = False  # it does not make a job fail, unless that is asked for (`strict`)
+    physics: bool = False  # nobody can judge it without physics
+    heard: bool = False  # a real controller's replies tell
+
+
+RULES: Mapping[str, Rule] = {
+    "refused": Rule("Every command is accepted, or answered as the job expects.", heard=True),
+    "restart": Rule("The controller does not start anew before the last reply."),
+    "line": Rule("Every byte arrives as it was sent."),
+    "unmet": Rule("What a job says must be so is so.", heard=True),
+    "unfinished": Rule("Every command is over in time.", "timeout_s", "{:g} s a command", heard=True),
+    "unpowered": Rule("No step is made while the stages have no power."),
+    "lost": Rule("No motor loses steps.", physics=True),
+    "halfway": Rule("No rotor rests between two places that would hold.", physics=True),
+    "drive": Rule("No servo drive switches itself off."),
+    "collision": Rule("Nothing meets what it must not."),
+    "clearance": Rule("What must not meet keeps a distance.", "clearance", "at least {:g} mm"),
+    "switch": Rule("End switches are struck in reference runs, and only there.", "may_strike", "may be struck: {}"),
+    "fault": Rule("The controller shows no error."),
+    "margin": Rule("Every motor keeps a margin of torque.", "margin", "at least {:.4g} %", physics=True),
+    "edge": Rule("Every motor turns slower than it may before it swings.", "edge", "at least {:g}", physics=True),
+    "deviation": Rule(
+        "The machine is where the counters say, within a tolerance.", "deviation_mm", "at most {:g} mm", physics=True
+    ),
+    "contour": Rule("What is cut is what the file draws, within a tolerance.", "contour_mm", "at most {:g} mm"),
+    "cycle": Rule("The job takes no longer than it may.", "cycle_s", "at most {:g} s", heard=True),
+    "golden": Rule("The job does what it did.", "golden"),
+    "luck": Rule("The job ends alike on other machines of the kind.", "robust", "{} repetitions"),
+    "doubt": Rule(
+        "The job ends alike, and within its bounds, on all that this machine may be, as far as it is known.",
+        "uncertain",
+        "{} repetitions",
+    ),
+    "signal": Rule("Captured signals give the drives the times that they need.", "pulse_us, setup_us, hold_us"),
+    "odd": Rule("No move crawls.", warning=True),
+    "caution": Rule(
+        "A file of a CAM program can be meant in one way, and is made as it says.", warning=True, heard=True
+    ),
+    "effect": Rule("Every event of the scenario comes in time, and has an effect as every bound has.", warning=True),
 }
-WARNINGS = ("odd", "effect")  # rules that do not make a job fail
 MOST = 20  # findings of one rule that a report names one by one
 
 
@@ -81,6 +85,18 @@ class Bounds:
     robust: int = 0  # repetitions on other machines of the kind
     uncertain: int = 0  # and on what this machine may be
     timeout_s: float = TIMEOUT_S
+    strict: bool = False  # warnings make the job fail, too
+
+    def limit(self, rule: str) -> str | None:
+        """The bound of a rule in words, "" if it has none to tell; None: nobody has asked for this rule."""
+        key, words = RULES[rule].bound, RULES[rule].limit
+        if not hasattr(self, key):
+            return None if key else ""
+        value, usual = getattr(self, key), getattr(Bounds, key)
+        if value == usual and usual in (None, 0):
+            return None
+        told = ", ".join(value) if isinstance(value, tuple) else 100.0 * value if "%" in words else value
+        return words.format(told) if told != "" else ""
 
 
 @dataclass(frozen=True)
@@ -94,11 +110,12 @@ class Finding:
     at: tuple[int, int] | None = None  # line and column of the file, in a program of the controller's own
     about: str = ""  # what is off: an axis
     off: float = 0.0  # by how much; 0: that is no question here
+    strict: bool = False  # it makes the job fail, even if its rule only warns
 
     @property
     def warning(self) -> bool:
         """True if it does not make the job fail."""
-        return self.rule in WARNINGS
+        return RULES[self.rule].warning and not self.strict
 
     @property
     def level(self) -> str:
@@ -123,6 +140,13 @@ def farthest(findings: Sequence[Finding]) -> list[Finding]:
     return list(kept.values())
 
 
+def of_cautions(source: Source | None) -> tuple[Finding, ...] | None:
+    """What a file of a CAM program may mean otherwise; None for any other file."""
+    if source is None:
+        return None
+    return tuple(Finding("caution", one.text, one.place.line) for one in source.cautions)
+
+
 def few(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     """At most MOST findings of each rule, in the order of lines, and the number of the others."""
     kept: list[Finding] = []
@@ -136,14 +160,23 @@ def few(findings: Sequence[Finding]) -> tuple[Finding, ...]:
 
 def of_margin(result: Result, bounds: Bounds) -> list[Finding]:
     """Axes whose motors keep less torque in a line than the bound asks for."""
-    words = f"{{name}} keeps {{percent:.0f}} %; at least {100 * (bounds.margin or 0.0):.0f} %"
+    words = f"{{name}} keeps {{percent:.0f}} % torque; at least {100 * (bounds.margin or 0.0):.0f} %"
     return _below("margin", result, result.margin, bounds.margin, words)
 
 
 def of_edge(result: Result, bounds: Bounds) -> list[Finding]:
     """Axes that would swing out of step at less than the factor on the speed of a line that the bound asks for."""
-    words = f"{{name}} swings from {{value:.2f}} times this speed on; at least {bounds.edge or 0.0:g}"
+    words = f"{{name}}: unstable above {{value:.2f}} times this speed; at least {bounds.edge or 0.0:g} times"
     return _below("edge", result, result.edge, bounds.edge, words)
+
+
+def of_left_out(option: str, number: int) -> list[Finding]:
+    """Repetitions that were not made, as their machines cannot be built."""
+    if not number:
+        return []
+    return [
+        Finding("effect", f"{option}: {number} of its machines cannot be built, so the job was not repeated on them")
+    ]
 
 
 def _below(rule: str, result: Result, values: Sequence[float | None], least: float | None, words: str) -> list[Finding]:

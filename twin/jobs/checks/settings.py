@@ -18,6 +18,7 @@
     robust = 20                      # repetitions on other machines of the kind
     uncertain = 20                   # and on what this machine may be, as far as its numbers are known
     timeout_s = 600.0                # of each command
+    strict = true                    # warnings make a job fail, too: cautions of a CAM file, moves that crawl
 
     [[fixture]]                      # clamped on the table, for every job below this folder
     name = "vise"                    # (isel_twin.machine.fixture); `run`, `golden` and `tune` see it, too
@@ -69,9 +70,10 @@ _NUMBERS: Mapping[str, Limits] = {
     "uncertain": Limits("repetitions", 0, 10_000, whole=True),
     "timeout_s": Limits("s", 0.0, 1e9),
 }
-_OFF = ("margin", "edge", "deviation_mm", "contour_mm", "cycle_s", "clearance")  # bounds that may be "off"
+_OFF = [item.name for item in dataclasses.fields(Bounds) if item.default is None]  # bounds that may be "off"
 _WORDS = ("machine", "controller", "plant", "scenario")
-KEYS = (*_WORDS, *_NUMBERS, "may_strike", "golden", "set")
+_FLAGS = ("golden", "strict")
+KEYS = (*_WORDS, *_NUMBERS, *_FLAGS, "may_strike", "set")
 
 
 @dataclass(frozen=True)
@@ -113,7 +115,7 @@ def _values(content: Mapping[str, Any], place: Place) -> dict[str, Any]:
 def _value(key: str, value: Any, place: Place) -> Any:
     if key in _WORDS:
         return _word(key, text(value, place), place)
-    if key == "golden":
+    if key in _FLAGS:
         return boolean(value, place)
     if key == "set":
         return dict(_flat(table(value, place), ""))

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 import os
+import warnings
 from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -90,6 +91,11 @@ class Heard(Protocol):
         """Let the machine come to rest."""
 
     @property
+    def fault_left(self) -> str:
+        """The fault in which the controller stands and that the job does not expect; "" for a real one, of which only
+        replies are known."""
+
+    @property
     def now_ns(self) -> int: ...
 
     def overlook(self, what: str) -> bool:
@@ -97,7 +103,8 @@ class Heard(Protocol):
 
 
 def lines_of_job(job: str | os.PathLike[str], twin: Twin) -> Sequence[Line]:
-    """The lines of a job file, for this twin. Raises JobError (ValueError) for a job that cannot be played, OSError."""
+    """The lines of a job file, for this twin; what a file of a CAM program may mean otherwise is a warning. Raises
+    JobError (ValueError) for a job that cannot be played, OSError."""
     __tracebackhide__ = True
     path = Path(job)
     try:
@@ -113,6 +120,8 @@ def lines_of_job(job: str | os.PathLike[str], twin: Twin) -> Sequence[Line]:
         raise type(error)(error.errno, error.strerror, str(path)) from None
     if not lines:
         raise JobError(f"{path}: there is no command in it")
+    for caution in () if source is None else source.cautions:
+        warnings.warn(f"{path}: {caution}", stacklevel=3)
     return lines
 
 
@@ -209,6 +218,12 @@ class Watched:
         if self.run is None or self.run.verdict.began_ns < self.begin_ns:
             return None
         return self.run.results, self.run.verdict.ended_ns
+
+    @property
+    def fault_left(self) -> str:
+        known = "" if self.job is None or self.run is None else self.run.verdict.fault_known
+        cause = self.twin.fault_cause
+        return "" if cause == known else cause
 
     @property
     def now_ns(self) -> int:

@@ -42,14 +42,14 @@ from isel_twin.base.crew import Crew
 from isel_twin.machine import Machine
 from isel_twin.machine.spread import NORMAL_95
 from isel_twin.many.identification.laws import LAWS, Law, beside, compete, rivals
-from isel_twin.many.identification.model import BOUND, NOT_IDENTIFIED, WEAK, Floats, Model
+from isel_twin.many.identification.model import BOUND, NOT_IDENTIFIED, WEAK, Floats, Model, searched
 from isel_twin.many.identification.noise import Noise, with_noise
 from isel_twin.many.identification.profile import profile
 from isel_twin.many.identification.reach import Alike, OutOfReach, behind_factors
 from isel_twin.many.identification.recovery import unrecovered
 from isel_twin.many.identification.replays import Replays
-from isel_twin.many.identification.session import Datum, Session
-from isel_twin.many.identification.unknowns import Unknown
+from isel_twin.many.identification.session import Datum, Session, model_twin
+from isel_twin.many.identification.unknowns import Unknown, candidate
 
 FITS = 0.999  # part of all fits of a true model whose chi-square is below the limit
 MISFIT, MOST_MISFITS = 2.0, 5  # residual from which a datum is named, and how many are
@@ -124,6 +124,8 @@ class Estimate:
             return "not identified: the data say no more than the prior"
         if self.remaining >= WEAK:
             return "only roughly"
+        if self.value in (self.unknown.least, self.unknown.most):
+            return "at the end of what a machine file allows"
         at_bound = abs(self.unknown.at(self.value)) >= BOUND - 0.01
         return "at the end of what was searched: widen its --prior" if at_bound else ""
 
@@ -240,6 +242,7 @@ def fit(
     model, asked = Model(machine, unknowns, fitted, Replays(crew, progress, journal)), len(unknowns)
     model = model.wider(beside(model))
     zero = np.zeros(len(model.unknowns))
+    model_twin(candidate(machine, model.unknowns, model.values(zero)), known[0].controller)  # refuse it now
     expected = prospect(unknowns, model.jacobian(zero)[:, :asked])
     if told is not None:
         told(expected)
@@ -309,7 +312,7 @@ def _searched(model: Model) -> tuple[Floats, Floats, float]:
             lambda u: np.concatenate((model.residuals_at(u), u)),
             u,
             jac=secants,
-            bounds=(-BOUND, BOUND),
+            bounds=tuple(zip(*(searched(item) for item in model.unknowns), strict=True)),
             ftol=ENOUGH,
             xtol=ENOUGH,
             max_nfev=MOST_CALLS,

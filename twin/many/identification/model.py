@@ -25,6 +25,7 @@ from isel_twin.many.identification.session import MISSED, Datum, Session
 from isel_twin.many.identification.unknowns import Unknown
 
 STEP = 0.8  # step of the differences, in standard deviations of the prior
+LEAST_STEP = 0.25 * STEP  # near the end of what is allowed
 WIDE = 2.0 * STEP  # of a number that is moved alone, to see what it would explain
 CLIFF = 5.0  # largest ratio of the differences of a step up and a step down; beyond it one of them is no slope
 CHANCE = 4.0  # standard deviations by which the sum of squares of differences must exceed the scatter to count
@@ -34,6 +35,22 @@ WEAK = 0.5  # the same from which it is known only roughly
 HALF = 2.0 * math.log(2.0)  # r^2 of a bound that is what is predicted
 
 Floats = NDArray[np.float64]
+
+
+def searched(item: Unknown) -> tuple[float, float]:
+    """Ends of the search for a number, in standard deviations of the prior."""
+    least, most = item.ends
+    return max(-BOUND, least), min(BOUND, most)
+
+
+def _steps(item: Unknown, u: float, central: bool) -> tuple[float, ...]:
+    """Steps of the differences from u: up and down, or one of them. Less than STEP where the range of the number ends;
+    none that way where it ends at once."""
+    least, most = item.ends
+    up, down = min(STEP, most - u), max(-STEP, least - u)
+    if not central or -down < LEAST_STEP:
+        return (up,) if up >= LEAST_STEP else (down,)
+    return (up, down) if up >= LEAST_STEP else (down,)
 
 
 class Model:
@@ -171,10 +188,11 @@ class Model:
     def by_chance(self, u: Floats) -> Floats:
         """dr/du [data, m] that the Jacobian leaves out, as it is within the scatter of the model, of the m parameters
         that have any. No replay more than the Jacobian."""
-        points = [u + way * step for step in STEP * np.eye(len(u)) for way in (1.0, -1.0)]
-        found = [self.residuals(one) for one in self.predictions(points)]
-        moved = [ahead - back for ahead, back in zip(found[::2], found[1::2], strict=True)]
-        left = [(one - self.told(one)) / (2.0 * STEP) for one in moved]
+        here, found = self._moved(self.residuals, u, True)
+        left = []
+        for each in found:
+            (up, ahead), (down, back) = each if len(each) > 1 else (*each, (0.0, here))
+            left.append(((ahead - back) - self.told(ahead - back)) / (up - down))
         some = [one for one in left if one.any()]
         return np.array(some).reshape(len(some), len(self.data)).T
 
@@ -183,15 +201,22 @@ class Model:
         return self._differences(self.deviations, u, True)
 
     def _differences(self, of: Callable[[Floats], Floats], u: Floats, central: bool) -> Floats:
-        away = STEP * np.eye(len(u))
-        points = [one for step in away for one in ((u + step, u - step) if central else (u + step,))]
-        here, *found = [of(one) for one in self.predictions([u, *points])]
-        if central:
-            pairs = zip(found[::2], found[1::2], strict=True)
-            columns = [self._between(ahead - here, here - back) / STEP for ahead, back in pairs]
-        else:
-            columns = [self.told(ahead - here) / STEP for ahead in found]
+        here, found = self._moved(of, u, central)
+        columns = []
+        for each in found:
+            slopes = [(there - here) * (STEP / by) for by, there in each]
+            columns.append((self._between(*slopes) if len(slopes) > 1 else self.told(*slopes)) / STEP)
         return np.array(columns).T.reshape(len(self.data), len(u))
+
+    def _moved(
+        self, of: Callable[[Floats], Floats], u: Floats, central: bool
+    ) -> tuple[Floats, list[list[tuple[float, Floats]]]]:
+        """What it is at u, and by parameter the steps from there with what it is after each."""
+        steps = [_steps(item, at, central) for item, at in zip(self.unknowns, u.tolist(), strict=True)]
+        points = [u + by * way for each, way in zip(steps, np.eye(len(u)), strict=True) for by in each]
+        here, *told = [of(one) for one in self.predictions([u, *points])]
+        after = iter(told)
+        return here, [[(by, next(after)) for by in each] for each in steps]
 
     def _between(self, ahead: Floats, back: Floats) -> Floats:
         """The mean of the differences [data] of two steps. In a batch where they differ much (CLIFF) one candidate has

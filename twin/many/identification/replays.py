@@ -12,6 +12,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import json
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -70,9 +71,12 @@ class Replays:
 
 
 def replayed(call: Call) -> Floats:
-    """One session on one candidate, for worker processes."""
+    """One session on one candidate, for worker processes; nan if it cannot be built."""
     session, machine, unknowns, values = call
-    return predict(session, candidate(machine, unknowns, values))
+    try:
+        return predict(session, candidate(machine, unknowns, values))
+    except ValueError:
+        return np.full(len(session.data), math.nan)
 
 
 def _key(call: Call) -> str:

@@ -37,7 +37,7 @@ from isel_twin.base.parameters import Limits, Place, parse_toml, plain, read_tex
 from isel_twin.base.toml import toml_line
 from isel_twin.core.finer import finely
 from isel_twin.jobs.robust import perturbation
-from isel_twin.machine import Machine, with_overrides
+from isel_twin.machine import Machine, MachineError, with_overrides
 from isel_twin.many.identification.experiment import Experiment
 from isel_twin.many.identification.measured import GAUGE_SIGMA_MM, MeasuredError, read_measured
 from isel_twin.many.identification.protocol import Characteristic, characteristics
@@ -137,7 +137,8 @@ def predict_day(
     crew: Crew | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> list[Predicted]:
-    """Predictions by so many machines, 2 or more. progress: called with the number carried out."""
+    """Predictions by so many machines, 2 or more; one that cannot be built is left out. progress: called with the
+    number carried out. Raises ValueError if none can be built."""
     calls = [(experiment, machine, controller, seed, n) for n in range(1, number + 1)]
     by: dict[tuple[str, str], list[float]] = {}
     for done, found in enumerate(in_order(_carried_out, calls, crew), 1):
@@ -146,6 +147,8 @@ def predict_day(
                 by.setdefault((one.what, one.unit), []).append(one.value)
         if progress is not None:
             progress(done)
+    if not by:
+        raise ValueError(f"none of {number} machines that {machine.name} may be can be built: {experiment.name}")
     predicted = []
     for (what, unit), values in by.items():
         if len(values) > 1:
@@ -167,7 +170,7 @@ def _band(values: Sequence[float]) -> tuple[float, float, float]:
 
 
 def _carried_out(call: tuple[Experiment, Machine, str, int, int]) -> list[Characteristic]:
-    """On one machine that this one may be, with gauge noise; for worker processes."""
+    """On one machine that this one may be, with gauge noise; none if it cannot be built. For worker processes."""
     experiment, machine, controller, seed, number = call
     twin_seed, _, overrides = perturbation(machine, seed, number, "known")
 
@@ -178,7 +181,10 @@ def _carried_out(call: tuple[Experiment, Machine, str, int, int]) -> list[Charac
         )
         return characteristics(measured)
 
-    return finely(machine, made)
+    try:
+        return finely(machine, made)
+    except MachineError:
+        return []
 
 
 # The form ---

@@ -21,8 +21,9 @@ In the fit each is a number u, 0 at the prior value, in standard deviations of t
 
     value = prior exp(s u)      if positive                  value = prior + s u      if 0 or negative is possible
 
-The prior range holds 95 %, so s is a quarter of its width (in the logarithm). By default it is the interval that the
-machine file tells, else what its grade means (machine/spread.py); of a common factor the widest of its numbers.
+and ends where the range of the machine file does. The prior range holds 95 %, so s is a quarter of its width (in the
+logarithm). By default it is the interval that the machine file tells, else what its grade means (machine/spread.py); of
+a common factor the widest of its numbers.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ from typing import Any
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.parameters import Row, hint, rows
 from isel_twin.machine import Machine, machine_from_tree
+from isel_twin.machine.ranges import limits
 from isel_twin.machine.spread import GRADE_FACTOR, LEAD_PERCENT
 
 SWITCH_MM = 2.0  # prior range of a switch position, either way: cams are clamped by hand
@@ -67,6 +69,8 @@ class Unknown:
     whole: bool = False  # the file has whole numbers only
     flag: str = ""  # imperfection that must be on for an effect
     place: bool = False  # a position from an arbitrary zero: the prior is additive
+    least: float = -math.inf
+    most: float = math.inf  # ends of what a machine file allows
 
     @property
     def logarithmic(self) -> bool:
@@ -79,10 +83,15 @@ class Unknown:
         return width / _SD_PER_RANGE
 
     def value(self, u: float) -> float:
-        """The value at u standard deviations from the prior."""
-        if self.logarithmic:
-            return self.prior * math.exp(self.deviation * u)
-        return self.prior + self.deviation * u
+        """The value at u standard deviations from the prior, or the nearest one that is allowed."""
+        free = self.prior * math.exp(self.deviation * u) if self.logarithmic else self.prior + self.deviation * u
+        return min(max(free, self.least), self.most)
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The u of the least and the greatest value that are allowed."""
+        least, most = (math.isfinite(end) and (end > 0.0 or not self.logarithmic) for end in (self.least, self.most))
+        return self.at(self.least) if least else -math.inf, self.at(self.most) if most else math.inf
 
     def at(self, value: float) -> float:
         """u of a value, the inverse of `value`."""
@@ -191,6 +200,7 @@ def unknown(machine: Machine, name: str, span: tuple[float, float] | None = None
         high = prior * max(_share(row, 1) for row in found)
     else:
         raise ValueError(f"prior {name}: is {prior:g} in the machine file; say a range: --prior {name}=LOW..HIGH")
+    ranges = [_allowed(machine, key, meaning.factor) for key in meaning.keys]
     return Unknown(
         name,
         meaning.keys,
@@ -200,10 +210,24 @@ def unknown(machine: Machine, name: str, span: tuple[float, float] | None = None
         unit="1" if meaning.factor else meaning.unit if first is None else first.unit,
         source=source,
         factor=meaning.factor,
-        whole=setting and (first is None or isinstance(first.value, int)),
+        whole=(setting and (first is None or isinstance(first.value, int))) or _whole(meaning.keys[0]),
         flag=meaning.flag,
         place=meaning.half is not None,
+        least=max(least for least, _ in ranges),
+        most=min(most for _, most in ranges),
     )
+
+
+def _whole(key: str) -> bool:
+    """True if a machine file has whole numbers there, in its own unit."""
+    allowed = limits(key)
+    return allowed.whole and allowed.scale == 1.0
+
+
+def _allowed(machine: Machine, key: str, factor: bool) -> tuple[float, float]:
+    """The range of a number of the machine file, or of a factor on it."""
+    allowed, number = limits(key), _number(machine.tree, key) if factor else 1.0
+    return (allowed.low / number, allowed.high / number) if number > 0.0 else (-math.inf, math.inf)
 
 
 def _told(found: Sequence[Row], meaning: _Meaning) -> tuple[float, float] | None:

@@ -19,12 +19,12 @@ from isel_twin.controller import controller_names
 from isel_twin.controller.roles import offers
 from isel_twin.core.spec import TwinSpec
 from isel_twin.language import TellsActs, create_language
+from isel_twin.machine.ranges import limits
 from isel_twin.many.learning.session import Session
 from isel_twin.recordings.judging import Comparison, Kind
 
 FAULTS = ("stuck_closed", "stuck_open")  # a broken wire is an open contact
 PLAY_MM = 0.1  # first step of the search for play
-MOST_PLAY_MM = 2.0
 ROUNDS = 7  # most steps of a search
 CLOSE_ENOUGH = 0.05  # of the spread of quick replies
 LEAST_SPREAD_NS = 10_000.0  # of quick replies that do not scatter: their line has whole nanoseconds, the rest has not
@@ -140,7 +140,8 @@ def _play(session: Session, spec: TwinSpec, found: Comparison) -> Iterator[Cause
         def with_value(value: float, key: str = key) -> TwinSpec:
             return spec.with_(overrides={**spec.overrides, key: value})
 
-        search = _Search(session, found, with_value, (0.0, MOST_PLAY_MM), invert=False, of_references=True)
+        allowed = limits(key)
+        search = _Search(session, found, with_value, (allowed.low, allowed.high), invert=False, of_references=True)
         if (solved := search.solve(has_mm, has_mm + PLAY_MM)) is None:
             continue
         value, sigma = round(solved[0], 3), solved[1]
@@ -182,9 +183,9 @@ class _Search:
             and acts[pair.number - 1].speeds_hz is not None
         }
 
-    def _judged(self, value: float) -> Comparison:
+    def _judged(self, value: float) -> Comparison | None:
         spec = self._with_value(value)
-        return self._session.judged(spec if self._of_references else spec.with_(plant="kinematic"))
+        return self._session.tried(spec if self._of_references else spec.with_(plant="kinematic"))
 
     def _score(self, found: Comparison) -> float:
         """How much later the twin is, in ns: 0 where the number is right."""
@@ -196,18 +197,24 @@ class _Search:
         return fmean(late[:LEAST_LATE]) - fmean(sorted(found.quick_ns, reverse=True)[:LEAST_LATE] or [0.0])
 
     def _at(self, value: float) -> float:
-        return self._score(self._judged(value))
+        found = self._judged(value)
+        return math.nan if found is None else self._score(found)
 
     def nearest(self, value: int) -> int:
         """The whole number beside this one, or this one, with which the durations are closest."""
         low, high = self._limits
         near = [each for each in (value, value - 1, value + 1) if low <= each <= high]
-        return min(near, key=lambda each: abs(self._at(each)))
+        return min(near, key=lambda each: (math.isnan(away := abs(self._at(each))), away))
 
     def solve(self, has: float, other: float) -> tuple[float, float] | None:
-        """The value and its standard deviation; None if the durations do not depend on it, or none is as recorded."""
+        """The value and its standard deviation; None if the durations do not depend on it, or none is as recorded.
+        other: where the search begins, or as far on the other side of `has` if the range ends before."""
         bend: Callable[[float], float] = (lambda v: 1.0 / v) if self._invert else (lambda v: v)
+        if not self._limits[0] <= other <= self._limits[1]:
+            other = min(max(2.0 * has - other, self._limits[0]), self._limits[1])
         moved, before = self._judged(other), self._late(self._base)
+        if moved is None:
+            return None
         by = {number: abs(ns - before.get(number, ns)) for number, ns in self._late(moved).items()}
         most = max(by.values(), default=0.0)
         self._numbers = frozenset(number for number, ns in by.items() if ns > 0.5 * most)
@@ -238,6 +245,7 @@ def best(session: Session, causes: Iterable[Cause], plant: str) -> list[tuple[fl
     judged = []
     for cause in causes:
         quick = cause.name in ("switch", "firmware")
-        found = session.judged(cause.spec.with_(plant="kinematic" if quick else plant))
-        judged.append((cost(found), cause, found))
+        found = session.tried(cause.spec.with_(plant="kinematic" if quick else plant))
+        if found is not None:
+            judged.append((cost(found), cause, found))
     return sorted(judged, key=lambda each: each[0])

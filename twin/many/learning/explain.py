@@ -47,7 +47,7 @@ def explained(session: Session, spec: TwinSpec, *, unknown_start: bool = True, m
     if most and any(one.kind is Kind.START for one in found.differences):
         placed = session.placed(spec)
         where = ", ".join(f"{mm:.0f}" for mm in placed.start_mm or ())
-        told = f"the place at power-on: as from {where} mm off the motor-end switches"
+        told = f"the place at power-on, {where} mm from the motor-end switches"
         setting = "--start " + ",".join(f"{mm:.2f}" for mm in placed.start_mm or ())
         causes.append(Cause("power-on position", told, setting, placed, evidence="the first reference run"))
         others.append(())

@@ -15,10 +15,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from isel_twin.base.axes import CARRIAGES
+from isel_twin.base.errors import CallError
 from isel_twin.base.quiet import quietly
 from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.core.spec import TwinSpec
 from isel_twin.language import Act, Language, create_language, needed
+from isel_twin.plant import PlantError
 from isel_twin.recordings.compare import Exchange, matched, paired
 from isel_twin.recordings.host import Piece, play_host
 from isel_twin.recordings.judging import USUAL, Comparison, Limits, act_of, judge
@@ -58,6 +60,13 @@ class Session:
         """The recording (A) compared with this candidate (B)."""
         limits = replace(self.limits, exact_b=True)
         return judge(matched(self.exchanges, self.played(spec)), self.language, limits)
+
+    def tried(self, spec: TwinSpec) -> Comparison | None:
+        """As `judged`; None for a candidate that cannot be built, or that leaves what its plant can follow."""
+        try:
+            return self.judged(spec)
+        except (CallError, PlantError):
+            return None
 
     def first_references(self) -> list[tuple[int, int]]:
         """Index of each command that references axes for the first time, and a mask of these."""

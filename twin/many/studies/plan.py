@@ -43,6 +43,7 @@ from typing import Any
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.parameters import FileError, Limits, Place, known, plain, read_toml, table, text
 from isel_twin.base.toml_lines import read_lines
+from isel_twin.cam.toolpath import Caution
 from isel_twin.core.spec import TwinSpec
 from isel_twin.core.twin import PLANTS
 from isel_twin.jobs.checks.rules import Bounds
@@ -91,6 +92,7 @@ class Plan:
     sampling: str = "sobol"
     sample_seed: int = 0
     seeds: tuple[int, ...] = (0,)
+    cautions: tuple[Caution, ...] = ()  # what the job's file may mean otherwise
 
 
 def load_plan(path: str | Path) -> Plan:
@@ -100,7 +102,7 @@ def load_plan(path: str | Path) -> Plan:
     document, place = read_lines(file, PlanError)
     known(document, ("sweep", *SECTIONS), place)
     same = table(document.get("sweep", {}), place.at("sweep"))
-    call, work = _same(same, place.at("sweep"), file.parent)
+    call, work, cautions = _same(same, place.at("sweep"), file.parent)
     machine = call.as_built
     parameters = tuple(
         varying.read_parameter(section, key, form, place.at(section).at(key), work, machine)
@@ -137,10 +139,11 @@ def load_plan(path: str | Path) -> Plan:
         sampling=text(same.get("sampling", "sobol"), sweep.at("sampling"), SAMPLINGS),
         sample_seed=int(same.get("sample_seed", 0)),
         seeds=seeds,
+        cautions=cautions,
     )
 
 
-def _same(content: Mapping[str, Any], place: Place, folder: Path) -> tuple[TwinSpec, Work]:
+def _same(content: Mapping[str, Any], place: Place, folder: Path) -> tuple[TwinSpec, Work, tuple[Caution, ...]]:
     known(content, KEYS, place)
     for key in _WORDS:
         text(content.get(key, ""), place.at(key))
@@ -175,10 +178,11 @@ def _same(content: Mapping[str, Any], place: Place, folder: Path) -> tuple[TwinS
     moves = content.get("moves", [])
     if not isinstance(moves, list) or ("moves" in content and not moves):
         raise place.at("moves").wrong(f"{moves!r}; allowed: a list of targets [X, Y, Z] in mm")
-    return call, Work(
+    job, cautions = _job(folder / content["job"], call, content.get("format")) if "job" in content else ("", ())
+    work = Work(
         version=VERSION,
         job_name=content.get("job", "moves"),
-        job=_job(folder / content["job"], call, content.get("format")) if "job" in content else "",
+        job=job,
         moves=tuple(_triple(target, place.at("moves")) for target in moves),
         spec=call.with_(scenario=None),
         machine_digest=machine.digest,
@@ -186,16 +190,19 @@ def _same(content: Mapping[str, Any], place: Place, folder: Path) -> tuple[TwinS
         perturbed=perturbed,
         bounds=Bounds(may_strike=may_strike, **bounds),
     )
+    return call, work, cautions
 
 
-def _job(file: Path, call: TwinSpec, form: str | None) -> str:
-    """The text of a job, or what a file of a CAM program becomes for the controller; form: its format, whatever it
-    looks like."""
+def _job(file: Path, call: TwinSpec, form: str | None) -> tuple[str, tuple[Caution, ...]]:
+    """The text of a job, or what a file of a CAM program becomes for the controller, and what it may mean otherwise;
+    form: its format, whatever it looks like."""
     try:
         data, language = file.read_bytes(), create_language(call.controller)
         settings = cam(find(file), call.as_built)
         source = source_of(data, file.suffix, language, call.controller, call.fitted, settings, form)
-        return own_text(data, language, call.controller) if source is None else source.text
+        if source is None:
+            return own_text(data, language, call.controller), ()
+        return source.text, source.cautions
     except JobError as error:
         raise JobError(f"{file}: {error}") from None
 

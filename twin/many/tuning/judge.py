@@ -98,10 +98,14 @@ class Judgement:
         return cls(made[0].time_s, margin, last.why, len(made), last.slipped, moves, last.number, *kept)
 
 
-def make(candidate: Candidate, weather: Weather, number: int) -> Judgement:
-    """Make a job once; depends only on its arguments, so that it can run in another process."""
+def make(candidate: Candidate, weather: Weather, number: int) -> Judgement | None:
+    """Make a job once; depends only on its arguments, so that it can run in another process. None for a repetition
+    whose machine cannot be built."""
     if number:
-        twin, _, _ = perturbed_twin(weather.call, abs(number), weather.flash, "kind" if number > 0 else "known")
+        try:
+            twin, _, _ = perturbed_twin(weather.call, abs(number), weather.flash, "kind" if number > 0 else "known")
+        except ValueError:
+            return None
     else:
         twin = weather.call.with_(flash=weather.flash).build()
     first = FirstLoss(twin)
@@ -119,7 +123,7 @@ def make(candidate: Candidate, weather: Weather, number: int) -> Judgement:
         verdict = job.verdict
         slipped = any(verdict.lost) or any(verdict.halfway) or any(verdict.switched_off)
         met = next(map(str, verdict.collisions), "")
-        rest = met or ("a rotor rests halfway" if slipped else "the controller is in error")
+        rest = met or ("the controller is in error" if verdict.fault_left else verdict.problems()[0])
         why = _wrong(results) or losses(twin) or rest
     if why:
         where = f", repetition {number}" if number > 0 else f", number {-number} of what this machine may be"
@@ -178,13 +182,17 @@ def repeated(
     stop: Stop | None = None,
     told: Callable[[Judgement], None] | None = None,
 ) -> list[Judgement] | None:
-    """Make a job with these repetitions, in order, until one fails or has less than this margin. None if stopped. told:
-    called with each when it is over."""
+    """Make a job with these repetitions, in order, until one fails or has less than this margin; those whose machine
+    cannot be built are left out. None if stopped. told: called with each when it is over."""
     made: list[Judgement] = []
+    over = 0
     for each in in_order(functools.partial(make, candidate, weather), numbers, crew, stop):
+        over += 1
+        if each is None:
+            continue
         made.append(each)
         if told is not None:
             told(each)
         if each.why or each.margin < least:
             return made
-    return made if len(made) == len(numbers) else None
+    return made if over == len(numbers) else None

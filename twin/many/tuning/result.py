@@ -91,7 +91,7 @@ def confirm(
     those = range(problem.repetitions + 1, problem.repetitions + 1 + wanted)
     numbers = [*(number for number in hard if number in those), *(number for number in those if number not in hard)]
     made = repeated(candidate, Weather.of(problem), numbers, least, crew, stop, told)
-    if made is None:
+    if not made:
         return None
     last = made[-1]
     little = f"keeps {100 * last.margin:.1f} %, repetition {last.number}" if last.margin < least else ""
@@ -119,7 +119,7 @@ def may_be(
     if not made or made[-1].why:
         return ()
     call = problem.call
-    drawn = [perturbation(call.fitted(), call.seed, -number, "known")[1] for number in problem.may_be]
+    drawn = [perturbation(call.fitted(), call.seed, -one.number, "known")[1] for one in made]
     outcomes = (("time", "s", as_it_is.time_s), ("margin", "", as_it_is.margin))
     values = ([one.time_s for one in made], [one.margin for one in made])
     return tuple(band(*of, drawn, each) for of, each in zip(outcomes, values, strict=True) if len(made) > 1)

@@ -3,6 +3,7 @@
 
 // ---- moves by hand ---------------------------------------------------------------------------------------------------
 
+const AT_REST = "at rest", STILL_MM_S = 0.05, NEAR_MM = 0.05; // a carriage that rings so near to its counter is at rest
 const STEPS_MM = [10, 1, 0.1, 0.01], HELD_MS = 250; // while a key is held it is said so often
 const JOG_KEYS = { ArrowLeft: ["x", -1], ArrowRight: ["x", 1], ArrowDown: ["y", -1], ArrowUp: ["y", 1], PageDown: ["z", -1], PageUp: ["z", 1] };
 let step_mm = 1, by_keys = false, held = null; // null: continuous; held: {axis, way, beat} of the key that is down
@@ -75,7 +76,7 @@ function go() {
 
 function build_override() {
   const key = about.keys.find((one) => one.key === "override" && one.form && one.form.number);
-  if (!key) return make("span", { class: "far", id: "override", title: "this controller makes its commands at the speeds that are in them" }, "has no override");
+  if (!key) return make("span", { class: "far", id: "override", title: "it moves at the speeds in its commands" }, "no feed override on this controller");
   const { low, high } = key.form.number, shown = make("output");
   const slider = make("input", { type: "range", min: low, max: high, step: 1, "aria-label": "override in percent", onchange: () => please({ key: { override: Number(slider.value) } }) });
   updates.push((now) => {
@@ -85,9 +86,18 @@ function build_override() {
   return make("label", { class: "far", id: "override", title: key.meaning }, "override", slider, shown);
 }
 
+// The machine as it is, whoever moves it: the desk knows its own moves only.
+function motion_text(now) {
+  const moving = about.axes.flatMap((axis, i) => now.step_hz[i] ? [`${axis} ${Math.round(now.step_hz[i])} steps/s`] : []);
+  if (moving.length) return `moving: ${moving.join(", ")}`;
+  const drifts = about.axes.flatMap((axis, i) => Math.abs(now.velocity_mm_s[i] || 0) >= STILL_MM_S && Math.abs(now.position_error_mm[i]) >= NEAR_MM ? [`${axis} ${now.velocity_mm_s[i].toFixed(1)} mm/s`] : []);
+  if (drifts.length) return `moving without steps: ${drifts.join(", ")}`;
+  return now.idle ? AT_REST : `${AT_REST}; the controller is at work`;
+}
+
 function build_desk() {
   held = null;
-  if (!about.desk) { $("desk").replaceChildren(make("p", {}, "Nobody has told what the bytes of this controller mean, so nothing can be moved by hand.")); return; }
+  if (!about.desk) { $("desk").replaceChildren(make("p", {}, "The language of this controller is not known: nothing can be moved by hand.")); return; }
   const [low, high, usual] = about.desk.mm_s;
   const speed = make("input", { type: "number", id: "jogspeed", min: low, max: high, step: "any", value: usual, "aria-label": "speed by hand, mm/s" });
   const keys = make("button", { class: "toggle", id: "bykeys", "aria-pressed": by_keys, title: "arrow keys jog X and Y, page keys Z; Escape stops",
@@ -95,8 +105,8 @@ function build_desk() {
   const doings = make("p", { id: "doings", role: "status" });
   const all = Object.fromEntries(about.desk.axes.map((axis) => [axis, 0]));
   updates.push((now) => {
-    const { doing, waiting, why } = now.desk;
-    put(doings, why || (doing ? `${doing}${waiting ? `, ${waiting} more` : ""}` : "at rest"));
+    const { doing, waiting, why } = now.desk, seen = motion_text(now);
+    put(doings, doing ? `${doing}${waiting ? `, ${waiting} more` : ""}` : [why, why && seen === AT_REST ? "" : seen].filter(Boolean).join("; "));
     mark(doings, "data-state", why ? "failed" : "");
   });
   $("desk").replaceChildren(build_places(),
@@ -124,7 +134,7 @@ addEventListener("blur", let_go);
 // ---- the job ---------------------------------------------------------------------------------------------------------
 
 const LONGEST = 500000, LINES = 20000; // characters of a file, lines of it that are shown
-const STATES = { ready: "ready", running: "running", pausing: "pausing", paused: "paused", done: "all well", failed: "failed", stopped: "stopped" };
+const STATES = { ready: "ready", running: "running", pausing: "pausing", paused: "paused", done: "all lines accepted", failed: "failed", stopped: "stopped" };
 let opened = 0;
 
 $("file").addEventListener("change", async (event) => {
@@ -135,7 +145,7 @@ $("file").addEventListener("change", async (event) => {
   const data = await file.arrayBuffer();
   let text;
   try { text = new TextDecoder("utf-8", { fatal: true }).decode(data); } catch { text = new TextDecoder("latin1").decode(data); }
-  request({ job: { open: { name: file.name, text } } }).then((job) => { if (job.cautions.length) tell(job.cautions.join("; ")); }, (error) => tell(error.message));
+  request({ job: { open: { name: file.name, text } } }).catch((error) => tell(error.message));
 });
 const job_please = (act) => request({ job: { [act]: true } }).catch((error) => tell(error.message));
 $("start").addEventListener("click", () => job_please("start"));
@@ -164,6 +174,7 @@ function build_job() {
     const format = job.format ? ` (${job.format})` : "", times = job.state === "ready" ? "" : `, ${job.seconds.toFixed(1)} s`;
     put($("doing"), `${job.name}${format}: ${STATES[job.state]}, ${job.made} of ${job.commands} commands${times}${job.why ? `: ${job.why}` : ""}`);
     $("doing").dataset.state = job.state;
+    put($("cautions"), job.cautions.map((said) => `caution: ${said}`).join("\n"));
     const at = $("program").children[job.line - 1], before = $("program").querySelector("[aria-current]");
     if (job.state === "ready" || before === at) return;
     if (before) before.removeAttribute("aria-current");

@@ -122,9 +122,18 @@ function build_time() {
     const speed = String(now.speed);
     if (![...$("speed").options].some((option) => option.value === speed)) $("speed").append(make("option", { value: speed }, `× ${speed}`));
     if (document.activeElement !== $("speed") && $("speed").value !== speed) $("speed").value = speed;
-    $("link").dataset.state = now.behind ? "lost" : "on";
-    put($("link"), now.behind ? "behind real time" : now.hosts.length ? `host on ${now.hosts.join(", ")}` : "connected");
+    put($("link"), now.hosts.length ? `host on ${now.hosts.join(", ")}` : "connected");
+    put($("pace"), pace_text(now));
+    $("pace").hidden = !now.behind;
+    mark($("pace"), "data-state", now.reached !== null && now.reached < 1 && now.speed >= 1 ? "lost" : "slow");
   });
+}
+
+// Only less than real time is behind it; less than was asked for may still be much more.
+function pace_text({ reached, speed }) {
+  if (reached === null) return `less than × ${speed}`;
+  const is = `× ${reached < 10 ? reached.toFixed(2) : reached.toFixed(1)}`;
+  return reached < 1 && speed >= 1 ? `behind real time: ${is}` : `${is}, not × ${speed}`;
 }
 
 const own_states = (name) => about.settable[name].filter((state) => !about.fault_states.includes(state));
@@ -269,6 +278,10 @@ function build_axes() {
     return cells;
   });
   $("axes").tBodies[0].replaceChildren(...rows.map((cells, i) => make("tr", { "data-axis": about.axes[i] }, ...cells)));
+  const closed = about.closed_loop.slice(0, 3);
+  put($("lag"), closed.every(Boolean) ? "following error" : "load angle");
+  $("lag").title = closed.some(Boolean) ? "of a servo: command minus encoder, increments" : "counter minus rotor as an electrical angle; 180 is lost";
+  updates.push((now) => put($("since"), now.margin_since_s.toFixed(3)));
   const fixed = (value, digits) => value === undefined || value === null ? "–" : value.toFixed(digits);
   updates.push((now) => rows.forEach((cells, i) => {
     const slip = about.slip_steps[i], lag = slip && i < 3 && about.physics && !about.closed_loop[i] ? 360 * now.lost_steps[i] / slip : null;
@@ -286,7 +299,7 @@ function build_axes() {
     cells[4].className = error >= 0.1 ? "lost" : error >= 0.05 ? "off" : "";
     const off = now.drive_faults[i] && now.drive_faults[i][0] > 0;
     cells[6].className = off || (lag !== null && Math.abs(lag) >= 180) ? "lost" : "";
-    cells[6].title = off ? now.drive_faults[i][1] : "";
+    cells[6].title = off ? `the drive has switched itself off, times since power-on: ${now.drive_faults[i][0]}, the last: ${now.drive_faults[i][1]}` : "";
     cells[7].className = now.margin[i] !== null && now.margin[i] !== undefined && now.margin[i] < 0.05 ? "lost" : "";
   }));
 }
@@ -339,7 +352,8 @@ function build_faults() {
   let shown = "";
   updates.push((now) => {
     const entries = Object.entries(now.faults);
-    for (const { first, second, time_ns } of now.collisions) entries.push([`${first} hits ${second}`, `at ${(time_ns / 1e9).toFixed(3)} s`]);
+    for (const { first, second, time_ns } of now.collisions) entries.push([`${first} hit ${second}`, `at ${(time_ns / 1e9).toFixed(3)} s`]);
+    if (now.met > now.collisions.length) entries.push([`${now.met - now.collisions.length} collisions`, "before these"]);
     put($("faulty"), entries.length ? String(entries.length) : "");
     if (shown === (shown = JSON.stringify(entries))) return;
     wrong.replaceChildren(...entries.map(([name, fault]) => {
@@ -469,7 +483,7 @@ $("text").addEventListener("keydown", (event) => {
 
 // ---- plots -----------------------------------------------------------------------------------------------------------
 
-const PLOTS = [["step frequency", "steps/s", 1, 100], ["following error", "mm", 2, 0.02], ["torque margin", "", 3, 1]];
+const PLOTS = [["step frequency", "steps/s", [2, 3], 100], ["true minus counter", "mm", [4, 5], 0.02], ["least torque margin", "", [6], 1]]; // columns: least, largest;
 
 function build_plots() {
   $("plots").replaceChildren(...PLOTS.map(([name, unit]) =>
@@ -478,21 +492,21 @@ function build_plots() {
 
 function draw() {
   if (!plots.length || !about) return;
-  const end = plots[plots.length - 1][0];
-  let first = plots.findIndex((point) => point[0] >= end - SECONDS);
+  const end = plots[plots.length - 1][1];
+  let first = plots.findIndex((point) => point[1] >= end - SECONDS);
   const shown = plots.slice(Math.max(0, first));
-  const begin = Math.min(shown[0][0], end - 1), soft = colour("soft"), line = colour("line"), inks = ["x", "y", "z", "a"].map(colour);
+  const begin = Math.min(shown[0][1], end - 1), soft = colour("soft"), line = colour("line"), inks = ["x", "y", "z", "a"].map(colour);
   document.querySelectorAll("#plots figure").forEach((figure, i) => {
-    const [, , column, least] = PLOTS[i];
+    const [, , columns, least] = PLOTS[i];
     const canvas = figure.querySelector("canvas"), ratio = window.devicePixelRatio || 1;
     const width = canvas.clientWidth, height = canvas.clientHeight, left = 38, top = 6, bottom = height - 14;
     if (canvas.width !== Math.round(width * ratio)) { canvas.width = Math.round(width * ratio); canvas.height = Math.round(height * ratio); }
     const pen = canvas.getContext("2d");
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.clearRect(0, 0, width, height);
-    const values = shown.flatMap((point) => point[column].filter((value) => value !== null));
+    const values = shown.flatMap((point) => columns.flatMap((column) => point[column].filter((value) => value !== null)));
     let low = Math.min(0, ...values), high = Math.max(0, ...values);
-    if (column === 3) { low = 0; high = 1; } else if (high - low < least) { low = Math.min(low, -least / 2); high = Math.max(high, least / 2); }
+    if (columns.length === 1) { low = 0; high = 1; } else if (high - low < least) { low = Math.min(low, -least / 2); high = Math.max(high, least / 2); }
     const x = (time) => left + (width - left - 4) * (time - begin) / (end - begin), y = (value) => bottom - (bottom - top) * (value - low) / (high - low);
     pen.font = "10px system-ui, sans-serif"; pen.fillStyle = soft; pen.strokeStyle = line; pen.lineWidth = 1;
     for (const value of low < 0 && high > 0 ? [low, 0, high] : [low, high]) {
@@ -505,15 +519,19 @@ function draw() {
     const hit_s = frame && frame.trigger ? frame.trigger.hit_s : null;
     if (hit_s !== null && hit_s >= begin && hit_s <= end) { pen.strokeStyle = colour("warned"); pen.beginPath(); pen.moveTo(x(hit_s), top); pen.lineTo(x(hit_s), bottom); pen.stroke(); }
     about.axes.slice(0, 4).forEach((_, axis) => {
-      pen.strokeStyle = inks[axis]; pen.lineWidth = 1.3; pen.beginPath();
-      let on = false;
+      pen.fillStyle = inks[axis];
+      let until = null, before = null; // of the point before: where nobody has looked there is nothing
       for (const point of shown) {
-        const value = point[column][axis];
-        if (value === null || value === undefined) { on = false; continue; }
-        on ? pen.lineTo(x(point[0]), y(value)) : pen.moveTo(x(point[0]), y(value));
-        on = true;
+        const [low, high = low] = columns.map((column) => point[column][axis]), from = Math.max(left, x(point[0])), wide = Math.max(1.3, x(point[1]) - from);
+        if (low !== null && low !== undefined) {
+          pen.globalAlpha = wide > 4 && high > low ? 0.45 : 1;
+          pen.fillRect(from, y(high) - 0.65, wide, y(low) - y(high) + 1.3);
+          if (columns.length === 1 && before !== null && until === point[0]) pen.fillRect(from, Math.min(y(low), y(before)), 1.3, Math.abs(y(low) - y(before)));
+          until = point[1];
+        }
+        before = low ?? null;
       }
-      pen.stroke();
+      pen.globalAlpha = 1;
     });
   });
 }
@@ -530,6 +548,7 @@ $("speed").addEventListener("change", (event) => {
   please({ speed: event.target.value === "max" ? "max" : Number(event.target.value) });
   event.target.blur();
 });
+$("anew").addEventListener("click", () => please({ watch_margin: true }));
 $("snapshot").addEventListener("click", () => ask({ state: true }).then((state) => save(`state-${state.time_s.toFixed(3)}s.json`, JSON.stringify(state, null, 2)), () => {}));
 
 function save(name, text) {

@@ -62,6 +62,9 @@ class Coordinates:
         self.position = tuple(position) + (0.0,) * (axes - len(position))
         self._unmirrored: dict[int, float] = {}
         """Program coordinates, as before a mirror was switched, of axes that have not moved since."""
+        self.carried: dict[int, float] = {}
+        """Where both axes of the plane were in the program, if the present block turns or shifts them (P165, P166,
+        P168)."""
         self._known: tuple[object, ...] | None = None  # inputs of the computed frame
         self.frame = self._frame_now()
         self.program_position = self.frame.program(self.position)
@@ -85,6 +88,9 @@ class Coordinates:
             self.rotation = self.rotation.set(**{ROTATION_SET[number]: value or 0.0})
             self.renew()
         elif number in ROTATION_ADDED:
+            if self.frame.rotation is not None and not self.carried:
+                plane = self.frame.plane
+                self.carried = {axis: self.program_position[axis] for axis in (plane.first, plane.second)}
             self.rotation = self.rotation.added(**{ROTATION_ADDED[number]: value or 0.0})
             self.renew()
 

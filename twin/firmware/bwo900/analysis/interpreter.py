@@ -278,6 +278,7 @@ class Interpreter:
 
     def _execute(self, block: ProgramBlock) -> None:
         level = self.stack.top
+        self._coordinates.carried = {}
         if (block.calls or self._supervision.keeping is not OFF) and self._supervision.call(
             whole(self._values.of(number)) for number in block.calls
         ):

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from operator import add
 from typing import Final
 
@@ -25,7 +26,7 @@ from isel_twin.firmware.bwo900.geometry.groups import CIRCLES, CORRECTION, SPLIN
 from isel_twin.firmware.bwo900.messages import Code, Message, ProgramError, message
 from isel_twin.firmware.bwo900.numbers import G, P, Q
 from isel_twin.firmware.bwo900.parameters import Parameters
-from isel_twin.firmware.bwo900.programs.words import Word
+from isel_twin.firmware.bwo900.programs.words import Text, Word
 
 NEAR_MM: Final = 1e-9  # shorter paths are left out
 BENT: Final = (*SPLINES, G.POLYNOMIAL)
@@ -97,7 +98,19 @@ class Targets:
                 if modal.correction == G.AXIS_CORRECTION_ON:
                     radius, angle = abs(radius) + self._polar_correction[0], angle + self._polar_correction[1]
                 named[plane.first], named[plane.second] = polar(self._pole, radius, angle)
-        return self._absolute(named, relative, said) if named else None
+        return self._carried(self._absolute(named, relative, said), said) if named else None
+
+    def _carried(self, targets: dict[int, float], said: Said) -> dict[int, float]:
+        """With the axes that the block turns or shifts, and does not program: they go to their places as turned (4.16,
+        example 1), or stay (bwo900/6). Those of a cycle and of G66 stay."""
+        carried = {axis: value for axis, value in self._coordinates.carried.items() if axis not in targets}
+        if not carried or said.cycles or G.BARE in said.blockwise:
+            return targets
+        if not self._parameters.readings.rotation_stays:
+            return carried | targets
+        text = Text("turned axes stay (rotation_stays); at the manual's control they go to their places as turned")
+        said.block = replace(said.block, message=said.block.message or text)
+        return targets
 
     def _value_of(self, word: Word, axis: int) -> float:
         """The target that an axis word names; of a polynomial V3 + V2 + V1 beyond the start."""

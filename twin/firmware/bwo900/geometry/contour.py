@@ -18,7 +18,9 @@ from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
 from isel_twin.firmware.bwo900.geometry.circles import arc_by_centre
 from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Plane, Straight
 from isel_twin.firmware.bwo900.geometry.plane import (
+    STRAIGHT_RAD,
     UV,
+    bend,
     cut,
     flat_length,
     heading,
@@ -26,7 +28,6 @@ from isel_twin.firmware.bwo900.geometry.plane import (
     meetings,
     offset,
     share_of,
-    turn,
 )
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 
@@ -126,10 +127,10 @@ def chamfered(a: Element, b: Element, plane: Plane, leg: float) -> tuple[Element
 
 def rounded(a: Element, b: Element, plane: Plane, radius: float) -> tuple[Element, Element, Element]:
     """Two elements and the tangential arc between them. Raises ProgramError M1158."""
-    bend = turn(heading(a, plane, 1.0), heading(b, plane, 0.0))
-    if abs(bend) < 1e-6:
+    angle = bend(a, b, plane)
+    if abs(angle) < STRAIGHT_RAD:
         raise ProgramError(Code.NO_CORNER, "there is no corner")
-    side = 1.0 if bend > 0.0 else -1.0
+    side = 1.0 if angle > 0.0 else -1.0
     aside, beside = offset(a, plane, side * radius), offset(b, plane, side * radius)
     if aside is None or beside is None:
         raise ProgramError(Code.NO_CORNER, f"no arc of {radius:g} mm fits")

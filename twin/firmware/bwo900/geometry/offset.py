@@ -5,7 +5,7 @@
 
       outer corner, change of direction > P8845       an arc about the corner (P8845 deleted: always)
       outer corner, otherwise                          both prolonged to their meeting point
-      the way back                                     an arc, as outside
+      the way back                                     an arc, as outside; an arc may lead inside (bwo900/63)
       inner corner                                     both cut at their meeting point
       tangential                                       nothing
 
@@ -30,13 +30,22 @@ from collections import deque
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from isel_twin.firmware.bwo900.geometry.blocks import Correction, PathBlock
+from isel_twin.firmware.bwo900.geometry.blocks import Correction, PathBlock, Text
 from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Plane, Point, Straight
-from isel_twin.firmware.bwo900.geometry.plane import UV, flat_length, heading, meetings, offset, share_of, turn
+from isel_twin.firmware.bwo900.geometry.plane import (
+    STRAIGHT_RAD,
+    UV,
+    bend,
+    crosses_again,
+    flat_length,
+    heading,
+    meetings,
+    offset,
+    share_of,
+)
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 
 MOST_EMPTY: Final = 12  # blocks without a path in a row (M1157)
-STRAIGHT_RAD: Final = 1e-6
 NEAR_MM: Final = 1e-7
 NEAR: Final = 1e-9  # share of an element
 SHARPEST: Final = 120.0  # degrees, for P8845 = 0: above this change of direction an arc
@@ -59,6 +68,10 @@ class _Open:
         """Append the result of one more of its elements."""
         self.done += elements
         self.left -= 1
+
+    def tell(self, text: str) -> None:
+        """Have the block say that about the special case of 7.2, unless it says something else."""
+        self.block = self.block.like(text=self.block.text or Text(f"G40 without a path, then another plane: {text}"))
 
 
 @dataclass
@@ -84,13 +97,16 @@ _Place = tuple[Point, float]  # a point of a moved element, and its share of the
 class Offset:
     """Takes blocks and returns them corrected."""
 
-    def __init__(self, threshold: float | None = None) -> None:
-        """threshold: P8845."""
+    def __init__(self, threshold: float | None = None, *, in_place: bool = False) -> None:
+        """threshold: P8845. in_place: `Readings.plane_change_in_place`."""
         self._threshold = threshold
+        self._in_place = in_place
         self._open: deque[_Open] = deque()
         self._last: _Last | None = None
         self._place: tuple[Plane, UV] | None = None
         """Where the corrected path ended, if the correction was switched off in a block without a path."""
+        self._strayed = False
+        """It has been left for a place that was wrong by the tool's offset; the next line ends where it should."""
         self._waiting: list[tuple[_Open, Element]] = []
         """Moves across the plane, until it is known where the next element begins."""
         self._empty = 0
@@ -113,12 +129,16 @@ class Offset:
         self._open.append(entry)
         if not flat and not on:
             self._finish_last()
-        if not flat:
+        strays = not on and self._place is not None and self._place[0] != block.plane and not self._strayed
+        if not flat and not (strays and block.length_mm > NEAR_MM):
             self._pathless(entry)
             return self._done()
         self._empty = 0
         for element in block.drawn:
-            if flat_length(element, block.plane) <= NEAR_MM:
+            if strays and element.length_mm > NEAR_MM:
+                strays = False
+                self._stray(entry, element)
+            elif flat_length(element, block.plane) <= NEAR_MM:
                 self._across(entry, element)
             elif on:
                 self._corrected(entry, element)
@@ -183,14 +203,14 @@ class Offset:
         the end of the next element."""
         plane, old = last.plane, last.correction
         moved = _beside(element, plane, replace(old, side=side))
-        angle = turn(heading(last.element, plane, 1.0), heading(element, plane, 0.0))
         same = side == old.side
+        angle = bend(last.element, element, plane, retraced=-side)
         there = plane.into(last.moved.end, *plane.of(moved.start))  # before moves across the plane in between
         if same and abs(angle) < STRAIGHT_RAD:
             self._over(last, _between(last, there, 1.0))
             return moved.start, 0.0
-        back = abs(angle) > math.pi - STRAIGHT_RAD
-        outer = same and (back or side * angle < 0.0)
+        crosses = crosses_again(last.element, element, plane, angle, old.radius_mm)
+        outer = same and side * angle < 0.0 and not crosses
         if not same or (outer and corner_arc(math.degrees(abs(angle)), self._threshold)):
             sweep = -side * abs(angle) if same else _over_the_path(old.side, angle)
             arc = Arc(last.moved.end, there, plane, plane.of(element.start), sweep)
@@ -214,7 +234,7 @@ class Offset:
             self._over(last, Straight(last.begin, last.element.end))
             return
         self._over(last, _between(last, last.moved.end, 1.0))
-        self._place = last.plane, last.plane.of(last.moved.end)
+        self._place, self._strayed = (last.plane, last.plane.of(last.moved.end)), False
 
     def _off(self, entry: _Open, element: Element) -> None:
         """The line that switches the correction off, or an element after it."""
@@ -222,10 +242,26 @@ class Offset:
         if self._place is None:
             entry.add(element)
             return
-        (plane, place), self._place = self._place, None
+        (plane, place), self._place, self._strayed = self._place, None, False
         if isinstance(element, Arc):
             raise ProgramError(Code.NO_APPROACH, "the correction is switched off with a line")
         entry.add(Straight(plane.into(element.start, *place), element.end))
+
+    def _stray(self, entry: _Open, element: Element) -> None:
+        """The first path in another plane, the correction having been switched off without one: it takes the tool's
+        offset along (7.2)."""
+        assert self._place is not None
+        plane, place = self._place
+        if self._in_place:
+            entry.tell("the place is right (plane_change_in_place); at the manual's control it is wrong")
+            self._off(entry, element)
+            return
+        (u, v), (end_u, end_v) = plane.of(element.start), plane.of(element.end)
+        off_u, off_v = place[0] - u, place[1] - v
+        wrong = plane.into(element.end, end_u + off_u, end_v + off_v)
+        self._off(entry, replace(element, end=wrong))
+        self._place, self._strayed = (plane, plane.of(wrong)), True
+        entry.tell(f"the place is wrong by {math.hypot(off_u, off_v):g} mm")
 
 
 def _beside(element: Element, plane: Plane, correction: Correction) -> Element:

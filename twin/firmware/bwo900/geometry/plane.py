@@ -15,6 +15,8 @@ from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Plane, Poi
 
 UV: TypeAlias = tuple[float, float]
 NEAR: Final = 1e-9
+STRAIGHT_RAD: Final = 1e-6  # change of direction that counts as none, or as exactly backwards
+SAME_CURVATURE: Final = 1e-6  # relative difference of two curvatures that counts as none
 
 
 def heading(element: Element, plane: Plane, share: float) -> UV:
@@ -33,6 +35,36 @@ def turn(before: UV, after: UV) -> float:
     """Angle from one direction to another in rad, -pi to pi, counter-clockwise."""
     cross = before[0] * after[1] - before[1] * after[0]
     return math.atan2(cross, before[0] * after[0] + before[1] * after[1])
+
+
+def bend(a: Element, b: Element, plane: Plane, retraced: float = 1.0) -> float:
+    """Change of direction at the corner of two elements in rad, counter-clockwise. Exactly backwards its sign, the side
+    of a on which b lies, is told by the curvatures; `retraced` is the sign where b runs back on a."""
+    angle = turn(heading(a, plane, 1.0), heading(b, plane, 0.0))
+    if abs(angle) < math.pi - STRAIGHT_RAD:
+        return angle
+    return math.copysign(angle, -_leaves_left(a, b) or retraced)
+
+
+def crosses_again(a: Element, b: Element, plane: Plane, angle: float, reach_mm: float) -> bool:
+    """True if b goes almost backwards and curves through a within reach of their corner; angle: their `bend`."""
+    off, to_the_left = math.pi - abs(angle), _leaves_left(a, b)
+    if off > 1.0 or angle * to_the_left <= 0.0:
+        return False
+    return 2.0 * math.sin(off) / abs(to_the_left) < min(reach_mm, flat_length(a, plane), flat_length(b, plane))
+
+
+def _leaves_left(a: Element, b: Element) -> float:
+    """How much b curves to the left of the way back, 1/mm; 0 if it is the way back."""
+    ends = curvature(a, 1.0), curvature(b, 0.0)
+    return sum(ends) if abs(sum(ends)) > SAME_CURVATURE * max(map(abs, ends)) else 0.0
+
+
+def curvature(element: Element, share: float) -> float:
+    """1 / R at its beginning or end (share 0 or 1), counter-clockwise."""
+    if isinstance(element, Straight):
+        return 0.0
+    return math.copysign(1.0 / (element.end_radius_mm if share else element.radius_mm), element.sweep_rad)
 
 
 def flat_length(element: Element, plane: Plane) -> float:

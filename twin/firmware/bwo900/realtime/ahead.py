@@ -47,7 +47,8 @@ class Filter(Protocol):
 def filters(parameters: Parameters) -> list[Filter]:
     """New filters, in their order: contour, radius correction (P8845), splines (P8847)."""
     arc, bulge = (parameters.get(number) if parameters.loaded(number) else None for number in FILTERED)
-    return [Contour(), Offset(arc), Spline(bulge or 0.0)]
+    in_place = parameters.readings.plane_change_in_place
+    return [Contour(), Offset(arc, in_place=in_place), Spline(bulge or 0.0)]
 
 
 def run(interpreter: Interpreter, stages: Sequence[Filter], most: int) -> list[PathBlock]:

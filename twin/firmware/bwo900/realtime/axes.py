@@ -9,7 +9,7 @@ A run that does not continue the one before begins at the present positions.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Final
 
 from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
@@ -28,6 +28,7 @@ NAMES: Final = "XYZ"
 INCREMENTS_PER_MM: Final = 1_000.0  # P12012 over P12013 if unset
 SETTLE_MS: Final = 3_000.0  # P12018 if unset
 COARSEST, FINEST = 1e-3, 1e6  # range of increments per mm of a measuring system
+ABRUPT: Final = 1e9  # factor of a ramp that is over within less than a nanosecond
 PULSES: Final = 5_000  # increments from zero pulse to zero pulse
 
 
@@ -45,7 +46,7 @@ class Axes:
         self._watch = LagWatch(parameters)
         # the counts last worked out: run, base and time, and the counts; those of now are asked for many times
         self._counted: tuple[object, object, int, tuple[int, ...]] = None, None, 0, ()
-        self._locks: tuple[int, list[tuple[int, int]]] = (-1, [])  # revision, and the directions locked at it
+        self._locks: tuple[int, Mapping[tuple[int, int], bool]] = (-1, {})  # revision, and the directions locked at it
         self._stops: tuple[int, list[float]] = (-1, [])  # revision, and the exact-stop windows at it, mm
         self._known: tuple[int, MotionLimits] | None = None
         """The limits, and the revision of the parameters they were made from."""
@@ -202,27 +203,44 @@ class Axes:
         """True if P12137 locks that direction of an axis: byte 1 +, byte 2 -."""
         return (axis, sign) in self._barred()
 
-    def _barred(self) -> list[tuple[int, int]]:
+    def _barred(self) -> Mapping[tuple[int, int], bool]:
+        """Directions that P12137 locks, and whether without ramps (byte 3)."""
         revision = self._parameters.revision
         if self._locks[0] != revision:
             given = [self._parameters.axis(axis, Axis.BARRED, 0.0) for axis in range(AXES)]
-            self._locks = (
-                revision,
-                [(a, sign) for a, bits in enumerate(given) for n, sign in ((1, 1), (2, -1)) if byte(bits, n)],
-            )
+            ways = ((a, sign, bits) for a, bits in enumerate(given) for n, sign in ((1, 1), (2, -1)) if byte(bits, n))
+            self._locks = revision, {(a, sign): bool(byte(bits, 3)) for a, sign, bits in ways}
         return self._locks[1]
 
     def bars(self, block: PathBlock) -> bool:
         """True if a block goes in a direction that is locked, or moves an axis of P8891."""
         locked = int(self._parameters.get(P.BLOCK_LOCK))
         both = [(axis, sign) for axis in range(AXES) if locked >> axis & 1 for sign in (1, -1)]
-        for axis, sign in (*self._barred(), *both):
-            for element in block.elements:
-                low, high = element.extent(axis)
-                here, there = element.start[axis], element.end[axis]
-                if (high > here or there > low) if sign > 0 else (low < here or there < high):
-                    return True
-        return False
+        return any(_goes(block, *way) for way in (*self._barred(), *both))
+
+    @property
+    def released(self) -> bool:
+        """P8701 is not 0; deleted it is as good as 1."""
+        return self._parameters.get(P.TRAVEL_RELEASE, 1.0) != 0.0
+
+    @property
+    def halts_at_once(self) -> bool:
+        """True if a lock wants a halt without ramps."""
+        return not self.released or any(self._barred().values())
+
+    def sharpness(self, axis: int, sign: int) -> float:
+        """Factor of the ramp with which an axis brakes that moves this way: none where a lock wants none (P8701, byte 3
+        of P12137), unless `Readings.ramped_halts`."""
+        return self.sharp(not self.released or self._barred().get((axis, sign), False))
+
+    def path_sharpness(self, blocks: Iterable[PathBlock]) -> float:
+        """The same of these blocks."""
+        ways = [way for way, without_ramp in self._barred().items() if without_ramp]
+        return self.sharp(not self.released or any(_goes(block, *way) for block in blocks for way in ways))
+
+    def sharp(self, without_ramp: bool) -> float:
+        """Factor of a ramp, or of none at all."""
+        return ABRUPT if without_ramp and not self._parameters.readings.ramped_halts else 1.0
 
     def obstacle(self, block: PathBlock) -> ProgramError | None:
         """The error that forbids the path of a block: a software limit (P12030, P12031) or a struck switch
@@ -247,3 +265,13 @@ class Axes:
         shift = self.set_mm(axis)
         lowest, highest = p.get(low) if p.loaded(low) else -math.inf, p.get(high) if p.loaded(high) else math.inf
         return lowest + shift, highest + shift
+
+
+def _goes(block: PathBlock, axis: int, sign: int) -> bool:
+    """True if a block moves an axis that way, even in a part of an arc."""
+    for element in block.elements:
+        low, high = element.extent(axis)
+        here, there = element.start[axis], element.end[axis]
+        if (high > here or there > low) if sign > 0 else (low < here or there < high):
+            return True
+    return False

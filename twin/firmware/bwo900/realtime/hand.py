@@ -130,8 +130,9 @@ class Hand:
         assert self.homing is not None
         failed, self.homing = self.homing.failed, None
         if failed is not None:
-            self._say(message(Code.APPROACH_REFERENCE, detail=NAMES[failed]))
-            self._outgoing.fault = True
+            said = message(Code.APPROACH_REFERENCE, detail=NAMES[failed])
+            self._say(said)
+            self._outgoing.fault_cause = str(said)
         self._tell_referenced()
 
     def _tell_referenced(self) -> None:

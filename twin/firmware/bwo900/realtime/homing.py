@@ -106,7 +106,7 @@ class Homing:
 
     def _brake(self, axis: int, leg: Leg) -> None:
         plan, k = under_way(self.run, self._axes.now_ns)
-        self._begin(plan.braked(axis, k), leg)
+        self._begin(plan.braked(axis, k, self._axes.sharpness(axis, 0)), leg)
 
     def _begin(self, plan: Indexer, leg: Leg) -> None:
         assert self.run is not None

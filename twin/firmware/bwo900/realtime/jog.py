@@ -130,7 +130,10 @@ class Jog:
         speed, now_ns = override * self._speed_mm_s * self._per_mm, self._axes.now_ns
         if self.run is not None:
             plan, tick = under_way(self.run, now_ns)
-            plan = plan.towards(self.axis, tick, self._left, speed) if override > 0.0 else plan.braked(self.axis, tick)
+            if override > 0.0:
+                plan = plan.towards(self.axis, tick, self._left, speed)
+            else:
+                plan = plan.braked(self.axis, tick, self._axes.sharpness(self.axis, self.sign))
             self.run = self.run.with_plan(plan)
         elif override > 0.0:
             plan = at_rest(AXES, PERIOD_NS, self._acceleration, ("jog", now_ns, self.axis))
@@ -145,4 +148,4 @@ class Jog:
             self.over = True
         else:
             plan, tick = under_way(self.run, self._axes.now_ns)
-            self.run = self.run.with_plan(plan.braked(self.axis, tick))
+            self.run = self.run.with_plan(plan.braked(self.axis, tick, self._axes.sharpness(self.axis, self.sign)))

@@ -33,7 +33,7 @@ class Outgoing:
         self._outputs: dict[str, int] = {}
         self.standing: list[Message] = []  # active messages, the newest last
         self.history: list[tuple[int, Message]] = []
-        self.fault = False
+        self.fault_cause = ""  # the last message with an effect beyond display, or the like
 
     def add(self, *events: Event) -> None:
         self._events += events
@@ -69,7 +69,7 @@ class Outgoing:
             self._parameters.write(P.FAULTY_PROGRAM, float(said.program[1:]))
             self._parameters.write(P.FAULTY_BLOCK, float(said.block))
         if said.effect is not Effect.SHOWN:
-            self.fault = True
+            self.fault_cause = str(said)
         self.output("message", said.number)
         self.add(Remark(str(said)))
 
@@ -82,5 +82,5 @@ class Outgoing:
     def clear(self) -> None:
         """Clear the active messages and the fault."""
         self.acknowledge()
-        self.fault = False
+        self.fault_cause = ""
         self.output("message", 0)

@@ -13,6 +13,8 @@ from typing import Final
 from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter, Waiting
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
 from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.numbers import P
+from isel_twin.firmware.bwo900.parameters import byte
 from isel_twin.firmware.bwo900.realtime.ahead import REFILL, Ahead
 from isel_twin.firmware.bwo900.realtime.joining import breaks_after, joining
 from isel_twin.firmware.bwo900.realtime.length import add_length
@@ -147,7 +149,8 @@ class PathRun:
         self.stretch.replan(self._axes.now_ns, hold=wanted)
 
     def rescale(self) -> None:
-        self.stretch.replan(self._axes.now_ns, scale=self.scale)
+        sharpness = self._axes.path_sharpness(self.stretch.blocks)
+        self.stretch.replan(self._axes.now_ns, scale=self.scale, sharpness=sharpness)
 
     def resume(self) -> None:
         self.stretch.resume(self.scale, self._axes.now_ns)
@@ -182,8 +185,10 @@ class PathRun:
         self._around.deletion.deleted()
 
     def _drop(self) -> None:
-        """Brake and drop the rest of the path."""
-        self.stretch.replan(self._axes.now_ns, hold=True, drop=True)
+        """Brake and drop the rest of the path; after a signal without ramps if byte 2 of P8855 wants that."""
+        display = byte(self._around.parameters.get(P.MEASURED_DISPLAY), 2)
+        sharpness = self._axes.sharp(bool(display) and bool(self.cut & Cut.SIGNAL))
+        self.stretch.replan(self._axes.now_ns, hold=True, drop=True, sharpness=sharpness)
 
     def stand(self) -> None:
         self.stretch.stand(self._axes.limits(), self._axes.position)

@@ -220,8 +220,9 @@ class Placing:
 
     def brake(self, axis: int) -> None:
         """Brake the move of an axis."""
-        self._moves[axis] = replace(self._moves[axis], ends=True, dwells_ns=None)
-        self._plan(axis, lambda plan, tick: plan.braked(axis, tick))
+        self._moves[axis] = move = replace(self._moves[axis], ends=True, dwells_ns=None)
+        sharpness = self._axes.sharpness(axis, 1 if move.target > self._axes.counts[axis] else -1)
+        self._plan(axis, lambda plan, tick: plan.braked(axis, tick, sharpness))
 
     def brake_all(self) -> None:
         """Brake all moves, and drop those that wait."""
@@ -246,8 +247,9 @@ class Placing:
         move, axes = self._moves[axis], self._axes
         per_mm, here = axes.limits().increments_per_mm[axis], axes.counts[axis]
         speed = self._speed_mm_s(axis, move.kind) * self._factor(axis, move.kind) * per_mm
-        if axes.barred(axis, 1 if move.target > here else -1) or not speed:
-            self._plan(axis, lambda plan, tick: plan.braked(axis, tick))
+        sign = 1 if move.target > here else -1
+        if axes.barred(axis, sign) or not speed:
+            self._plan(axis, lambda plan, tick: plan.braked(axis, tick, axes.sharpness(axis, sign)))
             return
         left, stands = move.target - here, self._stands(axis)
 

@@ -1,0 +1,35 @@
+"""What is wrong with a capture, beside what it makes of the machine: findings, as a job has them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+from isel_twin.base.units import MICROSECOND_NS, SECOND_NS
+from isel_twin.capture.play import Strike
+from isel_twin.capture.ticks import Needs, Ticks
+from isel_twin.jobs.checks.rules import Finding
+
+_OFFENCES = {  # by the names of `AxisTiming` and `Needs`
+    "short_pulses": ("pulse_ns", "pulses shorter than {} us"),
+    "short_pauses": ("pulse_ns", "pauses between pulses shorter than {} us"),
+    "setup": ("setup_ns", "changes of direction less than {} us before a step"),
+    "hold": ("hold_ns", "changes of direction less than {} us after a step"),
+}
+
+
+def of_signals(ticks: Ticks, needs: Needs) -> Iterator[Finding]:
+    """Times that are too short for the drives of each axis. Steps without power are the verdict's (`unpowered`)."""
+    for axis, timing in ticks.timing.items():
+        for name, (need, words) in _OFFENCES.items():
+            if (offence := getattr(timing, name)) is not None:
+                many = f"{offence.count} {words.format(f'{getattr(needs, need) / MICROSECOND_NS:g}')}"
+                first = f"the first at {offence.first_ns / SECOND_NS:.6f} s"
+                told = f"{axis.upper()}: {many}, {first}, the shortest {offence.least_ns / MICROSECOND_NS:g} us"
+                yield Finding("signal", told, time_ns=offence.first_ns)
+
+
+def of_strikes(strikes: Sequence[Strike], allowed: Callable[[str], bool]) -> Iterator[Finding]:
+    """Switches that are struck and must not be."""
+    for one in strikes:
+        if not allowed(one.switch):
+            yield Finding("switch", f"{one.switch} is struck", time_ns=one.time_ns)
