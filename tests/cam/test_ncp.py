@@ -244,7 +244,7 @@ def test_errors_name_the_place_and_the_remedy(body: str, error: str) -> None:
         ("(Steps per circle: 64)\nIMF_PBL\nPROGEND", "a line that begins with ( is taken as a remark"),
         ("IMF_PBL\nCOOLANT_OFF\nPROGEND", "COOLANT_OFF is read as COOLANT OFF"),
         ("IMF_PBL\nINCH\nPROGEND", "INCH: numbers are read as 1/1000 inch"),
-        ("IMF_PBL\nDRILLDEF D12 V5\nDRILL X1\nPROGEND", "DRILLDEF D is in um: less than 100 is next to nothing; "
+        ("IMF_PBL\nDRILLDEF D90 V5\nDRILL X1\nPROGEND", "DRILLDEF D is in um: less than 100 is next to nothing; "
          "mm were meant?"),
         ("IMF_PBL\nVEL 5\nFASTABS X9000 Y5000\nCWABS I14000 X19000\nPROGEND",
          "an arc without I or J: its centre has this axis of its start"),
