@@ -128,9 +128,10 @@ class Device:
         if event in (SafetyEvent.INITIALISED, SafetyEvent.REFERENCE_BEGUN):
             self.forget_unmade()
 
-    def limit_struck(self, axis: int) -> None:
-        """A limit switch has ended a motion: moves are forbidden, positions are lost."""
-        self.note(SafetyEvent.LIMIT_STRUCK, " and ".join(map(name_of, self.limits.struck(axis))) + " struck")
+    def limit_struck(self, axis: int, cause: str = "") -> None:
+        """End motion at a limit switch: moves are forbidden, positions are lost. cause: in words; "": the switches."""
+        struck = " and ".join(map(name_of, self.limits.struck(axis)))
+        self.note(SafetyEvent.LIMIT_STRUCK, cause or f"{struck} struck")
         self.lose_references()
 
     def require_axes(self) -> None:

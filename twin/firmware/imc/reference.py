@@ -100,8 +100,9 @@ def _find_switch(device: Device, axis: int) -> Activity:
 
 def _fail(device: Device, axis: int, what: str, why: str) -> NoReturn:
     """Raise Refusal(2), as after a limit switch, with its reason as a remark."""
-    device.limit_struck()
-    device.remark(f"{what} of {AXIS_NAMES[axis].upper()}: {why}")
+    cause = f"{what} of {AXIS_NAMES[axis].upper()}: {why}"
+    device.limit_struck(axis, cause)
+    device.remark(cause)
     raise Refusal(LIMIT_SWITCH)
 
 
