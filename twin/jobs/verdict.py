@@ -36,6 +36,7 @@ from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.base.units import SECOND_NS
 from isel_twin.core.snapshot import snapshot
 from isel_twin.jobs.odd import oddities
+from isel_twin.jobs.why import referenced_astray
 from isel_twin.plant import Collision
 from isel_twin.wiring import LineFaults
 from isel_twin.wiring.contacts import FAULTS
@@ -107,7 +108,7 @@ class Verdict:
     stands: str = ""  # where and why the program of a host that has ended stopped before its end
     restarts: int = 0  # unexpected restarts of the controller before the end of the last command
     line_faults: LineFaults = field(default_factory=LineFaults)  # unexpected ones since power-on
-    astray: tuple[str, ...] = ()  # what has been referenced without its end switch, of each line that has
+    astray: tuple[str, ...] = ()  # axes that have been referenced though no end switch of theirs was struck
     unpowered_steps: int = 0  # unexpected steps of all axes while the stages had no power
     stores_lost: int = 0  # writes that the flash memory could not store
     odd: tuple[tuple[int, str], ...] = ()  # legal but absurd lines: number and description (odd.py)
@@ -138,7 +139,7 @@ class Verdict:
 
     @property
     def fault_left(self) -> str:
-        """The error in which the controller stands and that the job does not expect; "" without one."""
+        """The error in which the controller stands and that the job does not expect (jobs/15); "" without one."""
         return "" if self.fault_cause == self.fault_known else self.fault_cause
 
     @property
@@ -278,7 +279,7 @@ def judge(
         stands="" if host_since_ns is None else twin.unfinished,
         restarts=sum(result.restarts for result in _since_known(results)) if results else twin.restarts,
         line_faults=_unexpected(twin.line_faults, [result.line_known for result in results]),
-        astray=tuple(result.astray for result in results if result.astray),
+        astray=twin.astray,
         unpowered_steps=int(twin.unpowered_steps.sum()) - _last([result.unpowered_known for result in results]),
         stores_lost=twin.stores_lost,
         physics=twin.physics,
@@ -337,7 +338,8 @@ def _problems(verdict: Verdict, refused: str) -> Iterator[str]:
         yield f"the controller restarted {'once' if verdict.restarts == 1 else f'{verdict.restarts} times'}"
     if any(verdict.line_faults):
         yield verdict.line_faults.in_words()
-    yield from dict.fromkeys(verdict.astray)
+    if verdict.astray:
+        yield referenced_astray(verdict.astray)
     if any(verdict.lost):
         now = [f"{axis} {n}" for axis, n in zip(axes, verdict.whole_steps_lost, strict=False) if n]
         before = [f"{axis} {int(n)}" for axis, n in zip(axes, verdict.forgotten_steps, strict=False) if n]
