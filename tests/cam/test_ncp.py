@@ -250,8 +250,8 @@ def test_errors_name_the_place_and_the_remedy(body: str, error: str) -> None:
          "an arc without I or J: its centre has this axis of its start"),
         ("IMF_PBL\nVEL 5000\nFASTABS X9000 Y5000\nCWABS I5000 J0 X19000 Y5000\nPROGEND",
          "I and J are read as offsets from the start: only so the radii to start and end are equal"),
-        ("IMF_PBL\nVEL 5000\nFASTABS Z-5000\nMOVEABS Z1000\nPROGEND", "Z of this file seems to count downwards: it cuts "
-         "above its rapid moves; if so, set file_z_up = false"),
+        ("IMF_PBL\nVEL 5000\nFASTABS Z-5000\nMOVEABS Z1000\nPROGEND",
+         "Z of this file seems to count downwards: it cuts above its rapid moves; if so, set file_z_up = false"),
     ],
 )  # fmt: skip
 def test_what_is_ambiguous_is_said_once(text: str, caution: str) -> None:

@@ -16,7 +16,7 @@ from isel_twin.cam.toolpath import Arc, Caution, Line, Place, Point, Spindle
 FASTEST_MM_S = 500.0
 ACROSS_MM, DOWN_MM = 0.003, 0.0005  # in a turn, at least
 TURNS = (6_000.0, 24_000.0)  # a minute: of usual spindles; what a file says counts within these
-UNKNOWN_TURNS = 12_000.0  # of a spindle that is switched by hand
+UNKNOWN_TURNS = 15_000.0  # of a spindle that is switched by hand
 USUAL_MM_S = 10.0  # of the units that a file may mean, the one is named that brings it next to this
 
 

@@ -87,7 +87,7 @@ G_REFUSED: Mapping[int, str] = {
     1870: "smoothing is a Haas's own; leave G187, its P and E out: controllers join moves as they can",
     70: "diameters are for lathes; write G8, and radii for X",
     **dict.fromkeys((711, 712, 720, 721, 722), "it is a cycle of lathes"),
-    950: "feed per turn is not made; write G94, and F times S for F",
+    950: "feed per turn is not made; write G94, and F times S for F, a feed in a minute",
     960: "constant surface speed is for lathes; write G97, and turns a minute for S",
 }
 M_REFUSED: Mapping[int, str] = {
