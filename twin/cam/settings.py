@@ -21,6 +21,7 @@ from isel_twin.cam.toolpath import Point
 
 _MM = Limits("mm", -1e5, 1e5)
 _OUTPUT = Limits("", 0, 65_535, whole=True)
+FEED_UNITS: Mapping[str, float] = {"mm/min": 60.0, "mm/s": 1.0, "um/s": 1000.0}  # in 1 mm/s
 
 
 def _read_point(value: Any, place: Place) -> Point:
@@ -94,6 +95,8 @@ class CamSettings:
     tool_change: Point | None = None  # as park, for the change of a tool
     rapid_mm_s: float = number("mm/s", 0.001, 1e4, default=40.0)
     feed_mm_s: float = number("mm/s", 0.0, 1e4, default=0.0)  # for files that cut before they give a feed; 0: refused
+    feed_unit: str = word("", *FEED_UNITS, default="")
+    # of F, VEL, ..; "": of the format: G-code mm/min (inch/min in inch), WinPC-NC mm/s, NCP um/s
     plunge_mm_s: float = number("mm/s", 0.001, 1e4, default=5.0)  # HPGL: into the work
     safe_mm: float = number("mm", 0.0, 1e3, default=5.0)  # HPGL: height of the raised pen above the work
     depth_mm: float = number("mm", 0.0, 1e3, default=0.5)  # HPGL: of the lowered pen below its surface
@@ -106,8 +109,8 @@ class CamSettings:
     peck_clearance_mm: float = number("mm", 0.0, 100.0, default=0.25)  # NCP, C2: above the last depth
     optional_stop: bool = flag(True)  # M1 stops
     block_delete: bool = flag(False)  # lines that begin with / are left out
-    dialect: str = word("", "rs274", "din", default="")
-    # of G-code; din: I J K and G4 as DIN 66025 has them; "": by the file
+    dialect: str = word("", "rs274", "din", "winpc", default="")
+    # of G-code; din: as DIN 66025; winpc: as WinPC-NC, with I J K as offsets and feeds in mm/s; "": by the file
     strict: bool = flag(False)  # what rs274 of LinuxCNC refuses is refused
     outputs: Mapping[str, int] = field(default_factory=dict)
     # the controller's output bit of spindle, coolant, A4.1, ..
@@ -117,6 +120,15 @@ class CamSettings:
         for name, read in _READ.items():
             if (value := getattr(self, name)) is not None:
                 read(value, Place("camsettings", key=name))
+
+    @property
+    def din(self) -> bool:
+        """G-code of DIN 66025, in any dialect of it."""
+        return self.dialect in ("din", "winpc")
+
+    def per_mm_s(self, usual: float) -> float:
+        """A feed of 1 mm/s as files have it, `usual` in their format."""
+        return FEED_UNITS.get(self.feed_unit, usual)
 
     def machine_point(self, counters_mm: Point) -> Point:
         """A point in the sense of the counters as a point of the machine, Z upwards."""
