@@ -1,7 +1,7 @@
 """What gerbv reads in a drill file, as it writes it again as a Gerber image: inches with six decimals.
 
-    %ADD10C,0.0315*%    the tools        X0393701Y0787402D03*   a hole
-    G54D10*             change of tool   .. D02* .. D01*        a slot
+%ADD10C,0.0315*%    the tools        X0393701Y0787402D03*   a hole
+G54D10*             change of tool   .. D02* .. D01*        a slot
 """
 
 from __future__ import annotations

@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 from isel_twin.cam.toolpath import CamError, Place
 
-_WORD = re.compile(r"[ \t]*([A-Z])[ \t]*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))", re.I | re.A)
-_SPACE = re.compile(r"[ \t]*")
+_WORD = re.compile(r"[ \t]*([A-Z])[ \t]*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))(,[0-9]+)?", re.I | re.A)
 _MOST_DIGITS = 20
 
 
@@ -31,20 +30,18 @@ def words(text: str, line: int) -> list[Word]:
     while at < end:
         match = _WORD.match(text, at)
         if match is None:
-            at = _SPACE.match(text, at).end()  # type: ignore[union-attr]
-            raise _unreadable(text[at:].split()[0], Place(line, at + 1, text[at:].split()[0]))
+            at += len(text[at:]) - len(text[at:].lstrip())
+            word = text[at:].split()[0]
+            raise CamError(f"{word[:20]!r} is no word of a drill file", Place(line, at + 1, word))
         place = Place(line, match.start(1) + 1, match[0].strip())
+        if match[3]:
+            why = f"{match[0].strip()[:20]} has a comma; write {match[1]}{match[2]}.{match[3][1:]}"
+            raise CamError(why, place)
         if len(match[2]) > _MOST_DIGITS:
             raise CamError(f"{place.word[:20]} .. has too many digits", place)
         found.append(Word(match[1].upper(), match[2], place))
         at = match.end()
     return found
-
-
-def _unreadable(word: str, place: Place) -> CamError:
-    if re.fullmatch(r",[0-9].*", word):
-        return CamError(f"{word[:20]}: a number has a comma; write a point", place)
-    return CamError(f"{word[:20]!r} is no word of a drill file", place)
 
 
 def at_most_once(found: list[Word], letters: str) -> dict[str, Word]:
