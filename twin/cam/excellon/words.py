@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
+from isel_twin.cam.reader import unusual
 from isel_twin.cam.toolpath import CamError, Place
 
-_WORD = re.compile(r"[ \t]*([A-Z])[ \t]*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))(,[0-9]+)?", re.I | re.A)
+_WORD = re.compile(r"[ \t]*([A-Z])[ \t]*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))(,[0-9]+|E[-+]?[0-9]{1,2})?", re.I | re.A)
 _MOST_DIGITS = 20
 
 
@@ -35,8 +36,7 @@ def words(text: str, line: int) -> list[Word]:
             raise CamError(f"{word[:20]!r} is no word of a drill file", Place(line, at + 1, word))
         place = Place(line, match.start(1) + 1, match[0].strip())
         if match[3]:
-            why = f"{match[0].strip()[:20]} has a comma; write {match[1]}{match[2]}.{match[3][1:]}"
-            raise CamError(why, place)
+            raise CamError(f"{match[1]}: {unusual(match[2] + match[3])}", place)
         if len(match[2]) > _MOST_DIGITS:
             raise CamError(f"{place.word[:20]} .. has too many digits", place)
         found.append(Word(match[1].upper(), match[2], place))
