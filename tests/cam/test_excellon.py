@@ -205,6 +205,8 @@ def test_where_readings_are_as_likely_the_file_is_refused_and_the_setting_decide
         ("G91\nX1000\nX1000G85X500\n", ["1 0", "2 0", "2.5 0"]),
         ("FMAT,1\nG81\nM26\n", None),
         ("x1000y500\n", ["1 0.5"]),
+        ("G05G90X1000\nG91G05X1000\n", ["1 0", "2 0"]),
+        ("G00X1000M15\nG01X2000M16\nG05X3000\n", ["1 0", "2 0", "3 0"]),
         ("/X1000\nX2000\n", ["1 0", "2 0"]),
     ],
 )  # fmt: skip
@@ -269,6 +271,7 @@ def test_depths_and_lengths_are_of_the_tool() -> None:
         (f"{HEAD}G00X0\nG01X1000\nM30\n", "G01 before M15 moves above the work"),
         (f"{HEAD}G93X1000\nX1000\nM30\n", "G93: points count from there on from this one"),
         (f"{HEAD}X1000\nM30X0Y0\n", "X and Y behind M30 are left out"),
+        (f"{HEAD}X1000\nM06X0Y0\nM30\n", "X and Y behind M06 are left out"),
         (f"{HEAD}F50X1000\nM30\n", "F50: feeds, speeds and strokes of drilling machines have no effect; plunge_mm_s"),
         (f"{HEAD}M97,TEXT\nX1000\nM30\n", "M97: text is not drilled"),
         (f"{HEAD}G04X500\nX1000\nM30\n", "G04: a setting of drilling machines, without effect"),
@@ -289,7 +292,7 @@ def test_a_depth_that_nobody_has_set_is_said() -> None:
     text = f"{HEAD}X1000\nX2000\nM30\n"
     assert "line 1 0 -1.8 F5" in told("excellon", text, unset)
     assert cautions("excellon", text, unset) == [
-        "a drill file has no depth: 1.8 mm is taken, for a board of 1.5 mm; set depth_mm"
+        "the file has no depth: 1.8 mm is taken, for a board of 1.5 mm; set depth_mm"
     ]
     assert cautions("excellon", text, dataclasses.replace(unset, pen_depth_mm={1: 1.8})) == []
 
@@ -300,24 +303,29 @@ def test_a_depth_that_nobody_has_set_is_said() -> None:
         ("G82X1000", "line 7, column 1: G82 is not read; let the program that made the file write each hole"),
         ("G84X1000", "line 7, column 1: G84 is not read; "),
         ("M61", "line 7, column 1: M61 is not read; "),
-        ("M25\nX1\nM01\nM02X1000M80", "line 10, column 9: M02 M80 in one line: let the program"),
+        ("M25\nX1\nM01\nM02X1000M80", "line 10, column 9: M80 is not read; let the program that made the file write"),
+        ("G92X5", "line 7, column 1: G92 is not read; "),
+        ("X5C1", "line 7, column 3: C1 is no word of Excellon here"),
         (
             "M02X1000",
             "line 7, column 1: M02 repeats a pattern, which M25 begins and M01 ends; the end of a file is M30",
         ),
-        ("M01", "line 7, column 1: M01 ends a pattern that has no beginning; write M25 there"),
+        ("M01", "line 7, column 1: M01 ends a pattern that has no beginning; write M25 before it"),
         ("X1000X2000", "line 7, column 6: X is there twice in one line"),
         ("X1E5", "line 7, column 1: X: 1E5 has an exponent; write 100000"),
-        ("X1000Q5", "line 7, column 6: Q5 is no word of a drill file here"),
+        ("X1000Q5", "line 7, column 6: Q5 is no word of Excellon here"),
         ("X1,5Y2", "line 7, column 1: X: 1,5 has a comma; write 1.5"),
-        ("X", "line 7, column 1: 'X' is no word of a drill file"),
+        ("X", "line 7, column 1: 'X' is no word of Excellon"),
         ("T1.5", "line 7, column 1: T1.5: a whole number is wanted"),
         ("R5X1\nR99995X1\nR1X1", "line 9, column 1: more than 100000 repeats in a file"),
         ("X9999999.0", "line 7, column 1: X9999999.0 is out of range; allowed: up to 1e+06 mm"),
         ("X111111111111111111111", "line 7, column 1: X1111111111111111111 .. has too many digits"),
         ("G00X0\nM15\nG02X1000", "line 9, column 1: G02 has no centre; write A, its radius, or I and J"),
-        ("G00X0\nM15\nG02X1000I400", "line 9, column 1: radii to start and end are 0.4000 and 0.6000 mm; correct its"),
-        ("G00X0\nM15\nG02X9000A1000", "line 9, column 1: A1 is too small to reach the end, which is 9.0000 mm away"),
+        ("G00X0\nM15\nG02X1000I400", "line 9, column 1: radii to start and end are 0.4000 and 0.6000 mm"),
+        (
+            "G00X0\nM15\nG02X9000A1000",
+            "line 9, column 1: A of 1 mm is too small to reach the end, which is 9.0000 mm",
+        ),
         ("A5", "line 7, column 1: A5 without X and Y"),
     ],
 )
@@ -327,7 +335,7 @@ def test_errors_name_the_place_and_the_remedy(body: str, error: str) -> None:
 
 @pytest.mark.parametrize("body", ["X1000G85X2000", "G00X1000\nM15\nG01X2000"])
 def test_slots_and_routs_need_a_feed_and_holes_do_not(body: str) -> None:
-    assert "a drill file has no feed for slots and routs; set feed_mm_s" in refused(
+    assert "slots and routs have no feed; set feed_mm_s" in refused(
         f"{HEAD}{body}\nM30\n", dataclasses.replace(DRILL, feed_mm_s=0.0)
     )
     assert holes(f"{HEAD}X1000\nM30\n", dataclasses.replace(DRILL, feed_mm_s=0.0)) == ["1 0"]

@@ -6,6 +6,7 @@ import math
 import re
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from itertools import pairwise
 
 from isel_twin.cam.excellon.numbers import COMMAND, COMMENT, INCH_MM, NumberFormat
 from isel_twin.cam.excellon.words import Word, at_most_once, words
@@ -158,24 +159,27 @@ class Program:
             found = yield from self._selected(found)
         if not found:
             return
-        codes = [word for word in found if word.letter in "GM"]
-        split = next((index for index, word in enumerate(found) if word.letter == "G" and word.whole == 85), None)
-        if split is not None:
-            yield from self._slot(found[:split], found[split], found[split + 1 :])
-        elif len(codes) > 1:
-            names = " ".join(word.place.word for word in codes)
-            raise CamError(f"{names} in one line: {_ONE_BY_ONE}", codes[1].place)
-        elif codes and codes[0].letter == "G":
-            yield from self._prepared(codes[0], at_most_once(found, "XYAIJ"), found)
-        elif codes:
-            yield from self._auxiliary(codes[0], at_most_once(found, "XYR"), found)
+        ends = [*(at for at, word in enumerate(found) if at and _begins(word) and found[0].letter != "R"), len(found)]
+        for begin, end in pairwise([0, *ends]):
+            yield from self._carried_out(found[begin:end])
+
+    def _carried_out(self, found: list[Word]) -> Iterator[Element]:
+        """A code with its numbers, a point, or both points of a slot."""
+        code = next((word for word in found if word.letter in "GM"), found[0])
+        if code.letter == "G" and code.whole == 85:
+            split = found.index(code)
+            yield from self._slot(found[:split], code, found[split + 1 :])
+        elif code.letter == "G":
+            yield from self._prepared(code, at_most_once(found, "XYAIJ"), found)
+        elif code.letter == "M":
+            yield from self._auxiliary(code, at_most_once(found, "XYR"), found)
         else:
             yield from self._plain(found)
 
     def _plain(self, found: list[Word]) -> Iterator[Element]:
         """Points, repeated holes, feeds and speeds."""
         given = at_most_once(found, "XYAIJR")
-        self._nothing_else(found, "XYAIJRFSBHZC")
+        self._nothing_else(found, "XYAIJRFSBHZ")
         yield from self._machine_words(found)
         if "R" in given:
             yield from self._repeated(given)
@@ -187,7 +191,7 @@ class Program:
     def _nothing_else(self, found: list[Word], letters: str) -> None:
         for word in found:
             if word.letter not in letters:
-                raise CamError(f"{word.place.word[:20]} is no word of a drill file here", word.place)
+                raise CamError(f"{word.place.word[:20]} is no word of Excellon here", word.place)
 
     def _machine_words(self, found: list[Word]) -> Iterator[Element]:
         for word in found:
@@ -221,12 +225,11 @@ class Program:
         yield from self._machine_words(found)
         if number in (0, 1, 2, 3, 5, 81):
             self._mode = 5 if number == 81 else number
-            self._header = False
             if number in (0, 5, 81):
                 yield from self._pen.raised(code.place)
         elif number in (90, 91):
             self._incremental = number == 91
-        elif number in (92, 93):
+        elif number == 93:
             zero = yield from self._numbers(given)
             self._zero = (zero.get("X", 0.0), zero.get("Y", 0.0))
             if any(self._zero):
@@ -249,10 +252,10 @@ class Program:
             number = _FMAT_1.get(number, number)
         place = code.place
         self._nothing_else(found, "MXYR" if number == 2 else "MXY")
+        if given and number != 2:
+            yield from self._once("M XY", place, f"X and Y behind {code.letter}{code.text} are left out")
         if number in (0, 30):
             self._ended = True
-            if given:
-                yield from self._once("M30", place, f"X and Y behind {place.word} are left out")
         elif number in (71, 72):
             self._format.switch("mm" if number == 71 else "inch")
         elif number in (48, 95):
@@ -326,14 +329,14 @@ class Program:
     def _lowered(self, place: Place) -> Iterator[Element]:
         settings, tool = self._settings, self._pen.tool
         if settings.depth_mm is None and tool not in settings.pen_depth_mm:
-            why = f"a drill file has no depth: {DEPTH_MM:g} mm is taken, for a board of 1.5 mm; set depth_mm"
+            why = f"the file has no depth: {DEPTH_MM:g} mm is taken, for a board of 1.5 mm; set depth_mm"
             yield from self._once("depth", place, why)
         self._reached((self._pen.x, self._pen.y))
         yield from self._pen.lowered(place, settings.depth_of(tool, DEPTH_MM))
 
     def _cut(self, place: Place) -> None:
         if self._settings.feed_mm_s <= 0.0:
-            raise CamError("a drill file has no feed for slots and routs; set feed_mm_s", place)
+            raise CamError("slots and routs have no feed; set feed_mm_s", place)
 
     def _slot(self, before: list[Word], code: Word, behind: list[Word]) -> Iterator[Element]:
         """G85: a cut from a hole to another."""
@@ -377,7 +380,7 @@ class Program:
             raise CamError(f"G0{self._mode} has no centre; write A, its radius, or I and J", place)
         r0, r1 = math.dist(start, centre), math.dist(self._at, centre)
         if min(r0, r1) <= 1e-9 or abs(r0 - r1) > max(_LOOSE_MM, _LOOSE * max(r0, r1)):
-            raise CamError(f"radii to start and end are {r0:.4f} and {r1:.4f} mm; correct its centre", place)
+            raise CamError(f"radii to start and end are {r0:.4f} and {r1:.4f} mm", place)
         yield from self._pen.turned(*self._at, centre, -1 if clockwise else 1, place)
 
     # Repeats ---------------------------------------------------------------------------------------------------------
@@ -402,7 +405,7 @@ class Program:
 
     def _pattern_ends(self, code: Word, given: Mapping[str, Word]) -> Iterator[Element]:
         if self._pattern is None:
-            raise CamError(f"{code.place.word} ends a pattern that has no beginning; write M25 there", code.place)
+            raise CamError(f"{code.place.word} ends a pattern that has no beginning; write M25 before it", code.place)
         if self._recording:
             self._pattern.pop()  # its own line
         self._recording = False
@@ -430,6 +433,11 @@ class Program:
         self._at = (self._at[0] - self._step[0], self._at[1] - self._step[1])
         self._step, self._pattern, self._recording = (0.0, 0.0), None, False
         yield from ()
+
+
+def _begins(word: Word) -> bool:
+    """Does a code begin something of its own? G85 belongs to the point before it."""
+    return word.letter in "GM" and not (word.letter == "G" and word.whole == 85)
 
 
 _ONE_BY_ONE = "let the program that made the file write each hole and each way by itself"

@@ -33,7 +33,7 @@ def words(text: str, line: int) -> list[Word]:
         if match is None:
             at += len(text[at:]) - len(text[at:].lstrip())
             word = text[at:].split()[0]
-            raise CamError(f"{word[:20]!r} is no word of a drill file", Place(line, at + 1, word))
+            raise CamError(f"{word[:20]!r} is no word of Excellon", Place(line, at + 1, word))
         place = Place(line, match.start(1) + 1, match[0].strip())
         if match[3]:
             raise CamError(f"{match[1]}: {unusual(match[2] + match[3])}", place)
