@@ -37,8 +37,9 @@ if TYPE_CHECKING:
 
 
 _NO_PART = (
-    "only a file of a CAM program can be made in part, as what holds at a line is known of no other: leave from-line and "
-    "to-line out, or save the lines as a file of their own, behind those that reference the machine and set what holds"
+    "only a file of a CAM program can be made in part, as what holds at a line is known of no other: leave from-line "
+    "and to-line out, or save the lines as a file of their own, behind those that reference the machine and set what "
+    "holds"
 )
 
 
