@@ -79,7 +79,8 @@ class Section:
             return
         first, last = self._lines.first, self._lines.last
         inside = begun = False
-        for element in path:
+        element: Element | None = None  # None: what follows cannot be read
+        for element in _read_to(path, last):
             line = element.place.line
             if isinstance(element, Caution):
                 yield element
@@ -103,14 +104,14 @@ class Section:
                 self._follow(element)
                 yield element
         else:
-            raise AssertionError("a toolpath has an end")
-        if not begun:
+            element = None
+        if not begun or self._motion is None:
             raise self._empty(element)
         cut = not isinstance(element, End)
         if cut:
-            yield from self._lift()
+            yield from self._lift(self._motion)
         self.not_made = self._told(cut)
-        yield End(element.place if not cut or self._motion is None else self._motion)
+        yield element if isinstance(element, End) else End(self._motion)
 
     def _pass(self, element: Element) -> None:
         """Keep what an element changes that is not made."""
@@ -185,21 +186,28 @@ class Section:
         if z < level:
             yield Line(place, to, self._plunge or min(self._plunge_mm_s, feed_mm_s))
 
-    def _lift(self) -> Iterator[Element]:
+    def _lift(self, place: Place) -> Iterator[Element]:
         x, y, z = self._point
-        if self._motion is not None and z < self._travel:
-            yield Rapid(self._motion, (x, y, self._travel))
+        if z < self._travel:
+            yield Rapid(place, (x, y, self._travel))
 
     def _told(self, cut: bool) -> str:
         first, last = self._lines.first, self._lines.last
         before = "line 1" if first == 2 else f"lines 1 to {first - 1}"
         return " and ".join([before] * self._left_out + [f"all after line {last}"] * cut)
 
-    def _empty(self, stands_at: Element) -> CamError:
+    def _empty(self, follows: Element | None) -> CamError:
         told = f"nothing moves the tool {self._lines}"
         near = [] if self._motion is None else [f"its last motion before is in line {self._motion.line}"]
-        if not isinstance(stands_at, End):
-            near.append(f"it goes on in line {stands_at.place.line}")
-        elif not near:
-            near.append("nor does any other line")
-        return CamError(f"{told}: {', '.join(near)}")
+        if follows is not None and not isinstance(follows, End):
+            near.append(f"it goes on in line {follows.place.line}")
+        return CamError(": ".join([told, *([", ".join(near)] if near else [])]))
+
+
+def _read_to(path: Toolpath, last: int | None) -> Iterator[Element]:
+    """The elements, without the error of a line behind the last one."""
+    try:
+        yield from path
+    except CamError as error:
+        if last is None or error.place is None or error.place.line <= last:
+            raise
