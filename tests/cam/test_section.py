@@ -185,6 +185,15 @@ def test_a_file_that_lifts_high_between_its_parts_does_not_crawl_down_all_the_wa
     assert part(text, 7)[:4] == ["rapid 0 0 50", "rapid 20 0 50", "rapid 20 0 2", "line 20 0 -1 F1"]
 
 
+def test_a_reference_run_is_where_it_stands() -> None:
+    """Of X alone, in the work by the file: made from where the tool is, and then the cut goes on from X 0."""
+    text = "G21 F60\nG0 Z5\nG1 Z-1\nX20\nG74 X0\nX3\nM2\n"
+    known = CamSettings(z_sign=1, dialect="din", start=(7.0, 0.0, 0.0))
+    cut = ["rapid 0 0 5", "line 0 0 -1 F1", "line 3 0 -1 F1", "end"]
+    assert part(text, 5, known=known) == ["reference X", "rapid 0 0 5", *cut]
+    assert part(text, 6, known=known) == ["rapid 7 0 5", *cut]
+
+
 def test_outputs_and_coolant_are_as_they_were_last() -> None:
     text = "G21 F60\nM70\nM71\nM-70\nM7\nM8\nM9\nG0 Z2\nG1 Z-1\nX9\nM2\n"
     din = CamSettings(z_sign=1, dialect="din")

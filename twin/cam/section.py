@@ -1,4 +1,4 @@
-"""A part of a toolpath: the lines of a file from one to another, with all that holds there (cam/35).
+"""A part of a toolpath: the lines of a file from one to another, with all that holds there (cam/38).
 
     lines 1 .. 41         followed, not made: point, tool, spindle, coolant, outputs
     line 42, first move   tool, spindle at its speed, ...; then over its start at the height of travel, down by rapid to
@@ -27,6 +27,7 @@ from isel_twin.cam.toolpath import (
     Place,
     Point,
     Rapid,
+    Reference,
     Remark,
     Spindle,
     Tool,
@@ -122,7 +123,7 @@ class Section:
             spindle = self._held.get(Spindle)
             if self._running_up and isinstance(spindle, Spindle):
                 self._held[Spindle] = spindle._replace(wait_s=spindle.wait_s + element.seconds)
-        elif isinstance(element, (Rapid, Line, Arc)):
+        elif isinstance(element, (Rapid, Line, Arc, Reference)):
             self._moved = True
             self._follow(element)
 
@@ -143,10 +144,16 @@ class Section:
             key = Coolant, element.number
         elif isinstance(element, Output):
             key = Output, element.name, element.mask
+        elif isinstance(element, Reference):
+            self._start, self._moved = element.ends(self._start), True
+            self._follow(element)
         self._held.pop(key, None)
         self._held[key] = element
 
     def _follow(self, element: Element) -> None:
+        if isinstance(element, Reference):
+            self._point, self._rapid = element.ends(self._point), True
+            return
         if isinstance(element, Rapid):
             self._travel = max(self._travel, element.to[2])
             self._rapid = True
