@@ -127,6 +127,7 @@ class Verdict:
     events_without_effect: int = 0  # forces, cuts and lost phases of the scenario on a plant without physics
     unwritten: tuple[str, ...] = ()  # files about the job that are not on the disk, or not whole
     found: tuple[str, ...] = ()  # what else is wrong, such as signals of a capture that drives may misread
+    not_made: str = ""  # lines of the file that were left out, as a part was asked for; no failure
 
     @property
     def cycle_s(self) -> float:
@@ -197,9 +198,10 @@ class Verdict:
     @property
     def headline(self) -> str:
         """The verdict in a few words, "all well" only as far as it was looked at."""
+        part = f", but {self.not_made} not made" if self.not_made else ""
         if not self.ok:
-            return "failed"
-        well = "all well" if self.physics else "all well as far as simulated"
+            return f"failed{part}"
+        well = f"all well{'' if self.physics else ' as far as simulated'}{part}"
         idle = [(self.events_without_effect, "without effect (no physics)"), (self.events_after_end, AFTER_END)]
         but = ", ".join(f"{number} event{'' if number == 1 else 's'} {what}" for number, what in idle if number)
         return f"{well}, but for the scenario: {but}" if but else well
@@ -256,6 +258,8 @@ class Verdict:
         if self.astray:
             told["astray"] = list(self.astray)
         told |= {name: list(values) for name in ("unwritten", "found") if (values := getattr(self, name))}
+        if self.not_made:
+            told["not_made"] = self.not_made
         if self.collisions:
             told |= {"collisions": [collision.content for collision in self.collisions]}
         return told
