@@ -39,7 +39,8 @@ _WORDS = "|".join(
     f"{letter}({sign}{_NUMBER})(?![^{letter}]*{letter})" for sign, of in (("-?", "XYZIJR"), ("", "FS")) for letter in of
 )
 _PLAIN = re.compile(
-    rf"[ \t]*(?:N[0-9]{{1,9}}[ \t]*)?(?=([A-Z][-+.0-9]*))(?:G0?([0-3])(?![0-9.])[ \t]*)?(?:(?:{_WORDS})[ \t]*)*[\r\n]*\Z",
+    rf"[ \t]*(?:N[0-9]{{1,9}}[ \t]*)?(?=([A-Z][-+.0-9]*))(?:G0?([0-3])(?![0-9.])[ \t]*)?"
+    rf"(?:(?:{_WORDS})[ \t]*)*[\r\n]*\Z",
     re.I | re.A,
 )
 _LONG_DWELL_S = 60.0
