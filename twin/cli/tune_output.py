@@ -159,7 +159,7 @@ def _print_found(found: Tuned, study: Study, files: Sequence[Path]) -> None:
         if told[key] is not None
     ]
     line = found.tried.judgement.line
-    print(f"tuned: {found.tried.judgement.time_s:.3f} s{f' ({line})' if line else ''}{''.join(saved)}")
+    print(f"tuned: {found.tried.judgement.time_s:.3f} s{''.join(saved)}{f'; {line}' if line else ''}")
     print(
         f"margin: at least {100.0 * held.margin:.1f} % on {many(held.made, 'new machine')}, "
         f"{100.0 * held.nearly_all:.1f} % on {100 - ALONE} % of them; no steps lost: "
