@@ -152,10 +152,10 @@ class LineOptions:
     """The line between host and controller, where its time counts."""
 
     line_speed: Annotated[
-        Whole | None, Parameter(help="Baud of the line: bytes take their time on it. Without, they arrive at once.")
+        Whole | None, Parameter(help="Bytes take their time on the line, at this speed in bit/s. Without, none.")
     ] = None
     adapter_ms: Annotated[
-        float | None, Parameter(help="Timer by which a USB adapter hands replies on, ms; that of FTDI: 16.")
+        float | None, Parameter(help="Number of ms after which a USB adapter hands replies on; FTDI: 16.")
     ] = None
 
     def on(self, call: TwinSpec) -> TwinSpec:

@@ -246,8 +246,6 @@ class Verdict:
             "counts": list(self.counts),
             "position_mm": [round(position, 6) for position in self.position_mm],
             "time_ns": self.time_ns,
-            "bytes_ns": self.bytes_ns,
-            "line_counts": self.line_counts,
             "machine": self.machine,
             "unsent": self.unsent,
             "interrupted": self.interrupted,
@@ -265,6 +263,8 @@ class Verdict:
             "halfway": list(self.halfway),
             "expectations": self.expectations,
             "unmet": list(self.unmet),
+            "bytes_ns": self.bytes_ns,
+            "line_counts": self.line_counts,
         }
         if any(error is not None for error in self.following_error):
             told |= {"following_error": list(self.following_error), "switched_off": list(self.switched_off)}

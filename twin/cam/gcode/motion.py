@@ -47,13 +47,14 @@ class Motion:
         self.code: int | None = None
         self.feed = 0.0
         self._inverse = False
-        self.absolute = True
+        self._absolute = True
         self._centre_absolute: bool | None = None  # by G90.1 and G91.1; None: by neither
         self._plane = 170
         self._to_start = not settings.strict  # G98 (cam/17)
         self._cycle = Cycle()
         self._homes: dict[int, Point] = {}  # of G28, G30: machine points
         self.plain = self.flat = False  # may moves, may arcs be read without a block
+        self.relative = False  # of plain moves: G91
 
     def _program(self, machine: Point) -> Point:
         x, y, z = self.offsets.base
@@ -134,7 +135,7 @@ class Motion:
             self.offsets.select(codes.SYSTEMS[g[codes.SYSTEM]], block.at("G", g[codes.SYSTEM]))
             self.at = self._program(here)
         if codes.DISTANCE in g:
-            self.absolute = g[codes.DISTANCE] == 900
+            self._absolute = g[codes.DISTANCE] == 900
         if codes.CENTRE in g:
             self._centre_absolute = g[codes.CENTRE] == 901
         if codes.RETRACT in g:
@@ -271,7 +272,7 @@ class Motion:
 
     def _target(self, values: dict[int, float]) -> Point:
         """The end of a move, by G90 or G91."""
-        if self.absolute:
+        if self._absolute:
             return self._with(values)
         return self._with({axis: self.at[axis] + value for axis, value in values.items()})
 
@@ -294,6 +295,7 @@ class Motion:
             yield from self._made(block, code, values)
         elif block.g.get(codes.ONCE) == 530 and self.offsets.active:
             raise CamError("G53 wants X, Y or Z, with G0 or G1", block.at("G", 530))
+        self.relative = not self._absolute
         self.plain = self._unit_given and not self._inverse and self.code in (0, 10, 20, 30)
         self.flat = self.plain and self._plane == 170 and self._reads_absolute() is False
 
@@ -302,7 +304,7 @@ class Motion:
         if block.g.get(codes.ONCE) == 530 and self.offsets.active:
             if code not in (0, 10):
                 raise block.wrong("G53 goes with G0 or G1 only")
-            if not self.absolute:
+            if not self._absolute:
                 raise block.wrong("G53 cannot be used with G91; write G90 in its line, and G91 again in the next one")
             base = self.offsets.base
             to = self._with({axis: value - base[axis] for axis, value in values.items()})
@@ -405,7 +407,7 @@ class Motion:
         if self._centre_absolute is not None:
             return self._centre_absolute
         if self._settings.dialect == "din":
-            return self.absolute
+            return self._absolute
         return None if self._told_din else False
 
     def _hole(self, block: Block, place: Place, code: int, values: dict[int, float]) -> Iterator[Element]:
@@ -416,7 +418,7 @@ class Motion:
         feed = yield from self._feed(block, 0.0)
         along, series = arcs.PLANES[self._plane], self._cycle.series
         repeats = self._cycle.take(block, code, along, self._mm(along, 1.0), self.unit, self.at[along])
-        clear, bottom = self._cycle.heights(block, self.absolute)
+        clear, bottom = self._cycle.heights(block, self._absolute)
         across = {axis: value for axis, value in values.items() if axis != along}
         if series is not None and (told := self._cycle.unlike(series, self.at[along], clear, self._to_start)):
             yield from self._once(told, place, told)

@@ -105,7 +105,7 @@ class Program:
         feed = motion.feed if f is None else float(f) * unit / 60.0
         if feed <= 0.0 and kind:
             return None
-        fx, fy, fz = ORIGIN if motion.absolute else at
+        fx, fy, fz = at if motion.relative else ORIGIN
         to = tx, ty, tz = (
             at[0] if x is None else fx + float(x) * unit,
             at[1] if y is None else fy + float(y) * unit,
