@@ -14,11 +14,14 @@ from cyclopts import Parameter
 
 from isel_twin.base.crew import in_order
 from isel_twin.base.errors import CallError, call_errors
+from isel_twin.cam.section import WHOLE
 from isel_twin.cli import options
 from isel_twin.cli.chosen import chosen, job_suffixes
 from isel_twin.cli.interruption import interruption
 from isel_twin.cli.jobs import (
+    DEFAULT_PART,
     JobTwin,
+    PartOptions,
     SettingsFile,
     cam_settings,
     check_file,
@@ -28,6 +31,7 @@ from isel_twin.cli.jobs import (
 )
 from isel_twin.cli.options import Whole
 from isel_twin.cli.outputs import many, put_off, say, tell
+from isel_twin.core.spec import TwinSpec
 
 if TYPE_CHECKING:
     from isel_twin.bridge.tap.real_job import RealReport
@@ -66,6 +70,7 @@ class Demands(JobTwin, options.CamOptions):
     uncertain: Annotated[
         Whole | None, Parameter(help="Number of machines that this one may be, as far as its numbers are known.")
     ] = None
+    line: options.LineOptions = options.NO_LINE
     timeout: Annotated[float | None, Parameter(help="Virtual seconds a command may take.")] = None
     golden: Annotated[bool | None, Parameter(negative="no-golden", help="Compare with golden runs.")] = None
     strict: Annotated[
@@ -74,9 +79,10 @@ class Demands(JobTwin, options.CamOptions):
 
     def asked(self) -> dict[str, Any]:
         """The demands in the words of isel-twin.toml. Raises CallError for a wrong --set."""
-        asked = vars(self) | {"timeout_s": self.timeout, "set": options.parse_overrides(self.set) or None}
-        asked["reading"] = self.reading()
-        for name in ("timeout", "may_strike", "form", "zero"):
+        self.line.on(TwinSpec())
+        asked = vars(self) | vars(self.line) | {"timeout_s": self.timeout, "reading": self.reading()}
+        asked["set"] = options.parse_overrides(self.set) or None
+        for name in ("timeout", "may_strike", "line", "form", "zero"):
             del asked[name]
         if self.may_strike is not None:
             asked["may_strike"] = tuple(name for name in self.may_strike.split(",") if name)
@@ -92,6 +98,7 @@ def check(
     ],
     settings: SettingsFile = None,
     demands: Demands = DEFAULT_DEMANDS,
+    part: PartOptions = DEFAULT_PART,
     workers: options.Workers = 1,
     junit: Annotated[Path | None, options.written("Write the findings as JUnit XML.", ".xml", bare=True)] = None,
     sarif: Annotated[
@@ -107,8 +114,8 @@ def check(
     """Play jobs and report what is wrong: refused commands, lost steps, struck switches, margins, tolerances, time.
 
     Bounds come from options, or from isel-twin.toml in the folder of a job or above it ([check], see docs/ci.md). All
-    other rules always apply. A job with a golden run beside it is compared with it. Of a folder all files below it are
-    taken whose suffix a job has. Without a job: what [check] jobs of isel-twin.toml names.
+    other rules always apply. A job with a golden run beside it is compared with it, a part of one is not. Of a folder
+    all files below it are taken whose suffix a job has. Without a job: what [check] jobs of isel-twin.toml names.
 
     Each file is judged by itself; one that cannot be read is an error of that file. Exit code 0 if nothing is wrong, 1
     if something is, 2 if nothing can be judged or for a wrong call, 130 after Ctrl-C and 143 after SIGTERM: reports
@@ -120,6 +127,7 @@ def check(
     look inside is named as not looked at. One file that cannot be read keeps all from it. Ctrl-C breaks the motion off.
     """
     asked = demands.asked()
+    asked["reading"] = replace(asked["reading"], part=part.lines())
     _check_options(asked, workers)
     if isel_port is not None:
         inside = {"set": demands.set, "report": report, "watch": watch}
@@ -130,6 +138,7 @@ def check(
     if settings is not None and not settings.is_file():
         raise CallError(f"{settings}: there is no such file")
     jobs = tuple(chosen(jobs, settings))
+    _check_part(jobs, asked)
     if watch:
         if len(jobs) != 1 or options.is_standard_input(jobs[0]) or junit or sarif or report or workers != 1:
             raise CallError("watch: names one job, and goes without junit, sarif, report and workers", option=True)
@@ -221,6 +230,16 @@ def _check_options(asked: dict[str, Any], workers: int) -> None:
     options.check_workers(workers)
 
 
+def _check_part(jobs: Sequence[Path], asked: dict[str, Any]) -> None:
+    """Raise CallError for a part of several files, whose lines have the same numbers, or beside a golden run."""
+    if asked["reading"].part == WHOLE:
+        return
+    if len(jobs) > 1:
+        raise CallError("from-line, to-line: are lines of one file; name one job", option=True)
+    if asked["golden"]:
+        raise CallError("golden: a golden run is one of the whole file; leave from-line and to-line out", option=True)
+
+
 def _taken(jobs: Sequence[Path], settings: Path | None, asked: dict[str, Any]) -> list[Task | Unread]:
     """The jobs in their order, all read before the first begins. Raises CallError for a wrong call."""
     from isel_twin.jobs.checks.formats import Unread
@@ -275,7 +294,7 @@ def _check_outside(asked: dict[str, Any], others: dict[str, Any], workers: int) 
     from isel_twin.jobs.checks.rules import RULES
 
     bounds = [rule.bound for rule in RULES.values() if rule.bound in asked and not rule.heard]
-    names = ["plant", "seed", "scenario", *bounds]
+    names = ["plant", "seed", "scenario", "line_speed", "adapter_ms", *bounds]
     given = {name.replace("_", "-"): asked[name] for name in names} | others | {"workers": workers > 1 or None}
     for option, value in given.items():
         if value is not None and value is not False and value != ():
@@ -318,7 +337,7 @@ def _real(tasks: Sequence[Task], port: str) -> Iterator[RealReport]:
                 print(
                     f"isel-twin: {why}: {made.stopped} was sent to {port}, which breaks a motion off", file=sys.stderr
                 )
-            yield made
+            yield replace(made, not_made="" if source is None else source.not_made)
             if stopped:
                 return
 
@@ -370,6 +389,7 @@ def perform(asked: tuple[Task, Path | None]) -> Report | Unread:
         looked = None if page is None else begun
         cautions = of_cautions(source)
         report = check_job(task.job, task.call, lines, task.bounds, looked, drawn, cautions, golden=golden)
+        report = report.without("" if source is None else source.not_made)
         if golden:
             report = beside_golden(report, task.job, task.call, source)
         for inspection, recorder in watched:

@@ -12,7 +12,8 @@ from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import options
-from isel_twin.cli.jobs import cam_settings, check_file, job_name, say_cautions, say_zero
+from isel_twin.cli.jobs import DEFAULT_PART, PartOptions, cam_settings, check_file, job_name, say_cautions, say_zero
+from isel_twin.cli.outputs import say
 from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ def convert(
     machine: options.MachineName = MACHINE,
     set: options.Overrides = (),
     cam: options.CamOptions = options.AS_IT_LOOKS,
+    part: PartOptions = DEFAULT_PART,
     out: Annotated[Path | None, options.written("Write them here; standard output.", name=("--out", "-o"))] = None,
 ) -> int:
     """Write a file of a CAM program as commands of a controller, one a line, or as a program of it.
@@ -40,6 +42,7 @@ def convert(
     Exit code 0 if all of it could be written; else 2, and no file is left.
     """
     from isel_twin.cam.reader import text_lines
+    from isel_twin.cam.section import Section
     from isel_twin.jobs.job import JobError
     from isel_twin.jobs.toolpaths import Watched, machine_axes, written
     from isel_twin.language import create_language
@@ -47,6 +50,7 @@ def convert(
     if options.is_standard_input(file):
         raise CallError("-: settings stand beside a file; name it")
     check_file(file)
+    lines = part.lines()
     options.check_writable(out, kept=(file,))
     call = TwinSpec(machine, controller, "kinematic", overrides=options.parse_overrides(set))
     asked = cam.reading()
@@ -55,10 +59,13 @@ def convert(
         settings = cam_settings(file, call)
         axes = machine_axes(call.fitted())
         reader = _reader(file, asked.form or settings.format or None)
+    section = Section(lines, settings)
 
     def read(settings: CamSettings) -> Toolpath:
+        nonlocal section
+        section = Section(lines, settings)
         with file.open("rb") as source:
-            yield from reader.read(text_lines(source), settings)
+            yield from section.made(reader.read(text_lines(source), settings))
 
     told = []
     with _output(out) as into:
@@ -73,6 +80,8 @@ def convert(
             raise CallError(f"{file}: {error}") from None
     say_zero(file, asked, None if asked.zero is None else settings.zero)
     say_cautions(file, (*watched.cautions, *told))
+    if section.not_made:
+        say(f"{file}: {section.not_made} not made")
     return 0
 
 

@@ -32,6 +32,7 @@ def record(
     *jobs: Jobs,
     twin: options.TwinOptions = options.DEFAULT_TWIN,
     cam: options.CamOptions = options.AS_IT_LOOKS,
+    line: options.LineOptions = options.NO_LINE,
     timeout: options.Timeout = 3600.0,
     replace: options.Replace = False,
 ) -> int:
@@ -44,7 +45,7 @@ def record(
         options.check_writable(file, kept=(job, *twin.files))
         if file.exists() and not replace:
             raise CallError(f"{file}: is there already; --replace replaces it, golden compare compares with it")
-    call, asked = twin.spec(), cam.reading()
+    call, asked = line.on(twin.spec()), cam.reading()
     for job, file in files:
         run, cautions = _play(job, file, call, asked, timeout)
         _write(file, run)
@@ -145,8 +146,10 @@ def _call(head: dict[str, Any], file: Path, asked: dict[str, Any]) -> TwinSpec:
     if asked["machine"] is None and (folder / machine).is_dir():
         machine = str(folder / machine)
     scenario = folder / head["scenario"] if head.get("scenario") else None
-    overrides = head.get("set", {})
-    return TwinSpec(machine, head["controller"], head["plant"], head.get("seed", 0), scenario, overrides=overrides)
+    call = TwinSpec(machine, head["controller"], head["plant"], head.get("seed", 0), scenario)
+    with call_errors(file):
+        line = {key: head[key] for key in ("line_speed", "adapter_ms") if key in head}
+        return call.with_(overrides=head.get("set", {}), **line)
 
 
 def _write(file: Path, run: Golden) -> None:

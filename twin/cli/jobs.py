@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
-from isel_twin.cli.options import is_standard_input
+from isel_twin.cam.section import LineRange
+from isel_twin.cli.options import Whole, is_standard_input
 from isel_twin.cli.outputs import say
 
 if TYPE_CHECKING:
@@ -40,6 +41,27 @@ class JobTwin:
 
 
 AS_THE_FILE_SAYS = JobTwin()
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class PartOptions:
+    """The lines of a file of a CAM program that are made."""
+
+    from_line: Annotated[
+        Whole | None, Parameter(help="Begin a file of a CAM program at this line, with all that holds there.")
+    ] = None
+    to_line: Annotated[Whole | None, Parameter(help="End it behind this line, with the tool lifted.")] = None
+
+    def lines(self) -> LineRange:
+        """Raises CallError."""
+        try:
+            return LineRange(1 if self.from_line is None else self.from_line, self.to_line)
+        except ValueError as error:
+            raise CallError(str(error), option=True) from None
+
+
+DEFAULT_PART = PartOptions()
 JOB_BYTES = 1 << 24  # longest job file: 16 MiB, some four hundred thousand moves
 PROGRAM_BYTES = 1 << 30  # longest file for a controller that runs programs
 

@@ -115,6 +115,7 @@ def tune(
     scenario: options.ScenarioFile = None,
     flash: Annotated[Path | None, Parameter(help="The controller's flash memory; is only read.")] = None,
     cam: options.CamOptions = options.AS_IT_LOOKS,
+    line: options.LineOptions = options.NO_LINE,
     timeout: options.Timeout = 3600.0,
     storage: Annotated[
         str | None, options.written("Database of what has been tried: file, or URL as Optuna has it. JOB.tune.db")
@@ -164,7 +165,8 @@ def tune(
     permanent = permanent or job.with_name(f"{job.stem}.permanent{job.suffix}")
     options.check_writable(out, permanent, picture, file, kept=(job, scenario, flash))
     overrides = options.parse_overrides(set)
-    call = clamped(TwinSpec(machine, controller, "mujoco", seed, scenario, None, overrides=overrides), job)
+    call = TwinSpec(machine, controller, "mujoco", seed, scenario, None, overrides=overrides)
+    call = clamped(line.on(call), job)
 
     asked = cam.reading()
     _, source = read_source(job, call, asked)  # reports errors with their line

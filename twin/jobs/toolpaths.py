@@ -24,6 +24,7 @@ from isel_twin.cam.estimate import Estimate
 from isel_twin.cam.fitting import FIT, Read, advised, fitted, remarked, with_zero
 from isel_twin.cam.reader import Reader, head_of, statements, text_lines
 from isel_twin.cam.registry import reader_for, reader_named
+from isel_twin.cam.section import WHOLE, LineRange, Section
 from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import CamError, Caution, Element, End, Point, Toolpath
 from isel_twin.cam.written import MachineAxes, Written
@@ -38,6 +39,13 @@ if TYPE_CHECKING:
     from isel_twin.machine import Machine
 
 
+_NO_PART = (
+    "only a file of a CAM program can be made in part, as what holds at a line is known of no other: leave from-line "
+    "and to-line out, or save the lines as a file of their own, behind those that reference the machine and set what "
+    "holds"
+)
+
+
 @dataclass(frozen=True)
 class Source:
     """A file of a CAM program, and what it says that it takes."""
@@ -49,6 +57,7 @@ class Source:
     seconds: float = 0.0  # ways at their feeds, without ramps
     of_lines_s: Mapping[int, float] = field(default_factory=dict)  # the same of each line of the file
     path: Callable[[], Toolpath] = field(default=lambda: iter(()), repr=False)  # reads the file once more
+    not_made: str = ""  # lines of the file that are left out, as a part was asked for
     zero: Point | None = None  # of the work, if the call has asked for one, or for one that fits
 
 
@@ -58,6 +67,7 @@ class Reading:
 
     form: str | None = None  # the format
     zero: Point | Literal["fit"] | None = None  # of the work; "fit": one with which the file is within the travel
+    part: LineRange = WHOLE  # of its lines
 
     def taken(self, read: Read, axes: MachineAxes, settings: CamSettings) -> tuple[Read, CamSettings]:
         """The settings with the zero asked for, and the file, which says a chosen one. Raises JobError if none fits."""
@@ -116,20 +126,21 @@ def source_of(
     reading: Reading = AS_IT_LOOKS,
 ) -> Source | None:
     """What a file of a CAM program becomes; None for anything else. machine: asked for such a file only. Raises
-    JobError."""
+    JobError, also for a part of anything else (cam/42)."""
     named = reading.form or settings.format or None
     try:
         reader = reader_of(data, suffix, language, named)
     except ValueError as error:
         raise JobError(str(error)) from None
-    if reader is None:
-        return None
-    try:
-        return converted(data, reader, language, controller, machine_axes(machine()), settings, reading)
-    except JobError:
-        if named is not None or not _is_program(head_of(data), language):
-            raise
-        return None
+    if reader is not None:
+        try:
+            return converted(data, reader, language, controller, machine_axes(machine()), settings, reading)
+        except JobError:
+            if named is not None or not _is_program(head_of(data), language):
+                raise
+    if reading.part != WHOLE:
+        raise JobError(_NO_PART)
+    return None
 
 
 def _is_program(head: str, language: Language | None) -> bool:
@@ -178,10 +189,13 @@ def converted(
     settings: CamSettings,
     reading: Reading = AS_IT_LOOKS,
 ) -> Source:
-    """A whole file as a job. Raises JobError for anything in it that cannot be made, with its place."""
+    """A file, or a part of it, as a job. Raises JobError for anything in it that cannot be made, with its place."""
+    section = Section(reading.part, settings)
 
     def read(settings: CamSettings) -> Toolpath:
-        return reader.read(text_lines(io.BytesIO(data)), settings)
+        nonlocal section
+        section = Section(reading.part, settings)
+        return section.made(reader.read(text_lines(io.BytesIO(data)), settings))
 
     taken, settings = reading.taken(read, axes, settings)
     watched = Watched(settings)
@@ -196,8 +210,8 @@ def converted(
             lines.append(replace(line, number=places[line.number - 1]))
     cautions = (*watched.cautions, *(one.caution for one in made if one.caution is not None))
     zero = None if reading.zero is None else settings.zero
-    again = partial(taken, settings)
-    return Source(reader.title, text, tuple(lines), cautions, watched.seconds, watched.of_lines_s, again, zero)
+    told = watched.seconds, watched.of_lines_s, partial(taken, settings), section.not_made, zero
+    return Source(reader.title, text, tuple(lines), cautions, *told)
 
 
 def _places(made: Sequence[Written]) -> tuple[int, ...]:

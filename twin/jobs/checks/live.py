@@ -105,7 +105,9 @@ class LiveJob:
         drawn = None
         if source is not None and task.bounds.contour_mm is not None:
             drawn = drawing(source.path(), made.cam, task.bounds.contour_mm)
-        report = made.check.check(lines, stop, drawn, of_cautions(source))
+        report = made.check.check(lines, stop, drawn, of_cautions(source)).without(
+            "" if source is None else source.not_made
+        )
         self._lines, self._converted = lines, source is not None
         self.zero = None if source is None else source.zero
         self.figures = figures(made.check.results)

@@ -18,6 +18,8 @@
     robust = 20                      # repetitions on other machines of the kind
     uncertain = 20                   # and on what this machine may be, as far as its numbers are known
     timeout_s = 600.0                # of each command
+    line_speed = 19200               # baud: bytes take their time on the line, which cycle_s judges, too
+    adapter_ms = 16                  # and replies wait for the timer of a USB adapter
     strict = true                    # warnings make a job fail, too: cautions of a CAM file, moves that crawl
     jobs = ["jobs", "tests/*.nc"]    # what `isel-twin check` alone takes: files, folders, patterns; from this file
 
@@ -50,9 +52,10 @@ from typing import Any
 from isel_twin.base.errors import CallError
 from isel_twin.base.parameters import Limits, Place, boolean, known, plain, table, text
 from isel_twin.base.toml_lines import read_lines
+from isel_twin.cam.section import WHOLE
 from isel_twin.controller import controller_names
 from isel_twin.core.assembly import PLANTS
-from isel_twin.core.spec import TwinSpec
+from isel_twin.core.spec import BAUD, MOST_ADAPTER_MS, TwinSpec
 from isel_twin.jobs.checks.rules import Bounds
 from isel_twin.jobs.project import SettingsError, fixtures
 from isel_twin.jobs.sending import MOST_EDGE
@@ -71,6 +74,8 @@ _NUMBERS: Mapping[str, Limits] = {
     "robust": Limits("repetitions", 0, 10_000, whole=True),
     "uncertain": Limits("repetitions", 0, 10_000, whole=True),
     "timeout_s": Limits("s", 0.0, 1e9),
+    "line_speed": Limits("baud", *BAUD, whole=True),
+    "adapter_ms": Limits("ms", 0.0, MOST_ADAPTER_MS),
 }
 _OFF = [item.name for item in dataclasses.fields(Bounds) if item.default is None]  # bounds that may be "off"
 _WORDS = ("machine", "controller", "plant", "scenario")
@@ -197,10 +202,11 @@ def task(job: Path, settings: Path | None, options: Mapping[str, Any]) -> Task:
     values |= {key: value for key, value in options.items() if value is not None and key not in ("set", "reading")}
     if values.get("scenario") is not None:
         values["scenario"] = Path(values["scenario"])
-    golden = values.pop("golden", True)
+    reading: Reading = options.get("reading", AS_IT_LOOKS)
+    golden = values.pop("golden", True) and reading.part == WHOLE  # a part is compared with no golden run
     of_call = {item.name for item in dataclasses.fields(TwinSpec)}
     call = TwinSpec(
         overrides=overrides, fixtures=clamped, **{key: value for key, value in values.items() if key in of_call}
     )
     bounds = Bounds(**{key: value for key, value in values.items() if key not in of_call})
-    return Task(job, call, bounds, golden, options.get("reading", AS_IT_LOOKS))
+    return Task(job, call, bounds, golden, reading)
