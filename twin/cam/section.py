@@ -1,4 +1,4 @@
-"""A part of a toolpath: the lines of a file from one to another, with all that holds there (cam/38).
+"""A part of a toolpath: the lines of a file from one to another, with all that holds there (cam/41).
 
     lines 1 .. 41         followed, not made: point, tool, spindle, coolant, outputs
     line 42, first move   tool, spindle at its speed, ...; then over its start at the height of travel, down by rapid to

@@ -31,6 +31,7 @@ from isel_twin.cli.jobs import (
 )
 from isel_twin.cli.options import Whole
 from isel_twin.cli.outputs import many, put_off, say, tell
+from isel_twin.core.spec import TwinSpec
 
 if TYPE_CHECKING:
     from isel_twin.bridge.tap.real_job import RealReport
@@ -69,6 +70,7 @@ class Demands(JobTwin):
     uncertain: Annotated[
         Whole | None, Parameter(help="Number of machines that this one may be, as far as its numbers are known.")
     ] = None
+    line: options.LineOptions = options.NO_LINE
     form: FormatName = None
     timeout: Annotated[float | None, Parameter(help="Virtual seconds a command may take.")] = None
     golden: Annotated[bool | None, Parameter(negative="no-golden", help="Compare with golden runs.")] = None
@@ -78,8 +80,10 @@ class Demands(JobTwin):
 
     def asked(self) -> dict[str, Any]:
         """The demands in the words of isel-twin.toml. Raises CallError for a wrong --set."""
-        asked = vars(self) | {"timeout_s": self.timeout, "set": options.parse_overrides(self.set) or None}
-        del asked["timeout"], asked["may_strike"]
+        self.line.on(TwinSpec())
+        asked = vars(self) | vars(self.line) | {"timeout_s": self.timeout}
+        asked["set"] = options.parse_overrides(self.set) or None
+        del asked["timeout"], asked["may_strike"], asked["line"]
         if self.may_strike is not None:
             asked["may_strike"] = tuple(name for name in self.may_strike.split(",") if name)
         return asked
@@ -243,7 +247,7 @@ def _check_outside(asked: dict[str, Any], others: dict[str, Any], workers: int) 
     from isel_twin.jobs.checks.rules import RULES
 
     bounds = [rule.bound for rule in RULES.values() if rule.bound in asked and not rule.heard]
-    names = ["plant", "seed", "scenario", *bounds]
+    names = ["plant", "seed", "scenario", "line_speed", "adapter_ms", *bounds]
     given = {name.replace("_", "-"): asked[name] for name in names} | others | {"workers": workers > 1 or None}
     for option, value in given.items():
         if value is not None and value is not False and value != ():

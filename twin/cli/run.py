@@ -54,6 +54,7 @@ def run(
     robust: options.Robust = 0,
     uncertain: options.Uncertain = 0,
     workers: options.Workers = 1,
+    line: options.LineOptions = options.NO_LINE,
     form: FormatName = None,
     part: PartOptions = DEFAULT_PART,
     json: Annotated[bool, Parameter(help="One line of JSON a command, then one with the summary.")] = False,
@@ -85,12 +86,15 @@ def run(
     which is narrow if it was measured and wide if it is an estimate. It says where places, time, margin and edge lie,
     and which number contributes most; exit code 0 wants all to end as the job itself.
 
+    Bytes take no time on the line between host and controller. What they would take is told where it is more than 2 %;
+    --line-speed lets them take it, and --adapter-ms lets replies wait for a USB adapter.
+
     --edge makes a job that is well again with ever more speed, less supply voltage, more inductance and more friction,
     until it loses steps, and says at which factor: how far it is from the edge.
     """
     options.check_seconds("interval", interval, 1e-9)
     options.check_seconds("timeout", timeout, 0.0)
-    call = clamped(twin.spec(), job)
+    call = clamped(line.on(twin.spec()), job)
     asked = part.lines()
     lines, source = read_source(job, call, form, asked)
     files = Files(steps, vcd, trace, report, record, interval)

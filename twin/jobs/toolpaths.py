@@ -99,7 +99,7 @@ def source_of(
     part: LineRange = WHOLE,
 ) -> Source | None:
     """What a file of a CAM program becomes; None for anything else. machine: asked for such a file only. named: its
-    format, whatever it looks like. part: of its lines. Raises JobError, also for a part of anything else (cam/39)."""
+    format, whatever it looks like. part: of its lines. Raises JobError, also for a part of anything else (cam/42)."""
     try:
         named = named or settings.format or None
         reader = reader_of(data, suffix, language, named)

@@ -18,6 +18,8 @@
     robust = 20                      # repetitions on other machines of the kind
     uncertain = 20                   # and on what this machine may be, as far as its numbers are known
     timeout_s = 600.0                # of each command
+    line_speed = 19200               # baud: bytes take their time on the line, which cycle_s judges, too
+    adapter_ms = 16                  # and replies wait for the timer of a USB adapter
     strict = true                    # warnings make a job fail, too: cautions of a CAM file, moves that crawl
 
     [[fixture]]                      # clamped on the table, for every job below this folder
@@ -52,7 +54,7 @@ from isel_twin.base.toml_lines import read_lines
 from isel_twin.cam.section import WHOLE, LineRange
 from isel_twin.controller import controller_names
 from isel_twin.core.assembly import PLANTS
-from isel_twin.core.spec import TwinSpec
+from isel_twin.core.spec import BAUD, MOST_ADAPTER_MS, TwinSpec
 from isel_twin.jobs.checks.rules import Bounds
 from isel_twin.jobs.project import SettingsError, fixtures
 from isel_twin.jobs.sending import MOST_EDGE
@@ -70,6 +72,8 @@ _NUMBERS: Mapping[str, Limits] = {
     "robust": Limits("repetitions", 0, 10_000, whole=True),
     "uncertain": Limits("repetitions", 0, 10_000, whole=True),
     "timeout_s": Limits("s", 0.0, 1e9),
+    "line_speed": Limits("baud", *BAUD, whole=True),
+    "adapter_ms": Limits("ms", 0.0, MOST_ADAPTER_MS),
 }
 _OFF = [item.name for item in dataclasses.fields(Bounds) if item.default is None]  # bounds that may be "off"
 _WORDS = ("machine", "controller", "plant", "scenario")
