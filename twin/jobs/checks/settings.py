@@ -118,8 +118,8 @@ def load(path: Path) -> list[tuple[str, dict[str, Any]]]:
 def jobs_of(path: Path) -> list[str]:
     """Files, folders and patterns that a settings file names for a check of all. Raises as `load`."""
     content, place = read_lines(path, SettingsError)
-    place = place.at("check")
-    return _jobs(table(content.get("check", {}), place).get("jobs", []), place.at("jobs"))
+    section = place.at("check")
+    return _jobs(table(content.get("check", {}), section).get("jobs", []), section.at("jobs"))
 
 
 def _jobs(value: Any, place: Place) -> list[str]:
