@@ -170,8 +170,8 @@ def _places(made: Sequence[Written]) -> tuple[int, ...]:
 
 
 class Watched:
-    """What passes on its way from reader to writer, who tells the cautions of both: times by line, unless they are not
-    asked for, and a caution about a file that moves nothing."""
+    """Elements on their way from reader to writer, with the cautions of both: times by line, unless they are not asked
+    for, and a caution about a file that moves nothing."""
 
     def __init__(self, settings: CamSettings, by_line: bool = True) -> None:
         self._sums = Estimate(settings)
