@@ -13,11 +13,12 @@ from collections.abc import Iterable, Iterator
 from typing import Protocol
 
 from isel_twin.cam import arcs
-from isel_twin.cam.course import CLOSE, Course, Limits, Move, Turn
+from isel_twin.cam.course import CLOSE, Course, Limits, Move, TravelError, Turn
 from isel_twin.cam.following import Following, directions
 from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import (
     Arc,
+    CamError,
     Caution,
     Coolant,
     Dwell,
@@ -28,6 +29,7 @@ from isel_twin.cam.toolpath import (
     Place,
     Point,
     Rapid,
+    Reference,
     Remark,
     Spindle,
     Stop,
@@ -59,6 +61,9 @@ class Commands(Limits, Protocol):
 
     def settled(self, place: Place) -> Iterable[Written]:
         """What lets drives that follow come to rest before the next move. Asked only of machines with such drives."""
+
+    def reference(self, axes: tuple[int, ...]) -> Iterable[str] | None:
+        """A reference run of these axes in the midst of a job; None: it makes one before a program only."""
 
     def dwell(self, seconds: float) -> str: ...
 
@@ -93,6 +98,7 @@ def written(path: Toolpath, axes: MachineAxes, settings: CamSettings, commands: 
 
 class _Writer:
     def __init__(self, axes: MachineAxes, settings: CamSettings, commands: Commands) -> None:
+        self._axes = axes
         self._course = Course(axes, settings, commands)
         self._following = Following(axes, settings)
         self._commands = commands
@@ -104,7 +110,7 @@ class _Writer:
     def lines(self, path: Toolpath) -> Iterator[Written]:
         commands, course, rapid_mm_s = self._commands, self._course, self._settings.rapid_mm_s
         yield from map(Written, commands.begin())
-        yield from self._to(self._settings.machine_point(self._settings.start), Place(1), z_first=False)
+        yield from self._to_own("start", self._settings.start, Place(1), z_first=False)
         place = None
         for element in path:
             place = element.place
@@ -155,6 +161,8 @@ class _Writer:
     def _event(self, element: Element) -> Iterator[Written]:
         commands, place = self._commands, element.place
         match element:
+            case Reference():
+                yield from self._reference(element)
             case Dwell():
                 yield Written(commands.dwell(element.seconds), place)
             case Spindle():
@@ -174,6 +182,18 @@ class _Writer:
                 yield Written(commands.remark(element.text), place)
             case Caution():
                 yield self._cautioned(element)
+
+    def _reference(self, run: Reference) -> Iterator[Written]:
+        """Of the axes that there are (language/10)."""
+        lines = self._commands.reference(tuple(axis for axis in run.axes if axis < self._axes.count))
+        if lines is not None:
+            yield from (Written(line, run.place) for line in lines)
+            self._course.referenced(run)
+            self._following = Following(self._axes, self._settings)
+        elif (to := run.ends(self._course.point)) != self._course.point:
+            text = "a reference run is made before a program only: here the axes go to its end by rapids, Z first"
+            self._course.caution("reference", run.place, text)
+            yield from self._to(to, run.place, z_first=True)
 
     def _spindle(self, spindle: Spindle) -> Iterator[Written]:
         place, speed = spindle.place, spindle.speed_rpm
@@ -211,7 +231,7 @@ class _Writer:
             yield from self._spindle(Spindle(place, 0))
         if self._settings.tool_change is not None:
             before = course.point
-            yield from self._to(self._settings.machine_point(self._settings.tool_change), place, z_first=True)
+            yield from self._to_own("tool_change", self._settings.tool_change, place)
             self._away_from = self._away_from or before
         named = f"{tool.number} ({tool.name})" if tool.name else f"{tool.number}"
         yield Written(self._commands.remark(f"change to tool {named}; the spindle is off"), place)
@@ -221,6 +241,13 @@ class _Writer:
         to = element.to if isinstance(element, Rapid) or self._away_from is None else self._away_from
         self._away_from = None
         yield from self._to(to, element.place, z_first=False)
+
+    def _to_own(self, key: str, counters_mm: Point, place: Place, z_first: bool = True) -> Iterator[Written]:
+        """To a point of the settings, which no zero of the work moves."""
+        try:
+            yield from self._to(self._settings.machine_point(counters_mm), place, z_first)
+        except TravelError as error:
+            raise CamError(f"{error}: change [cam] {key}") from None
 
     def _to(self, to: Point, place: Place, z_first: bool) -> Iterator[Written]:
         """By rapids, Z alone at the beginning or at the end."""
@@ -232,7 +259,7 @@ class _Writer:
     def _end(self, place: Place) -> Iterator[Written]:
         yield from self._commands.held()
         if self._settings.park is not None:
-            yield from self._to(self._settings.machine_point(self._settings.park), place, z_first=True)
+            yield from self._to_own("park", self._settings.park, place)
         if self._running is not None:
             yield from self._spindle(Spindle(place, 0))
         for number in sorted(self._cooled):

@@ -42,6 +42,7 @@ from isel_twin.jobs.verdict import Verdict, lost, whole_slips
 if TYPE_CHECKING:
     from isel_twin.core.spec import TwinSpec
     from isel_twin.core.twin import Twin
+    from isel_twin.jobs.toolpaths import Source
 
 LOOK_NS = 5 * MILLISECOND_NS  # sampling interval of the deviation
 
@@ -73,8 +74,13 @@ class Report:
 
     @property
     def unseen(self) -> tuple[str, ...]:
-        """Rules that were not simulated."""
-        return () if self.verdict.physics else tuple(name for name, rule in RULES.items() if rule.physics)
+        """Lines that were not made, and rules that were not simulated."""
+        rules = () if self.verdict.physics else tuple(name for name, rule in RULES.items() if rule.physics)
+        return (self.verdict.not_made, *rules) if self.verdict.not_made else rules
+
+    def without(self, not_made: str) -> Report:
+        """The report on a part of a file."""
+        return replace(self, verdict=replace(self.verdict, not_made=not_made))
 
     def compared(self, was: Golden, now: Golden) -> Report:
         """The report with the differences from a golden run as findings; now: this run with its call."""
@@ -324,12 +330,13 @@ class Inspection:
         return blind
 
 
-def beside_golden(report: Report, job: Path, call: TwinSpec) -> Report:
+def beside_golden(report: Report, job: Path, call: TwinSpec, source: Source | None) -> Report:
     """The report with the differences from the golden run of the job, if it has one. Raises GoldenError, OSError."""
     file = golden_file(job)
     if not file.is_file():
         return report
-    return report.compared(load(file), called(report.golden, call, job, file))
+    zero = None if source is None else source.zero
+    return report.compared(load(file), called(report.golden, call, job, file, zero))
 
 
 def check_job(
