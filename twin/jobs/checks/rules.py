@@ -142,7 +142,7 @@ def farthest(findings: Sequence[Finding]) -> list[Finding]:
 
 
 def of_cautions(source: Source | None) -> tuple[Finding, ...] | None:
-    """What a file of a CAM program may mean otherwise; None for any other file."""
+    """Other meanings that a file of a CAM program may have; None for any other file."""
     if source is None:
         return None
     return tuple(Finding("caution", one.text, one.place.line) for one in source.cautions)
