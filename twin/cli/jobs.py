@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from isel_twin.machine import Machine
 
 FormatName = Annotated[
-    str | None, Parameter(name="--format", help="Format of the job file, whatever it looks like: ncp, gcode, hpgl.")
+    str | None,
+    Parameter(name="--format", help="Format of the job file, whatever it looks like: ncp, gcode, hpgl, excellon."),
 ]
 SettingsFile = Annotated[
     Path | None, Parameter(help="File of bounds; without it isel-twin.toml beside each job, or above.")
