@@ -310,7 +310,7 @@ def test_settings_are_read_from_a_table() -> None:
         ({"zeros": 3}, "cam.zeros: 3; allowed: a table such as { name = value }"),
         ({"z_sign": 0}, "cam.z_sign: 0; allowed: 1, -1"),
         ({"rapid_mm_s": -1}, "cam.rapid_mm_s: -1; allowed: 0.001 .. 10000 mm/s"),
-        ({"dialect": "fanuc"}, "cam.dialect: 'fanuc'; allowed: \"\", rs274, din"),
+        ({"dialect": "fanuc"}, "cam.dialect: 'fanuc'; allowed: \"\", rs274, din, winpc"),
         ({"strict": 1}, "cam.strict: 1; allowed: true, false"),
         ({"outputs": {"spindle": 1.5}}, "cam.outputs.spindle: 1.5; allowed: a whole number"),
     ],

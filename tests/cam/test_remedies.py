@@ -38,6 +38,8 @@ class Remedy(NamedTuple):
 
 
 HEAD = "G21 G90 F60\n"
+TEXT = "A job of ours\nX10 of the drawing\n\n%1\nG71 G90\n"
+DIALECTS = 'set dialect = "din", or "winpc" where feeds are in mm/s'
 HOLE = "rapid 0 0 1 | rapid 1 0 1 | line 1 0 -1 F1 | rapid 1 0 1"
 GCODE = (
     Remedy("G1 X1 A0.", "leave A0 out", "G1 X1", "line 1 0 0 F1"),
@@ -55,6 +57,18 @@ GCODE = (
     ),
     Remedy("G53\nG92 X5", "write G54 before it", "G53\nG54\nG92 X5\nG0 X0", "rapid -5 0 0"),
     Remedy("G74 X0", 'if it is a reference run, set dialect = "din"', "G74 X0", "reference X", set={"dialect": "din"}),
+    Remedy(
+        "G74 X0 Y0\nG0 X10\nG2 X20 I5 J0",
+        'if it is a reference run, set dialect = "din"',
+        "G74 X0 Y0\nG0 X10\nG2 X20 I5 J0",
+        "reference XY | rapid 10 0 0 | arc 20 0 0 about 15 0 cw F1",
+        set={"dialect": "din"},
+    ),
+    *(
+        Remedy(f"{line}\nG1 X1", DIALECTS, f"{line}\nG1 X1", f"{meant} | line 1 0 0 {feed}", set={"dialect": dialect})
+        for dialect, feed in (("din", "F1"), ("winpc", "F60"))
+        for line, meant in (("M70", "output M70 1=1"), ("M-77", "output M77 1=0"), ("G4 F2", "dwell 2"))
+    ),
     Remedy("G71\nG0 X1", "write G21", "G21\nG0 X1", "rapid 1 0 0", {"dialect": "rs274"}),
     Remedy("G70\nG0 X1", "write G20", "G20\nG0 X1", "rapid 25.4 0 0", {"dialect": "rs274"}),
     Remedy("G55 G0 X0 Y0 Z0", "set zeros.2 = [x, y, z]", "G55 G0 X0 Y0 Z0", "rapid 1 2 3", set=ZEROS),
@@ -168,6 +182,10 @@ OTHERS = (
     ("gcode", Remedy("G21\nG1 X1\nM2", "write F before the first cut", "G21 F60\nG1 X1\nM2", "line 1 0 0 F1")),
     ("gcode", Remedy("G21\nG1 X1\nM2", "or set feed_mm_s", "G21\nG1 X1\nM2", "line 1 0 0 F2", set=FEED)),
     ("gcode", Remedy("G21\nG0 X1\n", "write M2 at its end", "G21\nG0 X1\nM2", "rapid 1 0 0", STRICT)),
+    *(
+        ("gcode", Remedy(f"{TEXT}G0 X1\nM30", DIALECTS, f"{TEXT}G0 X1\nM30", "rapid 1 0 0", set={"dialect": dialect}))
+        for dialect in ("din", "winpc")
+    ),
     ("ncp", Remedy("MOVEABS X5000", "write VEL", "VEL 1000\nMOVEABS X5000", "line 5 0 0 F1")),
     ("ncp", Remedy("MOVEABS X5000", "or set feed_mm_s", "MOVEABS X5000", "line 5 0 0 F2", set=FEED)),
     ("ncp", Remedy("MOVEABD X5000", "did you mean 'MOVEABS'", "VEL 1000\nMOVEABS X5000", "line 5 0 0 F1")),
@@ -250,6 +268,7 @@ ELSEWHERE = {  # by the test that obeys them
     "leave that line out": "test_what_is_packed_is_unpacked",
     "write one statement a line": "test_what_is_packed_is_unpacked",
     "draw it with PD": "test_a_polygon_that_is_too_long",
+    "set feed_unit =": "test_feeds_out_of_proportion",
     "set depth_mm": "test_settings_of_drill_files_that_are_said",
     "set drill_format": "test_settings_of_drill_files_that_are_said",
 }
@@ -261,6 +280,7 @@ def advices() -> Iterator[str]:
     for path in (
         *(file for room in ("excellon", "gcode", "ncp", "hpgl") for file in (folder / room).glob("*.py")),
         folder / "reader.py",
+        folder / "feeds.py",
     ):
         tree = ast.parse(path.read_text())
         said = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}  # docstrings
@@ -295,6 +315,22 @@ def test_a_file_that_counts_downwards() -> None:
     assert "set file_z_up = false" in cautions("gcode", text)[0]
     obeyed = dataclasses.replace(UP, file_z_up=False)
     assert told("gcode", text, obeyed) == ["rapid 0 0 5", "line 1 0 -1 F1", "end"]
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "unit", "meant"),
+    [
+        ("gcode", "G21 G90\nG1 X300 F15\nM2", "mm/s", "line 300 0 0 F15"),
+        ("gcode", "G20 G90\nG1 X10 F1800\nM2", "mm/min", "line 254 0 0 F30"),
+        ("gcode", "G21 G90\nG1 X300 F50000\nM2", "um/s", "line 300 0 0 F50"),
+        ("ncp", "IMF_PBL\nVEL 20\nMOVEABS X300000\nPROGEND", "mm/s", "line 300 0 0 F20"),
+        ("ncp", "IMF_PBL\nVEL 300\nMOVEABS X300000\nPROGEND", "mm/min", "line 300 0 0 F5"),
+    ],
+)
+def test_feeds_out_of_proportion(name: str, text: str, unit: str, meant: str) -> None:
+    said = cautions(name, text)
+    assert [f'set feed_unit = "{unit}"' in each for each in said] == [True]
+    assert told(name, text, dataclasses.replace(UP, feed_unit=unit)) == [meant, "end"]
 
 
 def test_settings_of_drill_files_that_are_said() -> None:

@@ -35,7 +35,7 @@ def main() -> int:
             theirs = seen(gerbv, text, Path(folder))
             rows.append({"file": text, "marks": [[round(value, 5) for value in mark] for mark in theirs]})
             ours, said = read(text.splitlines(keepends=True))
-            if said and "which zeros" in said[-1]:  # gerbv takes TZ; here nothing is concluded (cam/38)
+            if said and "which zeros" in said[-1]:  # gerbv takes TZ; here nothing is concluded (cam/43)
                 refused += 1
             elif why := differ(ours, theirs):
                 wrong += 1

@@ -5,12 +5,25 @@ from __future__ import annotations
 import io
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import islice, takewhile
 from typing import BinaryIO, Protocol
 
+from isel_twin.cam.feeds import Feeds
 from isel_twin.cam.settings import CamSettings
-from isel_twin.cam.toolpath import Arc, CamError, Caution, Element, End, Line, Place, Rapid, Toolpath
+from isel_twin.cam.toolpath import (
+    Arc,
+    CamError,
+    Caution,
+    Element,
+    End,
+    Line,
+    Place,
+    Rapid,
+    Reference,
+    Spindle,
+    Toolpath,
+)
 
 HEAD_LINES = 200  # that say something, by which a file is recognised
 HEAD_BYTES = 1 << 20  # at its beginning, in which they are looked for
@@ -182,21 +195,34 @@ class Once:
         return (Caution(place, text),)
 
 
-def plausible(path: Toolpath, settings: CamSettings) -> Toolpath:
-    """The same toolpath; before its end a caution if its highest point is cut and its lowest is travelled (cam/14), or
-    if it cuts less deep than it can be meant (cam/34)."""
+def plausible(path: Toolpath, settings: CamSettings, per_mm_s: Callable[[], float]) -> Toolpath:
+    """The same toolpath; before its end a caution if its highest point is cut and its lowest is travelled (cam/14), if
+    it cuts less deep than it can be meant (cam/34), or at feeds out of proportion (cam/39). per_mm_s: of `Feeds`."""
     travel, cut = [math.inf, -math.inf], [math.inf, -math.inf]  # lowest and highest Z
     zero = settings.machine_point(settings.zero)[2]
+    feeds, at = Feeds(settings, per_mm_s), settings.machine_point(settings.start)
     element: Element
     for element in path:
         kind = type(element)
         if kind is Line or kind is Arc or kind is Rapid:
-            z, heights = element.to[2], travel if kind is Rapid else cut  # type: ignore[union-attr]
+            if kind is Rapid:
+                heights = travel
+            else:
+                heights = cut
+                if element.feed_mm_s > feeds.across_mm_s:  # type: ignore[union-attr]
+                    feeds.cut(element, at)  # type: ignore[arg-type]
+            at = element.to  # type: ignore[union-attr]
+            z = at[2]
             if z < heights[0]:
                 heights[0] = z
             if z > heights[1]:
                 heights[1] = z
+        elif kind is Spindle:
+            feeds.spindle(element)  # type: ignore[arg-type]
+        elif kind is Reference:
+            at = element.ends(at)  # type: ignore[union-attr]
         elif kind is End:
+            yield from feeds.caution()
             if travel[0] <= cut[0] and cut[1] > travel[1] + 1e-9:
                 why = "it cuts above its rapid moves; if so, set file_z_up = false"
                 yield Caution(element.place, f"Z of this file seems to count downwards: {why}")

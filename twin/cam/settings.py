@@ -24,6 +24,7 @@ _MM = Limits("mm", -1e5, 1e5)
 # unit, digits before and behind the point, the zeros that are written; each may be left out
 DRILL_FORMAT = re.compile(r"\s*(inch|mm)?\s*(?:\b([1-9]):([0-9])\b)?\s*(LZ|TZ)?\s*", re.I | re.A)
 _OUTPUT = Limits("", 0, 65_535, whole=True)
+FEED_UNITS: Mapping[str, float] = {"mm/min": 60.0, "mm/s": 1.0, "um/s": 1000.0}  # in 1 mm/s
 
 
 def _read_point(value: Any, place: Place) -> Point:
@@ -105,6 +106,8 @@ class CamSettings:
     tool_change: Point | None = None  # as park, for the change of a tool
     rapid_mm_s: float = number("mm/s", 0.001, 1e4, default=40.0)
     feed_mm_s: float = number("mm/s", 0.0, 1e4, default=0.0)  # for files that cut before they give a feed; 0: refused
+    feed_unit: str = word("", *FEED_UNITS, default="")
+    # of F, VEL, ..; "": of the format: G-code mm/min (inch/min in inch), WinPC-NC mm/s, NCP um/s
     plunge_mm_s: float = number("mm/s", 0.001, 1e4, default=5.0)  # HPGL, drill files: into the work
     safe_mm: float = number("mm", 0.0, 1e3, default=5.0)  # the same: height of the raised tool above the work
     depth_mm: float | None = None  # the same: of the lowered tool below its surface; None: as usual in the format
@@ -118,8 +121,8 @@ class CamSettings:
     peck_clearance_mm: float = number("mm", 0.0, 100.0, default=0.25)  # NCP, C2: above the last depth
     optional_stop: bool = flag(True)  # M1 stops
     block_delete: bool = flag(False)  # lines that begin with / are left out
-    dialect: str = word("", "rs274", "din", default="")
-    # of G-code; din: I J K and G4 as DIN 66025 has them; "": by the file
+    dialect: str = word("", "rs274", "din", "winpc", default="")
+    # of G-code; din: as DIN 66025; winpc: as WinPC-NC, with I J K as offsets and feeds in mm/s; "": by the file
     strict: bool = flag(False)  # what rs274 of LinuxCNC refuses is refused
     outputs: Mapping[str, int] = field(default_factory=dict)
     # the controller's output bit of spindle, coolant, A4.1, ..
@@ -129,6 +132,15 @@ class CamSettings:
         for name, read in _READ.items():
             if (value := getattr(self, name)) is not None:
                 read(value, Place("camsettings", key=name))
+
+    @property
+    def din(self) -> bool:
+        """G-code of DIN 66025, in any dialect of it."""
+        return self.dialect in ("din", "winpc")
+
+    def per_mm_s(self, usual: float) -> float:
+        """A feed of 1 mm/s as files have it, `usual` in their format."""
+        return FEED_UNITS.get(self.feed_unit, usual)
 
     def depth_of(self, tool: int, usual_mm: float) -> float:
         """The depth of a lowered tool, in a format in which usual_mm is usual."""

@@ -6,7 +6,7 @@
                                                             the point is before the last `behind` digits
 
 Both agree on a number of whole + behind digits. What a file does not say is concluded from its numbers, and said; where
-nothing can be concluded the file is refused (cam/38).
+nothing can be concluded the file is refused (cam/43).
 """
 
 from __future__ import annotations

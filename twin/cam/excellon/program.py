@@ -16,8 +16,8 @@ from isel_twin.cam.reader import Once
 from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import CamError, Caution, Element, End, Place, Remark, Stop
 
-DEPTH_MM = 1.8  # a board of 1.5 mm and the point of a drill (cam/39)
-MOST_REPEATS = 100_000  # holes and lines that R and M02 make, in a file (cam/42)
+DEPTH_MM = 1.8  # a board of 1.5 mm and the point of a drill (cam/44)
+MOST_REPEATS = 100_000  # holes and lines that R and M02 make, in a file (cam/47)
 _LOOSE_MM, _LOOSE = 0.01, 0.001  # radii of start and end of an arc may differ by one of these, as in NCP (cam/4)
 _NAMED = re.compile(r"[A-Z]{2,}|[A-Z],|M(4[57]|9[78])\b\W", re.I | re.A)
 _SILENT = {"FMAT,1", "FMAT,2", "VER,1", "ICI,OFF"}
@@ -105,7 +105,7 @@ class Program:
     # What a file says of itself --------------------------------------------------------------------------------------
 
     def _named(self, text: str, place: Place) -> Iterator[Element]:
-        """INCH, METRIC, ICI, FMAT, texts; settings of drilling machines, most of them in the header (cam/41)."""
+        """INCH, METRIC, ICI, FMAT, texts; settings of drilling machines, most of them in the header (cam/46)."""
         word, *rest = (part.strip().upper() for part in text.split(","))
         if word in ("INCH", "METRIC"):
             for part in (yield from self._format.header(word, rest, place)):
@@ -313,7 +313,7 @@ class Program:
             raise CamError("slots and routs have no feed; set feed_mm_s", place)
 
     def _slot(self, before: list[Word], code: Word, behind: list[Word]) -> Iterator[Element]:
-        """G85: a cut from a hole to another (cam/40)."""
+        """G85: a cut from a hole to another (cam/45)."""
         self._cut(code.place)
         self._nothing_else([*before, *behind], "XY")
         if before:
@@ -386,7 +386,7 @@ class Program:
         yield from ()
 
     def _stepped(self, code: Word, given: Mapping[str, Word]) -> Iterator[Element]:
-        """M02: the pattern again, a step from where it was made last (cam/42)."""
+        """M02: the pattern again, a step from where it was made last (cam/47)."""
         if self._pattern is None or self._recording:
             raise CamError(
                 f"{code.place.word} repeats a pattern, which M25 begins and M01 ends; the end of a file is M30",
