@@ -401,7 +401,8 @@ class Program:
             self._step = (self._step[0] + x, self._step[1] + y)
             self._at = self._began = (self._began[0] + x, self._began[1] + y)
             for number, line in self._pattern:
-                yield from self._read(number, line)
+                for element in self._read(number, line):  # the lines of a path only grow
+                    yield element if isinstance(element, Caution) else element._replace(place=code.place)
 
     def _steps_end(self, code: Word, given: Mapping[str, Word]) -> Iterator[Element]:
         self._at = (self._at[0] - self._step[0], self._at[1] - self._step[1])
