@@ -160,6 +160,8 @@ DRILL = (
         UNCLEAR, 'set drill_format = "3:3 LZ" if it is 123.45 mm', UNCLEAR, "rapid 123.45 0 5", DEPTH,
         {"drill_format": "3:3 LZ"},
     ),
+    Remedy(f"{HOLES}\nX1,5", "write 1.5", f"{HOLES}\nX1.5", "rapid 1.5 0 5", DEPTH),
+    Remedy(f"{HOLES}\nX1E1", "write 10.0", f"{HOLES}\nX10.0", "rapid 10 0 5", DEPTH),
     Remedy(UNCLEAR, '"3:3 TZ" if it is 12.345 mm', UNCLEAR, "rapid 12.345 0 5", DEPTH, {"drill_format": "3:3 TZ"}),
     Remedy(
         f"{HOLES}\nX0G85X1000", "set feed_mm_s", f"{HOLES}\nX0G85X1000",
