@@ -151,6 +151,33 @@ GCODE = (
     Remedy("G0 X1 (a (b) c)", "leave the inner brackets out", "G0 X1 (a b c)", "rapid 1 0 0", STRICT),
     Remedy("G40.1 G0 X1", "leave it out", "G0 X1", "rapid 1 0 0", STRICT),
 )
+DEPTH: dict[str, Any] = {"depth_mm": 2.0}
+HOLES = "METRIC,TZ,000.000\nT1C1\n%\nT1"
+UNCLEAR = "METRIC\nT1C1\n%\nT1\nX12345"
+DRILL = (
+    Remedy("T1X12.5", 'set drill_format = "inch", or "mm"', "T1X12.5", "rapid 12.5 0 5", DEPTH, {"drill_format": "mm"}),
+    Remedy(
+        UNCLEAR, 'set drill_format = "3:3 LZ" if it is 123.45 mm', UNCLEAR, "rapid 123.45 0 5", DEPTH,
+        {"drill_format": "3:3 LZ"},
+    ),
+    Remedy(UNCLEAR, '"3:3 TZ" if it is 12.345 mm', UNCLEAR, "rapid 12.345 0 5", DEPTH, {"drill_format": "3:3 TZ"}),
+    Remedy(
+        f"{HOLES}\nX0G85X1000", "set feed_mm_s", f"{HOLES}\nX0G85X1000",
+        "line 0 0 -2 F5 | line 1 0 -2 F2 | rapid 1 0 5", DEPTH, FEED,
+    ),
+    Remedy(
+        f"{HOLES}\nG00X0\nM15\nG03X2000", "write A, its radius", f"{HOLES}\nG00X0\nM15\nG03X2000A1000",
+        "arc 2 0 -2 about 1 0 ccw F2 | rapid 2 0 5", {**DEPTH, **FEED},
+    ),
+    Remedy(
+        f"{HOLES}\nG00X0\nM15\nG03X2000", "or I and J", f"{HOLES}\nG00X0\nM15\nG03X2000I1000J0",
+        "arc 2 0 -2 about 1 0 ccw F2 | rapid 2 0 5", {**DEPTH, **FEED},
+    ),
+    Remedy(
+        f"{HOLES}\nX1000\nM01\nM02X5000", "write M25 before it", f"{HOLES}\nM25\nX1000\nM01\nM02X5000",
+        "rapid 6 0 5 | line 6 0 -2 F5 | rapid 6 0 5", DEPTH,
+    ),
+)  # fmt: skip
 OTHERS = (
     ("gcode", Remedy("G21\nG1 X1\nM2", "write F before the first cut", "G21 F60\nG1 X1\nM2", "line 1 0 0 F1")),
     ("gcode", Remedy("G21\nG1 X1\nM2", "or set feed_mm_s", "G21\nG1 X1\nM2", "line 1 0 0 F2", set=FEED)),
@@ -194,6 +221,7 @@ OTHERS = (
             "rapid 0 0 2 | line 0 0 -1 F1 | rapid 0 0 2",
         ),
     ),
+    *(("excellon", row._replace(wrong=f"{row.wrong}\nM30", obeyed=f"{row.obeyed}\nM30")) for row in DRILL),
     ("hpgl", Remedy("PU0,0;PD40,0;", "set feed_mm_s", "PU0,0;PD40,0;", "line 1 0 -0.5 F2 | rapid 1 0 5", set=FEED)),
     ("hpgl", Remedy("PU1e1,0;", "write 10", "PU10,0;", "rapid 0.25 0 5")),
     ("hpgl", Remedy("SC0,1,0,1;PU1,1;", "write IP before it", "IP0,0,40,40;SC0,1,0,1;PU1,1;", "rapid 1 1 5")),
@@ -241,6 +269,8 @@ ELSEWHERE = {  # by the test that obeys them
     "write one statement a line": "test_what_is_packed_is_unpacked",
     "draw it with PD": "test_a_polygon_that_is_too_long",
     "set feed_unit =": "test_feeds_out_of_proportion",
+    "set depth_mm": "test_settings_of_drill_files_that_are_said",
+    "set drill_format": "test_settings_of_drill_files_that_are_said",
 }
 
 
@@ -248,7 +278,7 @@ def advices() -> Iterator[str]:
     """Each piece of text in the readers that advises something, as an expression that its messages match."""
     folder = Path(readers.__file__).parent
     for path in (
-        *(file for room in ("gcode", "ncp", "hpgl") for file in (folder / room).glob("*.py")),
+        *(file for room in ("excellon", "gcode", "ncp", "hpgl") for file in (folder / room).glob("*.py")),
         folder / "reader.py",
         folder / "feeds.py",
     ):
@@ -303,6 +333,14 @@ def test_feeds_out_of_proportion(name: str, text: str, settings: dict[str, Any],
     said = cautions(name, text, dataclasses.replace(UP, **settings))
     assert [f'set feed_unit = "{unit}"' in each for each in said] == [True]
     assert told(name, text, dataclasses.replace(UP, **{**settings, "feed_unit": unit})) == [meant, "end"]
+
+
+def test_settings_of_drill_files_that_are_said() -> None:
+    text = "METRIC,TZ\nT1C1\n%\nT1\nX12500\nM30"
+    assert "set depth_mm" in cautions("excellon", text)[0]
+    assert "if not, set drill_format" in cautions("excellon", text)[1]
+    obeyed = dataclasses.replace(UP, depth_mm=1.5, drill_format="4:2")
+    assert told("excellon", text, obeyed)[2:] == ["rapid 125 0 5", "line 125 0 -1.5 F5", "rapid 125 0 5", "end"]
 
 
 def test_what_is_packed_is_unpacked() -> None:

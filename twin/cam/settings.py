@@ -12,6 +12,7 @@ outputs = { spindle = 1, "A4.1" = 2 }
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -20,6 +21,8 @@ from isel_twin.base.parameters import Limits, Place, boolean, check, flag, known
 from isel_twin.cam.toolpath import Point
 
 _MM = Limits("mm", -1e5, 1e5)
+# unit, digits before and behind the point, the zeros that are written; each may be left out
+DRILL_FORMAT = re.compile(r"\s*(inch|mm)?\s*(?:\b([1-9]):([0-9])\b)?\s*(LZ|TZ)?\s*", re.I | re.A)
 _OUTPUT = Limits("", 0, 65_535, whole=True)
 FEED_UNITS: Mapping[str, float] = {"mm/min": 60.0, "mm/s": 1.0, "um/s": 1000.0}  # in 1 mm/s
 
@@ -66,6 +69,12 @@ def _read_sign(value: Any, place: Place) -> int:
     return int(value)
 
 
+def _read_drill_format(value: Any, place: Place) -> str:
+    if not isinstance(value, str) or not DRILL_FORMAT.fullmatch(value):
+        raise place.wrong(f'{value!r}; allowed: as much as is needed of "inch 2:4 LZ", "mm 3:3 TZ"')
+    return value
+
+
 _READ: Mapping[str, Callable[[Any, Place], Any]] = {
     **dict.fromkeys(("zero", "start", "park", "tool_change"), _read_point),
     "zeros": _by_number(None, 1, 9),
@@ -73,6 +82,8 @@ _READ: Mapping[str, Callable[[Any, Place], Any]] = {
     "tool_length_mm": _by_number(Limits("mm", -1e3, 1e3), 0, 1_000_000),
     "pen_depth_mm": _by_number(Limits("mm", 0.0, 1e3), 0, 1000),
     "outputs": _read_outputs,
+    "depth_mm": lambda value, place: plain(value, Limits("mm", 0.0, 1e3), place),
+    "drill_format": _read_drill_format,
 }
 
 
@@ -80,7 +91,7 @@ _READ: Mapping[str, Callable[[Any, Place], Any]] = {
 class CamSettings:
     """How job files are read and made on this machine. Raises ValueError for values that are not possible.
 
-    Heights of HPGL are of the workpiece, Z upwards; all other points are of the machine.
+    Heights of HPGL and of drill files are of the workpiece, Z upwards; all other points are of the machine.
     """
 
     format: str = word(default="")  # of all files, whatever they look like; "": by their content
@@ -97,10 +108,11 @@ class CamSettings:
     feed_mm_s: float = number("mm/s", 0.0, 1e4, default=0.0)  # for files that cut before they give a feed; 0: refused
     feed_unit: str = word("", *FEED_UNITS, default="")
     # of F, VEL, ..; "": of the format: G-code mm/min (inch/min in inch), WinPC-NC mm/s, NCP um/s
-    plunge_mm_s: float = number("mm/s", 0.001, 1e4, default=5.0)  # HPGL: into the work
-    safe_mm: float = number("mm", 0.0, 1e3, default=5.0)  # HPGL: height of the raised pen above the work
-    depth_mm: float = number("mm", 0.0, 1e3, default=0.5)  # HPGL: of the lowered pen below its surface
-    pen_depth_mm: Mapping[int, float] = field(default_factory=dict)
+    plunge_mm_s: float = number("mm/s", 0.001, 1e4, default=5.0)  # HPGL, drill files: into the work
+    safe_mm: float = number("mm", 0.0, 1e3, default=5.0)  # the same: height of the raised tool above the work
+    depth_mm: float | None = None  # the same: of the lowered tool below its surface; None: as usual in the format
+    pen_depth_mm: Mapping[int, float] = field(default_factory=dict)  # the same, by its number
+    drill_format: str = ""  # of numbers in drill files, whatever they say: "mm 3:3 TZ"
     tolerance_mm: float = number("mm", 1e-4, 10.0, default=0.01)  # chords leave an arc by at most this
     following_mm: float = number("mm", 0.0, 10.0, default=0.02)
     # by which drives that follow may round corners and arcs of cuts; 0: as they do by themselves
@@ -129,6 +141,10 @@ class CamSettings:
     def per_mm_s(self, usual: float) -> float:
         """A feed of 1 mm/s as files have it, `usual` in their format."""
         return FEED_UNITS.get(self.feed_unit, usual)
+
+    def depth_of(self, tool: int, usual_mm: float) -> float:
+        """The depth of a lowered tool, in a format in which usual_mm is usual."""
+        return self.pen_depth_mm.get(tool, usual_mm if self.depth_mm is None else self.depth_mm)
 
     def machine_point(self, counters_mm: Point) -> Point:
         """A point in the sense of the counters as a point of the machine, Z upwards."""

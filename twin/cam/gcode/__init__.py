@@ -16,7 +16,7 @@ from collections.abc import Iterable
 
 from isel_twin.cam.feeds import Feeds
 from isel_twin.cam.gcode.program import Program
-from isel_twin.cam.reader import mostly, plausible, whole_lines
+from isel_twin.cam.reader import drills, mostly, plausible, whole_lines
 from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import Toolpath
 
@@ -36,7 +36,7 @@ class GCode:
     suffixes = (".nc", ".ngc", ".tap", ".cnc", ".gcode", ".din", ".iso")
 
     def claims(self, head: str) -> bool:
-        return mostly(head, _CLAIM)
+        return mostly(head, _CLAIM) and not drills(head)
 
     def read(self, lines: Iterable[str], settings: CamSettings) -> Toolpath:
         program = Program(settings)
