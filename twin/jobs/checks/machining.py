@@ -6,7 +6,7 @@
     the job is over:           what the words of the file alone say, and its pieces through the stock
 
 What stands by the file's own words is found in the words, so it is the same on all controllers; what stands although
-the file has switched it on (hood, wire, a converter without a command, no time to run up) is found in the twin (jobs/16).
+the file has switched it on (hood, wire, converter without a command, no time to run up) is found in the twin (jobs/16).
 Commands of a controller do not say which motions cut: with stock, those in it do; without, nothing is judged.
 """
 
@@ -37,6 +37,8 @@ LOOK_NS = 5 * MILLISECOND_NS  # between two places that are looked at while the 
 MOST_LOOKS = 1000  # of them in a line
 SPEED_SHARE = 0.9  # of the speed that it should have, at which it has reached it: slip takes a few per cent
 SURFACE_MM = 0.05  # below the surface that still counts as on it: steps, load angle, chords
+ALIKE_MM = 0.02  # of two pieces that are so near to each other the first is made
+AHEAD_LINES = 64  # that may be made with a command: those that a controller joins
 MOST_FINDINGS = 200  # of the twin's spindle, behind which nobody looks
 NEAR_MM = 0.05  # from a piece, besides the tolerance of chords and three steps
 NO_STOCK = "nothing that is clamped is stock"
@@ -84,6 +86,7 @@ class Machining:
             from isel_twin.plant.stock import stocks
 
             self._stocks, self._high_mm, self._radius_mm = stocks(twin.machine)
+        self._sense = self._origin_mm = np.zeros(len(CARRIAGES))
         probe = twin.machine.probe
         self._probing = probe is not None and probe.enabled
         self._set_origin()
@@ -123,41 +126,46 @@ class Machining:
         """Take where the zero of the counters is on the machine."""
         twin = self._twin
         self._sense = twin.direction[: len(CARRIAGES)].astype(np.float64)
-        self._origin_mm: Floats = twin.machine_position_mm - self._sense * twin.position_mm
+        self._origin_mm = twin.machine_position_mm - self._sense * twin.position_mm
 
     def take(self, result: Result, steps: Steps, counter_set: bool) -> None:
         """Look at a line that is over. counter_set: a counter was set in it, so nothing was cut."""
         if counter_set:
             self._set_origin()
             return
-        if self._bounds.spindle and not self._probing:
-            for line, begin_ns, end_ns in times([result]):
-                self._queued = (*self._queued, line)
-                self._findings += self._standing(result, begin_ns, end_ns, steps)
-                if self._twin.idle or result.parts:
-                    self._queued = ()
+        if not self._bounds.spindle or self._probing:
+            return
+        spans = list(times([result]))
+        if result.parts and spans[0][1] > result.time_ns:  # of a long program only the last steps are told
+            spans.insert(0, (spans[0][0], result.time_ns, spans[0][1]))
+            self._queued = (1,)
+        for line, begin_ns, end_ns in spans:
+            self._queued = (*self._queued, line)
+            self._findings += self._standing(result, begin_ns, end_ns, steps)
+            moved = any(motion.end_ns > begin_ns for motion in steps.motions[-1:])
+            if moved and (self._twin.idle or result.parts):
+                self._queued = ()
 
     def _standing(self, result: Result, begin_ns: int, end_ns: int, steps: Steps) -> Iterator[Finding]:
         """Cuts between two times in which the spindle was not as it should be, one a line."""
         drawn, pieces, last = self._drawn, np.zeros(0, dtype=np.int64), self._states[-1]
-        if last.t_ns <= begin_ns and not _stands(last, self._most_rpm) or len(self._findings) > MOST_FINDINGS:
+        as_it_should_be = last.t_ns <= begin_ns and not _stands(last, self._most_rpm)
+        if as_it_should_be or len(self._findings) > MOST_FINDINGS or (drawn is None and not self._stocks):
             return
         if drawn is not None:
             low = int(drawn.line.searchsorted(min(self._queued), side="left"))
-            high = int(drawn.line.searchsorted(max(self._queued), side="right"))
+            high = int(drawn.line.searchsorted(max(self._queued) + AHEAD_LINES, side="right"))
             pieces = np.arange(low, high)
             if not self._needing[low:high].any() or not (drawn.relay or self._ran):
                 return
-        elif not self._stocks:
-            return
-        asked_rpm = self._asked_rpm(pieces)
-        spans = [(state, a, b) for state, a, b in self._spans(begin_ns, end_ns) if _stands(state, asked_rpm)]
-        told: set[int] = set()
-        for state, a_ns, b_ns in spans:
-            t_ns = np.arange(a_ns, b_ns + 1, max(LOOK_NS, (b_ns - a_ns) // MOST_LOOKS))
-            way_mm = self._counted(t_ns, result, steps)
-            for k in np.flatnonzero((np.diff(way_mm, axis=0) != 0.0).any(axis=1)).tolist():
-                line = self._cut_there(way_mm[k : k + 2], pieces, state, result.number)
+        asked_rpm, told = self._asked_rpm(pieces), set[int]()
+        for state, a_ns, b_ns in reversed(list(self._spans(begin_ns, end_ns))):
+            if b_ns <= a_ns or not _stands(state, asked_rpm):
+                continue
+            t_ns = np.arange(a_ns, b_ns, max(LOOK_NS, (b_ns - a_ns) // MOST_LOOKS))
+            ways_mm = np.stack([self._counted(t, steps) for t in (t_ns, np.minimum(t_ns + LOOK_NS, b_ns))], axis=1)
+            for k in np.flatnonzero((ways_mm[:, 0] != ways_mm[:, 1]).any(axis=1)).tolist():
+                line = self._cut_there(ways_mm[k], pieces, state, result.number)
                 if line is not None and line not in told:
                     told.add(line)
                     at = (line, 1) if result.parts else None
@@ -183,8 +191,8 @@ class Machining:
             if state.t_ns <= begin_ns:
                 return
 
-    def _counted(self, t_ns: NDArray[np.int64], result: Result, steps: Steps) -> Floats:
-        """float64 [n, 3], where the counters were at these times of the line, in mm."""
+    def _counted(self, t_ns: NDArray[np.int64], steps: Steps) -> Floats:
+        """float64 [n, 3], where the counters were at these times of the line that is over, in mm."""
         after = np.zeros((len(t_ns), len(CARRIAGES)))
         for motion in reversed(steps.motions):
             if motion.end_ns <= t_ns[0]:
@@ -213,7 +221,7 @@ class Machining:
         apart_mm = np.linalg.norm(begin + share[:, None] * along - way_mm[0], axis=1)
         ahead = way_mm[1] - way_mm[0]
         apart_mm[along @ ahead < 0.7 * np.sqrt(square) * np.linalg.norm(ahead)] = np.inf
-        nearest = int(apart_mm.argmin())
+        nearest = int((apart_mm <= apart_mm.min() + ALIKE_MM).argmax())
         step_mm = max(axis.step_mm for axis in self._twin.machine.axes)
         piece = int(pieces[nearest])
         if apart_mm[nearest] > NEAR_MM + drawn.tolerance_mm + 3.0 * step_mm or not self._needing[piece]:
