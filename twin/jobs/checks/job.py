@@ -297,7 +297,7 @@ class Inspection:
         program; others: further findings."""
         findings = [finding for finding in self._findings if not _expected(finding, verdict, self.results)]
         findings += [*self._collisions(self.results[-1].number if self.results else None), *self._clearance()]
-        findings += [*_of_verdict(verdict, self._gone, self.results, self.bounds), *others, *self._machining.findings()]
+        findings += [*_of_verdict(verdict, self._gone, self.results, self.bounds), *others]
         if self.bounds.contour_mm is not None and self._watch.contour is None:
             findings.append(Finding("effect", "contour_mm has no effect: no file of a CAM program, or none that cuts"))
         if self.bounds.clearance is not None and self.twin.clearance is None:
@@ -305,6 +305,7 @@ class Inspection:
                 Finding("effect", "clearance has no effect: nothing is clamped that could be met ([[fixture]])")
             )
         placed = [*(_placed(finding, self.results) for finding in findings), *(cautions or ())]
+        placed += self._machining.findings()
         if self.bounds.strict:
             placed = [replace(finding, strict=True) for finding in placed]
         golden = Golden() if self._scribe is None else self._scribe.golden(verdict)

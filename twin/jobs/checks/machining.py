@@ -279,12 +279,12 @@ class Machining:
 
     def _joined(self) -> Iterator[Finding]:
         """What the twin has shown, with the lines of one cause as one."""
-        by_words: dict[str, list[Finding]] = {}
+        by_cause: dict[str, list[Finding]] = {}
         for one in self._findings:
-            by_words.setdefault(one.message, []).append(one)
-        for words, found in by_words.items():
+            by_cause.setdefault(one.message.partition(":")[0], []).append(one)
+        for found in by_cause.values():
             more = len({one.at or one.line for one in found}) - 1
-            yield replace(found[0], message=f"{words}{_more(more)}")
+            yield replace(found[0], message=f"{found[0].message}{_more(more)}")
 
     def _by_words(self) -> Iterator[Finding]:
         """The first cut of each stretch in which the spindle stands as the file has it."""
