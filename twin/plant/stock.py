@@ -34,7 +34,7 @@ class Stock:
     def __init__(self, name: str, corner_mm: Floats, cell_mm: float, top_mm: Floats) -> None:
         """corner_mm [2]: of the first cell; top_mm [cells along X, along Y]: -inf where nothing is."""
         self.name, self.whole_mm = name, top_mm
-        self._corner_mm, self._cell_mm, self._highest_mm = corner_mm, cell_mm, float(top_mm.max())
+        self._corner_mm, self.cell_mm, self._highest_mm = corner_mm, cell_mm, float(top_mm.max())
         self.restore()
 
     def restore(self) -> None:
@@ -43,9 +43,9 @@ class Stock:
 
     def cut(self, points_mm: Floats, radius_mm: float) -> None:
         """A tool of that radius stands with its tip at each point [n, 3]."""
-        reach = int(radius_mm / self._cell_mm)
+        reach = int(radius_mm / self.cell_mm)
         around = np.mgrid[-reach : reach + 1, -reach : reach + 1].reshape(2, -1)
-        around = around[:, (around**2).sum(axis=0) * self._cell_mm**2 <= radius_mm**2]
+        around = around[:, (around**2).sum(axis=0) * self.cell_mm**2 <= radius_mm**2]
         i, j = (self._cells(points_mm)[:, :, None] + around[:, None, :]).reshape(2, -1)
         there = (i >= 0) & (j >= 0) & (i < self.whole_mm.shape[0]) & (j < self.whole_mm.shape[1])
         heights = np.repeat(points_mm[:, 2], around.shape[1])
@@ -62,16 +62,16 @@ class Stock:
     def samples(self, start_mm: Floats, end_mm: Floats, radius_mm: float = 0.0) -> Floats:
         """float64 [n, 3], points of the straight way of a tool of that radius; none if it passes by."""
         low, high = np.minimum(start_mm, end_mm), np.maximum(start_mm, end_mm)
-        far = self._corner_mm + self._cell_mm * np.array(self.whole_mm.shape) + radius_mm
+        far = self._corner_mm + self.cell_mm * np.array(self.whole_mm.shape) + radius_mm
         if (high[:2] < self._corner_mm - radius_mm).any() or (low[:2] > far).any() or low[2] >= self._highest_mm:
             return np.zeros((0, 3))
-        apart_mm = max(self._cell_mm, radius_mm / DISCS)
+        apart_mm = max(self.cell_mm, radius_mm / DISCS)
         number = 1 + int(np.linalg.norm(end_mm - start_mm) / apart_mm)
         way: Floats = start_mm + np.linspace(0.0, 1.0, number + 1)[:, None] * (end_mm - start_mm)
         return way
 
     def _cells(self, points_mm: Floats) -> NDArray[np.int64]:
-        return np.floor((points_mm[:, :2] - self._corner_mm) / self._cell_mm).astype(np.int64).T
+        return np.floor((points_mm[:, :2] - self._corner_mm) / self.cell_mm).astype(np.int64).T
 
 
 def stocks(machine: Machine) -> tuple[tuple[Stock, ...], float, float]:

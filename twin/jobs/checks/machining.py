@@ -267,15 +267,20 @@ class Machining:
         if self._probing:
             return
         if self._bounds.spindle:
-            switched = self._ran if drawn is None else drawn.switches
-            cutting = any(one.rule == "spindle" for one in self._findings) or (drawn is not None and drawn.cuts.any())
-            if switched:
+            if self._ran if drawn is None else drawn.switches:
                 yield from self._joined()
                 yield from self._by_words()
-            elif cutting:
-                yield Finding("caution", UNSWITCHED)
+            elif (first := self._first_cut()) is not None:
+                yield replace(first, rule="caution", message=UNSWITCHED)
         if self._bounds.rapid and self._stocks and drawn is not None:
             yield from self._through_stock(drawn)
+
+    def _first_cut(self) -> Finding | None:
+        """The first cut of a job that never switches the spindle on."""
+        if self._drawn is None:
+            return next(iter(self._findings), None)
+        lines = self._drawn.line[self._drawn.cuts & ~self._lifts]
+        return Finding("spindle", "", int(lines[0])) if len(lines) else None
 
     def _joined(self) -> Iterator[Finding]:
         """What the twin has shown, with the lines of one cause as one."""
