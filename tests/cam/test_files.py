@@ -20,6 +20,7 @@ from isel_twin.cam.settings import CamSettings, read_cam
 from isel_twin.cam.toolpath import CamError, Element, End
 from isel_twin.language import create_language
 from tests.cam.short import UP, cautions, told
+from tests.cam.test_excellon import ALTIUM, EAGLE, KICAD, PCB
 from tests.cam.test_gcode import PRODUCERS as GCODE
 from tests.cam.test_gcode import PROGRAMS
 from tests.cam.test_hpgl import FIGURES, PEN, STAR
@@ -32,6 +33,7 @@ pytestmark = pytest.mark.long(seconds=6)
 FILES = [
     *(("ncp", text) for text in (LINES, RINGS, HOLES, RELATIVE, OUTPUTS, *NCP.values())),
     *(("gcode", text) for text in (*PROGRAMS, *GCODE.values())),
+    *(("excellon", text) for text in (KICAD, EAGLE, ALTIUM, PCB)),
     *(("hpgl", text) for text in (STAR, FIGURES, "IN;\nPU0,0;\nPD400,0;\n", "\x1b%0BIN;PU;PA40.0,40.0;")),
 ]
 
@@ -52,9 +54,9 @@ def test_the_suffix_decides_where_the_content_does_not() -> None:
 
 
 def test_readers_by_name() -> None:
-    assert reader_names() == ["gcode", "hpgl", "ncp"]
-    assert [reader_named(name).title for name in reader_names()] == ["G-code", "HPGL", "NCP"]
-    with pytest.raises(ValueError, match="unknown format 'dxf'; installed: gcode, hpgl, ncp"):
+    assert reader_names() == ["excellon", "gcode", "hpgl", "ncp"]
+    assert [reader_named(name).title for name in reader_names()] == ["Excellon", "G-code", "HPGL", "NCP"]
+    with pytest.raises(ValueError, match="unknown format 'dxf'; installed: excellon, gcode, hpgl, ncp"):
         reader_named("dxf")
 
 
@@ -81,6 +83,7 @@ def lines(name: str, number: int) -> Iterator[str]:
         "ncp": ("IMF_PBL\nVEL 100\n", "MOVEABS X{} Y{}\n", "MOVEABS Q5\n"),
         "gcode": ("G21\nG1 F100 X0\n", "X{} Y{}\n", "X1 Q5\n"),
         "hpgl": ("IN;\nPD;\n", "PA{},{};\n", "PE1;\n"),
+        "excellon": ("METRIC,TZ\nT1\n", "X{}Y{}\n", "X1 Q5\n"),
     }[name]
     yield from begin.splitlines(keepends=True)
     for at in range(number - 3):
@@ -95,7 +98,7 @@ def refused(path: Iterable[Element]) -> str:
     return str(caught.value)
 
 
-@pytest.mark.parametrize("name", ["ncp", "gcode", "hpgl"])
+@pytest.mark.parametrize("name", ["ncp", "gcode", "hpgl", "excellon"])
 def test_a_file_is_not_kept(name: str) -> None:
     refused(reader_named(name).read(lines(name, 10), PEN))  # loads what it needs
     tracemalloc.start()
@@ -186,7 +189,7 @@ WORDS = st.lists(
 ).map(lambda words: "".join(words).encode())
 
 
-@pytest.mark.parametrize("name", ["ncp", "gcode", "hpgl"])
+@pytest.mark.parametrize("name", ["ncp", "gcode", "hpgl", "excellon"])
 @given(data=st.one_of(st.binary(max_size=300), WORDS, WORDS.map(lambda data: b"IMF_PBL\nVEL 9\n" + data)))
 @settings(max_examples=drawn(150), deadline=None)
 def test_any_bytes_are_read_or_refused_in_one_line(name: str, data: bytes) -> None:
@@ -255,7 +258,12 @@ def test_a_cut_of_some_micrometres_is_said_to_be_in_another_unit(reader: str, te
 def test_a_file_that_cuts_as_high_as_it_travels_is_plausible() -> None:
     assert told("gcode", "G21 G90 F60\nG0 X1\nG1 X2\nM2\n", UP) == ["rapid 1 0 0", "line 2 0 0 F1", "end"]
     assert told("gcode", "G21 G90 F60\nG0 X1\nG1 X2 Z0.001\nM2\n", UP)[-2:] == ["caution", "end"]
-    assert "caution" not in told("gcode", "G21 G90 F60\nG0 X1 Z5\nG1 X2 Z1\nM2\n", UP)
+    for body in (
+        "G0 X1 Z5\nG1 X2 Z1",
+        "G0 X1\nG1 Z-1\nX2\nZ5\nG0 X0",  # drawn back by a feed, as posts without rapids write it
+        "G0 X1 Z5\nG1 Z-9\nX2\nG0 Z-8\nX1\nG1 X2 Z-2\nG0 Z-8\nX0\nG1 Z-2\nG0 Z5",  # rapids within a pocket
+    ):
+        assert "caution" not in told("gcode", f"G21 G90 F60\n{body}\nM2\n", UP)
 
 
 def test_a_format_is_claimed_by_more_than_a_quarter_of_its_statements() -> None:
@@ -302,7 +310,7 @@ def test_settings_are_read_from_a_table() -> None:
         ({"zeros": 3}, "cam.zeros: 3; allowed: a table such as { name = value }"),
         ({"z_sign": 0}, "cam.z_sign: 0; allowed: 1, -1"),
         ({"rapid_mm_s": -1}, "cam.rapid_mm_s: -1; allowed: 0.001 .. 10000 mm/s"),
-        ({"dialect": "fanuc"}, "cam.dialect: 'fanuc'; allowed: \"\", rs274, din"),
+        ({"dialect": "fanuc"}, "cam.dialect: 'fanuc'; allowed: \"\", rs274, din, winpc"),
         ({"strict": 1}, "cam.strict: 1; allowed: true, false"),
         ({"outputs": {"spindle": 1.5}}, "cam.outputs.spindle: 1.5; allowed: a whole number"),
     ],
@@ -336,8 +344,6 @@ def test_a_reader_stops_at_the_end_of_the_program() -> None:
         (b"ISO-10303-21;\nHEADER;\n", "a STEP body"),
         (b"%!PS-Adobe-3.0 EPSF-3.0\n", "PostScript"),
         (b"G04 a board*\n%FSLAX46Y46*%\n%MOMM*%\n", "a Gerber drawing"),
-        (b"M48\nINCH\nT01C0.035\n%\n", "an Excellon drill file; gerbv -x idrill"),
-        (b"M48\n;by hand\nMETRIC,TZ\nT1C0.8\n%\n", "an Excellon drill file; gerbv -x idrill"),
         (b"P1\nG90 G0 X1\nM30\n", "a program of the BWO 900 without numbers of blocks"),
         (b"\x89PNG\r\n\x1a\n", "a picture"),
         (b'{"a": 1}\n', "JSON"),
@@ -366,3 +372,19 @@ def test_what_is_no_job_is_named(content: bytes, what: str) -> None:
 )
 def test_jobs_are_not_taken_for_drawings(content: bytes) -> None:
     assert head_of(content)
+
+
+@pytest.mark.parametrize(
+    ("content", "suffix", "what"),
+    [
+        (b"#axis xyz;\n#steps 80,80,80;\n#input\nreference xyz;\nmove 10(5000),0(3000);\nstop.\n", ".pal", "PAL-PC"),
+        (b"; a plate\n{ by hand }\n#axis xyz;\nreference xyz;\nmoverel 10(5000),0(3000);\nstop.\n", ".txt", "PAL-PC"),
+        (b"ProgBegin\nFastVel 50.0\nRef xyz\nFastAbs X10.0 Y5.0\nProgEnd\n", ".iso", "ProNC"),
+        (b"N1 ProgBegin\nN2 FOR R1 = 1, 10, 1\nN3 MoveAbs X10 Y20\nN4 ENDFOR\nN5 ProgEnd\n", ".pal", "ProNC"),
+        (b'G21 G90\nmsg "insert the tool"\nG0 X5\nM30\n', ".nc", "EdingCNC"),
+        (b"G21 G90\nG0 X5\ngosub change_tool\nM30\n", ".cnc", "EdingCNC"),
+    ],
+)
+def test_sources_of_other_programs_are_named(content: bytes, suffix: str, what: str) -> None:
+    with pytest.raises(CamError, match=what):
+        deque(reader_for(head_of(content), suffix).read(text_lines(io.BytesIO(content)), UP), maxlen=0)

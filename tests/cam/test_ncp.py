@@ -175,28 +175,41 @@ HEAD = "IMF_PBL_V1.0\nFASTVEL 40000\n"
 @pytest.mark.parametrize(
     ("body", "error"),
     [
-        ("FASTVEL 1000\nREPEAT 5", "line 4, column 1: unknown word 'REPEAT'; "),
+        (
+            "FASTVEL 1000\nREPEAT 5",
+            "line 4, column 1: REPEAT: is of a source of ProNC, which is compiled there: its .ncp is run here",
+        ),
         ("MOVEABD X5", "line 3, column 1: unknown word 'MOVEABD'; did you mean 'MOVEABS'?"),
         ("FASTABS X1 X2", "line 3, column 12: FASTABS: X is there twice"),
         ("FASTABS X", "line 3, column 9: FASTABS: X has no number"),
-        ("FASTABS", "line 3, column 1: FASTABS: names no axis; write X, Y or Z behind it"),
+        ("FASTABS", "line 3, column 1: FASTABS: names no axis"),
         ("N5 MOVEABS X1", "line 3, column 4: MOVEABS comes before the first VEL; write VEL, or set feed_mm_s"),
         ("CWABS I1000 X2000", "line 3, column 1: CWABS comes before the first VEL; write VEL, or set feed_mm_s"),
         ("VEL 0", "line 3, column 1: VEL: must be more than 0"),
         ("VEL -5", "line 3, column 5: VEL: -5 is out of range; allowed: 0 .. 1e+09"),
         ("GETTOOL -1", "line 3, column 9: GETTOOL: -1 is out of range; allowed: 0 .. 1e+06"),
         ("SPINDLE CW RPM-5", "line 3, column 15: SPINDLE: -5 is out of range; allowed: 0 .. 1e+06"),
-        ("VEL 10\nCWABS I0 J0", "line 4, column 1: CWABS: radii to start and end are 0.0000 and 0.0000 mm; "),
-        ("VEL 10\nCWABS I5000 J0 X9000", "line 4, column 1: CWABS: radii to start and end are 5.0000 and 4.0000 mm; "),
-        ("VEL 10\nCWABS I5000 J0 A5", "line 4, column 1: CWABS: this machine has no axis A; leave A out"),
-        ("VEL 10\nCWABS X5", "line 4, column 1: CWABS: has no centre; write I and J"),
+        (
+            "VEL 10\nCWABS I0 J0",
+            "line 4, column 1: CWABS: the radii to start and end are 0.0000 and 0.0000 mm with its centre as an offset",
+        ),
+        (
+            "VEL 10\nCWABS I5000 J0 X9000",
+            "line 4, column 1: CWABS: the radii to start and end are 5.0000 and 4.0000 mm with its centre as an offset",
+        ),
+        ("VEL 10\nCWABS I5000 J0 A5", "line 4, column 1: CWABS: this machine has no axis A"),
+        ("VEL 10\nCWABS X5", "line 4, column 1: CWABS: has no centre I J"),
         ("DRILL X1", "line 3, column 1: DRILL comes before the first VEL; write VEL, or set feed_mm_s"),
         ("VEL 10\nDRILL X1", "line 4, column 1: DRILL: its depth is not known; write DRILLDEF D first"),
-        ("FASTABS B5", "line 3, column 1: FASTABS: this machine has no axis B; leave B out"),
+        ("FASTABS B5", "line 3, column 1: FASTABS: this machine has no axis B"),
         ("VEL 10\nCCWHLXABS I5000 J0 W90", "line 4, column 1: CCWHLXABS: W90 does not lead to its end"),
         ("WPREG2ACT", "line 3, column 1: WPREG: zero 2 is not known; set zeros.2 = [x, y, z]"),
         ("SETPORT A4=1", "line 3, column 1: SETPORT: wants a port and its eight bits, as A4=00000001"),
-        ("REF XYZ", "line 3, column 1: REF: a reference run is the machine's, not the job's; leave the line out"),
+        ("REF A", "line 3, column 1: REF: 'A' names no axes of this machine; allowed: X, Y, Z"),
+        ("LIMIT 5", "line 3, column 1: unknown word 'LIMIT'; "),
+        ("FASTABS A0 X5", "line 3, column 1: FASTABS: this machine has no axis A; leave A0 out"),
+        ("FASTABS X5,5", "line 3, column 10: FASTABS: 5,5 has a comma; write 5.5"),
+        ("FASTABS X5e3", "line 3, column 10: FASTABS: 5E3 has an exponent; write 5000"),
         ("FASTABS X99999999999", "line 3, column 10: FASTABS: 99999999999 is out of range; allowed: -1e+09 .. 1e+09"),
         (
             "DRILLDEF C2 D1000000 F1 O1 V10\nDRILL X1",
@@ -231,14 +244,14 @@ def test_errors_name_the_place_and_the_remedy(body: str, error: str) -> None:
         ("(Steps per circle: 64)\nIMF_PBL\nPROGEND", "a line that begins with ( is taken as a remark"),
         ("IMF_PBL\nCOOLANT_OFF\nPROGEND", "COOLANT_OFF is read as COOLANT OFF"),
         ("IMF_PBL\nINCH\nPROGEND", "INCH: numbers are read as 1/1000 inch"),
-        ("IMF_PBL\nDRILLDEF D12 V5\nDRILL X1\nPROGEND", "DRILLDEF D is in um: less than 100 is next to nothing; "
+        ("IMF_PBL\nDRILLDEF D90 V5000\nDRILL X1\nPROGEND", "DRILLDEF D is in um: less than 100 is next to nothing; "
          "mm were meant?"),
-        ("IMF_PBL\nVEL 5\nFASTABS X9000 Y5000\nCWABS I14000 X19000\nPROGEND",
+        ("IMF_PBL\nVEL 5000\nFASTABS X9000 Y5000\nCWABS I14000 X19000\nPROGEND",
          "an arc without I or J: its centre has this axis of its start"),
-        ("IMF_PBL\nVEL 5\nFASTABS X9000 Y5000\nCWABS I5000 J0 X19000 Y5000\nPROGEND",
+        ("IMF_PBL\nVEL 5000\nFASTABS X9000 Y5000\nCWABS I5000 J0 X19000 Y5000\nPROGEND",
          "I and J are read as offsets from the start: only so the radii to start and end are equal"),
-        ("IMF_PBL\nVEL 5\nFASTABS Z-5000\nMOVEABS Z1000\nPROGEND", "Z of this file seems to count downwards: it cuts "
-         "above its rapid moves; if so, set file_z_up = false"),
+        ("IMF_PBL\nVEL 5000\nFASTABS Z-5000\nMOVEABS Z1000\nPROGEND",
+         "Z of this file seems to count downwards: it cuts above its rapid moves; if so, set file_z_up = false"),
     ],
 )  # fmt: skip
 def test_what_is_ambiguous_is_said_once(text: str, caution: str) -> None:
@@ -271,7 +284,7 @@ PRODUCERS = {
     "Autodesk": "IMF_PBL part\n; 3 min\nN10 METRIC\nN15 WPCLEAR\nN20 FASTABS Z0\nN25 WPZERO STANDARD\nN30 GETTOOL 3\n"
     "N35 SPINDLE CW RPM12000\nN40 FASTABS X1000 Y2000\nN45 COOLANT ON\nN50 VEL 16667\nN55 MOVEABS Z-1000\n"
     "N60 CCWABS I3000 J2000\nN65 COOLANT OFF\nN70 SPINDLE OFF\nN75 PROGEND\n",
-    "HSMWorks": "IMF_PBL\nN10 INITTOOL\nN15 SPINDLE ON CW RPM12000\nN20 WPREG 1 ACT\nN25 FASTABS X1000\nN30 VEL 100\n"
+    "HSMWorks": "IMF_PBL\nN10 INITTOOL\nN15 SPINDLE ON CW RPM12000\nN20 WPREG 1 ACT\nN25 FASTABS X1000\nN30 VEL 10000\n"
     "N35 PLANE XZ\nN40 CWABS I2000 J0 X3000\nN45 WPCLEAR\nN50 FASTABS Z0\nN55 FASTABS X0 Y0\nN60 PROGEND\n",
     "Vectric": " IMF_PBL_V1.0\r\n ;-----\r\n PLANE XY\r\n FASTVEL 40000\r\n SPINDLE OFF\r\n COOLANT OFF\r\n GETTOOL 1"
     "\r\n SPINDLE CW RPM15000 TIME2000\r\n TYPE Please; wait\r\n FASTABS Z5000\r\n VEL 900\r\n"

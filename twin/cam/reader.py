@@ -3,13 +3,27 @@
 from __future__ import annotations
 
 import io
+import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
-from itertools import islice
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import islice, takewhile
 from typing import BinaryIO, Protocol
 
+from isel_twin.cam.feeds import Feeds
 from isel_twin.cam.settings import CamSettings
-from isel_twin.cam.toolpath import Arc, CamError, Caution, Element, End, Line, Place, Rapid, Toolpath
+from isel_twin.cam.toolpath import (
+    Arc,
+    CamError,
+    Caution,
+    Element,
+    End,
+    Line,
+    Place,
+    Rapid,
+    Reference,
+    Spindle,
+    Toolpath,
+)
 
 HEAD_LINES = 200  # that say something, by which a file is recognised
 HEAD_BYTES = 1 << 20  # at its beginning, in which they are looked for
@@ -30,8 +44,9 @@ _NO_TEXT: Mapping[str, str] = {
     "\xfe\xff": "is UTF-16; save it as UTF-8",
 }
 _DRAWN = "it has shapes, no way of a tool; make toolpaths of it with a CAM program"
+_PAL = r"#(axis|steps|elev|units|ref_speed)\b|reference\s+[xyza]+\s*;|move(to|rel)?\s+-?[\d.]+\(\d"
 _NO_JOB = {  # by the first lines of a text
-    rf"\s*{pattern}": f"is {what}"
+    rf"\s*+{pattern}": f"is {what}"
     for pattern, what in {
         r"(999\s[^\n]*\n\s*)*0\s+SECTION\b": f"a DXF drawing: {_DRAWN}",
         r"(<\?xml[^>]*>\s*)?(<!--[^>]*>\s*|<!DOCTYPE[^>]*>\s*)*<svg\b": f"an SVG drawing: {_DRAWN}",
@@ -42,10 +57,16 @@ _NO_JOB = {  # by the first lines of a text
         r"ISO-10303-21;": f"a STEP body: {_DRAWN}",
         r"%!PS": f"PostScript: {_DRAWN}, or with pstoedit",
         r"(G04[^\n]*\*\s*)*%(FS[LT][AI]|MO(MM|IN)\*|TF\.)": "a Gerber drawing; pcb2gcode makes toolpaths of it",
-        r"P\d+\s*\n\s*[GMXYZ]": "a program of the BWO 900 without numbers of blocks (N10 ...); for G-code leave P out",
-        r"M48\s+(INCH|METRIC|FMAT|VER|T\d+[CF])": "an Excellon drill file; gerbv -x idrill makes an NCP file of it",
+        rf"(.*\n){{0,20}}?\s*+({_PAL})": "a source of PAL-PC; what that sends can be recorded and run",
+        r"P\d+\s*\n\s*[GMXYZ]": (
+            "a program of the BWO 900 without numbers of blocks (N10 ...); for G-code leave that line out"
+        ),
     }.items()
 }
+_DRILL_HEADER = re.compile(r"\s*(INCH\b|METRIC\b|FMAT,|ICI\b|T\d+[^;M]*C\.?\d)", re.I)
+_DRILL_POINT = re.compile(r"\s*(T\d+)?([XY][-+]?[\d.]+|G85)+\s*$", re.I)
+_DRILL_TOOL = re.compile(r"\s*T\d+([CFS][\d.]+)*\s*$", re.I)
+_DRILL_REST = re.compile(r"\s*(%|M(00|30|7[12]|95)|G(05|9[01]|93.*)|R\d+[XY].*|(INCH|METRIC)\b.*)\s*$", re.I)
 _BINARY = 4  # control characters that texts have not, in the first _BEGIN bytes
 _BEGIN = 512
 _CONTROLS = bytes({*range(32)} - {3, 9, 10, 11, 12, 13, 26, 27})  # ETX and ESC are in HPGL, 26 ends a text
@@ -96,6 +117,20 @@ def mostly(head: str, pattern: re.Pattern[str]) -> bool:
     return sum(bool(pattern.match(line)) for line in lines) > len(lines) // 4
 
 
+def drills(head: str) -> bool:
+    """Is it a drill file? One begins with M48, as G-code may, and has a header of its own words up to % or M95; or has
+    nothing but tools and points (cam/12)."""
+    lines = statements(head)
+    begin = 1 if lines and lines[0].strip() == "%" else 0
+    if lines[begin:] and re.match(r"\s*M48\s*$", lines[begin], re.I):
+        header = list(takewhile(lambda line: line.strip().upper() not in ("%", "M95"), lines[begin + 1 :]))
+        ends = len(header) < len(lines) - begin - 1
+        return any(map(_DRILL_HEADER.match, header)) or (ends and not any("G" in line.upper() for line in header))
+    points, tools = ([bool(each.match(line)) for line in lines] for each in (_DRILL_POINT, _DRILL_TOOL))
+    known = (point or tool or _DRILL_REST.match(line) for point, tool, line in zip(points, tools, lines, strict=True))
+    return any(points) and any(tools) and all(known)
+
+
 def text_lines(file: BinaryIO) -> Iterator[str]:
     """Lines of a file of any size, with "\\n" at their ends: UTF-8, a line that is not is Latin-1 (cam/11). CR LF, LF
     and CR alone end a line, and Ctrl-Z the text. Raises CamError for what is no text."""
@@ -135,6 +170,18 @@ def _decoded(line: str) -> str:
         return line
 
 
+def unusual(number: str) -> str:
+    """Why a number with a decimal comma or an exponent is not read, and how it is written; "" for any other."""
+    if "," not in number and "e" not in number.lower():
+        return ""
+    what = "a comma" if "," in number else "an exponent"
+    try:
+        plain = f"{float(number.replace(',', '.')):.9f}".rstrip("0").rstrip(".")
+    except ValueError:
+        return f"{number[:30]} has {what}"
+    return f"{number[:30]} has {what}; write {plain}"
+
+
 class Once:
     """Cautions of a file: the first of each kind."""
 
@@ -148,29 +195,38 @@ class Once:
         return (Caution(place, text),)
 
 
-def plausible(path: Toolpath, settings: CamSettings) -> Toolpath:
-    """The same toolpath; before its end a caution if it cuts above the height at which it travels (cam/14), or less
-    deep than it can be meant (cam/34)."""
-    rapids = cuts = 0
-    travel = cut = 0.0
-    deepest = zero = settings.machine_point(settings.zero)[2]
+def plausible(path: Toolpath, settings: CamSettings, per_mm_s: Callable[[], float]) -> Toolpath:
+    """The same toolpath; before its end a caution if its highest point is cut and its lowest is travelled (cam/14), if
+    it cuts less deep than it can be meant (cam/34), or at feeds out of proportion (cam/39). per_mm_s: of `Feeds`."""
+    travel, cut = [math.inf, -math.inf], [math.inf, -math.inf]  # lowest and highest Z
+    zero = settings.machine_point(settings.zero)[2]
+    feeds, at = Feeds(settings, per_mm_s), settings.machine_point(settings.start)
     element: Element
     for element in path:
         kind = type(element)
-        if kind is Line or kind is Arc:
-            z = element.to[2]  # type: ignore[union-attr]
-            cuts += 1
-            cut += z
-            if z < deepest:
-                deepest = z
-        elif kind is Rapid:
-            rapids += 1
-            travel += element.to[2]  # type: ignore[union-attr]
+        if kind is Line or kind is Arc or kind is Rapid:
+            if kind is Rapid:
+                heights = travel
+            else:
+                heights = cut
+                if element.feed_mm_s > feeds.across_mm_s:  # type: ignore[union-attr]
+                    feeds.cut(element, at)  # type: ignore[arg-type]
+            at = element.to  # type: ignore[union-attr]
+            z = at[2]
+            if z < heights[0]:
+                heights[0] = z
+            if z > heights[1]:
+                heights[1] = z
+        elif kind is Spindle:
+            feeds.spindle(element)  # type: ignore[arg-type]
+        elif kind is Reference:
+            at = element.ends(at)  # type: ignore[union-attr]
         elif kind is End:
-            if rapids and cuts and cut / cuts > travel / rapids + 1e-9:
+            yield from feeds.caution()
+            if travel[0] <= cut[0] and cut[1] > travel[1] + 1e-9:
                 why = "it cuts above its rapid moves; if so, set file_z_up = false"
                 yield Caution(element.place, f"Z of this file seems to count downwards: {why}")
-            if 1e-9 < (depth := zero - deepest) < SHALLOW_MM:
+            if 1e-9 < (depth := zero - cut[0]) < SHALLOW_MM:
                 told = f"the deepest cut is {1000.0 * depth:.3g} um below the zero of the work"
                 yield Caution(element.place, f"{told}; is the file in another unit?")
         yield element

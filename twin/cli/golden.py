@@ -29,6 +29,7 @@ Jobs = Annotated[Path, Parameter(help="Files of controller commands, one a line.
 def record(
     *jobs: Jobs,
     twin: options.TwinOptions = options.DEFAULT_TWIN,
+    line: options.LineOptions = options.NO_LINE,
     form: FormatName = None,
     timeout: options.Timeout = 3600.0,
     replace: options.Replace = False,
@@ -44,7 +45,7 @@ def record(
             raise CallError(f"{file}: is there already; --replace replaces it, golden compare compares with it")
     from isel_twin.jobs.golden import called
 
-    call = twin.spec()
+    call = line.on(twin.spec())
     for job, file in files:
         made, cautions = _play(job, call, form, timeout)
         run = called(made, call, job, file)
@@ -140,8 +141,10 @@ def _call(head: dict[str, Any], file: Path, asked: dict[str, Any]) -> TwinSpec:
     if asked["machine"] is None and (folder / machine).is_dir():
         machine = str(folder / machine)
     scenario = folder / head["scenario"] if head.get("scenario") else None
-    overrides = head.get("set", {})
-    return TwinSpec(machine, head["controller"], head["plant"], head.get("seed", 0), scenario, overrides=overrides)
+    call = TwinSpec(machine, head["controller"], head["plant"], head.get("seed", 0), scenario)
+    with call_errors(file):
+        line = {key: head[key] for key in ("line_speed", "adapter_ms") if key in head}
+        return call.with_(overrides=head.get("set", {}), **line)
 
 
 def _write(file: Path, run: Golden) -> None:

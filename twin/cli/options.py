@@ -2,6 +2,7 @@
 
     --machine --controller --plant --seed --flash --scenario --set   which twin (TwinOptions)
     --workers     processes that share the work, without effect on results
+    --line-speed, --adapter-ms    the time of the serial line (LineOptions)
     --timeout     virtual seconds to wait for a reply
     --robust      repetitions on other machines of the kind, as one can buy them
     --uncertain   repetitions on what this machine may be, as far as its numbers are known
@@ -145,6 +146,27 @@ class SessionTwin(TwinOptions):
     flash: Annotated[Path | None, Parameter(help="The controller's flash memory; only read.")] = None
 
 
+@Parameter(name="*")
+@dataclass(frozen=True)
+class LineOptions:
+    """The line between host and controller, where its time counts."""
+
+    line_speed: Annotated[
+        Whole | None, Parameter(help="Bytes take their time on the line, at this speed in bit/s. Without, none.")
+    ] = None
+    adapter_ms: Annotated[
+        float | None, Parameter(help="Number of ms after which a USB adapter hands replies on; FTDI: 16.")
+    ] = None
+
+    def on(self, call: TwinSpec) -> TwinSpec:
+        """The call with this line. Raises CallError."""
+        try:
+            return call.with_(**{name: value for name, value in vars(self).items() if value is not None})
+        except ValueError as error:
+            raise CallError(str(error), option=True) from None
+
+
+NO_LINE = LineOptions()
 DEFAULT_TWIN = TwinOptions()
 DEFAULT_SESSION_TWIN = SessionTwin()
 TOKEN = "ISEL_TWIN_TOKEN"  # environment variable

@@ -326,6 +326,7 @@ class TableOutput:
             edge, axis, line = verdict.least_edge
             told.append(f"{axis.upper()}: unstable above {edge:.2f} times the speed of line {line}")
         told.append(f"{verdict.time_ns / SECOND_NS:.3f} s of machine time")
+        told += [verdict.line_told] if verdict.line_told else []
         self._print("")
         style = "bold green" if verdict.ok else "bold red"
         for line, what in verdict.odd:

@@ -114,6 +114,7 @@ def tune(
     set: options.Overrides = (),
     scenario: options.ScenarioFile = None,
     flash: Annotated[Path | None, Parameter(help="The controller's flash memory; is only read.")] = None,
+    line: options.LineOptions = options.NO_LINE,
     form: FormatName = None,
     timeout: options.Timeout = 3600.0,
     storage: Annotated[
@@ -164,7 +165,8 @@ def tune(
     permanent = permanent or job.with_name(f"{job.stem}.permanent{job.suffix}")
     options.check_writable(out, permanent, picture, file, kept=(job, scenario, flash))
     overrides = options.parse_overrides(set)
-    call = clamped(TwinSpec(machine, controller, "mujoco", seed, scenario, None, overrides=overrides), job)
+    call = TwinSpec(machine, controller, "mujoco", seed, scenario, None, overrides=overrides)
+    call = clamped(line.on(call), job)
 
     _, source = read_source(job, call, form)  # reports errors with their line
     say_cautions(job, () if source is None else source.cautions)

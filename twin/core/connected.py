@@ -23,6 +23,7 @@ from isel_twin.controller import (
     HoldsHost,
     KeepsBytes,
     Output,
+    ReferenceSearch,
     Remark,
     Reply,
     Step,
@@ -165,10 +166,12 @@ class Connected:
                 outputs_changed = True
             elif isinstance(event, Reply):
                 self._wiring.heard(event.data, sent=False)
-                self._line.from_controller(self.time_ns, event.data, self._controller.serial_format.byte_ns)
+                self._line.from_controller(self.time_ns, event.data, self.serial_format.byte_ns)
             elif isinstance(event, CounterSet):
                 self._position.counter_set(event.axis, event.value)
                 self._note("counter", event)
+            elif isinstance(event, ReferenceSearch):
+                self._wiring.search(event.axis, event.found)
             elif isinstance(event, FlashWrite):
                 self._store(event.image)
             elif isinstance(event, Remark):

@@ -50,7 +50,7 @@ LONG_STEP = 60  # characters of a step of a program that are shown
 TOLERANCE_MM = 0.002
 TOLERANCE_STEPS = 2  # of lost steps; smaller differences are load angle
 
-_HEAD = ("format", "job", "machine", "controller", "plant", "seed", "scenario", "set")
+_HEAD = ("format", "job", "machine", "controller", "plant", "seed", "scenario", "set", "line_speed", "adapter_ms")
 _END = ("ok", "cycle_s", "counts", "position_mm", "lost_steps", "collisions")  # the last only if there are some
 
 
@@ -180,6 +180,10 @@ def called(run: Golden, call: TwinSpec, job: Path, file: Path) -> Golden:
         head["set"] = dict(call.overrides)
     if call.scenario is not None:
         head["scenario"] = seen(call.scenario)
+    if not isinstance(call.line_speed, bool):
+        head["line_speed"] = call.line_speed
+    if call.adapter_ms:
+        head["adapter_ms"] = call.adapter_ms
     return replace(run, call=head)
 
 
@@ -229,8 +233,17 @@ def load(path: str | Path) -> Golden:
 
 
 # types of values that are not text
-_KINDS: dict[str, tuple[type, ...]] = {"seed": (int,), "line": (int,), "set": (dict,), "ok": (bool,)}
-_KINDS |= {"cycle_s": (int, float), **dict.fromkeys(("counts", "ticks", "position_mm", "lost_steps"), (list,))}
+_KINDS: dict[str, tuple[type, ...]] = {
+    "seed": (int,),
+    "line_speed": (int,),
+    "line": (int,),
+    "set": (dict,),
+    "ok": (bool,),
+}
+_KINDS |= {
+    **dict.fromkeys(("cycle_s", "adapter_ms"), (int, float)),
+    **dict.fromkeys(("counts", "ticks", "position_mm", "lost_steps"), (list,)),
+}
 _KINDS["collisions"] = (list,)
 
 

@@ -19,6 +19,10 @@ anew before its last reply, whatever it answers afterwards.
 A servo drive loses nothing; it switches itself off if its following error exceeds its limit. That is as bad as lost
 steps, even if it was switched on again.
 
+The line between host and controller takes no time unless that is asked for. What it would take is told where that is
+more than a fiftieth of the job: the bits of all bytes, one after the other, at most, as a controller may move meanwhile
+(jobs/16).
+
 Events of a scenario without effect are no failure of the job, but they are counted: an emergency stop after the end of
 the job, for example, has tested nothing.
 """
@@ -36,6 +40,7 @@ from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.base.units import SECOND_NS
 from isel_twin.core.snapshot import snapshot
 from isel_twin.jobs.odd import oddities
+from isel_twin.jobs.why import referenced_astray
 from isel_twin.plant import Collision
 from isel_twin.wiring import LineFaults
 from isel_twin.wiring.contacts import FAULTS
@@ -52,6 +57,8 @@ HALF_A_SLIP = "stopped half a slip off, held there by friction alone"
 NOT_SIMULATED = "lost steps, margins and loads were not simulated"
 
 SHOWN_UNMET = 10  # lines of a job that are named if they did not get what they expected
+
+LEAST_LINE = 0.02  # share of the time of a job from which on that of its bytes is told
 
 SETTLE_S = 0.5  # virtual time for the machine to come to rest after the last command, before judging
 
@@ -107,7 +114,7 @@ class Verdict:
     stands: str = ""  # where and why the program of a host that has ended stopped before its end
     restarts: int = 0  # unexpected restarts of the controller before the end of the last command
     line_faults: LineFaults = field(default_factory=LineFaults)  # unexpected ones since power-on
-    astray: tuple[str, ...] = ()  # what has been referenced without its end switch, of each line that has
+    astray: tuple[str, ...] = ()  # axes that have been referenced though no end switch of theirs was struck
     unpowered_steps: int = 0  # unexpected steps of all axes while the stages had no power
     stores_lost: int = 0  # writes that the flash memory could not store
     odd: tuple[tuple[int, str], ...] = ()  # legal but absurd lines: number and description (odd.py)
@@ -124,12 +131,24 @@ class Verdict:
     events_after_end: int = 0  # events of the scenario that were still to come when the last command was over
     collisions: tuple[Collision, ...] = ()  # of bodies that must not meet, since the first command was sent
     events_without_effect: int = 0  # forces, cuts and lost phases of the scenario on a plant without physics
+    line: str = ""  # form of a byte on the line
+    bytes_ns: int = 0  # time that the bytes of all commands and replies take on it, one after the other
+    line_counts: bool = False  # they take it: it is in the time of the job
     unwritten: tuple[str, ...] = ()  # files about the job that are not on the disk, or not whole
     found: tuple[str, ...] = ()  # what else is wrong, such as signals of a capture that drives may misread
+    not_made: str = ""  # lines of the file that were left out, as a part was asked for; no failure
 
     @property
     def cycle_s(self) -> float:
         return (self.ended_ns - self.began_ns) / SECOND_NS
+
+    @property
+    def line_told(self) -> str:
+        """The part of the line in the time of the job, or what it would add; "" for little."""
+        if self.bytes_ns <= LEAST_LINE * (self.ended_ns - self.began_ns):
+            return ""
+        took = f"up to {self.bytes_ns / SECOND_NS:.3f} s"
+        return f"{took} of it on the line, {self.line}" if self.line_counts else f"{took} more on a line of {self.line}"
 
     @property
     def controller_fault(self) -> bool:
@@ -138,7 +157,7 @@ class Verdict:
 
     @property
     def fault_left(self) -> str:
-        """The error in which the controller stands and that the job does not expect; "" without one."""
+        """The error in which the controller stands and that the job does not expect (jobs/15); "" without one."""
         return "" if self.fault_cause == self.fault_known else self.fault_cause
 
     @property
@@ -196,9 +215,10 @@ class Verdict:
     @property
     def headline(self) -> str:
         """The verdict in a few words, "all well" only as far as it was looked at."""
+        part = f", but {self.not_made} not made" if self.not_made else ""
         if not self.ok:
-            return "failed"
-        well = "all well" if self.physics else "all well as far as simulated"
+            return f"failed{part}"
+        well = f"all well{'' if self.physics else ' as far as simulated'}{part}"
         idle = [(self.events_without_effect, "without effect (no physics)"), (self.events_after_end, AFTER_END)]
         but = ", ".join(f"{number} event{'' if number == 1 else 's'} {what}" for number, what in idle if number)
         return f"{well}, but for the scenario: {but}" if but else well
@@ -246,6 +266,8 @@ class Verdict:
             "halfway": list(self.halfway),
             "expectations": self.expectations,
             "unmet": list(self.unmet),
+            "bytes_ns": self.bytes_ns,
+            "line_counts": self.line_counts,
         }
         if any(error is not None for error in self.following_error):
             told |= {"following_error": list(self.following_error), "switched_off": list(self.switched_off)}
@@ -255,6 +277,8 @@ class Verdict:
         if self.astray:
             told["astray"] = list(self.astray)
         told |= {name: list(values) for name in ("unwritten", "found") if (values := getattr(self, name))}
+        if self.not_made:
+            told["not_made"] = self.not_made
         if self.collisions:
             told |= {"collisions": [collision.content for collision in self.collisions]}
         return told
@@ -278,7 +302,7 @@ def judge(
         stands="" if host_since_ns is None else twin.unfinished,
         restarts=sum(result.restarts for result in _since_known(results)) if results else twin.restarts,
         line_faults=_unexpected(twin.line_faults, [result.line_known for result in results]),
-        astray=tuple(result.astray for result in results if result.astray),
+        astray=twin.astray,
         unpowered_steps=int(twin.unpowered_steps.sum()) - _last([result.unpowered_known for result in results]),
         stores_lost=twin.stores_lost,
         physics=twin.physics,
@@ -315,6 +339,9 @@ def judge(
         events_after_end=events_after_end,
         collisions=tuple(collision for collision in twin.collisions if collision.time_ns >= began_ns),
         events_without_effect=twin.events_without_effect,
+        line=str(twin.serial_format),
+        bytes_ns=sum(result.bytes_ns for result in results),
+        line_counts=twin.line_speed,
     )
 
 
@@ -337,7 +364,8 @@ def _problems(verdict: Verdict, refused: str) -> Iterator[str]:
         yield f"the controller restarted {'once' if verdict.restarts == 1 else f'{verdict.restarts} times'}"
     if any(verdict.line_faults):
         yield verdict.line_faults.in_words()
-    yield from dict.fromkeys(verdict.astray)
+    if verdict.astray:
+        yield referenced_astray(verdict.astray)
     if any(verdict.lost):
         now = [f"{axis} {n}" for axis, n in zip(axes, verdict.whole_steps_lost, strict=False) if n]
         before = [f"{axis} {int(n)}" for axis, n in zip(axes, verdict.forgotten_steps, strict=False) if n]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from isel_twin.cam import arcs
 from isel_twin.cam.settings import CamSettings
-from isel_twin.cam.toolpath import Arc, Element, End, Line, Place, Point, Rapid, Spindle, Tool, Toolpath
+from isel_twin.cam.toolpath import Arc, Element, End, Line, Place, Point, Rapid, Reference, Spindle, Tool, Toolpath
 
 BACK_MM, AHEAD_MM = 2.0, 5.0  # along the path, from the nearest point before, in which the next one is looked for
 # mm of distance that a mm counts as ...
@@ -111,8 +111,10 @@ class _Pen:
                 self._switch(element.turns, element.place.line)
             case Tool():
                 self._change(element)
+            case Reference():
+                self._by_z(element.place, element.ends(self._points[-1]))
             case End() if self._settings.park is not None:
-                self._away(element.place, self._settings.park)
+                self._by_z(element.place, self._settings.machine_point(self._settings.park))
 
     def _switch(self, turns: int, line: int) -> None:
         was_on = self._speed_rpm != 0.0
@@ -129,14 +131,13 @@ class _Pen:
         """As cam/writing.py makes it."""
         if (where := self._settings.tool_change) is not None:
             self._away_from = self._away_from or self._points[-1]
-            self._away(tool.place, where)
+            self._by_z(tool.place, self._settings.machine_point(where))
         self._switch(0, tool.place.line)
         self._changes.append((len(self._points) - 1, tool.place.line))
 
-    def _away(self, place: Place, where: Point) -> None:
+    def _by_z(self, place: Place, to: Point) -> None:
         """By rapids, Z first."""
         x, y, _ = self._points[-1]
-        to = self._settings.machine_point(where)
         self._go(place, (x, y, to[2]))
         self._go(place, to)
 

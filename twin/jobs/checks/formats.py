@@ -39,6 +39,9 @@ class Outcome(Protocol):
     def cycle_s(self) -> float: ...
 
     @property
+    def line_told(self) -> str: ...
+
+    @property
     def least_margin(self) -> float | None: ...
 
     def summary(self) -> dict[str, Any]: ...
@@ -75,7 +78,8 @@ def as_words(report: Told) -> str:
     least = verdict.least_margin
     margin = "" if least is None else f", margin {100.0 * least:.0f} %"
     commands = f"{verdict.commands} command{'' if verdict.commands == 1 else 's'}"
-    rows = [f"{report.job}: {'ok' if report.ok else 'failed'} ({commands}, {verdict.cycle_s:.3f} s{margin})"]
+    time = ", ".join(filter(None, (f"{verdict.cycle_s:.3f} s", verdict.line_told)))
+    rows = [f"{report.job}: {'ok' if report.ok else 'failed'} ({commands}, {time}{margin})"]
     for finding in report.findings:
         warning, place = "warning " if finding.warning else "", where(finding)
         rows.append(f"  {warning}{finding.rule:<10} {f'{place}: ' if place else ''}{finding.message}")

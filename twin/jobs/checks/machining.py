@@ -6,7 +6,7 @@
     the job is over:           what the words of the file alone say, and its pieces through the stock
 
 What stands by the file's own words is found in the words, so it is the same on all controllers; what stands although
-the file has switched it on (hood, wire, converter without a command, no time to run up) is found in the twin (jobs/16).
+the file has switched it on (hood, wire, converter without a command, no time to run up) is found in the twin (jobs/17).
 Commands of a controller do not say which motions cut: with stock, those in it do; without, nothing is judged.
 """
 

@@ -20,6 +20,8 @@
     robust = 20                      # repetitions on other machines of the kind
     uncertain = 20                   # and on what this machine may be, as far as its numbers are known
     timeout_s = 600.0                # of each command
+    line_speed = 19200               # baud: bytes take their time on the line, which cycle_s judges, too
+    adapter_ms = 16                  # and replies wait for the timer of a USB adapter
     strict = true                    # warnings make a job fail, too: cautions of a CAM file, moves that crawl
 
     [[fixture]]                      # clamped on the table, for every job below this folder
@@ -51,9 +53,10 @@ from typing import Any
 from isel_twin.base.errors import CallError
 from isel_twin.base.parameters import Limits, Place, boolean, known, plain, table, text
 from isel_twin.base.toml_lines import read_lines
+from isel_twin.cam.section import WHOLE, LineRange
 from isel_twin.controller import controller_names
 from isel_twin.core.assembly import PLANTS
-from isel_twin.core.spec import TwinSpec
+from isel_twin.core.spec import BAUD, MOST_ADAPTER_MS, TwinSpec
 from isel_twin.jobs.checks.rules import Bounds
 from isel_twin.jobs.project import SettingsError, fixtures
 from isel_twin.jobs.sending import MOST_EDGE
@@ -71,6 +74,8 @@ _NUMBERS: Mapping[str, Limits] = {
     "robust": Limits("repetitions", 0, 10_000, whole=True),
     "uncertain": Limits("repetitions", 0, 10_000, whole=True),
     "timeout_s": Limits("s", 0.0, 1e9),
+    "line_speed": Limits("baud", *BAUD, whole=True),
+    "adapter_ms": Limits("ms", 0.0, MOST_ADAPTER_MS),
 }
 _OFF = [item.name for item in dataclasses.fields(Bounds) if item.default is None]  # bounds that may be "off"
 _WORDS = ("machine", "controller", "plant", "scenario")
@@ -87,6 +92,7 @@ class Task:
     bounds: Bounds = field(default_factory=Bounds)
     golden: bool = True
     form: str | None = None  # format of the file, whatever it looks like
+    part: LineRange = WHOLE  # of the lines of a file of a CAM program; compared with no golden run
 
 
 def load(path: Path) -> list[tuple[str, dict[str, Any]]]:
@@ -180,13 +186,14 @@ def task(job: Path, settings: Path | None, options: Mapping[str, Any]) -> Task:
             if fnmatchcase(name, pattern):
                 values |= demanded
     overrides = {**values.pop("set", {}), **(options.get("set") or {})}
-    values |= {key: value for key, value in options.items() if value is not None and key not in ("set", "form")}
+    values |= {key: value for key, value in options.items() if value is not None and key not in ("set", "form", "part")}
     if values.get("scenario") is not None:
         values["scenario"] = Path(values["scenario"])
-    golden = values.pop("golden", True)
+    part = options.get("part", WHOLE)
+    golden = values.pop("golden", True) and part == WHOLE
     of_call = {item.name for item in dataclasses.fields(TwinSpec)}
     call = TwinSpec(
         overrides=overrides, fixtures=clamped, **{key: value for key, value in values.items() if key in of_call}
     )
     bounds = Bounds(**{key: value for key, value in values.items() if key not in of_call})
-    return Task(job, call, bounds, golden, options.get("form"))
+    return Task(job, call, bounds, golden, options.get("form"), part)
