@@ -110,7 +110,7 @@ def test_only_what_leads_below_the_surface_of_stock_is_a_cut() -> None:
     report = checked(BEGIN + air + ON + "M5\nG1 Z-1\nM30\n", fixtures=(PLATE,))
     assert told(report) == [("spindle", 10, "the spindle stands in this cut: line 9 has switched it off")]
     (found, *_) = told(checked(BEGIN + air + ON + "M30\n"))
-    assert found[:2] == ("spindle", 5)  # without stock, the plunge down to Z45 is the second line behind BEGIN + 1
+    assert found[:2] == ("spindle", 4)  # without stock, the first motion at a feed
 
 
 # what the twin's spindle does

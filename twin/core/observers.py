@@ -48,7 +48,7 @@ class Observers(Generic[Seen]):
             one.look(twin, changed)
 
     def shown_changed(self, twin: Seen, changes: int) -> bool:
-        """True if an input, or what a spindle shows, has changed since the last look."""
+        """True if an input, or an output that changes by itself, has changed since the last look."""
         if not self._all or self._changes == changes:
             return False
         self._changes = changes
