@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Annotated
 
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def convert(
-    file: Annotated[Path, Parameter(help="NCP, G-code or HPGL.")],
+    file: Annotated[Path, Parameter(help="NCP, G-code, HPGL or Excellon.")],
     /,
     *,
     controller: options.ControllerName = TwinSpec.controller,
@@ -42,7 +43,6 @@ def convert(
     Exit code 0 if all of it could be written; else 2, and no file is left.
     """
     from isel_twin.cam.reader import text_lines
-    from isel_twin.cam.section import Section
     from isel_twin.jobs.job import JobError
     from isel_twin.jobs.toolpaths import Watched, machine_axes, written
     from isel_twin.language import create_language
@@ -50,28 +50,24 @@ def convert(
     if options.is_standard_input(file):
         raise CallError("-: settings stand beside a file; name it")
     check_file(file)
-    lines = part.lines()
     options.check_writable(out, kept=(file,))
     call = TwinSpec(machine, controller, "kinematic", overrides=options.parse_overrides(set))
-    asked = cam.reading()
+    asked = replace(cam.reading(), part=part.lines())
     with call_errors(job_name(file)):
         language = create_language(controller)
         settings = cam_settings(file, call)
         axes = machine_axes(call.fitted())
         reader = _reader(file, asked.form or settings.format or None)
-    section = Section(lines, settings)
 
     def read(settings: CamSettings) -> Toolpath:
-        nonlocal section
-        section = Section(lines, settings)
         with file.open("rb") as source:
-            yield from section.made(reader.read(text_lines(source), settings))
+            yield from reader.read(text_lines(source), settings)
 
     told = []
     with _output(out) as into:
         try:
             taken, settings = asked.taken(read, axes, settings)
-            watched = Watched(settings, by_line=False)
+            watched = Watched(settings, asked.part, by_line=False)
             for line in written(taken, watched, language, controller, axes):
                 into.write(f"{line.text}\n")
                 if line.caution is not None:
@@ -80,8 +76,8 @@ def convert(
             raise CallError(f"{file}: {error}") from None
     say_zero(file, asked, None if asked.zero is None else settings.zero)
     say_cautions(file, (*watched.cautions, *told))
-    if section.not_made:
-        say(f"{file}: {section.not_made} not made")
+    if not_made := watched.section.not_made:
+        say(f"{file}: {not_made} not made")
     return 0
 
 

@@ -31,8 +31,8 @@ Jobs = Annotated[Path, Parameter(help="Files of controller commands, one a line.
 def record(
     *jobs: Jobs,
     twin: options.TwinOptions = options.DEFAULT_TWIN,
-    cam: options.CamOptions = options.AS_IT_LOOKS,
     line: options.LineOptions = options.NO_LINE,
+    cam: options.CamOptions = options.AS_IT_LOOKS,
     timeout: options.Timeout = 3600.0,
     replace: options.Replace = False,
 ) -> int:

@@ -49,9 +49,11 @@ class PartOptions:
     """The lines of a file of a CAM program that are made."""
 
     from_line: Annotated[
-        Whole | None, Parameter(help="Begin a file of a CAM program at this line, with all that holds there.")
+        Whole | None, Parameter(help="Number of the line at which a CAM file is begun, with all that holds there.")
     ] = None
-    to_line: Annotated[Whole | None, Parameter(help="End it behind this line, with the tool lifted.")] = None
+    to_line: Annotated[Whole | None, Parameter(help="Number of the last line made; the tool is lifted behind it.")] = (
+        None
+    )
 
     def lines(self) -> LineRange:
         """Raises CallError."""

@@ -150,34 +150,6 @@ class SessionTwin(TwinOptions):
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class CamOptions:
-    """How files of CAM programs are taken."""
-
-    form: Annotated[
-        str | None, Parameter(name="--format", help="Format of the job file, whatever it looks like: ncp, gcode, hpgl.")
-    ] = None
-    zero: Annotated[
-        str | None,
-        Parameter(
-            help="Zero of the work as the counters show it, X,Y,Z in mm; fit: the nearest with which all is in travel.",
-            allow_leading_hyphen=True,
-        ),
-    ] = None
-
-    def reading(self) -> Reading:
-        """Raises CallError for a zero that is none."""
-        from isel_twin.jobs.toolpaths import FIT, Reading
-
-        if self.zero is None or self.zero == FIT:
-            return Reading(self.form, None if self.zero is None else FIT)
-        return Reading(self.form, parse_places("zero", self.zero, "100,80,60, or fit"))
-
-
-AS_IT_LOOKS = CamOptions()
-
-
-@Parameter(name="*")
-@dataclass(frozen=True)
 class LineOptions:
     """The line between host and controller, where its time counts."""
 
@@ -197,6 +169,35 @@ class LineOptions:
 
 
 NO_LINE = LineOptions()
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class CamOptions:
+    """How files of CAM programs are taken."""
+
+    form: Annotated[
+        str | None,
+        Parameter(name="--format", help="Format of the job file, whatever it looks like: ncp, gcode, hpgl, excellon."),
+    ] = None
+    zero: Annotated[
+        str | None,
+        Parameter(
+            help="Zero of the work as the counters show it, X,Y,Z in mm; fit: the nearest with which all is in travel.",
+            allow_leading_hyphen=True,
+        ),
+    ] = None
+
+    def reading(self) -> Reading:
+        """Raises CallError for a zero that is none."""
+        from isel_twin.jobs.toolpaths import FIT, Reading
+
+        if self.zero is None or self.zero == FIT:
+            return Reading(self.form, None if self.zero is None else FIT)
+        return Reading(self.form, parse_places("zero", self.zero, "100,80,60, or fit"))
+
+
+AS_IT_LOOKS = CamOptions()
 DEFAULT_TWIN = TwinOptions()
 DEFAULT_SESSION_TWIN = SessionTwin()
 TOKEN = "ISEL_TWIN_TOKEN"  # environment variable

@@ -54,8 +54,8 @@ def run(
     robust: options.Robust = 0,
     uncertain: options.Uncertain = 0,
     workers: options.Workers = 1,
-    cam: options.CamOptions = options.AS_IT_LOOKS,
     line: options.LineOptions = options.NO_LINE,
+    cam: options.CamOptions = options.AS_IT_LOOKS,
     part: PartOptions = DEFAULT_PART,
     json: Annotated[bool, Parameter(help="One line of JSON a command, then one with the summary.")] = False,
 ) -> int:

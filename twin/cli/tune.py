@@ -114,8 +114,8 @@ def tune(
     set: options.Overrides = (),
     scenario: options.ScenarioFile = None,
     flash: Annotated[Path | None, Parameter(help="The controller's flash memory; is only read.")] = None,
-    cam: options.CamOptions = options.AS_IT_LOOKS,
     line: options.LineOptions = options.NO_LINE,
+    cam: options.CamOptions = options.AS_IT_LOOKS,
     timeout: options.Timeout = 3600.0,
     storage: Annotated[
         str | None, options.written("Database of what has been tried: file, or URL as Optuna has it. JOB.tune.db")

@@ -50,8 +50,19 @@ LONG_STEP = 60  # characters of a step of a program that are shown
 TOLERANCE_MM = 0.002
 TOLERANCE_STEPS = 2  # of lost steps; smaller differences are load angle
 
-_CALL = ("machine", "controller", "plant", "seed", "scenario", "set", "line_speed", "adapter_ms", "zero")
-_HEAD = ("format", "job", *_CALL)
+_HEAD = (
+    "format",
+    "job",
+    "machine",
+    "controller",
+    "plant",
+    "seed",
+    "scenario",
+    "set",
+    "zero",
+    "line_speed",
+    "adapter_ms",
+)
 _END = ("ok", "cycle_s", "counts", "position_mm", "lost_steps", "collisions")  # the last only if there are some
 
 

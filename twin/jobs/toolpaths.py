@@ -190,15 +190,12 @@ def converted(
     reading: Reading = AS_IT_LOOKS,
 ) -> Source:
     """A file, or a part of it, as a job. Raises JobError for anything in it that cannot be made, with its place."""
-    section = Section(reading.part, settings)
 
     def read(settings: CamSettings) -> Toolpath:
-        nonlocal section
-        section = Section(reading.part, settings)
-        return section.made(reader.read(text_lines(io.BytesIO(data)), settings))
+        return reader.read(text_lines(io.BytesIO(data)), settings)
 
     taken, settings = reading.taken(read, axes, settings)
-    watched = Watched(settings)
+    watched = Watched(settings, reading.part)
     made = list(written(taken, watched, language, controller, axes))
     places = _places(made)
     text = "\n".join(one.text for one in made) + "\n"
@@ -210,8 +207,13 @@ def converted(
             lines.append(replace(line, number=places[line.number - 1]))
     cautions = (*watched.cautions, *(one.caution for one in made if one.caution is not None))
     zero = None if reading.zero is None else settings.zero
-    told = watched.seconds, watched.of_lines_s, partial(taken, settings), section.not_made, zero
+    again = partial(_again, taken, settings, reading.part)
+    told = watched.seconds, watched.of_lines_s, again, watched.section.not_made, zero
     return Source(reader.title, text, tuple(lines), cautions, *told)
+
+
+def _again(read: Read, settings: CamSettings, part: LineRange) -> Toolpath:
+    return Section(part, settings).made(read(settings))
 
 
 def _places(made: Sequence[Written]) -> tuple[int, ...]:
@@ -224,11 +226,12 @@ def _places(made: Sequence[Written]) -> tuple[int, ...]:
 
 
 class Watched:
-    """What passes on its way from reader to writer, who tells the cautions of both: times by line, unless they are not
-    asked for, and a caution about a file that moves nothing."""
+    """Elements on their way from reader to writer, with the cautions of both: the lines that are made, times by line,
+    unless they are not asked for, and a caution about a file that moves nothing."""
 
-    def __init__(self, settings: CamSettings, by_line: bool = True) -> None:
+    def __init__(self, settings: CamSettings, part: LineRange = WHOLE, by_line: bool = True) -> None:
         self.settings = settings
+        self.section = Section(part, settings)
         self._sums = Estimate(settings)
         self._by_line = by_line
         self.cautions: list[Caution] = []
@@ -240,7 +243,7 @@ class Watched:
 
     def through(self, path: Toolpath) -> Iterator[Element]:
         before = 0.0
-        for element in self._sums.watched(path):
+        for element in self._sums.watched(self.section.made(path)):
             if isinstance(element, End) and not before:
                 self.cautions.append(Caution(element.place, "nothing in this file moves the tool"))
             if self._sums.seconds > before:

@@ -158,7 +158,7 @@ class PanelJob:
         if not self._twin.idle or (self._desk is not None and self._desk.busy):
             raise place.wrong("the controller is at work; allowed: when it is idle")
         if self._title and self._made_for != self._zero_mm:
-            self._take(self._name, self._text, self._part)
+            self._take(self._name, self._text, Reading(part=self._part))
         self._fresh = False
         self._started += 1
         self.sender.begin(self._lines, single)
