@@ -330,9 +330,10 @@ class Machining:
                     continue
                 if drawn.cuts[k]:
                     stock.cut(way, radius)
-                elif (deep := stock.depth_mm(way)).max() > SURFACE_MM:
-                    how = "ends in" if deep[-1] > SURFACE_MM else "leads through"
-                    yield Finding("rapid", f"a rapid {how} {stock.name}, {deep.max():.2f} mm deep", int(drawn.line[k]))
+                elif (depths_mm := stock.depth_mm(way)).max() > SURFACE_MM:
+                    how = "ends in" if depths_mm[-1] > SURFACE_MM else "leads through"
+                    deepest = f"{depths_mm.max():.2f} mm deep"
+                    yield Finding("rapid", f"a rapid {how} {stock.name}, {deepest}", int(drawn.line[k]))
 
 
 def _more(lines: int) -> str:
