@@ -64,7 +64,7 @@ _NO_JOB = {  # by the first lines of a text
     }.items()
 }
 _DRILL_HEADER = re.compile(r"\s*(INCH\b|METRIC\b|FMAT,|ICI\b|T\d+[^;M]*C\.?\d)", re.I)
-_DRILL_BEGIN = re.compile(r"\s*(%|G90|M7[12])\s*$", re.I)
+_DRILL_BEGIN = re.compile(r"\s*(%|G90|M7[12]|(INCH|METRIC)\b.*)\s*$", re.I)
 _DRILL_POINT = re.compile(r"\s*(T\d+)?([XY][-+]?[\d.]+|G85)+\s*$", re.I)
 _DRILL_TOOL = re.compile(r"\s*T\d+([CFS][\d.]+)*\s*$", re.I)
 _DRILL_REST = re.compile(r"\s*(%|M(00|30|7[12]|95)|G(05|9[01]|93.*)|R\d+[XY].*|(INCH|METRIC)\b.*)\s*$", re.I)
