@@ -320,19 +320,21 @@ def test_a_file_that_counts_downwards() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "text", "unit", "meant"),
+    ("name", "text", "settings", "unit", "meant"),
     [
-        ("gcode", "G21 G90\nG1 X300 F15\nM2", "mm/s", "line 300 0 0 F15"),
-        ("gcode", "G20 G90\nG1 X10 F1800\nM2", "mm/min", "line 254 0 0 F30"),
-        ("gcode", "G21 G90\nG1 X300 F50000\nM2", "um/s", "line 300 0 0 F50"),
-        ("ncp", "IMF_PBL\nVEL 20\nMOVEABS X300000\nPROGEND", "mm/s", "line 300 0 0 F20"),
-        ("ncp", "IMF_PBL\nVEL 300\nMOVEABS X300000\nPROGEND", "mm/min", "line 300 0 0 F5"),
+        ("gcode", "G21 G90\nG1 X300 F15\nM2", {}, "mm/s", "line 300 0 0 F15"),
+        ("gcode", "G20 G90\nG1 X10 F1800\nM2", {}, "mm/min", "line 254 0 0 F30"),
+        ("gcode", "G71 G90\nG1 X300 F1200\nM2", {"dialect": "winpc"}, "mm/min", "line 300 0 0 F20"),
+        ("gcode", "G21 G90\nG1 X300 F5400\nM2", {"feed_unit": "mm/s"}, "mm/min", "line 300 0 0 F90"),
+        ("ncp", "IMF_PBL\nVEL 20\nMOVEABS X300000\nPROGEND", {}, "mm/s", "line 300 0 0 F20"),
+        ("ncp", "IMF_PBL\nVEL 300\nMOVEABS X300000\nPROGEND", {}, "mm/min", "line 300 0 0 F5"),
+        ("ncp", "IMF_PBL\nVEL 5000\nMOVEABS X300000\nPROGEND", {"feed_unit": "mm/s"}, "um/s", "line 300 0 0 F5"),
     ],
 )
-def test_feeds_out_of_proportion(name: str, text: str, unit: str, meant: str) -> None:
-    said = cautions(name, text)
+def test_feeds_out_of_proportion(name: str, text: str, settings: dict[str, Any], unit: str, meant: str) -> None:
+    said = cautions(name, text, dataclasses.replace(UP, **settings))
     assert [f'set feed_unit = "{unit}"' in each for each in said] == [True]
-    assert told(name, text, dataclasses.replace(UP, feed_unit=unit)) == [meant, "end"]
+    assert told(name, text, dataclasses.replace(UP, **{**settings, "feed_unit": unit})) == [meant, "end"]
 
 
 def test_settings_of_drill_files_that_are_said() -> None:
