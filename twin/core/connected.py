@@ -147,9 +147,9 @@ class Connected:
         return arrival if found else None
 
     def _show_inputs(self) -> None:
-        """Let the observers look at inputs that have changed, or because it is time."""
+        """Let the observers look at what has changed, or because it is time."""
         changes = self._wiring.changes
-        self._observers.look(self, self._observers.inputs_changed(self, changes), changes)
+        self._observers.look(self, self._observers.shown_changed(self, changes), changes)
 
     def _take_events(self) -> None:
         """Take the controller's events after a call, and its motion."""

@@ -23,6 +23,7 @@ from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.drives.servo_drive import ServoDrive
 from isel_twin.jobs.checks.contour import Contour, Drawing, Way
 from isel_twin.jobs.checks.findings import expected, of_answer, of_verdict, placed, repeated
+from isel_twin.jobs.checks.machining import Machining, MachiningMark
 from isel_twin.jobs.checks.rules import (
     NO_PHYSICS,
     RULES,
@@ -91,8 +92,8 @@ class Report:
 class _Watch:
     """Observes a twin during a job: struck switches and the largest deviation, line by line."""
 
-    def __init__(self, twin: Twin, bounds: Bounds) -> None:
-        self._twin = twin
+    def __init__(self, twin: Twin, bounds: Bounds, machining: Machining) -> None:
+        self._twin, self._machining = twin, machining
         self._ends = frozenset(switch.name for switch in twin.machine.switches)
         self._struck = self._now_struck()
         self._may = self._ends if "all" in bounds.may_strike else frozenset(bounds.may_strike)
@@ -118,6 +119,7 @@ class _Watch:
         for name in struck - self._struck - self._may:
             self.struck.setdefault(name, twin.time_ns)
         self._struck = struck
+        self._machining.look(twin)
         if self._most_mm is not None:
             error_mm = np.abs(twin.position_error_mm)
             for i in np.flatnonzero(error_mm > self._worst_mm):
@@ -178,6 +180,7 @@ class Mark:
     moves: int
     gone: tuple[bool, ...]  # axes that have lost steps
     way: Way  # along the path of the file
+    machining: MachiningMark
 
 
 class Inspection:
@@ -188,7 +191,8 @@ class Inspection:
         self.twin = twin
         self.bounds = bounds or Bounds()
         self.results: list[Result] = []
-        self._watch = _Watch(twin, self.bounds)
+        self._machining = Machining(twin, self.bounds)
+        self._watch = _Watch(twin, self.bounds, self._machining)
         if self.bounds.clearance is not None:
             twin.watch_clearance()
         self._scribe = Scribe(twin) if golden else None
@@ -210,7 +214,9 @@ class Inspection:
         contour = self._watch.contour
         way = Way() if contour is None else contour.way
         moves = 0 if self._scribe is None else len(self._scribe.moves)
-        return Mark(len(self.results), len(self._findings), moves, tuple(self._gone.tolist()), way)
+        return Mark(
+            len(self.results), len(self._findings), moves, tuple(self._gone.tolist()), way, self._machining.mark()
+        )
 
     def back(self, mark: Mark, lines: Mapping[int, int]) -> None:
         """Go on from a mark, with the twin in the state that it had then, after a line or more. lines: numbers of the
@@ -221,6 +227,7 @@ class Inspection:
             self._scribe.back(mark.moves, lines)
         self.setting = {lines[number] for number in self.setting if number in lines}
         self._gone = np.array(mark.gone, dtype=np.bool_)
+        self._machining.back(mark.machining, lines)
         self._watch.begin()
         if self._watch.contour is not None:
             self._watch.contour.restart(mark.way)
@@ -229,6 +236,7 @@ class Inspection:
     def draw(self, drawn: Drawing | None) -> None:
         """The path of the file, between two lines, which lead as far along it as along the one before; None: it is no
         file of a CAM program."""
+        self._machining.draw(drawn)
         bound_mm, before = self.bounds.contour_mm, self._watch.contour
         nothing = drawn is None or not len(drawn.cuts)
         self._watch.contour = None if drawn is None or nothing or bound_mm is None else Contour(drawn, bound_mm)
@@ -251,6 +259,7 @@ class Inspection:
         self._expected, self._made = np.array(result.counts), steps.made
         if counter_set:
             self.setting.add(result.number)
+        self._machining.take(result, steps, counter_set)
         self._findings += self._watch.findings(result, counter_set)
         self._watch.begin()
         self._findings += of_margin(result, bounds)
@@ -298,7 +307,11 @@ class Inspection:
             findings.append(
                 Finding("effect", "clearance has no effect: nothing is clamped that could be met ([[fixture]])")
             )
-        told = [*(placed(finding, self.results) for finding in findings), *(cautions or ())]
+        told = [
+            *(placed(finding, self.results) for finding in findings),
+            *(cautions or ()),
+            *self._machining.findings(),
+        ]
         if self.bounds.strict:
             told = [replace(finding, strict=True) for finding in told]
         golden = Golden() if self._scribe is None else self._scribe.golden(verdict)
@@ -327,7 +340,7 @@ class Inspection:
             blind["effect"] = "no scenario, no bound"
         if self._watch.contour is None:
             blind["contour"] = "no file of a CAM program that cuts"
-        return blind
+        return blind | self._machining.blind
 
 
 def beside_golden(report: Report, job: Path, call: TwinSpec, source: Source | None) -> Report:
