@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -40,7 +41,7 @@ def parsed(text: str, call: TwinSpec, cam: CamSettings = CAM, suffix: str = ".nc
 
 
 def checked(
-    text: str, controller: str = "imc-s8", bounds: Bounds | None = None, cam: CamSettings = CAM, **of_call: object
+    text: str, controller: str = "imc-s8", bounds: Bounds | None = None, cam: CamSettings = CAM, **of_call: Any
 ) -> Report:
     call = TwinSpec(**{"plant": "kinematic", "machine": CALLS[controller], "controller": controller} | of_call)
     lines, drawn = parsed(text, call, cam)
@@ -116,7 +117,7 @@ def test_only_what_leads_below_the_surface_of_stock_is_a_cut() -> None:
 # what the twin's spindle does
 
 
-HF = {"machine": "4030-hf", "overrides": {"spindle.speed_from": "fixed"}}  # 24000 1/min in 3 s: 8000 each second
+HF: dict[str, Any] = {"machine": "4030-hf", "overrides": {"spindle.speed_from": "fixed"}}  # 24000 1/min in 3 s: 8000 each second
 
 
 @pytest.mark.parametrize("plant", ["kinematic", "mujoco"])
