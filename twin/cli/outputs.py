@@ -182,6 +182,7 @@ class JsonOutput:
                 "said_s": round(source.seconds, 3),
                 "told": compared(source, results),
                 "cautions": list(map(str, source.cautions)),
+                **({} if source.zero is None else {"zero_mm": list(source.zero)}),
             }
         }
 

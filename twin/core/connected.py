@@ -26,6 +26,7 @@ from isel_twin.controller import (
     ReferenceSearch,
     Remark,
     Reply,
+    SerialFormat,
     Step,
     offers,
 )
@@ -65,6 +66,10 @@ class Connected:
     _sense: NDArray[np.int8] | None
     _observers: Observers[Any]
     _restarts: int
+
+    @property
+    def serial_format(self) -> SerialFormat:
+        raise NotImplementedError
 
     def _note(self, kind: str, what: Any) -> None:
         raise NotImplementedError

@@ -34,6 +34,7 @@ class Rule:
 
 
 RULES: Mapping[str, Rule] = {
+    "unread": Rule("The file can be read, and this machine can make it.", heard=True),
     "refused": Rule("Every command is accepted, or answered as the job expects.", heard=True),
     "restart": Rule("The controller does not start anew before the last reply."),
     "line": Rule("Every byte arrives as it was sent."),
@@ -145,7 +146,7 @@ def farthest(findings: Sequence[Finding]) -> list[Finding]:
 
 
 def of_cautions(source: Source | None) -> tuple[Finding, ...] | None:
-    """What a file of a CAM program may mean otherwise; None for any other file."""
+    """Other meanings that a file of a CAM program may have; None for any other file."""
     if source is None:
         return None
     return tuple(Finding("caution", one.text, one.place.line) for one in source.cautions)
