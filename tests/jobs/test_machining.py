@@ -117,7 +117,8 @@ def test_only_what_leads_below_the_surface_of_stock_is_a_cut() -> None:
 # what the twin's spindle does
 
 
-HF: dict[str, Any] = {"machine": "4030-hf", "overrides": {"spindle.speed_from": "fixed"}}  # 24000 1/min in 3 s: 8000 each second
+# 24000 1/min in 3 s: 8000 each second
+HF: dict[str, Any] = {"machine": "4030-hf", "overrides": {"spindle.speed_from": "fixed"}}
 
 
 @pytest.mark.parametrize("plant", ["kinematic", "mujoco"])
