@@ -237,7 +237,7 @@ class Machining:
         if state.wanted_rpm < SPEED_SHARE * asked_rpm:
             return f"the spindle is told {state.wanted_rpm:.0f} 1/min in this cut; the file says {asked_rpm:.0f}"
         wanted_rpm = asked_rpm or state.wanted_rpm
-        return f"the spindle has not reached its speed in this cut: {state.speed_rpm:.0f} of {wanted_rpm:.0f} 1/min"
+        return f"the spindle does not have its speed in this cut: {state.speed_rpm:.0f} of {wanted_rpm:.0f} 1/min"
 
     def _on_machine(self, counted_mm: Floats) -> Floats:
         """Places by the counters as fixtures have them: X and Y of the machine, and the height above the table."""
