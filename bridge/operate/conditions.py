@@ -52,7 +52,7 @@ def conditions(state: State) -> dict[str, str]:
     """
     told = {
         "power": "" if powered(state) else "the safety relay is open",
-        "controller": state["fault_cause"],
+        "controller": (state.get("fault_cause") or "the controller shows an error") if state["fault"] else "",
         "line": "the line to the host is cut" if "line_cut" in state["faults"] else "",
     }
     for at, axis in enumerate(CARRIAGES):

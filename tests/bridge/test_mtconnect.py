@@ -168,11 +168,12 @@ def test_values_of_a_machine_where_nothing_is_wrong_and_of_one_in_trouble() -> N
     }
     changed = {"lost_steps": [15.9, -16.0, 0], "faults": {"line_cut": True}, "fault": True, "outputs": {"power": 0}}
     inputs = {"estop": "pressed", "hood": "forced", "key": "setup"}
+    changed["fault_cause"] = "emergency stop"
     told = values(state(**changed, inputs=inputs, drive_faults=[[0, ""], [0, ""], [3, "too hot"]]))
     assert {key: value for key, value in told.items() if value != fine[key]} == {
         **{"estop": "TRIGGERED", "power": "OFF", "hood": "OPEN", "mode": "MANUAL", "exec": "STOPPED"},
         **{"sys": "the safety relay is open", "Ypos": "y has lost -16 steps", "Zdrive": "drive of z: too hot"},
-        **{"logic": "the controller has an error that no reply has told", "comms": "the line to the host is cut"},
+        **{"logic": "emergency stop", "comms": "the line to the host is cut"},
     }
 
 

@@ -158,7 +158,7 @@ def test_the_companion_specification_and_what_happens(
             other.uaclient.protocol.transport.abort()
             isel_twin("ctl", control, "set", "estop=pressed", "key=setup", "hood=open")
             await until(client, "Twin:Safety/Twin:EmergencyStop", True)
-            assert await seen(client, "Twin:Conditions") == ["the safety relay is open"]
+            assert await seen(client, "Twin:Conditions") == ["the safety relay is open", "emergency stop"]
             await until(client, "MT:Monitoring/MT:MachineTool/MT:OperationMode", 2)
             await until(client, "Twin:Safety/Twin:HoodClosed", False)
             assert machine.stop(signal.SIGTERM) == 0
@@ -452,11 +452,16 @@ def test_state_of_the_program(changed: dict[str, Any], is_: str) -> None:
 
 def test_conditions_name_what_is_wrong() -> None:
     assert set(conditions(state()).values()) == {""}
-    changed = {"lost_steps": [15.9, -16.0, 0], "faults": {"line_cut": True}, "fault": True}
+    changed = {
+        "lost_steps": [15.9, -16.0, 0],
+        "faults": {"line_cut": True},
+        "fault": True,
+        "fault_cause": "limit_x2 struck",
+    }
     told = conditions(state(**changed, outputs={"power": 0}, drive_faults=[[0, ""], [0, ""], [3, "too far behind"]]))
     assert {name: text for name, text in told.items() if text} == {
         "power": "the safety relay is open",
-        "controller": "the controller has an error that no reply has told",
+        "controller": "limit_x2 struck",
         "line": "the line to the host is cut",
         "lost_y": "y has lost -16 steps",
         "drive_z": "drive of z: too far behind",

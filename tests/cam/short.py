@@ -1,7 +1,7 @@
 """Toolpaths in short words, as tests expect them.
 
     rapid 10 20 5 | line 10 20 -0.5 F10 | arc 20 20 0 about 20 10 ccw | dwell 0.25 | tool 1 | spindle cw 12000 wait 2
-    coolant 1 on | output A4 255=1 | stop | remark words | caution | end
+    reference XY | coolant 1 on | output A4 255=1 | stop | remark words | caution | end
 
 Numbers have four decimals at most; a plane other than XY is named, and turns other than one.
 """
@@ -24,6 +24,7 @@ from isel_twin.cam.toolpath import (
     Output,
     Point,
     Rapid,
+    Reference,
     Remark,
     Spindle,
     Stop,
@@ -59,6 +60,8 @@ def short(element: Element) -> str:
 
 
 def _event(element: Element) -> str:
+    if isinstance(element, Reference):
+        return f"reference {''.join('XYZ'[axis] for axis in element.axes)}"
     if isinstance(element, Dwell):
         return f"dwell {number(element.seconds)}"
     if isinstance(element, Tool):

@@ -255,7 +255,12 @@ def test_a_cut_of_some_micrometres_is_said_to_be_in_another_unit(reader: str, te
 def test_a_file_that_cuts_as_high_as_it_travels_is_plausible() -> None:
     assert told("gcode", "G21 G90 F60\nG0 X1\nG1 X2\nM2\n", UP) == ["rapid 1 0 0", "line 2 0 0 F1", "end"]
     assert told("gcode", "G21 G90 F60\nG0 X1\nG1 X2 Z0.001\nM2\n", UP)[-2:] == ["caution", "end"]
-    assert "caution" not in told("gcode", "G21 G90 F60\nG0 X1 Z5\nG1 X2 Z1\nM2\n", UP)
+    for body in (
+        "G0 X1 Z5\nG1 X2 Z1",
+        "G0 X1\nG1 Z-1\nX2\nZ5\nG0 X0",  # drawn back by a feed, as posts without rapids write it
+        "G0 X1 Z5\nG1 Z-9\nX2\nG0 Z-8\nX1\nG1 X2 Z-2\nG0 Z-8\nX0\nG1 Z-2\nG0 Z5",  # rapids within a pocket
+    ):
+        assert "caution" not in told("gcode", f"G21 G90 F60\n{body}\nM2\n", UP)
 
 
 def test_a_format_is_claimed_by_more_than_a_quarter_of_its_statements() -> None:
@@ -366,3 +371,19 @@ def test_what_is_no_job_is_named(content: bytes, what: str) -> None:
 )
 def test_jobs_are_not_taken_for_drawings(content: bytes) -> None:
     assert head_of(content)
+
+
+@pytest.mark.parametrize(
+    ("content", "suffix", "what"),
+    [
+        (b"#axis xyz;\n#steps 80,80,80;\n#input\nreference xyz;\nmove 10(5000),0(3000);\nstop.\n", ".pal", "PAL-PC"),
+        (b"; a plate\n{ by hand }\n#axis xyz;\nreference xyz;\nmoverel 10(5000),0(3000);\nstop.\n", ".txt", "PAL-PC"),
+        (b"ProgBegin\nFastVel 50.0\nRef xyz\nFastAbs X10.0 Y5.0\nProgEnd\n", ".iso", "ProNC"),
+        (b"N1 ProgBegin\nN2 FOR R1 = 1, 10, 1\nN3 MoveAbs X10 Y20\nN4 ENDFOR\nN5 ProgEnd\n", ".pal", "ProNC"),
+        (b'G21 G90\nmsg "insert the tool"\nG0 X5\nM30\n', ".nc", "EdingCNC"),
+        (b"G21 G90\nG0 X5\ngosub change_tool\nM30\n", ".cnc", "EdingCNC"),
+    ],
+)
+def test_sources_of_other_programs_are_named(content: bytes, suffix: str, what: str) -> None:
+    with pytest.raises(CamError, match=what):
+        deque(reader_for(head_of(content), suffix).read(text_lines(io.BytesIO(content)), UP), maxlen=0)

@@ -111,13 +111,13 @@ def test_what_is_left_out_is_said_once(text: str, caution: str) -> None:
 @pytest.mark.parametrize(
     ("text", "error"),
     [
-        ("PU0,0;\nPE<=>;", "line 2, column 1: PE is refused: write PD with plain numbers"),
+        ("PU0,0;\nPE<=>;", "line 2, column 1: PE is refused: let the program that made it write PD"),
         ("ZP5,5;", "line 1, column 1: ZP is refused: heights are in safe_mm and depth_mm"),
         ("RO90;", "line 1, column 1: RO is refused: turn the drawing in the program that made it"),
         ("SC0,1,0,1;", "line 1, column 1: SC without IP: the size of the plotter is not known; write IP before it"),
-        ("IP0,0,9,9;SC0,1,0,1,1;", "line 1, column 11: SC of type 1 or 2 is not read; write four numbers"),
-        ("IP0,0,9,18;SC0,1,0,1;CI1;", "line 1, column 22: a circle under SC with different scales is an ellipse; "),
-        ("IN;?;", "line 1, column 4: '?' is no instruction of HPGL; leave it out"),
+        ("IP0,0,9,9;SC0,1,0,1,1;", "line 1, column 11: SC of type 1 or 2 is not read; let the program that made it"),
+        ("IP0,0,9,18;SC0,1,0,1;CI1;", "line 1, column 22: a circle under SC with different scales is an ellipse"),
+        ("IN;?;", "line 1, column 4: '?' is no instruction of HPGL"),
         ("5,5;", "line 1, column 1: 5 stands behind no instruction"),
         ("AA5,5;", "line 1, column 1: AA wants 3 numbers"),
         ("PU99999999999,0;", "line 1, column 3: 99999999999 is out of range; allowed: up to 1e+09"),

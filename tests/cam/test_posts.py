@@ -183,14 +183,23 @@ m30
 """,
 }
 REFUSED = {
-    "Haas": ("G21 G90\nG187 P2\nM30\n", "line 2, column 1: G187 is refused: smoothing is a Haas's own; leave it out"),
-    "Fanuc look-ahead": ("G21 G90\nG05.1 Q1\nM30\n", "line 2, column 1: G5.1 is refused: .* of a Fanuc, leave it out"),
+    "Haas": (
+        "G21 G90\nG187 P2\nM30\n",
+        "line 2, column 1: G187 is refused: smoothing is a Haas's own; leave G187, its P and E out",
+    ),
+    "Fanuc look-ahead": (
+        "G21 G90\nG05.1 Q1\nM30\n",
+        "line 2, column 1: G5.1 is refused: .* of a Fanuc, leave G5.1 and its Q out",
+    ),
     "Fanuc subprogram": ("G21 G90\nM98 P1000\nM30\n", "line 2, column 1: M98 is refused: subprograms are not read"),
     "Fanuc radius offset": ("G21 G90\nG41 D1\nM30\n", "line 2, column 1: G41 is refused: cutter compensation"),
-    "Fanuc number as ISO": (":1001\nG21 G90\nM30\n", "line 1, column 1: ':' is no word of G-code; leave it out"),
+    "Fanuc number as ISO": (":1001\nG21 G90\nM30\n", "line 1, column 1: ':' is no word of G-code"),
     "Marlin message": ("G21 G90\nM117 Groove\nM30\n", "line 2, column 1: M117 is refused"),
-    "four axes": ("G21 G90\nG0 X1 A0.\nM30\n", "line 2, column 7: this machine has no axis A; leave A out"),
-    "Mach3 outputs": ("G21 G90\nM64 P0\nM30\n", "line 2, column 1: M64 is refused: .* use M7, M8 and M9"),
+    "four axes": ("G21 G90\nG0 X1 A0.\nM30\n", "line 2, column 7: this machine has no axis A; leave A0 out"),
+    "Mach3 outputs": (
+        "G21 G90\nM64 P0\nM30\n",
+        "line 2, column 1: M64 is refused: inputs and outputs are not reached so",
+    ),
 }
 
 

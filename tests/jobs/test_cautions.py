@@ -139,7 +139,7 @@ def test_a_file_that_moves_nothing_says_so_with_its_line(job: Path, call: Call) 
 def test_the_panel_keeps_them_in_sight(job: Path) -> None:
     from isel_twin.bridge.operate.panel.job import PanelJob
 
-    panel: Any = PanelJob(None, Twin(plant="kinematic"), Path("isel-twin.toml"), None)  # type: ignore[arg-type]
+    panel: Any = PanelJob(None, Twin(plant="kinematic"), Path("isel-twin.toml"), None)
     panel.ask({"open": {"name": "part.nc", "text": FILE}})
     once("\n".join(panel.shown["cautions"]))
     panel.ask({"open": {"name": "job.txt", "text": "@07\n"}})

@@ -42,8 +42,9 @@ class Bench:
         plant: str = "kinematic",
         scenario: Path | None = None,
         look: Callable[[Twin], None] | None = None,
+        paused: bool = False,
     ) -> None:
-        """look: called each 10 ms of virtual time."""
+        """look: called each 10 ms of virtual time; paused: time goes on when it is asked to."""
         self.panel = Panel(address, token)
         self.line = TcpEndpoint(LOOPBACK)
         self.twin = Twin(machine, controller, plant=plant, line_speed=speed is not None, scenario=scenario)
@@ -56,6 +57,8 @@ class Bench:
         self.server = Server(
             self.twin, Pacer(speed, self.twin.time_ns), [self.line], self.panel.monitor, guests=[self.panel]
         )
+        if paused:
+            self.server.pacer.pause(self.twin.time_ns)
         if look is not None:
             self.twin.observe(look, 10_000_000)
         self.thread = threading.Thread(target=self.server.run, daemon=True)

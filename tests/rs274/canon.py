@@ -12,15 +12,16 @@ import re
 import shutil
 import subprocess
 from pathlib import Path
+from typing import NamedTuple
 
 from isel_twin.cam.gcode import GCode
 from isel_twin.cam.settings import CamSettings
-from isel_twin.cam.toolpath import Arc, CamError, Dwell, Line, Rapid, Toolpath
+from isel_twin.cam.toolpath import Arc, CamError, Caution, Dwell, Line, Rapid, Toolpath
 from tests.forked import PATIENCE_S
 
 Move = tuple[str | float, ...]
-LOOSE = 1e-3  # mm and mm/min: rs274 writes four decimals,
-LOOSE_INCH = 6e-3  # of inches too
+LOOSE = 1e-3  # mm and mm/min
+LOOSE_ROUNDED = 6e-3  # of centres, of feeds, and of points in a file of both units: rs274 writes four decimals of each
 AS_RS274 = CamSettings(z_sign=1, zeros={number: (0.0, 0.0, 0.0) for number in range(1, 10)}, strict=True)
 TOOLS = "T1 P1 Z0 D3\nT2 P2 Z0 D6\n"
 _CALL = re.compile(r"\s*\d+ N\S*\s+([A-Z0-9_]+)\((.*)\)")
@@ -77,19 +78,30 @@ def _moves(calls: str) -> list[Move]:
                 moves.append(("arc", *to, values[2] + shift[a], values[3] + shift[b], third, values[4] / unit, feed))
             else:
                 to = tuple(p + s for p, s in zip(values, shift, strict=False))
-                if math.dist(to, at) > LOOSE:
+                if math.dist(to, at) > LOOSE_ROUNDED:
                     moves.append(("rapid", *to) if name == "STRAIGHT_TRAVERSE" else ("line", *to, feed))
             at = to
     return moves
 
 
-def read(path: Toolpath) -> tuple[list[Move], str]:
-    """The same of a reader's toolpath."""
+class Read(NamedTuple):
+    """What the reader makes of a program. unlike: behind so many moves, a difference from LinuxCNC that it has told."""
+
+    moves: list[Move]
+    error: str
+    unlike: list[tuple[int, str]]
+
+
+def read(path: Toolpath) -> Read:
+    """Moves as `interpreted` has them."""
     moves: list[Move] = []
+    unlike: list[tuple[int, str]] = []
     at = (0.0, 0.0, 0.0)
     try:
         for element in path:
-            if isinstance(element, Rapid | Line) and math.dist(element.to, at) > LOOSE:
+            if isinstance(element, Caution) and "; LinuxCNC " in element.text:
+                unlike.append((len(moves), element.text))
+            elif isinstance(element, Rapid | Line) and math.dist(element.to, at) > LOOSE_ROUNDED:
                 feed = (element.feed_mm_s * 60.0,) if isinstance(element, Line) else ()
                 moves.append(("line" if feed else "rapid", *element.to, *feed))
             elif isinstance(element, Arc):
@@ -103,32 +115,52 @@ def read(path: Toolpath) -> tuple[list[Move], str]:
             if isinstance(element, Rapid | Line | Arc):
                 at = element.to
     except CamError as error:
-        return moves, str(error)
-    return moves, ""
+        return Read(moves, str(error), unlike)
+    return Read(moves, "", unlike)
 
 
-def differ(ours: list[Move], theirs: list[Move], loose: float) -> str:
-    """The first difference, "" for none; loose: mm and mm/min."""
+def differ(ours: list[Move], theirs: list[Move], loose: float) -> tuple[int, str]:
+    """Number of the first move that differs, and how; "" for none. loose: mm, of points."""
     for number, (own, other) in enumerate(zip(ours, theirs, strict=False)):
-        near = len(own) == len(other) and own[0] == other[0]
-        if not near or any(
-            abs(float(p) - float(q)) > loose * max(1.0, abs(float(q)) / 100)
-            for p, q in zip(own[1:], other[1:], strict=True)
+        if (
+            len(own) != len(other)
+            or own[0] != other[0]
+            or any(_far(own, other, at, loose) for at in range(1, len(own)))
         ):
-            return f"move {number}: {own} here, {other} there"
+            return number, f"move {number}: {own} here, {other} there"
+    both = min(len(ours), len(theirs))
     if len(ours) != len(theirs):
-        more = (ours if len(ours) > len(theirs) else theirs)[min(len(ours), len(theirs))]
-        return f"{len(ours)} moves here, {len(theirs)} there, as {more}"
-    return ""
+        return both, f"{len(ours)} moves here, {len(theirs)} there, as {max(ours, theirs, key=len)[both]}"
+    return both, ""
 
 
-def verdict(program: str, theirs: list[Move], their_error: str) -> str:
-    """What this reader makes otherwise of a program than the interpreter; "" for nothing. Of a program that both refuse
-    the moves before are compared."""
-    ours, our_error = read(GCode().read(program.splitlines(), AS_RS274))
+def _far(own: Move, other: Move, at: int, loose: float) -> bool:
+    p, q = float(own[at]), float(other[at])
+    return abs(p - q) > (loose if at < 4 else LOOSE_ROUNDED) * max(1.0, abs(q) / 100 if at > 5 else 1.0)
+
+
+class Verdict(NamedTuple):
+    """why: what the reader makes otherwise than the interpreter; "" for nothing. told: the reader says that it does, as
+    docs/jobfiles.md lists it."""
+
+    why: str
+    told: bool = False
+
+
+def verdict(program: str, theirs: list[Move], their_error: str) -> Verdict:
+    """Of a program that both refuse the moves before are compared; where rapids are told to be others, all that is cut,
+    up to a hole that is told to be another."""
+    ours, our_error, unlike = read(GCode().read(program.splitlines(), AS_RS274))
+    loose = LOOSE_ROUNDED if "G20" in program and "G21" in program else LOOSE
+    both = min(len(ours), len(theirs)) if our_error and their_error else max(len(ours), len(theirs))
+    number, why = differ(ours[:both], theirs[:both], loose)
+    if why and any(begin <= number for begin, _ in unlike):
+        end = min((begin for begin, text in unlike if "the plane" in text or "the unit" in text), default=len(ours))
+        cuts, others = ([move for move in moves if move[0] != "rapid"] for moves in (ours[:end], theirs))
+        _, other = differ(cuts, others if end == both else others[: len(cuts)], loose)
+        return Verdict(f"not only rapids differ: {other}") if other else Verdict(why, told=True)
     if bool(our_error) != bool(their_error):
-        return f"here: {our_error or 'no error'}; there: {their_error or 'no error'}"
-    both = min(len(ours), len(theirs)) if our_error else max(len(ours), len(theirs))
+        return Verdict(f"here: {our_error or 'no error'}; there: {their_error or 'no error'}")
     if our_error and abs(len(ours) - len(theirs)) > 3:
-        return f"refused here behind {len(ours)} moves, there behind {len(theirs)}: {our_error}; {their_error}"
-    return differ(ours[:both], theirs[:both], LOOSE_INCH if "G20" in program else LOOSE)
+        return Verdict(f"refused here behind {len(ours)} moves, there behind {len(theirs)}: {our_error}; {their_error}")
+    return Verdict(why)

@@ -7,10 +7,10 @@ from collections.abc import Callable
 
 
 def program(seed: int) -> str:
-    """Some ten to thirty lines that end with M2."""
+    """Some ten to sixty lines that end with M2, half of them in inch."""
     draw = random.Random(seed)
     lines = [
-        draw.choice(("G21", "G20", "G21 G90 G94", "G90 G17 G21 G40 G49 G80")),
+        draw.choice(("G21", "G20", "G21 G90 G94", "G90 G17 G20 G40 G49 G80")),
         "G98" if draw.random() < 0.7 else "",
     ]
     lines += [f"F{draw.choice((100, 250.5, 12))}", f"G0 {_axes(draw)}"]
@@ -22,7 +22,7 @@ def program(seed: int) -> str:
 
 def _number(draw: random.Random, least: float = -40.0, most: float = 40.0) -> str:
     value = draw.choice((draw.uniform(least, most), draw.randint(int(least), int(most))))
-    return draw.choice((f"{value:.3f}", f"{value:.1f}", f"{value:g}"[:7])).replace("e", "")
+    return draw.choice((f"{value:.4f}", f"{value:.3f}", f"{value:.1f}"))  # rs274 writes four decimals
 
 
 def _axes(draw: random.Random, letters: str = "XYZ") -> str:
@@ -55,22 +55,48 @@ def _arc(draw: random.Random) -> str:
         height = f" {third}{_number(draw)}" if draw.random() < 0.3 else ""
         return f"{plane} {code} {centre}{height}{turns}\nG1"
     if kind < 0.7:
-        return f"{code} {_axes(draw)} R{draw.choice((150, 300, 2000, -1500, 2000, -4000, 5))}\nG0"
+        radius = draw.choice((150, 300, 2000, -1500, 2000, -4000, 5) if draw.random() < 0.2 else (2000, -4000, 800.5))
+        return f"G17 {code} X{_number(draw)} {_axes(draw, 'YZ')} R{radius}\nG0"
     x = draw.randint(1, 30)
     end = f"X{2 * x} I{x} J0" if kind < 0.85 else f"X{x} Y{x} I{x} J{draw.choice((0, 0, 0.01, 0.05))}"
     return f"G17 G91 {code} {end}\nG90 G1"
 
 
-def _cycle(draw: random.Random) -> str:
-    """A series with one R: what LinuxCNC does when R changes within it is not what it documents (cam/19)."""
-    code = draw.choice(("G81", "G82", "G83", "G73", "G85", "G89"))
-    words = {"G82": " P0.5", "G89": " P0.2", "G83": " Q3", "G73": " Q2.5"}.get(code, "")
+_CYCLES = {"G81": "", "G82": " P0.5", "G83": " Q3", "G73": " Q2.5", "G85": "", "G89": " P0.2"}
+_PLANES = {"G17": ("XY", "Z"), "G18": ("XZ", "Y"), "G19": ("YZ", "X")}  # axes of holes, and of their depth
+
+
+def _series(draw: random.Random) -> str:
+    """Holes in one of the planes; seldom R or the unit changes within them, or G98 follows G99 (cam/19)."""
+    plane = draw.choice(("G17", "G17", *_PLANES))
+    across, depth = _PLANES[plane]
+    code = draw.choice(tuple(_CYCLES))
     times = f" L{draw.randint(1, 3)}" if draw.random() < 0.2 else ""
-    more = "".join(f"\n{_axes(draw, 'XY')}" for _ in range(draw.randint(0, 2)))
-    return (
-        f"G17 G80\nG0 Z{draw.randint(-10, 30)}\n"
-        f"{code} {_axes(draw, 'XY')} Z{draw.randint(-20, -1)} R{draw.randint(0, 15)}{words}{times} F90{more}\nG80\nG0"
-    )
+    lines = [
+        f"{plane} {draw.choice(('G80', 'G80', 'G80 G99', 'G80 G98'))}",
+        f"{draw.choice(('G0', 'G80 G0', 'G0 G80'))} {depth}{draw.randint(-10, 30)}",
+        f"{draw.choice(('', '', 'G80 '))}{_hole(draw, code, across, depth)}{_CYCLES[code]}{times} F90",
+    ]
+    for _ in range(draw.randint(0, 4)):
+        kind = draw.random()
+        if kind < 0.5:
+            lines.append(_axes(draw, across))
+        elif kind < 0.6:
+            lines.append(f"{_axes(draw, across)} {depth}{draw.randint(-20, -1)}")
+        elif kind < 0.75:
+            lines.append(f"{draw.choice(('G99', 'G99', 'G98'))} {_axes(draw, across)}")
+        elif kind < 0.85:
+            code = draw.choice(tuple(_CYCLES))
+            lines.append(_hole(draw, code, across, depth) + _CYCLES[code])
+        elif kind < 0.95:
+            lines.append(f"{draw.choice(('G80 ' + code, code + ' G80'))} {_axes(draw, across)}")
+        else:
+            lines.append(draw.choice((f"R{draw.randint(0, 15)} {_axes(draw, across)}", "G20", "G21")))
+    return "\n".join([*lines, "G80", "G0"])
+
+
+def _hole(draw: random.Random, code: str, across: str, depth: str) -> str:
+    return f"{code} {_axes(draw, across)} {depth}{draw.randint(-20, -1)} R{draw.randint(0, 15)}"
 
 
 def _mode(draw: random.Random) -> str:
@@ -83,7 +109,7 @@ def _mode(draw: random.Random) -> str:
             "G19",
             "G20",
             "G21",
-            "G80",
+            "G80\nG1",
             "G98",
             "G99",
             "G90.1",
@@ -109,7 +135,8 @@ def _mode(draw: random.Random) -> str:
             "G17 G90 G91.1 F300",
             "(a remark)",
             "M3 S100 M8",
-            "G91.1 G90 G80",
+            "G91.1 G90 G80\nG0",
+            "G80 G91.1 G0 G90",
             "",
             "O100",
         ),
@@ -124,7 +151,7 @@ def _offset(draw: random.Random) -> str:
             "G92.2",
             "G92.3",
             f"G52 {_axes(draw)}",
-            f"G10 L2 P{draw.randint(0, 9)} {_axes(draw)}",
+            f"G10 L2 P{draw.randint(0, 9)} {_axes(draw)}{draw.choice(('', ' R0'))}",
             f"G10 L20 P{draw.randint(0, 9)} {_axes(draw)}",
             f"G53 G0 {_axes(draw)}",
             f"G53 G1 {_axes(draw)} F100",
@@ -184,15 +211,15 @@ def _wrong(draw: random.Random) -> str:
     )
 
 
-_WEIGHTED: tuple[tuple[Callable[[random.Random], str], int], ...] = (
+_WEIGHTED: tuple[tuple[Callable[[random.Random], str], float], ...] = (
     (_line, 40),
     (_arc, 15),
-    (_cycle, 10),
+    (_series, 12),
     (_mode, 15),
     (_offset, 10),
     (_inverse, 1),
     (_dwell, 3),
-    (_wrong, 1),
+    (_wrong, 0.4),
 )
 _KINDS = [kind for kind, _ in _WEIGHTED]
 _WEIGHTS = [weight for _, weight in _WEIGHTED]

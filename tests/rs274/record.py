@@ -1,4 +1,4 @@
-"""python -m tests.rs274.record: what rs274 makes of forty random programs, kept for test_recorded.py."""
+"""python -m tests.rs274.record: what rs274 makes of thirty random programs, kept for test_recorded.py."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def main() -> int:
         return 2
     with TemporaryDirectory() as folder:
         rows = []
-        for seed in range(40):
+        for seed in range(30):
             moves, error = interpreted(interpreter, program(seed), Path(folder))
             rounded = [[part if isinstance(part, str) else round(part, 5) for part in move] for move in moves]
             rows.append({"program": program(seed), "moves": rounded, "error": error})

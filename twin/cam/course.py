@@ -15,7 +15,7 @@ from typing import NamedTuple, Protocol
 
 from isel_twin.cam import arcs
 from isel_twin.cam.settings import CamSettings
-from isel_twin.cam.toolpath import Arc, CamError, Caution, Place, Point
+from isel_twin.cam.toolpath import Arc, CamError, Caution, Place, Point, Reference
 from isel_twin.cam.written import AXES, Counts, MachineAxes
 
 CLOSE = 1e-9  # of a speed: no difference
@@ -93,6 +93,12 @@ class Course:
         if kind not in self._said:
             self._said.add(kind)
             self.cautions.append(Caution(place, text))
+
+    def referenced(self, run: Reference) -> None:
+        """Axes stand at 0."""
+        self.point = run.ends(self.point)
+        x, y, z = (0 if axis in run.axes else old for axis, old in enumerate(self._counts))
+        self._counts = x, y, z
 
     def line(self, place: Place, to: Point, speed: float, rapid: bool = False) -> Move | None:
         """The straight way from here; None if it has no length in counts. Raises CamError."""

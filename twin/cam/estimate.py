@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from isel_twin.cam import arcs
 from isel_twin.cam.settings import CamSettings
-from isel_twin.cam.toolpath import Arc, Dwell, Element, Line, Point, Rapid, Spindle, Toolpath
+from isel_twin.cam.toolpath import Arc, Dwell, Element, Line, Point, Rapid, Reference, Spindle, Toolpath
 
 
 class Estimate:
@@ -33,6 +33,8 @@ class Estimate:
                 length = arcs.shape(element, self._point).length
                 self._point = element.to
                 self.seconds += length / element.feed_mm_s
+            elif isinstance(element, Reference):
+                self._point = element.ends(self._point)
             elif isinstance(element, Dwell):
                 self.seconds += element.seconds
             elif isinstance(element, Spindle):

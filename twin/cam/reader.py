@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import islice
@@ -30,8 +31,9 @@ _NO_TEXT: Mapping[str, str] = {
     "\xfe\xff": "is UTF-16; save it as UTF-8",
 }
 _DRAWN = "it has shapes, no way of a tool; make toolpaths of it with a CAM program"
+_PAL = r"#(axis|steps|elev|units|ref_speed)\b|reference\s+[xyza]+\s*;|move(to|rel)?\s+-?[\d.]+\(\d"
 _NO_JOB = {  # by the first lines of a text
-    rf"\s*{pattern}": f"is {what}"
+    rf"\s*+{pattern}": f"is {what}"
     for pattern, what in {
         r"(999\s[^\n]*\n\s*)*0\s+SECTION\b": f"a DXF drawing: {_DRAWN}",
         r"(<\?xml[^>]*>\s*)?(<!--[^>]*>\s*|<!DOCTYPE[^>]*>\s*)*<svg\b": f"an SVG drawing: {_DRAWN}",
@@ -42,7 +44,10 @@ _NO_JOB = {  # by the first lines of a text
         r"ISO-10303-21;": f"a STEP body: {_DRAWN}",
         r"%!PS": f"PostScript: {_DRAWN}, or with pstoedit",
         r"(G04[^\n]*\*\s*)*%(FS[LT][AI]|MO(MM|IN)\*|TF\.)": "a Gerber drawing; pcb2gcode makes toolpaths of it",
-        r"P\d+\s*\n\s*[GMXYZ]": "a program of the BWO 900 without numbers of blocks (N10 ...); for G-code leave P out",
+        rf"(.*\n){{0,20}}?\s*+({_PAL})": "a source of PAL-PC; what that sends can be recorded and run",
+        r"P\d+\s*\n\s*[GMXYZ]": (
+            "a program of the BWO 900 without numbers of blocks (N10 ...); for G-code leave that line out"
+        ),
         r"M48\s+(INCH|METRIC|FMAT|VER|T\d+[CF])": "an Excellon drill file; gerbv -x idrill makes an NCP file of it",
     }.items()
 }
@@ -135,6 +140,18 @@ def _decoded(line: str) -> str:
         return line
 
 
+def unusual(number: str) -> str:
+    """Why a number with a decimal comma or an exponent is not read, and how it is written; "" for any other."""
+    if "," not in number and "e" not in number.lower():
+        return ""
+    what = "a comma" if "," in number else "an exponent"
+    try:
+        plain = f"{float(number.replace(',', '.')):.9f}".rstrip("0").rstrip(".")
+    except ValueError:
+        return f"{number[:30]} has {what}"
+    return f"{number[:30]} has {what}; write {plain}"
+
+
 class Once:
     """Cautions of a file: the first of each kind."""
 
@@ -149,28 +166,24 @@ class Once:
 
 
 def plausible(path: Toolpath, settings: CamSettings) -> Toolpath:
-    """The same toolpath; before its end a caution if it cuts above the height at which it travels (cam/14), or less
-    deep than it can be meant (cam/34)."""
-    rapids = cuts = 0
-    travel = cut = 0.0
-    deepest = zero = settings.machine_point(settings.zero)[2]
+    """The same toolpath; before its end a caution if its highest point is cut and its lowest is travelled (cam/14), or
+    if it cuts less deep than it can be meant (cam/34)."""
+    travel, cut = [math.inf, -math.inf], [math.inf, -math.inf]  # lowest and highest Z
+    zero = settings.machine_point(settings.zero)[2]
     element: Element
     for element in path:
         kind = type(element)
-        if kind is Line or kind is Arc:
-            z = element.to[2]  # type: ignore[union-attr]
-            cuts += 1
-            cut += z
-            if z < deepest:
-                deepest = z
-        elif kind is Rapid:
-            rapids += 1
-            travel += element.to[2]  # type: ignore[union-attr]
+        if kind is Line or kind is Arc or kind is Rapid:
+            z, heights = element.to[2], travel if kind is Rapid else cut  # type: ignore[union-attr]
+            if z < heights[0]:
+                heights[0] = z
+            if z > heights[1]:
+                heights[1] = z
         elif kind is End:
-            if rapids and cuts and cut / cuts > travel / rapids + 1e-9:
+            if travel[0] <= cut[0] and cut[1] > travel[1] + 1e-9:
                 why = "it cuts above its rapid moves; if so, set file_z_up = false"
                 yield Caution(element.place, f"Z of this file seems to count downwards: {why}")
-            if 1e-9 < (depth := zero - deepest) < SHALLOW_MM:
+            if 1e-9 < (depth := zero - cut[0]) < SHALLOW_MM:
                 told = f"the deepest cut is {1000.0 * depth:.3g} um below the zero of the work"
                 yield Caution(element.place, f"{told}; is the file in another unit?")
         yield element

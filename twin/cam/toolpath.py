@@ -3,6 +3,7 @@
 A toolpath is an iterator of elements, made while a file is read, so that a file of a million lines needs little memory:
 
     Rapid Line Arc       motion of the tool's tip to a point
+    Reference            axes run to their reference switches
     Dwell                the tool stands
     Tool Spindle Coolant Output Stop     what the machine does between motions, in the order of the file
     Remark               words for people
@@ -70,6 +71,18 @@ class Arc(NamedTuple):
     plane: int
     turns: int
     feed_mm_s: float
+
+
+class Reference(NamedTuple):
+    """A reference run of these axes (0, 1, 2: X, Y, Z), behind which they stand at 0."""
+
+    place: Place
+    axes: tuple[int, ...]
+
+    def ends(self, at: Point) -> Point:
+        """Where the tool is behind it."""
+        x, y, z = (0.0 if axis in self.axes else old for axis, old in enumerate(at))
+        return x, y, z
 
 
 class Dwell(NamedTuple):
@@ -140,5 +153,7 @@ class End(NamedTuple):
     place: Place
 
 
-Element: TypeAlias = Rapid | Line | Arc | Dwell | Tool | Spindle | Coolant | Output | Stop | Remark | Caution | End
+Element: TypeAlias = (
+    Rapid | Line | Arc | Reference | Dwell | Tool | Spindle | Coolant | Output | Stop | Remark | Caution | End
+)
 Toolpath: TypeAlias = Iterator[Element]

@@ -28,6 +28,7 @@ from isel_twin.cam.toolpath import (
     Place,
     Point,
     Rapid,
+    Reference,
     Remark,
     Spindle,
     Stop,
@@ -71,6 +72,9 @@ class Commands(Limits, Protocol):
 
     def settled(self, place: Place) -> Iterable[Written]:
         """What lets drives that follow come to rest before the next move. Asked only of machines with such drives."""
+
+    def reference(self, axes: tuple[int, ...]) -> Iterable[str] | None:
+        """A reference run of these axes in the midst of a job; None: it makes one before a program only."""
 
     def dwell(self, seconds: float) -> str: ...
 
@@ -171,6 +175,8 @@ class _Writer:
     def _event(self, element: Element) -> Iterator[Written]:
         commands, place = self._commands, element.place
         match element:
+            case Reference():
+                yield from self._reference(element)
             case Dwell():
                 yield Written(commands.dwell(element.seconds), place)
             case Spindle():
@@ -191,6 +197,18 @@ class _Writer:
                 yield Written(commands.remark(element.text), place)
             case Caution():
                 yield self._cautioned(element)
+
+    def _reference(self, run: Reference) -> Iterator[Written]:
+        """Of the axes that there are (language/10)."""
+        lines = self._commands.reference(tuple(axis for axis in run.axes if axis < self._axes.count))
+        if lines is not None:
+            yield from (Written(line, run.place) for line in lines)
+            self._course.referenced(run)
+            self._following = Following(self._axes, self._settings)
+        elif (to := run.ends(self._course.point)) != self._course.point:
+            text = "a reference run is made before a program only: here the axes go to its end by rapids, Z first"
+            self._course.caution("reference", run.place, text)
+            yield from self._to(to, run.place, z_first=True)
 
     def _spindle(self, spindle: Spindle) -> Iterator[Written]:
         """S counts until another one comes, also over a standstill; alone it switches nothing (language/10)."""

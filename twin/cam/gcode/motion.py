@@ -15,16 +15,19 @@ from isel_twin.cam.gcode.offsets import Offsets
 from isel_twin.cam.gcode.words import Block
 from isel_twin.cam.reader import Once
 from isel_twin.cam.settings import CamSettings
-from isel_twin.cam.toolpath import Arc, CamError, Dwell, Element, Line, Place, Point, Rapid
+from isel_twin.cam.toolpath import Arc, CamError, Dwell, Element, Line, Place, Point, Rapid, Reference
 
-_INCH_MM = 25.4
 _AXES = "XYZ"
 _CENTRES = "IJK"
+_TAPPING_OR_REFERENCE = (
+    'G74 is tapping, which needs a spindle that the axis follows; if it is a reference run, set dialect = "din"'
+)
 _USES = {  # which codes of a block give these letters a meaning; arcs and cycles come on top
     "H": {430},
     "L": {100},
     "P": {40, 100, 640},
     "Q": {640},
+    "R": {100},
 }
 
 
@@ -44,7 +47,8 @@ class Motion:
         self.code: int | None = None
         self.feed = 0.0
         self._inverse = False
-        self._absolute, self._centre_absolute = True, False
+        self._absolute = True
+        self._centre_absolute: bool | None = None  # by G90.1 and G91.1; None: by neither
         self._plane = 170
         self._to_start = not settings.strict  # G98 (cam/17)
         self._cycle = Cycle()
@@ -73,11 +77,16 @@ class Motion:
         axes = [letter for letter in _AXES if letter in words]
         once, code = g.get(codes.ONCE), g.get(codes.MOTION)
         takes = once in codes.TAKES_AXES
+        if once == 740 and not self._is_din():
+            raise block.wrong(_TAPPING_OR_REFERENCE)
+        if 500 in g.values() and ("S" in words or (axes and code is None)):
+            raise block.wrong("G50 with S, or alone with X Y Z, is of lathes")
         if code is not None and code != 800 and takes:
-            both = f"{codes.name('G', code)} and {codes.name('G', int(once or 0))}"
-            raise block.wrong(f"{both} both take X Y Z; write them in two lines")
+            first, other = codes.name("G", code), codes.name("G", int(once or 0))
+            remedy = "" if code in (20, 30) else f"; write {first} in a line of its own before it"
+            raise block.wrong(f"{first} and {other} both take X Y Z{remedy}")
         if axes and not takes and (code == 800 or (code is None and self.code in (None, 800))):
-            raise block.wrong(f"no motion takes {axes[0]}; write G0 or G1 before it", axes[0])
+            raise block.wrong(f"no motion takes {axes[0]}: none has come yet, or G80 has ended it", axes[0])
         if once in (520, 920) and not axes:
             raise block.wrong(f"{codes.name('G', once)} wants X, Y or Z")
         motion = self._to_be(block)
@@ -87,7 +96,8 @@ class Motion:
             free = letter in "XYZFSTD" or (letter == "R" and (arc or cycle)) or (letter in _CENTRES and arc)
             free = free or (letter == "P" and (arc or cycle)) or (letter in "LQ" and cycle)
             if letter == "D" or not (free or every & _USES.get(letter, set())):
-                raise block.wrong(f"no code of this line takes {letter}; leave it out", letter)
+                holds = f": {codes.name('G', motion)} holds here" if motion is not None else ""
+                raise block.wrong(f"no code of this line takes {letter}{holds}", letter)
 
     def _to_be(self, block: Block) -> int | None:
         """The motion of the block; None for none."""
@@ -108,7 +118,7 @@ class Motion:
 
     def set_feed(self, block: Block) -> None:
         """F, in the unit of its own line; it stays as fast when the unit changes (cam/18)."""
-        unit = {None: self.unit, 200: _INCH_MM, 700: _INCH_MM}.get(block.g.get(codes.UNIT), 1.0)
+        unit = {None: self.unit, 200: arcs.INCH_MM, 700: arcs.INCH_MM}.get(block.g.get(codes.UNIT), 1.0)
         self.feed = block.words["F"] * (1.0 if self._inverse else unit) / 60.0
 
     def modes(self, block: Block, loaded: int | None) -> Iterator[Element]:
@@ -130,20 +140,46 @@ class Motion:
         if codes.RETRACT in g:
             self._to_start = g[codes.RETRACT] == 980
         once = g.get(codes.ONCE)
-        if once in codes.TAKES_AXES or codes.CLEAR in g or once in (281, 301):
+        if once == 530 and self._switches_zeros_off(block):
+            if self._settings.dialect != "din":
+                text = "G53 alone is read as DIN 66025 has it: zeros are off until G54 .. G59 come"
+                yield from self._once("G53", block.at("G", once), text)
+            here = self._machine(self.at)
+            self.offsets.switch_off()
+            self.at = self._program(here)
+        elif once == 740:
+            yield from self._reference(block)
+        elif once in codes.TAKES_AXES or codes.CLEAR in g or once in (281, 301):
             if not self._unit_given and any(letter in block.words for letter in _AXES):
                 yield from self._say_mm(block)
             yield from self._one_shot(block, once)
+
+    def _is_din(self) -> bool:
+        return self._settings.dialect == "din" or (self._told_din and not self._settings.strict)
+
+    def _switches_zeros_off(self, block: Block) -> bool:
+        """G53 in DIN 66025; elsewhere G53 alone means nothing (cam/35)."""
+        if self._settings.strict or self._settings.dialect == "rs274":
+            return False
+        return self._settings.dialect == "din" or not any(letter in block.words for letter in _AXES)
+
+    def _reference(self, block: Block) -> Iterator[Element]:
+        """G74 of DIN 66025: of the axes named, all if none is (cam/35)."""
+        place, given = block.at("G", 740), [axis for axis, letter in enumerate(_AXES) if letter in block.words]
+        if any(block.words[_AXES[axis]] for axis in given):
+            yield from self._once("G74", place, "the numbers behind X Y Z of G74 mean nothing here: Z goes first")
+        run = Reference(place, tuple(given or range(3)))
+        self.at = self._program(run.ends(self._machine(self.at)))
+        yield run
 
     def _units(self, block: Block) -> Iterator[Element]:
         code = block.g[codes.UNIT]
         if code in (700, 710):
             dialect = "rs274" if self._settings.strict else self._settings.dialect
             if dialect == "rs274":
-                raise CamError(
-                    f"{codes.name('G', code)} is not of this dialect; write G20 or G21, or set dialect",
-                    block.at("G", code),
-                )
+                instead = "G20" if code == 700 else "G21"
+                wrong = f"{codes.name('G', code)} is not of this dialect; write {instead}"
+                raise CamError(wrong, block.at("G", code))
             if dialect != "din":
                 self._told_din = True
                 unit = "inch" if code == 700 else "mm"
@@ -151,7 +187,7 @@ class Motion:
         else:
             self._told_din = False
         self._unit_given = True
-        self._set_unit(_INCH_MM if code in (200, 700) else 1.0)
+        self._set_unit(arcs.INCH_MM if code in (200, 700) else 1.0)
 
     def _length(self, block: Block, loaded: int | None) -> Iterator[Element]:
         length = 0.0
@@ -176,6 +212,11 @@ class Motion:
             axis: self._mm(axis, block.words[letter]) for axis, letter in enumerate(_AXES) if letter in block.words
         }
         here = self._machine(self.at)
+        zero = once in (520, 920) or (once == 100 and not block.words.get("P"))
+        if zero and not self.offsets.active:
+            raise block.wrong(
+                f"{codes.name('G', once or 0)} stands behind G53, which switches zeros off; write G54 before it"
+            )
         if once in (280, 300):
             yield from self._home(block, once, values)
             return
@@ -197,6 +238,8 @@ class Motion:
             raise block.wrong("G10 wants L2 or L20; tables of tools are in tool_length_mm", "L")
         if number is None or number not in range(10):
             raise block.wrong("G10 wants P 0 .. 9, the number of the system", "P")
+        if "R" in block.words and (block.words["R"] or kind == 20.0):
+            raise block.wrong("R of G10 turns the coordinates: a rotation is not made", "R")
         system = int(number) or self.offsets.active
         if kind == 2.0:
             self.offsets.set_system(system, values)
@@ -249,19 +292,18 @@ class Motion:
             if code not in codes.CYCLES:
                 self._cycle.end()
             yield from self._made(block, code, values)
-        elif block.g.get(codes.ONCE) == 530:
+        elif block.g.get(codes.ONCE) == 530 and self.offsets.active:
             raise CamError("G53 wants X, Y or Z, with G0 or G1", block.at("G", 530))
         self.plain = self._absolute and self._unit_given and not self._inverse and self.code in (0, 10, 20, 30)
-        offsets = not (self._centre_absolute or self._told_din or self._settings.dialect == "din")
-        self.flat = self.plain and self._plane == 170 and offsets
+        self.flat = self.plain and self._plane == 170 and self._reads_absolute() is False
 
     def _made(self, block: Block, code: int, values: dict[int, float]) -> Iterator[Element]:
         place = block.at("G", code) if codes.name("G", code) in block.places else block.place
-        if block.g.get(codes.ONCE) == 530:
+        if block.g.get(codes.ONCE) == 530 and self.offsets.active:
             if code not in (0, 10):
                 raise block.wrong("G53 goes with G0 or G1 only")
             if not self._absolute:
-                raise block.wrong("G53 cannot be used with G91; write G90")
+                raise block.wrong("G53 cannot be used with G91; write G90 in its line, and G91 again in the next one")
             base = self.offsets.base
             to = self._with({axis: value - base[axis] for axis, value in values.items()})
         else:
@@ -284,7 +326,8 @@ class Motion:
         """Where no F has come yet. Raises CamError if none is set."""
         usual = self._settings.feed_mm_s
         if usual <= 0.0 or self._settings.strict:
-            raise CamError("there is no feed yet; write F before the first cut, or set feed_mm_s", place)
+            setting = "" if self._settings.strict else ", or set feed_mm_s"
+            raise CamError(f"there is no feed yet; write F before the first cut{setting}", place)
         self.feed = usual
         yield from self._once("feed", place, f"there is no F yet: the feed is feed_mm_s, {usual:g} mm/s")
 
@@ -327,7 +370,8 @@ class Motion:
         axes, other = seen_from_above(third), _CENTRES[third]
         letters = [_CENTRES[axis] for axis in axes]
         if words.get(other) is not None and (words[other] or self._settings.strict):
-            raise ValueError(f"{other} is not of this plane; leave it out")
+            leave = "" if words[other] else "; leave it out"  # of more than 0 it may be another plane, or a pitch
+            raise ValueError(f"{other} is not of this plane{leave}")
         given = {
             axis: self._mm(axis, words[letter]) for axis, letter in zip(axes, letters, strict=True) if letter in words
         }
@@ -337,51 +381,55 @@ class Motion:
             return arcs.by_radius(start, end, words["R"] * self.unit, clockwise)
         if not given:
             raise ValueError("an arc wants its centre I J K, or its radius R")
-        a, b = (given.get(axis, 0.0) for axis in axes)
-        offset = (start[0] + a, start[1] + b)
-        absolute = (given.get(axes[0], start[0]), given.get(axes[1], start[1]))
-        centre = absolute if self._reads_absolute() else offset
-        if self._told_din and absolute != offset:
-            fitting = [one for one in (offset, absolute) if arcs.fits(start, end, one)]
-            if len(fitting) != 1:
-                raise ValueError(f"{' '.join(letters)} may be offsets or absolute; set dialect to rs274 or din")
-            centre = fitting[0]
-            kind = "offsets from the start" if centre == offset else "absolute"
-            yield from self._once("din arcs", block.place, f"I J K are read as {kind}: only so the radii are equal")
-        elif self._centre_absolute and len(given) < 2:
+        if self._centre_absolute and len(given) < 2:
             raise ValueError(f"with G90.1 an arc wants both {' and '.join(letters)}")
-        if not arcs.fits(start, end, centre):
-            r0, r1 = arcs.radii(start, end, centre)
-            if min(r0, r1) < arcs.SMALL_MM:
-                raise ValueError("an arc without radius; correct its centre I J K")
-            raise ValueError(f"radii to start and end of the arc differ: {r0:.4f} and {r1:.4f} mm; correct its I J K")
+        offset = (start[0] + given.get(axes[0], 0.0), start[1] + given.get(axes[1], 0.0))
+        absolute = (given.get(axes[0], start[0]), given.get(axes[1], start[1]))
+        reads = self._reads_absolute()
+        fitting = [centre for centre in (offset, absolute) if arcs.fits(start, end, centre, self.unit)]
+        if reads is None and fitting:
+            if len(fitting) == 2 and offset != absolute:
+                raise ValueError(f"{' '.join(letters)} may be offsets or absolute; write G91.1 or G90.1 before it")
+            reads = fitting[0] is absolute
+            kind = "absolute" if reads else "offsets from the start"
+            yield from self._once("din arcs", block.place, f"I J K are read as {kind}: only so the radii are equal")
+        centre = absolute if reads else offset
+        if centre not in fitting:
+            readings = offset, absolute
+            raise ValueError(arcs.misfit(" ".join(letters), self.unit, (start, end), readings, bool(reads)))
         return centre
 
-    def _reads_absolute(self) -> bool:
-        return self._absolute if self._settings.dialect == "din" else self._centre_absolute
+    def _reads_absolute(self) -> bool | None:
+        """Is a centre absolute? G90.1 and G91.1 say so; else DIN 66025 by G90, all others never, and None where nobody
+        knows (cam/26)."""
+        if self._centre_absolute is not None:
+            return self._centre_absolute
+        if self._settings.dialect == "din":
+            return self._absolute
+        return None if self._told_din else False
 
     def _hole(self, block: Block, place: Place, code: int, values: dict[int, float]) -> Iterator[Element]:
         if not values:
             return
-        if self._plane != 170:
-            raise block.wrong(f"{codes.name('G', code)} is made in G17 only")
         if self._inverse:
-            raise block.wrong("cycles want G94")
+            raise block.wrong("cycles want G94 and F a minute")
         feed = yield from self._feed(block, 0.0)
-        repeats = self._cycle.take(block, code, self.unit, self._up, self.at[2])
+        along, series = arcs.PLANES[self._plane], self._cycle.series
+        repeats = self._cycle.take(block, code, along, self._mm(along, 1.0), self.unit, self.at[along])
         clear, bottom = self._cycle.heights(block, self._absolute)
-        across = {axis: value for axis, value in values.items() if axis != 2}
-        if self.at[2] < clear:
-            yield from self._rapid(place, (self.at[0], self.at[1], clear))
+        across = {axis: value for axis, value in values.items() if axis != along}
+        if series is not None and (told := self._cycle.unlike(series, self.at[along], clear, self._to_start)):
+            yield from self._once(told, place, told)
+        if self.at[along] < clear:
+            yield from self._rapid(place, self._with({along: clear}))
         for _ in range(repeats):
-            x, y, _ = self._target(across)
-            yield from self._rapid(place, (x, y, self.at[2]))
-            yield from self._rapid(place, (x, y, clear))
+            yield from self._rapid(place, self._target(across))
+            yield from self._rapid(place, self._with({along: clear}))
             for kind, value in self._cycle.steps(clear, bottom, self._to_start):
                 if kind == "dwell":
                     yield Dwell(place, value)
                 elif kind == "rapid":
-                    yield from self._rapid(place, (x, y, value))
-                elif value != self.at[2]:
-                    self.at = (x, y, value)
+                    yield from self._rapid(place, self._with({along: value}))
+                elif value != self.at[along]:
+                    self.at = self._with({along: value})
                     yield Line(place, self._machine(self.at), feed)

@@ -10,7 +10,8 @@ NAMES = ("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3")
 
 
 class Offsets:
-    """Machine point = point of the program + system + G92 + length, in mm. base: that sum."""
+    """Machine point = point of the program + system + G92 + length, in mm. base: that sum; active: the number of the
+    system, 0 while all are off."""
 
     def __init__(self, settings: CamSettings) -> None:
         self._systems = {number: settings.machine_point(zero) for number, zero in settings.zeros.items()}
@@ -29,6 +30,11 @@ class Offsets:
             )
         self.active = number
         self.base = self._sum()
+
+    def switch_off(self) -> None:
+        """G53 of DIN 66025: points are those of the machine until a system is selected."""
+        self.active = 0
+        self.base = ORIGIN
 
     def set_system(self, number: int, values: dict[int, float]) -> None:
         """G10 L2: coordinates of the system by axis."""
@@ -65,6 +71,8 @@ class Offsets:
         self.base = self._sum()
 
     def _sum(self) -> Point:
+        if not self.active:
+            return ORIGIN
         x, y, z = self._systems[self.active]
         dx, dy, dz = self._shift if self._shifted else ORIGIN
         return x + dx, y + dy, z + dz + self.length

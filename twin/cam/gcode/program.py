@@ -145,7 +145,7 @@ class Program:
         start, end = at[:2], to[:2]
         if r is None:
             centre = at[0] + float(i or 0.0) * unit, at[1] + float(j or 0.0) * unit
-            if not arcs.fits(start, end, centre):
+            if not arcs.fits(start, end, centre, unit):
                 return None
         else:
             try:

@@ -13,14 +13,19 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from isel_twin.cam.gcode import codes
-from isel_twin.cam.reader import Once
+from isel_twin.cam.reader import Once, unusual
 from isel_twin.cam.toolpath import CamError, Caution, Place
 
 MOST = 1e7  # of any number
-_WORD = re.compile(r"[ \t]*([A-Z])[ \t]*([-+]?(?:[ \t]*[0-9.])+)", re.I | re.A)
+_WORD = re.compile(r"[ \t]*([A-Z])[ \t]*([-+]?(?:[ \t]*[0-9.,])+(?:E[-+]?[0-9]{1,2}(?![0-9.]))?)", re.I | re.A)
 _START = re.compile(r"[ \t]*/?[ \t]*(?:N[ \t]*[0-9][0-9. \t]*)?", re.I | re.A)
 _LABEL = re.compile(r"O[ \t]*[0-9][0-9 \t]*(.*)", re.I | re.A | re.S)
 _ACTIVE = re.compile(r"[ \t]*(MSG|DEBUG|PRINT|LOG)[ \t]*,(.*)", re.I | re.S)
+_EDING = re.compile(
+    r"[ \t]*(msg|(?:dlg|warn|err|log)msg|logfile|print|gosub|(?:end)?(?:sub|if|while)|else)\b(?:[ \t]*\"([^\"]*)\"?)?",
+    re.I,
+)
+_BRACKETS = str.maketrans("()", "[]")
 _NO_AXIS = "ABCUVW"
 _LETTERS = "XYZIJKRFSTPQLHD"
 
@@ -70,6 +75,8 @@ class Lines:
                     Place(number, at + 1, text[at:].strip()[:20]),
                 )
             return block, said
+        if eding := _EDING.match(text, at):
+            raise _of_eding(eding, Place(number, eding.start(1) + 1, eding[1]))
         for letter, value, place in self._words(text, at, number):
             if not block.places:
                 block.place = place
@@ -81,8 +88,11 @@ class Lines:
         while match is not None:
             letter, written = match.groups()
             place = Place(number, match.start(1) + 1, match[0].strip())
+            plain = "".join(written.split())
+            if wrong := unusual(plain):
+                raise CamError(f"{letter.upper()}: {wrong}", place)
             try:
-                value = float("".join(written.split()))
+                value = float(plain)
             except ValueError:
                 raise CamError(f"{match[0].strip()[:30]!r} is not a number", place) from None
             if not abs(value) <= MOST:
@@ -102,16 +112,19 @@ class Lines:
                 group = f"{codes.SWITCH} {abs(code)}"
             else:
                 group = _group(letter, code, value, place)
+                if self._strict and letter == "G" and code in codes.CANCELS:
+                    raise CamError(f"{place.word[:20]} is unknown to LinuxCNC; leave it out", place)
             groups = block.g if letter == "G" else block.m
-            if group in groups and not self._strict and {groups[group], code} - codes.STRAIGHT_OR_ARC == {800}:
-                code = code if groups[group] == 800 else groups[group]  # "G00G21G90G80": G80 says nothing more (cam/21)
+            if 800 in (code, groups.get(group)) and group in groups:
+                code = code if groups[group] == 800 else groups[group]  # G80 says nothing beside a motion
             elif group in groups:
                 first = codes.name(letter, groups[group])
                 raise CamError(f"{first} and {codes.name(letter, code)} exclude each other in one line", place)
             groups[group] = code
             return
         if letter in _NO_AXIS:
-            raise CamError(f"this machine has no axis {letter}; leave {letter} out", place)
+            leave = "" if value else f"; leave {letter}0 out"  # of more it makes another part (cam/37)
+            raise CamError(f"this machine has no axis {letter}{leave}", place)
         if letter == "N":
             raise CamError("N stands at the beginning of a line only", place)
         if letter not in _LETTERS:
@@ -155,7 +168,7 @@ def _group(letter: str, code: int, value: float, place: Place) -> str:
     group = (codes.G_GROUPS if letter == "G" else codes.M_GROUPS).get(code)
     scaled = value * 10 if letter == "G" else value
     if abs(scaled - code) > 1e-6 or (refused is None and group is None):
-        raise CamError(f"{place.word[:20]} is unknown; leave it out, or write what it does in other words", place)
+        raise CamError(f"{place.word[:20]} is unknown here: what it does is not made", place)
     if refused is not None:
         raise CamError(f"{codes.name(letter, code)} is refused: {refused}", place)
     return str(group)
@@ -166,4 +179,11 @@ def _not_a_word(rest: str, place: Place) -> CamError:
         return CamError("parameters # and expressions [ ] are not read; let the CAM program write numbers", place)
     if rest[0].isascii() and rest[0].isalpha():
         return CamError(f"{rest[0].upper()} has no number behind it", place)
-    return CamError(f"{rest[0]!r} is no word of G-code; leave it out", place)
+    return CamError(f"{rest[0]!r} is no word of G-code", place)
+
+
+def _of_eding(match: re.Match[str], place: Place) -> CamError:
+    word, text = match[1].lower(), match[2]
+    if word == "msg" and text:
+        return CamError(f"msg is a command of EdingCNC; write (MSG,{text.translate(_BRACKETS)[:60]})", place)
+    return CamError(f"{word} is a command of EdingCNC, whose macros are not read", place)

@@ -152,7 +152,7 @@ class Plot:
     def _radius(self, value: float, place: Place) -> float:
         ax, _, ay, _ = self._scale
         if abs(abs(ax) - abs(ay)) > 1e-9 * abs(ax):
-            raise CamError("a circle under SC with different scales is an ellipse; scale X and Y alike", place)
+            raise CamError("a circle under SC with different scales is an ellipse, which is not drawn", place)
         return abs(ax) * value
 
     def _numbers(self, told: Instruction, least: int) -> tuple[float, ...]:
@@ -257,11 +257,13 @@ class Plot:
             return
         left, right, low, high = self._numbers(told, 4)[:4]
         if len(told.numbers) > 4 and told.numbers[4]:
-            raise CamError("SC of type 1 or 2 is not read; write four numbers", told.place)
+            raise CamError(
+                "SC of type 1 or 2 is not read; let the program that made it write plotter units", told.place
+            )
         if not self._corners:
             raise CamError("SC without IP: the size of the plotter is not known; write IP before it", told.place)
         if left == right or low == high:
-            raise CamError("SC with a range of 0; correct its numbers", told.place)
+            raise CamError("SC with a range of 0", told.place)
         x1, y1, x2, y2 = self._corners
         ax, ay = (x2 - x1) / (right - left), (y2 - y1) / (high - low)
         self._scale = (ax, x1 - ax * left, ay, y1 - ay * low)
@@ -327,7 +329,7 @@ _INSTRUCTIONS: Mapping[str, Callable[[Plot, Instruction], Iterator[Element] | No
     **dict.fromkeys(("LB", "IW"), Plot.left_out),
 }
 _REFUSED = {
-    "PE": "write PD with plain numbers",
+    "PE": "let the program that made it write PD",
     "ZP": "heights are in safe_mm and depth_mm",
     "ZO": "heights are in safe_mm and depth_mm",
     "IR": "write IP with plotter units",

@@ -6,12 +6,12 @@ import re
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
-from isel_twin.cam.reader import LONGEST
+from isel_twin.cam.reader import LONGEST, unusual
 from isel_twin.cam.toolpath import CamError, Place
 
 MOST = 1e9
 _TOKEN = re.compile(
-    r"[\s,]+|([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))|([A-Z]{2})|(;)|"
+    r"[\s,]+|([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:E[-+]?[0-9]{1,2})?)|([A-Z]{2})|(;)|"
     r"(\x1b\.[()YZ]|\x1b\.[^:]{0,40}:|\x1b%-?[0-9]*[A-Z]|\x1bE)|(.)",
     re.I | re.A | re.S,
 )
@@ -101,9 +101,11 @@ class _Scanner:
                 yield from self._ended()
             elif other is not None and other not in "\x00\x03\x1a":
                 place = Place(line, before + match.start() + 1, other)
-                raise CamError(f"{other!r} is no instruction of HPGL; leave it out", place)
+                raise CamError(f"{other!r} is no instruction of HPGL", place)
 
     def _number(self, number: str, place: Place) -> Iterator[Instruction]:
+        if wrong := unusual(number):
+            raise CamError(wrong, place)
         value = float(number)
         if not self._code:
             raise CamError(f"{number[:20]} stands behind no instruction", place)

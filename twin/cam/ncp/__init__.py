@@ -22,7 +22,7 @@ from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import Toolpath
 
 _CLAIM = re.compile(
-    r"\s*(N\d+\s+)?(IMF_PBL\b|(FAST|MOVE|CW|CCW|CWHLX|CCWHLX)(ABS|REL)\b|(FAST)?VEL\s*\d|WPCLEAR\b|PROGEND\b|GETTOOL\b"
+    r"\s*(N\d+\s+)?(IMF_PBL\b|(FAST|MOVE|CW|CCW|CWHLX|CCWHLX)(ABS|REL)\b|(FAST)?VEL\s*\d|WPCLEAR\b|PROG(BEGIN|END)\b|GETTOOL\b"
     r"|DRILL(DEF)?\b)",
     re.I,
 )

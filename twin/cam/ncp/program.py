@@ -24,6 +24,7 @@ from isel_twin.cam.toolpath import (
     Place,
     Point,
     Rapid,
+    Reference,
     Remark,
     Spindle,
     Stop,
@@ -51,8 +52,7 @@ class Program:
         self.base = self.job_zero  # machine point of the active zero
         self.tool_length = 0.0
         self.cleared = False  # by WPCLEAR: coordinates are the machine's, without the tool's length
-        x, y, z = settings.machine_point(settings.start)
-        self.at: Point = (x - self.base[0], y - self.base[1], z - self.base[2])
+        self.at: Point = self.program(settings.machine_point(settings.start))
         self.up = 1 if settings.file_z_up else -1  # of the numbers in the file
         self.per_mm = 1000.0
         self.rapid = 0.0
@@ -61,7 +61,7 @@ class Program:
         self.plane = _PLANES["XY"]
         self.drill = Drill()
         self.turns = 0  # of the spindle
-        self.headed = self.ended = False
+        self.headed = self.named = self.ended = False  # named: by IMF_PBL
 
     def run(self, lines: Iterable[str]) -> Iterator[Element]:
         number = 0
@@ -101,6 +101,8 @@ class Program:
 
     def _carried_out(self, statement: Statement) -> Iterator[Element]:
         row = _STATEMENTS.get(statement.word)
+        self.named = self.named or statement.word == "IMF_PBL"
+        statement.check_compiled(self.named)
         if row is None:
             raise CamError(
                 f"unknown word {statement.place.word[:40]!r}; {hint(statement.word, _STATEMENTS, 'NCP has')}",
@@ -112,21 +114,22 @@ class Program:
                 yield from self.once("head", statement.place, "there is no line IMF_PBL at the beginning")
         if statement.place.word != statement.place.word.upper() and statement.word != "IMF_PBL":
             yield from self.once("case", statement.place, "words in small letters are read like capitals")
-        made = row(self, statement)
-        if made is not None:
-            yield from made
+        yield from row(self, statement) or ()
 
     # Points ----------------------------------------------------------------------------------------------------------
 
     def machine(self, point: Point) -> Point:
         return point[0] + self.base[0], point[1] + self.base[1], point[2] + self.base[2]
 
+    def program(self, machine: Point) -> Point:
+        return machine[0] - self.base[0], machine[1] - self.base[1], machine[2] - self.base[2]
+
     def rebase(self) -> None:
         """The active zero or the tool has changed; the tool stays where it is."""
-        x, y, z = self.machine(self.at)
+        machine = self.machine(self.at)
         bx, by, bz = (0.0, 0.0, 0.0) if self.cleared else self.job_zero
         self.base = (bx, by, bz if self.cleared else bz + self.tool_length)
-        self.at = (x - self.base[0], y - self.base[1], z - self.base[2])
+        self.at = self.program(machine)
 
     def mm(self, letter: str, value: float) -> float:
         """A coordinate or increment of the file."""
@@ -155,7 +158,7 @@ class Program:
         words = statement.letters("XYZABC")
         _no_rotary(statement, words)
         if not words:
-            raise statement.wrong("names no axis; write X, Y or Z behind it")
+            raise statement.wrong("names no axis")
         self.at = self.end(words, statement.word.endswith("REL"))
         if statement.word.startswith("FAST"):
             yield Rapid(statement.place, self.machine(self.at), self.rapid)
@@ -179,8 +182,12 @@ class Program:
         if relative or not self._fits(absolute, end):
             by_offset = {axis: self.at[axis] + centre.get(axis, 0.0) for axis in PLANES[self.plane]}
             if not self._fits(by_offset, end):
-                r0, r1 = self._radii(by_offset if relative else absolute, end)
-                raise statement.wrong(f"radii to start and end are {r0:.4f} and {r1:.4f} mm; correct its centre I J")
+                r0, r1 = self._radii(by_offset, end)
+                told = f"the radii to start and end are {r0:.4f} and {r1:.4f} mm with its centre as an offset"
+                if not relative:
+                    r0, r1 = self._radii(absolute, end)
+                    told += f", {r0:.4f} and {r1:.4f} mm as absolute"
+                raise statement.wrong(told)
             if not relative:
                 yield from self.once(
                     "offset",
@@ -207,11 +214,11 @@ class Program:
         )
         for letter in "IJK":
             if letter in words and letter not in letters:
-                raise statement.wrong(f"{letter} is not of this plane; leave it out")
+                raise statement.wrong(f"{letter} is not of this plane")
         axes = zip(PLANES[third], letters, strict=True)
         centre = {axis: self.mm("Z" if axis == 2 else "X", words[letter]) for axis, letter in axes if letter in words}
         if not centre:
-            raise statement.wrong("has no centre; write I and J")
+            raise statement.wrong("has no centre I J")
         return centre
 
     def _radii(self, centre: Mapping[int, float], end: Point) -> tuple[float, float]:
@@ -397,21 +404,25 @@ class Program:
         self.ended = True
         yield End(statement.place)
 
-    def refused(self, statement: Statement) -> None:
-        raise statement.wrong(_REFUSED[statement.word])
+    def reference(self, statement: Statement) -> Iterator[Element]:
+        """REF: of the axes named, all if none is (cam/35)."""
+        named = "".join(token for token, _ in statement.tokens)
+        if set(named) - {*"XYZ"}:
+            raise statement.wrong(f"{named[:20]!r} names no axes of this machine; allowed: X, Y, Z")
+        axes = tuple(axis for axis, letter in enumerate("XYZ") if not named or letter in named)
+        run = Reference(statement.place, axes)
+        self.at = self.program(run.ends(self.machine(self.at)))
+        yield run
 
 
 def _no_rotary(statement: Statement, words: Mapping[str, float]) -> None:
     for letter in "ABC":
         if letter in words:
-            raise statement.wrong(f"this machine has no axis {letter}; leave {letter} out")
+            leave = "" if words[letter] else f"; leave {letter}0 out"
+            raise statement.wrong(f"this machine has no axis {letter}{leave}")
 
 
 _TURNS = {"CW": 1, "CCW": -1, "OFF": 0}
-_REFUSED = {
-    "REF": "a reference run is the machine's, not the job's; leave the line out",
-    "LIMIT": "what it means is not known; leave the line out",
-}
 _STATEMENTS: Mapping[str, Callable[[Program, Statement], Iterable[Element] | None]] = {
     "IMF_PBL": Program.shown,
     **dict.fromkeys(("FASTABS", "FASTREL", "MOVEABS", "MOVEREL"), Program.move),
@@ -433,5 +444,5 @@ _STATEMENTS: Mapping[str, Callable[[Program, Statement], Iterable[Element] | Non
     "TYPE": Program.shown,
     **dict.fromkeys(("INITTOOL", "PROGBEGIN"), Program.no_effect),
     "PROGEND": Program.stop,
-    **dict.fromkeys(_REFUSED, Program.refused),
+    "REF": Program.reference,
 }

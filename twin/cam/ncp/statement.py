@@ -6,11 +6,18 @@ import math
 import re
 from dataclasses import dataclass
 
+from isel_twin.cam.reader import unusual
 from isel_twin.cam.toolpath import CamError, Place
 
 MOST_UM = 1e9
 _NUMBERED = re.compile(r"[ \t]*(?:N[0-9]+[ \t]*)?", re.I)
-_TOKEN = re.compile(r"COOLANT2|POPTION[12]|[A-Z_]+|[-+]?[0-9]+(?:\.[0-9]*)?|[^ \t]", re.I | re.A)
+_TOKEN = re.compile(r"COOLANT2|POPTION[12]|[A-Z_]+|[-+]?[0-9]+(?:[.,][0-9]*)?(?:E[-+]?[0-9]{1,2})?|[^ \t]", re.I | re.A)
+
+_OF_PRONC = re.compile(
+    r"((END)?(IF|FOR|WHILE)|THEN|ELSE|REPEAT|UNTIL|LABEL|GOTO|(SUBR|PROC)(BEGIN|END)?|CALL|RETURN)\Z"
+)
+_PRONC = "of a source of ProNC, which is compiled there: its .ncp is run here"
+_MEASURED = ("FAST", "MOVE", "CW", "CCW", "VEL", "DRILL")  # how words with lengths begin
 
 
 @dataclass
@@ -26,6 +33,15 @@ class Statement:
         place = self.place if at is None else Place(self.place.line, at, self.word)
         return CamError(f"{self.word}: {what}", place)
 
+    def check_compiled(self, named: bool) -> None:
+        """Raise CamError for a statement of a source of ProNC, which has branches, and mm. named: IMF_PBL has come."""
+        if _OF_PRONC.match(self.word):
+            raise self.wrong(f"is {_PRONC}")
+        if not named and self.word.startswith(_MEASURED):
+            for token, at in self.tokens:
+                if "." in token:
+                    raise self.wrong(f"{token} has a point, and no line IMF_PBL stands before it: {_PRONC}", at)
+
     def nothing(self) -> None:
         if self.tokens:
             token, at = self.tokens[0]
@@ -38,6 +54,8 @@ class Statement:
         return self.value(*self.tokens[0], least, most)
 
     def value(self, token: str, at: int, least: float, most: float) -> float:
+        if wrong := unusual(token):
+            raise self.wrong(wrong, at)
         try:
             value = float(token)
         except ValueError:

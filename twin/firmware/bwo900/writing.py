@@ -124,6 +124,9 @@ class Bwo900Commands:
         self._stands = True
         return (Written(self.dwell(0.0), place),)
 
+    def reference(self, axes: tuple[int, ...]) -> None:
+        return None
+
     def dwell(self, seconds: float) -> str:
         return self._block(f"G04.{seconds:.3f}")
 

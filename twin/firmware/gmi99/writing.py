@@ -63,8 +63,7 @@ class Gmi99Commands:
         count = self._axes.count
         ratios = (round(self._per_mm / steps * RATIO_ONE) for steps in self._axes.steps_mm[:count])
         return [
-            *(["Q4;1"] if count == 3 else []),
-            f"Q{1 if count == 1 else 3};1",
+            *self.reference(tuple(range(count))),
             "G90",
             "G94",
             *(f"W1;{ratio};{slot}" for slot, ratio in enumerate(ratios, 1) if ratio != RATIO_ONE),
@@ -134,6 +133,11 @@ class Gmi99Commands:
             self._held.append(IN_POSITION)
             self._place = self._place or place
         return ()
+
+    def reference(self, axes: tuple[int, ...]) -> Iterable[str]:
+        """Z first, so that nothing is in the way of X and Y."""
+        masks = (4 if 2 in axes else 0, sum(1 << axis for axis in axes if axis < 2))
+        return [f"Q{mask};1" for mask in masks if mask]
 
     def dwell(self, seconds: float) -> str:
         return pause(seconds)

@@ -112,6 +112,11 @@ class ImcCommands:
     def settled(self, place: Place) -> Iterable[Written]:
         return ()
 
+    def reference(self, axes: tuple[int, ...]) -> Iterable[str]:
+        """With all axes together from then on, which a reference run ends."""
+        run = [f"@0R{sum(1 << axis for axis in axes)}"] if axes else []
+        return [*run, "@0z1"] if self._axes == 3 and "z" not in self._lacks else run
+
     def dwell(self, seconds: float) -> str:
         return pause(seconds)
 

@@ -42,8 +42,7 @@ class IsmifCommands:
         self._rapid = False
 
     def begin(self) -> Iterable[str]:
-        """Z first, so that nothing is in the way of X and Y."""
-        return [f"$H{''.join(axis for axis in 'ZXY' if axis in self._axes)}{START}"]
+        return self.reference(tuple(range(len(self._axes))))
 
     def move(self, move: Move) -> Iterable[Written]:
         takes_s = move.length_mm / move.speed_mm_s + RAMPS_S
@@ -75,6 +74,10 @@ class IsmifCommands:
 
     def turn(self, turn: Turn) -> Iterable[Written]:
         raise NotImplementedError
+
+    def reference(self, axes: tuple[int, ...]) -> Iterable[str]:
+        """Z first, so that nothing is in the way of X and Y."""
+        return [f"$H{''.join(AXES[axis] for axis in (2, 0, 1) if axis in axes)}{START}"] if axes else []
 
     def dwell(self, seconds: float) -> str:
         return pause(seconds)

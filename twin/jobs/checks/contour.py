@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from isel_twin.cam import arcs
 from isel_twin.cam.settings import CamSettings
-from isel_twin.cam.toolpath import Arc, Line, Point, Rapid, Toolpath
+from isel_twin.cam.toolpath import Arc, Line, Point, Rapid, Reference, Toolpath
 
 BACK_MM, AHEAD_MM = 2.0, 5.0  # along the path, from the nearest point before, in which the next one is looked for
 # mm of distance that a mm counts as ...
@@ -64,6 +64,9 @@ def _pieces(path: Toolpath, at: Point, tolerance_mm: float) -> Iterator[tuple[in
             for to in arcs.chords(element, at, arcs.shape(element, at), tolerance_mm):
                 yield element.place.line, to, True
             at = element.to
+        elif isinstance(element, Reference):
+            at = element.ends(at)
+            yield element.place.line, at, False
 
 
 @dataclass(frozen=True)
