@@ -5,6 +5,7 @@ A toolpath is an iterator of elements, made while a file is read, so that a file
     Rapid Line Arc       motion of the tool's tip to a point
     Reference            axes run to their reference switches
     Dwell                the tool stands
+    PathMode             does each motion after it end at rest?
     Tool Spindle Coolant Output Stop     what the machine does between motions, in the order of the file
     Remark               words for people
     Caution              what the reader took in one of several ways, or left out: shown to the user once
@@ -85,6 +86,13 @@ class Reference(NamedTuple):
         return x, y, z
 
 
+class PathMode(NamedTuple):
+    """exact: each motion from here on ends at rest; else as the controller joins them."""
+
+    place: Place
+    exact: bool
+
+
 class Dwell(NamedTuple):
     place: Place
     seconds: float
@@ -154,6 +162,19 @@ class End(NamedTuple):
 
 
 Element: TypeAlias = (
-    Rapid | Line | Arc | Reference | Dwell | Tool | Spindle | Coolant | Output | Stop | Remark | Caution | End
+    Rapid
+    | Line
+    | Arc
+    | Reference
+    | PathMode
+    | Dwell
+    | Tool
+    | Spindle
+    | Coolant
+    | Output
+    | Stop
+    | Remark
+    | Caution
+    | End
 )
 Toolpath: TypeAlias = Iterator[Element]

@@ -25,6 +25,7 @@ from isel_twin.cam.toolpath import (
     End,
     Line,
     Output,
+    PathMode,
     Place,
     Point,
     Rapid,
@@ -119,6 +120,7 @@ class _Writer:
         self._top_rpm = settings.spindle_max_rpm or axes.spindle_max_rpm  # 0: not known
         self._tells_speed = commands.speed_by == "number" or bool(commands.speed_by and self._top_rpm)
         self._cooled: set[int] = set()
+        self._exact = False  # drives that follow come to rest behind each motion
         self._away_from: Point | None = None  # where the tool stood before it was changed
 
     def lines(self, path: Toolpath) -> Iterator[Written]:
@@ -131,6 +133,8 @@ class _Writer:
             if isinstance(element, (Line, Rapid, Arc)):
                 if self._away_from is not None:
                     yield from self._back(element)
+                if self._exact:
+                    yield from commands.settled(place)
                 if isinstance(element, Line):
                     yield from self._straight(place, element.to, element.feed_mm_s, rapid=False)
                 elif isinstance(element, Rapid):
@@ -139,6 +143,8 @@ class _Writer:
                     yield from self._arc(element)
             elif isinstance(element, End):
                 break
+            elif isinstance(element, PathMode):
+                self._exact = element.exact and bool(self._axes.lag_s)
             else:
                 yield from commands.held()
                 yield from self._event(element)

@@ -61,6 +61,11 @@ class Cycle:
             raise block.wrong(f"L must be a whole number 1 .. {MOST_REPEATS}", "L")
         return int(repeats)
 
+    def unused(self, block: Block) -> list[str]:
+        """Words of the block that say something to other cycles (cam/38)."""
+        used = {"P": (820, 890), "Q": (730, 830)}
+        return [letter for letter, codes in used.items() if block.words.get(letter) and self._code not in codes]
+
     def heights(self, block: Block, absolute: bool) -> tuple[float, float]:
         """R and depth of the hole; in G91 from where the series began. Raises CamError."""
         depth = "XYZ"[self._axis]

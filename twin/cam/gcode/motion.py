@@ -15,7 +15,7 @@ from isel_twin.cam.gcode.offsets import Offsets
 from isel_twin.cam.gcode.words import Block
 from isel_twin.cam.reader import Once
 from isel_twin.cam.settings import CamSettings
-from isel_twin.cam.toolpath import Arc, CamError, Dwell, Element, Line, Place, Point, Rapid, Reference
+from isel_twin.cam.toolpath import Arc, CamError, Dwell, Element, Line, PathMode, Place, Point, Rapid, Reference
 
 _AXES = "XYZ"
 _CENTRES = "IJK"
@@ -91,10 +91,10 @@ class Motion:
             raise block.wrong(f"{codes.name('G', once)} wants X, Y or Z")
         motion = self._to_be(block)
         arc, cycle = motion in (20, 30), motion in codes.CYCLES
-        every = {*g.values()}
+        every, numbered = {*g.values()}, not codes.TAKES_P.isdisjoint(block.m.values())
         for letter in words:
             free = letter in "XYZFSTD" or (letter == "R" and (arc or cycle)) or (letter in _CENTRES and arc)
-            free = free or (letter == "P" and (arc or cycle)) or (letter in "LQ" and cycle)
+            free = free or (letter == "P" and (arc or cycle or numbered)) or (letter in "LQ" and cycle)
             if letter == "D" or not (free or every & _USES.get(letter, set())):
                 holds = f": {codes.name('G', motion)} holds here" if motion is not None else ""
                 raise block.wrong(f"no code of this line takes {letter}{holds}", letter)
@@ -139,6 +139,8 @@ class Motion:
             self._centre_absolute = g[codes.CENTRE] == 901
         if codes.RETRACT in g:
             self._to_start = g[codes.RETRACT] == 980
+        if codes.PATH in g:
+            yield from self._path_mode(block, g[codes.PATH])
         once = g.get(codes.ONCE)
         if once == 530 and self._switches_zeros_off(block):
             if self._settings.dialect != "din":
@@ -153,6 +155,14 @@ class Motion:
             if not self._unit_given and any(letter in block.words for letter in _AXES):
                 yield from self._say_mm(block)
             yield from self._one_shot(block, once)
+
+    def _path_mode(self, block: Block, code: int) -> Iterator[Element]:
+        """G61, G61.1, G64 (cam/30)."""
+        yield PathMode(block.at("G", code), exact=code != 640)
+        for letter in "PQ":
+            if letter in block.words:
+                text = f"{letter} of G64 is not used: controllers join moves by rules of their own"
+                yield from self._once("G64", block.places[letter], text)
 
     def _is_din(self) -> bool:
         return self._settings.dialect == "din" or (self._told_din and not self._settings.strict)
@@ -416,6 +426,11 @@ class Motion:
         feed = yield from self._feed(block, 0.0)
         along, series = arcs.PLANES[self._plane], self._cycle.series
         repeats = self._cycle.take(block, code, along, self._mm(along, 1.0), self.unit, self.at[along])
+        for letter in self._cycle.unused(block):
+            text = f"{letter} is not of {codes.name('G', code)}: it is not used"
+            if self._settings.strict:
+                raise block.wrong(text, letter)
+            yield from self._once(f"{letter} of {code}", block.places[letter], text)
         clear, bottom = self._cycle.heights(block, self._absolute)
         across = {axis: value for axis, value in values.items() if axis != along}
         if series is not None and (told := self._cycle.unlike(series, self.at[along], clear, self._to_start)):

@@ -306,10 +306,16 @@ class Plot:
             raise CamError("RO is refused: turn the drawing in the program that made it", told.place)
 
     def left_out(self, told: Instruction) -> Iterator[Element]:
-        what = {"LB": "text is not drawn", "IW": "the window is not kept: everything is drawn"}[told.code]
-        yield from self._once(told.code, told.place, f"{told.code}: {what}")
+        yield from self._once(told.code, told.place, f"{told.code}: {_LEFT_OUT[told.code]}")
 
 
+_LEFT_OUT = {
+    "LB": "text is not drawn",
+    "IW": "the window is not kept: everything is drawn",
+    "VS": "the speed of the pen is not used: it is feed_mm_s",
+    "AS": "the acceleration of the pen is not used: it is the controller's",
+    "FS": "the force of the pen is not used: it goes down to depth_mm",
+}
 _POINTS = frozenset(("PU", "PD", "PA", "PR"))
 _IN_POLYGONS = _POINTS | frozenset(("AA", "AR", "AT", "RT", "CI"))
 _INSTRUCTIONS: Mapping[str, Callable[[Plot, Instruction], Iterator[Element] | None]] = {
@@ -326,7 +332,7 @@ _INSTRUCTIONS: Mapping[str, Callable[[Plot, Instruction], Iterator[Element] | No
     "PM": Plot.polygon,
     **dict.fromkeys(("EP", "FP"), Plot.edges),
     "RO": Plot.turned,
-    **dict.fromkeys(("LB", "IW"), Plot.left_out),
+    **dict.fromkeys(_LEFT_OUT, Plot.left_out),
 }
 _REFUSED = {
     "PE": "let the program that made it write PD",
@@ -337,8 +343,8 @@ _REFUSED = {
 _IGNORED = frozenset(
     f"{letters[0]}{second}"
     for letters in (
-        *("ACF", "BP", "CAOPRS", "DIRT", "ECS", "FST", "LAT", "MCGT", "NPR", "OACDEFHIOPSW"),
-        *("PCGSTW", "QL", "RF", "SAILMRSV", "TR", "VAS", "WRU"),
+        *("ACF", "BP", "CAOPRS", "DIRT", "ECS", "FT", "LAT", "MCGT", "NPR", "OACDEFHIOPSW"),
+        *("PCGSTW", "QL", "RF", "SAILMRSV", "TR", "VA", "WRU"),
     )
     for second in letters[1:]
 )  # by their first letter: pens, styles, pages, replies
