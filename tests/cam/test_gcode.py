@@ -98,8 +98,8 @@ PROGRAMS = {
     OFFSETS: "rapid 100 50 20 | line 110 50 20 F3.3333 | rapid 110 50 40 | rapid 5 5 40 | end",
     PLANES: "rapid 0 0 0 | arc 10 0 0 about 5 0 XZ cw F4 | rapid 10 0 0 | arc 10 0 8 about 0 4 YZ ccw F4 | "
     "arc 20 0 8 about 15 0 cw F4 | caution | end",
-    INVERSE: "line 60 0 0 F3 | line 0 0 0 F6 | dwell 0.5 | line 10 0 0 F5 | line 99 0 0 F5 | coolant 1 on | stop | "
-    "coolant 1 off | coolant 2 off | end",
+    INVERSE: "joined 0.02 | line 60 0 0 F3 | line 0 0 0 F6 | dwell 0.5 | exact | line 10 0 0 F5 | line 99 0 0 F5 | "
+    "coolant 1 on | stop | coolant 1 off | coolant 2 off | end",
     FREE: "rapid 1 -0.5 0 | line 2.5 -0.5 0 F1 | line 2.5 1 0 F1 | remark change cutter | end",
 }
 

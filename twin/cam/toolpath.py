@@ -5,7 +5,7 @@ A toolpath is an iterator of elements, made while a file is read, so that a file
     Rapid Line Arc       motion of the tool's tip to a point
     Reference            axes run to their reference switches
     Dwell                the tool stands
-    PathMode             does each motion after it end at rest?
+    PathMode             how the motions after it are joined
     Tool Spindle Coolant Output Stop     what the machine does between motions, in the order of the file
     Remark               words for people
     Caution              what the reader took in one of several ways, or left out: shown to the user once
@@ -87,10 +87,12 @@ class Reference(NamedTuple):
 
 
 class PathMode(NamedTuple):
-    """exact: each motion from here on ends at rest; else as the controller joins them."""
+    """exact: each motion from here on ends at rest; else they are joined, and the tool leaves its path by at most
+    tolerance_mm (None: by what is set)."""
 
     place: Place
     exact: bool
+    tolerance_mm: float | None = None
 
 
 class Dwell(NamedTuple):

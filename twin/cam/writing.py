@@ -145,6 +145,7 @@ class _Writer:
                 break
             elif isinstance(element, PathMode):
                 self._exact = element.exact and bool(self._axes.lag_s)
+                self._following.bound(element.tolerance_mm)
             else:
                 yield from commands.held()
                 yield from self._event(element)
@@ -210,7 +211,7 @@ class _Writer:
         if lines is not None:
             yield from (Written(line, run.place) for line in lines)
             self._course.referenced(run)
-            self._following = Following(self._axes, self._settings)
+            self._following.rest()
         elif (to := run.ends(self._course.point)) != self._course.point:
             text = "a reference run is made before a program only: here the axes go to its end by rapids, Z first"
             self._course.caution("reference", run.place, text)

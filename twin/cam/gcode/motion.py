@@ -158,11 +158,10 @@ class Motion:
 
     def _path_mode(self, block: Block, code: int) -> Iterator[Element]:
         """G61, G61.1, G64 (cam/30)."""
-        yield PathMode(block.at("G", code), exact=code != 640)
-        for letter in "PQ":
-            if letter in block.words:
-                text = f"{letter} of G64 is not used: controllers join moves by rules of their own"
-                yield from self._once("G64", block.places[letter], text)
+        given = block.words.get("P")
+        if code == 640 and given is not None and given < 0.0:
+            raise block.wrong("P of G64 must not be negative", "P")
+        yield PathMode(block.at("G", code), code != 640, None if given is None else given * self.unit)
 
     def _is_din(self) -> bool:
         return self._settings.dialect == "din" or (self._told_din and not self._settings.strict)
@@ -426,11 +425,7 @@ class Motion:
         feed = yield from self._feed(block, 0.0)
         along, series = arcs.PLANES[self._plane], self._cycle.series
         repeats = self._cycle.take(block, code, along, self._mm(along, 1.0), self.unit, self.at[along])
-        for letter in self._cycle.unused(block):
-            text = f"{letter} is not of {codes.name('G', code)}: it is not used"
-            if self._settings.strict:
-                raise block.wrong(text, letter)
-            yield from self._once(f"{letter} of {code}", block.places[letter], text)
+        yield from self._cycle.unused(block, self._settings.strict, self._once)
         clear, bottom = self._cycle.heights(block, self._absolute)
         across = {axis: value for axis, value in values.items() if axis != along}
         if series is not None and (told := self._cycle.unlike(series, self.at[along], clear, self._to_start)):

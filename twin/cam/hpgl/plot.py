@@ -59,12 +59,12 @@ class Plot:
     def _carried_out(self, told: Instruction) -> Iterator[Element]:
         if told.odd:
             yield from self._once("odd", told.place, "a number too many: points are pairs, the last number is left out")
-        if told.code in _REFUSED:
-            raise CamError(f"{told.code} is refused: {_REFUSED[told.code]}", told.place)
-        act = _INSTRUCTIONS.get(told.code)
+        if told.code in REFUSED:
+            raise CamError(f"{told.code} is refused: {REFUSED[told.code]}", told.place)
+        act = INSTRUCTIONS.get(told.code)
         if act is not None:
             yield from act(self, told) or ()
-        elif told.code not in _IGNORED:
+        elif told.code not in IGNORED:
             yield from self._once(told.code, told.place, f"{told.code} is not known and left out")
 
     # The pen ---------------------------------------------------------------------------------------------------------
@@ -318,7 +318,7 @@ _LEFT_OUT = {
 }
 _POINTS = frozenset(("PU", "PD", "PA", "PR"))
 _IN_POLYGONS = _POINTS | frozenset(("AA", "AR", "AT", "RT", "CI"))
-_INSTRUCTIONS: Mapping[str, Callable[[Plot, Instruction], Iterator[Element] | None]] = {
+INSTRUCTIONS: Mapping[str, Callable[[Plot, Instruction], Iterator[Element] | None]] = {
     **dict.fromkeys(("IN", "DF"), Plot.initialise),
     **dict.fromkeys(_POINTS, Plot.points),
     "SP": Plot.select,
@@ -334,13 +334,13 @@ _INSTRUCTIONS: Mapping[str, Callable[[Plot, Instruction], Iterator[Element] | No
     "RO": Plot.turned,
     **dict.fromkeys(_LEFT_OUT, Plot.left_out),
 }
-_REFUSED = {
+REFUSED = {
     "PE": "let the program that made it write PD",
     "ZP": "heights are in safe_mm and depth_mm",
     "ZO": "heights are in safe_mm and depth_mm",
     "IR": "write IP with plotter units",
 }
-_IGNORED = frozenset(
+IGNORED = frozenset(
     f"{letters[0]}{second}"
     for letters in (
         *("ACF", "BP", "CAOPRS", "DIRT", "ECS", "FT", "LAT", "MCGT", "NPR", "OACDEFHIOPSW"),
