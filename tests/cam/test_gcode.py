@@ -453,3 +453,22 @@ def test_a_line_is_read_alike_with_and_without_a_remark(rows: list[tuple[Any, ..
         return found
 
     assert outcome("") == outcome(" (a)")
+
+
+@pytest.mark.parametrize(
+    ("program", "said"),
+    [
+        ("T2\nG0 X1\nM30", ["T2 is selected, and no M6 of the file changes to it"]),
+        ("T2\nG0 X1", ["the file ends without M2, M30 or %; it may be cut off", "T2 is selected, and no M6"]),
+        ("T2 M6\nT3\nM30", []),  # the next one, made ready
+        ("T2\nM6\nM30", []),
+        ("F60\nG83 X1 Z-2 R1 Q1 P500\nX2 P500\nG80\nM30", ["P is not of G83: it is not used"]),
+        ("F60\nG81 X1 Z-2 R1 Q0 P0\nG80\nM30", []),
+        ("M52\nM30", ["M52: nothing adapts the feed here"]),
+        ("M52 P0\nM51 P1\nG61\nG64 P0.1\nM30", []),
+    ],
+)
+def test_words_that_nothing_uses_are_told(program: str, said: list[str]) -> None:
+    found = cautions("gcode", f"G21 G90\n{program}\n")
+    assert len(found) == len(said)
+    assert all(text.startswith(begins) for text, begins in zip(found, said, strict=True))

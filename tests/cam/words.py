@@ -390,7 +390,7 @@ def page() -> str:
     text = [
         "# Every word of job files",
         "",
-        "Written by `python -m tests.cam.words`: files with each word and without it are read, and written for each controller.",
+        "Written by `python -m tests.cam.words`: files with each word and without it, read and written.",
         "",
         "- **acts**: other commands.",
         "- **told**: a caution at its line, or a remark in the job (a tool to be changed, a stop).",
