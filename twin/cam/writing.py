@@ -218,7 +218,7 @@ class _Writer:
             yield from self._to(to, run.place, z_first=True)
 
     def _spindle(self, spindle: Spindle) -> Iterator[Written]:
-        """S counts until another one comes, also over a standstill; alone it switches nothing (language/10)."""
+        """S counts until another one comes, also over a standstill; alone it switches nothing (language/11)."""
         place, turns, before = spindle.place, spindle.turns, self._speed_rpm
         only_speed = spindle.speed_rpm is not None and turns == self._turns
         if spindle.speed_rpm is not None:

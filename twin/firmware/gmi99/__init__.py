@@ -46,7 +46,7 @@ REV_MIN = 0, 0xFFFF
         "override_pot_percent": Limits("%", *POT_PERCENT, whole=True),
         "drive_increments_per_rev": Limits("", *TURNS, whole=True),
         "safety_program": bool,
-        "spindle_rev_min": Limits("rev/min", *REV_MIN, whole=True),
+        "spindle_rev_min": Limits("1/min", *REV_MIN, whole=True),
     }
 )
 def create(name: str, *, flash: bytes | None, settings: Mapping[str, Any]) -> Gmi99:
