@@ -90,7 +90,7 @@ def test_an_emergency_stop_at_power_on_is_a_fault_a_relay_that_is_still_open_is_
     assert twin.fault_cause == "emergency stop"
 
 
-def test_a_limit_switch_is_a_fault_until_a_reference_run_begins() -> None:
+def test_a_limit_switch_is_a_fault_until_the_axes_are_initialised() -> None:
     twin = moving(imc())
     twin.set_input("limit_x2", "broken")
     twin.run_until_idle()
@@ -98,7 +98,9 @@ def test_a_limit_switch_is_a_fault_until_a_reference_run_begins() -> None:
     twin.set_input("limit_x2", "ok")
     assert twin.fault_cause == "limit_x2 struck"
     assert twin.query(MOVE) == "2"
-    assert twin.query("@0N7") == "0"
+    assert twin.query("@0N7") == "2", "a reference run alone is not enough (imc/47)"
+    assert twin.fault
+    assert twin.query("@07") == "0"
     assert not twin.fault
 
 
@@ -106,7 +108,7 @@ def test_a_reference_run_that_fails_is_a_fault() -> None:
     twin = imc()
     twin.set_input("limit_x1", "broken")
     assert twin.query("@0R1") == "2"
-    assert twin.fault_cause.startswith("@0R1 not made: 2")
+    assert twin.fault_cause.startswith("reference run of X: limit_x1 is still struck")
 
 
 def test_a_hood_that_refuses_a_move_is_a_fault_until_the_move_is_made() -> None:

@@ -5,13 +5,14 @@ What it changes is found by the same job without it; an act that changes nothing
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
 
+from isel_twin.bridge.virtual.virtual_host import HostProgram, run_host
 from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs.checks.job import Inspection
 from isel_twin.jobs.checks.rules import RULES
@@ -232,3 +233,55 @@ def test_a_reference_run_with_its_switches_is_well(start_mm: tuple[float, float,
     twin = TwinSpec("4030", "imc-s8", "kinematic", start_mm=start_mm).build()
     lines = parse_job(REFERENCE.format(""), create_language("imc-s8"), "imc-s8")
     assert played(twin, lines, timeout_s=60.0).ok
+
+
+HOST = """
+import time, serial
+port = serial.Serial("COM1", {}, timeout=0)
+for frame in {!r}:
+    port.write(frame)
+    time.sleep(60)
+    port.reset_input_buffer()
+"""
+LINE = {"imc-s8": "19200", "ismif": "19200", "gmi99": '38400, parity="E"', "bwo900": "19200"}
+FAR = {"start_mm": (100.0, 100.0, 35.0), "plant": "kinematic"}
+
+
+def told_of_a_host(controller: str, frames: Sequence[bytes], events: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+    """What the verdict says of a host that heeds no reply."""
+    spec = TwinSpec("4030-servo" if controller in ("gmi99", "bwo900") else "4030", controller, **FAR)
+    twin = spec.with_events(events).build()
+    host = HOST.format(LINE[controller], [*frames])
+    return run_host(twin, HostProgram((), code=host)).verdict.problems()
+
+
+@pytest.mark.parametrize("at_s", [2.0, 8.0])
+def test_a_host_that_heeds_no_reply_is_told_of_the_stop_key_in_its_reference_run(at_s: float) -> None:
+    frames = [b"@07\r", b"@0d5000,5000,5000\r", b"@0R7\r"]
+    told = told_of_a_host("imc-s8", frames, [{"at": 120.0 + at_s, "set": {"stop": "down"}, "for": 0.2}])
+    assert told == (f"referenced though no end switch was struck: {'Z' if at_s < 5.0 else 'Y'}",)
+
+
+@pytest.mark.parametrize("controller", LINE)
+def test_a_loose_wire_of_the_switch_in_a_reference_run_is_told(controller: str) -> None:
+    """It reads as struck for a moment, halfway on the way: the zero lies there, and the reply is well."""
+    loose = {"when": "x < 50 mm", "set": {"limit_x1": "broken"}, "for": 0.3}
+    frames = create_language(controller).reference()
+    assert told_of_a_host(controller, frames, []) == ()
+    assert "referenced though no end switch was struck: X" in told_of_a_host(controller, frames, [loose])
+
+
+def test_the_stop_key_in_a_reference_run_of_a_stored_program_is_told() -> None:
+    twin = TwinSpec("4030", "imc-s8", **FAR).with_events([{"at": 2.0, "set": {"stop": "down"}, "for": 0.2}]).build()
+    lines = parse_job("@07\n@0i\n77\n9\n@0S\n", create_language("imc-s8"), "imc-s8")
+    made = played(twin, lines, timeout_s=100.0)
+    assert "referenced though no end switch was struck: Z" in made.verdict.problems()
+    assert [result.number for result in made.results if result.astray] == [5]
+
+
+def test_a_dead_switch_that_the_stop_key_stands_for_is_told() -> None:
+    """The carriage strikes it, but its contact stays closed: the key ends the run, somewhere behind it."""
+    events = [{"at": 0.0, "set": {"limit_z1": "stuck_closed", "limit_z2": "stuck_closed"}}]
+    stop = {"at": 75.0, "set": {"stop": "down"}, "for": 0.2}
+    told = told_of_a_host("imc-s8", [b"@07\r", b"@0R4\r"], [*events, stop])
+    assert "referenced though no end switch was struck: Z" in told

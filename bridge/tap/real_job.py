@@ -147,6 +147,7 @@ class RealReport:
     conditions_unseen: tuple[str, ...]  # that nobody could look at
     results: tuple[Result, ...]
     stopped: str = ""  # what was sent to break a motion off
+    not_made: str = ""  # lines of the file that were left out
 
     @property
     def ok(self) -> bool:
@@ -154,8 +155,9 @@ class RealReport:
 
     @property
     def unseen(self) -> tuple[str, ...]:
-        """Rules and conditions that nobody could look at."""
-        return (*(name for name, rule in RULES.items() if not rule.heard), *self.conditions_unseen)
+        """Lines that were not made, rules and conditions that nobody could look at."""
+        left_out = [self.not_made] if self.not_made else []
+        return (*left_out, *(name for name, rule in RULES.items() if not rule.heard), *self.conditions_unseen)
 
 
 def unfit(lines: Sequence[Line], controller: str) -> str:

@@ -20,6 +20,7 @@ from isel_twin.cam.settings import CamSettings, read_cam
 from isel_twin.cam.toolpath import CamError, Element, End
 from isel_twin.language import create_language
 from tests.cam.short import UP, cautions, told
+from tests.cam.test_excellon import ALTIUM, EAGLE, KICAD, PCB
 from tests.cam.test_gcode import PRODUCERS as GCODE
 from tests.cam.test_gcode import PROGRAMS
 from tests.cam.test_hpgl import FIGURES, PEN, STAR
@@ -32,6 +33,7 @@ pytestmark = pytest.mark.long(seconds=6)
 FILES = [
     *(("ncp", text) for text in (LINES, RINGS, HOLES, RELATIVE, OUTPUTS, *NCP.values())),
     *(("gcode", text) for text in (*PROGRAMS, *GCODE.values())),
+    *(("excellon", text) for text in (KICAD, EAGLE, ALTIUM, PCB)),
     *(("hpgl", text) for text in (STAR, FIGURES, "IN;\nPU0,0;\nPD400,0;\n", "\x1b%0BIN;PU;PA40.0,40.0;")),
 ]
 
@@ -52,9 +54,9 @@ def test_the_suffix_decides_where_the_content_does_not() -> None:
 
 
 def test_readers_by_name() -> None:
-    assert reader_names() == ["gcode", "hpgl", "ncp"]
-    assert [reader_named(name).title for name in reader_names()] == ["G-code", "HPGL", "NCP"]
-    with pytest.raises(ValueError, match="unknown format 'dxf'; installed: gcode, hpgl, ncp"):
+    assert reader_names() == ["excellon", "gcode", "hpgl", "ncp"]
+    assert [reader_named(name).title for name in reader_names()] == ["Excellon", "G-code", "HPGL", "NCP"]
+    with pytest.raises(ValueError, match="unknown format 'dxf'; installed: excellon, gcode, hpgl, ncp"):
         reader_named("dxf")
 
 
@@ -81,6 +83,7 @@ def lines(name: str, number: int) -> Iterator[str]:
         "ncp": ("IMF_PBL\nVEL 100\n", "MOVEABS X{} Y{}\n", "MOVEABS Q5\n"),
         "gcode": ("G21\nG1 F100 X0\n", "X{} Y{}\n", "X1 Q5\n"),
         "hpgl": ("IN;\nPD;\n", "PA{},{};\n", "PE1;\n"),
+        "excellon": ("METRIC,TZ\nT1\n", "X{}Y{}\n", "X1 Q5\n"),
     }[name]
     yield from begin.splitlines(keepends=True)
     for at in range(number - 3):
@@ -95,7 +98,7 @@ def refused(path: Iterable[Element]) -> str:
     return str(caught.value)
 
 
-@pytest.mark.parametrize("name", ["ncp", "gcode", "hpgl"])
+@pytest.mark.parametrize("name", ["ncp", "gcode", "hpgl", "excellon"])
 def test_a_file_is_not_kept(name: str) -> None:
     refused(reader_named(name).read(lines(name, 10), PEN))  # loads what it needs
     tracemalloc.start()
@@ -186,7 +189,7 @@ WORDS = st.lists(
 ).map(lambda words: "".join(words).encode())
 
 
-@pytest.mark.parametrize("name", ["ncp", "gcode", "hpgl"])
+@pytest.mark.parametrize("name", ["ncp", "gcode", "hpgl", "excellon"])
 @given(data=st.one_of(st.binary(max_size=300), WORDS, WORDS.map(lambda data: b"IMF_PBL\nVEL 9\n" + data)))
 @settings(max_examples=drawn(150), deadline=None)
 def test_any_bytes_are_read_or_refused_in_one_line(name: str, data: bytes) -> None:
@@ -307,7 +310,7 @@ def test_settings_are_read_from_a_table() -> None:
         ({"zeros": 3}, "cam.zeros: 3; allowed: a table such as { name = value }"),
         ({"z_sign": 0}, "cam.z_sign: 0; allowed: 1, -1"),
         ({"rapid_mm_s": -1}, "cam.rapid_mm_s: -1; allowed: 0.001 .. 10000 mm/s"),
-        ({"dialect": "fanuc"}, "cam.dialect: 'fanuc'; allowed: \"\", rs274, din"),
+        ({"dialect": "fanuc"}, "cam.dialect: 'fanuc'; allowed: \"\", rs274, din, winpc"),
         ({"strict": 1}, "cam.strict: 1; allowed: true, false"),
         ({"outputs": {"spindle": 1.5}}, "cam.outputs.spindle: 1.5; allowed: a whole number"),
     ],
@@ -341,8 +344,6 @@ def test_a_reader_stops_at_the_end_of_the_program() -> None:
         (b"ISO-10303-21;\nHEADER;\n", "a STEP body"),
         (b"%!PS-Adobe-3.0 EPSF-3.0\n", "PostScript"),
         (b"G04 a board*\n%FSLAX46Y46*%\n%MOMM*%\n", "a Gerber drawing"),
-        (b"M48\nINCH\nT01C0.035\n%\n", "an Excellon drill file; gerbv -x idrill"),
-        (b"M48\n;by hand\nMETRIC,TZ\nT1C0.8\n%\n", "an Excellon drill file; gerbv -x idrill"),
         (b"P1\nG90 G0 X1\nM30\n", "a program of the BWO 900 without numbers of blocks"),
         (b"\x89PNG\r\n\x1a\n", "a picture"),
         (b'{"a": 1}\n', "JSON"),

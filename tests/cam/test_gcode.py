@@ -222,7 +222,7 @@ def test_a_depth_of_whole_pecks_has_no_peck_more() -> None:
         ("G21\nG0 X1\n", "the file ends without M2, M30 or %; it may be cut off", "the file ends without % or M2"),
         ("%prog1\nG21\nG0 X1\n%", None, "nothing may stand behind %"),
         ("G21\nG0 X1\n%", "a % ends the file that had none at its beginning", "% stands in the first line"),
-        ("G21\nF5 G2 X1 R1 K0\nM2", None, "K is not of this plane; leave it out"),
+        ("G21\nF500 G2 X1 R1 K0\nM2", None, "K is not of this plane; leave it out"),
         ("G21 G71\nM2", None, "G21 and G71 exclude each other"),
         ("G71\nG0 X1\nM2", "G71 is read as mm", "G71 is not of this dialect; write G21"),
         ("G4 S1\nM2", None, "G4 wants P, seconds of 0 or more"),

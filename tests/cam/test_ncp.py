@@ -244,14 +244,14 @@ def test_errors_name_the_place_and_the_remedy(body: str, error: str) -> None:
         ("(Steps per circle: 64)\nIMF_PBL\nPROGEND", "a line that begins with ( is taken as a remark"),
         ("IMF_PBL\nCOOLANT_OFF\nPROGEND", "COOLANT_OFF is read as COOLANT OFF"),
         ("IMF_PBL\nINCH\nPROGEND", "INCH: numbers are read as 1/1000 inch"),
-        ("IMF_PBL\nDRILLDEF D90 V5\nDRILL X1\nPROGEND", "DRILLDEF D is in um: less than 100 is next to nothing; "
+        ("IMF_PBL\nDRILLDEF D90 V5000\nDRILL X1\nPROGEND", "DRILLDEF D is in um: less than 100 is next to nothing; "
          "mm were meant?"),
-        ("IMF_PBL\nVEL 5\nFASTABS X9000 Y5000\nCWABS I14000 X19000\nPROGEND",
+        ("IMF_PBL\nVEL 5000\nFASTABS X9000 Y5000\nCWABS I14000 X19000\nPROGEND",
          "an arc without I or J: its centre has this axis of its start"),
-        ("IMF_PBL\nVEL 5\nFASTABS X9000 Y5000\nCWABS I5000 J0 X19000 Y5000\nPROGEND",
+        ("IMF_PBL\nVEL 5000\nFASTABS X9000 Y5000\nCWABS I5000 J0 X19000 Y5000\nPROGEND",
          "I and J are read as offsets from the start: only so the radii to start and end are equal"),
-        ("IMF_PBL\nVEL 5\nFASTABS Z-5000\nMOVEABS Z1000\nPROGEND", "Z of this file seems to count downwards: it cuts "
-         "above its rapid moves; if so, set file_z_up = false"),
+        ("IMF_PBL\nVEL 5000\nFASTABS Z-5000\nMOVEABS Z1000\nPROGEND",
+         "Z of this file seems to count downwards: it cuts above its rapid moves; if so, set file_z_up = false"),
     ],
 )  # fmt: skip
 def test_what_is_ambiguous_is_said_once(text: str, caution: str) -> None:
@@ -284,7 +284,7 @@ PRODUCERS = {
     "Autodesk": "IMF_PBL part\n; 3 min\nN10 METRIC\nN15 WPCLEAR\nN20 FASTABS Z0\nN25 WPZERO STANDARD\nN30 GETTOOL 3\n"
     "N35 SPINDLE CW RPM12000\nN40 FASTABS X1000 Y2000\nN45 COOLANT ON\nN50 VEL 16667\nN55 MOVEABS Z-1000\n"
     "N60 CCWABS I3000 J2000\nN65 COOLANT OFF\nN70 SPINDLE OFF\nN75 PROGEND\n",
-    "HSMWorks": "IMF_PBL\nN10 INITTOOL\nN15 SPINDLE ON CW RPM12000\nN20 WPREG 1 ACT\nN25 FASTABS X1000\nN30 VEL 100\n"
+    "HSMWorks": "IMF_PBL\nN10 INITTOOL\nN15 SPINDLE ON CW RPM12000\nN20 WPREG 1 ACT\nN25 FASTABS X1000\nN30 VEL 10000\n"
     "N35 PLANE XZ\nN40 CWABS I2000 J0 X3000\nN45 WPCLEAR\nN50 FASTABS Z0\nN55 FASTABS X0 Y0\nN60 PROGEND\n",
     "Vectric": " IMF_PBL_V1.0\r\n ;-----\r\n PLANE XY\r\n FASTVEL 40000\r\n SPINDLE OFF\r\n COOLANT OFF\r\n GETTOOL 1"
     "\r\n SPINDLE CW RPM15000 TIME2000\r\n TYPE Please; wait\r\n FASTABS Z5000\r\n VEL 900\r\n"

@@ -73,7 +73,7 @@ def made(text: str) -> list[tuple[int, str]]:
 
 
 def test_its_file_is_known_by_its_content_and_written_by_its_language() -> None:
-    assert registry.reader_names() == ["dots", "gcode", "hpgl", "ncp"]
+    assert registry.reader_names() == ["dots", "excellon", "gcode", "hpgl", "ncp"]
     assert made("dot 1 2\ndot 10 20\n") == [
         (1, "@0M320,900,640,900,0,900,0,30"),
         (2, "@0M3200,900,6400,900,0,900,0,30"),

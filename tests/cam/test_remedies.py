@@ -38,6 +38,8 @@ class Remedy(NamedTuple):
 
 
 HEAD = "G21 G90 F60\n"
+TEXT = "A job of ours\nX10 of the drawing\n\n%1\nG71 G90\n"
+DIALECTS = 'set dialect = "din", or "winpc" where feeds are in mm/s'
 HOLE = "rapid 0 0 1 | rapid 1 0 1 | line 1 0 -1 F1 | rapid 1 0 1"
 GCODE = (
     Remedy("G1 X1 A0.", "leave A0 out", "G1 X1", "line 1 0 0 F1"),
@@ -55,6 +57,18 @@ GCODE = (
     ),
     Remedy("G53\nG92 X5", "write G54 before it", "G53\nG54\nG92 X5\nG0 X0", "rapid -5 0 0"),
     Remedy("G74 X0", 'if it is a reference run, set dialect = "din"', "G74 X0", "reference X", set={"dialect": "din"}),
+    Remedy(
+        "G74 X0 Y0\nG0 X10\nG2 X20 I5 J0",
+        'if it is a reference run, set dialect = "din"',
+        "G74 X0 Y0\nG0 X10\nG2 X20 I5 J0",
+        "reference XY | rapid 10 0 0 | arc 20 0 0 about 15 0 cw F1",
+        set={"dialect": "din"},
+    ),
+    *(
+        Remedy(f"{line}\nG1 X1", DIALECTS, f"{line}\nG1 X1", f"{meant} | line 1 0 0 {feed}", set={"dialect": dialect})
+        for dialect, feed in (("din", "F1"), ("winpc", "F60"))
+        for line, meant in (("M70", "output M70 1=1"), ("M-77", "output M77 1=0"), ("G4 F2", "dwell 2"))
+    ),
     Remedy("G71\nG0 X1", "write G21", "G21\nG0 X1", "rapid 1 0 0", {"dialect": "rs274"}),
     Remedy("G70\nG0 X1", "write G20", "G20\nG0 X1", "rapid 25.4 0 0", {"dialect": "rs274"}),
     Remedy("G55 G0 X0 Y0 Z0", "set zeros.2 = [x, y, z]", "G55 G0 X0 Y0 Z0", "rapid 1 2 3", set=ZEROS),
@@ -137,10 +151,41 @@ GCODE = (
     Remedy("G0 X1 (a (b) c)", "leave the inner brackets out", "G0 X1 (a b c)", "rapid 1 0 0", STRICT),
     Remedy("G40.1 G0 X1", "leave it out", "G0 X1", "rapid 1 0 0", STRICT),
 )
+DEPTH: dict[str, Any] = {"depth_mm": 2.0}
+HOLES = "METRIC,TZ,000.000\nT1C1\n%\nT1"
+UNCLEAR = "METRIC\nT1C1\n%\nT1\nX12345"
+DRILL = (
+    Remedy("T1X12.5", 'set drill_format = "inch", or "mm"', "T1X12.5", "rapid 12.5 0 5", DEPTH, {"drill_format": "mm"}),
+    Remedy(
+        UNCLEAR, 'set drill_format = "3:3 LZ" if it is 123.45 mm', UNCLEAR, "rapid 123.45 0 5", DEPTH,
+        {"drill_format": "3:3 LZ"},
+    ),
+    Remedy(UNCLEAR, '"3:3 TZ" if it is 12.345 mm', UNCLEAR, "rapid 12.345 0 5", DEPTH, {"drill_format": "3:3 TZ"}),
+    Remedy(
+        f"{HOLES}\nX0G85X1000", "set feed_mm_s", f"{HOLES}\nX0G85X1000",
+        "line 0 0 -2 F5 | line 1 0 -2 F2 | rapid 1 0 5", DEPTH, FEED,
+    ),
+    Remedy(
+        f"{HOLES}\nG00X0\nM15\nG03X2000", "write A, its radius", f"{HOLES}\nG00X0\nM15\nG03X2000A1000",
+        "arc 2 0 -2 about 1 0 ccw F2 | rapid 2 0 5", {**DEPTH, **FEED},
+    ),
+    Remedy(
+        f"{HOLES}\nG00X0\nM15\nG03X2000", "or I and J", f"{HOLES}\nG00X0\nM15\nG03X2000I1000J0",
+        "arc 2 0 -2 about 1 0 ccw F2 | rapid 2 0 5", {**DEPTH, **FEED},
+    ),
+    Remedy(
+        f"{HOLES}\nX1000\nM01\nM02X5000", "write M25 before it", f"{HOLES}\nM25\nX1000\nM01\nM02X5000",
+        "rapid 6 0 5 | line 6 0 -2 F5 | rapid 6 0 5", DEPTH,
+    ),
+)  # fmt: skip
 OTHERS = (
     ("gcode", Remedy("G21\nG1 X1\nM2", "write F before the first cut", "G21 F60\nG1 X1\nM2", "line 1 0 0 F1")),
     ("gcode", Remedy("G21\nG1 X1\nM2", "or set feed_mm_s", "G21\nG1 X1\nM2", "line 1 0 0 F2", set=FEED)),
     ("gcode", Remedy("G21\nG0 X1\n", "write M2 at its end", "G21\nG0 X1\nM2", "rapid 1 0 0", STRICT)),
+    *(
+        ("gcode", Remedy(f"{TEXT}G0 X1\nM30", DIALECTS, f"{TEXT}G0 X1\nM30", "rapid 1 0 0", set={"dialect": dialect}))
+        for dialect in ("din", "winpc")
+    ),
     ("ncp", Remedy("MOVEABS X5000", "write VEL", "VEL 1000\nMOVEABS X5000", "line 5 0 0 F1")),
     ("ncp", Remedy("MOVEABS X5000", "or set feed_mm_s", "MOVEABS X5000", "line 5 0 0 F2", set=FEED)),
     ("ncp", Remedy("MOVEABD X5000", "did you mean 'MOVEABS'", "VEL 1000\nMOVEABS X5000", "line 5 0 0 F1")),
@@ -176,6 +221,7 @@ OTHERS = (
             "rapid 0 0 2 | line 0 0 -1 F1 | rapid 0 0 2",
         ),
     ),
+    *(("excellon", row._replace(wrong=f"{row.wrong}\nM30", obeyed=f"{row.obeyed}\nM30")) for row in DRILL),
     ("hpgl", Remedy("PU0,0;PD40,0;", "set feed_mm_s", "PU0,0;PD40,0;", "line 1 0 -0.5 F2 | rapid 1 0 5", set=FEED)),
     ("hpgl", Remedy("PU1e1,0;", "write 10", "PU10,0;", "rapid 0.25 0 5")),
     ("hpgl", Remedy("SC0,1,0,1;PU1,1;", "write IP before it", "IP0,0,40,40;SC0,1,0,1;PU1,1;", "rapid 1 1 5")),
@@ -222,6 +268,9 @@ ELSEWHERE = {  # by the test that obeys them
     "leave that line out": "test_what_is_packed_is_unpacked",
     "write one statement a line": "test_what_is_packed_is_unpacked",
     "draw it with PD": "test_a_polygon_that_is_too_long",
+    "set feed_unit =": "test_feeds_out_of_proportion",
+    "set depth_mm": "test_settings_of_drill_files_that_are_said",
+    "set drill_format": "test_settings_of_drill_files_that_are_said",
 }
 
 
@@ -229,8 +278,9 @@ def advices() -> Iterator[str]:
     """Each piece of text in the readers that advises something, as an expression that its messages match."""
     folder = Path(readers.__file__).parent
     for path in (
-        *(file for room in ("gcode", "ncp", "hpgl") for file in (folder / room).glob("*.py")),
+        *(file for room in ("excellon", "gcode", "ncp", "hpgl") for file in (folder / room).glob("*.py")),
         folder / "reader.py",
+        folder / "feeds.py",
     ):
         tree = ast.parse(path.read_text())
         said = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}  # docstrings
@@ -265,6 +315,30 @@ def test_a_file_that_counts_downwards() -> None:
     assert "set file_z_up = false" in cautions("gcode", text)[0]
     obeyed = dataclasses.replace(UP, file_z_up=False)
     assert told("gcode", text, obeyed) == ["rapid 0 0 5", "line 1 0 -1 F1", "end"]
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "unit", "meant"),
+    [
+        ("gcode", "G21 G90\nG1 X300 F15\nM2", "mm/s", "line 300 0 0 F15"),
+        ("gcode", "G20 G90\nG1 X10 F1800\nM2", "mm/min", "line 254 0 0 F30"),
+        ("gcode", "G21 G90\nG1 X300 F50000\nM2", "um/s", "line 300 0 0 F50"),
+        ("ncp", "IMF_PBL\nVEL 20\nMOVEABS X300000\nPROGEND", "mm/s", "line 300 0 0 F20"),
+        ("ncp", "IMF_PBL\nVEL 300\nMOVEABS X300000\nPROGEND", "mm/min", "line 300 0 0 F5"),
+    ],
+)
+def test_feeds_out_of_proportion(name: str, text: str, unit: str, meant: str) -> None:
+    said = cautions(name, text)
+    assert [f'set feed_unit = "{unit}"' in each for each in said] == [True]
+    assert told(name, text, dataclasses.replace(UP, feed_unit=unit)) == [meant, "end"]
+
+
+def test_settings_of_drill_files_that_are_said() -> None:
+    text = "METRIC,TZ\nT1C1\n%\nT1\nX12500\nM30"
+    assert "set depth_mm" in cautions("excellon", text)[0]
+    assert "if not, set drill_format" in cautions("excellon", text)[1]
+    obeyed = dataclasses.replace(UP, depth_mm=1.5, drill_format="4:2")
+    assert told("excellon", text, obeyed)[2:] == ["rapid 125 0 5", "line 125 0 -1.5 F5", "rapid 125 0 5", "end"]
 
 
 def test_what_is_packed_is_unpacked() -> None:

@@ -62,7 +62,11 @@ GCODE = "%\n(a part)\nN1 G21 G90 T1 M6\nG0 X1 Y2 Z3 S900 M3\nG1 Z-.5 F300\nG2 X3
 GCODE += "G98 G83 X9 Z-4 R1 Q2 F90 L2\nX12\nG80\nG10 L2 P2 X5\nG55 G53 G0 Z0\nG93 G1 X5 F3\nG28 Z1\nM30\n%\n"
 HPGL = "IN;IP0,0,800,800;SC0,100,0,100;SP1;PU40,40;PD80,40,80,90;AA40,40,90;CI5;ER9,9;EW9,0,90;AT1,1,9,2;"
 HPGL += "PM0;PD9,9,1,9;PM1;PM2;EP;LBtext\x03PU;SP0;\n"
+DRILL = "M48\n;FILE_FORMAT=3:3\nMETRIC,TZ,000.000\nFMAT,2\nT1C0.8F200S65\nT02C1\n%\nG90\nG05\nT1\nX12500Y7000\nX13.5\n"
+DRILL += "R03X500Y-500\nX1000Y1000G85X3000\nM25\nT2\nX5000\nM01\nR2M02X1000Y500\nM08\nG93X0Y0\nG00X100Y100\nM15\n"
+DRILL += "G01X900\nG03X900Y700A300\nG02X100I-400J0\nM16\nG05\nM47,words\nM71\nG91\nX-10\nT0\nM30\n"
 CAM = 'zero = [1, 2, 3]\nzeros = { 2 = [4, 5, 6] }\nz_sign = 1\ndialect = "din"\ntool_length_mm = { 1 = 32.5 }\n'
+CAM += 'drill_format = "mm 3:3 TZ"\ndepth_mm = 1.8\n'
 CAM += 'rapid_mm_s = 30.0\nstrict = true\npark = [0, 0, 0]\noutputs = { spindle = 1, "A4.1" = 2 }\n'
 CSV = "Time [s],step_x,dir_x\n0.0,0,1\n0.0001,1,1\n0.0002,0,1\n0.0003,1,0\n"
 VCD = "$timescale 1 ns $end\n$var wire 1 ! step_x $end\n$var wire 1 # dir_x $end\n$enddefinitions $end\n"
@@ -200,6 +204,7 @@ READERS: Mapping[str, Reader] = {
         Reader("part.ncp", _text(NCP), _cam("ncp")),
         Reader("part.ngc", _text(GCODE), _cam("gcode")),
         Reader("part.plt", _text(HPGL), _cam("hpgl")),
+        Reader("part.drl", _text(DRILL), _cam("excellon")),
         Reader("cam.toml", _text(CAM), _cam_settings),
         _flash("imc-s8", (b"@07\r", b"@0IJ50\r", b"@0IW\r")),
         _flash("gmi99", (b"Q7;1\r",)),

@@ -178,7 +178,7 @@ def test_a_file_of_no_format_is_said_and_a_format_can_be_forced(folder: Path) ->
     file.write_text("what is this\n")
     done = isel_twin("convert", file)
     assert (done.returncode, done.stdout) == (2, "")
-    assert "none of the formats gcode, hpgl, ncp; if it is in one, say which by --format" in done.stderr
+    assert "none of the formats excellon, gcode, hpgl, ncp; if it is in one, say which by --format" in done.stderr
     file.write_text("X10\n")
     forced = isel_twin("convert", file, "--format", "gcode")
     assert forced.returncode == 2

@@ -537,6 +537,34 @@ def test_a_file_is_opened_run_and_followed_line_by_line(bench, open_panel, tmp_p
     assert page.said == other.said == []
 
 
+def test_a_file_is_run_from_a_line_on(bench, open_panel, tmp_path: Path):
+    here = bench(ready=True)
+    part = tmp_path / "part.nc"
+    part.write_text("G21 G90 F1200\nG0 X10\nG1 Y20\nG1 X50\nG1 Y10\nM2\n")
+    page, other = open_panel(here), open_panel(here)
+    for each in (page, other):
+        each["[data-tab=job]"].click()
+        expect(each["#from"]).to_be_disabled()
+    page["#file"].set_input_files(part)
+    page["#to"].fill("3")
+    page["#to"].press("Enter")
+    expect(other["#to"]).to_have_value("3")
+    page["#from"].fill("4")
+    page["#from"].press("Enter")
+    expect(other["#from"]).to_have_value("4")
+    expect(page["#to"]).to_have_value("")
+    expect(other["#doing"]).to_contain_text("lines 1 to 3 not made")
+    page["#from"].fill("6")
+    page["#from"].press("Enter")
+    expect(page["#told"]).to_contain_text("nothing moves the tool from line 6 on")
+    expect(page["#from"]).to_have_value("4")
+    page["#start"].click()
+    expect(page["#doing"]).to_contain_text("all lines accepted", timeout=1000 * WAIT_S)
+    expect(page["#doing"]).to_contain_text("lines 1 to 3 not made")
+    expect(page["[data-axis=y] td:nth-child(3)"]).to_have_text("10.000")
+    assert page.said == other.said == []
+
+
 def test_a_job_is_stopped_and_a_wrong_file_is_told_in_a_line(bench, open_panel, tmp_path: Path):
     here = bench(speed=1.0, ready=True)
     good, bad = tmp_path / "long.txt", tmp_path / "bad.txt"

@@ -57,6 +57,47 @@ def test_a_file_of_a_cam_program_is_one_of_its_own_lines(bench, browser) -> None
     assert page.request(job={"text": True})["ok"] == {"opened": 1, "text": PART}
 
 
+def test_a_part_of_a_file_is_made_until_another_is_opened(bench, browser) -> None:
+    """By the file X 30 alone is passed at Y 0: from line 4 on the way leads over X 5 Y 4 instead."""
+    here = bench()
+    page = browser(here)
+    opened(page, "G21 G90\nG0 X30\nG0 X5 Y4\nG1 Y8 F600\nG1 X9\nM2\n", "part.nc")
+    part = page.request(job={"part": {"from_line": 4, "to_line": 4}})["ok"]
+    assert (part["from_line"], part["to_line"], part["state"]) == (4, 4, "ready")
+    done = ran(page)
+    assert (done["state"], done["not_made"]) == ("done", "lines 1 to 3 and all after line 4")
+    assert here.twin.counts[:3].tolist() == [1600, 2560, 0]
+    assert not [line for line in page.lines if line["who"] == "host" and "9600" in line["text"]], "X 30"
+    assert page.request(job={"part": {}})["ok"]["not_made"] == ""
+    page.request(job={"part": {"from_line": 5}})
+    assert opened(page, PART, "part.nc")["ok"]["from_line"] == 1
+
+
+@pytest.mark.parametrize(
+    ("part", "why"),
+    [
+        ({"from_line": 5, "to_line": 4}, "to-line 4: is before line 5"),
+        ({"from_line": 0}, "request: job.part.from_line: 0"),
+        ({"from_line": 1.5}, "request: job.part.from_line: 1.5; allowed: a whole number"),
+        ({"from_line": "2"}, "request: job.part.from_line: '2'"),
+        ({"line": 2}, "request: job.part.line: unknown key"),
+        ({"from_line": 4}, "nothing moves the tool from line 4 on: its last motion before is in line 3"),
+    ],
+)
+def test_a_part_that_is_refused_leaves_the_one_before(bench, browser, part, why: str) -> None:
+    page = browser(bench())
+    opened(page, PART, "part.nc")
+    page.request(job={"part": {"from_line": 3}})
+    assert why in page.request(job={"part": part})["error"]
+    assert page.request(job={"stop": True})["ok"]["not_made"] == "lines 1 to 2"
+
+
+def test_a_job_of_commands_has_no_part(bench, browser) -> None:
+    page = browser(bench())
+    opened(page)
+    assert "only a file of a CAM program can be made in part" in page.request(job={"part": {"from_line": 3}})["error"]
+
+
 def test_a_refusal_ends_it_and_is_told_with_its_line(bench, browser) -> None:
     page = browser(bench(ready=True))
     opened(page, "@0P\n@0A800,99999999,0,30,0,30,0,30\n@0P\n")
@@ -133,7 +174,9 @@ def test_a_program_of_a_control_is_started_and_waits_for_its_operator(bench, bro
         ({"open": {"name": 5}}, "request: job.open.name: "),
         ({"open": {"path": "/etc/passwd"}}, "request: job.open.path: unknown key"),
         ({"start": True}, "request: job.start: there is no job"),
-        ({"start": 1, "stop": True}, "allowed: one of open, text, start, line, pause, go_on, stop"),
+        ({"start": 1, "stop": True}, "allowed: one of open, text, part, start, line, pause, go_on, stop"),
+        ({"part": {"from_line": 2}}, "request: job.part: there is no job"),
+        ({"part": True}, "request: job.part: "),
         ({"stop": False}, "request: job.stop: False; allowed: true"),
         ({"run": True}, "request: job.run: unknown key"),
         (5, "request: job: "),

@@ -6,6 +6,7 @@ toolpath.py   what a toolpath is: rapid, line, arc, dwell, tool, spindle, ...
 settings.py   what the file does not say: zero point, tools, heights, speeds
 registry.py   which readers are installed, by entry points; which one a file is for
 reader.py     what a reader is, and what all of them share: gcode/, hpgl/, ncp/ are those of the package
+section.py    a part of a toolpath: from a line of its file on, or up to one
 course.py     a toolpath in the counts of a machine: rounded, within its travel and its speeds; arcs.py: chords
 following.py  what drives that lag make of it
 writing.py    what is common to all languages that write it; written.py: what they are told, and give

@@ -5,12 +5,25 @@ from __future__ import annotations
 import io
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
-from itertools import islice
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import islice, takewhile
 from typing import BinaryIO, Protocol
 
+from isel_twin.cam.feeds import Feeds
 from isel_twin.cam.settings import CamSettings
-from isel_twin.cam.toolpath import Arc, CamError, Caution, Element, End, Line, Place, Rapid, Toolpath
+from isel_twin.cam.toolpath import (
+    Arc,
+    CamError,
+    Caution,
+    Element,
+    End,
+    Line,
+    Place,
+    Rapid,
+    Reference,
+    Spindle,
+    Toolpath,
+)
 
 HEAD_LINES = 200  # that say something, by which a file is recognised
 HEAD_BYTES = 1 << 20  # at its beginning, in which they are looked for
@@ -48,9 +61,12 @@ _NO_JOB = {  # by the first lines of a text
         r"P\d+\s*\n\s*[GMXYZ]": (
             "a program of the BWO 900 without numbers of blocks (N10 ...); for G-code leave that line out"
         ),
-        r"M48\s+(INCH|METRIC|FMAT|VER|T\d+[CF])": "an Excellon drill file; gerbv -x idrill makes an NCP file of it",
     }.items()
 }
+_DRILL_HEADER = re.compile(r"\s*(INCH\b|METRIC\b|FMAT,|ICI\b|T\d+[^;M]*C\.?\d)", re.I)
+_DRILL_POINT = re.compile(r"\s*(T\d+)?([XY][-+]?[\d.]+|G85)+\s*$", re.I)
+_DRILL_TOOL = re.compile(r"\s*T\d+([CFS][\d.]+)*\s*$", re.I)
+_DRILL_REST = re.compile(r"\s*(%|M(00|30|7[12]|95)|G(05|9[01]|93.*)|R\d+[XY].*|(INCH|METRIC)\b.*)\s*$", re.I)
 _BINARY = 4  # control characters that texts have not, in the first _BEGIN bytes
 _BEGIN = 512
 _CONTROLS = bytes({*range(32)} - {3, 9, 10, 11, 12, 13, 26, 27})  # ETX and ESC are in HPGL, 26 ends a text
@@ -99,6 +115,20 @@ def mostly(head: str, pattern: re.Pattern[str]) -> bool:
     """Do more than a quarter of the statements begin like this?"""
     lines = statements(head)
     return sum(bool(pattern.match(line)) for line in lines) > len(lines) // 4
+
+
+def drills(head: str) -> bool:
+    """Is it a drill file? One begins with M48, as G-code may, and has a header of its own words up to % or M95; or has
+    nothing but tools and points (cam/12)."""
+    lines = statements(head)
+    begin = 1 if lines and lines[0].strip() == "%" else 0
+    if lines[begin:] and re.match(r"\s*M48\s*$", lines[begin], re.I):
+        header = list(takewhile(lambda line: line.strip().upper() not in ("%", "M95"), lines[begin + 1 :]))
+        ends = len(header) < len(lines) - begin - 1
+        return any(map(_DRILL_HEADER.match, header)) or (ends and not any("G" in line.upper() for line in header))
+    points, tools = ([bool(each.match(line)) for line in lines] for each in (_DRILL_POINT, _DRILL_TOOL))
+    known = (point or tool or _DRILL_REST.match(line) for point, tool, line in zip(points, tools, lines, strict=True))
+    return any(points) and any(tools) and all(known)
 
 
 def text_lines(file: BinaryIO) -> Iterator[str]:
@@ -165,21 +195,34 @@ class Once:
         return (Caution(place, text),)
 
 
-def plausible(path: Toolpath, settings: CamSettings) -> Toolpath:
-    """The same toolpath; before its end a caution if its highest point is cut and its lowest is travelled (cam/14), or
-    if it cuts less deep than it can be meant (cam/34)."""
+def plausible(path: Toolpath, settings: CamSettings, per_mm_s: Callable[[], float]) -> Toolpath:
+    """The same toolpath; before its end a caution if its highest point is cut and its lowest is travelled (cam/14), if
+    it cuts less deep than it can be meant (cam/34), or at feeds out of proportion (cam/39). per_mm_s: of `Feeds`."""
     travel, cut = [math.inf, -math.inf], [math.inf, -math.inf]  # lowest and highest Z
     zero = settings.machine_point(settings.zero)[2]
+    feeds, at = Feeds(settings, per_mm_s), settings.machine_point(settings.start)
     element: Element
     for element in path:
         kind = type(element)
         if kind is Line or kind is Arc or kind is Rapid:
-            z, heights = element.to[2], travel if kind is Rapid else cut  # type: ignore[union-attr]
+            if kind is Rapid:
+                heights = travel
+            else:
+                heights = cut
+                if element.feed_mm_s > feeds.across_mm_s:  # type: ignore[union-attr]
+                    feeds.cut(element, at)  # type: ignore[arg-type]
+            at = element.to  # type: ignore[union-attr]
+            z = at[2]
             if z < heights[0]:
                 heights[0] = z
             if z > heights[1]:
                 heights[1] = z
+        elif kind is Spindle:
+            feeds.spindle(element)  # type: ignore[arg-type]
+        elif kind is Reference:
+            at = element.ends(at)  # type: ignore[union-attr]
         elif kind is End:
+            yield from feeds.caution()
             if travel[0] <= cut[0] and cut[1] > travel[1] + 1e-9:
                 why = "it cuts above its rapid moves; if so, set file_z_up = false"
                 yield Caution(element.place, f"Z of this file seems to count downwards: {why}")

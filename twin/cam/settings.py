@@ -12,6 +12,7 @@ outputs = { spindle = 1, "A4.1" = 2 }
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -20,7 +21,10 @@ from isel_twin.base.parameters import Limits, Place, boolean, check, flag, known
 from isel_twin.cam.toolpath import Point
 
 _MM = Limits("mm", -1e5, 1e5)
+# unit, digits before and behind the point, the zeros that are written; each may be left out
+DRILL_FORMAT = re.compile(r"\s*(inch|mm)?\s*(?:\b([1-9]):([0-9])\b)?\s*(LZ|TZ)?\s*", re.I | re.A)
 _OUTPUT = Limits("", 0, 65_535, whole=True)
+FEED_UNITS: Mapping[str, float] = {"mm/min": 60.0, "mm/s": 1.0, "um/s": 1000.0}  # in 1 mm/s
 
 
 def _read_point(value: Any, place: Place) -> Point:
@@ -65,6 +69,12 @@ def _read_sign(value: Any, place: Place) -> int:
     return int(value)
 
 
+def _read_drill_format(value: Any, place: Place) -> str:
+    if not isinstance(value, str) or not DRILL_FORMAT.fullmatch(value):
+        raise place.wrong(f'{value!r}; allowed: as much as is needed of "inch 2:4 LZ", "mm 3:3 TZ"')
+    return value
+
+
 _READ: Mapping[str, Callable[[Any, Place], Any]] = {
     **dict.fromkeys(("zero", "start", "park", "tool_change"), _read_point),
     "zeros": _by_number(None, 1, 9),
@@ -72,6 +82,8 @@ _READ: Mapping[str, Callable[[Any, Place], Any]] = {
     "tool_length_mm": _by_number(Limits("mm", -1e3, 1e3), 0, 1_000_000),
     "pen_depth_mm": _by_number(Limits("mm", 0.0, 1e3), 0, 1000),
     "outputs": _read_outputs,
+    "depth_mm": lambda value, place: plain(value, Limits("mm", 0.0, 1e3), place),
+    "drill_format": _read_drill_format,
 }
 
 
@@ -79,7 +91,7 @@ _READ: Mapping[str, Callable[[Any, Place], Any]] = {
 class CamSettings:
     """How job files are read and made on this machine. Raises ValueError for values that are not possible.
 
-    Heights of HPGL are of the workpiece, Z upwards; all other points are of the machine.
+    Heights of HPGL and of drill files are of the workpiece, Z upwards; all other points are of the machine.
     """
 
     format: str = word(default="")  # of all files, whatever they look like; "": by their content
@@ -94,10 +106,13 @@ class CamSettings:
     tool_change: Point | None = None  # as park, for the change of a tool
     rapid_mm_s: float = number("mm/s", 0.001, 1e4, default=40.0)
     feed_mm_s: float = number("mm/s", 0.0, 1e4, default=0.0)  # for files that cut before they give a feed; 0: refused
-    plunge_mm_s: float = number("mm/s", 0.001, 1e4, default=5.0)  # HPGL: into the work
-    safe_mm: float = number("mm", 0.0, 1e3, default=5.0)  # HPGL: height of the raised pen above the work
-    depth_mm: float = number("mm", 0.0, 1e3, default=0.5)  # HPGL: of the lowered pen below its surface
-    pen_depth_mm: Mapping[int, float] = field(default_factory=dict)
+    feed_unit: str = word("", *FEED_UNITS, default="")
+    # of F, VEL, ..; "": of the format: G-code mm/min (inch/min in inch), WinPC-NC mm/s, NCP um/s
+    plunge_mm_s: float = number("mm/s", 0.001, 1e4, default=5.0)  # HPGL, drill files: into the work
+    safe_mm: float = number("mm", 0.0, 1e3, default=5.0)  # the same: height of the raised tool above the work
+    depth_mm: float | None = None  # the same: of the lowered tool below its surface; None: as usual in the format
+    pen_depth_mm: Mapping[int, float] = field(default_factory=dict)  # the same, by its number
+    drill_format: str = ""  # of numbers in drill files, whatever they say: "mm 3:3 TZ"
     tolerance_mm: float = number("mm", 1e-4, 10.0, default=0.01)  # chords leave an arc by at most this
     following_mm: float = number("mm", 0.0, 10.0, default=0.02)
     # by which drives that follow may round corners and arcs of cuts; 0: as they do by themselves
@@ -107,8 +122,8 @@ class CamSettings:
     peck_clearance_mm: float = number("mm", 0.0, 100.0, default=0.25)  # NCP, C2: above the last depth
     optional_stop: bool = flag(True)  # M1 stops
     block_delete: bool = flag(False)  # lines that begin with / are left out
-    dialect: str = word("", "rs274", "din", default="")
-    # of G-code; din: I J K and G4 as DIN 66025 has them; "": by the file
+    dialect: str = word("", "rs274", "din", "winpc", default="")
+    # of G-code; din: as DIN 66025; winpc: as WinPC-NC, with I J K as offsets and feeds in mm/s; "": by the file
     strict: bool = flag(False)  # what rs274 of LinuxCNC refuses is refused
     outputs: Mapping[str, int] = field(default_factory=dict)
     # the controller's output bit of spindle, coolant, A4.1, ..
@@ -118,6 +133,19 @@ class CamSettings:
         for name, read in _READ.items():
             if (value := getattr(self, name)) is not None:
                 read(value, Place("camsettings", key=name))
+
+    @property
+    def din(self) -> bool:
+        """G-code of DIN 66025, in any dialect of it."""
+        return self.dialect in ("din", "winpc")
+
+    def per_mm_s(self, usual: float) -> float:
+        """A feed of 1 mm/s as files have it, `usual` in their format."""
+        return FEED_UNITS.get(self.feed_unit, usual)
+
+    def depth_of(self, tool: int, usual_mm: float) -> float:
+        """The depth of a lowered tool, in a format in which usual_mm is usual."""
+        return self.pen_depth_mm.get(tool, usual_mm if self.depth_mm is None else self.depth_mm)
 
     def machine_point(self, counters_mm: Point) -> Point:
         """A point in the sense of the counters as a point of the machine, Z upwards."""

@@ -14,11 +14,14 @@ from cyclopts import Parameter
 
 from isel_twin.base.crew import in_order
 from isel_twin.base.errors import CallError, call_errors
+from isel_twin.cam.section import WHOLE
 from isel_twin.cli import options
 from isel_twin.cli.interruption import interruption
 from isel_twin.cli.jobs import (
+    DEFAULT_PART,
     FormatName,
     JobTwin,
+    PartOptions,
     SettingsFile,
     cam_settings,
     check_file,
@@ -89,6 +92,7 @@ def check(
     *jobs: Annotated[Path, Parameter(help="Files of controller commands, one a line, or programs.")],
     settings: SettingsFile = None,
     demands: Demands = DEFAULT_DEMANDS,
+    part: PartOptions = DEFAULT_PART,
     workers: options.Workers = 1,
     junit: Annotated[Path | None, options.written("Write the findings as JUnit XML.", ".xml", bare=True)] = None,
     sarif: Annotated[
@@ -104,7 +108,7 @@ def check(
     """Play jobs and report what is wrong: refused commands, lost steps, struck switches, margins, tolerances, time.
 
     Bounds come from options, or from isel-twin.toml in the folder of a job or above it ([check], see docs/ci.md). All
-    other rules always apply. A job with a golden run beside it is compared with it.
+    other rules always apply. A job with a golden run beside it is compared with it, a part of one is not.
 
     Exit code 0 if nothing is wrong, 1 if something is, 2 for a call that cannot be carried out, 130 after Ctrl-C and
     143 after SIGTERM: reports then hold what was judged, and name as errors the jobs that were not. In a workflow of
@@ -114,8 +118,9 @@ def check(
     With --isel-port the machine is a real one, and is moved by the jobs: replies and times are judged, what needs a
     look inside is named as not looked at. Ctrl-C breaks the motion off.
     """
-    asked = demands.asked()
+    asked = demands.asked() | {"part": part.lines()}
     _check_options(asked, workers)
+    _check_part(jobs, asked)
     if isel_port is not None:
         inside = {"set": demands.set, "report": report, "watch": watch}
         _check_outside(asked, inside, workers)
@@ -188,6 +193,16 @@ def _check_options(asked: dict[str, Any], workers: int) -> None:
     options.check_workers(workers)
 
 
+def _check_part(jobs: Sequence[Path], asked: dict[str, Any]) -> None:
+    """Raise CallError for a part of several files, whose lines have the same numbers, or beside a golden run."""
+    if asked["part"] == WHOLE:
+        return
+    if len(jobs) > 1:
+        raise CallError("from-line, to-line: are lines of one file; name one job", option=True)
+    if asked["golden"]:
+        raise CallError("golden: a golden run is one of the whole file; leave from-line and to-line out", option=True)
+
+
 def _tasks(jobs: Sequence[Path], settings: Path | None, asked: dict[str, Any]) -> list[Task]:
     """The tasks, all checked before the first begins. Raises CallError."""
     from isel_twin.jobs import project
@@ -208,7 +223,7 @@ def _tasks(jobs: Sequence[Path], settings: Path | None, asked: dict[str, Any]) -
         with call_errors(job):
             found = settings if settings is not None else project.find(job)
             task = demanded.task(job, found, asked)
-            read_job(job, task.call, task.form)
+            read_job(job, task.call, task.form, task.part)
             if task.golden and (file := golden_file(job)).is_file():
                 load(file)
             elif asked["golden"]:
@@ -219,7 +234,7 @@ def _tasks(jobs: Sequence[Path], settings: Path | None, asked: dict[str, Any]) -
         if (twin := twins.get(repr(task.call))) is None:
             twin = twins[repr(task.call)] = task.call.build()
         demanded.check_switches(task.bounds, twin.machine)
-        check_names(task.job, read_job(task.job, task.call, task.form), twin)
+        check_names(task.job, read_job(task.job, task.call, task.form, task.part), twin)
     return tasks
 
 
@@ -244,7 +259,7 @@ def _real(tasks: Sequence[Task], port: str) -> Iterator[RealReport]:
     from isel_twin.jobs.checks.rules import of_cautions
     from isel_twin.jobs.playing import TIMEOUT_S
 
-    every = [read_source(task.job, task.call, task.form) for task in tasks]
+    every = [read_source(task.job, task.call, task.form, task.part) for task in tasks]
     for task, (lines, _) in zip(tasks, every, strict=True):
         if why := real_job.unfit(lines, task.call.controller):
             raise CallError(f"{task.job}: {why}")
@@ -271,7 +286,7 @@ def _real(tasks: Sequence[Task], port: str) -> Iterator[RealReport]:
                 print(
                     f"isel-twin: {why}: {made.stopped} was sent to {port}, which breaks a motion off", file=sys.stderr
                 )
-            yield made
+            yield replace(made, not_made="" if source is None else source.not_made)
             if stopped:
                 return
 
@@ -304,7 +319,7 @@ def perform(asked: tuple[Task, Path | None]) -> Report:
     from isel_twin.jobs.golden import golden_file
     from isel_twin.recordings.recorder import Recorder
 
-    lines, source = read_source(task.job, task.call, task.form)
+    lines, source = read_source(task.job, task.call, task.form, task.part)
     drawn = None
     if source is not None and task.bounds.contour_mm is not None:
         drawn = drawing(source.path(), cam_settings(task.job, task.call), task.bounds.contour_mm)
@@ -319,6 +334,7 @@ def perform(asked: tuple[Task, Path | None]) -> Report:
         looked = None if page is None else begun
         cautions = of_cautions(source)
         report = check_job(task.job, task.call, lines, task.bounds, looked, drawn, cautions, golden=golden)
+        report = report.without("" if source is None else source.not_made)
         if golden:
             report = beside_golden(report, task.job, task.call)
         for inspection, recorder in watched:

@@ -12,7 +12,8 @@ from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import options
-from isel_twin.cli.jobs import FormatName, cam_settings, check_file, job_name, say_cautions
+from isel_twin.cli.jobs import DEFAULT_PART, FormatName, PartOptions, cam_settings, check_file, job_name, say_cautions
+from isel_twin.cli.outputs import say
 from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ def convert(
     machine: options.MachineName = MACHINE,
     set: options.Overrides = (),
     form: FormatName = None,
+    part: PartOptions = DEFAULT_PART,
     out: Annotated[Path | None, options.written("Write them here; standard output.", name=("--out", "-o"))] = None,
 ) -> int:
     """Write a file of a CAM program as commands of a controller, one a line, or as a program of it.
@@ -38,6 +40,7 @@ def convert(
     Exit code 0 if all of it could be written; else 2, and no file is left.
     """
     from isel_twin.cam.reader import text_lines
+    from isel_twin.cam.section import Section
     from isel_twin.cam.toolpath import CamError
     from isel_twin.jobs.job import JobError
     from isel_twin.jobs.toolpaths import Watched, machine_axes, written
@@ -46,6 +49,7 @@ def convert(
     if options.is_standard_input(file):
         raise CallError("-: settings stand beside a file; name it")
     check_file(file)
+    lines = part.lines()
     options.check_writable(out, kept=(file,))
     call = TwinSpec(machine, controller, "kinematic", overrides=options.parse_overrides(set))
     with call_errors(job_name(file)):
@@ -56,7 +60,8 @@ def convert(
         reader = _reader(file, source, form or settings.format or None)
     watched, told = Watched(settings, by_line=False), []
     with source, _output(out) as into:
-        path = watched.through(reader.read(text_lines(source), settings))
+        section = Section(lines, settings)
+        path = watched.through(section.made(reader.read(text_lines(source), settings)))
         try:
             for line in written(path, language, controller, axes, settings):
                 into.write(f"{line.text}\n")
@@ -65,6 +70,8 @@ def convert(
         except (CamError, JobError) as error:
             raise CallError(f"{file}: {error}") from None
     say_cautions(file, (*watched.cautions, *told))
+    if section.not_made:
+        say(f"{file}: {section.not_made} not made")
     return 0
 
 

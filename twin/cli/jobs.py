@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
-from isel_twin.cli.options import is_standard_input
+from isel_twin.cam.section import WHOLE, LineRange
+from isel_twin.cli.options import Whole, is_standard_input
 from isel_twin.cli.outputs import say
 
 if TYPE_CHECKING:
@@ -43,6 +44,27 @@ class JobTwin:
 
 
 AS_THE_FILE_SAYS = JobTwin()
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class PartOptions:
+    """The lines of a file of a CAM program that are made."""
+
+    from_line: Annotated[
+        Whole | None, Parameter(help="Begin a file of a CAM program at this line, with all that holds there.")
+    ] = None
+    to_line: Annotated[Whole | None, Parameter(help="End it behind this line, with the tool lifted.")] = None
+
+    def lines(self) -> LineRange:
+        """Raises CallError."""
+        try:
+            return LineRange(1 if self.from_line is None else self.from_line, self.to_line)
+        except ValueError as error:
+            raise CallError(str(error), option=True) from None
+
+
+DEFAULT_PART = PartOptions()
 JOB_BYTES = 1 << 24  # longest job file: 16 MiB, some four hundred thousand moves
 PROGRAM_BYTES = 1 << 30  # longest file for a controller that runs programs
 
@@ -58,13 +80,16 @@ def check_file(job: Path) -> None:
             raise CallError(f"{job}: is a pipe, which can be read only once; save it to a file")
 
 
-def read_job(job: Path, call: TwinSpec, form: str | None = None) -> Sequence[Line]:
+def read_job(job: Path, call: TwinSpec, form: str | None = None, part: LineRange = WHOLE) -> Sequence[Line]:
     """The lines of a job file, or of standard input, for the controller of a call. Raises CallError."""
-    return read_source(job, call, form)[0]
+    return read_source(job, call, form, part)[0]
 
 
-def read_source(job: Path, call: TwinSpec, form: str | None = None) -> tuple[Sequence[Line], Source | None]:
-    """The same, and what the file was if it is one of a CAM program. form: its format, whatever it looks like."""
+def read_source(
+    job: Path, call: TwinSpec, form: str | None = None, part: LineRange = WHOLE
+) -> tuple[Sequence[Line], Source | None]:
+    """The same, and what the file was if it is one of a CAM program. form: its format, whatever it looks like. part: of
+    its lines."""
     from isel_twin.controller import offers
     from isel_twin.jobs.toolpaths import lines_of, source_of
     from isel_twin.language import RunsPrograms, create_language
@@ -77,7 +102,9 @@ def read_source(job: Path, call: TwinSpec, form: str | None = None) -> tuple[Seq
             raise CallError(f"{job_name(job)}: is longer than {most >> 20} MiB; cut it into several")
         settings = cam_settings(job, call)
         with _told(job):
-            source = source_of(data, job.suffix, language, call.controller, lambda: _machine(call), settings, form)
+            source = source_of(
+                data, job.suffix, language, call.controller, lambda: _machine(call), settings, form, part
+            )
             lines = lines_of(source, data, language, call.controller)
     if not lines:
         raise CallError(f"{job_name(job)}: there is no command in it")

@@ -15,10 +15,11 @@ from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.base.units import SECOND_NS
+from isel_twin.cam.section import WHOLE
 from isel_twin.cli import options, outputs
 from isel_twin.cli.files import MOST_SAMPLES, Files, RecordPath, ReportPath, StepsPath, TracePath, VcdPath
 from isel_twin.cli.interruption import interruption
-from isel_twin.cli.jobs import FormatName, check_names, clamped, job_name, read_source
+from isel_twin.cli.jobs import DEFAULT_PART, FormatName, PartOptions, check_names, clamped, job_name, read_source
 
 if TYPE_CHECKING:
     from isel_twin.core.spec import TwinSpec
@@ -54,6 +55,7 @@ def run(
     uncertain: options.Uncertain = 0,
     workers: options.Workers = 1,
     form: FormatName = None,
+    part: PartOptions = DEFAULT_PART,
     json: Annotated[bool, Parameter(help="One line of JSON a command, then one with the summary.")] = False,
 ) -> int:
     """Run a file of controller commands, or a program of the controller's, in virtual time.
@@ -66,7 +68,8 @@ def run(
     50 +- 0.03 mm` a condition after it; docs/hosts.md lists all.
 
     A file of a CAM program (NCP, G-code, HPGL; docs/jobfiles.md) is made into the commands of the controller, by the
-    [cam] table of isel-twin.toml; findings name its own lines.
+    [cam] table of isel-twin.toml; findings name its own lines. --from-line 42 makes it from there on: tool, spindle and
+    all that holds are set, and the tool goes down to the beginning of that line from above.
 
     A program of a controller that runs programs (DIN 66025, see docs/bwo900.md) is loaded, the axes are referenced, it
     is started, and its blocks are shown as they are made.
@@ -88,12 +91,13 @@ def run(
     options.check_seconds("interval", interval, 1e-9)
     options.check_seconds("timeout", timeout, 0.0)
     call = clamped(twin.spec(), job)
-    lines, source = read_source(job, call, form)
+    asked = part.lines()
+    lines, source = read_source(job, call, form, asked)
     files = Files(steps, vcd, trace, report, record, interval)
     if files.sampled:
         _check_samples(lines, interval)
     files.check(job, *twin.files)
-    golden = None if report is None else _golden(job)
+    golden = None if report is None or asked != WHOLE else _golden(job)
     others = _others(call, lines, {"kind": robust, "known": uncertain}, workers, timeout)
     search = _edges(call, lines, workers, timeout) if edge else None
     with ExitStack() as stack:
@@ -111,6 +115,8 @@ def run(
         watchers = [show.result] if inspection is None else [show.result, inspection.take]
         with interruption() as stopped:
             made = played(made_on, lines, watchers, timeout, lambda: bool(stopped))
+        if source is not None:
+            made = replace(made, verdict=replace(made.verdict, not_made=source.not_made))
         if not made.whole:
             outputs.say(f"{job_name(job)}: {_why_it_ended(made, timeout)}")
         called = {"controller": twin.controller, "plant": twin.plant, "seed": twin.seed}

@@ -9,7 +9,17 @@ registry.py     which ones are installed, by entry points; settings they take
 from __future__ import annotations
 
 from isel_twin.controller.controller import Controller, SerialFormat
-from isel_twin.controller.events import OUTPUTS, CounterSet, Event, FlashWrite, Output, Remark, Reply, Step
+from isel_twin.controller.events import (
+    OUTPUTS,
+    CounterSet,
+    Event,
+    FlashWrite,
+    Output,
+    ReferenceSearch,
+    Remark,
+    Reply,
+    Step,
+)
 from isel_twin.controller.registry import (
     ControllerFactory,
     PluginError,
@@ -64,6 +74,7 @@ __all__ = [
     "NamesOutputs",
     "Output",
     "PluginError",
+    "ReferenceSearch",
     "Remark",
     "Reply",
     "SerialFormat",

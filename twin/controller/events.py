@@ -48,6 +48,15 @@ class CounterSet:
 
 
 @dataclass(frozen=True)
+class ReferenceSearch:
+    """The controller begins to seek the reference switch of an axis, or has taken its reference point (`found`). No
+    effect on the twin, which sees whether a switch was struck meanwhile (jobs/14)."""
+
+    axis: int
+    found: bool = False
+
+
+@dataclass(frozen=True)
 class FlashWrite:
     """The flash now holds this image. The caller stores it atomically and passes it in at the next power-on."""
 
@@ -77,4 +86,4 @@ class Step:
     tool_mm: float = 0.0
 
 
-Event = Reply | Output | CounterSet | FlashWrite | Remark | Step
+Event = Reply | Output | CounterSet | ReferenceSearch | FlashWrite | Remark | Step

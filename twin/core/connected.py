@@ -23,6 +23,7 @@ from isel_twin.controller import (
     HoldsHost,
     KeepsBytes,
     Output,
+    ReferenceSearch,
     Remark,
     Reply,
     Step,
@@ -169,6 +170,8 @@ class Connected:
             elif isinstance(event, CounterSet):
                 self._position.counter_set(event.axis, event.value)
                 self._note("counter", event)
+            elif isinstance(event, ReferenceSearch):
+                self._wiring.search(event.axis, event.found)
             elif isinstance(event, FlashWrite):
                 self._store(event.image)
             elif isinstance(event, Remark):

@@ -272,9 +272,9 @@ class Seen:
         return self._controller.serial_format
 
     @property
-    def strikes(self) -> Mapping[str, int]:
-        """How often an end switch of each axis has been struck since power-on, by a carriage."""
-        return dict(self._wiring.strikes)
+    def astray(self) -> tuple[str, ...]:
+        """Axes that the controller has referenced since power-on though no end switch of theirs was struck."""
+        return self._wiring.astray
 
     @property
     def line_faults(self) -> LineFaults:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from itertools import takewhile
 from typing import TYPE_CHECKING, Any, Protocol
 
-from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
+from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.base.crew import Stop
 from isel_twin.base.units import SECOND_NS
 from isel_twin.controller import offers
@@ -21,8 +21,8 @@ from isel_twin.jobs import expect
 from isel_twin.jobs.expect import Condition
 from isel_twin.jobs.job import Line
 from isel_twin.jobs.result import Part, Result
-from isel_twin.jobs.why import RESTARTED, happened, meaning, waits
-from isel_twin.language import RunsPrograms, TellsActs, readable
+from isel_twin.jobs.why import RESTARTED, happened, meaning, referenced_astray, waits
+from isel_twin.language import RunsPrograms, readable
 
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
@@ -68,7 +68,7 @@ class Sent:
         twin.watch_margin()
         twin.steps_made.clear()
         self._said = twin.remarks[-1] if twin.remarks else None
-        self._made, self._strikes, self._inputs = twin.steps.made, twin.strikes, twin.inputs
+        self._astray = len(twin.astray)
         self._step, self._number = "", line.number  # the last one that was looked up
 
     @property
@@ -104,7 +104,7 @@ class Sent:
             accepted, why = False, RESTARTED
         elif line.expected is None and disturbed:
             accepted, why = False, disturbed
-        astray = self._astray() if complete and language is not None and language.accepted(line.sent, reply) else ""
+        astray = referenced_astray(twin.astray[self._astray :])
         if line.expected is None and accepted and astray:
             accepted, why = False, astray
         wrong = line.expected is None and not (accepted and complete)
@@ -130,21 +130,6 @@ class Sent:
             fault_known=twin.fault_cause if expected_refusal or not twin.fault else None,
             parts=parts,
         )
-
-    def _astray(self) -> str:
-        """Axes that this line has referenced though no end switch of theirs was struck: by the stop key, or by its
-        contact that is broken (jobs/14)."""
-        twin, language = self.twin, self.twin.language
-        if self.line.program or twin.steps.made == self._made or not offers(language, TellsActs):
-            return ""
-        mask, switches = language.act(self.line.sent).references, twin.machine.switches
-        struck = {switch.axis for switch in switches if self._inputs.get(switch.name) == "struck"}
-        struck |= {name for name, times in twin.strikes.items() if times > self._strikes[name]}
-        of_switches = {switch.axis for switch in switches}
-        names = [
-            name.upper() for axis, name in enumerate(CARRIAGES) if mask >> axis & 1 and name in of_switches - struck
-        ]
-        return f"referenced though no end switch was struck: {', '.join(names)}" if names else ""
 
 
 def _edges(twin: Twin) -> tuple[float | None, ...]:

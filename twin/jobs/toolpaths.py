@@ -21,6 +21,7 @@ from isel_twin.base.units import SECOND_NS
 from isel_twin.cam.estimate import Estimate
 from isel_twin.cam.reader import Reader, head_of, statements, text_lines
 from isel_twin.cam.registry import reader_for, reader_named
+from isel_twin.cam.section import WHOLE, LineRange, Section
 from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import CamError, Caution, Element, End, Toolpath
 from isel_twin.cam.written import MachineAxes, Written
@@ -35,6 +36,13 @@ if TYPE_CHECKING:
     from isel_twin.machine import Machine
 
 
+_NO_PART = (
+    "only a file of a CAM program can be made in part, as what holds at a line is known of no other: leave from-line "
+    "and to-line out, or save the lines as a file of their own, behind those that reference the machine and set what "
+    "holds"
+)
+
+
 @dataclass(frozen=True)
 class Source:
     """A file of a CAM program, and what it says that it takes."""
@@ -46,6 +54,7 @@ class Source:
     seconds: float = 0.0  # ways at their feeds, without ramps
     of_lines_s: Mapping[int, float] = field(default_factory=dict)  # the same of each line of the file
     path: Callable[[], Toolpath] = field(default=lambda: iter(()), repr=False)  # reads the file once more
+    not_made: str = ""  # lines of the file that are left out, as a part was asked for
 
 
 def machine_axes(machine: Machine) -> MachineAxes:
@@ -91,22 +100,24 @@ def source_of(
     machine: Callable[[], Machine],
     settings: CamSettings,
     named: str | None = None,
+    part: LineRange = WHOLE,
 ) -> Source | None:
     """What a file of a CAM program becomes; None for anything else. machine: asked for such a file only. named: its
-    format, whatever it looks like. Raises JobError."""
+    format, whatever it looks like. part: of its lines. Raises JobError, also for a part of anything else (cam/42)."""
     try:
         named = named or settings.format or None
         reader = reader_of(data, suffix, language, named)
     except ValueError as error:
         raise JobError(str(error)) from None
-    if reader is None:
-        return None
-    try:
-        return converted(data, reader, language, controller, machine_axes(machine()), settings)
-    except JobError:
-        if named is not None or not _is_program(head_of(data), language):
-            raise
-        return None
+    if reader is not None:
+        try:
+            return converted(data, reader, language, controller, machine_axes(machine()), settings, part)
+        except JobError:
+            if named is not None or not _is_program(head_of(data), language):
+                raise
+    if part != WHOLE:
+        raise JobError(_NO_PART)
+    return None
 
 
 def _is_program(head: str, language: Language | None) -> bool:
@@ -139,15 +150,21 @@ def written(
 
 
 def converted(
-    data: bytes, reader: Reader, language: Language | None, controller: str, axes: MachineAxes, settings: CamSettings
+    data: bytes,
+    reader: Reader,
+    language: Language | None,
+    controller: str,
+    axes: MachineAxes,
+    settings: CamSettings,
+    part: LineRange = WHOLE,
 ) -> Source:
-    """A whole file as a job. Raises JobError for anything in it that cannot be made, with its place."""
-    watched = Watched(settings)
+    """A file, or a part of it, as a job. Raises JobError for anything in it that cannot be made, with its place."""
+    watched, section = Watched(settings), Section(part, settings)
 
-    def read() -> Toolpath:
-        return reader.read(text_lines(io.BytesIO(data)), settings)
+    def read(section: Section | None = None) -> Toolpath:
+        return (section or Section(part, settings)).made(reader.read(text_lines(io.BytesIO(data)), settings))
 
-    path = watched.through(read())
+    path = watched.through(read(section))
     try:
         made = list(written(path, language, controller, axes, settings))
     except CamError as error:
@@ -161,7 +178,8 @@ def converted(
         else:
             lines.append(replace(line, number=places[line.number - 1]))
     cautions = (*watched.cautions, *(one.caution for one in made if one.caution is not None))
-    return Source(reader.title, text, tuple(lines), cautions, watched.seconds, watched.of_lines_s, read)
+    told = watched.seconds, watched.of_lines_s, read, section.not_made
+    return Source(reader.title, text, tuple(lines), cautions, *told)
 
 
 def _places(made: Sequence[Written]) -> tuple[int, ...]:

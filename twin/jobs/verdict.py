@@ -36,6 +36,7 @@ from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.base.units import SECOND_NS
 from isel_twin.core.snapshot import snapshot
 from isel_twin.jobs.odd import oddities
+from isel_twin.jobs.why import referenced_astray
 from isel_twin.plant import Collision
 from isel_twin.wiring import LineFaults
 from isel_twin.wiring.contacts import FAULTS
@@ -107,7 +108,7 @@ class Verdict:
     stands: str = ""  # where and why the program of a host that has ended stopped before its end
     restarts: int = 0  # unexpected restarts of the controller before the end of the last command
     line_faults: LineFaults = field(default_factory=LineFaults)  # unexpected ones since power-on
-    astray: tuple[str, ...] = ()  # what has been referenced without its end switch, of each line that has
+    astray: tuple[str, ...] = ()  # axes that have been referenced though no end switch of theirs was struck
     unpowered_steps: int = 0  # unexpected steps of all axes while the stages had no power
     stores_lost: int = 0  # writes that the flash memory could not store
     odd: tuple[tuple[int, str], ...] = ()  # legal but absurd lines: number and description (odd.py)
@@ -126,6 +127,7 @@ class Verdict:
     events_without_effect: int = 0  # forces, cuts and lost phases of the scenario on a plant without physics
     unwritten: tuple[str, ...] = ()  # files about the job that are not on the disk, or not whole
     found: tuple[str, ...] = ()  # what else is wrong, such as signals of a capture that drives may misread
+    not_made: str = ""  # lines of the file that were left out, as a part was asked for; no failure
 
     @property
     def cycle_s(self) -> float:
@@ -138,7 +140,7 @@ class Verdict:
 
     @property
     def fault_left(self) -> str:
-        """The error in which the controller stands and that the job does not expect; "" without one."""
+        """The error in which the controller stands and that the job does not expect (jobs/15); "" without one."""
         return "" if self.fault_cause == self.fault_known else self.fault_cause
 
     @property
@@ -196,9 +198,10 @@ class Verdict:
     @property
     def headline(self) -> str:
         """The verdict in a few words, "all well" only as far as it was looked at."""
+        part = f", but {self.not_made} not made" if self.not_made else ""
         if not self.ok:
-            return "failed"
-        well = "all well" if self.physics else "all well as far as simulated"
+            return f"failed{part}"
+        well = f"all well{'' if self.physics else ' as far as simulated'}{part}"
         idle = [(self.events_without_effect, "without effect (no physics)"), (self.events_after_end, AFTER_END)]
         but = ", ".join(f"{number} event{'' if number == 1 else 's'} {what}" for number, what in idle if number)
         return f"{well}, but for the scenario: {but}" if but else well
@@ -255,6 +258,8 @@ class Verdict:
         if self.astray:
             told["astray"] = list(self.astray)
         told |= {name: list(values) for name in ("unwritten", "found") if (values := getattr(self, name))}
+        if self.not_made:
+            told["not_made"] = self.not_made
         if self.collisions:
             told |= {"collisions": [collision.content for collision in self.collisions]}
         return told
@@ -278,7 +283,7 @@ def judge(
         stands="" if host_since_ns is None else twin.unfinished,
         restarts=sum(result.restarts for result in _since_known(results)) if results else twin.restarts,
         line_faults=_unexpected(twin.line_faults, [result.line_known for result in results]),
-        astray=tuple(result.astray for result in results if result.astray),
+        astray=twin.astray,
         unpowered_steps=int(twin.unpowered_steps.sum()) - _last([result.unpowered_known for result in results]),
         stores_lost=twin.stores_lost,
         physics=twin.physics,
@@ -337,7 +342,8 @@ def _problems(verdict: Verdict, refused: str) -> Iterator[str]:
         yield f"the controller restarted {'once' if verdict.restarts == 1 else f'{verdict.restarts} times'}"
     if any(verdict.line_faults):
         yield verdict.line_faults.in_words()
-    yield from dict.fromkeys(verdict.astray)
+    if verdict.astray:
+        yield referenced_astray(verdict.astray)
     if any(verdict.lost):
         now = [f"{axis} {n}" for axis, n in zip(axes, verdict.whole_steps_lost, strict=False) if n]
         before = [f"{axis} {int(n)}" for axis, n in zip(axes, verdict.forgotten_steps, strict=False) if n]

@@ -5,6 +5,7 @@ reply 9, E-stop pressed meanwhile  --->  "plant fault ...; meanwhile, at 1.200 s
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from isel_twin.base.units import SECOND_NS
@@ -15,6 +16,12 @@ if TYPE_CHECKING:
 
 LONG_S = 60.0  # a controller at which nothing moves for longer waits for something
 RESTARTED = "the controller restarted before this was done"
+
+
+def referenced_astray(axes: Iterable[str]) -> str:
+    """What is wrong with reference points (jobs/14), in words; "" for no axes."""
+    names = ", ".join(name.upper() for name in dict.fromkeys(axes))
+    return f"referenced though no end switch was struck: {names}" if names else ""
 
 
 def meaning(twin: Twin, sent: bytes, reply: bytes) -> str:

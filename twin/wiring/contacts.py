@@ -74,7 +74,7 @@ class Contacts:
 
     def closed(self, name: str) -> bool:
         """True if the contact is closed, its fault included."""
-        held = FAULTS[self._faults.get(name, "ok")]
+        held = FAULTS[self.fault(name)]
         return self._closed[name] if held is None else held
 
     @property
@@ -84,6 +84,10 @@ class Contacts:
 
     def fault(self, name: str) -> str:
         return self._faults.get(name, "ok")
+
+    def heeded(self, name: str) -> bool:
+        """True if a contact does as it is operated, worn or not."""
+        return FAULTS[self.fault(name)] is None
 
     def levels(self) -> dict[str, bool]:
         """Level (True: high) of every wired terminal."""

@@ -107,7 +107,8 @@ class Wiring:
         self._faults: dict[str, str | float] = {}  # of acts, by key or `key.member`; contacts keep their own
         self.changes = 0  # counts up whenever an input may have changed
         self.restarts = 0  # how often the controller was restarted or lost its supply
-        self.strikes = dict.fromkeys(CARRIAGES, 0)  # how often an end switch of each axis has been struck
+        self.astray: tuple[str, ...] = ()  # axes that have been referenced though no end switch of theirs was struck
+        self._sought: dict[str, bool] = {}  # axes whose reference points are sought, and whether one has been since
         self.pressed: list[tuple[str, KeyValue]] = []  # keys since `take_pressed`, and their values
         self.mains = True  # the controller has supply
         self.stages_powered = False
@@ -246,6 +247,15 @@ class Wiring:
         """Take bytes that the controller gets from the host now (sent), or sends. Call `settle` afterwards."""
         self._schedule.heard(data, sent)
 
+    def search(self, axis: int, found: bool) -> None:
+        """The controller begins to seek the reference switch of an axis, or has taken its reference point (jobs/14)."""
+        name = dict(enumerate(CARRIAGES)).get(axis, "")
+        switches = [switch for switch in self._switches if switch.axis == name]
+        if not found:
+            self._sought[name] = not switches or any(self.inputs[switch.name] == "struck" for switch in switches)
+        elif not self._sought.pop(name, True):
+            self.astray = (*self.astray, name)
+
     def collided(self, first: str, second: str) -> None:
         """Two bodies have met that must not. `settle` follows."""
         self._schedule.collided(first, second)
@@ -337,7 +347,9 @@ class Wiring:
         for number in changed:
             if number < len(self._switches):
                 self.contacts.strike(self._switches[number].name, bool(active[number]), t_ns)
-                self.strikes[self._switches[number].axis] += bool(active[number])
+                switch = self._switches[number]
+                if active[number] and switch.axis in self._sought and self.contacts.heeded(switch.name):
+                    self._sought[switch.axis] = True
                 if not active[number]:
                     self._draw_trip_point(number)
             elif number == self._touch:

@@ -4,9 +4,11 @@
             --- {"job": {"start": true}}, {"job": {"stop": true}} ----->  Sender.advance, in each round of the server
             --- {"job": {"pause": true}}, {"job": {"go_on": true}},
                 {"job": {"line": true}}: one line of the file --------->
+                {"job": {"part": {"from_line": 42}}} ------------------>
             <-- frame["job"]: state, line of the file, command ---------
 
-A file of a CAM program is made with the zero of the workpiece that was set at the desk, and anew if that has changed.
+A file of a CAM program is made with the zero of the workpiece that was set at the desk, and anew if that has changed;
+of a part of it until another file is opened.
 """
 
 from __future__ import annotations
@@ -17,12 +19,13 @@ from pathlib import Path
 from typing import Any
 
 from isel_twin.base.errors import one_line
-from isel_twin.base.parameters import Place, known, table, text
+from isel_twin.base.parameters import Limits, Place, known, plain, table, text
 from isel_twin.base.units import SECOND_NS
 from isel_twin.bridge.operate.control import ControlError
 from isel_twin.bridge.operate.panel.desk import Desk
 from isel_twin.bridge.operate.panel.sender import SHOWN, Sender
 from isel_twin.bridge.serve.server import Server
+from isel_twin.cam.section import WHOLE, LineRange
 from isel_twin.cam.toolpath import Point
 from isel_twin.core.twin import Twin
 from isel_twin.jobs import project
@@ -30,6 +33,7 @@ from isel_twin.jobs.job import Line, check_conditions
 from isel_twin.jobs.toolpaths import Source, lines_of, source_of
 
 MOST_CHARACTERS = 500_000  # of a file: a message of a browser has 1 MiB
+_LINE = Limits("", 1, MOST_CHARACTERS, whole=True)
 
 
 class PanelJob:
@@ -42,7 +46,9 @@ class PanelJob:
         self._name = self._text = self._title = ""
         self._lines: Sequence[Line] = ()
         self._cautions: list[str] = []  # what the file may mean otherwise
+        self._not_made = ""  # lines of the file that the part leaves out
         self._made_for: Point | None = None
+        self._part = WHOLE
         self._fresh = True
         self._opened = self._started = 0
 
@@ -65,12 +71,14 @@ class PanelJob:
             "go_on": self._go_on,
             "stop": lambda _: self.sender.stop("stopped by hand"),
         }
-        known(content, ("open", "text", *acts), place)
+        known(content, ("open", "text", "part", *acts), place)
         if len(content) != 1:
-            raise place.wrong(f"nothing to do; allowed: one of open, text, {', '.join(acts)}")
+            raise place.wrong(f"nothing to do; allowed: one of open, text, part, {', '.join(acts)}")
         ((key, value),) = content.items()
         if key == "open":
             return self._open(table(value, place.at("open")), place.at("open"))
+        if key == "part":
+            return self._choose(table(value, place.at("part")), place.at("part"))
         if value is not True:
             raise place.at(key).wrong(f"{value!r}; allowed: true")
         if key == "text":
@@ -85,16 +93,34 @@ class PanelJob:
             raise place.wrong("a job is running; allowed: when it has been stopped or is over")
         if len(told) > MOST_CHARACTERS:
             raise place.wrong(f"{len(told)} characters; allowed: up to {MOST_CHARACTERS}, isel-twin run takes more")
-        self._take(name, told)
+        self._take(name, told, WHOLE)
         self._fresh = True
         self._opened += 1
         return self.shown
 
-    def _take(self, name: str, told: str) -> None:
+    def _choose(self, content: Mapping[str, Any], place: Place) -> dict[str, Any]:
+        """Take a part of the file; without any line all of it."""
+        known(content, ("from_line", "to_line"), place)
+        if not self._lines:
+            raise place.wrong("there is no job; allowed: when a file has been opened")
+        if self.running:
+            raise place.wrong("a job is running; allowed: when it has been stopped or is over")
+        asked = {key: plain(value, _LINE, place.at(key)) for key, value in content.items() if value is not None}
+        if broken := [key for key, value in asked.items() if value % 1.0]:
+            raise place.at(broken[0]).wrong(f"{asked[broken[0]]:g}; allowed: a whole number")
+        try:
+            part = LineRange(int(asked.get("from_line", 1)), int(asked["to_line"]) if "to_line" in asked else None)
+        except ValueError as error:
+            raise ControlError(str(error)) from None
+        self._take(self._name, self._text, part)
+        self._fresh = True
+        return self.shown
+
+    def _take(self, name: str, told: str, part: LineRange) -> None:
         """Make the lines of a text. Raises ControlError, and then nothing has changed."""
         zero_mm = self._zero_mm
         try:
-            source, lines = self._read(name, told.encode(), zero_mm)
+            source, lines = self._read(name, told.encode(), zero_mm, part)
             check_conditions(lines, self._twin)
         except (OSError, ValueError) as error:  # of the file, of the settings beside it, of characters that are none
             raise ControlError(f"{name}: {one_line(str(error))}".encode(errors="replace").decode()) from None
@@ -102,15 +128,19 @@ class PanelJob:
             raise ControlError(f"{name}: there is no command in it")
         self._name, self._text, self._lines = name, told, lines
         self._title, self._made_for = "" if source is None else source.title, zero_mm
+        self._part, self._not_made = part, "" if source is None else source.not_made
         self._cautions = [] if source is None else list(map(str, source.cautions))
 
-    def _read(self, name: str, data: bytes, zero_mm: Point | None) -> tuple[Source | None, Sequence[Line]]:
+    def _read(
+        self, name: str, data: bytes, zero_mm: Point | None, part: LineRange
+    ) -> tuple[Source | None, Sequence[Line]]:
         twin = self._twin
         language, controller = twin.language, twin.controller_name
         settings = project.cam(self._settings, twin.machine)
         if zero_mm is not None:
             settings = replace(settings, zero=zero_mm)
-        source = source_of(data, Path(name).suffix, language, controller, lambda: twin.machine, settings)
+        suffix = Path(name).suffix
+        source = source_of(data, suffix, language, controller, lambda: twin.machine, settings, part=part)
         return source, lines_of(source, data, language, controller)
 
     def _start(self, place: Place, single: bool = False) -> None:
@@ -124,7 +154,7 @@ class PanelJob:
         if not self._twin.idle or (self._desk is not None and self._desk.busy):
             raise place.wrong("the controller is at work; allowed: when it is idle")
         if self._title and self._made_for != self._zero_mm:
-            self._take(self._name, self._text)
+            self._take(self._name, self._text, self._part)
         self._fresh = False
         self._started += 1
         self.sender.begin(self._lines, single)
@@ -173,4 +203,7 @@ class PanelJob:
             "seconds": 0.0 if self._fresh else (end_ns - sender.begin_ns) / SECOND_NS,
             "why": "" if self._fresh else sender.why,
             "cautions": self._cautions,
+            "from_line": self._part.first,
+            "to_line": self._part.last,
+            "not_made": self._not_made,
         }

@@ -15,7 +15,7 @@ import re
 from collections.abc import Iterable
 
 from isel_twin.cam.gcode.program import Program
-from isel_twin.cam.reader import mostly, plausible, whole_lines
+from isel_twin.cam.reader import drills, mostly, plausible, whole_lines
 from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import Toolpath
 
@@ -35,10 +35,11 @@ class GCode:
     suffixes = (".nc", ".ngc", ".tap", ".cnc", ".gcode", ".din", ".iso")
 
     def claims(self, head: str) -> bool:
-        return mostly(head, _CLAIM)
+        return mostly(head, _CLAIM) and not drills(head)
 
     def read(self, lines: Iterable[str], settings: CamSettings) -> Toolpath:
-        return plausible(Program(settings).run(whole_lines(lines)), settings)
+        program = Program(settings)
+        return plausible(program.run(whole_lines(lines)), settings, program.per_mm_s)
 
 
 def create(name: str) -> GCode:

@@ -68,6 +68,8 @@ M_GROUPS: Mapping[int, str] = {
 TAKES_P = frozenset((50, 51, 52, 53, 62, 63, 64, 65))  # of the M codes
 DIN_SWITCHES = frozenset((*range(70, 78), *range(-77, -69)))  # M70 .. M77 switch an output on, M-70 .. M-77 off
 
+DIALECTS = 'set dialect = "din", or "winpc" where feeds are in mm/s'
+
 _CUTTER = "cutter compensation is not made; let the CAM program offset the path"
 _THREAD = "it needs a spindle that the axis follows"
 _TAPPING = f"{_THREAD}; drill with G81 and tap by hand"
@@ -95,7 +97,7 @@ G_REFUSED: Mapping[int, str] = {
     1870: "smoothing is a Haas's own; leave G187, its P and E out: controllers join moves as they can",
     70: "diameters are for lathes; write G8, and radii for X",
     **dict.fromkeys((711, 712, 720, 721, 722), "it is a cycle of lathes"),
-    950: "feed per turn is not made; write G94, and F times S for F",
+    950: "feed per turn is not made; write G94, and F times S for F, a feed in a minute",
     960: "constant surface speed is for lathes; write G97, and turns a minute for S",
 }
 M_REFUSED: Mapping[int, str] = {
@@ -104,9 +106,15 @@ M_REFUSED: Mapping[int, str] = {
     61: "the tool is not changed by it; write T and M6",
     66: "inputs are not waited for",
     **dict.fromkeys((67, 68), "analog outputs are not reached so"),
-    **dict.fromkeys((70, 71, 72, 73), "modes are not kept and restored"),
+    **dict.fromkeys(DIN_SWITCHES, f"modes are not kept and restored; if it switches an output, {DIALECTS}"),
     **dict.fromkeys((98, 99), "subprograms are not read; let the CAM program write them out"),
     **dict.fromkeys(range(100, 200), "commands of one's own are not read"),
+}
+WINPC_REFUSED: Mapping[int, str] = {
+    **dict.fromkeys(
+        sorted(CYCLES), "holes of WinPC-NC have heights of their own; let the CAM program write their moves"
+    ),
+    980: "a subprogram of WinPC-NC begins; let the CAM program write it out",
 }
 
 

@@ -40,15 +40,15 @@ class Motion:
         self._once = once
         self.offsets = Offsets(settings)
         self.at = self._program(settings.machine_point(settings.start))
-        self.unit, self.unit_z = 1.0, 1.0
         self._up = 1 if settings.file_z_up else -1
         self._set_unit(1.0)
         self._unit_given = self._told_din = False
         self.code: int | None = None
         self.feed = 0.0
-        self._inverse = False
+        self.inverse = False
         self._absolute = True
         self._centre_absolute: bool | None = None  # by G90.1 and G91.1; None: by neither
+        self._found_offsets = False  # in DIN 66025: by an arc that fits only so
         self._plane = 170
         self._to_start = not settings.strict  # G98 (cam/17)
         self._cycle = Cycle()
@@ -64,7 +64,11 @@ class Motion:
         return point[0] + x, point[1] + y, point[2] + z
 
     def _set_unit(self, unit: float) -> None:
-        self.unit, self.unit_z = unit, unit * self._up
+        self.unit, self.unit_z, self.per_mm_s = unit, unit * self._up, self._per_mm_s(unit)
+
+    def _per_mm_s(self, unit: float) -> float:
+        """A feed of 1 mm/s where lengths are in this unit."""
+        return self._settings.per_mm_s(1.0 if self._settings.dialect == "winpc" else 60.0 / unit)
 
     def _mm(self, axis: int, value: float) -> float:
         return value * (self.unit_z if axis == 2 else self.unit)
@@ -77,6 +81,8 @@ class Motion:
         axes = [letter for letter in _AXES if letter in words]
         once, code = g.get(codes.ONCE), g.get(codes.MOTION)
         takes = once in codes.TAKES_AXES
+        if self._settings.dialect == "winpc" and codes.SYSTEM in g and axes:
+            raise block.wrong("X Y Z behind G54 .. G59 move the zero on WinPC-NC, by what is not known here", axes[0])
         if once == 740 and not self._is_din():
             raise block.wrong(_TAPPING_OR_REFERENCE)
         if 500 in g.values() and ("S" in words or (axes and code is None)):
@@ -112,14 +118,14 @@ class Motion:
         mode = block.g.get(codes.FEED)
         if mode is None:
             return
-        if self._settings.strict or (mode == 930) != self._inverse:
+        if self._settings.strict or (mode == 930) != self.inverse:
             self.feed = 0.0
-        self._inverse = mode == 930
+        self.inverse = mode == 930
 
     def set_feed(self, block: Block) -> None:
         """F, in the unit of its own line; it stays as fast when the unit changes (cam/18)."""
         unit = {None: self.unit, 200: arcs.INCH_MM, 700: arcs.INCH_MM}.get(block.g.get(codes.UNIT), 1.0)
-        self.feed = block.words["F"] * (1.0 if self._inverse else unit) / 60.0
+        self.feed = block.words["F"] / (60.0 if self.inverse else self._per_mm_s(unit))
 
     def modes(self, block: Block, loaded: int | None) -> Iterator[Element]:
         """Plane, unit, length of the tool, system, distance, retract; then offsets and G28 G30."""
@@ -143,7 +149,7 @@ class Motion:
             yield from self._path_mode(block, g[codes.PATH])
         once = g.get(codes.ONCE)
         if once == 530 and self._switches_zeros_off(block):
-            if self._settings.dialect != "din":
+            if not self._settings.din:
                 text = "G53 alone is read as DIN 66025 has it: zeros are off until G54 .. G59 come"
                 yield from self._once("G53", block.at("G", once), text)
             here = self._machine(self.at)
@@ -164,13 +170,13 @@ class Motion:
         yield PathMode(block.at("G", code), code != 640, None if given is None else given * self.unit)
 
     def _is_din(self) -> bool:
-        return self._settings.dialect == "din" or (self._told_din and not self._settings.strict)
+        return self._settings.din or (self._told_din and not self._settings.strict)
 
     def _switches_zeros_off(self, block: Block) -> bool:
         """G53 in DIN 66025; elsewhere G53 alone means nothing (cam/35)."""
         if self._settings.strict or self._settings.dialect == "rs274":
             return False
-        return self._settings.dialect == "din" or not any(letter in block.words for letter in _AXES)
+        return self._settings.din or not any(letter in block.words for letter in _AXES)
 
     def _reference(self, block: Block) -> Iterator[Element]:
         """G74 of DIN 66025: of the axes named, all if none is (cam/35)."""
@@ -189,7 +195,7 @@ class Motion:
                 instead = "G20" if code == 700 else "G21"
                 wrong = f"{codes.name('G', code)} is not of this dialect; write {instead}"
                 raise CamError(wrong, block.at("G", code))
-            if dialect != "din":
+            if not self._settings.din:
                 self._told_din = True
                 unit = "inch" if code == 700 else "mm"
                 yield from self._once("G71", block.at("G", code), f"{codes.name('G', code)} is read as {unit}")
@@ -303,7 +309,7 @@ class Motion:
             yield from self._made(block, code, values)
         elif block.g.get(codes.ONCE) == 530 and self.offsets.active:
             raise CamError("G53 wants X, Y or Z, with G0 or G1", block.at("G", 530))
-        self.plain = self._absolute and self._unit_given and not self._inverse and self.code in (0, 10, 20, 30)
+        self.plain = self._absolute and self._unit_given and not self.inverse and self.code in (0, 10, 20, 30)
         self.flat = self.plain and self._plane == 170 and self._reads_absolute() is False
 
     def _made(self, block: Block, code: int, values: dict[int, float]) -> Iterator[Element]:
@@ -324,7 +330,7 @@ class Motion:
             length = math.dist(self.at, to)
             feed = yield from self._feed(block, length)
             self.at = to
-            if length or not self._inverse:
+            if length or not self.inverse:
                 yield Line(place, self._machine(to), feed)
         elif code in (20, 30):
             yield from self._arc(block, place, to)
@@ -342,7 +348,7 @@ class Motion:
 
     def _feed(self, block: Block, length: float) -> Generator[Element, None, float]:
         """Yields a caution, returns mm/s."""
-        if self._inverse:
+        if self.inverse:
             if "F" not in block.words or self.feed <= 0.0:
                 raise block.wrong("in G93 each line of G1, G2 and G3 wants F")
             return length * self.feed
@@ -402,6 +408,11 @@ class Motion:
             reads = fitting[0] is absolute
             kind = "absolute" if reads else "offsets from the start"
             yield from self._once("din arcs", block.place, f"I J K are read as {kind}: only so the radii are equal")
+        if reads and self._centre_absolute is None and fitting == [offset]:
+            reads, self._found_offsets = False, True
+            yield from self._once(
+                "din arcs", block.place, "I J K are read as offsets from the start: only so the radii are equal"
+            )
         centre = absolute if reads else offset
         if centre not in fitting:
             readings = offset, absolute
@@ -414,13 +425,13 @@ class Motion:
         if self._centre_absolute is not None:
             return self._centre_absolute
         if self._settings.dialect == "din":
-            return self._absolute
+            return self._absolute and not self._found_offsets
         return None if self._told_din else False
 
     def _hole(self, block: Block, place: Place, code: int, values: dict[int, float]) -> Iterator[Element]:
         if not values:
             return
-        if self._inverse:
+        if self.inverse:
             raise block.wrong("cycles want G94 and F a minute")
         feed = yield from self._feed(block, 0.0)
         along, series = arcs.PLANES[self._plane], self._cycle.series

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
+from itertools import chain, islice, repeat
 
 from isel_twin.cam.gcode import arcs, codes
 from isel_twin.cam.gcode.motion import Motion
 from isel_twin.cam.gcode.words import Block, Lines
-from isel_twin.cam.reader import Once
+from isel_twin.cam.reader import HEAD_LINES, Once
 from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import (
     Arc,
@@ -45,7 +46,25 @@ _ARC = re.compile(
     rf"(?:I{_NUMBER}[ \t]*)?(?:J{_NUMBER}[ \t]*)?(?:R{_NUMBER}[ \t]*)?(?:F{_NUMBER}[ \t]*)?[\r\n]*\Z",
     re.I | re.A,
 )
+_END = re.compile(r"\s*(N\s*\d+\s*)?M(0?2|30)(?!\d)", re.I | re.A)
 _LONG_DWELL_S = 60.0
+
+
+def _to_percent(lines: Iterator[str]) -> tuple[list[str], int]:
+    """The next lines, to where it is known if text stands above the program, and how many are that text: those above a
+    % that has anything behind it."""
+    head: list[str] = []
+    text = 0
+    for line in islice(lines, HEAD_LINES):
+        head.append(line)
+        if text and line.strip():
+            return head, text
+        percent = line.lstrip()[:1] == "%"
+        if percent:
+            text = len(head) - 1
+        if _END.match(line) or (percent and not text):
+            break
+    return head, 0
 
 
 class Program:
@@ -55,17 +74,25 @@ class Program:
         self._settings = settings
         self._once = Once()
         self._motion = Motion(settings, self._once)
-        self._lines = Lines(settings.strict, settings.dialect == "din", self._once)
+        self._lines = Lines(settings.strict, settings.dialect, self._once)
         self._tool: int | None = None  # selected by T
         self._selected_at = Place(1)
         self._loaded: int | None = None
         self._turns = 0
         self._percent = self._ended = False
 
+    def per_mm_s(self) -> float:
+        """1 mm/s in the feeds of the line; 0 where they are none (G93)."""
+        return self._motion.per_mm_s if not self._motion.inverse else 0.0
+
     def run(self, lines: Iterable[str]) -> Iterator[Element]:
         """Elements of the toolpath. Raises CamError."""
         motion = self._motion
         number, begun = 0, False
+        lines = iter(lines)
+        if self._settings.din:
+            head, text_lines = _to_percent(lines)
+            lines = chain(repeat("", text_lines), head[text_lines:], lines)
         for number, line in enumerate(lines, 1):
             match = _MOVE.match(line)
             straight = match is not None and (match[2] is not None or motion.code in (0, 10))
@@ -77,7 +104,7 @@ class Program:
                         raise CamError(
                             "F must not be negative", Place(number, max(match.start(3), match.start(7)), f"F{f}")
                         )
-                    motion.feed = float(f) * motion.unit / 60.0
+                    motion.feed = float(f) / motion.per_mm_s
                 if code is not None:
                     motion.code = 10 if code == "1" else 0
                 if x is not None or y is not None or z is not None:
@@ -115,10 +142,17 @@ class Program:
                 continue
             if first == "/" and self._settings.block_delete:
                 continue
-            block, said = self._lines.block(text, number)
-            yield from said
-            begun = begun or bool(block.places) or (self._settings.strict)
-            yield from self._block(block)
+            try:
+                block, said = self._lines.block(text, number)
+                yield from said
+                begun = begun or bool(block.places) or (self._settings.strict)
+                yield from self._block(block)
+            except CamError as error:
+                text_lines = 0 if self._percent or self._settings.strict else _to_percent(chain((line,), lines))[1]
+                if not text_lines:
+                    raise
+                wrong = f"the line is no G-code, and % follows in line {number + text_lines}; if text stands above %"
+                raise CamError(f"{wrong}, {codes.DIALECTS}", error.place) from None
             if self._ended:
                 return
         place = Place(max(number, 1))
@@ -134,7 +168,7 @@ class Program:
         motion = self._motion
         word, code, x, y, z, i, j, r, f = match.groups()
         kind = motion.code if code is None else 10 * int(code)
-        feed = motion.feed if f is None else float(f) * motion.unit / 60.0
+        feed = motion.feed if f is None else float(f) / motion.per_mm_s
         if kind not in (20, 30) or feed <= 0.0 or (r is None) == (i is None and j is None):
             return None
         unit, at = motion.unit, motion.at
@@ -230,7 +264,7 @@ class Program:
                 yield Output(block.at("M", code), f"M{abs(code)}", 1, int(code > 0))
 
     def _digital(self, block: Block, code: int) -> Output:
-        """M62 and M64 switch the output P on, M63 and M65 off; all of them between motions (cam/39)."""
+        """M62 and M64 switch the output P on, M63 and M65 off; all of them between motions (cam/44)."""
         number = block.words.get("P", -1.0)
         if number < 0.0 or number != int(number):
             raise block.wrong(f"M{code} wants P, the number of an output: a whole number, 0 or more")
@@ -247,7 +281,7 @@ class Program:
         yield Tool(place, self._loaded)
 
     def _dwells_by_f(self, block: Block) -> bool:
-        return block.g.get(codes.ONCE) == 40 and self._settings.dialect == "din" and "P" not in block.words
+        return block.g.get(codes.ONCE) == 40 and self._settings.din and "P" not in block.words
 
     def _dwell(self, block: Block) -> Iterator[Element]:
         """G4: P; S where CAM programs write so; F in DIN programs (cam/22)."""
@@ -258,7 +292,8 @@ class Program:
         if seconds is None and not self._settings.strict:
             seconds = words.get("S")
         if seconds is None or seconds < 0.0:
-            raise CamError("G4 wants P, seconds of 0 or more", place)
+            din = f"; if F are its seconds, {codes.DIALECTS}" if "F" in words and not self._settings.strict else ""
+            raise CamError(f"G4 wants P, seconds of 0 or more{din}", place)
         if seconds > _LONG_DWELL_S:
             yield from self._once("G4", place, f"G4 waits {seconds:g} s: P is in seconds; ms were meant?")
         yield Dwell(place, seconds)

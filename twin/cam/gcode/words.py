@@ -49,11 +49,11 @@ class Block:
 
 
 class Lines:
-    """Reads lines. strict: as LinuxCNC, no remarks in remarks."""
+    """Reads lines. strict: as LinuxCNC, no remarks in remarks; dialect: of the settings."""
 
-    def __init__(self, strict: bool, din: bool, once: Once) -> None:
+    def __init__(self, strict: bool, dialect: str, once: Once) -> None:
         self._strict = strict
-        self._din = din
+        self._din, self._winpc = dialect in ("din", "winpc"), dialect == "winpc"
         self._once = once
 
     def block(self, text: str, number: int) -> tuple[Block, list[Caution]]:
@@ -111,6 +111,8 @@ class Lines:
             if letter == "M" and self._din and code in codes.DIN_SWITCHES:
                 group = f"{codes.SWITCH} {abs(code)}"
             else:
+                if letter == "G" and self._winpc and code in codes.WINPC_REFUSED:
+                    raise CamError(f"{codes.name(letter, code)} is refused: {codes.WINPC_REFUSED[code]}", place)
                 group = _group(letter, code, value, place)
                 if self._strict and letter == "G" and code in codes.CANCELS:
                     raise CamError(f"{place.word[:20]} is unknown to LinuxCNC; leave it out", place)

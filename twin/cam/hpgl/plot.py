@@ -6,11 +6,13 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from isel_twin.cam.hpgl.scan import Instruction, instructions
+from isel_twin.cam.pen import Pen
 from isel_twin.cam.reader import Once
 from isel_twin.cam.settings import CamSettings
-from isel_twin.cam.toolpath import Arc, CamError, Element, End, Line, Place, Point, Rapid, Tool
+from isel_twin.cam.toolpath import CamError, Element, End, Place
 
 UNIT_MM = 0.025
+DEPTH_MM = 0.5  # of the lowered pen, if the settings have none
 MOST_POLYGON = 100_000  # instructions in the buffer of a polygon
 MOST_ANGLE = 36_000.0
 
@@ -18,19 +20,14 @@ Flat = tuple[float, float]  # plotter units
 
 
 class Plot:
-    """A plot while it is read. pen: where it is, plotter units; height: of the tool's tip, mm."""
+    """A plot while it is read. pen: where it is, plotter units."""
 
     def __init__(self, settings: CamSettings) -> None:
         self._settings = settings
         self._once = Once()
-        self._zero = settings.machine_point(settings.zero)
-        self._length = 0.0
-        x, y, z = settings.machine_point(settings.start)
-        self.pen: Flat = ((x - self._zero[0]) / UNIT_MM, (y - self._zero[1]) / UNIT_MM)
-        self._height = z - self._zero[2]
-        self._depth = settings.depth_mm
-        self._tool = 0
-        self._down = False
+        self._tool = Pen(settings)
+        self.pen: Flat = (self._tool.x / UNIT_MM, self._tool.y / UNIT_MM)
+        self._depth = settings.depth_of(0, DEPTH_MM)
         self._relative = False
         self._corners: tuple[float, ...] = ()  # P1, P2 by IP
         self._scale = self._no_scale = (1.0, 0.0, 1.0, 0.0)  # plotter units = factor * number + shift, in X and in Y
@@ -69,41 +66,21 @@ class Plot:
 
     # The pen ---------------------------------------------------------------------------------------------------------
 
-    def _machine(self, pen: Flat, height: float) -> Point:
-        x, y, z = self._zero
-        return x + pen[0] * UNIT_MM, y + pen[1] * UNIT_MM, z + self._length + height
-
-    def _lift(self, place: Place, height: float) -> Iterator[Element]:
-        if height != self._height:
-            self._height = height
-            yield Rapid(place, self._machine(self.pen, height))
-
     def _raised(self, place: Place) -> Iterator[Element]:
-        self._down = False
-        if self._height < self._settings.safe_mm:
-            yield from self._lift(place, self._settings.safe_mm)
+        return self._tool.raised(place)
 
     def _lowered(self, place: Place) -> Iterator[Element]:
-        if self._down:
-            return
-        if self._settings.feed_mm_s <= 0.0:
+        if not self._tool.down and self._settings.feed_mm_s <= 0.0:
             raise CamError("a plot has no feed; set feed_mm_s", place)
-        yield from self._lift(place, self._settings.safe_mm)
-        self._down, self._height = True, -self._depth
-        yield Line(place, self._machine(self.pen, self._height), self._settings.plunge_mm_s)
+        return self._tool.lowered(place, self._depth)
 
     def _set_pen(self, down: bool, place: Place) -> Iterator[Element]:
-        yield from self._lowered(place) if down else self._raised(place)
+        return self._lowered(place) if down else self._raised(place)
 
     def _to(self, to: Flat, place: Place) -> Iterator[Element]:
         """A straight move with the pen as it is."""
-        if not self._down:
-            yield from self._raised(place)
-        if to == self.pen:
-            return
         self.pen = to
-        target = self._machine(to, self._height)
-        yield Line(place, target, self._settings.feed_mm_s) if self._down else Rapid(place, target)
+        return self._tool.to(to[0] * UNIT_MM, to[1] * UNIT_MM, place)
 
     def _turn(self, centre: Flat, degrees: float, place: Place) -> Iterator[Element]:
         """An arc about the centre, positive counter-clockwise."""
@@ -119,17 +96,17 @@ class Plot:
         )
         if degrees % 360.0 == 0.0:
             end = self.pen
-        if not self._down:
+        if not self._tool.down:
             yield from self._to(end, place)
             return
         turns = math.copysign(math.ceil(abs(degrees) / 360.0), degrees)
         self.pen = end
-        target, middle = self._machine(end, self._height), self._machine(centre, self._height)
-        yield Arc(place, target, middle, 2, int(turns), self._settings.feed_mm_s)
+        x, y = end[0] * UNIT_MM, end[1] * UNIT_MM
+        yield from self._tool.turned(x, y, (centre[0] * UNIT_MM, centre[1] * UNIT_MM), int(turns), place)
 
     def _by_itself(self, place: Place, start: Flat, drawn: Callable[[], Iterator[Element]]) -> Iterator[Element]:
         """A figure that begins at `start` with the pen lowered; after it the pen is as and where it was."""
-        before, down = self.pen, self._down
+        before, down = self.pen, self._tool.down
         if start != before:
             yield from self._raised(place)
             yield from self._to(start, place)
@@ -172,7 +149,7 @@ class Plot:
     def points(self, told: Instruction) -> Iterator[Element]:
         if told.code in ("PA", "PR"):
             self._relative = told.code == "PR"
-        elif told.first and not (self._down and told.code == "PD"):
+        elif told.first and not (self._tool.down and told.code == "PD"):
             yield from self._set_pen(told.code == "PD", told.place)
         if told.numbers:
             x, y = told.numbers
@@ -182,13 +159,9 @@ class Plot:
         number = int(told.numbers[0]) if told.numbers else 0
         if number < 0:
             raise CamError("SP must not be negative", told.place)
-        yield from self._raised(told.place)
-        if number and number != self._tool:
-            self._tool = number
-            yield Tool(told.place, number)
-            self._depth = self._settings.pen_depth_mm.get(number, self._settings.depth_mm)
-            before, self._length = self._length, self._settings.tool_length_mm.get(number, 0.0)
-            self._height += before - self._length
+        yield from self._tool.changed(number, told.place)
+        if number:
+            self._depth = self._settings.depth_of(number, DEPTH_MM)
 
     def arc(self, told: Instruction) -> Iterator[Element]:
         x, y, degrees = self._numbers(told, 3)[:3]
@@ -282,7 +255,7 @@ class Plot:
     def edges(self, told: Instruction) -> Iterator[Element]:
         if told.code == "FP":
             yield from self._outlined(told)
-        before, down, relative = self.pen, self._down, self._relative
+        before, down, relative = self.pen, self._tool.down, self._relative
         if self.pen != self._began:
             yield from self._raised(told.place)
             yield from self._to(self._began, told.place)

@@ -39,7 +39,8 @@ class Ncp:
         return mostly(head, _CLAIM)
 
     def read(self, lines: Iterable[str], settings: CamSettings) -> Toolpath:
-        return plausible(Program(settings).run(whole_lines(lines)), settings)
+        program = Program(settings)
+        return plausible(program.run(whole_lines(lines)), settings, program.per_mm_s)
 
 
 def create(name: str) -> Ncp:

@@ -14,13 +14,13 @@ from collections.abc import Iterator
 from isel_twin.cam.drilling import MOST_PECKS, Step
 from isel_twin.cam.ncp.statement import Statement
 
-_LENGTHS = "PSDVLFOR"
+_LENGTHS = "PSDLFOR"
 _START = {"C": 1.0, "P": 0.0, "S": 2000.0, "T": 0.0}
 _MUST_NOT_BE_ZERO, _MUST_NOT_BE_NEGATIVE = "VFO", "STDR"
 
 
 class Drill:
-    """The numbers of the cycle, in the unit of the file."""
+    """The numbers of the cycle, in the unit of the file; V in mm/s."""
 
     def __init__(self) -> None:
         self._values = dict(_START)
@@ -28,7 +28,8 @@ class Drill:
     def __getitem__(self, letter: str) -> float | None:
         return self._values.get(letter)
 
-    def define(self, statement: Statement) -> None:
+    def define(self, statement: Statement, per_mm_s: float) -> None:
+        """per_mm_s: 1 mm/s as V."""
         words = statement.letters("CPSDTVLFOIR")
         if not words:
             raise statement.wrong("wants letters behind it, as D1800 V1000")
@@ -42,6 +43,8 @@ class Drill:
             if letter in _MUST_NOT_BE_NEGATIVE and value < 0.0:
                 raise statement.wrong(f"{letter} must not be negative")
         self._values |= words
+        if "V" in words:
+            self._values["V"] = words["V"] / per_mm_s
 
     def convert(self, factor: float) -> None:
         """The unit of the file has changed: so many new units in an old one."""

@@ -258,12 +258,10 @@ class Program:
             yield from self.once(
                 "depth", place, "DRILLDEF D is in um: less than 100 is next to nothing; mm were meant?"
             )
-        feed = drill["V"]
-        if feed is None:
+        down = drill["V"]
+        if down is None:
             down, said = self._feed(place)
             yield from said
-        else:
-            down = feed / self.per_mm
         safe = drill.safe(self.per_mm, self.up)
         x, y, _ = self.end(words, False)
         if self.at[2] < safe:
@@ -286,12 +284,16 @@ class Program:
             yield Rapid(place, self.machine(to), self.rapid)
 
     def drill_def(self, statement: Statement) -> None:
-        self.drill.define(statement)
+        self.drill.define(statement, self.per_mm_s())
 
     # Modes -----------------------------------------------------------------------------------------------------------
 
+    def per_mm_s(self) -> float:
+        """1 mm/s in the feeds of the file."""
+        return self.settings.per_mm_s(self.per_mm)
+
     def speed(self, statement: Statement) -> None:
-        value = statement.number(1e9) / self.per_mm
+        value = statement.number(1e9) / self.per_mm_s()
         if not 0.0 < value <= MOST:
             raise statement.wrong("must be more than 0")
         if statement.word == "VEL":

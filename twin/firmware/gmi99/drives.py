@@ -22,7 +22,7 @@ import re
 from collections.abc import Generator, Mapping, Sequence
 
 from isel_twin.base.units import MILLISECOND_NS
-from isel_twin.controller import DriveInput, Drives
+from isel_twin.controller import DriveInput, Drives, ReferenceSearch
 from isel_twin.firmware.gmi99 import planner
 from isel_twin.firmware.gmi99.board import Board
 from isel_twin.firmware.gmi99.interpolator import Interpolator
@@ -254,6 +254,7 @@ class DriveBank:
         for slot in axes:
             self._zeroed[slot] = False
             self.searching |= 1 << slot
+            board.events.append(ReferenceSearch(slot))
         try:
             while runs:
                 self._edge = False
@@ -265,6 +266,7 @@ class DriveBank:
                         self.searching &= ~(1 << slot)
                         if end.value:
                             found.append(slot)
+                            board.events.append(ReferenceSearch(slot, found=True))
                         else:
                             board.refuse(f"the reference run of slot {slot} has failed")
                 if runs:

@@ -255,6 +255,9 @@ class Device:
     def send(self, text: str) -> None:
         self._events.append(Reply(text.encode("latin-1")))
 
+    def tell(self, event: Event) -> None:
+        self._events.append(event)
+
     def remark(self, text: str) -> None:
         self._events.append(Remark(text))
 

@@ -11,7 +11,7 @@ from isel_twin.firmware.imc.settings import AXES, ProgramState
 
 AXIS_NAMES = "XYZA"
 END = "\r\n"
-REVISION = "0.1.0"  # of the emulated firmware
+REVISION = "0.2.0"  # of the emulated firmware
 
 
 def position(device: Device) -> str:

@@ -20,6 +20,7 @@ from typing import Any, NoReturn
 
 from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
+from isel_twin.controller import ReferenceSearch
 from isel_twin.firmware.activity import Activity, Ended, Pause, Request, Travel
 from isel_twin.firmware.imc.device import Device
 from isel_twin.firmware.imc.limits import name_of, switches_of
@@ -66,7 +67,9 @@ def reference_run(device: Device, mask: int) -> Activity:
 def _reference_run(device: Device, axes: list[int]) -> Activity:
     for axis in axes:
         if not device.test_mode:
+            device.tell(ReferenceSearch(axis))
             yield from _find_switch(device, axis)
+            device.tell(ReferenceSearch(axis, found=True))
         device.set_reference(axis)
 
 

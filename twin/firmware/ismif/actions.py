@@ -21,7 +21,7 @@ from enum import Enum
 
 from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.base.units import MILLISECOND_NS
-from isel_twin.controller import CounterSet, Event, Output, Remark
+from isel_twin.controller import CounterSet, Event, Output, ReferenceSearch, Remark
 from isel_twin.firmware.activity import Activity, Ended, Pause, Travel, Unfinished
 from isel_twin.firmware.executor import Executor, Parked
 from isel_twin.firmware.ismif.commands import STEPS_LIMIT, Instruction, Target
@@ -110,12 +110,14 @@ class Actions:
     def _reference_axis(self, axis: int) -> Activity:
         settings, unit = self.configuration.reference[axis], self.configuration.half_steps
         towards = 1 if settings.positive else -1
+        self._events.append(ReferenceSearch(axis))
         yield from _stand(REST_NS, Standing.RESTING)
         yield from self._travel(_along(axis, SEARCH_LIMIT // unit * towards), settings.search, Search(False))
         yield from _stand(REST_NS, Standing.RESTING)
         yield from self._travel(_along(axis, FREE_LIMIT // unit * -towards), settings.free, Search(True))
         yield from _stand(REST_NS, Standing.RESTING)
         yield from self._travel(_along(axis, settings.offset * -towards), settings.offset_speed)
+        self._events.append(ReferenceSearch(axis, found=True))
         self._set_counter(axis, 0)
         self._known[axis] = True
 

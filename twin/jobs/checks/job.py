@@ -76,8 +76,13 @@ class Report:
 
     @property
     def unseen(self) -> tuple[str, ...]:
-        """Rules that were not simulated."""
-        return () if self.verdict.physics else tuple(name for name, rule in RULES.items() if rule.physics)
+        """Lines that were not made, and rules that were not simulated."""
+        rules = () if self.verdict.physics else tuple(name for name, rule in RULES.items() if rule.physics)
+        return (self.verdict.not_made, *rules) if self.verdict.not_made else rules
+
+    def without(self, not_made: str) -> Report:
+        """The report on a part of a file."""
+        return replace(self, verdict=replace(self.verdict, not_made=not_made))
 
     def compared(self, was: Golden, now: Golden) -> Report:
         """The report with the differences from a golden run as findings; now: this run with its call."""

@@ -95,15 +95,17 @@ class LiveJob:
             with call_errors(settings):
                 made = self._made = _Made(task, files, settings)
         call = task.call
-        language, controller = made.language, call.controller
-        source = source_of(data, self.job.suffix, language, controller, lambda: made.machine, made.cam, task.form)
+        language, controller, how = made.language, call.controller, (task.form, task.part)
+        source = source_of(data, self.job.suffix, language, controller, lambda: made.machine, made.cam, *how)
         lines = lines_of(source, data, language, controller)
         if not lines:
             raise JobError("there is no command in it")
         drawn = None
         if source is not None and task.bounds.contour_mm is not None:
             drawn = drawing(source.path(), made.cam, task.bounds.contour_mm)
-        report = made.check.check(lines, stop, drawn, of_cautions(source))
+        report = made.check.check(lines, stop, drawn, of_cautions(source)).without(
+            "" if source is None else source.not_made
+        )
         self._lines, self._converted = lines, source is not None
         self.figures = figures(made.check.results)
         with call_errors(golden_file(self.job)):

@@ -49,6 +49,7 @@ from typing import Any
 from isel_twin.base.errors import CallError
 from isel_twin.base.parameters import Limits, Place, boolean, known, plain, table, text
 from isel_twin.base.toml_lines import read_lines
+from isel_twin.cam.section import WHOLE, LineRange
 from isel_twin.controller import controller_names
 from isel_twin.core.assembly import PLANTS
 from isel_twin.core.spec import TwinSpec
@@ -85,6 +86,7 @@ class Task:
     bounds: Bounds = field(default_factory=Bounds)
     golden: bool = True
     form: str | None = None  # format of the file, whatever it looks like
+    part: LineRange = WHOLE  # of the lines of a file of a CAM program; compared with no golden run
 
 
 def load(path: Path) -> list[tuple[str, dict[str, Any]]]:
@@ -178,13 +180,14 @@ def task(job: Path, settings: Path | None, options: Mapping[str, Any]) -> Task:
             if fnmatchcase(name, pattern):
                 values |= demanded
     overrides = {**values.pop("set", {}), **(options.get("set") or {})}
-    values |= {key: value for key, value in options.items() if value is not None and key not in ("set", "form")}
+    values |= {key: value for key, value in options.items() if value is not None and key not in ("set", "form", "part")}
     if values.get("scenario") is not None:
         values["scenario"] = Path(values["scenario"])
-    golden = values.pop("golden", True)
+    part = options.get("part", WHOLE)
+    golden = values.pop("golden", True) and part == WHOLE
     of_call = {item.name for item in dataclasses.fields(TwinSpec)}
     call = TwinSpec(
         overrides=overrides, fixtures=clamped, **{key: value for key, value in values.items() if key in of_call}
     )
     bounds = Bounds(**{key: value for key, value in values.items() if key not in of_call})
-    return Task(job, call, bounds, golden, options.get("form"))
+    return Task(job, call, bounds, golden, options.get("form"), part)

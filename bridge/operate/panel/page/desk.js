@@ -152,6 +152,19 @@ $("start").addEventListener("click", () => job_please("start"));
 $("hold").addEventListener("click", () => job_please(frame.job.state === "paused" ? "go_on" : "pause"));
 $("single").addEventListener("click", () => job_please("line"));
 $("halt").addEventListener("click", () => job_please("stop"));
+for (const name of ["from", "to"]) $(name).addEventListener("change", choose_part);
+
+// A new beginning behind the end that was asked for before goes to the end of the file.
+function choose_part(event) {
+  const from_line = Number($("from").value) || null, end = Number($("to").value) || null;
+  const to_line = event.target === $("from") && end < from_line ? null : end;
+  request({ job: { part: { from_line, to_line } } }).then(show_part, (error) => { tell(error.message); show_part(frame.job); });
+}
+
+function show_part({ from_line, to_line }) {
+  $("from").value = from_line > 1 ? from_line : "";
+  $("to").value = to_line || "";
+}
 
 function build_job() {
   opened = 0;
@@ -165,14 +178,16 @@ function build_job() {
     $("hold").disabled = job.state !== "running" && !paused;
     $("halt").disabled = !moves && !paused;
     put($("hold"), paused ? "Go on" : "Pause");
+    for (const name of ["from", "to"]) $(name).disabled = !job.format || moves || paused;
     if (!job.state) return;
+    if (![$("from"), $("to")].includes(document.activeElement)) show_part(job);
     if (job.opened !== opened) {
       opened = job.opened;
       request({ job: { text: true } }).then((told) => show_program(told.text), () => {});
     }
     put($("jobbed"), moves || paused ? `${Math.floor(100 * job.made / job.commands)} %` : "");
     const format = job.format ? ` (${job.format})` : "", times = job.state === "ready" ? "" : `, ${job.seconds.toFixed(1)} s`;
-    put($("doing"), `${job.name}${format}: ${STATES[job.state]}, ${job.made} of ${job.commands} commands${times}${job.why ? `: ${job.why}` : ""}`);
+    put($("doing"), `${job.name}${format}: ${STATES[job.state]}, ${job.made} of ${job.commands} commands${times}${job.not_made ? `, ${job.not_made} not made` : ""}${job.why ? `: ${job.why}` : ""}`);
     $("doing").dataset.state = job.state;
     put($("cautions"), job.cautions.map((said) => `caution: ${said}`).join("\n"));
     const at = $("program").children[job.line - 1], before = $("program").querySelector("[aria-current]");

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from enum import Enum
 
-from isel_twin.controller import CounterSet
+from isel_twin.controller import CounterSet, ReferenceSearch
 from isel_twin.firmware.bwo900.realtime.axes import AXES, Axes
 from isel_twin.firmware.bwo900.realtime.outgoing import Outgoing
 from isel_twin.firmware.bwo900.realtime.stretch import PERIOD_NS
@@ -66,6 +66,7 @@ class Homing:
             self.run = None
             return
         axis = self._order[0]
+        self._outgoing.add(ReferenceSearch(axis))
         plan = at_rest(AXES, PERIOD_NS, ACCELERATION_HZ_S, ("homing", self._serial, axis))
         self._serial += 1
         self.run = SetPointRun(plan, PERIOD_NS, self._axes.now_ns)
@@ -95,6 +96,7 @@ class Homing:
         elif leg is Leg.BRAKE_FREE and (left := self._axes.to_pulse(axis)):
             self._move(axis, left, SLOW_HZ, Leg.PULSE)
         else:
+            self._outgoing.add(ReferenceSearch(axis, found=True))
             self._outgoing.add(CounterSet(axis, self._axes.place(axis)))
             self._order.pop(0)
             self._next()
