@@ -43,6 +43,7 @@ MOST = 112  # characters of words and cells in a line of the page
 PARTS: Mapping[str, tuple[str, str]] = {  # of a file, before and behind an example
     "gcode": ("G21 G90\nF600\nG1 X10 Y5 Z-1\n", "G1 X20 Y8 Z-2\nX22 Y20\nM30\n"),
     "ncp": ("IMF_PBL_V1.0\nVEL 10000\nMOVEABS X10000 Y5000 Z-1000\n", "MOVEABS X20000 Y8000 Z-2000\nPROGEND\n"),
+    "excellon": ("M48\n", "M30\n"),
     "hpgl": ("IN;\nSP1;\nPU400,400;\n", "PD800,400;\nPU;\nSP0;\n"),
 }
 NAMES = ("coolant", "coolant2", "P3", "A4.1", "M70", "M71", "M72", "M73", "M74", "M75", "M76", "M77")
@@ -249,7 +250,73 @@ HPGL: Mapping[str, str] = {
     "PE": "+PE<=?;",
     "a word that is none": "+QQ1;",
 }
-EXAMPLES: Mapping[str, Mapping[str, str]] = {"gcode": GCODE, "ncp": NCP, "hpgl": HPGL}
+_UP, _HOME = "G00X12.0\nM15\n", "\nM16\nG05"
+_STEPPED = "M25\nX12.0\n{}M01\n{}M02X5.0\n{}M08"
+_BODY: Mapping[str, str] = {  # of a drill file, between two holes
+    "X": "+X12.0\n-X11.0",
+    "Y": "+Y12.0\n-Y11.0",
+    "T": "+T2",
+    "C": "+T3C1.2\n-T3C1.3",
+    "R": "+R2X1.0",
+    "A": f"{_UP}+G02X20.0A4.0\n-G01X20.0{_HOME}",
+    "I": f"{_UP}+G02X20.0I4.0\n-G01X20.0{_HOME}",
+    "J": f"{_UP}+G02Y18.0J4.0\n-G01Y18.0{_HOME}",
+    **{letter: f"+X12.0{letter}7\n-X12.0" for letter in "FSBHZ"},
+    "N": "+N10X12.0\n-X12.0",
+    "G00": "+G00X12.0\n-X12.0\nG05",
+    "G01": f"{_UP}+G01X14.0{_HOME}",
+    "G02": f"{_UP}+G02X20.0A4.0\n-G01X20.0{_HOME}",
+    "G03": f"{_UP}+G03X20.0A4.0\n-G01X20.0{_HOME}",
+    "G04": "+G04",
+    "G05": "G00X12.0\n+G05",
+    "G07": "+G07",
+    "G40": "+G40",
+    "G41": "+G41",
+    "G42": "+G42",
+    "G81": "G00X12.0\n+G81",
+    "G85": "+X12.0G85X14.0\n-X12.0",
+    "G90": "G91\n+G90",
+    "G91": "+G91\nX1.0Y1.0\nG90",
+    "G93": "+G93X1.0Y1.0",
+    "M00": "+M00",
+    "M01": "M25\nX12.0\n+M01\n+M02X5.0\nM08",
+    "M02": _STEPPED.format("", "+", ""),
+    "M06": "+M06",
+    "M08": _STEPPED.format("", "", "+"),
+    "M09": "+M09",
+    **{f"M{code}": f"G00X12.0\n+M{code}\nG01X14.0\nM16\nG05" for code in (14, 15)},
+    **{f"M{code}": f"{_UP}+M{code}\nG01X14.0\nM16\nG05" for code in (16, 17)},
+    "M18": "+M18",
+    "M25": "+M25\nX12.0\n+M01\n+M02X5.0\nM08",
+    "M30": "+M30",
+    "M45": "+M45,hello",
+    "M47": "+M47,hello",
+    "M48": "+M48",
+    "M71": "M72\n+M71\nX1.0Y1.0\nM71",
+    "M72": "+M72\nX1.0Y1.0\nM71",
+    "M95": "+M95",
+    "M97": "+M97,text",
+    "M98": "+M98,text",
+    "%": "+%",
+    ";": "+; a remark",
+    "/": "+/X12.0\n-X12.0",
+    "another word": "+Q1",
+}
+_HOLES = "\nT1C0.8\n%\nT1\nX1.0Y1.0\nX2.0"
+EXCELLON: Mapping[str, str] = {
+    **{word: f"METRIC,TZ\nT1C0.8\nT2C1.0\n%\nT1\nX10.0Y10.0\n{part}\nX20.0Y15.0" for word, part in _BODY.items()},
+    "INCH": f"+INCH,TZ\n-METRIC,TZ{_HOLES}",
+    "METRIC": f"+METRIC,TZ\n-INCH,TZ{_HOLES}",
+    "LZ": "+METRIC,LZ\n-METRIC,TZ\nT1C0.8\n%\nT1\nX010Y010",
+    "TZ": "+METRIC,TZ\n-METRIC,LZ\nT1C0.8\n%\nT1\nX010Y010",
+    "000.00": "+METRIC,TZ,0000.00\n-METRIC,TZ,000.000\nT1C0.8\n%\nT1\nX010Y010",
+    "ICI": f"METRIC,TZ\n+ICI,ON{_HOLES}",
+    "FMAT,1": "METRIC,TZ\n+FMAT,1\nT1C0.8\n%\nT1\nX1.0Y1.0\nM00\nX2.0",
+    "FMAT,2": f"METRIC,TZ\n+FMAT,2{_HOLES}",
+    "VER": f"METRIC,TZ\n+VER,1{_HOLES}",
+    "another setting": f"METRIC,TZ\n+DETECT,ON{_HOLES}",
+}
+EXAMPLES: dict[str, Mapping[str, str]] = {"gcode": GCODE, "ncp": NCP, "hpgl": HPGL, "excellon": EXCELLON}
 
 _STEPS = "a motion ends at rest by itself"
 NO_EFFECT: Mapping[str, Mapping[str, str]] = {
@@ -269,6 +336,14 @@ NO_EFFECT: Mapping[str, Mapping[str, str]] = {
         **dict.fromkeys(("INITTOOL", "PROGBEGIN"), "a heading"),
         ";": "a remark",
     },
+    "excellon": {
+        **dict.fromkeys(("N", "%", "M48", "M95"), "a number of a line, or the frame of a header"),
+        **dict.fromkeys(("FMAT,2", "VER"), "how the file is read anyway"),
+        "G40": "there is no compensation to be ended",
+        "M18": "a check of the tip of a tool",
+        "/": "left out with block_delete only",
+        ";": "a remark",
+    },
     "hpgl": dict.fromkeys(sorted(plot.IGNORED), "pens, styles, pages and replies of a plotter (cam/15)"),
 }
 
@@ -283,6 +358,7 @@ def words() -> Iterator[tuple[str, str]]:
     of_readers = {
         "gcode": gcode,
         "ncp": [*ncp.STATEMENTS],
+        "excellon": [],
         "hpgl": [*sorted({*plot.INSTRUCTIONS, *plot.REFUSED, *plot.IGNORED})],
     }
     for reader, found in of_readers.items():

@@ -15,7 +15,7 @@ from isel_twin.cam.gcode.offsets import Offsets
 from isel_twin.cam.gcode.words import Block
 from isel_twin.cam.reader import Once
 from isel_twin.cam.settings import CamSettings
-from isel_twin.cam.toolpath import Arc, CamError, Dwell, Element, Line, PathMode, Place, Point, Rapid, Reference
+from isel_twin.cam.toolpath import Arc, CamError, Dwell, Element, Line, Place, Point, Rapid, Reference
 
 _AXES = "XYZ"
 _CENTRES = "IJK"
@@ -145,8 +145,6 @@ class Motion:
             self._centre_absolute = g[codes.CENTRE] == 901
         if codes.RETRACT in g:
             self._to_start = g[codes.RETRACT] == 980
-        if codes.PATH in g:
-            yield from self._path_mode(block, g[codes.PATH])
         once = g.get(codes.ONCE)
         if once == 530 and self._switches_zeros_off(block):
             if not self._settings.din:
@@ -161,13 +159,6 @@ class Motion:
             if not self._unit_given and any(letter in block.words for letter in _AXES):
                 yield from self._say_mm(block)
             yield from self._one_shot(block, once)
-
-    def _path_mode(self, block: Block, code: int) -> Iterator[Element]:
-        """G61, G61.1, G64 (cam/30)."""
-        given = block.words.get("P")
-        if code == 640 and given is not None and given < 0.0:
-            raise block.wrong("P of G64 must not be negative", "P")
-        yield PathMode(block.at("G", code), code != 640, None if given is None else given * self.unit)
 
     def _is_din(self) -> bool:
         return self._settings.din or (self._told_din and not self._settings.strict)

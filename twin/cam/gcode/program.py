@@ -25,6 +25,7 @@ from isel_twin.cam.toolpath import (
     End,
     Line,
     Output,
+    PathMode,
     Place,
     Rapid,
     Remark,
@@ -218,6 +219,8 @@ class Program:
         if g.get(codes.ONCE) == 40:
             yield from self._dwell(block)
         yield from motion.modes(block, self._loaded)
+        if codes.PATH in g:
+            yield self._path_mode(block)
         yield from motion.move(block)
         stop = m.get(codes.STOP)
         if stop in (0, 1):
@@ -226,6 +229,13 @@ class Program:
         elif stop is not None:
             self._ended = True
             yield from self._end(block.at("M", stop))
+
+    def _path_mode(self, block: Block) -> PathMode:
+        """G61, G61.1, G64 P (cam/30)."""
+        code, tolerance = block.g[codes.PATH], block.words.get("P")
+        if code == 640 and tolerance is not None and tolerance < 0.0:
+            raise block.wrong("P of G64 must not be negative", "P")
+        return PathMode(block.at("G", code), code != 640, None if tolerance is None else tolerance * self._motion.unit)
 
     def _end(self, place: Place) -> Iterator[Element]:
         if self._tool is not None and self._loaded is None:
