@@ -122,6 +122,8 @@ def test_the_summary_has_the_keys_of_the_json_line_in_their_order() -> None:
         ("halfway", [False, False, False, False]),
         ("expectations", 0),
         ("unmet", []),
+        ("bytes_ns", 0),
+        ("line_counts", False),
     ]
 
 

@@ -131,6 +131,7 @@ class RealVerdict:
     unsent: int
     interrupted: bool
     least_margin = None
+    line_told = ""  # the time of the line is in that of the job
 
     def summary(self) -> dict[str, Any]:
         told = {"commands": self.commands, "cycle_s": self.cycle_s, "unsent": self.unsent}

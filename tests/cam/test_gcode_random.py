@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from isel_twin.cam.gcode import GCode
-from isel_twin.cam.toolpath import Arc, Line, Rapid
+from isel_twin.cam.toolpath import Arc, CamError, Line, Rapid
 from tests.cam.short import UP
 from tests.thorough import drawn
 
@@ -97,3 +97,25 @@ def test_as_a_tiny_evaluator(blocks: list[Any]) -> None:
     assert [move[0] for move in made] == [move[0] for move in by_hand.path]
     for own, other in zip(made, by_hand.path, strict=True):
         assert all(math.isclose(p, q, abs_tol=1e-6) for p, q in zip(own[1:], other[1:], strict=True)), (own, other)
+
+
+WORDS = st.lists(st.builds("".join, st.tuples(st.sampled_from("XXYYZFSIJR"), NUMBERS)), min_size=1, max_size=4)
+LINES = st.tuples(st.sampled_from(["", "", "G0 ", "G1 ", "g02", "N7 G3 "]), WORDS.map(" ".join)).map("".join)
+
+
+def elements(lines: list[str]) -> list[Any]:
+    """Of a program, up to what is refused, and that."""
+    found: list[Any] = []
+    try:
+        found += GCode().read(["G21 G17", "M3 S5000", *lines, "M2"], UP)
+    except CamError as refused:
+        found.append(str(refused))
+    return found
+
+
+@given(st.sampled_from(["G90", "G91", "G20", "G18", "G90 G19"]), st.lists(LINES, max_size=12))
+@settings(max_examples=drawn(300), deadline=None)
+def test_a_plain_move_is_what_its_block_is(mode: str, moves: list[str]) -> None:
+    """A remark behind a line makes a block of it."""
+    begin = [f"{mode} G1 F600 X0 Y0", "G1 X10 Y0"]
+    assert elements([*begin, *moves]) == elements([*begin, *(f"{line} ()" for line in moves)])

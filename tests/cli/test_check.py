@@ -252,7 +252,6 @@ def test_a_machine_stands_where_the_settings_file_sees_it(
         (("binary.txt",), "binary.txt: line 1, column 1: the file is no text, or UTF-16"),
         (("long.txt",), "long.txt: is longer than 16 MiB; cut it into several"),
         (("-",), "bounds stand beside a job"),
-        ((".",), "is a folder"),
         (("job.txt", "--margin", "2"), "--margin 2: must be from 0 to 1"),
         (("job.txt", "--deviation-mm", "nan"), "--deviation-mm nan: must be"),
         (("job.txt", "--cycle-s", "-1"), "--cycle-s -1: must be a time"),
@@ -264,7 +263,6 @@ def test_a_machine_stands_where_the_settings_file_sees_it(
         (("job.txt", "--junit", "job.txt"), "--junit job.txt: the name must end in .xml"),
         (("job.txt", "--sarif", "none/x.sarif"), "cannot write in folder"),
         (("names.txt", "--plant", "kinematic"), "names.txt: line 3"),
-        (("job.txt", "empty.txt"), "empty.txt: there is no command in it"),
     ],
 )
 def test_a_call_that_cannot_be_is_one_line_and_nothing_is_begun(

@@ -50,7 +50,7 @@ def test_every_command_does_as_it_is_printed(project: tuple[Path, list[str]], mo
             plant = NEAR if words[1] == "check" else ("--plant", "kinematic")
             codes[command] = isel_twin(*files, *plant).returncode
     assert len(codes) == 4
-    assert any(command.startswith("isel-twin check jobs/") for command in codes)
+    assert any(command == "isel-twin check" for command in codes)
     assert {command for command, code in codes.items() if code} == {command for command in codes if "hood" in command}
 
 

@@ -37,7 +37,8 @@ def test_run_tells_what_is_not_made_and_makes_the_rest(slot: Path) -> None:
     assert at == [[30, 10, 0], [30, 10, 5], [30, 10, 8], [30, 40, 8], [50, 40, 8], [50, 40, 0]]
     assert [result["number"] for result in motions] == [7, 7, 7, 7, 8, 8]
     assert [result["number"] for result in results if result["command"] == "@0B2,1"] == [2], "spindle"
-    told = isel_twin("run", "slot.nc", *PART, *KINEMATIC).stdout
+    told = isel_twin("run", "slot.nc", *PART, *KINEMATIC, "--report", "run.html").stdout
+    assert f">OK, but {MISSING} not made</p>" in Path("run.html").read_text()
     assert f"all well as far as simulated, but {MISSING} not made: " in told
     whole = isel_twin("run", "slot.nc", *KINEMATIC, "--json").stdout.splitlines()[-1]
     assert "not_made" not in json.loads(whole)
@@ -61,7 +62,7 @@ def test_check_counts_it_to_what_was_not_looked_at(slot: Path) -> None:
     assert case is not None
     assert MISSING in str(case.text)
     assert MISSING in Path("s.sarif").read_text()
-    assert MISSING in Path("page/slot.html").read_text()
+    assert f">OK, but {MISSING} not made</p>" in Path("page/slot.html").read_text()
     told = json.loads(isel_twin("check", "slot.nc", *PART, *KINEMATIC, "--json").stdout)
     assert told["not_looked_at"][0] == told["verdict"]["not_made"] == MISSING
 

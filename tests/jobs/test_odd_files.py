@@ -36,7 +36,8 @@ def test_what_is_no_file_is_one_line(command: tuple[str, ...], tmp_path: Path) -
     nothing = "no line of a CAM program in it" if command == ("convert",) else "there is no command in it"
     assert f"empty.nc: there is {nothing.removeprefix('there is ')}" in refused(*command, tmp_path / "empty.nc")
     assert f"{os.devnull}: there is {nothing.removeprefix('there is ')}" in refused(*command, os.devnull)
-    assert "folder.nc: is a folder, not a file" in refused(*command, tmp_path / "folder.nc")
+    folder = "there is no job file in this folder" if command == ("check",) else "is a folder, not a file"
+    assert f"folder.nc: {folder}" in refused(*command, tmp_path / "folder.nc")
     assert "missing.nc: there is no such file" in refused(*command, tmp_path / "missing.nc")
     assert sorted(file.name for file in tmp_path.iterdir()) == ["empty.nc", "folder.nc"]
 

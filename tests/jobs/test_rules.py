@@ -62,7 +62,7 @@ def test_without_bounds_and_physics_few_things_are_ok() -> None:
     assert told["collision"] == "not looked at: nothing is clamped that could be met"
     assert told["caution"] == "not looked at: no file of a CAM program"
     assert told["effect"] == "not looked at: no scenario, no bound"
-    rest = "refused restart line unfinished unpowered switch fault odd".split()  # noqa: SIM905
+    rest = "unread refused restart line unfinished unpowered switch fault odd".split()  # noqa: SIM905
     assert {rule: told[rule] for rule in rest} == dict.fromkeys(rest, "ok")
     assert len(told) == len(unasked) + len(rest) + 6
 

@@ -253,3 +253,39 @@ def test_a_cam_file_that_became_a_program_is_shown_line_by_line(
     page.until(lambda: page.frame["job"]["state"] != "running")
     assert page.frame["job"]["state"] == "failed"
     assert page.frame["job"]["line"] in (18, 19)
+
+
+BELOW = "G21 G90\nG0 Z5\nG0 X10 Y5\nG1 Z-2 F600\nG0 Z5\nM2\n"
+
+
+def test_a_file_beyond_the_travel_is_opened_with_a_zero_that_fits(bench, browser) -> None:
+    """The desk has that zero then, until it is set anew; a refusal changes neither job nor desk."""
+    here = bench(ready=True)
+    page = browser(here)
+    opened(page, PART, "part.nc")
+    refused = opened(page, BELOW, "below.nc")["error"]
+    assert "below.nc: line 2, column 1: leads to Z -5.000 mm of the machine" in refused
+    assert refused.endswith("Fit zero puts the zero of the workpiece to 0,0,10")
+    assert "--zero" not in refused
+    assert page.request(job={"text": True})["ok"]["text"] == PART
+    told = page.request(job={"open": {"name": "below.nc", "text": BELOW, "zero": "fit"}})["ok"]
+    assert (told["name"], told["state"]) == ("below.nc", "ready")
+    page.until(lambda: page.frame["desk"]["zero_mm"] == [0.0, 0.0, 10.0])
+    assert ran(page)["state"] == "done"
+    step_mm = here.twin.step_mm[:3]
+    assert (here.twin.counts[:3] * step_mm).tolist() == [10.0, 5.0, 5.0]
+    assert "ok" in opened(page, BELOW, "below.nc"), "it fits as the desk stands"
+
+
+def test_a_zero_that_fits_is_of_cam_files_only_and_no_other_word(bench, browser) -> None:
+    page = browser(bench(ready=True))
+    far = BELOW.replace("X10", "X500")
+    for text, zero, why in (
+        (JOB, "fit", "is a job of commands, which no zero moves"),
+        (far.replace("G0 X500", "G0 X0\nG0 X500"), "fit", "along X the file is longer than the travel by 105 mm"),
+        (BELOW, "best", "job.open.zero: 'best'; allowed: 'fit'"),
+        (BELOW, [0, 0, 10], "job.open.zero: [0, 0, 10]; allowed: 'fit'"),
+    ):
+        assert why in page.request(job={"open": {"name": "a.nc", "text": text, "zero": zero}})["error"]
+    assert page.frame["job"] == {}
+    assert page.frame["desk"]["zero_mm"] == [0.0, 0.0, 0.0]

@@ -55,6 +55,29 @@ def test_directions_do_not_wait_for_each_other() -> None:
     assert wire.at_host(BYTE_NS) == b"0"
 
 
+def test_a_usb_adapter_hands_on_what_has_come_when_its_timer_ends() -> None:
+    """16 ms; a byte at 9600 baud takes 1.042 ms, so that 15 bytes come before the first end."""
+    wire, beat_ns, byte_ns = SerialLine(True, np.random.default_rng(0), 16_000_000), 16_000_000, 1_041_667
+    heard: list[tuple[int, bytes, int]] = []
+    wire.on_reply = lambda *what: heard.append(what)
+    wire.from_controller(0, b"0123456789abcdef\r", byte_ns)
+    assert wire.at_host(beat_ns - 1) == b""
+    assert wire.at_host(beat_ns) == b"0123456789abcde"
+    assert wire.at_host(2 * beat_ns - 1) == b""
+    assert (wire.quiet_ns, wire.at_host(2 * beat_ns)) == (2 * beat_ns, b"f\r")
+    assert heard == [(2 * beat_ns, b"0123456789abcdef\r", 0)]
+    wire.from_host(2 * beat_ns, b"@", byte_ns)
+    assert wire.next_ns == 2 * beat_ns + byte_ns
+
+
+@pytest.mark.parametrize("timed", [True, False])
+def test_what_bytes_take_is_counted_whether_they_take_it_or_not(timed: bool) -> None:
+    wire = line(timed)
+    wire.from_host(0, b"@07\r", BYTE_NS)
+    wire.from_controller(0, b"0", BYTE_NS)
+    assert wire.bytes_ns == 5 * BYTE_NS
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.25, 1.0])
 def test_noise_flips_one_bit_in_its_share_of_bytes(noise: float) -> None:
     wire = line(timed=False)

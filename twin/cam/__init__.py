@@ -8,6 +8,7 @@ registry.py   which readers are installed, by entry points; which one a file is 
 reader.py     what a reader is, and what all of them share: gcode/, hpgl/, ncp/ are those of the package
 section.py    a part of a toolpath: from a line of its file on, or up to one
 course.py     a toolpath in the counts of a machine: rounded, within its travel and its speeds; arcs.py: chords
+fitting.py    how far a file reaches, and a zero of the work with which it is within the travel
 following.py  what drives that lag make of it
 writing.py    what is common to all languages that write it; written.py: what they are told, and give
 estimate.py   how long a CAM program thinks that it takes

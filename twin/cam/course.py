@@ -21,6 +21,10 @@ from isel_twin.cam.written import AXES, Counts, MachineAxes
 CLOSE = 1e-9  # of a speed: no difference
 
 
+class TravelError(CamError):
+    """A way beyond the travel of the machine, as the zero of the work is."""
+
+
 class Move(NamedTuple):
     """A straight move, never of no length."""
 
@@ -207,11 +211,8 @@ class Course:
             if not least <= at <= most:
                 if low == high:
                     return CamError(f"goes along {name}, an axis that this machine has not", place)
-                return CamError(
-                    f"leads to {name} {at / steps:.3f} mm of the machine, which travels from {low:g} to {high:g} mm: "
-                    "move the work, or its zero point ([cam] zero)",
-                    place,
-                )
+                travel = f"which travels from {low:g} to {high:g} mm"
+                return TravelError(f"leads to {name} {at / steps:.3f} mm of the machine, {travel}", place)
         raise AssertionError("within the travel")
 
 

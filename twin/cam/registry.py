@@ -30,6 +30,11 @@ def reader_named(name: str) -> Reader:
     raise ValueError(f"unknown format {name!r}; installed: {', '.join(reader_names())}")
 
 
+def reader_suffixes() -> frozenset[str]:
+    """Endings of file names that the readers know, as ".ncp"."""
+    return frozenset(suffix for reader in _readers() for suffix in reader.suffixes)
+
+
 def reader_for(head: str, suffix: str = "") -> Reader | None:
     """The reader of a file that begins like this (`reader.head_of`); None if it is a job of
     commands or in a format that is not installed.

@@ -74,11 +74,11 @@ class Section:
         self._left_out = self._moved = False
         self._motion: Place | None = None  # the last one
 
-    def made(self, path: Toolpath) -> Iterator[Element]:
+    def made(self, path: Toolpath) -> Toolpath:
         """The elements of these lines and what leads to them. Raises CamError if none of them moves the tool."""
-        if self._lines == WHOLE:
-            yield from path
-            return
+        return path if self._lines == WHOLE else self._partly(path)
+
+    def _partly(self, path: Toolpath) -> Iterator[Element]:
         first, last = self._lines.first, self._lines.last
         inside = begun = False
         element: Element | None = None  # None: what follows cannot be read

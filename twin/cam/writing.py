@@ -13,11 +13,12 @@ from collections.abc import Iterable, Iterator
 from typing import Literal, NamedTuple, Protocol
 
 from isel_twin.cam import arcs
-from isel_twin.cam.course import CLOSE, Course, Limits, Move, Turn
+from isel_twin.cam.course import CLOSE, Course, Limits, Move, TravelError, Turn
 from isel_twin.cam.following import Following, directions
 from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import (
     Arc,
+    CamError,
     Caution,
     Coolant,
     Dwell,
@@ -126,7 +127,7 @@ class _Writer:
     def lines(self, path: Toolpath) -> Iterator[Written]:
         commands, course, rapid_mm_s = self._commands, self._course, self._settings.rapid_mm_s
         yield from map(Written, commands.begin())
-        yield from self._to(self._settings.machine_point(self._settings.start), Place(1), z_first=False)
+        yield from self._to_own("start", self._settings.start, Place(1), z_first=False)
         place = None
         for element in path:
             place = element.place
@@ -278,7 +279,7 @@ class _Writer:
             yield from self._spindle(Spindle(place, 0))
         if self._settings.tool_change is not None:
             before = course.point
-            yield from self._to(self._settings.machine_point(self._settings.tool_change), place, z_first=True)
+            yield from self._to_own("tool_change", self._settings.tool_change, place)
             self._away_from = self._away_from or before
         named = f"{tool.number} ({tool.name})" if tool.name else f"{tool.number}"
         yield Written(self._commands.remark(f"change to tool {named}; the spindle is off"), place)
@@ -288,6 +289,13 @@ class _Writer:
         to = element.to if isinstance(element, Rapid) or self._away_from is None else self._away_from
         self._away_from = None
         yield from self._to(to, element.place, z_first=False)
+
+    def _to_own(self, key: str, counters_mm: Point, place: Place, z_first: bool = True) -> Iterator[Written]:
+        """To a point of the settings, which no zero of the work moves."""
+        try:
+            yield from self._to(self._settings.machine_point(counters_mm), place, z_first)
+        except TravelError as error:
+            raise CamError(f"{error}: change [cam] {key}") from None
 
     def _to(self, to: Point, place: Place, z_first: bool) -> Iterator[Written]:
         """By rapids, Z alone at the beginning or at the end."""
@@ -299,7 +307,7 @@ class _Writer:
     def _end(self, place: Place) -> Iterator[Written]:
         yield from self._commands.held()
         if self._settings.park is not None:
-            yield from self._to(self._settings.machine_point(self._settings.park), place, z_first=True)
+            yield from self._to_own("park", self._settings.park, place)
         if self._turns:
             yield from self._spindle(Spindle(place, 0))
         for number in sorted(self._cooled):

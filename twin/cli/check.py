@@ -16,27 +16,28 @@ from isel_twin.base.crew import in_order
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cam.section import WHOLE
 from isel_twin.cli import options
+from isel_twin.cli.chosen import chosen, job_suffixes
 from isel_twin.cli.interruption import interruption
 from isel_twin.cli.jobs import (
     DEFAULT_PART,
-    FormatName,
     JobTwin,
     PartOptions,
     SettingsFile,
     cam_settings,
     check_file,
     check_names,
-    read_job,
     read_source,
+    say_zero,
 )
 from isel_twin.cli.options import Whole
 from isel_twin.cli.outputs import many, put_off, say, tell
+from isel_twin.core.spec import TwinSpec
 
 if TYPE_CHECKING:
     from isel_twin.bridge.tap.real_job import RealReport
     from isel_twin.core.twin import Twin
     from isel_twin.jobs.checks import Report
-    from isel_twin.jobs.checks.formats import Told
+    from isel_twin.jobs.checks.formats import Told, Unread
     from isel_twin.jobs.checks.settings import Task
 
 INTERVAL_NS = 10_000_000  # sampling interval of the pages
@@ -44,7 +45,7 @@ INTERVAL_NS = 10_000_000  # sampling interval of the pages
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Demands(JobTwin):
+class Demands(JobTwin, options.CamOptions):
     """What jobs are played on, and what they must keep."""
 
     seed: Annotated[
@@ -69,7 +70,7 @@ class Demands(JobTwin):
     uncertain: Annotated[
         Whole | None, Parameter(help="Number of machines that this one may be, as far as its numbers are known.")
     ] = None
-    form: FormatName = None
+    line: options.LineOptions = options.NO_LINE
     timeout: Annotated[float | None, Parameter(help="Virtual seconds a command may take.")] = None
     golden: Annotated[bool | None, Parameter(negative="no-golden", help="Compare with golden runs.")] = None
     strict: Annotated[
@@ -78,8 +79,11 @@ class Demands(JobTwin):
 
     def asked(self) -> dict[str, Any]:
         """The demands in the words of isel-twin.toml. Raises CallError for a wrong --set."""
-        asked = vars(self) | {"timeout_s": self.timeout, "set": options.parse_overrides(self.set) or None}
-        del asked["timeout"], asked["may_strike"]
+        self.line.on(TwinSpec())
+        asked = vars(self) | vars(self.line) | {"timeout_s": self.timeout, "reading": self.reading()}
+        asked["set"] = options.parse_overrides(self.set) or None
+        for name in ("timeout", "may_strike", "line", "form", "zero"):
+            del asked[name]
         if self.may_strike is not None:
             asked["may_strike"] = tuple(name for name in self.may_strike.split(",") if name)
         return asked
@@ -89,7 +93,9 @@ DEFAULT_DEMANDS = Demands()
 
 
 def check(
-    *jobs: Annotated[Path, Parameter(help="Files of controller commands, one a line, or programs.")],
+    *jobs: Annotated[
+        Path, Parameter(help="Files of controller commands, one a line, programs, or folders. [check] jobs.")
+    ],
     settings: SettingsFile = None,
     demands: Demands = DEFAULT_DEMANDS,
     part: PartOptions = DEFAULT_PART,
@@ -108,55 +114,67 @@ def check(
     """Play jobs and report what is wrong: refused commands, lost steps, struck switches, margins, tolerances, time.
 
     Bounds come from options, or from isel-twin.toml in the folder of a job or above it ([check], see docs/ci.md). All
-    other rules always apply. A job with a golden run beside it is compared with it, a part of one is not.
+    other rules always apply. A job with a golden run beside it is compared with it, a part of one is not. Of a folder
+    all files below it are taken whose suffix a job has. Without a job: what [check] jobs of isel-twin.toml names.
 
-    Exit code 0 if nothing is wrong, 1 if something is, 2 for a call that cannot be carried out, 130 after Ctrl-C and
-    143 after SIGTERM: reports then hold what was judged, and name as errors the jobs that were not. In a workflow of
-    GITHUB_ACTIONS the findings are also annotations. With --watch the code is that of the last verdict, and what comes
-    before a changed line is not played again.
+    Each file is judged by itself; one that cannot be read is an error of that file. Exit code 0 if nothing is wrong, 1
+    if something is, 2 if nothing can be judged or for a wrong call, 130 after Ctrl-C and 143 after SIGTERM: reports
+    then hold what was judged, and name as errors the jobs that were not. In a workflow of GITHUB_ACTIONS the findings
+    are also annotations. With --watch the code is that of the last verdict, and what comes before a changed line is not
+    played again.
 
     With --isel-port the machine is a real one, and is moved by the jobs: replies and times are judged, what needs a
-    look inside is named as not looked at. Ctrl-C breaks the motion off.
+    look inside is named as not looked at. One file that cannot be read keeps all from it. Ctrl-C breaks the motion off.
     """
-    asked = demands.asked() | {"part": part.lines()}
+    asked = demands.asked()
+    asked["reading"] = replace(asked["reading"], part=part.lines())
     _check_options(asked, workers)
     _check_part(jobs, asked)
     if isel_port is not None:
         inside = {"set": demands.set, "report": report, "watch": watch}
         _check_outside(asked, inside, workers)
+        if not jobs:
+            raise CallError("name the jobs that are to move the machine: isel-twin check JOB... --isel-port PORT")
         asked |= {"plant": "kinematic", "golden": False}  # of the twin that only knows names
+    if settings is not None and not settings.is_file():
+        raise CallError(f"{settings}: there is no such file")
+    jobs = tuple(chosen(jobs, settings))
     if watch:
         if len(jobs) != 1 or options.is_standard_input(jobs[0]) or junit or sarif or report or workers != 1:
             raise CallError("watch: names one job, and goes without junit, sarif, report and workers", option=True)
         from isel_twin.cli.watch import watch as watch_job
 
         return watch_job(jobs[0], settings, asked, json)
-    tasks = _tasks(jobs, settings, asked)
-    pages = _pages(tasks, report)
-    options.check_writable(junit, sarif, *pages, kept=(*jobs, settings, demands.scenario))
-
-    from isel_twin.jobs.checks.formats import as_annotations, as_json, as_words
+    from isel_twin.jobs.checks.formats import Unread, as_annotations, as_json, as_words
     from isel_twin.jobs.checks.formats import junit as as_junit
     from isel_twin.jobs.checks.formats import sarif as as_sarif
 
+    taken = _taken(jobs, settings, asked)
+    tasks = [one for one in taken if not isinstance(one, Unread)]
+    if isel_port is not None:  # a real machine is moved by all of them or by none
+        _tell_unread(taken)
+    pages = _pages(tasks, report)
+    options.check_writable(junit, sarif, *pages, kept=(*jobs, settings, demands.scenario))
     reports: list[Told] = []
     crew = options.crew_of(min(workers, len(tasks)))
+    every: Iterator[Told]
     every = _real(tasks, isel_port) if isel_port else in_order(perform, list(zip(tasks, pages, strict=True)), crew)
     with interruption(at_once=True) as stopped:
-        for made in every:
+        for one in taken:
+            if (made := one if isinstance(one, Unread) else next(every, None)) is None:
+                break
             reports.append(made)
-            print(as_json(made) if json else as_words(made), flush=True)
-    unjudged = [str(task.job) for task in tasks[len(reports) :]]
+            if json or tasks:
+                print(as_json(made) if json else as_words(made), flush=True)
+    unjudged = [str(one.job) for one in taken[len(reports) :]]
     if stopped:
-        say(f"interrupted: {len(reports)} of {many(len(tasks), 'job')} judged")
+        judged = sum(not isinstance(made, Unread) for made in reports)
+        say(f"interrupted: {judged} of {many(len(taken), 'job')} judged")
     if os.environ.get("GITHUB_ACTIONS") == "true":
         for line in as_annotations(reports):
             print(line)
-    failed = sum(not made.ok for made in reports)
-    if not json:
-        wrong = [f"{failed} failed"] * bool(failed) + [f"{len(unjudged)} not judged"] * bool(unjudged)
-        well = "all well as far as looked at" if any(made.unseen for made in reports) else "all well"
-        print(f"{many(len(tasks), 'job')}: {', '.join(wrong) or well}")
+    if not json and tasks:
+        print(_in_a_line(reports, unjudged))
     failures: list[CallError] = []
     for path, write in ((junit, as_junit), (sarif, as_sarif)):
         if path is not None:
@@ -167,7 +185,26 @@ def check(
     tell(failures)
     if stopped:
         return 128 + stopped[0]
-    return 1 if failed else 0
+    if all(isinstance(made, Unread) for made in reports):
+        _tell_unread(reports)
+    return 0 if all(made.ok for made in reports) else 1
+
+
+def _tell_unread(found: Sequence[object]) -> None:
+    """Say of the files that cannot be read why, each reason once, and raise the last one as CallError."""
+    from isel_twin.jobs.checks.formats import Unread
+
+    tell([*{one.why: CallError(one.why, excerpt=one.excerpt) for one in found if isinstance(one, Unread)}.values()])
+
+
+def _in_a_line(reports: Sequence[Told], unjudged: Sequence[str]) -> str:
+    from isel_twin.jobs.checks.formats import Unread
+
+    unread = sum(isinstance(made, Unread) for made in reports)
+    numbers = {"failed": sum(not made.ok for made in reports) - unread, "not read": unread, "not judged": len(unjudged)}
+    wrong = ", ".join(f"{number} {what}" for what, number in numbers.items() if number)
+    well = "all well as far as looked at" if any(made.unseen for made in reports) else "all well"
+    return f"{many(len(reports) + len(unjudged), 'job')}: {wrong or well}"
 
 
 def _check_options(asked: dict[str, Any], workers: int) -> None:
@@ -195,7 +232,7 @@ def _check_options(asked: dict[str, Any], workers: int) -> None:
 
 def _check_part(jobs: Sequence[Path], asked: dict[str, Any]) -> None:
     """Raise CallError for a part of several files, whose lines have the same numbers, or beside a golden run."""
-    if asked["part"] == WHOLE:
+    if asked["reading"].part == WHOLE:
         return
     if len(jobs) > 1:
         raise CallError("from-line, to-line: are lines of one file; name one job", option=True)
@@ -203,39 +240,53 @@ def _check_part(jobs: Sequence[Path], asked: dict[str, Any]) -> None:
         raise CallError("golden: a golden run is one of the whole file; leave from-line and to-line out", option=True)
 
 
-def _tasks(jobs: Sequence[Path], settings: Path | None, asked: dict[str, Any]) -> list[Task]:
-    """The tasks, all checked before the first begins. Raises CallError."""
+def _taken(jobs: Sequence[Path], settings: Path | None, asked: dict[str, Any]) -> list[Task | Unread]:
+    """The jobs in their order, all read before the first begins. Raises CallError for a wrong call."""
+    from isel_twin.jobs.checks.formats import Unread
+
+    taken: list[Task | Unread] = []
+    twins: dict[str, Twin] = {}
+    for job in jobs:
+        if str(job) == options.STANDARD_INPUT:
+            raise CallError("-: bounds stand beside a job; name a file")
+        try:
+            taken.append(_task(job, settings, asked, twins))
+        except CallError as error:
+            if error.option:
+                raise
+            taken.append(Unread(str(job), str(error), error.excerpt))
+    if asked["reading"].zero is not None and not any(isinstance(one, Unread) or one.reading.zero for one in taken):
+        say("--zero moves nothing: all are jobs of commands")
+    return taken
+
+
+def _task(job: Path, settings: Path | None, asked: dict[str, Any], twins: dict[str, Twin]) -> Task:
+    """twins: those built for the jobs before. Raises CallError."""
     from isel_twin.jobs import project
     from isel_twin.jobs.checks import settings as demanded
     from isel_twin.jobs.golden import golden_file, load
 
-    if not jobs:
-        raise CallError("name the jobs: isel-twin check JOB...")
-    if settings is not None and not settings.is_file():
-        raise CallError(f"{settings}: there is no such file")
-    tasks = []
-    for job in jobs:
-        if str(job) == options.STANDARD_INPUT:
-            raise CallError("-: bounds stand beside a job; name a file")
-        check_file(job)
-        if job.is_dir():
-            raise CallError(f"{job}: is a folder, not a file; name its jobs")
+    check_file(job)
+    if job.is_dir():
         with call_errors(job):
-            found = settings if settings is not None else project.find(job)
-            task = demanded.task(job, found, asked)
-            read_job(job, task.call, task.form, task.part)
-            if task.golden and (file := golden_file(job)).is_file():
-                load(file)
-            elif asked["golden"]:
-                raise CallError(f"{file}: there is no golden run of {job}; isel-twin golden record {job} makes it")
-        tasks.append(task)
-    twins: dict[str, Twin] = {}
-    for task in tasks:
-        if (twin := twins.get(repr(task.call))) is None:
-            twin = twins[repr(task.call)] = task.call.build()
-        demanded.check_switches(task.bounds, twin.machine)
-        check_names(task.job, read_job(task.job, task.call, task.form, task.part), twin)
-    return tasks
+            os.listdir(job)
+        raise CallError(f"{job}: there is no job file in this folder ({', '.join(sorted(job_suffixes()))})")
+    with call_errors(job):
+        found = settings if settings is not None else project.find(job)
+        task = demanded.task(job, found, asked)
+        lines, source = read_source(job, task.call, task.reading)
+        if task.golden and (file := golden_file(job)).is_file():
+            load(file)
+        elif asked["golden"]:
+            raise CallError(f"{file}: there is no golden run of {job}; isel-twin golden record {job} makes it")
+    if (twin := twins.get(repr(task.call))) is None:
+        twin = twins[repr(task.call)] = task.call.build()
+    demanded.check_switches(task.bounds, twin.machine)
+    check_names(task.job, lines, twin)
+    if source is None:
+        return replace(task, reading=replace(task.reading, zero=None))
+    say_zero(job, task.reading, source.zero)
+    return replace(task, reading=replace(task.reading, zero=source.zero))
 
 
 def _check_outside(asked: dict[str, Any], others: dict[str, Any], workers: int) -> None:
@@ -243,7 +294,7 @@ def _check_outside(asked: dict[str, Any], others: dict[str, Any], workers: int) 
     from isel_twin.jobs.checks.rules import RULES
 
     bounds = [rule.bound for rule in RULES.values() if rule.bound in asked and not rule.heard]
-    names = ["plant", "seed", "scenario", *bounds]
+    names = ["plant", "seed", "scenario", "line_speed", "adapter_ms", *bounds]
     given = {name.replace("_", "-"): asked[name] for name in names} | others | {"workers": workers > 1 or None}
     for option, value in given.items():
         if value is not None and value is not False and value != ():
@@ -259,7 +310,7 @@ def _real(tasks: Sequence[Task], port: str) -> Iterator[RealReport]:
     from isel_twin.jobs.checks.rules import of_cautions
     from isel_twin.jobs.playing import TIMEOUT_S
 
-    every = [read_source(task.job, task.call, task.form, task.part) for task in tasks]
+    every = [read_source(task.job, task.call, task.reading) for task in tasks]
     for task, (lines, _) in zip(tasks, every, strict=True):
         if why := real_job.unfit(lines, task.call.controller):
             raise CallError(f"{task.job}: {why}")
@@ -310,16 +361,20 @@ def _pages(tasks: Sequence[Task], folder: Path | None) -> list[Path | None]:
     return [folder / f"{name}.html" for name in names]
 
 
-def perform(asked: tuple[Task, Path | None]) -> Report:
-    """Check one job, and write a page about it if asked; in this process or another."""
+def perform(asked: tuple[Task, Path | None]) -> Report | Unread:
+    """Check one job, and write a page about it if asked; in this process or another. A file may have gone by now."""
     task, page = asked
     from isel_twin.jobs.checks.contour import drawing
+    from isel_twin.jobs.checks.formats import Unread
     from isel_twin.jobs.checks.job import Inspection, beside_golden, check_job
     from isel_twin.jobs.checks.rules import of_cautions
     from isel_twin.jobs.golden import golden_file
     from isel_twin.recordings.recorder import Recorder
 
-    lines, source = read_source(task.job, task.call, task.form, task.part)
+    try:
+        lines, source = read_source(task.job, task.call, task.reading)
+    except CallError as error:
+        return Unread(str(task.job), str(error), error.excerpt)
     drawn = None
     if source is not None and task.bounds.contour_mm is not None:
         drawn = drawing(source.path(), cam_settings(task.job, task.call), task.bounds.contour_mm)
@@ -336,7 +391,7 @@ def perform(asked: tuple[Task, Path | None]) -> Report:
         report = check_job(task.job, task.call, lines, task.bounds, looked, drawn, cautions, golden=golden)
         report = report.without("" if source is None else source.not_made)
         if golden:
-            report = beside_golden(report, task.job, task.call)
+            report = beside_golden(report, task.job, task.call, source)
         for inspection, recorder in watched:
             from isel_twin.report.report import write_report
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Annotated
 
@@ -12,12 +13,14 @@ from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import options
-from isel_twin.cli.jobs import DEFAULT_PART, FormatName, PartOptions, cam_settings, check_file, job_name, say_cautions
+from isel_twin.cli.jobs import DEFAULT_PART, PartOptions, cam_settings, check_file, job_name, say_cautions, say_zero
 from isel_twin.cli.outputs import say
 from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
     from isel_twin.cam.reader import Reader
+    from isel_twin.cam.settings import CamSettings
+    from isel_twin.cam.toolpath import Toolpath
 
 
 def convert(
@@ -27,7 +30,7 @@ def convert(
     controller: options.ControllerName = TwinSpec.controller,
     machine: options.MachineName = MACHINE,
     set: options.Overrides = (),
-    form: FormatName = None,
+    cam: options.CamOptions = options.AS_IT_LOOKS,
     part: PartOptions = DEFAULT_PART,
     out: Annotated[Path | None, options.written("Write them here; standard output.", name=("--out", "-o"))] = None,
 ) -> int:
@@ -40,8 +43,6 @@ def convert(
     Exit code 0 if all of it could be written; else 2, and no file is left.
     """
     from isel_twin.cam.reader import text_lines
-    from isel_twin.cam.section import Section
-    from isel_twin.cam.toolpath import CamError
     from isel_twin.jobs.job import JobError
     from isel_twin.jobs.toolpaths import Watched, machine_axes, written
     from isel_twin.language import create_language
@@ -49,34 +50,38 @@ def convert(
     if options.is_standard_input(file):
         raise CallError("-: settings stand beside a file; name it")
     check_file(file)
-    lines = part.lines()
     options.check_writable(out, kept=(file,))
     call = TwinSpec(machine, controller, "kinematic", overrides=options.parse_overrides(set))
+    asked = replace(cam.reading(), part=part.lines())
     with call_errors(job_name(file)):
         language = create_language(controller)
         settings = cam_settings(file, call)
         axes = machine_axes(call.fitted())
-        source = file.open("rb")
-        reader = _reader(file, source, form or settings.format or None)
-    watched, told = Watched(settings, by_line=False), []
-    with source, _output(out) as into:
-        section = Section(lines, settings)
-        path = watched.through(section.made(reader.read(text_lines(source), settings)))
+        reader = _reader(file, asked.form or settings.format or None)
+
+    def read(settings: CamSettings) -> Toolpath:
+        with file.open("rb") as source:
+            yield from reader.read(text_lines(source), settings)
+
+    told = []
+    with _output(out) as into:
         try:
-            for line in written(path, language, controller, axes, settings):
+            taken, settings = asked.taken(read, axes, settings)
+            watched = Watched(settings, asked.part, by_line=False)
+            for line in written(taken, watched, language, controller, axes):
                 into.write(f"{line.text}\n")
                 if line.caution is not None:
                     told.append(line.caution)
-        except (CamError, JobError) as error:
+        except JobError as error:
             raise CallError(f"{file}: {error}") from None
+    say_zero(file, asked, None if asked.zero is None else settings.zero)
     say_cautions(file, (*watched.cautions, *told))
-    if section.not_made:
-        say(f"{file}: {section.not_made} not made")
+    if not_made := watched.section.not_made:
+        say(f"{file}: {not_made} not made")
     return 0
 
 
-def _reader(file: Path, source: IO[bytes], form: str | None) -> Reader:
-    """The reader for this file, which stands at its beginning again."""
+def _reader(file: Path, form: str | None) -> Reader:
     from isel_twin.cam.reader import HEAD_BYTES, head_of, statements
     from isel_twin.cam.registry import reader_for, reader_named, reader_names
 
@@ -84,11 +89,11 @@ def _reader(file: Path, source: IO[bytes], form: str | None) -> Reader:
         with call_errors(file):
             return reader_named(form)
     try:
-        head = head_of(source.read(HEAD_BYTES))
+        with file.open("rb") as source:
+            head = head_of(source.read(HEAD_BYTES))
         reader = reader_for(head, file.suffix)
     except ValueError as error:
         raise CallError(f"{file}: {error}") from None
-    source.seek(0)
     if reader is None and not statements(head):
         raise CallError(f"{file}: there is no line of a CAM program in it; a job of commands needs no converting")
     if reader is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,7 +11,7 @@ from cyclopts import App, Parameter
 
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import options
-from isel_twin.cli.jobs import FormatName, check_file, check_names, clamped, read_source
+from isel_twin.cli.jobs import check_file, check_names, clamped, read_source, say_zero
 from isel_twin.cli.options import Whole
 from isel_twin.cli.outputs import many, say_json
 from isel_twin.core.spec import TwinSpec
@@ -18,6 +19,7 @@ from isel_twin.core.spec import TwinSpec
 if TYPE_CHECKING:
     from isel_twin.cam.toolpath import Caution
     from isel_twin.jobs.golden import Difference, Golden
+    from isel_twin.jobs.toolpaths import Reading
 
 golden = App(name="golden", help="Jobs that have to do what they did: write down a run, compare with it.")
 
@@ -29,7 +31,8 @@ Jobs = Annotated[Path, Parameter(help="Files of controller commands, one a line.
 def record(
     *jobs: Jobs,
     twin: options.TwinOptions = options.DEFAULT_TWIN,
-    form: FormatName = None,
+    line: options.LineOptions = options.NO_LINE,
+    cam: options.CamOptions = options.AS_IT_LOOKS,
     timeout: options.Timeout = 3600.0,
     replace: options.Replace = False,
 ) -> int:
@@ -42,12 +45,9 @@ def record(
         options.check_writable(file, kept=(job, *twin.files))
         if file.exists() and not replace:
             raise CallError(f"{file}: is there already; --replace replaces it, golden compare compares with it")
-    from isel_twin.jobs.golden import called
-
-    call = twin.spec()
+    call, asked = line.on(twin.spec()), cam.reading()
     for job, file in files:
-        made, cautions = _play(job, call, form, timeout)
-        run = called(made, call, job, file)
+        run, cautions = _play(job, file, call, asked, timeout)
         _write(file, run)
         print("\n".join([f"{file}: {_in_words(run)}", *_cautioned(cautions)]))
     return 0
@@ -61,7 +61,7 @@ def compare(
     plant: Annotated[str | None, Parameter(help="Another plant.")] = None,
     seed: Annotated[Whole | None, Parameter(help="A number: another seed.")] = None,
     set: Annotated[options.Overrides, Parameter(help="KEY=VALUE: another parameter of the machine.")] = (),
-    form: FormatName = None,
+    cam: options.CamOptions = options.AS_IT_LOOKS,
     timeout: options.Timeout = 3600.0,
     replace: Annotated[bool, Parameter(help="Replace the golden runs that differ.")] = False,
     json: Annotated[bool, Parameter(help="One line of JSON a job.")] = False,
@@ -70,12 +70,12 @@ def compare(
 
     Exit code 0 without differences (or with --replace), 1 with differences, 2 if a golden run is missing.
     """
-    from isel_twin.jobs.golden import called, differences, load
+    from isel_twin.jobs.golden import differences, load
 
     files = _files(jobs)
     options.check_seconds("timeout", timeout, 0.0)
     asked: dict[str, Any] = {"machine": machine, "controller": controller, "plant": plant, "seed": seed}
-    asked["set"] = options.parse_overrides(set) or None
+    asked["set"], read_as = options.parse_overrides(set) or None, cam.reading()
     kept = []
     for job, file in files:
         with call_errors(file):
@@ -88,8 +88,9 @@ def compare(
     for (job, file), was in zip(files, kept, strict=True):
         wanted = {**was.call, **{key: value for key, value in asked.items() if value is not None}}
         call = _call(wanted, file, asked)
-        made, cautions = _play(job, call, form, timeout)
-        run = called(made, call, job, file)
+        zero = was.call.get("zero") if read_as.zero is None else read_as.zero
+        taken = dataclasses.replace(read_as, zero=tuple(zero) if isinstance(zero, list) else zero)
+        run, cautions = _play(job, file, call, taken, timeout)
         found = list(differences(was, run))
         _tell(job, run, found, cautions, json)
         if found and replace:
@@ -120,17 +121,22 @@ def _files(jobs: Sequence[Path]) -> list[tuple[Path, Path]]:
     return files
 
 
-def _play(job: Path, call: TwinSpec, form: str | None, timeout_s: float) -> tuple[Golden, Sequence[Caution]]:
+def _play(
+    job: Path, file: Path, call: TwinSpec, reading: Reading, timeout_s: float
+) -> tuple[Golden, Sequence[Caution]]:
     """The run, and what the file of a CAM program may mean otherwise."""
-    from isel_twin.jobs.golden import Scribe
+    from isel_twin.jobs.golden import Scribe, called
     from isel_twin.jobs.playing import played
 
     twin = clamped(call, job).build()
-    lines, source = read_source(job, call, form)
+    lines, source = read_source(job, call, reading)
+    say_zero(job, reading, None if source is None else source.zero)
     check_names(job, lines, twin)
     scribe = Scribe(twin)
     run = scribe.golden(played(twin, lines, [scribe.take], timeout_s).verdict)
-    return run, () if source is None else source.cautions
+    if source is None:
+        return called(run, call, job, file), ()
+    return called(run, call, job, file, source.zero), source.cautions
 
 
 def _call(head: dict[str, Any], file: Path, asked: dict[str, Any]) -> TwinSpec:
@@ -140,8 +146,10 @@ def _call(head: dict[str, Any], file: Path, asked: dict[str, Any]) -> TwinSpec:
     if asked["machine"] is None and (folder / machine).is_dir():
         machine = str(folder / machine)
     scenario = folder / head["scenario"] if head.get("scenario") else None
-    overrides = head.get("set", {})
-    return TwinSpec(machine, head["controller"], head["plant"], head.get("seed", 0), scenario, overrides=overrides)
+    call = TwinSpec(machine, head["controller"], head["plant"], head.get("seed", 0), scenario)
+    with call_errors(file):
+        line = {key: head[key] for key in ("line_speed", "adapter_ms") if key in head}
+        return call.with_(overrides=head.get("set", {}), **line)
 
 
 def _write(file: Path, run: Golden) -> None:

@@ -62,7 +62,7 @@ def init(
         (f"isel-twin run {square}{called}", "a job of the controller, and its verdict"),
         (f"isel-twin run jobs/plate.nc{called}", "a file of a CAM program"),
         (f"isel-twin run {square}{called} --scenario hood.toml", "the same with the hood forced open: fails"),
-        ("isel-twin check jobs/*", "all jobs, by the bounds of isel-twin.toml"),
+        ("isel-twin check", "all jobs, by the bounds of isel-twin.toml"),
         ("python -m pytest", "the tests of test_machine.py (pip install pytest)"),
     ):
         print(f"    {command}\n        {purpose}")

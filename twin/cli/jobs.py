@@ -12,22 +12,19 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
-from isel_twin.cam.section import WHOLE, LineRange
+from isel_twin.cam.section import LineRange
 from isel_twin.cli.options import Whole, is_standard_input
 from isel_twin.cli.outputs import say
 
 if TYPE_CHECKING:
     from isel_twin.cam.settings import CamSettings
-    from isel_twin.cam.toolpath import Caution
+    from isel_twin.cam.toolpath import Caution, Point
     from isel_twin.core.spec import TwinSpec
     from isel_twin.core.twin import Twin
     from isel_twin.jobs.job import Line
-    from isel_twin.jobs.toolpaths import Source
+    from isel_twin.jobs.toolpaths import Reading, Source
     from isel_twin.machine import Machine
 
-FormatName = Annotated[
-    str | None, Parameter(name="--format", help="Format of the job file, whatever it looks like: ncp, gcode, hpgl.")
-]
 SettingsFile = Annotated[
     Path | None, Parameter(help="File of bounds; without it isel-twin.toml beside each job, or above.")
 ]
@@ -52,9 +49,11 @@ class PartOptions:
     """The lines of a file of a CAM program that are made."""
 
     from_line: Annotated[
-        Whole | None, Parameter(help="Begin a file of a CAM program at this line, with all that holds there.")
+        Whole | None, Parameter(help="Number of the line at which a CAM file is begun, with all that holds there.")
     ] = None
-    to_line: Annotated[Whole | None, Parameter(help="End it behind this line, with the tool lifted.")] = None
+    to_line: Annotated[Whole | None, Parameter(help="Number of the last line made; the tool is lifted behind it.")] = (
+        None
+    )
 
     def lines(self) -> LineRange:
         """Raises CallError."""
@@ -74,24 +73,23 @@ def job_name(job: Path) -> str:
 
 
 def check_file(job: Path) -> None:
-    """Raise CallError for a pipe: only `run` reads a job once and keeps nothing beside it."""
+    """Raise CallError for a pipe: only `run` reads a job once and keeps nothing beside it; and for a dangling link."""
     with call_errors(job):
+        if job.is_symlink() and not job.exists():
+            raise CallError(f"{job}: is a link to {job.readlink()}, which is not there")
         if job.is_fifo():
             raise CallError(f"{job}: is a pipe, which can be read only once; save it to a file")
 
 
-def read_job(job: Path, call: TwinSpec, form: str | None = None, part: LineRange = WHOLE) -> Sequence[Line]:
+def read_job(job: Path, call: TwinSpec) -> Sequence[Line]:
     """The lines of a job file, or of standard input, for the controller of a call. Raises CallError."""
-    return read_source(job, call, form, part)[0]
+    return read_source(job, call)[0]
 
 
-def read_source(
-    job: Path, call: TwinSpec, form: str | None = None, part: LineRange = WHOLE
-) -> tuple[Sequence[Line], Source | None]:
-    """The same, and what the file was if it is one of a CAM program. form: its format, whatever it looks like. part: of
-    its lines."""
+def read_source(job: Path, call: TwinSpec, reading: Reading | None = None) -> tuple[Sequence[Line], Source | None]:
+    """The same, and what the file was if it is one of a CAM program."""
     from isel_twin.controller import offers
-    from isel_twin.jobs.toolpaths import lines_of, source_of
+    from isel_twin.jobs.toolpaths import AS_IT_LOOKS, lines_of, source_of
     from isel_twin.language import RunsPrograms, create_language
 
     with call_errors(job_name(job)):
@@ -103,12 +101,22 @@ def read_source(
         settings = cam_settings(job, call)
         with _told(job):
             source = source_of(
-                data, job.suffix, language, call.controller, lambda: _machine(call), settings, form, part
+                data, job.suffix, language, call.controller, lambda: _machine(call), settings, reading or AS_IT_LOOKS
             )
             lines = lines_of(source, data, language, call.controller)
     if not lines:
         raise CallError(f"{job_name(job)}: there is no command in it")
     return lines, source
+
+
+def say_zero(job: Path, reading: Reading, zero: Point | None) -> None:
+    """Tell on standard error which zero of the work was chosen, or that the file has none (None)."""
+    from isel_twin.cam.fitting import in_words
+
+    if zero is None and reading.zero is not None:
+        say(f"{job_name(job)}: is a job of commands, which no zero moves")
+    elif zero is not None and zero != reading.zero:
+        say(f"{job_name(job)}: fits with the zero of the work at {in_words(zero)}")
 
 
 def say_cautions(job: Path, cautions: Iterable[Caution]) -> None:

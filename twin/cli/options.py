@@ -2,7 +2,9 @@
 
     --machine --controller --plant --seed --flash --scenario --set   which twin (TwinOptions)
     --workers     processes that share the work, without effect on results
+    --line-speed, --adapter-ms    the time of the serial line (LineOptions)
     --timeout     virtual seconds to wait for a reply
+    --format --zero   how a file of a CAM program is taken (CamOptions)
     --robust      repetitions on other machines of the kind, as one can buy them
     --uncertain   repetitions on what this machine may be, as far as its numbers are known
     --json        output for programs
@@ -27,6 +29,7 @@ from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
     from isel_twin.base.crew import Crew
+    from isel_twin.jobs.toolpaths import Reading
 
 
 def _whole_number(_: Any, tokens: Sequence[Token]) -> int:
@@ -145,12 +148,62 @@ class SessionTwin(TwinOptions):
     flash: Annotated[Path | None, Parameter(help="The controller's flash memory; only read.")] = None
 
 
+@Parameter(name="*")
+@dataclass(frozen=True)
+class LineOptions:
+    """The line between host and controller, where its time counts."""
+
+    line_speed: Annotated[
+        Whole | None, Parameter(help="Bytes take their time on the line, at this speed in bit/s. Without, none.")
+    ] = None
+    adapter_ms: Annotated[
+        float | None, Parameter(help="Number of ms after which a USB adapter hands replies on; FTDI: 16.")
+    ] = None
+
+    def on(self, call: TwinSpec) -> TwinSpec:
+        """The call with this line. Raises CallError."""
+        try:
+            return call.with_(**{name: value for name, value in vars(self).items() if value is not None})
+        except ValueError as error:
+            raise CallError(str(error), option=True) from None
+
+
+NO_LINE = LineOptions()
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class CamOptions:
+    """How files of CAM programs are taken."""
+
+    form: Annotated[
+        str | None, Parameter(name="--format", help="Format of the job file, whatever it looks like: ncp, gcode, hpgl.")
+    ] = None
+    zero: Annotated[
+        str | None,
+        Parameter(
+            help="Zero of the work as the counters show it, X,Y,Z in mm; fit: the nearest with which all is in travel.",
+            allow_leading_hyphen=True,
+        ),
+    ] = None
+
+    def reading(self) -> Reading:
+        """Raises CallError for a zero that is none."""
+        from isel_twin.jobs.toolpaths import FIT, Reading
+
+        if self.zero is None or self.zero == FIT:
+            return Reading(self.form, None if self.zero is None else FIT)
+        return Reading(self.form, parse_places("zero", self.zero, "100,80,60, or fit"))
+
+
+AS_IT_LOOKS = CamOptions()
 DEFAULT_TWIN = TwinOptions()
 DEFAULT_SESSION_TWIN = SessionTwin()
 TOKEN = "ISEL_TWIN_TOKEN"  # environment variable
 TOKEN_CHARACTERS = 4096
 STANDARD_INPUT = "/dev/stdin"  # the file for `-`
 STREAMS = {STANDARD_INPUT: "standard input", "/dev/stdout": "standard output"}
+MOST_MM = 1e5  # of a place, either way
 LONGEST_S = 1e9  # longest time of an option in virtual seconds, as for scenarios
 
 
@@ -222,6 +275,17 @@ def check_one_crew(workers: int | None, cluster: str | None) -> None:
     """Raise CallError if both are named. workers: None unless named."""
     if workers is not None and cluster is not None:
         raise CallError("workers and cluster: a cluster has its own workers; name one of the two", option=True)
+
+
+def parse_places(option: str, text: str, example: str) -> tuple[float, float, float]:
+    """X, Y and Z of an option, mm. Raises CallError."""
+    try:
+        places = tuple(float(word) for word in text.split(","))
+    except ValueError:
+        places = ()
+    if len(places) != 3 or not all(abs(mm) <= MOST_MM for mm in places):
+        raise CallError(f"{option} {text!r}: must be X,Y,Z in mm, for example {example}", option=True)
+    return places[0], places[1], places[2]
 
 
 def parse_overrides(texts: Iterable[str]) -> dict[str, Any]:

@@ -182,6 +182,7 @@ class JsonOutput:
                 "said_s": round(source.seconds, 3),
                 "told": compared(source, results),
                 "cautions": list(map(str, source.cautions)),
+                **({} if source.zero is None else {"zero_mm": list(source.zero)}),
             }
         }
 
@@ -326,6 +327,7 @@ class TableOutput:
             edge, axis, line = verdict.least_edge
             told.append(f"{axis.upper()}: unstable above {edge:.2f} times the speed of line {line}")
         told.append(f"{verdict.time_ns / SECOND_NS:.3f} s of machine time")
+        told += [verdict.line_told] if verdict.line_told else []
         self._print("")
         style = "bold green" if verdict.ok else "bold red"
         for line, what in verdict.odd:

@@ -19,7 +19,7 @@ from isel_twin.cam.section import WHOLE
 from isel_twin.cli import options, outputs
 from isel_twin.cli.files import MOST_SAMPLES, Files, RecordPath, ReportPath, StepsPath, TracePath, VcdPath
 from isel_twin.cli.interruption import interruption
-from isel_twin.cli.jobs import DEFAULT_PART, FormatName, PartOptions, check_names, clamped, job_name, read_source
+from isel_twin.cli.jobs import DEFAULT_PART, PartOptions, check_names, clamped, job_name, read_source, say_zero
 
 if TYPE_CHECKING:
     from isel_twin.core.spec import TwinSpec
@@ -54,7 +54,8 @@ def run(
     robust: options.Robust = 0,
     uncertain: options.Uncertain = 0,
     workers: options.Workers = 1,
-    form: FormatName = None,
+    line: options.LineOptions = options.NO_LINE,
+    cam: options.CamOptions = options.AS_IT_LOOKS,
     part: PartOptions = DEFAULT_PART,
     json: Annotated[bool, Parameter(help="One line of JSON a command, then one with the summary.")] = False,
 ) -> int:
@@ -85,19 +86,23 @@ def run(
     which is narrow if it was measured and wide if it is an estimate. It says where places, time, margin and edge lie,
     and which number contributes most; exit code 0 wants all to end as the job itself.
 
+    Bytes take no time on the line between host and controller. What they would take is told where it is more than 2 %;
+    --line-speed lets them take it, and --adapter-ms lets replies wait for a USB adapter.
+
     --edge makes a job that is well again with ever more speed, less supply voltage, more inductance and more friction,
     until it loses steps, and says at which factor: how far it is from the edge.
     """
     options.check_seconds("interval", interval, 1e-9)
     options.check_seconds("timeout", timeout, 0.0)
-    call = clamped(twin.spec(), job)
-    asked = part.lines()
-    lines, source = read_source(job, call, form, asked)
+    call = clamped(line.on(twin.spec()), job)
+    asked = replace(cam.reading(), part=part.lines())
+    lines, source = read_source(job, call, asked)
+    say_zero(job, asked, None if source is None else source.zero)
     files = Files(steps, vcd, trace, report, record, interval)
     if files.sampled:
         _check_samples(lines, interval)
     files.check(job, *twin.files)
-    golden = None if report is None or asked != WHOLE else _golden(job)
+    golden = None if report is None or asked.part != WHOLE else _golden(job)
     others = _others(call, lines, {"kind": robust, "known": uncertain}, workers, timeout)
     search = _edges(call, lines, workers, timeout) if edge else None
     with ExitStack() as stack:
@@ -177,7 +182,8 @@ def _write_page(
     assert inspection is not None
     found = inspection.report(job_name(job), made.verdict, cautions=of_cautions(source))
     if golden is not None:
-        found = found.compared(golden, as_called(found.golden, call, job, golden_file(job)))
+        zero = None if source is None else source.zero
+        found = found.compared(golden, as_called(found.golden, call, job, golden_file(job), zero))
     title, summary = f"isel-twin: {job_name(job)}", {**made.verdict.summary(), **called}
     write_report(path, title, twin, recorder, made.results, summary, found, inspection.bounds)
 

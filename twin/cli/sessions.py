@@ -47,15 +47,7 @@ def limits_of(time_tolerance: float | None, step_tolerance: int) -> Limits:
 
 def parse_start(text: str) -> tuple[float, ...] | None:
     """Places in mm; None for no text. Raises CallError."""
-    if not text:
-        return None
-    try:
-        places = tuple(float(word) for word in text.split(","))
-    except ValueError:
-        places = ()
-    if len(places) != 3 or not all(abs(mm) < 1e6 for mm in places):
-        raise CallError(f"start {text!r}: must be X,Y,Z in mm, for example 20,20,10", option=True)
-    return places
+    return None if not text else options.parse_places("start", text, "20,20,10")
 
 
 def spec_for(recorded: Recorded, twin: options.SessionTwin, start: str) -> TwinSpec:

@@ -15,9 +15,11 @@ from cyclopts import Parameter
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import outputs
 from isel_twin.cli.interruption import interruption
-from isel_twin.cli.jobs import say_cautions
+from isel_twin.cli.jobs import say_cautions, say_zero
 from isel_twin.cli.options import (
+    AS_IT_LOOKS,
     PICTURE,
+    CamOptions,
     Cluster,
     Whole,
     check_one_crew,
@@ -50,6 +52,7 @@ def sweep(
         Whole | None, Parameter(help="Number of processes; without it as many as there are processors.")
     ] = None,
     cluster: Cluster = None,
+    cam: CamOptions = AS_IT_LOOKS,
     sensitivity: Annotated[
         Path | None, written("Write a picture of what the outcome depends on (.png, .svg, .pdf).", *PICTURE)
     ] = None,
@@ -73,10 +76,12 @@ def sweep(
     from isel_twin.many.studies.table import Table, journal_of
 
     with call_errors(plan):
-        read = load_plan(plan)
+        read = load_plan(plan, cam.reading())
         wanted = points(read)
     file = out if out is not None else plan.with_suffix(".parquet")
-    say_cautions(plan.parent / read.work.job_name, read.cautions)
+    job = plan.parent / read.work.job_name
+    say_zero(job, cam.reading(), None if read.source is None else read.source.zero)
+    say_cautions(job, () if read.source is None else read.source.cautions)
     if sensitivity is not None:
         from isel_twin.many.studies.sensitivity import check
 

@@ -15,7 +15,7 @@ from cyclopts import Parameter
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import options
 from isel_twin.cli.interruption import interruption
-from isel_twin.cli.jobs import FormatName, check_file, clamped, job_name, read_source, say_cautions
+from isel_twin.cli.jobs import check_file, clamped, job_name, read_source, say_cautions, say_zero
 from isel_twin.cli.options import Whole
 from isel_twin.core.spec import MACHINE, TwinSpec
 
@@ -114,7 +114,8 @@ def tune(
     set: options.Overrides = (),
     scenario: options.ScenarioFile = None,
     flash: Annotated[Path | None, Parameter(help="The controller's flash memory; is only read.")] = None,
-    form: FormatName = None,
+    line: options.LineOptions = options.NO_LINE,
+    cam: options.CamOptions = options.AS_IT_LOOKS,
     timeout: options.Timeout = 3600.0,
     storage: Annotated[
         str | None, options.written("Database of what has been tried: file, or URL as Optuna has it. JOB.tune.db")
@@ -164,9 +165,12 @@ def tune(
     permanent = permanent or job.with_name(f"{job.stem}.permanent{job.suffix}")
     options.check_writable(out, permanent, picture, file, kept=(job, scenario, flash))
     overrides = options.parse_overrides(set)
-    call = clamped(TwinSpec(machine, controller, "mujoco", seed, scenario, None, overrides=overrides), job)
+    call = TwinSpec(machine, controller, "mujoco", seed, scenario, None, overrides=overrides)
+    call = clamped(line.on(call), job)
 
-    _, source = read_source(job, call, form)  # reports errors with their line
+    asked = cam.reading()
+    _, source = read_source(job, call, asked)  # reports errors with their line
+    say_zero(job, asked, None if source is None else source.zero)
     say_cautions(job, () if source is None else source.cautions)
     from isel_twin.base.compile_watch import told_of_compiling
     from isel_twin.cli.tune_output import Json, Table

@@ -158,7 +158,8 @@ def _print_found(found: Tuned, study: Study, files: Sequence[Path]) -> None:
         for key, what in (("saved", "the job as it stands"), ("saved_against_defaults", "the defaults"))
         if told[key] is not None
     ]
-    print(f"tuned: {found.tried.judgement.time_s:.3f} s{''.join(saved)}")
+    line = found.tried.judgement.line
+    print(f"tuned: {found.tried.judgement.time_s:.3f} s{''.join(saved)}{f'; {line}' if line else ''}")
     print(
         f"margin: at least {100.0 * held.margin:.1f} % on {many(held.made, 'new machine')}, "
         f"{100.0 * held.nearly_all:.1f} % on {100 - ALONE} % of them; no steps lost: "

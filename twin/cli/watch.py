@@ -89,9 +89,11 @@ def watch(job: Path, settings: Path | None, asked: dict[str, Any], json: bool) -
 
 
 def _in_words(report: Report, live: LiveJob, took_s: float) -> str:
+    from isel_twin.cam.fitting import in_words
     from isel_twin.jobs.checks.formats import as_words
 
-    return f"{as_words(report)}\n{many(live.played, 'line')} played in {took_s:.2f} s; Ctrl-C ends"
+    zero = "" if live.zero is None else f"zero of the work: {in_words(live.zero)}\n"
+    return f"{as_words(report)}\n{zero}{many(live.played, 'line')} played in {took_s:.2f} s; Ctrl-C ends"
 
 
 def _as_json(job: Path, told: Report | str) -> str:

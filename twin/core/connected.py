@@ -166,7 +166,7 @@ class Connected:
                 outputs_changed = True
             elif isinstance(event, Reply):
                 self._wiring.heard(event.data, sent=False)
-                self._line.from_controller(self.time_ns, event.data, self._controller.serial_format.byte_ns)
+                self._line.from_controller(self.time_ns, event.data, self.serial_format.byte_ns)
             elif isinstance(event, CounterSet):
                 self._position.counter_set(event.axis, event.value)
                 self._note("counter", event)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.controller import Arrival, Controller, EndsPrograms, HasKeys, KeyValue, SerialFormat, TellsFault, offers
 from isel_twin.core.position import Position
+from isel_twin.core.spec import TwinSpec
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.stage import Stage
 from isel_twin.machine import Machine
@@ -27,6 +29,7 @@ SLOW_RAD_S = 1.0  # no motor swings at ten revolutions a minute
 class Seen:
     """The part of a `Twin` that is read."""
 
+    origin: TwinSpec
     machine: Machine
     time_ns: int  # virtual time since power-on
     _controller: Controller
@@ -269,7 +272,14 @@ class Seen:
     @property
     def serial_format(self) -> SerialFormat:
         """Speed of the serial line and form of a byte."""
-        return self._controller.serial_format
+        form, speed = self._controller.serial_format, self.origin.line_speed
+        return form if isinstance(speed, bool) else replace(form, baud=speed)
+
+    @property
+    def bytes_ns(self) -> int:
+        """Time that all bytes of both directions take on the line, one after the other, since power-on; whether they
+        take it (`line_speed`) or not."""
+        return self._line.bytes_ns
 
     @property
     def astray(self) -> tuple[str, ...]:

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from isel_twin.wiring import ScenarioEvent
 
 MACHINE: Final = "4030"  # the default machine
+BAUD: Final = (50, 10_000_000)  # of a line
+MOST_ADAPTER_MS: Final = 255.0  # of a USB adapter's timer
 _IMAGE = b"isel-twin "  # first bytes of flash images of the package's controllers
 
 
@@ -40,15 +42,23 @@ class TwinSpec:
     # File for the controller's flash memory, created if missing and written whenever the flash is; or an image, which
     # is only read.
     flash: Path | bytes | None = None
-    line_speed: bool = False  # bytes take their time on the serial line
+    # bytes take their time on the serial line: at the speed of the controller (True), or at this one, baud
+    line_speed: bool | int = False
     # machine parameters to change, as `isel_twin.machine.with_overrides` takes them
     overrides: Mapping[str, Any] = field(default_factory=dict)
     # carriage positions at power-on in machine coordinates; None: drawn from the seed
     start_mm: tuple[float, ...] | None = None
     events: tuple[ScenarioEvent, ...] = ()  # events in place of a scenario file
     fixtures: tuple[Fixture, ...] = ()  # clamped on the table for this job, beside those of the machine
+    adapter_ms: float = 0.0  # timer of a USB adapter at the host, which is on a line that takes its time; 0: none
 
     def __post_init__(self) -> None:
+        if not isinstance(self.line_speed, bool) and not BAUD[0] <= self.line_speed <= BAUD[1]:
+            raise ValueError(f"line-speed {self.line_speed}: must be a number of baud from {BAUD[0]} to {BAUD[1]}")
+        if not 0.0 <= self.adapter_ms <= MOST_ADAPTER_MS:
+            raise ValueError(f"adapter-ms {self.adapter_ms:g}: must be a time up to {MOST_ADAPTER_MS:g} ms")
+        if self.adapter_ms and not self.line_speed:
+            object.__setattr__(self, "line_speed", True)
         if self.events and self.scenario is not None:
             raise ValueError(f"{self.scenario}: there are events, too; allowed: one of the two")
 

@@ -29,7 +29,13 @@ from isel_twin.wiring import ScenarioEvent
 # attributes of the parts that are callbacks
 _OUTSIDE = ("before_change", "spindle_now", "on_reply", "on_lost", "on_event")
 
-BY_CHANCE = ("seed", "flash", "line_speed", "start_mm")  # fields of `TwinSpec` in which twins of one kind may differ
+BY_CHANCE = (
+    "seed",
+    "flash",
+    "line_speed",
+    "adapter_ms",
+    "start_mm",
+)  # fields of `TwinSpec` in which twins of one kind may differ
 
 
 @dataclass(frozen=True)

@@ -82,7 +82,7 @@ class Twin(Operated, Seen, Connected, Saved):
         *,
         flash: bytes | None = None,
         scenario: str | Path | None = None,
-        line_speed: bool = False,
+        line_speed: bool | int = False,
         overrides: Mapping[str, Any] | None = None,
         start_mm: Sequence[float] | None = None,
         fixtures: Sequence[Fixture] = (),
@@ -97,7 +97,7 @@ class Twin(Operated, Seen, Connected, Saved):
         seed: of power-on positions, switch repeatability, bounce and line noise.
         flash: an earlier flash image of the controller (`Twin.flash`), None for a new device.
         scenario: file of events (docs/scenarios.md).
-        line_speed: bytes take their time on the serial line (True) or arrive at once (False).
+        line_speed: bytes take their time on the serial line (True; a number: at this speed, baud) or arrive at once.
         overrides: machine parameters to change (`isel_twin.machine.with_overrides`).
         start_mm: carriage positions at power-on in machine coordinates instead of random ones.
         fixtures: what is clamped on the table, beside the fixtures of the machine.
@@ -180,7 +180,7 @@ class Twin(Operated, Seen, Connected, Saved):
         watched = thresholds(self.machine, drive_inputs, schedule)
         self._plant = build_plant(origin.plant, self.machine, watched, start_at_mm, axes, model)
         self._position = Position(controller, self._plant, np.array([axis.step_mm for axis in self.machine.axes]))
-        self._line = SerialLine(origin.line_speed, noise)
+        self._line = SerialLine(bool(origin.line_speed), noise, round(origin.adapter_ms * 1e6))
         self._wiring = Wiring(
             self.machine, self._plant, self._line, controller.terminals(), drive_inputs, trips, bounces, schedule
         )
@@ -231,7 +231,7 @@ class Twin(Operated, Seen, Connected, Saved):
         if data:
             self._note("sent", bytes(data))
         at_once = None if self._handshake is None else BYTES_AT_ONCE
-        self._line.from_host(self.time_ns, bytes(data), self._controller.serial_format.byte_ns, at_once)
+        self._line.from_host(self.time_ns, bytes(data), self.serial_format.byte_ns, at_once)
         self._settle()
 
     def read(self) -> bytes:

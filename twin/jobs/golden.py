@@ -50,7 +50,19 @@ LONG_STEP = 60  # characters of a step of a program that are shown
 TOLERANCE_MM = 0.002
 TOLERANCE_STEPS = 2  # of lost steps; smaller differences are load angle
 
-_HEAD = ("format", "job", "machine", "controller", "plant", "seed", "scenario", "set")
+_HEAD = (
+    "format",
+    "job",
+    "machine",
+    "controller",
+    "plant",
+    "seed",
+    "scenario",
+    "set",
+    "zero",
+    "line_speed",
+    "adapter_ms",
+)
 _END = ("ok", "cycle_s", "counts", "position_mm", "lost_steps", "collisions")  # the last only if there are some
 
 
@@ -166,8 +178,8 @@ def golden_file(job: Path) -> Path:
     return job.with_suffix(SUFFIX)
 
 
-def called(run: Golden, call: TwinSpec, job: Path, file: Path) -> Golden:
-    """The run with its call; paths relative to the golden file."""
+def called(run: Golden, call: TwinSpec, job: Path, file: Path, zero: Sequence[float] | None = None) -> Golden:
+    """The run with its call; paths relative to the golden file. zero: of the work, if the call has asked for one."""
 
     def seen(path: Path) -> str:
         return Path(os.path.relpath(path.resolve(), file.resolve().parent)).as_posix()
@@ -180,6 +192,12 @@ def called(run: Golden, call: TwinSpec, job: Path, file: Path) -> Golden:
         head["set"] = dict(call.overrides)
     if call.scenario is not None:
         head["scenario"] = seen(call.scenario)
+    if not isinstance(call.line_speed, bool):
+        head["line_speed"] = call.line_speed
+    if call.adapter_ms:
+        head["adapter_ms"] = call.adapter_ms
+    if zero is not None:
+        head["zero"] = list(zero)
     return replace(run, call=head)
 
 
@@ -229,8 +247,17 @@ def load(path: str | Path) -> Golden:
 
 
 # types of values that are not text
-_KINDS: dict[str, tuple[type, ...]] = {"seed": (int,), "line": (int,), "set": (dict,), "ok": (bool,)}
-_KINDS |= {"cycle_s": (int, float), **dict.fromkeys(("counts", "ticks", "position_mm", "lost_steps"), (list,))}
+_KINDS: dict[str, tuple[type, ...]] = {
+    "seed": (int,),
+    "line_speed": (int,),
+    "line": (int,),
+    "set": (dict,),
+    "ok": (bool,),
+}
+_KINDS |= {
+    **dict.fromkeys(("cycle_s", "adapter_ms"), (int, float)),
+    **dict.fromkeys(("counts", "ticks", "position_mm", "lost_steps", "zero"), (list,)),
+}
 _KINDS["collisions"] = (list,)
 
 

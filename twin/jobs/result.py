@@ -43,6 +43,7 @@ class Result:
     disturbed: str = ""  # bytes of it that have not arrived as they were sent, in words
     astray: str = ""  # axes that it has referenced though no end switch of theirs was struck, in words
     line_known: tuple[int | None, ...] = ()  # those since power-on that a condition expects, as in LineFaults
+    bytes_ns: int = 0  # time that its bytes and those of its reply take on the line, one after the other
     restarts: int = 0  # restarts of the controller since the line before, or since the beginning of the job
     restarts_known: int | None = None  # number of restarts since power-on that a condition expects
     fault_known: str | None = None

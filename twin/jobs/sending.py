@@ -69,6 +69,7 @@ class Sent:
         twin.steps_made.clear()
         self._said = twin.remarks[-1] if twin.remarks else None
         self._astray = len(twin.astray)
+        self._bytes_ns = twin.bytes_ns
         self._step, self._number = "", line.number  # the last one that was looked up
 
     @property
@@ -126,6 +127,7 @@ class Sent:
             event=happened(twin, self.time_ns) if wrong or new or disturbed or astray else "",
             disturbed=disturbed,
             astray=astray,
+            bytes_ns=twin.bytes_ns - self._bytes_ns,
             restarts=new,
             fault_known=twin.fault_cause if expected_refusal or not twin.fault else None,
             parts=parts,

@@ -15,15 +15,18 @@ import io
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Literal
 
 from isel_twin.base.units import SECOND_NS
+from isel_twin.cam.course import TravelError
 from isel_twin.cam.estimate import Estimate
+from isel_twin.cam.fitting import FIT, Read, advised, fitted, remarked, with_zero
 from isel_twin.cam.reader import Reader, head_of, statements, text_lines
 from isel_twin.cam.registry import reader_for, reader_named
 from isel_twin.cam.section import WHOLE, LineRange, Section
 from isel_twin.cam.settings import CamSettings
-from isel_twin.cam.toolpath import CamError, Caution, Element, End, Toolpath
+from isel_twin.cam.toolpath import CamError, Caution, Element, End, Point, Toolpath
 from isel_twin.cam.written import MachineAxes, Written
 from isel_twin.controller import offers
 from isel_twin.drives.servo_drive import ServoDrive
@@ -55,6 +58,31 @@ class Source:
     of_lines_s: Mapping[int, float] = field(default_factory=dict)  # the same of each line of the file
     path: Callable[[], Toolpath] = field(default=lambda: iter(()), repr=False)  # reads the file once more
     not_made: str = ""  # lines of the file that are left out, as a part was asked for
+    zero: Point | None = None  # of the work, if the call has asked for one, or for one that fits
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What a call says of files of CAM programs, whatever they look like and their settings say."""
+
+    form: str | None = None  # the format
+    zero: Point | Literal["fit"] | None = None  # of the work; "fit": one with which the file is within the travel
+    part: LineRange = WHOLE  # of its lines
+
+    def taken(self, read: Read, axes: MachineAxes, settings: CamSettings) -> tuple[Read, CamSettings]:
+        """The settings with the zero asked for, and the file, which says a chosen one. Raises JobError if none fits."""
+        if self.zero is None:
+            return read, settings
+        if self.zero != FIT:
+            return read, with_zero(settings, self.zero)
+        try:
+            chosen = fitted(read, axes, settings)
+        except CamError as error:
+            raise JobError(str(error)) from None
+        return lambda settings: remarked(read(settings), settings), chosen
+
+
+AS_IT_LOOKS = Reading()
 
 
 def machine_axes(machine: Machine) -> MachineAxes:
@@ -99,23 +127,22 @@ def source_of(
     controller: str,
     machine: Callable[[], Machine],
     settings: CamSettings,
-    named: str | None = None,
-    part: LineRange = WHOLE,
+    reading: Reading = AS_IT_LOOKS,
 ) -> Source | None:
-    """What a file of a CAM program becomes; None for anything else. machine: asked for such a file only. named: its
-    format, whatever it looks like. part: of its lines. Raises JobError, also for a part of anything else (cam/42)."""
+    """What a file of a CAM program becomes; None for anything else. machine: asked for such a file only. Raises
+    JobError, also for a part of anything else (cam/42)."""
+    named = reading.form or settings.format or None
     try:
-        named = named or settings.format or None
         reader = reader_of(data, suffix, language, named)
     except ValueError as error:
         raise JobError(str(error)) from None
     if reader is not None:
         try:
-            return converted(data, reader, language, controller, machine_axes(machine()), settings, part)
+            return converted(data, reader, language, controller, machine_axes(machine()), settings, reading)
         except JobError:
             if named is not None or not _is_program(head_of(data), language):
                 raise
-    if part != WHOLE:
+    if reading.part != WHOLE:
         raise JobError(_NO_PART)
     return None
 
@@ -141,12 +168,20 @@ def reader_of(data: bytes, suffix: str, language: Language | None, named: str | 
 
 
 def written(
-    toolpath: Toolpath, language: Language | None, controller: str, axes: MachineAxes, settings: CamSettings
+    read: Read, watched: Watched, language: Language | None, controller: str, axes: MachineAxes
 ) -> Iterator[Written]:
-    """The lines of a job. Raises CamError, and JobError for a controller that cannot be written for."""
+    """The lines of a job of the file that is read. Raises JobError for what cannot be made, with its place, and for a
+    controller that cannot be written for."""
+    settings = watched.settings
     if not offers(language, WritesToolpaths):
         raise JobError(f"the language of {controller} cannot write toolpaths; name another controller")
-    return language.written(toolpath, axes, settings)
+    try:
+        yield from language.written(watched.through(read(settings)), axes, settings)
+    except TravelError as error:
+        beyond = advised(error, read, axes, settings)
+        raise JobError(str(beyond)) from beyond
+    except CamError as error:
+        raise JobError(str(error)) from None
 
 
 def converted(
@@ -156,19 +191,16 @@ def converted(
     controller: str,
     axes: MachineAxes,
     settings: CamSettings,
-    part: LineRange = WHOLE,
+    reading: Reading = AS_IT_LOOKS,
 ) -> Source:
     """A file, or a part of it, as a job. Raises JobError for anything in it that cannot be made, with its place."""
-    watched, section = Watched(settings), Section(part, settings)
 
-    def read(section: Section | None = None) -> Toolpath:
-        return (section or Section(part, settings)).made(reader.read(text_lines(io.BytesIO(data)), settings))
+    def read(settings: CamSettings) -> Toolpath:
+        return reader.read(text_lines(io.BytesIO(data)), settings)
 
-    path = watched.through(read(section))
-    try:
-        made = list(written(path, language, controller, axes, settings))
-    except CamError as error:
-        raise JobError(str(error)) from None
+    taken, settings = reading.taken(read, axes, settings)
+    watched = Watched(settings, reading.part)
+    made = list(written(taken, watched, language, controller, axes))
     places = _places(made)
     text = "\n".join(one.text for one in made) + "\n"
     lines = []
@@ -178,8 +210,14 @@ def converted(
         else:
             lines.append(replace(line, number=places[line.number - 1]))
     cautions = (*watched.cautions, *(one.caution for one in made if one.caution is not None))
-    told = watched.seconds, watched.of_lines_s, read, section.not_made
+    zero = None if reading.zero is None else settings.zero
+    again = partial(_again, taken, settings, reading.part)
+    told = watched.seconds, watched.of_lines_s, again, watched.section.not_made, zero
     return Source(reader.title, text, tuple(lines), cautions, *told)
+
+
+def _again(read: Read, settings: CamSettings, part: LineRange) -> Toolpath:
+    return Section(part, settings).made(read(settings))
 
 
 def _places(made: Sequence[Written]) -> tuple[int, ...]:
@@ -192,10 +230,12 @@ def _places(made: Sequence[Written]) -> tuple[int, ...]:
 
 
 class Watched:
-    """What passes on its way from reader to writer, who tells the cautions of both: times by line, unless they are not
-    asked for, and a caution about a file that moves nothing."""
+    """What passes on its way from reader to writer, who tells the cautions of both: the lines that are made, times by
+    line, unless they are not asked for, and a caution about a file that moves nothing."""
 
-    def __init__(self, settings: CamSettings, by_line: bool = True) -> None:
+    def __init__(self, settings: CamSettings, part: LineRange = WHOLE, by_line: bool = True) -> None:
+        self.settings = settings
+        self.section = Section(part, settings)
         self._sums = Estimate(settings)
         self._by_line = by_line
         self.cautions: list[Caution] = []
@@ -207,7 +247,7 @@ class Watched:
 
     def through(self, path: Toolpath) -> Iterator[Element]:
         before = 0.0
-        for element in self._sums.watched(path):
+        for element in self._sums.watched(self.section.made(path)):
             if isinstance(element, End) and not before:
                 self.cautions.append(Caution(element.place, "nothing in this file moves the tool"))
             if self._sums.seconds > before:

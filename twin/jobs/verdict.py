@@ -19,6 +19,10 @@ anew before its last reply, whatever it answers afterwards.
 A servo drive loses nothing; it switches itself off if its following error exceeds its limit. That is as bad as lost
 steps, even if it was switched on again.
 
+The line between host and controller takes no time unless that is asked for. What it would take is told where that is
+more than a fiftieth of the job: the bits of all bytes, one after the other, at most, as a controller may move meanwhile
+(jobs/16).
+
 Events of a scenario without effect are no failure of the job, but they are counted: an emergency stop after the end of
 the job, for example, has tested nothing.
 """
@@ -53,6 +57,8 @@ HALF_A_SLIP = "stopped half a slip off, held there by friction alone"
 NOT_SIMULATED = "lost steps, margins and loads were not simulated"
 
 SHOWN_UNMET = 10  # lines of a job that are named if they did not get what they expected
+
+LEAST_LINE = 0.02  # share of the time of a job from which on that of its bytes is told
 
 SETTLE_S = 0.5  # virtual time for the machine to come to rest after the last command, before judging
 
@@ -125,6 +131,9 @@ class Verdict:
     events_after_end: int = 0  # events of the scenario that were still to come when the last command was over
     collisions: tuple[Collision, ...] = ()  # of bodies that must not meet, since the first command was sent
     events_without_effect: int = 0  # forces, cuts and lost phases of the scenario on a plant without physics
+    line: str = ""  # form of a byte on the line
+    bytes_ns: int = 0  # time that the bytes of all commands and replies take on it, one after the other
+    line_counts: bool = False  # they take it: it is in the time of the job
     unwritten: tuple[str, ...] = ()  # files about the job that are not on the disk, or not whole
     found: tuple[str, ...] = ()  # what else is wrong, such as signals of a capture that drives may misread
     not_made: str = ""  # lines of the file that were left out, as a part was asked for; no failure
@@ -132,6 +141,14 @@ class Verdict:
     @property
     def cycle_s(self) -> float:
         return (self.ended_ns - self.began_ns) / SECOND_NS
+
+    @property
+    def line_told(self) -> str:
+        """The part of the line in the time of the job, or what it would add; "" for little."""
+        if self.bytes_ns <= LEAST_LINE * (self.ended_ns - self.began_ns):
+            return ""
+        took = f"up to {self.bytes_ns / SECOND_NS:.3f} s"
+        return f"{took} of it on the line, {self.line}" if self.line_counts else f"{took} more on a line of {self.line}"
 
     @property
     def controller_fault(self) -> bool:
@@ -249,6 +266,8 @@ class Verdict:
             "halfway": list(self.halfway),
             "expectations": self.expectations,
             "unmet": list(self.unmet),
+            "bytes_ns": self.bytes_ns,
+            "line_counts": self.line_counts,
         }
         if any(error is not None for error in self.following_error):
             told |= {"following_error": list(self.following_error), "switched_off": list(self.switched_off)}
@@ -320,6 +339,9 @@ def judge(
         events_after_end=events_after_end,
         collisions=tuple(collision for collision in twin.collisions if collision.time_ns >= began_ns),
         events_without_effect=twin.events_without_effect,
+        line=str(twin.serial_format),
+        bytes_ns=sum(result.bytes_ns for result in results),
+        line_counts=twin.line_speed,
     )
 
 

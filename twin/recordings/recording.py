@@ -216,6 +216,7 @@ def metadata(twin: Twin, interval_ns: int) -> dict[str, str]:
         "plant": origin.plant,
         "seed": str(origin.seed),
         "line_speed": json.dumps(origin.line_speed),
+        "adapter_ms": json.dumps(origin.adapter_ms),
         "overrides": json.dumps(dict(origin.overrides), default=_plain),
         "start_mm": json.dumps(origin.start_mm, default=_plain),
         "axes": str(len(twin.counts)),

@@ -117,7 +117,8 @@ def spec_of(recorded: Recorded, folder: Path) -> TwinSpec:
         elif tree.get("fixture"):
             tree["fixture"] = f"{FIXTURE}/{Path(tree['fixture']).name}"
         overrides, start_mm = _overrides(said["overrides"]), _start_mm(said["start_mm"])
-        seed, line_speed = int(said["seed"]), bool(parse_json(said["line_speed"]))
+        seed, line_speed = int(said["seed"]), parse_json(said["line_speed"])
+        adapter_ms = float(parse_json(said.get("adapter_ms", "0")))
         controller, plant = said["controller"], said["plant"]
         tables = parse_json(files.get(FIXTURES, b"[]"))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
@@ -134,6 +135,7 @@ def spec_of(recorded: Recorded, folder: Path) -> TwinSpec:
         overrides=overrides,
         start_mm=None if start_mm is None else tuple(start_mm),
         fixtures=tuple(read_fixtures(tables, place, folder)),
+        adapter_ms=adapter_ms,
     )
 
 

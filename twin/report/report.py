@@ -71,9 +71,10 @@ def write_report(
         return
     plots = time_plots(seen, results, recorder, marks, limits)
     ok = bool(summary.get("ok")) if checked is None else checked.ok and bool(summary.get("ok"))
+    missing = f", but {summary['not_made']} not made" if summary.get("not_made") else ""
     body = [
         f"<header><h1>{escape(title)}</h1>",
-        f"<p class='verdict {'good' if ok else 'bad'}'>{'OK' if ok else 'FAILED'}</p>",
+        f"<p class='verdict {'good' if ok else 'bad'}'>{'OK' if ok else 'FAILED'}{missing}</p>",
         f"<p>{escape(_in_short(summary, findings))}</p>",
         "<nav aria-label='Parts of the report'><ul><li><a href='#summary'>Summary</a></li>",
         "<li><a href='#findings'>Findings</a></li>" if findings else "",

@@ -1,10 +1,13 @@
 """The serial line between host and controller, in virtual time.
 
 With `timed` each byte takes `SerialFormat.byte_ns`, one after the other in each direction; without, bytes arrive at the
-instant they are sent (for tests of logic, where the line does not matter; wiring/6).
+instant they are sent (for tests of logic, where the line does not matter; wiring/6). `bytes_ns` counts what they take,
+timed or not.
 
     host sends  |b0|b1|b2|            at 19200 baud, 8N1: 520.833 us a byte
     arrives        b0 b1 b2           each at the end of its stop bit
+
+A USB adapter between line and host hands on what has arrived on the beat of its timer, `beat_ns` (wiring/14).
 
 Faults of each byte in both directions, with a chance each: a bit is flipped (`noise`), the byte is lost (`dropped`) or
 comes twice (`doubled`). While the line is cut, bytes that would arrive are lost; those that arrive later are not.
@@ -69,19 +72,19 @@ class _Direction:
             self.queue = deque((arrival + later, data) for arrival, data in self.queue)
             self._free_ns += later if self.queue else 0
 
-    def send(self, t_ns: int, data: bytes, byte_ns: int, at_once: int | None = None) -> int:
-        """Put bytes on the line, in pieces of at most at_once; return when the last of them arrives."""
+    def send(self, t_ns: int, data: bytes, byte_ns: int, at_once: int | None = None, beat_ns: int = 1) -> int:
+        """Put bytes on the line, in pieces of at most at_once; return when the last of them arrives: on a beat."""
         arrival = max(t_ns if self.held_ns is None else self.held_ns, self._free_ns)
         size = 1 if byte_ns else at_once
         if size is not None:
             for at in range(0, len(data), size):
                 arrival += byte_ns
-                self.queue.append((arrival, data[at : at + size]))
+                self.queue.append((-(-arrival // beat_ns) * beat_ns, data[at : at + size]))
         elif data:
             self.queue.append((arrival, data))
         self.due += len(data)
         self._free_ns = arrival
-        return arrival
+        return -(-arrival // beat_ns) * beat_ns
 
     def receive(self, t_ns: int, at_once: int | None = None) -> bytes:
         """Take at most at_once bytes of those that have arrived by t_ns."""
@@ -135,8 +138,10 @@ class _Direction:
 class SerialLine:
     """Both directions of the line. All methods take the present time and never look ahead of it."""
 
-    def __init__(self, timed: bool, random: np.random.Generator) -> None:
+    def __init__(self, timed: bool, random: np.random.Generator, beat_ns: int = 0) -> None:
         self.timed = timed  # bytes sent from now on take the time of their bits
+        self.bytes_ns = 0  # time that the bits of all bytes since power-on take, one after the other
+        self._beat_ns = beat_ns
         self._random = random
         self.noise = 0.0  # chance of one flipped bit in each byte
         self.dropped = 0.0  # chance that a byte is lost
@@ -162,13 +167,16 @@ class SerialLine:
 
     def from_host(self, t_ns: int, data: bytes, byte_ns: int, at_once: int | None = None) -> None:
         """The host sends bytes at t_ns; at_once: most bytes in one piece."""
+        self.bytes_ns += len(data) * byte_ns
         self._to_controller.send(t_ns, self._disturbed(data), byte_ns if self.timed else 0, at_once)
 
     def from_controller(self, t_ns: int, data: bytes, byte_ns: int) -> None:
+        self.bytes_ns += len(data) * byte_ns
         data, spacing_ns = self._disturbed(data), byte_ns if self.timed else 0
-        arrival_ns = self._to_host.send(t_ns, data, spacing_ns)
+        beat_ns = self._beat_ns if self.timed else 0
+        arrival_ns = self._to_host.send(t_ns, data, spacing_ns, beat_ns=beat_ns or 1)
         if data and self.on_reply is not None:
-            self.on_reply(arrival_ns, data, spacing_ns)
+            self.on_reply(arrival_ns, data, 0 if beat_ns else spacing_ns)
 
     def at_controller(self, t_ns: int, at_once: int | None = None) -> bytes:
         """Take what has arrived at the controller by t_ns, at most at_once bytes; to be called at each `next_ns`."""

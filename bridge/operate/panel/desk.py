@@ -82,6 +82,9 @@ class Desk:
         """The zero of the workpiece as the counters tell it, mm, if it has been set here."""
         return self._zero if self._set else None
 
+    def set_zero(self, counters_mm: Point) -> None:
+        self._zero, self._set = counters_mm, True
+
     @property
     def shown(self) -> dict[str, Any]:
         counted = self._counted_mm()
@@ -176,8 +179,7 @@ class Desk:
         counted, zero = self._counted_mm(), list(self._zero)
         for axis, mm in self._places(content, place).items():
             zero[axis] = counted[axis] - self._signs[axis] * mm
-        x, y, z = zero
-        self._zero, self._set = (x, y, z), True
+        self.set_zero((zero[0], zero[1], zero[2]))
 
     def _places(self, content: Mapping[str, Any], place: Place) -> dict[int, float]:
         if not content:

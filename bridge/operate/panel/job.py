@@ -1,6 +1,7 @@
 """A job file opened in the panel.
 
     browser --- {"job": {"open": {"name": "part.nc", "text": ...}}} --->  a job, or a file of a CAM program as one
+            --- {"job": {"open": {..., "zero": "fit"}}} ------------>  the same, its zero chosen to fit the travel
             --- {"job": {"start": true}}, {"job": {"stop": true}} ----->  Sender.advance, in each round of the server
             --- {"job": {"pause": true}}, {"job": {"go_on": true}},
                 {"job": {"line": true}}: one line of the file --------->
@@ -14,7 +15,6 @@ of a part of it until another file is opened.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,12 +25,13 @@ from isel_twin.bridge.operate.control import ControlError
 from isel_twin.bridge.operate.panel.desk import Desk
 from isel_twin.bridge.operate.panel.sender import SHOWN, Sender
 from isel_twin.bridge.serve.server import Server
+from isel_twin.cam.fitting import FIT, BeyondError, in_words, with_zero
 from isel_twin.cam.section import WHOLE, LineRange
 from isel_twin.cam.toolpath import Point
 from isel_twin.core.twin import Twin
 from isel_twin.jobs import project
 from isel_twin.jobs.job import Line, check_conditions
-from isel_twin.jobs.toolpaths import Source, lines_of, source_of
+from isel_twin.jobs.toolpaths import Reading, Source, lines_of, source_of
 
 MOST_CHARACTERS = 500_000  # of a file: a message of a browser has 1 MiB
 _LINE = Limits("", 1, MOST_CHARACTERS, whole=True)
@@ -87,13 +88,15 @@ class PanelJob:
         return self.shown
 
     def _open(self, content: Mapping[str, Any], place: Place) -> dict[str, Any]:
-        known(content, ("name", "text"), place)
+        known(content, ("name", "text", "zero"), place)
+        if content.get("zero", FIT) != FIT:
+            raise place.at("zero").wrong(f"{content['zero']!r}; allowed: {FIT!r}")
         name, told = (text(content.get(key, ""), place.at(key)) for key in ("name", "text"))
         if self.running:
             raise place.wrong("a job is running; allowed: when it has been stopped or is over")
         if len(told) > MOST_CHARACTERS:
             raise place.wrong(f"{len(told)} characters; allowed: up to {MOST_CHARACTERS}, isel-twin run takes more")
-        self._take(name, told, WHOLE)
+        self._take(name, told, Reading(zero=content.get("zero")))
         self._fresh = True
         self._opened += 1
         return self.shown
@@ -112,35 +115,36 @@ class PanelJob:
             part = LineRange(int(asked.get("from_line", 1)), int(asked["to_line"]) if "to_line" in asked else None)
         except ValueError as error:
             raise ControlError(str(error)) from None
-        self._take(self._name, self._text, part)
+        self._take(self._name, self._text, Reading(part=part))
         self._fresh = True
         return self.shown
 
-    def _take(self, name: str, told: str, part: LineRange) -> None:
-        """Make the lines of a text. Raises ControlError, and then nothing has changed."""
-        zero_mm = self._zero_mm
+    def _take(self, name: str, told: str, reading: Reading) -> None:
+        """Make the lines of a text; a zero that was chosen is the desk's then. Raises ControlError, and then nothing
+        has changed."""
         try:
-            source, lines = self._read(name, told.encode(), zero_mm, part)
+            source, lines = self._read(name, told.encode(), reading)
             check_conditions(lines, self._twin)
         except (OSError, ValueError) as error:  # of the file, of the settings beside it, of characters that are none
-            raise ControlError(f"{name}: {one_line(str(error))}".encode(errors="replace").decode()) from None
+            raise ControlError(f"{name}: {one_line(_in_words(error))}".encode(errors="replace").decode()) from None
         if not lines:
             raise ControlError(f"{name}: there is no command in it")
+        if reading.zero is not None and (source is None or source.zero is None or self._desk is None):
+            raise ControlError(f"{name}: is a job of commands, which no zero moves")
+        if source is not None and source.zero is not None and self._desk is not None:
+            self._desk.set_zero(source.zero)
         self._name, self._text, self._lines = name, told, lines
-        self._title, self._made_for = "" if source is None else source.title, zero_mm
-        self._part, self._not_made = part, "" if source is None else source.not_made
+        self._title, self._made_for = "" if source is None else source.title, self._zero_mm
+        self._part, self._not_made = reading.part, "" if source is None else source.not_made
         self._cautions = [] if source is None else list(map(str, source.cautions))
 
-    def _read(
-        self, name: str, data: bytes, zero_mm: Point | None, part: LineRange
-    ) -> tuple[Source | None, Sequence[Line]]:
+    def _read(self, name: str, data: bytes, reading: Reading) -> tuple[Source | None, Sequence[Line]]:
         twin = self._twin
         language, controller = twin.language, twin.controller_name
         settings = project.cam(self._settings, twin.machine)
-        if zero_mm is not None:
-            settings = replace(settings, zero=zero_mm)
-        suffix = Path(name).suffix
-        source = source_of(data, suffix, language, controller, lambda: twin.machine, settings, part=part)
+        if (zero_mm := self._zero_mm) is not None:
+            settings = with_zero(settings, zero_mm)
+        source = source_of(data, Path(name).suffix, language, controller, lambda: twin.machine, settings, reading)
         return source, lines_of(source, data, language, controller)
 
     def _start(self, place: Place, single: bool = False) -> None:
@@ -154,7 +158,7 @@ class PanelJob:
         if not self._twin.idle or (self._desk is not None and self._desk.busy):
             raise place.wrong("the controller is at work; allowed: when it is idle")
         if self._title and self._made_for != self._zero_mm:
-            self._take(self._name, self._text, self._part)
+            self._take(self._name, self._text, Reading(part=self._part))
         self._fresh = False
         self._started += 1
         self.sender.begin(self._lines, single)
@@ -207,3 +211,11 @@ class PanelJob:
             "to_line": self._part.last,
             "not_made": self._not_made,
         }
+
+
+def _in_words(error: Exception) -> str:
+    """An error of a file; the remedy is that of the page."""
+    beyond = error.__cause__
+    if not isinstance(beyond, BeyondError) or beyond.zero is None:
+        return str(error)
+    return f"{beyond.why}: Fit zero puts the zero of the workpiece to {in_words(beyond.zero)}"

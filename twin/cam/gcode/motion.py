@@ -53,7 +53,8 @@ class Motion:
         self._to_start = not settings.strict  # G98 (cam/17)
         self._cycle = Cycle()
         self._homes: dict[int, Point] = {}  # of G28, G30: machine points
-        self.plain = self.flat = False  # may lines, may arcs be read without a block
+        self.plain = self.flat = False  # may moves, may arcs be read without a block
+        self.relative = False  # of plain moves: G91
 
     def _program(self, machine: Point) -> Point:
         x, y, z = self.offsets.base
@@ -300,7 +301,8 @@ class Motion:
             yield from self._made(block, code, values)
         elif block.g.get(codes.ONCE) == 530 and self.offsets.active:
             raise CamError("G53 wants X, Y or Z, with G0 or G1", block.at("G", 530))
-        self.plain = self._absolute and self._unit_given and not self.inverse and self.code in (0, 10, 20, 30)
+        self.relative = not self._absolute
+        self.plain = self._unit_given and not self.inverse and self.code in (0, 10, 20, 30)
         self.flat = self.plain and self._plane == 170 and self._reads_absolute() is False
 
     def _made(self, block: Block, code: int, values: dict[int, float]) -> Iterator[Element]:

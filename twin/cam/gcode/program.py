@@ -1,8 +1,8 @@
 """What a G-code program does, block by block, in the order of LinuxCNC's interpreter.
 
-Most lines are plain moves, G0 or G1 with X Y Z F, or plain arcs, G2 or G3 with X Y Z, I J or R, F: they are matched as
-a whole. All others become a block, and `Program._block` carries out what it says in the order of its lines, whatever
-the order of the words.
+Most lines are plain moves, G0 to G3 with X Y Z, I J or R, F and S in any order: they are matched as a whole. All others
+become a block, and `Program._block` carries out what it says in the order of its lines, whatever the order of the
+words.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from itertools import chain, islice, repeat
 
 from isel_twin.cam.gcode import arcs, codes
 from isel_twin.cam.gcode.motion import Motion
+from isel_twin.cam.gcode.offsets import ORIGIN
 from isel_twin.cam.gcode.words import Block, Lines
 from isel_twin.cam.reader import HEAD_LINES, Once
 from isel_twin.cam.settings import CamSettings
@@ -27,6 +28,7 @@ from isel_twin.cam.toolpath import (
     Output,
     PathMode,
     Place,
+    Point,
     Rapid,
     Remark,
     Spindle,
@@ -34,17 +36,13 @@ from isel_twin.cam.toolpath import (
     Tool,
 )
 
-_NUMBER = r"(-?(?:[0-9]{1,6}\.?[0-9]{0,12}|\.[0-9]{1,12}))"
-_MOVE = re.compile(
-    rf"[ \t]*(?:N[0-9]{{1,9}}[ \t]*)?(?=([A-Z][-+.0-9]*))(?:G0?([01])(?![0-9.])[ \t]*)?"
-    rf"(?:F{_NUMBER}[ \t]*)?(?:X{_NUMBER}[ \t]*)?(?:Y{_NUMBER}[ \t]*)?(?:Z{_NUMBER}[ \t]*)?"
-    rf"(?:F{_NUMBER}[ \t]*)?[\r\n]*\Z",
-    re.I | re.A,
+_NUMBER = r"(?:[0-9]{1,6}\.?[0-9]{0,12}|\.[0-9]{1,12})"
+_WORDS = "|".join(
+    f"{letter}({sign}{_NUMBER})(?![^{letter}]*{letter})" for sign, of in (("-?", "XYZIJR"), ("", "FS")) for letter in of
 )
-_ARC = re.compile(
-    rf"[ \t]*(?:N[0-9]{{1,9}}[ \t]*)?(?=([A-Z][-+.0-9]*))(?:G0?([23])(?![0-9.])[ \t]*)?"
-    rf"(?:X{_NUMBER}[ \t]*)?(?:Y{_NUMBER}[ \t]*)?(?:Z{_NUMBER}[ \t]*)?"
-    rf"(?:I{_NUMBER}[ \t]*)?(?:J{_NUMBER}[ \t]*)?(?:R{_NUMBER}[ \t]*)?(?:F{_NUMBER}[ \t]*)?[\r\n]*\Z",
+_PLAIN = re.compile(
+    rf"[ \t]*(?:N[0-9]{{1,9}}[ \t]*)?(?=([A-Z][-+.0-9]*))(?:G0?([0-3])(?![0-9.])[ \t]*)?"
+    rf"(?:(?:{_WORDS})[ \t]*)*[\r\n]*\Z",
     re.I | re.A,
 )
 _END = re.compile(r"\s*(N\s*\d+\s*)?M(0?2|30)(?!\d)", re.I | re.A)
@@ -95,39 +93,9 @@ class Program:
             head, text_lines = _to_percent(lines)
             lines = chain(repeat("", text_lines), head[text_lines:], lines)
         for number, line in enumerate(lines, 1):
-            match = _MOVE.match(line)
-            straight = match is not None and (match[2] is not None or motion.code in (0, 10))
-            if match is not None and straight and motion.plain and (match[3] is None or match[7] is None):
-                word, code, before, x, y, z, f = match.groups()
-                f = f or before
-                if f is not None:
-                    if f[0] == "-":
-                        raise CamError(
-                            "F must not be negative", Place(number, max(match.start(3), match.start(7)), f"F{f}")
-                        )
-                    motion.feed = float(f) / motion.per_mm_s
-                if code is not None:
-                    motion.code = 10 if code == "1" else 0
-                if x is not None or y is not None or z is not None:
-                    place = Place(number, match.start(1) + 1, word)
-                    ax, ay, az = motion.at
-                    if x is not None:
-                        ax = float(x) * motion.unit
-                    if y is not None:
-                        ay = float(y) * motion.unit
-                    if z is not None:
-                        az = float(z) * motion.unit_z
-                    motion.at = (ax, ay, az)
-                    bx, by, bz = motion.offsets.base
-                    if motion.code:
-                        if motion.feed <= 0.0:
-                            yield from motion.default_feed(place)
-                        yield Line(place, (ax + bx, ay + by, az + bz), motion.feed)
-                    else:
-                        yield Rapid(place, (ax + bx, ay + by, az + bz))
-                continue
-            if motion.flat and (match := _ARC.match(line)) is not None and (arc := self._plain_arc(match, number)):
-                yield arc
+            match = _PLAIN.match(line) if motion.plain else None
+            if match is not None and (made := self._plain(match, number)) is not None:
+                yield from made
                 continue
             text = line.rstrip("\r\n")
             first = text.lstrip()[:1]
@@ -163,36 +131,51 @@ class Program:
             yield from self._once("end", place, "the file ends without M2, M30 or %; it may be cut off")
         yield from self._end(place)
 
-    def _plain_arc(self, match: re.Match[str], number: int) -> Arc | None:
-        """An arc in G17 with offsets of its centre or a radius; None, and nothing is changed, if it must become a
-        block, which also finds what is wrong with it."""
+    def _plain(self, match: re.Match[str], number: int) -> tuple[Element, ...] | None:
+        """What a plain move makes; None, and nothing is changed, if it must become a block, which also finds what is
+        wrong with it."""
         motion = self._motion
-        word, code, x, y, z, i, j, r, f = match.groups()
-        kind = motion.code if code is None else 10 * int(code)
-        feed = motion.feed if f is None else float(f) / motion.per_mm_s
-        if kind not in (20, 30) or feed <= 0.0 or (r is None) == (i is None and j is None):
-            return None
+        word, code, x, y, z, i, j, r, f, s = match.groups()
+        kind = motion.code or 0 if code is None else 10 * int(code)
         unit, at = motion.unit, motion.at
-        to = (
-            at[0] if x is None else float(x) * unit,
-            at[1] if y is None else float(y) * unit,
-            at[2] if z is None else float(z) * motion.unit_z,
+        feed = motion.feed if f is None else float(f) / motion.per_mm_s
+        if feed <= 0.0 and kind:
+            return None
+        fx, fy, fz = at if motion.relative else ORIGIN
+        to = tx, ty, tz = (
+            at[0] if x is None else fx + float(x) * unit,
+            at[1] if y is None else fy + float(y) * unit,
+            at[2] if z is None else fz + float(z) * motion.unit_z,
         )
-        start, end = at[:2], to[:2]
-        if r is None:
-            centre = at[0] + float(i or 0.0) * unit, at[1] + float(j or 0.0) * unit
-            if not arcs.fits(start, end, centre, unit):
-                return None
-        else:
-            try:
-                centre = arcs.by_radius(start, end, float(r) * unit, kind == 20)
-            except ValueError:
-                return None
-        motion.code, motion.feed, motion.at = kind, feed, to
         bx, by, bz = motion.offsets.base
-        place = Place(number, match.start(1) + 1, word)
-        middle = (centre[0] + bx, centre[1] + by, at[2] + bz)
-        return Arc(place, (to[0] + bx, to[1] + by, to[2] + bz), middle, 2, -1 if kind == 20 else 1, feed)
+        place, end = Place(number, match.start(1) + 1, word), (tx + bx, ty + by, tz + bz)
+        moved: Element
+        if i is None and j is None and r is None:
+            if kind > 10:
+                return None
+            moved = Line(place, end, feed) if kind else Rapid(place, end)
+        else:
+            if kind <= 10 or (centre := self._plain_centre(kind, to, i, j, r)) is None:
+                return None
+            middle = (centre[0] + bx, centre[1] + by, at[2] + bz)
+            moved = Arc(place, end, middle, 2, -1 if kind == 20 else 1, feed)
+        motion.code, motion.feed, motion.at = kind, feed, to
+        made = (moved,) if x or y or z or kind > 10 else ()
+        return made if s is None else (Spindle(Place(number, match.start(10), f"S{s}"), self._turns, float(s)), *made)
+
+    def _plain_centre(self, kind: int, to: Point, i: str | None, j: str | None, r: str | None) -> arcs.Flat | None:
+        """Of an arc in G17 by offsets or a radius."""
+        motion = self._motion
+        if not motion.flat or (r is not None and (i is not None or j is not None)):
+            return None
+        start, end, unit = motion.at[:2], to[:2], motion.unit
+        if r is None:
+            centre = start[0] + float(i or 0.0) * unit, start[1] + float(j or 0.0) * unit
+            return centre if arcs.fits(start, end, centre, unit) else None
+        try:
+            return arcs.by_radius(start, end, float(r) * unit, kind == 20)
+        except ValueError:
+            return None
 
     def _at_percent(self, text: str, number: int, begun: bool) -> Iterator[Element]:
         place = Place(number, text.index("%") + 1, "%")

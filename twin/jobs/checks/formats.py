@@ -13,6 +13,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 from urllib.parse import quote
@@ -26,6 +27,8 @@ from isel_twin.version import VERSION
 _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
+_PLACE = re.compile(r"line (\d+)(?:, column (\d+))?: ")  # at the beginning of an error of a file
+
 NOT_JUDGED = "not judged: the check was interrupted"
 
 
@@ -37,6 +40,9 @@ class Outcome(Protocol):
 
     @property
     def cycle_s(self) -> float: ...
+
+    @property
+    def line_told(self) -> str: ...
 
     @property
     def least_margin(self) -> float | None: ...
@@ -64,6 +70,37 @@ class Told(Protocol):
         """Rules and conditions that were not looked at."""
 
 
+@dataclass(frozen=True)
+class NothingDone:
+    """The outcome of a job that was not played."""
+
+    commands: int = 0
+    cycle_s: float = 0.0
+    least_margin: float | None = None
+
+    def summary(self) -> dict[str, Any]:
+        return {}
+
+
+@dataclass(frozen=True)
+class Unread:
+    """The report on a file that cannot be judged; why: one line."""
+
+    job: str
+    why: str
+    excerpt: str = ""  # lines below it
+    ok: bool = False
+    verdict: NothingDone = NothingDone()
+    unseen: tuple[str, ...] = ()
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        why = self.why.removeprefix(f"{self.job}: ")
+        if (place := _PLACE.match(why)) is None:
+            return (Finding("unread", why),)
+        return (Finding("unread", why[place.end() :], int(place[1]), at=(int(place[1]), int(place[2] or 0))),)
+
+
 def where(finding: Finding) -> str:
     time = "" if finding.time_ns is None else f"at {finding.time_ns / SECOND_NS:.3f} s"
     return ", ".join(part for part in (finding.place, time) if part)
@@ -71,11 +108,16 @@ def where(finding: Finding) -> str:
 
 def as_words(report: Told) -> str:
     """For the terminal: the verdict in a line, and a line for each finding."""
+    if isinstance(report, Unread):
+        return "\n".join(
+            [f"{report.job}: not read: {report.why.removeprefix(f'{report.job}: ')}", *report.excerpt.splitlines()]
+        )
     verdict = report.verdict
     least = verdict.least_margin
     margin = "" if least is None else f", margin {100.0 * least:.0f} %"
     commands = f"{verdict.commands} command{'' if verdict.commands == 1 else 's'}"
-    rows = [f"{report.job}: {'ok' if report.ok else 'failed'} ({commands}, {verdict.cycle_s:.3f} s{margin})"]
+    time = ", ".join(filter(None, (f"{verdict.cycle_s:.3f} s", verdict.line_told)))
+    rows = [f"{report.job}: {'ok' if report.ok else 'failed'} ({commands}, {time}{margin})"]
     for finding in report.findings:
         warning, place = "warning " if finding.warning else "", where(finding)
         rows.append(f"  {warning}{finding.rule:<10} {f'{place}: ' if place else ''}{finding.message}")
@@ -96,9 +138,10 @@ def _in_words(finding: Finding) -> str:
 def junit(reports: Sequence[Told], unjudged: Sequence[str] = ()) -> str:
     """JUnit XML. Times are those of the machine, from the first command to the end of the last one. unjudged: jobs that
     an interruption has left out, which are errors."""
-    failures = sum(not report.ok for report in reports)
+    unread = sum(isinstance(report, Unread) for report in reports)
+    failures = sum(not report.ok for report in reports) - unread
     time_s = f"{sum(report.verdict.cycle_s for report in reports):.3f}"
-    tests, errors = str(len(reports) + len(unjudged)), str(len(unjudged))
+    tests, errors = str(len(reports) + len(unjudged)), str(len(unjudged) + unread)
     counts = {"tests": tests, "failures": str(failures), "errors": errors, "time": time_s}
     root = ElementTree.Element("testsuites", counts)
     suite = ElementTree.SubElement(root, "testsuite", {"name": "isel-twin", **counts, "skipped": "0"})
@@ -107,7 +150,8 @@ def junit(reports: Sequence[Told], unjudged: Sequence[str] = ()) -> str:
         case = ElementTree.SubElement(suite, "testcase", about)
         if wrong := [finding for finding in report.findings if not finding.warning]:
             failure = {"type": wrong[0].rule, "message": _xml(_in_words(wrong[0]))}
-            ElementTree.SubElement(case, "failure", failure).text = _xml("\n".join(map(_in_words, wrong)))
+            kind = "error" if isinstance(report, Unread) else "failure"
+            ElementTree.SubElement(case, kind, failure).text = _xml("\n".join(map(_in_words, wrong)))
         notes = [_in_words(finding) for finding in report.findings if finding.warning]
         if notes := [*notes, *([_unseen(report)] if report.unseen else [])]:
             ElementTree.SubElement(case, "system-out").text = _xml("\n".join(notes))
@@ -189,6 +233,7 @@ def as_json(report: Told) -> str:
     findings = list(map(content, report.findings))
     told = {"job": report.job, "ok": report.ok, "cycle_s": report.verdict.cycle_s, "findings": findings}
     told |= {"not_looked_at": list(report.unseen)} if report.unseen else {}
+    told |= {"error": report.why} if isinstance(report, Unread) else {}
     return json.dumps({**told, "verdict": report.verdict.summary()})
 
 

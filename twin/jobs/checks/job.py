@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from isel_twin.core.spec import TwinSpec
     from isel_twin.core.twin import Twin
     from isel_twin.jobs.robust import Repetition
+    from isel_twin.jobs.toolpaths import Source
 
 LOOK_NS = 5 * MILLISECOND_NS  # sampling interval of the deviation
 
@@ -332,12 +333,13 @@ class Inspection:
         return blind
 
 
-def beside_golden(report: Report, job: Path, call: TwinSpec) -> Report:
+def beside_golden(report: Report, job: Path, call: TwinSpec, source: Source | None) -> Report:
     """The report with the differences from the golden run of the job, if it has one. Raises GoldenError, OSError."""
     file = golden_file(job)
     if not file.is_file():
         return report
-    return report.compared(load(file), called(report.golden, call, job, file))
+    zero = None if source is None else source.zero
+    return report.compared(load(file), called(report.golden, call, job, file, zero))
 
 
 def check_job(

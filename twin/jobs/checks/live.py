@@ -34,6 +34,7 @@ from isel_twin.jobs.toolpaths import lines_of, source_of, times
 from isel_twin.language import create_language
 
 if TYPE_CHECKING:
+    from isel_twin.cam.toolpath import Point
     from isel_twin.jobs.checks.settings import Task
 
 Stamp = tuple[str, int, int]  # path, time of its last change in ns, length in bytes
@@ -69,6 +70,7 @@ class LiveJob:
         self._made: _Made | None = None
         self._lines: Sequence[Line] = ()
         self._converted = False  # the file is one of a CAM program
+        self.zero: Point | None = None  # of the work, if the options ask for one, or for one that fits
 
     @property
     def played(self) -> int:
@@ -95,8 +97,8 @@ class LiveJob:
             with call_errors(settings):
                 made = self._made = _Made(task, files, settings)
         call = task.call
-        language, controller, how = made.language, call.controller, (task.form, task.part)
-        source = source_of(data, self.job.suffix, language, controller, lambda: made.machine, made.cam, *how)
+        language, controller = made.language, call.controller
+        source = source_of(data, self.job.suffix, language, controller, lambda: made.machine, made.cam, task.reading)
         lines = lines_of(source, data, language, controller)
         if not lines:
             raise JobError("there is no command in it")
@@ -107,9 +109,10 @@ class LiveJob:
             "" if source is None else source.not_made
         )
         self._lines, self._converted = lines, source is not None
+        self.zero = None if source is None else source.zero
         self.figures = figures(made.check.results)
         with call_errors(golden_file(self.job)):
-            return beside_golden(report, self.job, call) if task.golden else report
+            return beside_golden(report, self.job, call, source) if task.golden else report
 
     def explained(self, number: int, text: str) -> Iterator[str]:
         """What a line of the file means, a row for each command; text: the line as it stands there now."""

@@ -34,6 +34,7 @@ class Rule:
 
 
 RULES: Mapping[str, Rule] = {
+    "unread": Rule("The file can be read, and this machine can make it.", heard=True),
     "refused": Rule("Every command is accepted, or answered as the job expects.", heard=True),
     "restart": Rule("The controller does not start anew before the last reply."),
     "line": Rule("Every byte arrives as it was sent."),

@@ -18,7 +18,10 @@
     robust = 20                      # repetitions on other machines of the kind
     uncertain = 20                   # and on what this machine may be, as far as its numbers are known
     timeout_s = 600.0                # of each command
+    line_speed = 19200               # baud: bytes take their time on the line, which cycle_s judges, too
+    adapter_ms = 16                  # and replies wait for the timer of a USB adapter
     strict = true                    # warnings make a job fail, too: cautions of a CAM file, moves that crawl
+    jobs = ["jobs", "tests/*.nc"]    # what `isel-twin check` alone takes: files, folders, patterns; from this file
 
     [[fixture]]                      # clamped on the table, for every job below this folder
     name = "vise"                    # (isel_twin.machine.fixture); `run`, `golden` and `tune` see it, too
@@ -49,13 +52,14 @@ from typing import Any
 from isel_twin.base.errors import CallError
 from isel_twin.base.parameters import Limits, Place, boolean, known, plain, table, text
 from isel_twin.base.toml_lines import read_lines
-from isel_twin.cam.section import WHOLE, LineRange
+from isel_twin.cam.section import WHOLE
 from isel_twin.controller import controller_names
 from isel_twin.core.assembly import PLANTS
-from isel_twin.core.spec import TwinSpec
+from isel_twin.core.spec import BAUD, MOST_ADAPTER_MS, TwinSpec
 from isel_twin.jobs.checks.rules import Bounds
 from isel_twin.jobs.project import SettingsError, fixtures
 from isel_twin.jobs.sending import MOST_EDGE
+from isel_twin.jobs.toolpaths import AS_IT_LOOKS, Reading
 from isel_twin.machine import Fixture, Machine, machine_names
 from isel_twin.plant import MOST_CLEARANCE_MM
 
@@ -70,6 +74,8 @@ _NUMBERS: Mapping[str, Limits] = {
     "robust": Limits("repetitions", 0, 10_000, whole=True),
     "uncertain": Limits("repetitions", 0, 10_000, whole=True),
     "timeout_s": Limits("s", 0.0, 1e9),
+    "line_speed": Limits("baud", *BAUD, whole=True),
+    "adapter_ms": Limits("ms", 0.0, MOST_ADAPTER_MS),
 }
 _OFF = [item.name for item in dataclasses.fields(Bounds) if item.default is None]  # bounds that may be "off"
 _WORDS = ("machine", "controller", "plant", "scenario")
@@ -85,8 +91,7 @@ class Task:
     call: TwinSpec = field(default_factory=TwinSpec)
     bounds: Bounds = field(default_factory=Bounds)
     golden: bool = True
-    form: str | None = None  # format of the file, whatever it looks like
-    part: LineRange = WHOLE  # of the lines of a file of a CAM program; compared with no golden run
+    reading: Reading = AS_IT_LOOKS  # a part of the file is compared with no golden run
 
 
 def load(path: Path) -> list[tuple[str, dict[str, Any]]]:
@@ -95,6 +100,7 @@ def load(path: Path) -> list[tuple[str, dict[str, Any]]]:
     content, place = read_lines(path, SettingsError)
     known(content, ("check", "fixture", "cam"), place)
     section = dict(table(content.get("check", {}), place.at("check")))
+    _jobs(section.pop("jobs", []), place.at("check.jobs"))
     jobs = section.pop("job", [])
     if not isinstance(jobs, list):
         raise place.at("check.job").wrong(f"{jobs!r}; it must be written as [[check.job]] tables")
@@ -107,6 +113,19 @@ def load(path: Path) -> list[tuple[str, dict[str, Any]]]:
         pattern = text(values.pop("match"), where.at("match"))
         demands.append((pattern, _values(values, where)))
     return demands
+
+
+def jobs_of(path: Path) -> list[str]:
+    """Files, folders and patterns that a settings file names for a check of all. Raises as `load`."""
+    content, place = read_lines(path, SettingsError)
+    place = place.at("check")
+    return _jobs(table(content.get("check", {}), place).get("jobs", []), place.at("jobs"))
+
+
+def _jobs(value: Any, place: Place) -> list[str]:
+    if not isinstance(value, list) or not all(isinstance(name, str) and name for name in value):
+        raise place.wrong(f'{value!r}; allowed: a list of files, folders and patterns, such as ["jobs"]')
+    return value
 
 
 def _values(content: Mapping[str, Any], place: Place) -> dict[str, Any]:
@@ -180,14 +199,14 @@ def task(job: Path, settings: Path | None, options: Mapping[str, Any]) -> Task:
             if fnmatchcase(name, pattern):
                 values |= demanded
     overrides = {**values.pop("set", {}), **(options.get("set") or {})}
-    values |= {key: value for key, value in options.items() if value is not None and key not in ("set", "form", "part")}
+    values |= {key: value for key, value in options.items() if value is not None and key not in ("set", "reading")}
     if values.get("scenario") is not None:
         values["scenario"] = Path(values["scenario"])
-    part = options.get("part", WHOLE)
-    golden = values.pop("golden", True) and part == WHOLE
+    reading: Reading = options.get("reading", AS_IT_LOOKS)
+    golden = values.pop("golden", True) and reading.part == WHOLE
     of_call = {item.name for item in dataclasses.fields(TwinSpec)}
     call = TwinSpec(
         overrides=overrides, fixtures=clamped, **{key: value for key, value in values.items() if key in of_call}
     )
     bounds = Bounds(**{key: value for key, value in values.items() if key not in of_call})
-    return Task(job, call, bounds, golden, options.get("form"), part)
+    return Task(job, call, bounds, golden, reading)

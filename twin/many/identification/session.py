@@ -170,7 +170,7 @@ def session_of(recorded: Recorded, measured: Measured, controller: str, machine:
         raise RecordingError(f"{recorded.path}: does not say which controller it is of; --controller NAME does")
     operated = tuple((entry.time_ns, entry.content) for entry in recorded.of("/operator"))
     events = tuple((time_ns, content) for time_ns, content in operated if not set(content) - set(EVENT_KEYS))
-    line_speed = not recorded.of_twin or recorded.metadata.get("line_speed") == "true"
+    line_speed = not recorded.of_twin or recorded.metadata.get("line_speed") != "false"
     pieces = tuple(traffic(recorded))
     session = Session(name, controller, pieces, events, own, line_speed)
     commands = len(paired(pieces, _language(controller)))

@@ -119,7 +119,9 @@ def sure(value: float, sigma: float, usual: float) -> str:
 
 def with_flash(spec: TwinSpec, values: dict[str, int]) -> TwinSpec:
     """The twin with these settings in its controller's flash, beside those that are there."""
-    twin = spec.with_(plant="kinematic", scenario=None, events=(), line_speed=False).build(keep_motions=1)
+    twin = spec.with_(plant="kinematic", scenario=None, events=(), line_speed=False, adapter_ms=0.0).build(
+        keep_motions=1
+    )
     language = create_language(spec.controller)
     assert offers(language, TellsActs)
     for line in language.flash_lines(values):

@@ -3,6 +3,7 @@
     [sweep]                          # constants
     job = "pocket.txt"               # or moves = [[60, 0, 0], [0, 0, 0]], targets in mm after a reference run
     format = "gcode"                 # of the job, whatever it looks like: ncp, gcode, hpgl
+    zero = "fit"                     # of the work, as --zero has it: [100, 80, 60], or one that fits
     scenario = "stuck.toml"
     seeds = 20                       # 0 .. 19, or a list of them
     samples = 64                     # of the parameters with a range
@@ -43,14 +44,14 @@ from typing import Any
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.parameters import FileError, Limits, Place, known, plain, read_toml, table, text
 from isel_twin.base.toml_lines import read_lines
-from isel_twin.cam.toolpath import Caution
+from isel_twin.cam.fitting import FIT
 from isel_twin.core.spec import TwinSpec
 from isel_twin.core.twin import PLANTS
 from isel_twin.jobs.checks.rules import Bounds
 from isel_twin.jobs.checks.settings import switch_names
 from isel_twin.jobs.job import JobError
 from isel_twin.jobs.project import cam, find
-from isel_twin.jobs.toolpaths import own_text, source_of
+from isel_twin.jobs.toolpaths import AS_IT_LOOKS, Reading, Source, own_text, source_of
 from isel_twin.language import create_language
 from isel_twin.machine import load_machine
 from isel_twin.many.studies import parameters as varying
@@ -70,7 +71,7 @@ _NUMBERS: Mapping[str, Limits] = {
     "deviation_mm": Limits("mm", 0.0, 1e5),
     "cycle_s": Limits("s", 0.0, 1e9),
 }
-_OTHERS = ("moves", "seeds", "start_mm", "may_strike", "perturbed", "sampling")
+_OTHERS = ("zero", "moves", "seeds", "start_mm", "may_strike", "perturbed", "sampling")
 KEYS = (*_WORDS, *_NUMBERS, *_OTHERS)
 SAMPLINGS = ("sobol", "saltelli")
 _SEED = Limits("", 0, 2**63, whole=True)
@@ -92,17 +93,18 @@ class Plan:
     sampling: str = "sobol"
     sample_seed: int = 0
     seeds: tuple[int, ...] = (0,)
-    cautions: tuple[Caution, ...] = ()  # what the job's file may mean otherwise
+    source: Source | None = None  # what the job's file was, if it is one of a CAM program
 
 
-def load_plan(path: str | Path) -> Plan:
-    """Read a plan and its job, machine and scenario, with paths relative to the plan. Raises PlanError, JobError or
-    MachineError for anything wrong in them, and OSError for a file that cannot be read."""
+def load_plan(path: str | Path, reading: Reading = AS_IT_LOOKS) -> Plan:
+    """Read a plan and its job, machine and scenario, with paths relative to the plan. reading: of the job, before what
+    the plan says. Raises PlanError, JobError or MachineError for anything wrong in them, and OSError for a file that
+    cannot be read."""
     file = Path(path)
     document, place = read_lines(file, PlanError)
     known(document, ("sweep", *SECTIONS), place)
     same = table(document.get("sweep", {}), place.at("sweep"))
-    call, work, cautions = _same(same, place.at("sweep"), file.parent)
+    call, work, source = _same(same, place.at("sweep"), file.parent, reading)
     machine = call.as_built
     parameters = tuple(
         varying.read_parameter(section, key, form, place.at(section).at(key), work, machine)
@@ -139,11 +141,13 @@ def load_plan(path: str | Path) -> Plan:
         sampling=text(same.get("sampling", "sobol"), sweep.at("sampling"), SAMPLINGS),
         sample_seed=int(same.get("sample_seed", 0)),
         seeds=seeds,
-        cautions=cautions,
+        source=source,
     )
 
 
-def _same(content: Mapping[str, Any], place: Place, folder: Path) -> tuple[TwinSpec, Work, tuple[Caution, ...]]:
+def _same(
+    content: Mapping[str, Any], place: Place, folder: Path, reading: Reading
+) -> tuple[TwinSpec, Work, Source | None]:
     known(content, KEYS, place)
     for key in _WORDS:
         text(content.get(key, ""), place.at(key))
@@ -178,7 +182,11 @@ def _same(content: Mapping[str, Any], place: Place, folder: Path) -> tuple[TwinS
     moves = content.get("moves", [])
     if not isinstance(moves, list) or ("moves" in content and not moves):
         raise place.at("moves").wrong(f"{moves!r}; allowed: a list of targets [X, Y, Z] in mm")
-    job, cautions = _job(folder / content["job"], call, content.get("format")) if "job" in content else ("", ())
+    zero = content.get("zero")
+    if zero is not None and zero != FIT:
+        zero = _triple(zero, place.at("zero"))
+    asked = Reading(reading.form or content.get("format"), zero if reading.zero is None else reading.zero)
+    job, source = _job(folder / content["job"], call, asked) if "job" in content else ("", None)
     work = Work(
         version=VERSION,
         job_name=content.get("job", "moves"),
@@ -190,19 +198,18 @@ def _same(content: Mapping[str, Any], place: Place, folder: Path) -> tuple[TwinS
         perturbed=perturbed,
         bounds=Bounds(may_strike=may_strike, **bounds),
     )
-    return call, work, cautions
+    return call, work, source
 
 
-def _job(file: Path, call: TwinSpec, form: str | None) -> tuple[str, tuple[Caution, ...]]:
-    """The text of a job, or what a file of a CAM program becomes for the controller, and what it may mean otherwise;
-    form: its format, whatever it looks like."""
+def _job(file: Path, call: TwinSpec, reading: Reading) -> tuple[str, Source | None]:
+    """The text of a job, or what a file of a CAM program becomes for the controller."""
     try:
         data, language = file.read_bytes(), create_language(call.controller)
         settings = cam(find(file), call.as_built)
-        source = source_of(data, file.suffix, language, call.controller, call.fitted, settings, form)
+        source = source_of(data, file.suffix, language, call.controller, call.fitted, settings, reading)
         if source is None:
-            return own_text(data, language, call.controller), ()
-        return source.text, source.cautions
+            return own_text(data, language, call.controller), None
+        return source.text, source
     except JobError as error:
         raise JobError(f"{file}: {error}") from None
 

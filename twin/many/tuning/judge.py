@@ -80,6 +80,7 @@ class Judgement:
     # least margins of all motors in all repetitions, from the first move on
     torque: float = 1.0
     speed: float = 1.0
+    line: str = ""  # of the first repetition: `Verdict.line_told`
 
     @property
     def good(self) -> bool:
@@ -95,7 +96,7 @@ class Judgement:
             Made(move[0].time_s, min(one.torque for one in move), min(one.speed for one in move)) for move in each_move
         )
         kept = min(each.torque for each in made), min(each.speed for each in made)
-        return cls(made[0].time_s, margin, last.why, len(made), last.slipped, moves, last.number, *kept)
+        return cls(made[0].time_s, margin, last.why, len(made), last.slipped, moves, last.number, *kept, made[0].line)
 
 
 def make(candidate: Candidate, weather: Weather, number: int) -> Judgement | None:
@@ -146,7 +147,7 @@ def make(candidate: Candidate, weather: Weather, number: int) -> Judgement | Non
         if result.number in candidate.moves
     )
     margin = min(torque, speed) if counted and not why else 0.0
-    return Judgement(time_s, margin, why, 1, slipped, moves, number, torque, speed)
+    return Judgement(time_s, margin, why, 1, slipped, moves, number, torque, speed, job.verdict.line_told)
 
 
 def _kept(result: Result, speed_share: float) -> tuple[float, float]:

@@ -137,4 +137,5 @@ def as_json(judgement: Judgement) -> dict[str, Any]:
         "margin": round(judgement.margin, 4),
         "why": judgement.why,
         "repetitions": judgement.repetitions,
+        **({"line": judgement.line} if judgement.line else {}),
     }

@@ -297,6 +297,7 @@ class Problem:
             "choice of parameters": digest(repr(self.parameters).encode()),
             **({} if self.settle_mm is None else {"settling": self.settle_mm}),
             **({"number of machines that it may be": self.uncertain} if self.uncertain else {}),
+            **({"line": [call.line_speed, call.adapter_ms]} if call.line_speed else {}),
             **clamped,
         }
 

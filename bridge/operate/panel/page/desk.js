@@ -135,7 +135,7 @@ addEventListener("blur", let_go);
 
 const LONGEST = 500000, LINES = 20000; // characters of a file, lines of it that are shown
 const STATES = { ready: "ready", running: "running", pausing: "pausing", paused: "paused", done: "all lines accepted", failed: "failed", stopped: "stopped" };
-let opened = 0;
+let opened = 0, chosen = null; // the file that was chosen last: a refused one may be opened with another zero
 
 $("file").addEventListener("change", async (event) => {
   const file = event.target.files[0];
@@ -145,8 +145,12 @@ $("file").addEventListener("change", async (event) => {
   const data = await file.arrayBuffer();
   let text;
   try { text = new TextDecoder("utf-8", { fatal: true }).decode(data); } catch { text = new TextDecoder("latin1").decode(data); }
-  request({ job: { open: { name: file.name, text } } }).catch((error) => tell(error.message));
+  chosen = { name: file.name, text };
+  $("fit").disabled = false;
+  open_job({});
 });
+const open_job = (more) => request({ job: { open: { ...chosen, ...more } } }).catch((error) => tell(error.message));
+$("fit").addEventListener("click", () => open_job({ zero: "fit" }));
 const job_please = (act) => request({ job: { [act]: true } }).catch((error) => tell(error.message));
 $("start").addEventListener("click", () => job_please("start"));
 $("hold").addEventListener("click", () => job_please(frame.job.state === "paused" ? "go_on" : "pause"));
