@@ -68,8 +68,9 @@ def test_the_spindle_turns_as_fast_as_the_file_says(controller: str, words: str,
 @pytest.mark.parametrize(
     ("controller", "words", "machine", "said"),
     [
-        ("ismif", "M3 S12000", "4030-hf", "speed of 12000 rev/min is not told to the spindle, nor is any other"),
+        ("ismif", "M3 S12000", "4030-hf", "it follows an output that this controller has not, and stands"),
         ("ismif", "S12000\nM3", "4030-hf", "a spindle speed of 12000 rev/min is not told"),
+        ("ismif", "M3 S12000", "4030", "is not told to the spindle, nor is any other: set it by hand"),
         ("imc-s8", "M3 S12000", "4030", "set it by hand, or set [cam] spindle_max_rpm to its speed at 10 V"),
         ("gmi99", "M3 S12000", "4030-servo", "set it by hand, or set [cam] spindle_max_rpm to its speed at 10 V"),
         ("imc-s8", "M3 S30000", "4030-hf", "a spindle speed of 30000 rev/min is more than it makes: 24000 rev/min"),
@@ -144,3 +145,13 @@ def test_a_raster_of_speeds_is_a_line_each() -> None:
     assert [text for text in lines if text.startswith("@0B")] == [
         "@0B4,0", "@0B2,1", "@0B4,10", "@0B4,20", "@0B4,0", "@0B2,0",
     ]  # fmt: skip
+
+
+def test_speeds_that_are_not_told_part_no_motions() -> None:
+    """Cuts in one line are one telegram of the GMI99, and one job of the iSMIF, but for the remark at the first S."""
+    path: list[Element] = [Spindle(P, 1, 100.0)]
+    for k in range(1, 5):
+        path += [Spindle(P, 1, 100.0 + k), line(float(k), 0, 0)]
+    assert [text.count("81h") for text in texts(lines_of("gmi99", [*path, END])) if "81h" in text] == [4]
+    assert [text for text in texts(lines_of("ismif", [*path, END])) if text[:1] == "L"][-1] == "L0,X320<1>"
+    assert sum(text.endswith("<1>") for text in texts(lines_of("ismif", [*path, END])) if text[:1] == "L") == 1

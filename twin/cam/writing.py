@@ -147,6 +147,8 @@ class _Writer:
             elif isinstance(element, PathMode):
                 self._exact = element.exact and bool(self._axes.lag_s)
                 self._following.bound(element.tolerance_mm)
+            elif isinstance(element, Spindle):
+                yield from self._spindle(element)
             else:
                 yield from commands.held()
                 yield from self._event(element)
@@ -187,8 +189,6 @@ class _Writer:
                 yield from self._reference(element)
             case Dwell():
                 yield Written(commands.dwell(element.seconds), place)
-            case Spindle():
-                yield from self._spindle(element)
             case Coolant():
                 lines = commands.coolant(element.number, element.on)
                 if element.on or lines is not None:  # what cannot be switched on need not be switched off
@@ -219,7 +219,8 @@ class _Writer:
             yield from self._to(to, run.place, z_first=True)
 
     def _spindle(self, spindle: Spindle) -> Iterator[Written]:
-        """S counts until another one comes, also over a standstill; alone it switches nothing (language/11)."""
+        """S counts until another one comes, also over a standstill; alone it switches nothing (language/11), and parts
+        no motions that the controller joins."""
         place, turns, before = spindle.place, spindle.turns, self._speed_rpm
         only_speed = spindle.speed_rpm is not None and turns == self._turns
         if spindle.speed_rpm is not None:
@@ -231,9 +232,11 @@ class _Writer:
             text = "spindle counter-clockwise: the controller only switches it on, in the sense that it has"
             self._course.caution("sense", place, text)
         if not only_speed or (turns and self._tells_speed and self._speed_rpm != before):
+            yield from self._commands.held()
             yield from self._switched(self._commands.spindle(turns, self._speed()), place, "spindle")
         self._turns = turns
         if spindle.wait_s > 0:
+            yield from self._commands.held()
             yield Written(self._commands.dwell(spindle.wait_s), place)
 
     def _speed(self) -> Speed | None:
@@ -251,9 +254,12 @@ class _Writer:
             if 0.0 < self._top_rpm < rev_min:
                 self._course.caution("fast spindle", place, f"{told} more than it makes: {self._top_rpm:g} rev/min")
         elif (on or rev_min) and not (fixed and abs(rev_min - fixed) <= FIXED * fixed):
-            by_hand = f"by hand it stands at {fixed:g} rev/min" if fixed else "set it by hand"
-            scale = ", or set [cam] spindle_max_rpm to its speed at 10 V" if self._commands.speed_by else ""
-            self._course.caution("speed", place, f"{told} not told to the spindle, nor is any other: {by_hand}{scale}")
+            why = f"by hand it stands at {fixed:g} rev/min" if fixed else "set it by hand"
+            if self._commands.speed_by:
+                why += ", or set [cam] spindle_max_rpm to its speed at 10 V"
+            elif self._axes.spindle_max_rpm:
+                why = "it follows an output that this controller has not, and stands"
+            self._course.caution("speed", place, f"{told} not told to the spindle, nor is any other: {why}")
 
     def _output(self, output: Output) -> Iterator[Written]:
         for bit in range(output.mask.bit_length()):
