@@ -14,7 +14,7 @@ from isel_twin.base.parameters import FileError
 from isel_twin.cli import main
 from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs import robust, uncertain
-from isel_twin.jobs.checks.job import repeated
+from isel_twin.jobs.checks.findings import repeated
 from isel_twin.jobs.checks.rules import Bounds
 from isel_twin.jobs.job import parse_job
 from isel_twin.jobs.playing import Played, played

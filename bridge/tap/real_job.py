@@ -25,7 +25,7 @@ from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.bridge.tap.real_port import PIECE_BYTES, RealPort
 from isel_twin.bridge.tap.tap import port_settings
 from isel_twin.controller import SerialFormat, offers
-from isel_twin.jobs.checks.job import of_answer, of_cycle, of_unsent
+from isel_twin.jobs.checks.findings import of_answer, of_cycle, of_unsent
 from isel_twin.jobs.checks.rules import RULES, Bounds, Finding, few
 from isel_twin.jobs.job import Line
 from isel_twin.jobs.result import Result

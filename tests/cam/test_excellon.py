@@ -6,10 +6,11 @@ import dataclasses
 
 import pytest
 
+from isel_twin.cam.excellon import Excellon
 from isel_twin.cam.reader import head_of
 from isel_twin.cam.registry import reader_for
 from isel_twin.cam.settings import CamSettings
-from isel_twin.cam.toolpath import CamError
+from isel_twin.cam.toolpath import CamError, Line
 from tests.cam.short import UP, cautions, told
 
 DRILL = dataclasses.replace(UP, feed_mm_s=10.0, depth_mm=2.0)
@@ -218,6 +219,12 @@ def test_points(body: str, at: list[str] | None) -> None:
         assert holes(text) == at
 
 
+def test_what_a_pattern_makes_again_is_of_the_line_that_asks_for_it() -> None:
+    text = f"{HEAD}M25\nX1000\nX2000\nM01\nM02Y1000\nM08\nX9000\nM30\n"
+    path = [element for element in Excellon().read(text.splitlines(), DRILL) if isinstance(element, Line)]
+    assert [element.place.line for element in path] == [8, 9, 11, 11, 13]
+
+
 def test_the_codes_of_format_1_are_translated() -> None:
     """G81 M25 M24 M26 M27 M01 M00 M02 are G05 M25 M01 M02 M08 M06 M09 M00 of format 2."""
     text = "M48\nFMAT,1\nMETRIC,TZ,000.000\nT1C1\n%\nT1\nG81\nM25\nX1000\nM24\nM26X1000\nM27\nM01\nM00\nM02\nX9\n"
@@ -312,7 +319,7 @@ def test_a_depth_that_nobody_has_set_is_said() -> None:
         ),
         ("M01", "line 7, column 1: M01 ends a pattern that has no beginning; write M25 before it"),
         ("X1000X2000", "line 7, column 6: X is there twice in one line"),
-        ("X1E5", "line 7, column 1: X: 1E5 has an exponent; write 100000"),
+        ("X1E5", "line 7, column 1: X: 1E5 has an exponent; write 100000.0"),
         ("X1000Q5", "line 7, column 6: Q5 is no word of Excellon here"),
         ("X1,5Y2", "line 7, column 1: X: 1,5 has a comma; write 1.5"),
         ("X", "line 7, column 1: 'X' is no word of Excellon"),

@@ -190,6 +190,7 @@ def test_feeds_out_of_proportion_are_told_with_their_line(name: str, text: str, 
         ("gcode", "G21\nG93 G1 X300 F0.01\nM2", {}),
         ("gcode", "G21\nG1 X300\nM2", {"feed_mm_s": 0.01}),  # the user's own
         ("gcode", "G71\nG1 X300 F15\nM2", {"dialect": "winpc"}),
+        ("gcode", "G21\nG1 X300 F100000\nM2", {}),  # in no unit; the machine's own limit is told
         ("ncp", "IMF_PBL\nVEL 5000\nMOVEABS Z-1000\nVEL 100000\nMOVEABS X300000\nPROGEND", {}),
     ],
 )

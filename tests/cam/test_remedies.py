@@ -160,6 +160,8 @@ DRILL = (
         UNCLEAR, 'set drill_format = "3:3 LZ" if it is 123.45 mm', UNCLEAR, "rapid 123.45 0 5", DEPTH,
         {"drill_format": "3:3 LZ"},
     ),
+    Remedy(f"{HOLES}\nX1,5", "write 1.5", f"{HOLES}\nX1.5", "rapid 1.5 0 5", DEPTH),
+    Remedy(f"{HOLES}\nX1E1", "write 10.0", f"{HOLES}\nX10.0", "rapid 10 0 5", DEPTH),
     Remedy(UNCLEAR, '"3:3 TZ" if it is 12.345 mm', UNCLEAR, "rapid 12.345 0 5", DEPTH, {"drill_format": "3:3 TZ"}),
     Remedy(
         f"{HOLES}\nX0G85X1000", "set feed_mm_s", f"{HOLES}\nX0G85X1000",
@@ -318,19 +320,21 @@ def test_a_file_that_counts_downwards() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "text", "unit", "meant"),
+    ("name", "text", "settings", "unit", "meant"),
     [
-        ("gcode", "G21 G90\nG1 X300 F15\nM2", "mm/s", "line 300 0 0 F15"),
-        ("gcode", "G20 G90\nG1 X10 F1800\nM2", "mm/min", "line 254 0 0 F30"),
-        ("gcode", "G21 G90\nG1 X300 F50000\nM2", "um/s", "line 300 0 0 F50"),
-        ("ncp", "IMF_PBL\nVEL 20\nMOVEABS X300000\nPROGEND", "mm/s", "line 300 0 0 F20"),
-        ("ncp", "IMF_PBL\nVEL 300\nMOVEABS X300000\nPROGEND", "mm/min", "line 300 0 0 F5"),
+        ("gcode", "G21 G90\nG1 X300 F15\nM2", {}, "mm/s", "line 300 0 0 F15"),
+        ("gcode", "G20 G90\nG1 X10 F1800\nM2", {}, "mm/min", "line 254 0 0 F30"),
+        ("gcode", "G71 G90\nG1 X300 F1200\nM2", {"dialect": "winpc"}, "mm/min", "line 300 0 0 F20"),
+        ("gcode", "G21 G90\nG1 X300 F5400\nM2", {"feed_unit": "mm/s"}, "mm/min", "line 300 0 0 F90"),
+        ("ncp", "IMF_PBL\nVEL 20\nMOVEABS X300000\nPROGEND", {}, "mm/s", "line 300 0 0 F20"),
+        ("ncp", "IMF_PBL\nVEL 300\nMOVEABS X300000\nPROGEND", {}, "mm/min", "line 300 0 0 F5"),
+        ("ncp", "IMF_PBL\nVEL 5000\nMOVEABS X300000\nPROGEND", {"feed_unit": "mm/s"}, "um/s", "line 300 0 0 F5"),
     ],
 )
-def test_feeds_out_of_proportion(name: str, text: str, unit: str, meant: str) -> None:
-    said = cautions(name, text)
+def test_feeds_out_of_proportion(name: str, text: str, settings: dict[str, Any], unit: str, meant: str) -> None:
+    said = cautions(name, text, dataclasses.replace(UP, **settings))
     assert [f'set feed_unit = "{unit}"' in each for each in said] == [True]
-    assert told(name, text, dataclasses.replace(UP, feed_unit=unit)) == [meant, "end"]
+    assert told(name, text, dataclasses.replace(UP, **{**settings, "feed_unit": unit})) == [meant, "end"]
 
 
 def test_settings_of_drill_files_that_are_said() -> None:

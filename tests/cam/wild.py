@@ -156,6 +156,27 @@ PROGEND
 """).encode(),
     # one line, a stroke beside the drawing that the program makes by itself
     "inkscape.hpgl": b"IN;SP1;PU0,0;PD0,90;PU400,400;PD1200,400,1200,800;SP2;PU600,600;PD700,700;PU0,0;SP0;IN; ",
+    # CR LF, digits without a point, another tool, a slot, a step of a pattern
+    "kicad.drl": _lines("""
+M48
+; DRILL file {KiCad 5.1.9} date 2021
+; FORMAT={3:3/ absolute / metric / suppress leading zeros}
+; #@! TF.GenerationSoftware,Kicad,Pcbnew,(5.1.9)
+FMAT,2
+METRIC,TZ
+T1C0.800
+T2C1.000
+%
+G90
+G05
+T1
+X10000Y10000
+X20000
+T2
+X25000Y20000G85X30000Y20000
+T0
+M30
+""").encode(),
     # small letters, blanks in numbers, a remark in a remark, Ctrl-Z
     "estlcam.nc": _lines("""
 (Project groove)

@@ -24,7 +24,7 @@ pytestmark = pytest.mark.long(seconds=3)
 
 FILE = "G0 X10 Y10 Z1\nG1 X20 F100000\nG1 Z5\nM2\n"
 SAID = {1: "numbers are read as mm", 2: "a feed of 1666.67 mm/s is more than the machine makes", 4: "count downwards"}
-SETTINGS = '[cam]\nzero = [100, 80, 30]\n[check]\nplant = "kinematic"\n'
+SETTINGS = '[cam]\nzero = [100, 80, 30]\n[check]\nplant = "kinematic"\nspindle = false\n'
 CALLS = [("imc-s8", "4030"), ("ismif", "4030"), ("gmi99", "4030-servo"), ("bwo900", "4030-servo")]
 
 Call = Callable[..., tuple[int, str, str]]

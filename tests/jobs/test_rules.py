@@ -61,10 +61,12 @@ def test_without_bounds_and_physics_few_things_are_ok() -> None:
     assert told["drive"] == "not looked at: no servo drive"
     assert told["collision"] == "not looked at: nothing is clamped that could be met"
     assert told["caution"] == "not looked at: no file of a CAM program"
+    assert told["spindle"] == "not looked at: no file of a CAM program that cuts, and no stock"
+    assert told["rapid"] == "not looked at: nothing that is clamped is stock"
     assert told["effect"] == "not looked at: no scenario, no bound"
     rest = "unread refused restart line unfinished unpowered switch fault odd".split()  # noqa: SIM905
     assert {rule: told[rule] for rule in rest} == dict.fromkeys(rest, "ok")
-    assert len(told) == len(unasked) + len(rest) + 6
+    assert len(told) == len(unasked) + len(rest) + 8
 
 
 @pytest.mark.parametrize(

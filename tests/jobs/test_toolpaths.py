@@ -94,7 +94,7 @@ def test_a_machine_that_does_not_fit_is_told_by_its_own_file(words: tuple[str, .
 
 
 def test_a_finding_of_check_names_the_line_of_the_file(folder: Path) -> None:
-    (folder / "isel-twin.toml").write_text(SETTINGS + "[check]\nplant = 'kinematic'\ncycle_s = 5.0\n")
+    (folder / "isel-twin.toml").write_text(SETTINGS + "[check]\nplant = 'kinematic'\nspindle = false\ncycle_s = 5.0\n")
     done = isel_twin("check", folder / "part.ncp", "--json")
     assert done.returncode == 1
     (report,) = [json.loads(line) for line in done.stdout.splitlines() if "findings" in line][:1]

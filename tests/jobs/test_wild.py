@@ -24,6 +24,7 @@ CUTS = {  # lines in which each of them cuts, and where it stands at the end: mm
     "pcb2gcode.ngc": ({18, 19, 20}, (130.0, 100.0, 34.92)),
     "gerbv.ncp": ({14, 15, 16}, (130.0, 100.0, 38.0)),
     "inkscape.hpgl": ({1}, (100.0, 80.0, 35.0)),
+    "kicad.drl": ({13, 14, 16}, (130.0, 100.0, 35.0)),
     "estlcam.nc": ({12, 13, 14}, (130.0, 100.0, 35.0)),
 }
 MOVES = {"imc-s8": "@0", "ismif": "L0", "gmi99": "h ", "bwo900": "N"}
@@ -57,7 +58,7 @@ def test_it_runs_in_its_own_lines(name: str, controller: str, folder: Path) -> N
 @pytest.mark.parametrize("name", WILD)
 def test_an_error_in_its_last_line_is_told_there_and_nothing_is_left(name: str, folder: Path) -> None:
     ends = {"fusion.nc": b"N110 M30", "vectric.ncp": b" PROGEND", "pcb2gcode.ngc": b"M2 ", "gerbv.ncp": b"PROGEND"}
-    ends |= {"inkscape.hpgl": b"IN; ", "estlcam.nc": b"m30", "flatcam.nc": b"M05\r\n"}
+    ends |= {"kicad.drl": b"M30", "inkscape.hpgl": b"IN; ", "estlcam.nc": b"m30", "flatcam.nc": b"M05\r\n"}
     wrong = {".ncp": b"MOVEABS Q5", ".hpgl": b"PE1;"}.get(Path(name).suffix, b"G1 X1 Q5")
     before, end, behind = WILD[name].rpartition(ends[name])
     (folder / name).write_bytes(before + wrong + b"\r\n" + end + behind)

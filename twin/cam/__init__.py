@@ -5,7 +5,8 @@
 toolpath.py   what a toolpath is: rapid, line, arc, dwell, tool, spindle, ...
 settings.py   what the file does not say: zero point, tools, heights, speeds
 registry.py   which readers are installed, by entry points; which one a file is for
-reader.py     what a reader is, and what all of them share: gcode/, hpgl/, ncp/ are those of the package
+reader.py     what a reader is, and what all of them share: excellon/, gcode/, hpgl/, ncp/ are those of the package
+pen.py        a tool whose file has no heights: of plots and drill files
 section.py    a part of a toolpath: from a line of its file on, or up to one
 course.py     a toolpath in the counts of a machine: rounded, within its travel and its speeds; arcs.py: chords
 fitting.py    how far a file reaches, and a zero of the work with which it is within the travel

@@ -1,6 +1,6 @@
 """Feeds of a file: their unit, and the caution that they are out of proportion in it (cam/39).
 
-upper bound   500 mm/s                            no gantry of these cuts so fast
+upper bound   500 mm/s                            no gantry of these cuts so fast; said if another unit fits
 lower bound   3 um in a turn of the spindle       less than the edge of a cutter is round: it rubs
               0.5 um, if the file only goes down  a core drill in glass grinds so
 """
@@ -22,13 +22,13 @@ USUAL_MM_S = 10.0  # of the units that a file may mean, the one is named that br
 
 class Feeds:
     """The fastest cut of a file, across if it has one. per_mm_s: 1 mm/s in the feeds of the line that is read; 0 if it
-    has none (G93)."""
+    has none (G93). units: of FEED_UNITS, that files of the format are written in."""
 
-    def __init__(self, settings: CamSettings, per_mm_s: Callable[[], float]) -> None:
+    def __init__(self, settings: CamSettings, per_mm_s: Callable[[], float], units: tuple[str, ...]) -> None:
         self.across_mm_s = 0.0  # a cut that is no faster need not be looked at
         self._down_mm_s = 0.0
         self._own_mm_s = settings.feed_mm_s
-        self._per_mm_s = per_mm_s
+        self._per_mm_s, self._units = per_mm_s, units
         self._turns, self._rpm = 0, 0.0
         self._at: tuple[Place, float, float] | None = None  # the cut: its place, per_mm_s, least feed
 
@@ -51,18 +51,17 @@ class Feeds:
         self._at = element.place, per_mm_s, least_mm * turns / 60.0
 
     def caution(self) -> Iterator[Caution]:
-        """One if even the fastest cut is too slow, or it is too fast."""
+        """One if even the fastest cut is too slow, or it is too fast and another unit fits; else writers say so."""
         if self._at is None:
             return
         place, per_mm_s, least = self._at
         feed = self.across_mm_s or self._down_mm_s
         if least <= feed <= FASTEST_MM_S:
             return
-        meant = {name: feed * per_mm_s / of_1 for name, of_1 in FEED_UNITS.items()}
+        meant = {name: feed * per_mm_s / FEED_UNITS[name] for name in self._units}
         name = min(meant, key=lambda each: abs(math.log(meant[each] / USUAL_MM_S)))
-        remedy = f'; if its feeds are in {name}, set feed_unit = "{name}"'
-        yield Caution(
-            place,
-            f"feeds out of proportion: the fastest cut of this file is at {feed:.3g} mm/s"
-            f"{remedy if least <= meant[name] <= FASTEST_MM_S else ''}",
-        )
+        what = f"feeds out of proportion: the fastest cut of this file is at {feed:.3g} mm/s"
+        if least <= meant[name] <= FASTEST_MM_S:
+            yield Caution(place, f'{what}; if its feeds are in {name}, set feed_unit = "{name}"')
+        elif feed < least:
+            yield Caution(place, what)

@@ -178,7 +178,7 @@ def _within(mm: float, least: float, most: float) -> float:
 def _drawn(found: Extents, axes: MachineAxes, settings: CamSettings) -> str:
     """What a file draws about its zero, Z as the file has it, and the travel."""
     signs = 1, 1, settings.z_sign if settings.file_z_up else -settings.z_sign
-    drawn = [_in_words(name, *one) for name, *one in zip(AXES, found.work, signs, strict=True)]
+    drawn = [_in_words(name, span, sign) for name, span, sign in zip(AXES, found.work, signs, strict=True)]
     travel = [_in_words(name, span, 1) for name, span in zip(AXES, axes.travel_mm, strict=True) if span[0] < span[1]]
     draws = f"the file draws {', '.join(filter(None, drawn))} mm about its zero, " if any(drawn) else ""
     return f"{draws}the machine travels {', '.join(travel)} mm"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import islice, takewhile
 from typing import BinaryIO, Protocol
 
@@ -195,12 +195,12 @@ class Once:
         return (Caution(place, text),)
 
 
-def plausible(path: Toolpath, settings: CamSettings, per_mm_s: Callable[[], float]) -> Toolpath:
+def plausible(path: Toolpath, settings: CamSettings, feeds: Feeds) -> Toolpath:
     """The same toolpath; before its end a caution if its highest point is cut and its lowest is travelled (cam/14), if
-    it cuts less deep than it can be meant (cam/34), or at feeds out of proportion (cam/39). per_mm_s: of `Feeds`."""
+    it cuts less deep than it can be meant (cam/34), or at feeds out of proportion (cam/39)."""
     travel, cut = [math.inf, -math.inf], [math.inf, -math.inf]  # lowest and highest Z
     zero = settings.machine_point(settings.zero)[2]
-    feeds, at = Feeds(settings, per_mm_s), settings.machine_point(settings.start)
+    at = settings.machine_point(settings.start)
     element: Element
     for element in path:
         kind = type(element)

@@ -1,4 +1,4 @@
-"""What is wrong with a capture, beside what it makes of the machine: findings, as a job has them."""
+"""Findings of a capture, as of a job: faults of its signals, beside what it makes of the machine."""
 
 from __future__ import annotations
 

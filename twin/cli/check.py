@@ -63,6 +63,13 @@ class Demands(JobTwin, options.CamOptions):
     ] = None
     cycle_s: Annotated[float | None, Parameter(help="Most time from first command to end of the last, s.")] = None
     clearance: Annotated[float | None, Parameter(help="Least distance of what must not meet, mm.")] = None
+    spindle: Annotated[
+        bool | None,
+        Parameter(negative="no-spindle", help="The spindle turns in every cut; no: it is switched by hand."),
+    ] = None
+    rapid: Annotated[
+        bool | None, Parameter(negative="no-rapid", help="No rapid and no change of a tool is in the stock.")
+    ] = None
     may_strike: Annotated[str | None, Parameter(help="End switches that may be struck, with commas; all.")] = None
     robust: Annotated[
         Whole | None, Parameter(help="Number of other machines, as one can buy them, on which it is repeated.")
@@ -376,7 +383,7 @@ def perform(asked: tuple[Task, Path | None]) -> Report | Unread:
     except CallError as error:
         return Unread(str(task.job), str(error), error.excerpt)
     drawn = None
-    if source is not None and task.bounds.contour_mm is not None:
+    if source is not None:
         drawn = drawing(source.path(), cam_settings(task.job, task.call), task.bounds.contour_mm)
     with ExitStack() as stack:
         watched: list[tuple[Inspection, Recorder]] = []

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def convert(
-    file: Annotated[Path, Parameter(help="NCP, G-code or HPGL.")],
+    file: Annotated[Path, Parameter(help="NCP, G-code, HPGL or Excellon.")],
     /,
     *,
     controller: options.ControllerName = TwinSpec.controller,

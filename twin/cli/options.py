@@ -177,7 +177,8 @@ class CamOptions:
     """How files of CAM programs are taken."""
 
     form: Annotated[
-        str | None, Parameter(name="--format", help="Format of the job file, whatever it looks like: ncp, gcode, hpgl.")
+        str | None,
+        Parameter(name="--format", help="Format of the job file, whatever it looks like: ncp, gcode, hpgl, excellon."),
     ] = None
     zero: Annotated[
         str | None,

@@ -26,6 +26,7 @@ from isel_twin.controller import (
     ReferenceSearch,
     Remark,
     Reply,
+    SerialFormat,
     Step,
     offers,
 )
@@ -65,6 +66,10 @@ class Connected:
     _sense: NDArray[np.int8] | None
     _observers: Observers[Any]
     _restarts: int
+
+    @property
+    def serial_format(self) -> SerialFormat:
+        raise NotImplementedError
 
     def _note(self, kind: str, what: Any) -> None:
         raise NotImplementedError
@@ -142,9 +147,9 @@ class Connected:
         return arrival if found else None
 
     def _show_inputs(self) -> None:
-        """Let the observers look at inputs that have changed, or because it is time."""
+        """Let the observers look at what has changed, or because it is time."""
         changes = self._wiring.changes
-        self._observers.look(self, self._observers.inputs_changed(self, changes), changes)
+        self._observers.look(self, self._observers.shown_changed(self, changes), changes)
 
     def _take_events(self) -> None:
         """Take the controller's events after a call, and its motion."""

@@ -11,6 +11,8 @@ class _Seen(Protocol):
     def time_ns(self) -> int: ...
     @property
     def inputs(self) -> Mapping[str, str]: ...
+    @property
+    def outputs(self) -> Mapping[str, int]: ...
 
 
 Seen = TypeVar("Seen", bound=_Seen)
@@ -23,13 +25,13 @@ class Observers(Generic[Seen]):
         self._all: list[_Observer[Seen]] = []
         self.any = False  # there are some
         self._changes = 0  # `Wiring.changes` at the last look
-        self._inputs: Mapping[str, str] = {}  # inputs at that time
+        self._shown: tuple[Mapping[str, str], Mapping[str, int]] = {}, {}  # inputs and outputs at that time
 
     def add(self, callback: Callable[[Seen], None], interval_ns: int | None, twin: Seen, changes: int) -> None:
         """Add an observer and call it at once. changes: `Wiring.changes`."""
         self._all.append(_Observer(callback, interval_ns, twin.time_ns))
         self.any = True
-        self._changes, self._inputs = changes, twin.inputs
+        self._changes, self._shown = changes, (twin.inputs, twin.outputs)
 
     @property
     def next_ns(self) -> int | None:
@@ -41,23 +43,23 @@ class Observers(Generic[Seen]):
         if not self._all:
             return
         if changed:
-            self.inputs_changed(twin, changes)
+            self.shown_changed(twin, changes)
         for one in self._all:
             one.look(twin, changed)
 
-    def inputs_changed(self, twin: Seen, changes: int) -> bool:
-        """True if an input has changed since the last look."""
+    def shown_changed(self, twin: Seen, changes: int) -> bool:
+        """True if an input, or an output that changes by itself, has changed since the last look."""
         if not self._all or self._changes == changes:
             return False
         self._changes = changes
-        before, self._inputs = self._inputs, twin.inputs
-        return before != self._inputs
+        before, self._shown = self._shown, (twin.inputs, twin.outputs)
+        return before != self._shown
 
     def restored(self, twin: Seen, changes: int) -> None:
         """Call all observers after the twin was restored to another time; their grids stay."""
         for one in self._all:
             one.go_on(twin.time_ns)
-        self._changes, self._inputs = changes, twin.inputs if self._all else {}
+        self._changes, self._shown = changes, (twin.inputs, twin.outputs) if self._all else ({}, {})
         for one in self._all:
             one.look(twin, changed=True)
 

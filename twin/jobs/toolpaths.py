@@ -230,8 +230,8 @@ def _places(made: Sequence[Written]) -> tuple[int, ...]:
 
 
 class Watched:
-    """What passes on its way from reader to writer, who tells the cautions of both: the lines that are made, times by
-    line, unless they are not asked for, and a caution about a file that moves nothing."""
+    """Elements on their way from reader to writer, with the cautions of both: the lines that are made, times by line,
+    unless they are not asked for, and a caution about a file that moves nothing."""
 
     def __init__(self, settings: CamSettings, part: LineRange = WHOLE, by_line: bool = True) -> None:
         self.settings = settings

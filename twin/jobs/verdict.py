@@ -401,7 +401,7 @@ def _since_known(results: Sequence[Result]) -> Sequence[Result]:
 
 
 def _unexpected(faults: LineFaults, known: Sequence[Sequence[int | None]]) -> LineFaults:
-    """Those after the last met condition on each kind."""
+    """Faults of the line after the last met condition on each kind."""
     told = [each for each in known if each]
     return faults.since(LineFaults(*map(_last, zip(*told, strict=True))))
 

@@ -19,7 +19,7 @@ RESTARTED = "the controller restarted before this was done"
 
 
 def referenced_astray(axes: Iterable[str]) -> str:
-    """What is wrong with reference points (jobs/14), in words; "" for no axes."""
+    """Words for reference points without a switch (jobs/14); "" for no axes."""
     names = ", ".join(name.upper() for name in dict.fromkeys(axes))
     return f"referenced though no end switch was struck: {names}" if names else ""
 

@@ -137,7 +137,7 @@ class Circle:
 
     @property
     def ticks(self) -> int:
-        """Those of the arc, or of a third axis that has more."""
+        """Ticks of the arc, or of a third axis that has more."""
         return max(self.arc_ticks, abs(self.third_steps))
 
     def deltas(self, first: int, last: int) -> NDArray[np.int8]:

@@ -71,12 +71,12 @@ def name_of(model: mujoco.MjModel, geom: int) -> str:
     name = model.geom(geom).name
     if name.endswith(_SHAPE):
         return _NAMES.get(stem := name.removesuffix(_SHAPE), stem)
-    if name.startswith(PREFIX) and (stem := _whole(name).removeprefix(PREFIX)):
+    if name.startswith(PREFIX) and (stem := of_fixture(name).removeprefix(PREFIX)):
         return stem
     return str(model.body(model.geom_bodyid[geom]).name).removeprefix(PREFIX) or "fixture"
 
 
-def _whole(name: str) -> str:
+def of_fixture(name: str) -> str:
     """Name of the fixture of which a geom is a part; that of a geom without a name is nothing but PREFIX."""
     return name.partition(_NAMELESS)[0]
 
@@ -89,7 +89,7 @@ def put_probe(spec: mujoco.MjSpec, probe: Probe) -> None:
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    down = data.body(tool.name).xmat.reshape(3, 3).T @ _ways(model, data)[2]
+    down = data.body(tool.name).xmat.reshape(3, 3).T @ ways_of(model, data)[2]
     like = next((geom for geom in tool.geoms if geom.name == TIP), None)
     ball_m, point = 0.5e-3 * probe.ball_mm, np.array(site.pos)
     middle = point + (1e-3 * probe.reach_mm - ball_m) * down
@@ -130,7 +130,7 @@ def lay(spec: mujoco.MjSpec, fixtures: Sequence[Fixture]) -> None:
     top, tool = data.site(PLACES["table"]), data.site(PLACES["tool"])
     table = spec.site(PLACES["table"]).parent
     body = data.body(table.name)
-    ways = _ways(model, data)
+    ways = ways_of(model, data)
     frame = np.column_stack((ways[0], np.cross(-ways[2], ways[0]), -ways[2]))  # X, to its left, up
     left = 1.0 if frame[:, 1] @ ways[1] > 0.0 else -1.0
     to_body = body.xmat.reshape(3, 3).T
@@ -190,7 +190,7 @@ def _add_mesh(spec: mujoco.MjSpec, name: str, fixture: Fixture) -> None:
         raise MachineError(f"{fixture.shown}.file: {file}: {one_line(str(error))}") from None
 
 
-def _ways(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.float64]:
+def ways_of(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.float64]:
     """float64 [3, 3], which way X, Y and Z point in the world: where they move the tool, seen from the table."""
     bodies = [model.site(PLACES[place]).bodyid[0] for place in ("tool", "table")]
     ways = np.zeros((len(CARRIAGES), 3))
@@ -243,9 +243,9 @@ def let_meet(machine: Machine, spec: mujoco.MjSpec, *, watched: bool) -> None:
             name = name_of(model, geom)
             if clamped:
                 shape.contype |= _CUTS if name == CUTTER else _FELT
-                body.conaffinity |= _FELT if _whole(body.name) in yields else _FELT | _CUTS
+                body.conaffinity |= _FELT if of_fixture(body.name) in yields else _FELT | _CUTS
                 _firm(model, shape, made)
-            if watched and name not in permitted.get(_whole(body.name), ()):
+            if watched and name not in permitted.get(of_fixture(body.name), ()):
                 sensor = spec.add_sensor(name=f"{shape.name} {body.name}", type=mujoco.mjtSensor.mjSENS_CONTACT)
                 sensor.objtype = sensor.reftype = mujoco.mjtObj.mjOBJ_GEOM
                 sensor.objname, sensor.refname = shape.name, body.name

@@ -118,7 +118,7 @@ def _page(recorded: Recorded, data: bytes) -> str:
 def session(
     recorded: Recorded, machine: Places | None, every: int = 1, steps: bool = True, left_out: list[str] | None = None
 ) -> Session:
-    """What the page holds. every: of twice as many samples two are taken, the least and the largest of each value;
+    """Content of the page. every: of twice as many samples two are taken, the least and the largest of each value;
     steps: with each step."""
     columns: list[bytes] = []
 

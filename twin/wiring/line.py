@@ -41,7 +41,7 @@ class LineFaults(NamedTuple):
     doubled: int = 0
 
     def since(self, before: LineFaults) -> LineFaults:
-        """Those that have come since there were so many."""
+        """Faults that have come since there were so many."""
         return LineFaults(*(now - then for now, then in zip(self, before, strict=True)))
 
     def in_words(self) -> str:

@@ -187,6 +187,18 @@ def test_a_time_with_settling_is_longer_by_what_each_move_rings() -> None:
     assert "settling" not in asked.about()
 
 
+def test_a_time_on_the_line_is_longer_by_the_bits_of_what_is_sent_and_answered() -> None:
+    """Ten bits a byte, from the first move on; each command is answered by one byte, a pause by none."""
+    asked, slow = problem(), problem(call=TwinSpec(line_speed=1200))
+    plain, timed = (make(each.as_it_stands(), Weather.of(each), 0) for each in (asked, slow))
+    job = asked.as_it_stands()
+    sent = [line.sent for line in job.lines if line.number >= job.first and line.sent]
+    assert timed.time_s - plain.time_s == pytest.approx(sum(10 * (len(each) + 1) for each in sent) / 1200, abs=2e-3)
+    assert timed.line.endswith(" of it on the line, 1200 8N1")
+    assert slow.about()["line"] == [1200, 0.0]
+    assert "line" not in asked.about()
+
+
 def test_a_repetition_whose_machine_cannot_be_built_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     made = judge_module.perturbed_twin
 

@@ -12,7 +12,7 @@ nothing can be concluded the file is refused (cam/43).
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from dataclasses import dataclass, field
 
 from isel_twin.cam.reader import MOST, Once
@@ -24,6 +24,14 @@ COMMENT, COMMAND, SETTING = 1, 2, 3  # who says it; a higher one is not overrule
 _DIGITS = {"inch": (2, 4), "mm": (3, 3)}  # where nobody says it
 _OTHER = {"LZ": "TZ", "TZ": "LZ"}
 _COORDINATE = re.compile(r"[XY][-+]?([0-9]+)(?![0-9.])", re.I)
+_MASK = re.compile(r"(0+)\.(0+)")
+_COMMENTED = re.compile(r"FORMAT\s*[=:]\s*\{?\s*([1-9])\s*[:.]\s*([0-9])\b|FORMAT\s*[=:]\s*\{", re.I)
+_IN_COMMENT = {
+    r"/\s*metric\b": ("unit", "mm"),
+    r"/\s*inch\b": ("unit", "inch"),
+    r"/\s*suppress trailing zeros\b": ("zeros", "LZ"),
+    r"/\s*suppress leading zeros\b": ("zeros", "TZ"),
+}
 _ZEROS = {"LZ": "leading zeros written", "TZ": "trailing zeros written"}
 
 
@@ -57,6 +65,30 @@ class NumberFormat:
             told = [":".join(map(str, each)) if isinstance(each, tuple) else each for each in (before, value)]
             taken = told[1] if rank >= ranked else told[0]
             yield from self.once(what, place, f"the file says {told[0]} and {told[1]}: {taken} is taken")
+
+    def header(self, word: str, parts: Iterable[str], place: Place) -> Generator[Element, None, list[str]]:
+        """INCH or METRIC, and what stands behind it; gives the parts that say nothing of numbers."""
+        rest = []
+        yield from self.say("unit", "inch" if word == "INCH" else "mm", COMMAND, place)
+        for part in filter(None, parts):
+            if mask := _MASK.fullmatch(part):
+                yield from self.say("digits", (len(mask[1]), len(mask[2])), COMMAND, place)
+            elif part in _ZEROS:
+                yield from self.say("zeros", part, COMMAND, place)
+            else:
+                rest.append(part)
+        return rest
+
+    def commented(self, comment: str, place: Place) -> Iterator[Element]:
+        """What board programs write of their numbers behind a semicolon."""
+        match = _COMMENTED.search(comment)
+        if match is None:
+            return
+        if match[1]:
+            yield from self.say("digits", (int(match[1]), int(match[2])), COMMENT, place)
+        for pattern, (what, value) in _IN_COMMENT.items():
+            if re.search(pattern, comment, re.I):
+                yield from self.say(what, value, COMMENT, place)
 
     def switch(self, unit: str) -> None:
         """M71 or M72 between holes: its own digits."""

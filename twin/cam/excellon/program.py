@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from itertools import pairwise
 
-from isel_twin.cam.excellon.numbers import COMMAND, COMMENT, INCH_MM, NumberFormat
+from isel_twin.cam.excellon.numbers import INCH_MM, NumberFormat
 from isel_twin.cam.excellon.words import Word, at_most_once, words
 from isel_twin.cam.gcode.arcs import by_radius
 from isel_twin.cam.pen import Pen
@@ -16,18 +16,10 @@ from isel_twin.cam.reader import Once
 from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import CamError, Caution, Element, End, Place, Remark, Stop
 
-DEPTH_MM = 1.8  # a board of 1.5 mm and the point of a drill
-MOST_REPEATS = 100_000  # holes and lines that R and M02 make, in a file
+DEPTH_MM = 1.8  # a board of 1.5 mm and the point of a drill (cam/44)
+MOST_REPEATS = 100_000  # holes and lines that R and M02 make, in a file (cam/47)
 _LOOSE_MM, _LOOSE = 0.01, 0.001  # radii of start and end of an arc may differ by one of these, as in NCP (cam/4)
 _NAMED = re.compile(r"[A-Z]{2,}|[A-Z],|M(4[57]|9[78])\b\W", re.I | re.A)
-_MASK = re.compile(r"(0+)\.(0+)")
-_COMMENTED = re.compile(r"FORMAT\s*[=:]\s*\{?\s*([1-9])\s*[:.]\s*([0-9])\b|FORMAT\s*[=:]\s*\{", re.I)
-_IN_COMMENT = {
-    r"/\s*metric\b": ("unit", "mm"),
-    r"/\s*inch\b": ("unit", "inch"),
-    r"/\s*suppress trailing zeros\b": ("zeros", "LZ"),
-    r"/\s*suppress leading zeros\b": ("zeros", "TZ"),
-}
 _SILENT = {"FMAT,1", "FMAT,2", "VER,1", "ICI,OFF"}
 _FMAT_1 = {1: 6, 2: 0, 24: 1, 26: 2, 27: 8, 0: 9}  # M codes of FMAT,1 in FMAT,2
 
@@ -92,7 +84,7 @@ class Program:
         self._line = line
         text, _, comment = line.partition(";")
         if comment and "FORMAT" in comment.upper():
-            yield from self._commented(comment, Place(number, len(text) + 1, ";"))
+            yield from self._format.commented(comment, Place(number, len(text) + 1, ";"))
         if not (begin := text.strip()):
             return
         if self._recording and self._pattern is not None:
@@ -112,30 +104,12 @@ class Program:
 
     # What a file says of itself --------------------------------------------------------------------------------------
 
-    def _commented(self, comment: str, place: Place) -> Iterator[Element]:
-        """What board programs write of their numbers behind a semicolon."""
-        match = _COMMENTED.search(comment)
-        if match is None:
-            return
-        if match[1]:
-            yield from self._format.say("digits", (int(match[1]), int(match[2])), COMMENT, place)
-        for pattern, (what, value) in _IN_COMMENT.items():
-            if re.search(pattern, comment, re.I):
-                yield from self._format.say(what, value, COMMENT, place)
-
     def _named(self, text: str, place: Place) -> Iterator[Element]:
-        """INCH, METRIC, ICI, FMAT, texts; settings of drilling machines, most of them in the header."""
+        """INCH, METRIC, ICI, FMAT, texts; settings of drilling machines, most of them in the header (cam/46)."""
         word, *rest = (part.strip().upper() for part in text.split(","))
         if word in ("INCH", "METRIC"):
-            yield from self._format.say("unit", "inch" if word == "INCH" else "mm", COMMAND, place)
-            for part in rest:
-                if mask := _MASK.fullmatch(part):
-                    digits = (len(mask[1]), len(mask[2]))
-                    yield from self._format.say("digits", digits, COMMAND, place)
-                elif part in ("LZ", "TZ"):
-                    yield from self._format.say("zeros", part, COMMAND, place)
-                elif part:
-                    yield from self._left_out(part, place)
+            for part in (yield from self._format.header(word, rest, place)):
+                yield from self._left_out(part, place)
         elif word == "ICI" and rest in ([], ["ON"], ["OFF"]):
             self._incremental = rest != ["OFF"]
         elif word == "FMAT" and rest in (["1"], ["2"]):
@@ -339,7 +313,7 @@ class Program:
             raise CamError("slots and routs have no feed; set feed_mm_s", place)
 
     def _slot(self, before: list[Word], code: Word, behind: list[Word]) -> Iterator[Element]:
-        """G85: a cut from a hole to another."""
+        """G85: a cut from a hole to another (cam/45)."""
         self._cut(code.place)
         self._nothing_else([*before, *behind], "XY")
         if before:
@@ -412,7 +386,7 @@ class Program:
         yield from ()
 
     def _stepped(self, code: Word, given: Mapping[str, Word]) -> Iterator[Element]:
-        """M02: the pattern again, a step from where it was made last."""
+        """M02: the pattern again, a step from where it was made last (cam/47)."""
         if self._pattern is None or self._recording:
             raise CamError(
                 f"{code.place.word} repeats a pattern, which M25 begins and M01 ends; the end of a file is M30",
@@ -427,7 +401,8 @@ class Program:
             self._step = (self._step[0] + x, self._step[1] + y)
             self._at = self._began = (self._began[0] + x, self._began[1] + y)
             for number, line in self._pattern:
-                yield from self._read(number, line)
+                for element in self._read(number, line):  # the lines of a path only grow
+                    yield element if isinstance(element, Caution) else element._replace(place=code.place)
 
     def _steps_end(self, code: Word, given: Mapping[str, Word]) -> Iterator[Element]:
         self._at = (self._at[0] - self._step[0], self._at[1] - self._step[1])

@@ -36,7 +36,9 @@ def words(text: str, line: int) -> list[Word]:
             raise CamError(f"{word[:20]!r} is no word of Excellon", Place(line, at + 1, word))
         place = Place(line, match.start(1) + 1, match[0].strip())
         if match[3]:
-            raise CamError(f"{match[1]}: {unusual(match[2] + match[3])}", place)
+            why = unusual(match[2] + match[3])
+            pointed = "." in why.rpartition(" ")[2]  # digits without a point are other numbers
+            raise CamError(f"{match[1]}: {why}{'' if pointed else '.0'}", place)
         if len(match[2]) > _MOST_DIGITS:
             raise CamError(f"{place.word[:20]} .. has too many digits", place)
         found.append(Word(match[1].upper(), match[2], place))

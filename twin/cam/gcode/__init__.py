@@ -14,6 +14,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
+from isel_twin.cam.feeds import Feeds
 from isel_twin.cam.gcode.program import Program
 from isel_twin.cam.reader import drills, mostly, plausible, whole_lines
 from isel_twin.cam.settings import CamSettings
@@ -39,7 +40,8 @@ class GCode:
 
     def read(self, lines: Iterable[str], settings: CamSettings) -> Toolpath:
         program = Program(settings)
-        return plausible(program.run(whole_lines(lines)), settings, program.per_mm_s)
+        feeds = Feeds(settings, program.per_mm_s, ("mm/min", "mm/s"))
+        return plausible(program.run(whole_lines(lines)), settings, feeds)
 
 
 def create(name: str) -> GCode:

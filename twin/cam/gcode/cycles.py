@@ -65,7 +65,7 @@ class Cycle:
         return int(repeats)
 
     def unused(self, block: Block, strict: bool, once: Once) -> Iterator[Caution]:
-        """P and Q that are of another cycle (cam/43). Raises CamError if strict."""
+        """P and Q that are of another cycle (cam/48). Raises CamError if strict."""
         for letter, codes in (("P", DWELLING), ("Q", PECKING)):
             if letter in block.words and self._code not in codes:
                 text = f"{letter} is not of {name('G', self._code or 0)}: it is not used"

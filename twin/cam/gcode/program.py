@@ -257,7 +257,7 @@ class Program:
                 yield Output(block.at("M", code), f"M{abs(code)}", 1, int(code > 0))
 
     def _digital(self, block: Block, code: int) -> Output:
-        """M62 and M64 switch the output P on, M63 and M65 off; all of them between motions (cam/44)."""
+        """M62 and M64 switch the output P on, M63 and M65 off; all of them between motions (cam/49)."""
         number = block.words.get("P", -1.0)
         if number < 0.0 or number != int(number):
             raise block.wrong(f"M{code} wants P, the number of an output: a whole number, 0 or more")

@@ -16,9 +16,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
+from isel_twin.cam.feeds import Feeds
 from isel_twin.cam.ncp.program import Program
 from isel_twin.cam.reader import mostly, plausible, whole_lines
-from isel_twin.cam.settings import CamSettings
+from isel_twin.cam.settings import FEED_UNITS, CamSettings
 from isel_twin.cam.toolpath import Toolpath
 
 _CLAIM = re.compile(
@@ -40,7 +41,8 @@ class Ncp:
 
     def read(self, lines: Iterable[str], settings: CamSettings) -> Toolpath:
         program = Program(settings)
-        return plausible(program.run(whole_lines(lines)), settings, program.per_mm_s)
+        feeds = Feeds(settings, program.per_mm_s, tuple(FEED_UNITS))
+        return plausible(program.run(whole_lines(lines)), settings, feeds)
 
 
 def create(name: str) -> Ncp:

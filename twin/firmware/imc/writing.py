@@ -61,7 +61,7 @@ class ImcCommands:
         return (self._line(move.place, move.to, self._speed(move)),)
 
     def _speed(self, move: Move) -> int:
-        """Of the leading axis, or along the path (motion/1), where axes of other counts may ask for too much."""
+        """Speed of the leading axis, or along the path (motion/1), where axes of other counts may ask for too much."""
         if not self.along_path:
             return round(move.hz)
         return min(round(move.hz * math.hypot(*move.steps) / max(map(abs, move.steps))), self.high_hz)

@@ -10,7 +10,7 @@ What is cut counts; rapids only lead from one cut to the next (jobs/9). The coun
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from isel_twin.cam import arcs
 from isel_twin.cam.settings import CamSettings
-from isel_twin.cam.toolpath import Arc, Line, Point, Rapid, Reference, Toolpath
+from isel_twin.cam.toolpath import Arc, Element, End, Line, Place, Point, Rapid, Reference, Spindle, Tool, Toolpath
 
 BACK_MM, AHEAD_MM = 2.0, 5.0  # along the path, from the nearest point before, in which the next one is looked for
 # mm of distance that a mm counts as ...
@@ -30,11 +30,18 @@ LEAST_CHORD_MM = 1e-5
 
 @dataclass(frozen=True)
 class Drawing:
-    """A path in straight pieces."""
+    """A path in straight pieces, and what the file says of tool and spindle on it."""
 
     points_mm: NDArray[np.float64]  # [n + 1, 3], in the counters' sense
     cuts: NDArray[np.bool_]  # [n], of each piece: False for rapids
     line: NDArray[np.int64]  # [n], in the file
+    speed_rpm: NDArray[np.float64]  # [n], of the spindle, as the file says it; 0: off, nan: on, at no speed of its own
+    off: Mapping[int, int]  # lines that switch the spindle off, by the first piece without it; 0: it is not on yet
+    changes: tuple[tuple[int, int], ...]  # of tools: number of the point, and line
+    switches: bool  # the file switches the spindle on
+    relay: bool  # by the controller's own output for it
+    tolerance_mm: float  # chords leave arcs by at most this
+    z_sign: int  # 1: points grow upwards
 
     @property
     def ends_mm(self) -> NDArray[np.float64]:
@@ -42,31 +49,103 @@ class Drawing:
         ways = np.linalg.norm(np.diff(self.points_mm, axis=0), axis=1)
         return np.concatenate([[0.0], np.cumsum(ways)])
 
-
-def drawing(path: Toolpath, settings: CamSettings, bound_mm: float) -> Drawing:
-    """The path of a file, arcs by chords that leave them by a fiftieth of the bound. Raises CamError."""
-    points, cuts, lines = [settings.machine_point(settings.start)], [], []
-    tolerance_mm = max(CHORD * bound_mm, LEAST_CHORD_MM)
-    for place, to, cut in _pieces(path, points[0], tolerance_mm):
-        points.append(to)
-        cuts.append(cut)
-        lines.append(place)
-    sense = np.array([1.0, 1.0, settings.z_sign])
-    return Drawing(np.array(points) * sense, np.array(cuts, dtype=np.bool_), np.array(lines, dtype=np.int64))
+    @property
+    def lifts(self) -> NDArray[np.bool_]:
+        """bool [n], pieces that lead straight up, or nowhere: they cut nothing."""
+        ways = np.diff(self.points_mm, axis=0)
+        lifts: NDArray[np.bool_] = (np.abs(ways[:, :2]) < LEAST_CHORD_MM).all(axis=1) & (ways[:, 2] * self.z_sign >= 0)
+        return lifts
 
 
-def _pieces(path: Toolpath, at: Point, tolerance_mm: float) -> Iterator[tuple[int, Point, bool]]:
-    for element in path:
-        if isinstance(element, Rapid | Line):
-            yield element.place.line, element.to, isinstance(element, Line)
-            at = element.to
-        elif isinstance(element, Arc):
-            for to in arcs.chords(element, at, arcs.shape(element, at), tolerance_mm):
-                yield element.place.line, to, True
-            at = element.to
-        elif isinstance(element, Reference):
-            at = element.ends(at)
-            yield element.place.line, at, False
+def drawing(path: Toolpath, settings: CamSettings, bound_mm: float | None = None) -> Drawing:
+    """The path of a file, arcs by chords that leave them by a fiftieth of the bound, or as those of the controller may.
+    Raises CamError."""
+    tolerance_mm = settings.tolerance_mm if bound_mm is None else max(CHORD * bound_mm, LEAST_CHORD_MM)
+    return _Pen(settings, tolerance_mm).drawn(path)
+
+
+class _Pen:
+    """Draws a path while its elements pass."""
+
+    def __init__(self, settings: CamSettings, tolerance_mm: float) -> None:
+        self._settings, self._tolerance_mm = settings, tolerance_mm
+        self._points = [settings.machine_point(settings.start)]
+        self._pieces: list[tuple[bool, int, float]] = []  # a cut?, line, speed
+        self._speed_rpm, self._last_rpm = 0.0, math.nan  # now, and the last one that was said
+        self._off = {0: 0}
+        self._changes: list[tuple[int, int]] = []
+        self._switches = False
+        self._away_from: Point | None = None  # where the tool stood before it was changed
+
+    def drawn(self, path: Toolpath) -> Drawing:
+        for element in path:
+            self._take(element)
+        sense = np.array([1.0, 1.0, self._settings.z_sign])
+        cuts, line, speed_rpm = zip(*self._pieces, strict=True) if self._pieces else ((), (), ())
+        return Drawing(
+            np.array(self._points) * sense,
+            np.array(cuts, dtype=np.bool_),
+            np.array(line, dtype=np.int64),
+            np.array(speed_rpm, dtype=np.float64),
+            self._off,
+            tuple(self._changes),
+            self._switches,
+            "spindle" not in self._settings.outputs,
+            self._tolerance_mm,
+            self._settings.z_sign,
+        )
+
+    def _take(self, element: Element) -> None:
+        match element:
+            case Rapid() | Line() | Arc():
+                if self._away_from is not None:
+                    self._back(element)
+                if not isinstance(element, Arc):
+                    self._go(element.place, element.to, cut=isinstance(element, Line))
+                    return
+                at = self._points[-1]
+                for to in arcs.chords(element, at, arcs.shape(element, at), self._tolerance_mm):
+                    self._go(element.place, to, cut=True)
+            case Spindle():
+                self._last_rpm = self._last_rpm if element.speed_rpm is None else element.speed_rpm
+                self._switch(element.turns, element.place.line)
+            case Tool():
+                self._change(element)
+            case Reference():
+                self._by_z(element.place, element.ends(self._points[-1]))
+            case End() if self._settings.park is not None:
+                self._by_z(element.place, self._settings.machine_point(self._settings.park))
+
+    def _switch(self, turns: int, line: int) -> None:
+        was_on = self._speed_rpm != 0.0
+        self._speed_rpm = 0.0 if not turns else self._last_rpm or math.nan
+        self._switches |= bool(turns)
+        if was_on and not turns:
+            self._off[len(self._pieces)] = line
+
+    def _go(self, place: Place, to: Point, *, cut: bool = False) -> None:
+        self._pieces.append((cut, place.line, self._speed_rpm))
+        self._points.append(to)
+
+    def _change(self, tool: Tool) -> None:
+        """As cam/writing.py makes it."""
+        if (where := self._settings.tool_change) is not None:
+            self._away_from = self._away_from or self._points[-1]
+            self._by_z(tool.place, self._settings.machine_point(where))
+        self._switch(0, tool.place.line)
+        self._changes.append((len(self._points) - 1, tool.place.line))
+
+    def _by_z(self, place: Place, to: Point) -> None:
+        """By rapids, Z first."""
+        x, y, _ = self._points[-1]
+        self._go(place, (x, y, to[2]))
+        self._go(place, to)
+
+    def _back(self, element: Rapid | Line | Arc) -> None:
+        to = element.to if isinstance(element, Rapid) or self._away_from is None else self._away_from
+        self._away_from = None
+        self._go(element.place, (to[0], to[1], self._points[-1][2]))
+        self._go(element.place, to)
 
 
 @dataclass(frozen=True)

@@ -76,6 +76,7 @@ class NothingDone:
 
     commands: int = 0
     cycle_s: float = 0.0
+    line_told: str = ""
     least_margin: float | None = None
 
     def summary(self) -> dict[str, Any]:

@@ -24,7 +24,8 @@ from isel_twin.base.crew import GivenUp, Stop, given_up
 from isel_twin.core.spec import TwinSpec
 from isel_twin.core.state import StateError, TwinState
 from isel_twin.jobs.checks.contour import Drawing
-from isel_twin.jobs.checks.job import Inspection, Mark, Report, repeated
+from isel_twin.jobs.checks.findings import repeated
+from isel_twin.jobs.checks.job import Inspection, Mark, Report
 from isel_twin.jobs.checks.rules import Bounds, Finding
 from isel_twin.jobs.job import JobError, Line, check_conditions
 from isel_twin.jobs.playing import Played

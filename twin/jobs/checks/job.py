@@ -17,12 +17,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.drives.servo_drive import ServoDrive
 from isel_twin.jobs.checks.contour import Contour, Drawing, Way
+from isel_twin.jobs.checks.findings import expected, of_answer, of_verdict, placed, repeated
+from isel_twin.jobs.checks.machining import Machining, MachiningMark
 from isel_twin.jobs.checks.rules import (
     NO_PHYSICS,
     RULES,
@@ -31,20 +32,17 @@ from isel_twin.jobs.checks.rules import (
     farthest,
     few,
     of_edge,
-    of_left_out,
     of_margin,
 )
 from isel_twin.jobs.golden import Golden, Scribe, called, differences, golden_file, load
 from isel_twin.jobs.job import Line
 from isel_twin.jobs.playing import Played, played
 from isel_twin.jobs.result import Result
-from isel_twin.jobs.verdict import AFTER_END, HALF_A_SLIP, Verdict, lost, whole_slips
-from isel_twin.jobs.why import RESTARTED
+from isel_twin.jobs.verdict import Verdict, lost, whole_slips
 
 if TYPE_CHECKING:
     from isel_twin.core.spec import TwinSpec
     from isel_twin.core.twin import Twin
-    from isel_twin.jobs.robust import Repetition
     from isel_twin.jobs.toolpaths import Source
 
 LOOK_NS = 5 * MILLISECOND_NS  # sampling interval of the deviation
@@ -61,7 +59,7 @@ class Report:
     blind: Mapping[str, str] = field(default_factory=dict)  # rules that this run cannot judge, and why
 
     def outcome(self, rule: str, bounds: Bounds) -> str:
-        """What came of a rule. "ok": it was asked for, it was measured, and nothing was found."""
+        """Outcome of a rule in words. "ok": it was asked for, it was measured, and nothing was found."""
         if number := sum(finding.rule == rule for finding in self.findings):
             return f"{number} finding{'' if number == 1 else 's'}"
         if rule == "golden":
@@ -94,8 +92,8 @@ class Report:
 class _Watch:
     """Observes a twin during a job: struck switches and the largest deviation, line by line."""
 
-    def __init__(self, twin: Twin, bounds: Bounds) -> None:
-        self._twin = twin
+    def __init__(self, twin: Twin, bounds: Bounds, machining: Machining) -> None:
+        self._twin, self._machining = twin, machining
         self._ends = frozenset(switch.name for switch in twin.machine.switches)
         self._struck = self._now_struck()
         self._may = self._ends if "all" in bounds.may_strike else frozenset(bounds.may_strike)
@@ -121,6 +119,7 @@ class _Watch:
         for name in struck - self._struck - self._may:
             self.struck.setdefault(name, twin.time_ns)
         self._struck = struck
+        self._machining.look(twin)
         if self._most_mm is not None:
             error_mm = np.abs(twin.position_error_mm)
             for i in np.flatnonzero(error_mm > self._worst_mm):
@@ -181,6 +180,7 @@ class Mark:
     moves: int
     gone: tuple[bool, ...]  # axes that have lost steps
     way: Way  # along the path of the file
+    machining: MachiningMark
 
 
 class Inspection:
@@ -191,7 +191,8 @@ class Inspection:
         self.twin = twin
         self.bounds = bounds or Bounds()
         self.results: list[Result] = []
-        self._watch = _Watch(twin, self.bounds)
+        self._machining = Machining(twin, self.bounds)
+        self._watch = _Watch(twin, self.bounds, self._machining)
         if self.bounds.clearance is not None:
             twin.watch_clearance()
         self._scribe = Scribe(twin) if golden else None
@@ -213,7 +214,9 @@ class Inspection:
         contour = self._watch.contour
         way = Way() if contour is None else contour.way
         moves = 0 if self._scribe is None else len(self._scribe.moves)
-        return Mark(len(self.results), len(self._findings), moves, tuple(self._gone.tolist()), way)
+        return Mark(
+            len(self.results), len(self._findings), moves, tuple(self._gone.tolist()), way, self._machining.mark()
+        )
 
     def back(self, mark: Mark, lines: Mapping[int, int]) -> None:
         """Go on from a mark, with the twin in the state that it had then, after a line or more. lines: numbers of the
@@ -224,6 +227,7 @@ class Inspection:
             self._scribe.back(mark.moves, lines)
         self.setting = {lines[number] for number in self.setting if number in lines}
         self._gone = np.array(mark.gone, dtype=np.bool_)
+        self._machining.back(mark.machining, lines)
         self._watch.begin()
         if self._watch.contour is not None:
             self._watch.contour.restart(mark.way)
@@ -232,6 +236,7 @@ class Inspection:
     def draw(self, drawn: Drawing | None) -> None:
         """The path of the file, between two lines, which lead as far along it as along the one before; None: it is no
         file of a CAM program."""
+        self._machining.draw(drawn)
         bound_mm, before = self.bounds.contour_mm, self._watch.contour
         nothing = drawn is None or not len(drawn.cuts)
         self._watch.contour = None if drawn is None or nothing or bound_mm is None else Contour(drawn, bound_mm)
@@ -254,6 +259,7 @@ class Inspection:
         self._expected, self._made = np.array(result.counts), steps.made
         if counter_set:
             self.setting.add(result.number)
+        self._machining.take(result, steps, counter_set)
         self._findings += self._watch.findings(result, counter_set)
         self._watch.begin()
         self._findings += of_margin(result, bounds)
@@ -292,20 +298,24 @@ class Inspection:
     ) -> Report:
         """The report at the end of the job. cautions: what its file may mean otherwise, None for no file of a CAM
         program; others: further findings."""
-        findings = [finding for finding in self._findings if not _expected(finding, verdict, self.results)]
+        findings = [finding for finding in self._findings if not expected(finding, verdict, self.results)]
         findings += [*self._collisions(self.results[-1].number if self.results else None), *self._clearance()]
-        findings += [*_of_verdict(verdict, self._gone, self.results, self.bounds), *others]
+        findings += [*of_verdict(verdict, self._gone, self.results, self.bounds), *others]
         if self.bounds.contour_mm is not None and self._watch.contour is None:
             findings.append(Finding("effect", "contour_mm has no effect: no file of a CAM program, or none that cuts"))
         if self.bounds.clearance is not None and self.twin.clearance is None:
             findings.append(
                 Finding("effect", "clearance has no effect: nothing is clamped that could be met ([[fixture]])")
             )
-        placed = [*(_placed(finding, self.results) for finding in findings), *(cautions or ())]
+        told = [
+            *(placed(finding, self.results) for finding in findings),
+            *(cautions or ()),
+            *self._machining.findings(),
+        ]
         if self.bounds.strict:
-            placed = [replace(finding, strict=True) for finding in placed]
+            told = [replace(finding, strict=True) for finding in told]
         golden = Golden() if self._scribe is None else self._scribe.golden(verdict)
-        return Report(job, few(farthest(placed)), verdict, golden, self._blind(verdict, cautions))
+        return Report(job, few(farthest(told)), verdict, golden, self._blind(verdict, cautions))
 
     def _blind(self, verdict: Verdict, cautions: Sequence[Finding] | None) -> dict[str, str]:
         twin, bounds = self.twin, self.bounds
@@ -330,7 +340,7 @@ class Inspection:
             blind["effect"] = "no scenario, no bound"
         if self._watch.contour is None:
             blind["contour"] = "no file of a CAM program that cuts"
-        return blind
+        return blind | self._machining.blind
 
 
 def beside_golden(report: Report, job: Path, call: TwinSpec, source: Source | None) -> Report:
@@ -365,151 +375,3 @@ def check_job(
     verdict = played(inspection.twin, lines, [inspection.take], inspection.bounds.timeout_s).verdict
     others = repeated(call, lines, Played(tuple(inspection.results), verdict), inspection.bounds)
     return inspection.report(str(job), verdict, others, cautions)
-
-
-def _expected(finding: Finding, verdict: Verdict, results: Sequence[Result]) -> bool:
-    """True if the job itself expects it by a condition that is met: `! lost > 0`, `! limit_x2 == struck`."""
-    if finding.rule in ("unpowered", "restart", "line"):
-        left = {"unpowered": verdict.unpowered_steps, "restart": verdict.restarts, "line": sum(verdict.line_faults)}
-        return not left[finding.rule]
-    name = finding.message.partition(" ")[0]
-    if finding.rule == "drive":
-        return not verdict.switched_off[AXIS_NAMES.index(name.rstrip(":"))]
-    if finding.rule == "lost":
-        return not verdict.lost[AXIS_NAMES.index(name)]
-    wanted = (f"{name} == struck", f"input.{name} == struck")
-    said = [" ".join(result.command.strip("! \t").split()) for result in results if result.condition and result.ok]
-    return finding.rule == "switch" and any(text in wanted for text in said)
-
-
-def _placed(finding: Finding, results: Sequence[Result]) -> Finding:
-    """The finding with its place in the file if its line runs a program: the place of the controller's remark, else the
-    step at that time."""
-    result = next((one for one in results if one.number == finding.line and one.parts), None)
-    if result is None or finding.at is not None:
-        return finding
-    parts = [part for part in result.parts if part.at is not None]
-    said = [part for part in parts if not part.position_mm] if finding.rule in ("refused", "fault") else []
-    made = [part for part in parts if finding.time_ns is None or part.time_ns <= finding.time_ns]
-    found = (said or made or parts)[-1:]
-    return replace(finding, at=found[0].at) if found else finding
-
-
-def of_answer(result: Result, bounds: Bounds) -> list[Finding]:
-    """What is wrong with the reply to a line, or with a condition."""
-
-    def found(rule: str, what: str) -> Finding:
-        return Finding(rule, f"{result.command}: {what}", result.number, result.end_ns)
-
-    line = [found("line", "; ".join(filter(None, (result.disturbed, result.event))))] if result.disturbed else []
-    if not result.complete:
-        stands = result.why if result.expected is None else ""
-        return [*line, found("unfinished", stands or f"no complete reply within {bounds.timeout_s:g} s")]
-    if result.restarts:
-        return [*line, found("restart", f"{RESTARTED}; {result.event}")]
-    if result.astray:
-        line.append(found("switch", "; ".join(filter(None, (result.astray, result.event)))))
-    if result.ok or (line and result.expected is None):
-        return line
-    if result.condition:
-        return [found("unmet", result.why or result.reply)]
-    return [*line, found("refused", result.shown_reply or "no reply")]
-
-
-def of_cycle(cycle_s: float, bounds: Bounds, line: int | None, time_ns: int) -> list[Finding]:
-    if bounds.cycle_s is None or cycle_s <= bounds.cycle_s:
-        return []
-    return [Finding("cycle", f"takes {cycle_s:.3f} s; at most {bounds.cycle_s:g} s", line, time_ns)]
-
-
-def of_unsent(unsent: int, line: int | None, time_ns: int) -> list[Finding]:
-    if not unsent:
-        return []
-    many = f"{unsent} line{'s are' if unsent > 1 else ' is'}"
-    return [Finding("unfinished", f"{many} not sent", line, time_ns)]
-
-
-def _of_verdict(verdict: Verdict, gone: NDArray[np.bool_], results: Sequence[Result], bounds: Bounds) -> list[Finding]:
-    last = results[-1].number if results else None
-    found = [
-        Finding("lost", f"{name} has lost {steps + before:.0f} steps", last, verdict.time_ns)
-        for name, is_lost, told, steps, before in zip(
-            AXIS_NAMES, verdict.lost, gone, verdict.whole_steps_lost, verdict.forgotten_steps, strict=False
-        )
-        if is_lost and not told
-    ]
-    found += [
-        Finding("halfway", f"{name} {HALF_A_SLIP}", last, verdict.time_ns)
-        for name, is_halfway in zip(AXIS_NAMES, verdict.halfway, strict=False)
-        if is_halfway
-    ]
-    found += [
-        Finding("drive", f"{name} rests {abs(error):.0f} increments from its command", last, verdict.time_ns)
-        for name, is_off, error in zip(AXIS_NAMES, verdict.off_position, verdict.following_error, strict=False)
-        if is_off and error is not None
-    ]
-    told = any(result.why and not result.ok and result.parts for result in results)
-    if verdict.fault_left and not told:
-        found.append(Finding("fault", f"left in the controller: {verdict.fault_left}", last, verdict.time_ns))
-    if verdict.stores_lost:
-        found.append(Finding("fault", "the flash memory did not keep what was stored"))
-    if verdict.flash_fault:
-        found.append(Finding("fault", "the flash memory cannot be read"))
-    found += of_cycle(verdict.cycle_s, bounds, last, verdict.ended_ns)
-    found += [Finding("odd", what, line) for line, what in verdict.odd]
-    found += of_unsent(verdict.unsent, last, verdict.ended_ns)
-    asked = [rule.bound for name, rule in RULES.items() if rule.physics and bounds.limit(name)]
-    if in_vain := [] if verdict.physics else asked:
-        found.append(Finding("effect", f"not simulated: {', '.join(in_vain)}; use --plant mujoco"))
-    for number, what in (
-        (verdict.events_after_end, AFTER_END),
-        (verdict.events_without_effect, "without effect: the plant has no physics"),
-    ):
-        if number:
-            found.append(Finding("effect", f"{number} event{'s' if number > 1 else ''} of the scenario {what}"))
-    return found
-
-
-def repeated(call: TwinSpec, lines: Sequence[Line], made: Played, bounds: Bounds) -> list[Finding]:
-    """What repetitions of the job show, if there are to be any."""
-    from isel_twin.jobs.robust import agree, repetitions
-
-    found = []
-    if bounds.robust:
-        others = list(repetitions(call, lines, bounds.robust, timeout_s=bounds.timeout_s))
-        differ = [other.number for other in others if not agree(made.verdict, other.verdict)]
-        found += [Finding("luck", _otherwise(differ, len(others), "end differently"))] if differ else []
-        found += of_left_out("robust", bounds.robust - len(others))
-    if bounds.uncertain:
-        may_be = list(repetitions(call, lines, bounds.uncertain, timeout_s=bounds.timeout_s, source="known"))
-        found += _doubts(made, may_be, bounds)
-        found += of_left_out("uncertain", bounds.uncertain - len(may_be))
-    return found
-
-
-def _otherwise(numbers: Sequence[int], of: int, how: str) -> str:
-    return f"{len(numbers)} of {of} repetitions {how}: number {', '.join(map(str, numbers[:10]))}"
-
-
-def _doubts(made: Played, may_be: Sequence[Repetition], bounds: Bounds) -> Iterator[Finding]:
-    """What repetitions on machines that this one may be show, each with the band of what it is about."""
-    from isel_twin.jobs.robust import agree
-    from isel_twin.jobs.uncertain import bands
-
-    known = {band.what: band for band in bands(made.verdict, made.results, may_be)}
-
-    def doubt(what: str, how: str, wrong: Callable[[Verdict], bool]) -> Iterator[Finding]:
-        numbers = [one.number for one in may_be if wrong(one.verdict)]
-        if numbers and not wrong(made.verdict):  # else that is told of the machine as it is
-            where = f"; {known[what].in_words()}" if what in known else ""
-            yield Finding("doubt", f"{_otherwise(numbers, len(may_be), how)}{where}")
-
-    yield from doubt("", "end differently", lambda verdict: not agree(made.verdict, verdict))
-    if (cycle_s := bounds.cycle_s) is not None:
-        yield from doubt("time", f"take more than {cycle_s:g} s", lambda verdict: verdict.cycle_s > cycle_s)
-    if (margin := bounds.margin) is not None:
-        few = f"keep less than {100.0 * margin:g} %"
-        yield from doubt("margin", few, lambda v: v.least_margin is not None and v.least_margin < margin)
-    if (edge := bounds.edge) is not None:
-        swing = f"swing below {edge:g} times their speed"
-        yield from doubt("edge", swing, lambda v: v.least_edge is not None and v.least_edge[0] < edge)

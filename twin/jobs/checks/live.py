@@ -103,7 +103,7 @@ class LiveJob:
         if not lines:
             raise JobError("there is no command in it")
         drawn = None
-        if source is not None and task.bounds.contour_mm is not None:
+        if source is not None:
             drawn = drawing(source.path(), made.cam, task.bounds.contour_mm)
         report = made.check.check(lines, stop, drawn, of_cautions(source)).without(
             "" if source is None else source.not_made

@@ -54,6 +54,8 @@ RULES: Mapping[str, Rule] = {
         "The machine is where the counters say, within a tolerance.", "deviation_mm", "at most {:g} mm", physics=True
     ),
     "contour": Rule("What is cut is what the file draws, within a tolerance.", "contour_mm", "at most {:g} mm"),
+    "spindle": Rule("The spindle turns, as fast as it is to, in every cut.", "spindle"),
+    "rapid": Rule("No rapid and no change of a tool is in the stock.", "rapid"),
     "cycle": Rule("The job takes no longer than it may.", "cycle_s", "at most {:g} s", heard=True),
     "golden": Rule("The job does what it did.", "golden"),
     "luck": Rule("The job ends alike on other machines of the kind.", "robust", "{} repetitions"),
@@ -82,6 +84,8 @@ class Bounds:
     edge: float | None = None  # least factor on the speed of each motor until it swings, such as 1.2
     cycle_s: float | None = None
     clearance: float | None = None  # least distance of bodies that must not meet, mm
+    spindle: bool = True  # cuts with a standing spindle are findings
+    rapid: bool = True  # rapids and changes of tools in stock are
     may_strike: tuple[str, ...] = ()  # end switches that may be struck; "all"
     robust: int = 0  # repetitions on other machines of the kind
     uncertain: int = 0  # and on what this machine may be
@@ -94,7 +98,7 @@ class Bounds:
         if not hasattr(self, key):
             return None if key else ""
         value, usual = getattr(self, key), getattr(Bounds, key)
-        if value == usual and usual in (None, 0):
+        if value is False or (value == usual and usual in (None, 0)):
             return None
         told = ", ".join(value) if isinstance(value, tuple) else 100.0 * value if "%" in words else value
         return words.format(told) if told != "" else ""
@@ -142,7 +146,7 @@ def farthest(findings: Sequence[Finding]) -> list[Finding]:
 
 
 def of_cautions(source: Source | None) -> tuple[Finding, ...] | None:
-    """What a file of a CAM program may mean otherwise; None for any other file."""
+    """Other meanings that a file of a CAM program may have; None for any other file."""
     if source is None:
         return None
     return tuple(Finding("caution", one.text, one.place.line) for one in source.cautions)

@@ -13,6 +13,8 @@
     contour_mm = 0.05                # most distance of the carriages from what a file of a CAM program cuts
     cycle_s = 60.0                   # most time from the first command to the end of the last one
     clearance = 2.0                  # least distance of what must not meet, mm
+    spindle = true                   # the spindle turns in every cut (the default); false: switched by hand, or none
+    rapid = true                     # no rapid, no change of a tool in stock (the default)
     may_strike = ["limit_x1"]        # end switches that may be struck outside a reference run; ["all"]
     golden = true                    # compare a job with its golden run, if it has one (the default)
     robust = 20                      # repetitions on other machines of the kind
@@ -79,7 +81,7 @@ _NUMBERS: Mapping[str, Limits] = {
 }
 _OFF = [item.name for item in dataclasses.fields(Bounds) if item.default is None]  # bounds that may be "off"
 _WORDS = ("machine", "controller", "plant", "scenario")
-_FLAGS = ("golden", "strict")
+_FLAGS = ("golden", "strict", "spindle", "rapid")
 KEYS = (*_WORDS, *_NUMBERS, *_FLAGS, "may_strike", "set")
 
 
@@ -118,8 +120,8 @@ def load(path: Path) -> list[tuple[str, dict[str, Any]]]:
 def jobs_of(path: Path) -> list[str]:
     """Files, folders and patterns that a settings file names for a check of all. Raises as `load`."""
     content, place = read_lines(path, SettingsError)
-    place = place.at("check")
-    return _jobs(table(content.get("check", {}), place).get("jobs", []), place.at("jobs"))
+    section = place.at("check")
+    return _jobs(table(content.get("check", {}), section).get("jobs", []), section.at("jobs"))
 
 
 def _jobs(value: Any, place: Place) -> list[str]:

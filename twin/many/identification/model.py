@@ -211,7 +211,7 @@ class Model:
     def _moved(
         self, of: Callable[[Floats], Floats], u: Floats, central: bool
     ) -> tuple[Floats, list[list[tuple[float, Floats]]]]:
-        """What it is at u, and by parameter the steps from there with what it is after each."""
+        """Value at u, and by parameter the steps from there with the value after each."""
         steps = [_steps(item, at, central) for item, at in zip(self.unknowns, u.tolist(), strict=True)]
         points = [u + by * way for each, way in zip(steps, np.eye(len(u)), strict=True) for by in each]
         here, *told = [of(one) for one in self.predictions([u, *points])]

@@ -2,7 +2,7 @@
 
     [sweep]                          # constants
     job = "pocket.txt"               # or moves = [[60, 0, 0], [0, 0, 0]], targets in mm after a reference run
-    format = "gcode"                 # of the job, whatever it looks like: ncp, gcode, hpgl
+    format = "gcode"                 # of the job, whatever it looks like: ncp, gcode, hpgl, excellon
     zero = "fit"                     # of the work, as --zero has it: [100, 80, 60], or one that fits
     scenario = "stuck.toml"
     seeds = 20                       # 0 .. 19, or a list of them

@@ -55,7 +55,7 @@ def crosses_again(a: Element, b: Element, plane: Plane, angle: float, reach_mm: 
 
 
 def _leaves_left(a: Element, b: Element) -> float:
-    """How much b curves to the left of the way back, 1/mm; 0 if it is the way back."""
+    """Curvature of b to the left of the way back, 1/mm; 0 if it is the way back."""
     ends = curvature(a, 1.0), curvature(b, 0.0)
     return sum(ends) if abs(sum(ends)) > SAME_CURVATURE * max(map(abs, ends)) else 0.0
 
