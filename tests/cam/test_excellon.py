@@ -233,6 +233,11 @@ def test_the_codes_of_format_1_are_translated() -> None:
     assert path[-3:] == ["stop optional", "stop", "end"]
 
 
+def test_t0_is_a_tool_where_it_has_a_diameter() -> None:
+    assert "tool 0" in told("excellon", "M48\nMETRIC,TZ,000.000\nT0C1\n%\nT0\nX1000\nM30\n", DRILL)
+    assert [each for each in told("excellon", f"{HEAD}X1000\nT0\nX2000\nM30\n", DRILL) if "tool" in each] == ["tool 1"]
+
+
 def test_block_delete_is_a_setting() -> None:
     assert holes(f"{HEAD}/X1000\nX2000\nM30\n", dataclasses.replace(DRILL, block_delete=True)) == ["2 0"]
 
@@ -348,7 +353,19 @@ def test_slots_and_routs_need_a_feed_and_holes_do_not(body: str) -> None:
     assert holes(f"{HEAD}X1000\nM30\n", dataclasses.replace(DRILL, feed_mm_s=0.0)) == ["1 0"]
 
 
-@pytest.mark.parametrize("text", [KICAD, EAGLE, ALTIUM, PCB, ORCAD, HEAD, "M48\n;by hand\nM71\n%\nT1\nX1Y1\nM30\n"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        KICAD,
+        EAGLE,
+        ALTIUM,
+        PCB,
+        ORCAD,
+        HEAD,
+        "M48\n;by hand\nM71\n%\nT1\nX1Y1\nM30\n",
+        "G90\nM72\nM48\nT1C0.012\n%\nM30\n",
+    ],
+)
 def test_a_drill_file_is_known_by_its_content(text: str) -> None:
     for suffix in ("", ".drl", ".xln", ".exc", ".txt", ".nc", ".tap", ".ncp"):
         assert reader_for(head_of(text.encode()), suffix).name == "excellon"

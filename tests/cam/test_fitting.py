@@ -100,7 +100,7 @@ def test_every_format_has_it(name: str, text: str, zero: Point) -> None:
         (CUT.replace("M30", "G53 G0 X500\nM30"), r"line 7 leads to X 500 mm wherever the zero of the work is"),
         (CUT.replace("M30", "G53 G0 Z1\nM30"), r"line 7 leads to Z -1 mm wherever"),
         (HEAD + "G91\nG0 X-5\nM30\n", r"line 3 leads to X -5 mm wherever"),
-        (CUT.replace("G1 X60 Y40", "G2 X60 Y40 I1 J1"), r"line 5, column 1: radii"),
+        (CUT.replace("G1 X60 Y40", "G2 X60 Y40 I1 J1"), r"line 5, column 1: the radii"),
     ],
 )
 def test_why_none_fits(text: str, why: str) -> None:

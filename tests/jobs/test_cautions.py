@@ -1,6 +1,6 @@
 """What a file of a CAM program may mean otherwise: every tool that takes the file says it, once, with its line.
 
-The file names no unit; it wants 100 000 mm/min, 1666.67 mm/s, of a machine that makes 125 mm/s or less; and it cuts
+The file names no unit; it wants 24 000 mm/min, 400 mm/s, of a machine that makes 125 mm/s or less; and it cuts
 above the height at which it travels.
 """
 
@@ -22,8 +22,8 @@ from isel_twin.jobs.checks.watched import Watched
 
 pytestmark = pytest.mark.long(seconds=3)
 
-FILE = "G0 X10 Y10 Z1\nG1 X20 F100000\nG1 Z5\nM2\n"
-SAID = {1: "numbers are read as mm", 2: "a feed of 1666.67 mm/s is more than the machine makes", 4: "count downwards"}
+FILE = "G0 X10 Y10 Z1\nG1 X20 F24000\nG1 Z5\nM2\n"
+SAID = {1: "numbers are read as mm", 2: "a feed of 400 mm/s is more than the machine makes", 4: "count downwards"}
 SETTINGS = '[cam]\nzero = [100, 80, 30]\n[check]\nplant = "kinematic"\nspindle = false\n'
 CALLS = [("imc-s8", "4030"), ("ismif", "4030"), ("gmi99", "4030-servo"), ("bwo900", "4030-servo")]
 

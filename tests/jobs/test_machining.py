@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -40,7 +41,7 @@ def parsed(text: str, call: TwinSpec, cam: CamSettings = CAM, suffix: str = ".nc
 
 
 def checked(
-    text: str, controller: str = "imc-s8", bounds: Bounds | None = None, cam: CamSettings = CAM, **of_call: object
+    text: str, controller: str = "imc-s8", bounds: Bounds | None = None, cam: CamSettings = CAM, **of_call: Any
 ) -> Report:
     call = TwinSpec(**{"plant": "kinematic", "machine": CALLS[controller], "controller": controller} | of_call)
     lines, drawn = parsed(text, call, cam)
@@ -116,7 +117,8 @@ def test_only_what_leads_below_the_surface_of_stock_is_a_cut() -> None:
 # what the twin's spindle does
 
 
-HF = {"machine": "4030-hf", "overrides": {"spindle.speed_from": "fixed"}}  # 24000 1/min in 3 s: 8000 each second
+# 24000 1/min in 3 s: 8000 each second
+HF: dict[str, Any] = {"machine": "4030-hf", "overrides": {"spindle.speed_from": "fixed"}}
 
 
 @pytest.mark.parametrize("plant", ["kinematic", "mujoco"])
@@ -126,10 +128,19 @@ def test_a_cut_before_the_spindle_has_run_up_is_found(controller: str, plant: st
     report = checked(BEGIN + down + "M3\nG4 P1\nG1 Z49 F600\nM30\n", controller, plant=plant, **HF)
     ((rule, line, words),) = told(report)
     assert (rule, line) == ("spindle", 6)
-    speed = re.fullmatch(r"the spindle has not reached its speed in this cut: (\d+) of 24000 1/min", words)
+    speed = re.fullmatch(r"the spindle does not have its speed in this cut: (\d+) of 24000 1/min", words)
     assert speed is not None
     assert 8000 - 50 <= int(speed[1]) <= 8000 * 1.1  # a second and the bytes of two commands
     assert told(checked(BEGIN + down + "M3\nG4 P2.75\nG1 Z49 F600\nM30\n", controller, plant=plant, **HF)) == []
+
+
+def test_a_cut_that_stalls_the_spindle_is_found_where_it_does(tmp_path: Path) -> None:
+    """A slot of 6 mm in aluminium wants some N m; the spindle has 0.2."""
+    event = '[[event]]\nwhen = "x > 120 mm"\ncut.flutes = 2\ncut.material = "aluminium"\ncut.spindle = 18000\n'
+    (tmp_path / "cut.toml").write_text(event + "cut.diameter = 6.0\ncut.depth = 6.0\ncut.width = 6.0\n")
+    text = BEGIN + ON + "G0 X10 Y10 Z50\nG1 Z49 F600\nG1 X15\nG1 X40\nM30\n"
+    report = checked(text, plant="mujoco", scenario=tmp_path / "cut.toml", **HF)
+    assert [found[1] for found in told(report) if found[0] == "spindle"] == [8]
 
 
 def test_a_converter_that_is_told_no_speed_is_found_in_each_cut() -> None:

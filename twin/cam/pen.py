@@ -11,7 +11,7 @@ from isel_twin.cam.toolpath import Arc, Element, Line, Place, Point, Rapid, Tool
 class Pen:
     """The tool of a plot or of a drill file: up it is at least `safe_mm` above the work (cam/32).
 
-    down: is it lowered? x, y: where it is, mm from the zero of the work; tool: its number, 0 before the first change.
+    down: is it lowered? x, y: where it is, mm from the zero of the work; tool: its number, None before the first one.
     """
 
     def __init__(self, settings: CamSettings) -> None:
@@ -21,7 +21,7 @@ class Pen:
         x, y, z = settings.machine_point(settings.start)
         self.x, self.y = x - self._zero[0], y - self._zero[1]
         self._height = z - self._zero[2]
-        self.tool = 0
+        self.tool: int | None = None
         self.down = False
 
     def machine(self, x: float, y: float) -> Point:
@@ -55,9 +55,9 @@ class Pen:
         yield Arc(place, self.machine(x, y), self.machine(*centre), 2, turns, self._settings.feed_mm_s)
 
     def changed(self, number: int, place: Place, name: str = "") -> Iterator[Element]:
-        """Raised, and another tool from here on; 0 changes nothing (cam/33)."""
+        """Raised, and another tool from here on."""
         yield from self.raised(place)
-        if number and number != self.tool:
+        if number != self.tool:
             self.tool = number
             yield Tool(place, number, name)
             before, self._length = self._length, self._settings.tool_length_mm.get(number, 0.0)

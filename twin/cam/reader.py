@@ -64,6 +64,7 @@ _NO_JOB = {  # by the first lines of a text
     }.items()
 }
 _DRILL_HEADER = re.compile(r"\s*(INCH\b|METRIC\b|FMAT,|ICI\b|T\d+[^;M]*C\.?\d)", re.I)
+_DRILL_BEGIN = re.compile(r"\s*(%|G90|M7[12]|(INCH|METRIC)\b.*)\s*$", re.I)
 _DRILL_POINT = re.compile(r"\s*(T\d+)?([XY][-+]?[\d.]+|G85)+\s*$", re.I)
 _DRILL_TOOL = re.compile(r"\s*T\d+([CFS][\d.]+)*\s*$", re.I)
 _DRILL_REST = re.compile(r"\s*(%|M(00|30|7[12]|95)|G(05|9[01]|93.*)|R\d+[XY].*|(INCH|METRIC)\b.*)\s*$", re.I)
@@ -121,7 +122,7 @@ def drills(head: str) -> bool:
     """Is it a drill file? One begins with M48, as G-code may, and has a header of its own words up to % or M95; or has
     nothing but tools and points (cam/12)."""
     lines = statements(head)
-    begin = 1 if lines and lines[0].strip() == "%" else 0
+    begin = next((at for at, line in enumerate(lines) if not _DRILL_BEGIN.match(line)), len(lines))
     if lines[begin:] and re.match(r"\s*M48\s*$", lines[begin], re.I):
         header = list(takewhile(lambda line: line.strip().upper() not in ("%", "M95"), lines[begin + 1 :]))
         ends = len(header) < len(lines) - begin - 1

@@ -182,7 +182,7 @@ class Program:
         if "C" in given:
             self._tools[number] = self._diameter(given["C"])
         if not self._header or "C" not in given:
-            self._tool = tool if number else None
+            self._tool = tool if number or number in self._tools else None  # T0 is no tool, but for some programs
         return found[end:]
 
     def _diameter(self, word: Word) -> str:
@@ -297,11 +297,11 @@ class Program:
                 yield from self._once("undefined", self._tool.place, why)
             yield from self._pen.changed(number, self._tool.place, self._tools.get(number, ""))
             self._tool = None
-        elif not self._pen.tool:
+        elif self._pen.tool is None:
             yield from self._once("tool", place, "no tool is selected yet: the one in the spindle is taken")
 
     def _lowered(self, place: Place) -> Iterator[Element]:
-        settings, tool = self._settings, self._pen.tool
+        settings, tool = self._settings, self._pen.tool or 0
         if settings.depth_mm is None and tool not in settings.pen_depth_mm:
             why = f"the file has no depth: {DEPTH_MM:g} mm is taken, for a board of 1.5 mm; set depth_mm"
             yield from self._once("depth", place, why)

@@ -159,8 +159,10 @@ class Plot:
         number = int(told.numbers[0]) if told.numbers else 0
         if number < 0:
             raise CamError("SP must not be negative", told.place)
-        yield from self._tool.changed(number, told.place)
-        if number:
+        if not number:  # cam/33
+            yield from self._raised(told.place)
+        else:
+            yield from self._tool.changed(number, told.place)
             self._depth = self._settings.depth_of(number, DEPTH_MM)
 
     def arc(self, told: Instruction) -> Iterator[Element]:

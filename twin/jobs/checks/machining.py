@@ -237,7 +237,7 @@ class Machining:
         if state.wanted_rpm < SPEED_SHARE * asked_rpm:
             return f"the spindle is told {state.wanted_rpm:.0f} 1/min in this cut; the file says {asked_rpm:.0f}"
         wanted_rpm = asked_rpm or state.wanted_rpm
-        return f"the spindle has not reached its speed in this cut: {state.speed_rpm:.0f} of {wanted_rpm:.0f} 1/min"
+        return f"the spindle does not have its speed in this cut: {state.speed_rpm:.0f} of {wanted_rpm:.0f} 1/min"
 
     def _on_machine(self, counted_mm: Floats) -> Floats:
         """Places by the counters as fixtures have them: X and Y of the machine, and the height above the table."""
@@ -330,9 +330,10 @@ class Machining:
                     continue
                 if drawn.cuts[k]:
                     stock.cut(way, radius)
-                elif (deep := stock.depth_mm(way)).max() > SURFACE_MM:
-                    how = "ends in" if deep[-1] > SURFACE_MM else "leads through"
-                    yield Finding("rapid", f"a rapid {how} {stock.name}, {deep.max():.2f} mm deep", int(drawn.line[k]))
+                elif (depths_mm := stock.depth_mm(way)).max() > SURFACE_MM:
+                    how = "ends in" if depths_mm[-1] > SURFACE_MM else "leads through"
+                    deepest = f"{depths_mm.max():.2f} mm deep"
+                    yield Finding("rapid", f"a rapid {how} {stock.name}, {deepest}", int(drawn.line[k]))
 
 
 def _more(lines: int) -> str:
