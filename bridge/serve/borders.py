@@ -8,6 +8,7 @@ from typing import Any, Protocol
 from isel_twin.bridge.serve.loop import FileWatch
 from isel_twin.bridge.serve.pacing import Clocked
 from isel_twin.controller import SerialFormat
+from isel_twin.language import Language
 
 
 class SerialTwin(Clocked, Protocol):
@@ -23,6 +24,8 @@ class SerialTwin(Clocked, Protocol):
 
     @property
     def serial_format(self) -> SerialFormat: ...
+    @property
+    def language(self) -> Language | None: ...
     def write(self, data: bytes) -> None: ...
     def read(self) -> bytes: ...
 
@@ -49,6 +52,10 @@ class SerialLine(Protocol):
     @property
     def serial_format(self) -> SerialFormat:
         """Form of the controller's bytes on the line."""
+
+    @property
+    def language(self) -> Language | None:
+        """Of the controller, if it has one."""
 
     def receive(self, endpoint: Endpoint, data: bytes) -> None:
         """Take data that a host of this endpoint has just sent."""

@@ -1,35 +1,43 @@
-"""Who may speak on a network port of the line: anybody but programs that greet it as something else.
+"""Who may speak on a network port of the line: who begins as a host of this controller does.
 
 A web page can make a browser send bytes to any port of this computer: what stands in the body of its request would be
-commands of the controller. So a connection that begins as no host does is closed before a byte of it reaches the line:
+commands of the controller. So the first line or frame of a connection is held until it is whole. If the controller's
+language knows it as a beginning, it goes on, and so does all that follows; anybody else is turned away before a byte of
+it reaches the line (bridge/22):
 
-    GET, POST, OPTIONS ... and a blank    HTTP, WebSocket          0x16 0x03    TLS
-    0x00 or 0x01 . . . 0x21 0x12 0xA4 0x42    STUN (WebRTC)        SSH-         SSH
-    0x00 . . . 0xFF or 0xFE and SMB           SMB
+    @07 CR      -> to the line            GET / HTTP/1.1, a TLS greeting, STUN, any TOKEN and a blank    -> closed
+    @0  <10 s>  -> closed                 CR LF  -> to the line, and the next line is looked at
 
-A browser sends the first of these in one piece. A host may send its bytes one at a time, and may begin with the same
-letter: they are held as long as they may still become a greeting, at most HOLD_S of silence (bridge/22).
-
-    G  E  T  _   -> closed            G  0  -> to the line at once            G  <0.25 s>  -> to the line
+A controller without a language, or whose language does not know beginnings, has to do with less: what looks like
+one of STRANGERS is turned away, and what is silent for a moment before it does goes on.
 """
 
 from __future__ import annotations
 
+import re
 import socket
 import threading
 from collections.abc import Sequence
 from contextlib import suppress
 
-HOLD_S = 0.25
-ANY = None  # any byte
+from isel_twin.controller import offers
+from isel_twin.language import KnowsBeginnings, Language, readable
 
-_METHODS = ("GET", "POST", "PUT", "HEAD", "OPTIONS", "DELETE", "PATCH", "CONNECT", "TRACE", "PRI")
-GREETINGS: Sequence[tuple[str, Sequence[int | None]]] = (
-    *(("an HTTP request", f"{method} ".encode()) for method in _METHODS),
-    ("a TLS greeting", bytes.fromhex("1603")),
-    ("an SSH greeting", b"SSH-"),
-    *(("a STUN message", (kind, ANY, ANY, ANY, *bytes.fromhex("2112a442"))) for kind in (0, 1)),
-    *(("an SMB greeting", (0, ANY, ANY, ANY, kind, *b"SMB")) for kind in (0xFE, 0xFF)),
+PATIENCE_S = 10.0  # longest wait for the rest of a first line
+HOLD_S = 0.25  # the same without a language that knows beginnings
+LONGEST = 1024  # most bytes of a first line
+SHOWN = 40  # bytes of a stranger in the log
+_TOKEN = rb"[!#$%&'*+.^_`|~0-9A-Za-z-]+ *"
+_SURE = 10  # bytes within which strangers show, except for an HTTP method, which may be longer
+STRANGERS: Sequence[tuple[str, re.Pattern[bytes]]] = tuple(
+    (name, re.compile(pattern, re.DOTALL))
+    for name, pattern in (
+        ("an SSH greeting", rb"SSH-"),
+        ("an HTTP request, or another line of a word and a blank", _TOKEN + rb"(?<= )[^ \r\n]"),
+        ("a TLS greeting", rb"\x16\x03"),
+        ("a STUN message", rb"(..)?[\x00-\x3f]...\x21\x12\xa4\x42"),
+        ("an SMB greeting", rb"\x00...[\xfe\xff]SMB"),
+    )
 )
 
 
@@ -38,9 +46,12 @@ class GreetingError(Exception):
 
 
 class Gate:
-    """Looks at the first bytes of a connection."""
+    """Looks at the first bytes of a connection. language: of the controller."""
 
-    def __init__(self) -> None:
+    def __init__(self, language: Language | None = None) -> None:
+        self._knowing = language if offers(language, KnowsBeginnings) else None
+        self._idle = b"\r\n" if self._knowing is None else self._knowing.idle
+        self.patience_s = HOLD_S if self._knowing is None else PATIENCE_S
         self.held = b""
         self.open = False
         """No more is looked at."""
@@ -49,34 +60,48 @@ class Gate:
         """The bytes that may go on, of those held and these. Raises GreetingError."""
         if self.open:
             return data
-        self.held += data
-        alike = [(name, pattern) for name, pattern in GREETINGS if _alike(self.held, pattern)]
-        for name, pattern in alike:
-            if len(self.held) >= len(pattern):
-                raise GreetingError(name)
-        return b"" if alike else self.release()
+        data = self.held + data
+        self.held = data.lstrip(self._idle)
+        idle = data[: len(data) - len(self.held)]
+        if not self.held:
+            return idle
+        begins = _unlike_strangers(self.held) if self._knowing is None else self._knowing.begins(self.held)
+        if begins is False or (begins is None and len(self.held) > LONGEST):
+            raise GreetingError(_stranger(self.held) or _shown(self.held))
+        return idle + self._release() if begins else idle
 
-    def release(self) -> bytes:
-        """The bytes held: they are of a host."""
+    def lapse(self) -> bytes:
+        """The bytes that go on when no more come for `patience_s`, or at all. Raises GreetingError."""
+        if self.held and self._knowing is not None:
+            raise GreetingError(f"{_shown(self.held)} and no more")
+        return self._release()
+
+    def _release(self) -> bytes:
         self.open, held, self.held = True, self.held, b""
         return held
 
 
-def _alike(data: bytes, pattern: Sequence[int | None]) -> bool:
-    """Is one the beginning of the other?"""
-    return all(wanted in (ANY, byte) for byte, wanted in zip(data, pattern, strict=False))
+def _stranger(data: bytes) -> str:
+    """The name of whoever begins so, empty if unknown."""
+    return next((name for name, pattern in STRANGERS if pattern.match(data)), "")
+
+
+def _unlike_strangers(data: bytes) -> bool | None:
+    """`KnowsBeginnings.begins` without knowing the language."""
+    if _stranger(data):
+        return False
+    return None if len(data) < _SURE or re.fullmatch(_TOKEN, data) else True
+
+
+def _shown(data: bytes) -> str:
+    return readable(data[:SHOWN]) + (" ..." if len(data) > SHOWN else "")
 
 
 class Alarm:
-    """A file that becomes readable once, some time after `set`."""
+    """A file that becomes readable some time later."""
 
-    def __init__(self) -> None:
+    def __init__(self, seconds: float) -> None:
         self._in, self.file = socket.socketpair()
-        self._timer: threading.Timer | None = None
-
-    def set(self, seconds: float) -> None:
-        """Anew: an alarm that was set before does not come."""
-        self._cancel()
         self._timer = threading.Timer(seconds, self._ring)
         self._timer.daemon = True
         self._timer.start()
@@ -85,11 +110,7 @@ class Alarm:
         with suppress(OSError):  # closed meanwhile
             self._in.send(b"\0")
 
-    def _cancel(self) -> None:
-        if self._timer is not None:
-            self._timer.cancel()
-
     def close(self) -> None:
-        self._cancel()
+        self._timer.cancel()
         self._in.close()
         self.file.close()

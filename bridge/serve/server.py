@@ -29,6 +29,7 @@ from isel_twin.bridge.serve.loop import FileWatch, FileWatches, Wake, woken_by_s
 from isel_twin.bridge.serve.pacing import Pacer
 from isel_twin.bridge.serve.uart import heard
 from isel_twin.controller import SerialFormat
+from isel_twin.language import Language
 
 log = logging.getLogger("isel_twin")
 
@@ -263,6 +264,10 @@ class Server:
     @property
     def serial_format(self) -> SerialFormat:
         return self.twin.serial_format
+
+    @property
+    def language(self) -> Language | None:
+        return self.twin.language
 
     def receive(self, endpoint: Endpoint, data: bytes) -> None:
         self.pacer.catch_up(self.twin, self._reply)

@@ -25,7 +25,7 @@ from functools import partial
 from typing import Any, Protocol
 
 from isel_twin.bridge.serve.borders import SerialLine
-from isel_twin.bridge.serve.gate import HOLD_S, Alarm, Gate, GreetingError
+from isel_twin.bridge.serve.gate import Alarm, Gate, GreetingError
 from isel_twin.bridge.serve.loop import FileWatch
 from isel_twin.bridge.serve.outbox import Outbox
 from isel_twin.controller import SerialFormat
@@ -155,12 +155,12 @@ CodecMaker = Callable[[Callable[[bytes], None], SerialFormat], Codec]
 class _Client:
     """The client that holds the line."""
 
-    def __init__(self, connection: socket.socket, codec: CodecMaker, form: SerialFormat) -> None:
+    def __init__(self, connection: socket.socket, codec: CodecMaker, line: SerialLine) -> None:
         self.connection = connection
         self.outbox = Outbox(connection.send)
         self.departing = False  # has closed its sending side
-        self.codec = codec(self.outbox.put, form)
-        self.gate = Gate()
+        self.codec = codec(self.outbox.put, line.serial_format)
+        self.gate = Gate(line.language)
         self.alarm: Alarm | None = None  # while the gate holds bytes
 
 
@@ -203,7 +203,7 @@ class TcpEndpoint:
             if events:
                 yield FileWatch(client.connection, events, self._ready)
             if client.alarm is not None and listening:
-                yield FileWatch(client.alarm.file, selectors.EVENT_READ, self._release)
+                yield FileWatch(client.alarm.file, selectors.EVENT_READ, self._lapse)
 
     def _accept(self) -> None:
         try:
@@ -219,7 +219,7 @@ class TcpEndpoint:
         try:
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             keep_alive(connection)
-            self._client = _Client(connection, self._codec, self._line.serial_format)
+            self._client = _Client(connection, self._codec, self._line)
         except OSError:
             connection.close()  # the client has gone
         else:
@@ -257,15 +257,14 @@ class TcpEndpoint:
             if client.departing or not self._listening:
                 return
             data = client.connection.recv(4096)
-            line = client.codec.decode(client.gate.take(data) if data else client.gate.release())
+            line = client.gate.take(client.codec.decode(data)) if data else client.gate.lapse()
         except BlockingIOError:
             return
-        except GreetingError as error:
-            log.warning("%s: %s: no host begins so, and not a byte of it reaches the line", self.kind, error)
-            self._disconnect("turned away")
-            return
-        except (OSError, CodecError) as error:
+        except OSError as error:
             self._disconnect(str(error))
+            return
+        except (GreetingError, CodecError) as error:
+            self._turn_away(client, error)
             return
         self._watch_gate(client)
         if not data:
@@ -274,22 +273,26 @@ class TcpEndpoint:
             self._line.receive(self, line)
 
     def _watch_gate(self, client: _Client) -> None:
-        """Have held bytes go on after a while of silence."""
+        """Do not wait for the rest of a first line for ever."""
         if client.gate.held:
-            client.alarm = client.alarm or Alarm()
-            client.alarm.set(HOLD_S)
+            client.alarm = client.alarm or Alarm(client.gate.patience_s)
         elif client.alarm is not None:
             client.alarm.close()
             client.alarm = None
 
-    def _release(self) -> None:
-        """The bytes held became no greeting: they are of a host."""
+    def _turn_away(self, client: _Client, error: Exception) -> None:
+        if not client.gate.open:
+            log.warning("%s: %s: no host begins so, and not a byte of it reaches the line", self.kind, error)
+        self._disconnect("turned away" if not client.gate.open else str(error))
+
+    def _lapse(self) -> None:
+        """The first line has not become whole in time."""
         if (client := self._client) is None or client.alarm is None:
             return
         try:
-            line = client.codec.decode(client.gate.release())
-        except CodecError as error:
-            self._disconnect(str(error))
+            line = client.gate.lapse()
+        except GreetingError as error:
+            self._turn_away(client, error)
             return
         self._watch_gate(client)
         if line:

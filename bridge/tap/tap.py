@@ -28,6 +28,7 @@ from isel_twin.bridge.serve.loop import FileWatch, FileWatches, Wake, woken_by_s
 from isel_twin.bridge.serve.outbox import OUTBOX_BYTES
 from isel_twin.bridge.tap.real_port import HELD_BYTES, PIECE_BYTES, Arrived, RealPort
 from isel_twin.controller import SerialFormat
+from isel_twin.language import Language
 from isel_twin.recordings.mcap import RecordingWriter
 
 log = logging.getLogger("isel_twin")
@@ -99,12 +100,19 @@ def port_settings(form: SerialFormat) -> dict[str, Any]:
 class Tap:
     """Passes bytes between hosts and a controller's port until `stop`. Raises OSError, ValueError without the port.
 
-    serial_format: of the controller's line, until a host sets another.
+    serial_format: of the controller's line, until a host sets another. language: of the controller; tells hosts from
+    others (gate.py).
     """
 
     def __init__(
-        self, address: str, endpoints: Sequence[Endpoint], serial_format: SerialFormat, wire: WireTap | None = None
+        self,
+        address: str,
+        endpoints: Sequence[Endpoint],
+        serial_format: SerialFormat,
+        wire: WireTap | None = None,
+        language: Language | None = None,
     ) -> None:
+        self.language = language
         self._line = {**port_settings(serial_format), "dtr": True, "rts": True, "break_condition": False}
         self.endpoints = tuple(endpoints)
         self.writer: BookWriter | None = None  # records the traffic

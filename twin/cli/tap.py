@@ -70,14 +70,14 @@ def tap(
     form = _format(baud, frame)
     _check(record, replace)
     with call_errors():
-        create_language(controller)  # refuse an unknown name before anything is opened
+        language = create_language(controller)  # refuses an unknown name before anything is opened
     with ExitStack() as stack:
         if (stderr := file_number(sys.stderr)) is not None:
             stack.enter_context(log_to(stderr, count=log != "wire"))
         endpoints = open_endpoints(pty, tcp, rfc2217, stack)
         wire = WireLog(create_language(controller), "real", "port") if log == "wire" else None
         try:
-            between = Tap(device, endpoints, form, wire=wire)
+            between = Tap(device, endpoints, form, wire, language)
         except (OSError, ValueError) as error:
             raise CallError(refusal(device, error)) from None
         stack.callback(between.close)

@@ -164,6 +164,18 @@ class TellsCounters(Language, Protocol):
         that follows from counters; None if it tells none."""
 
 
+class KnowsBeginnings(Protocol):
+    """A language that tells hosts of its controller from other programs, by the first bytes of a connection."""
+
+    @property
+    def idle(self) -> bytes:
+        """Bytes that a host may send before its first line or frame, and that do nothing there."""
+
+    def begins(self, data: bytes) -> bool | None:
+        """True if a host begins so: `data` is a whole line or frame of this language, and maybe more. False if none
+        does, whatever follows. None if it is incomplete. `data` is not empty and does not begin with `idle` bytes."""
+
+
 class HoldsMotion(Protocol):
     """A language whose controller can be told over the line to hold a motion and to go on with it."""
 

@@ -25,6 +25,7 @@ from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.numbers import Axis, G, M, P, Q
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, MOST_AXES, of_axis
 from isel_twin.firmware.bwo900.programs.lines import END, program_name
+from isel_twin.firmware.bwo900.transfer import BLANK, HANDSHAKE, PARAMETERS
 from isel_twin.language import (
     SETTINGS_RANGES,
     Example,
@@ -116,6 +117,8 @@ def create(name: str) -> Bwo900Language:
 class Bwo900Language:
     """Implements `isel_twin.language.Language`, `RunsPrograms`, `RetimesJobs`, `HoldsMotion` and `WritesToolpaths`."""
 
+    idle = b"\r\n\t " + END_OF_FILE + HANDSHAKE
+
     def __init__(self) -> None:
         # ramps begin at 0: there is no start-stop frequency
         self.ranges: Ranges = {
@@ -131,6 +134,14 @@ class Bwo900Language:
 
     def frame(self, text: str) -> bytes:
         return encoded(text) + END_OF_LINE
+
+    def begins(self, data: bytes) -> bool | None:
+        """With the first line of a file."""
+        line = re.split(b"[\r\n\4]", data, maxsplit=1)
+        word = line[0].translate(None, HANDSHAKE).decode("latin-1").strip(BLANK)
+        if not word.startswith(("P", "Z", *PARAMETERS)):
+            return False
+        return word in PARAMETERS or bool(program_name(word)) if len(line) > 1 else None
 
     def text(self, reply: bytes) -> str:
         return readable(reply)

@@ -6,6 +6,7 @@ place where the machine stands 0, and `move` goes at one speed (external/6).
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -24,6 +25,7 @@ from isel_twin.language import (
 
 AXES = 3  # counters in `reference` and `move`: the machine's carriages
 RANGES: Ranges = {"speed_hz": (SETTINGS_RANGES["speed_hz"][0], min(SETTINGS_RANGES["speed_hz"][1], FASTEST_HZ))}
+WORDS = tuple([word] for word in (b"row", b"go", b"out", b"set", b"form", b"tell", b"state", b"names"))
 ON = "out power_request=1 stages=1 brake=1"
 
 
@@ -35,6 +37,7 @@ def create(name: str) -> ExternalLanguage:
 class ExternalLanguage:
     """Implements `isel_twin.language.Language` and `TakesSetPoints`."""
 
+    idle = b"\r\n"
     unwatched: Mapping[str, Any] = {"controller.watchdog_ms": 0}
 
     def __init__(self) -> None:
@@ -43,6 +46,13 @@ class ExternalLanguage:
 
     def frame(self, text: str) -> bytes:
         return encoded(text) + END
+
+    def begins(self, data: bytes) -> bool | None:
+        """With a line of a known word, whatever its numbers are."""
+        line, end, _ = data.partition(END)
+        if not re.fullmatch(rb"[A-Za-z0-9_ =.\r\t+-]*", line):
+            return False
+        return line.split()[:1] in WORDS if end else None
 
     def text(self, reply: bytes) -> str:
         return reply.removesuffix(END).decode("latin-1")

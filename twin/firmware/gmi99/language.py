@@ -92,6 +92,7 @@ def create(name: str) -> Gmi99Language:
 
 class Gmi99Language:
     ranges = RANGES
+    idle = b""
 
     def __init__(self) -> None:
         self.defaults = retiming.defaults()
@@ -133,6 +134,14 @@ class Gmi99Language:
                 raise LanguageError(f"{text!r}: the card has no command {match[1]}")
             return _checked(text, address, match[1].encode() + b"".join(_three(text, number) for number in numbers))
         raise LanguageError(f"{text!r} is no command of the card; examples: #1, T1;0, 81h 238, p3;100;0")
+
+    def begins(self, data: bytes) -> bool | None:
+        """With a frame of either variant: the switches choose one."""
+        variants: tuple[link.Variant, ...] = ("E", "S")
+        cut = [Receiver(variant, from_host=True).take(data) for variant in variants]
+        if any(pieces and isinstance(pieces[0], Frame) for pieces in cut):
+            return True
+        return None if not all(cut) else False
 
     def text(self, reply: bytes) -> str:
         """Frames as text, separated by blanks; other bytes in hexadecimal."""

@@ -21,6 +21,7 @@ until a reset.
 
 from __future__ import annotations
 
+import re
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -70,6 +71,8 @@ def create(name: str) -> ImcLanguage:
 class ImcLanguage:
     """Implements `isel_twin.language.Language`."""
 
+    idle = CR + LF
+
     def __init__(self, profile: Profile) -> None:
         self.ranges: Ranges = {
             "speed_hz": (profile.min_speed_hz, profile.max_speed_hz),
@@ -99,6 +102,14 @@ class ImcLanguage:
 
     def knows(self, line: str) -> bool:
         return line[:1] == "@" and line[1:2].isdigit()
+
+    def begins(self, data: bytes) -> bool | None:
+        """With a control byte, or with a line to one of the devices."""
+        if data[0] in CONTROL:
+            return True
+        if not re.match(rb"@([0-9]|\Z)", data):
+            return False
+        return True if not {*CR, *CONTROL}.isdisjoint(data) else None
 
     def text(self, reply: bytes) -> str:
         return reply.decode("latin-1")

@@ -71,6 +71,8 @@ def create(name: str) -> IsmifLanguage:
 class IsmifLanguage:
     """Implements `isel_twin.language.Language`."""
 
+    idle = CR + LF
+
     def __init__(self) -> None:
         self.ranges = RANGES
         self.defaults = retiming.defaults()
@@ -86,6 +88,16 @@ class IsmifLanguage:
 
     def knows(self, line: str) -> bool:
         return commands.code_of(line) in commands.COMMANDS
+
+    def begins(self, data: bytes) -> bool | None:
+        """With a line of a known code, whatever its numbers are. A 01h alone starts nothing."""
+        line = re.split(b"[\r\1]", data, maxsplit=1)
+        text = line[0].decode("latin-1").replace(" ", "")
+        if not any(code.startswith(commands.code_of(text)) for code in commands.COMMANDS) or not text:
+            return False
+        if not re.fullmatch(r"[@#$]?[A-Z]?[0-9A-Za-z,+-]*", text) or len(line[0]) >= LINE_LIMIT:
+            return False
+        return self.knows(text) if len(line) > 1 else None
 
     def text(self, reply: bytes) -> str:
         return reply.decode("latin-1")
