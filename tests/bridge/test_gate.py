@@ -1,4 +1,8 @@
-"""No web page moves a machine: who is no host is turned away before a byte reaches the line, and hosts get through."""
+"""No web page moves a machine: who is no host is turned away before a byte reaches the line, and hosts get through.
+
+Expected: the first line of HTTP from RFC 9112, 3 (a token, a blank, a target), STUN from RFC 8489, 5 and its frame on
+TCP from RFC 4571, 2 (two bytes of length); first lines of hosts from the manuals of the controllers and docs/hosts.md.
+"""
 
 from __future__ import annotations
 
@@ -9,73 +13,129 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from isel_twin.bridge.serve.gate import HOLD_S, Gate, GreetingError
+from isel_twin.bridge.serve import gate as gates
+from isel_twin.bridge.serve.gate import LONGEST, Gate, GreetingError
 from isel_twin.bridge.serve.pty import PtyEndpoint
 from isel_twin.bridge.serve.rfc2217 import Rfc2217Codec
 from isel_twin.bridge.serve.tcp import TcpEndpoint
+from isel_twin.language import create_language
 from tests.bridge.conftest import REPLY_S, ask
 from tests.bridge.test_network import LOOPBACK, connect, read_all, read_exactly
 from tests.bridge.test_tap import opened, tapping
 
+CONTROLLERS = ("imc-s8", "ismif", "gmi99", "bwo900", "external")
 BODY = b"@07\r@0A1600,800,0,30,0,30,0,30\r"
 POST = b"POST / HTTP/1.1\r\nHost: 127.0.0.1:5000\r\nContent-Type: text/plain\r\nContent-Length: 32\r\n\r\n" + BODY
+STUN = bytes.fromhex("000100002112a442") + bytes(12)
+METHODS = ("POST", "patch", "PROPFIND", "x", "P1", "D", "state", "row", "$HZXY", "L1", "W", "*")
 FOREIGN = {
-    "a form": POST,
+    **{f"the method {method}": f"{method} / HTTP/1.1\r\nHost: x\r\n\r\n".encode() + BODY for method in METHODS},
     "an image": b"GET /@07 HTTP/1.1\r\nHost: x\r\n\r\n",
     "a socket": b"GET /chat HTTP/1.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\r\n",
-    "asked before": b"OPTIONS / HTTP/1.1\r\nOrigin: http://evil.example\r\n\r\n",
     "HTTP/2": b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n",
     "https": bytes.fromhex("1603010200010001fc0303") + BODY,
-    "WebRTC": bytes.fromhex("000300002112a442") + bytes(12),
+    "STUN": STUN,
+    "framed STUN": b"\x00\x14" + STUN,
+    "a longer frame": b"\x01\x14" + STUN + BODY,
     "ssh": b"SSH-2.0-OpenSSH_9.6\r\n",
     "smb": bytes.fromhex("00000054ff534d42") + bytes(20),
     "smb2": bytes.fromhex("00000054fe534d42") + bytes(20),
+    "nothing but a word": b"x" * (LONGEST + 1),
 }
 HOSTS = {
-    "iMC": b"@07\r",
-    "iMC, a stop": b"\xfd",
-    "iSMIF": b"L1,X3000<1>\r",
-    "GMI99": b"Q7;1\r",
-    "a program": b"P1\rN10 G1 X10\r",
-    "letters of GET": b"GE",
-    "letters of POST": b"POS1\r",
-    "a nought": b"\x00",
-    "a frame": b"\x02\x00\x16\x01",
-    "Telnet": b"\xff\xfb\x2c\xff\xfd\x2c",
+    ("imc-s8", "a line"): b"@07\r",
+    ("imc-s8", "several lines"): b"@07\r@0R7\r@0P\r",
+    ("imc-s8", "another device"): b"@1V\r",
+    ("imc-s8", "a stop"): b"\xfd",
+    ("imc-s8", "a reset"): b"\xfe@07\r",
+    ("imc-s8", "a break-off"): b"\xff",
+    ("imc-s8", "ends of lines"): b"\r\n\r@07\r\n",
+    ("imc-s8", "an end of a line alone"): b"\r",
+    ("imc-s8", "a stop in a line"): b"@0A\xfd",
+    ("ismif", "a vector"): b"L1,X4000,Y4000\x01",
+    ("ismif", "a wrong number"): b"#E1,1\r",
+    ("ismif", "a status"): b"\r@X\r",
+    ("ismif", "blanks"): b"$H ZXY\r",
+    ("gmi99", "a short record"): bytes.fromhex("10e001e116"),
+    ("gmi99", "of the other variant"): bytes.fromhex("1001e0e116"),
+    ("gmi99", "a long record"): bytes.fromhex("68050568e081ee00004f16"),
+    ("bwo900", "a program"): b"\r\nP1\r\nN10 G1 X10\r\n#\r\n\x04\r\n",
+    ("bwo900", "parameters"): b"D\rK1:P8683: 1\r#\r",
+    ("bwo900", "an end, XON, a table"): b"\x04\x11W\nK1:P 21000: 1\n",
+    ("bwo900", "an end alone"): b"\x04",
+    ("external", "a row"): b"row 1000000 7 0 0\n",
+    ("external", "outputs"): b"out power_request=1 stages=1\r\n",
+    ("external", "a question"): b"names\n",
+    ("", "bytes of a controller without a language"): b"\x02\x00\x16\x01\x00\x00\x00\x00\x00\x00",
+    ("", "the same, few"): b"\x00",
+    ("", "a line without a blank"): b"MOVE,10,20\r",
 }
 
 
-@pytest.mark.parametrize("data", FOREIGN.values(), ids=FOREIGN)
-@pytest.mark.parametrize("piece", [1, 2, 4096])
-def test_nothing_of_a_foreign_greeting_goes_on(data: bytes, piece: int) -> None:
-    gate, passed, turned_away = Gate(), b"", False
-    for at in range(0, len(data), piece):
-        try:
-            passed += gate.take(data[at : at + piece])
-        except GreetingError:
-            turned_away = True
-            break
-    assert (passed, turned_away) == (b"", True)
+def gate_of(controller: str) -> Gate:
+    return Gate(create_language(controller) if controller else None)
 
 
-@pytest.mark.parametrize("data", HOSTS.values(), ids=HOSTS)
-@pytest.mark.parametrize("piece", [1, 4096])
-def test_all_of_a_host_goes_on(data: bytes, piece: int) -> None:
-    gate = Gate()
-    passed = b"".join(gate.take(data[at : at + piece]) for at in range(0, len(data), piece))
-    assert passed + gate.release() == data
-
-
-@given(st.lists(st.binary(max_size=12), max_size=6))
-def test_nothing_is_lost_or_out_of_order(pieces: list[bytes]) -> None:
-    gate, passed = Gate(), b""
+def taken(gate: Gate, pieces: list[bytes]) -> tuple[bytes, bool]:
+    """What goes on of a connection with these pieces, and is it turned away?"""
+    passed = b""
     try:
         for piece in pieces:
             passed += gate.take(piece)
+        return passed + gate.lapse(), False
     except GreetingError:
-        assert passed == b""
-    else:
-        assert passed + gate.release() == b"".join(pieces)
+        return passed, True
+
+
+def cut(data: bytes, size: int) -> list[bytes]:
+    return [data[at : at + size] for at in range(0, len(data), size)]
+
+
+@pytest.mark.parametrize("controller", [*CONTROLLERS, ""])
+@pytest.mark.parametrize("piece", [1, 3, 4096])
+@pytest.mark.parametrize("data", FOREIGN.values(), ids=FOREIGN)
+def test_nothing_of_a_foreign_greeting_goes_on(controller: str, data: bytes, piece: int) -> None:
+    assert taken(gate_of(controller), cut(data, piece)) == (b"", True)
+
+
+@pytest.mark.parametrize("piece", [1, 4096])
+@pytest.mark.parametrize(("host", "data"), HOSTS.items(), ids=[" ".join(key) for key in HOSTS])
+def test_all_of_a_host_goes_on(host: tuple[str, str], data: bytes, piece: int) -> None:
+    assert taken(gate_of(host[0]), cut(data, piece)) == (data, False)
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_what_the_product_itself_sends_first_is_of_a_host(controller: str) -> None:
+    language = create_language(controller)
+    for first in (language.reference()[0], language.break_off()):
+        assert taken(gate_of(controller), [first]) == (first, False)
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+@given(
+    method=st.from_regex(r"[!#$%&'*+.^_`|~0-9A-Za-z-]{1,20}", fullmatch=True),
+    target=st.from_regex(r"/[!-~]{0,40}", fullmatch=True),
+    body=st.binary(max_size=20),
+)
+def test_no_method_whatever_it_is_called_opens(controller: str, method: str, target: str, body: bytes) -> None:
+    request = f"{method} {target} HTTP/1.1\r\nHost: x\r\n\r\n".encode() + body
+    assert taken(gate_of(controller), [request]) == (b"", True)
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+@given(attributes=st.binary(max_size=600), of=st.binary(min_size=12, max_size=12), framed=st.booleans())
+def test_no_stun_message_opens_whatever_is_in_it(controller: str, attributes: bytes, of: bytes, framed: bool) -> None:
+    message = b"\x00\x01" + len(attributes).to_bytes(2, "big") + bytes.fromhex("2112a442") + of + attributes
+    frame = len(message).to_bytes(2, "big") if framed else b""
+    assert taken(gate_of(controller), [frame + message]) == (b"", True)
+
+
+@pytest.mark.parametrize("controller", [*CONTROLLERS, ""])
+@given(pieces=st.lists(st.binary(max_size=12), max_size=6))
+def test_nothing_is_lost_or_out_of_order(controller: str, pieces: list[bytes]) -> None:
+    passed, turned_away = taken(gate_of(controller), pieces)
+    data = b"".join(pieces)
+    assert data.startswith(passed) if turned_away else passed == data
 
 
 @pytest.fixture(params=["tcp", "rfc2217"])
@@ -101,28 +161,38 @@ def test_a_real_controller_behind_a_tap_does_not_hear_it(serving) -> None:
     """The controller is a twin of its own behind a pseudo terminal."""
     terminal, endpoint = PtyEndpoint(), TcpEndpoint(LOOPBACK)
     machine = serving(terminal)
-    with tapping(terminal.address, endpoint):
-        with connect(endpoint.address) as browser:
-            browser.sendall(POST)
-            assert _closed(browser)
+    with tapping(terminal.address, endpoint, language=create_language("imc-s8")):
+        for data in (POST, b"\x00\x14" + STUN + BODY, b"patch / HTTP/1.1\r\n\r\n" + BODY):
+            with connect(endpoint.address) as browser:
+                browser.sendall(data)
+                assert _closed(browser)
         with connect(endpoint.address) as host:
             host.sendall(b"@07\r")
             assert read_exactly(host, 1) == b"0"
     assert machine.twin.steps.made == 0
 
 
-def test_a_host_that_begins_with_a_letter_of_theirs_is_heard_after_a_moment(serving) -> None:
-    """G, and silence; the controller answers what is no command only at its end."""
+def test_a_first_line_that_does_not_end_is_turned_away_in_time(serving, monkeypatch, caplog) -> None:
+    """The next host gets the line, and the log names what has come."""
+    monkeypatch.setattr(gates, "PATIENCE_S", 0.2)
+    endpoint = TcpEndpoint(LOOPBACK)
+    serving(endpoint)
+    with caplog.at_level(logging.WARNING, "isel_twin"), connect(endpoint.address) as slow:
+        slow.sendall(b"@0")
+        assert _closed(slow)
+    with opened(endpoint) as host:
+        assert ask(host, "@07") == "0"
+    assert [record.getMessage().split(": ")[:2] for record in caplog.records] == [["tcp", "@0 and no more"]]
+
+
+def test_a_host_that_types_is_heard_at_the_end_of_its_line(serving) -> None:
     endpoint = TcpEndpoint(LOOPBACK)
     serving(endpoint)
     with connect(endpoint.address) as host:
-        host.sendall(b"G")
-        host.settimeout(2.0 * HOLD_S)
-        with pytest.raises(TimeoutError):
-            host.recv(1)
+        for byte in b"\r\n@07\r":
+            host.sendall(bytes([byte]))
         host.settimeout(REPLY_S)
-        host.sendall(b"\r@07\r")
-        assert read_exactly(host, 2)[-1:] == b"0"
+        assert read_exactly(host, 1) == b"0"
 
 
 def _closed(connection: socket.socket) -> bool:

@@ -31,7 +31,7 @@ from isel_twin.bridge.tap.tap import LOOK_S, BookWriter, Tap
 from isel_twin.cli import main
 from isel_twin.controller import SerialFormat
 from isel_twin.core.twin import Twin
-from isel_twin.language import create_language
+from isel_twin.language import Language, create_language
 from isel_twin.recordings.judging import Limits, compare
 from isel_twin.recordings.reading import read
 from tests.bridge.conftest import REPLY_S, STOP_S, Served, ask, until
@@ -98,10 +98,10 @@ def running(loop: Server | Tap) -> Iterator[None]:
 
 
 @contextmanager
-def tapping(device: str, *ends: Endpoint) -> Iterator[Notes]:
+def tapping(device: str, *ends: Endpoint, language: Language | None = None) -> Iterator[Notes]:
     """A tap that runs, and what it writes down."""
     notes = Notes()
-    tap = Tap(device, ends, SerialFormat(19_200))
+    tap = Tap(device, ends, SerialFormat(19_200), language=language)
     tap.writer = BookWriter(notes)
     notes.tap = tap
     with running(tap):
