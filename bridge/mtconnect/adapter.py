@@ -5,12 +5,14 @@
     * PING  ->  * PONG 10000
 
 A new agent gets everything once, then changes. Stamps are wall time: virtual time may go at any speed. The adapter
-reads nothing but PING; whatever else an agent sends is dropped (bridge/28).
+reads nothing but PING; whatever else an agent sends is dropped (bridge/28), and who does not begin with it is no agent
+and is turned away (bridge/22).
 """
 
 from __future__ import annotations
 
 import datetime
+import logging
 import selectors
 import socket
 import time
@@ -23,10 +25,15 @@ from isel_twin.bridge.operate.conditions import State
 from isel_twin.bridge.serve.loop import Wake, woken_by_signals
 from isel_twin.bridge.serve.outbox import OUTBOX_BYTES, Outbox
 from isel_twin.bridge.serve.tcp import keep_alive, listen
+from isel_twin.language import readable
+
+log = logging.getLogger("isel_twin")
 
 HEARTBEAT_MS = 10_000
 AGENTS = 16  # connections at once
 LINE_BYTES = 4096  # most bytes of an agent without an end of line
+GREETING = b"* PING"  # what an agent says first
+SHOWN = 40  # bytes of a stranger in the log
 
 
 def lines(now: Mapping[str, str], before: Mapping[str, str], stamp: str) -> list[str]:
@@ -62,6 +69,7 @@ class _Agent:
         self.connection = connection
         self.outbox = Outbox(connection.send)
         self.buffer = b""
+        self.known = False  # has begun as an agent does
 
 
 class Adapter:
@@ -141,7 +149,13 @@ class Adapter:
         if not data:
             self._drop(agent)
             return
-        *whole, agent.buffer = (agent.buffer + data).split(b"\n")
+        data = agent.buffer + data
+        if not agent.known and data[: len(GREETING)] != GREETING[: len(data)]:
+            log.warning("mtconnect: %s: no agent begins so, and it is turned away", readable(data[:SHOWN]))
+            self._drop(agent)
+            return
+        agent.known = agent.known or data.startswith(GREETING)
+        *whole, agent.buffer = data.split(b"\n")
         agent.buffer = agent.buffer[:LINE_BYTES]
         self._put(agent, [f"* PONG {HEARTBEAT_MS}" for line in whole if line.strip() == b"* PING"])
 

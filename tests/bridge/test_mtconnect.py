@@ -21,6 +21,7 @@ import pytest
 from isel_twin.bridge.mtconnect.adapter import Adapter, lines
 from isel_twin.bridge.mtconnect.items import ITEMS, SCHEMA, devices, values
 from tests.bridge.conftest import REPLY_S, Served
+from tests.bridge.test_network import read_all
 from tests.in_process import isel_twin
 
 # part 3 of the standard, the controlled vocabularies that occur here
@@ -123,15 +124,19 @@ def test_an_agent_sees_what_happens(adapter: tuple[Any, Served, Path]) -> None:
 
 
 def test_agents_that_go_wrong_trouble_no_other(adapter: tuple[Any, Served, Path]) -> None:
-    """Nonsense, a line without an end, half a heartbeat, a vanished agent, more agents than there may be; and a second
-    adapter at the same address."""
+    """Nonsense behind a heartbeat, a line without an end, half a heartbeat, who is no agent, a vanished agent, more
+    agents than there may be; and a second adapter at the same address."""
     _, beside, path = adapter
     address = beside.info["mtconnect"]
     agent = Agent(address, path)
     agent.until(lambda seen: "power" in seen)
-    agent.socket.sendall(b"\x00\xff|avail|UNAVAILABLE\n" + b"x" * 10_000 + b"\n* PI")
+    agent.socket.sendall(b"* PING\n\x00\xff|avail|UNAVAILABLE\n" + b"x" * 10_000 + b"\n* PI")
     agent.socket.sendall(b"NG\n")
-    agent.until(lambda _: agent.pongs == ["* PONG 10000"])
+    agent.until(lambda _: agent.pongs == ["* PONG 10000"] * 2)
+    for foreign in (b"GET / HTTP/1.1\r\n\r\n* PING\n", b"* / HTTP/1.1\r\n", b"\x00\x14\x00\x01"):
+        stranger = Agent(address, path)
+        stranger.socket.sendall(foreign)
+        assert b"PONG" not in read_all(stranger.socket)
     gone = Agent(address, path)
     gone.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
     gone.close()
@@ -146,7 +151,7 @@ def test_agents_that_go_wrong_trouble_no_other(adapter: tuple[Any, Served, Path]
     assert (second.returncode, second.stderr.count("\n")) == (2, 1)
     assert "in use" in second.stderr
     agent.socket.sendall(b"* PING\n")
-    agent.until(lambda _: len(agent.pongs) == 2)
+    agent.until(lambda _: len(agent.pongs) == 3)
 
 
 def state(**changed: Any) -> dict[str, Any]:

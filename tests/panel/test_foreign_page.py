@@ -32,6 +32,16 @@ TRIES = {
         form.append(text);
         document.body.append(frame, form);
         form.submit()""",
+    **{
+        f"the method {method}": f"fetch(where, {{method: '{method}', body: '{COMMANDS}'}}).catch(() => 0)"
+        for method in ("patch", "PROPFIND", "x", "P1", "$HZXY")
+    },
+    "a stream of events": "new EventSource(where + '/@07')",
+    "WebRTC": """
+        const peer = new RTCPeerConnection({iceServers: [
+            {urls: 'turn:' + where.replace('http://', '') + '?transport=tcp', username: '@07', credential: '@07'}]});
+        peer.createDataChannel('moves');
+        peer.createOffer().then((offer) => peer.setLocalDescription(offer))""",
     "https": "fetch(where.replace('http', 'https'), {mode: 'no-cors'}).catch(() => 0)",
 }
 
