@@ -42,6 +42,15 @@ TRIES = {
             {urls: 'turn:' + where.replace('http://', '') + '?transport=tcp', username: '@07', credential: '@07'}]});
         peer.createDataChannel('moves');
         peer.createOffer().then((offer) => peer.setLocalDescription(offer))""",
+    "WebRTC, framed": """
+        const [here, there] = [new RTCPeerConnection(), new RTCPeerConnection()];
+        here.createDataChannel('moves');
+        here.createOffer().then((offer) => here.setLocalDescription(offer))
+            .then(() => there.setRemoteDescription(here.localDescription))
+            .then(() => there.createAnswer())
+            .then((answer) => here.setRemoteDescription(answer))
+            .then(() => here.addIceCandidate({sdpMid: '0', candidate: 'candidate:1 1 tcp 1518280447 '
+                + where.replace('http://', '').replace(':', ' ') + ' typ host tcptype passive'}))""",
     "https": "fetch(where.replace('http', 'https'), {mode: 'no-cors'}).catch(() => 0)",
 }
 
