@@ -7,6 +7,7 @@ import logging
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 
 import pytest
 from playwright.sync_api import Browser, Page
@@ -79,9 +80,9 @@ def page(chromium: Browser) -> Iterator[Page]:
     site.server_close()
 
 
-@pytest.mark.parametrize("kind", ["tcp", "rfc2217"])
-def test_whatever_a_page_tries_the_machine_hears_nothing(page: Page, kind: str, caplog) -> None:
-    endpoint = TcpEndpoint(LOOPBACK) if kind == "tcp" else TcpEndpoint(LOOPBACK, "rfc2217", Rfc2217Codec)
+@contextmanager
+def heard_at(endpoint: TcpEndpoint) -> Iterator[list[bytes]]:
+    """What a machine that is served there hears; it must not move."""
     twin = Twin(plant="kinematic")
     heard: list[bytes] = []
     write = twin.write
@@ -89,20 +90,48 @@ def test_whatever_a_page_tries_the_machine_hears_nothing(page: Page, kind: str, 
     server = Server(twin, Pacer(None), [endpoint])
     thread = threading.Thread(target=server.run)
     thread.start()
-
-    def turned_away() -> int:
-        return sum("no host begins so" in record.getMessage() for record in caplog.records)
-
     try:
-        with caplog.at_level(logging.WARNING, "isel_twin"):
-            for name, script in TRIES.items():
-                before, end_s = turned_away(), time.monotonic() + WAIT_S
-                while turned_away() == before and not heard and time.monotonic() < end_s:
-                    # again, as Chromium drops a connection on which Telnet greets before it has sent its request
-                    page.evaluate(f"(where) => {{ {script}; }}", f"http://{endpoint.address}")
-                    page.wait_for_timeout(500)
-                assert (turned_away() > before, heard) == (True, []), name
+        yield heard
     finally:
         server.stop()
         thread.join(WAIT_S)
     assert twin.steps.made == 0
+
+
+def strangers(caplog: pytest.LogCaptureFixture) -> int:
+    return sum("no host begins so" in record.getMessage() for record in caplog.records)
+
+
+@pytest.mark.parametrize("method", ["patch", "PROPFIND", "x", "P1", "$HZXY", "row"])
+def test_a_page_that_was_loaded_from_the_ports_own_address_is_a_stranger(
+    chromium: Browser, method: str, caplog
+) -> None:
+    """The browser asks nobody before it uses a method of any name, as page and port have one origin."""
+    site = http.server.ThreadingHTTPServer(("127.0.0.1", 0), _Foreign)
+    thread = threading.Thread(target=site.serve_forever)
+    thread.start()
+    with chromium.new_page() as page:
+        page.goto(f"http://127.0.0.1:{site.server_port}/")
+        site.shutdown()
+        thread.join(WAIT_S)
+        site.server_close()
+        endpoint = TcpEndpoint(f"127.0.0.1:{site.server_port}")
+        with caplog.at_level(logging.WARNING, "isel_twin"), heard_at(endpoint) as heard:
+            page.evaluate(f"fetch('/', {{method: '{method}', body: '{COMMANDS}'}}).catch(() => 0)")
+            end_s = time.monotonic() + WAIT_S
+            while not strangers(caplog) and not heard and time.monotonic() < end_s:
+                page.wait_for_timeout(100)
+            assert (strangers(caplog) > 0, heard) == (True, [])
+
+
+@pytest.mark.parametrize("kind", ["tcp", "rfc2217"])
+def test_whatever_a_page_tries_the_machine_hears_nothing(page: Page, kind: str, caplog) -> None:
+    endpoint = TcpEndpoint(LOOPBACK) if kind == "tcp" else TcpEndpoint(LOOPBACK, "rfc2217", Rfc2217Codec)
+    with caplog.at_level(logging.WARNING, "isel_twin"), heard_at(endpoint) as heard:
+        for name, script in TRIES.items():
+            before, end_s = strangers(caplog), time.monotonic() + WAIT_S
+            while strangers(caplog) == before and not heard and time.monotonic() < end_s:
+                # again, as Chromium drops a connection on which Telnet greets before it has sent its request
+                page.evaluate(f"(where) => {{ {script}; }}", f"http://{endpoint.address}")
+                page.wait_for_timeout(500)
+            assert (strangers(caplog) > before, heard) == (True, []), name
