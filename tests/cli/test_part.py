@@ -114,9 +114,12 @@ def test_lines_without_a_part_are_one_line_of_refusal(slot: Path, command: str, 
     assert len(made.stderr.splitlines()) == 1
 
 
-def test_lines_of_two_files_are_not_one_part(slot: Path) -> None:
+@pytest.mark.parametrize("named", [("slot.nc", "other.nc"), (".",), ()], ids=["files", "folder", "project"])
+def test_lines_of_two_files_are_not_one_part(slot: Path, named: tuple[str, ...]) -> None:
     (slot.parent / "other.nc").write_text(SLOT)
-    made = isel_twin("check", "slot.nc", "other.nc", *PART)
+    with (slot.parent / "isel-twin.toml").open("a") as settings:
+        settings.write('[check]\njobs = ["*.nc"]\n')
+    made = isel_twin("check", *named, *PART)
     assert made.returncode == 2
     assert "name one job" in made.stderr
 

@@ -136,7 +136,6 @@ def check(
     asked = demands.asked()
     asked["reading"] = replace(asked["reading"], part=part.lines())
     _check_options(asked, workers)
-    _check_part(jobs, asked)
     if isel_port is not None:
         inside = {"set": demands.set, "report": report, "watch": watch}
         _check_outside(asked, inside, workers)
@@ -146,6 +145,7 @@ def check(
     if settings is not None and not settings.is_file():
         raise CallError(f"{settings}: there is no such file")
     jobs = tuple(chosen(jobs, settings))
+    _check_part(jobs, asked)
     if watch:
         if len(jobs) != 1 or options.is_standard_input(jobs[0]) or junit or sarif or report or workers != 1:
             raise CallError("watch: names one job, and goes without junit, sarif, report and workers", option=True)
@@ -242,7 +242,7 @@ def _check_part(jobs: Sequence[Path], asked: dict[str, Any]) -> None:
     if asked["reading"].part == WHOLE:
         return
     if len(jobs) > 1:
-        raise CallError("from-line, to-line: are lines of one file; name one job", option=True)
+        raise CallError(f"from-line, to-line: are lines of one file, not of {len(jobs)}; name one job", option=True)
     if asked["golden"]:
         raise CallError("golden: a golden run is one of the whole file; leave from-line and to-line out", option=True)
 
