@@ -46,7 +46,7 @@ INTERVAL_NS = 10_000_000  # sampling interval of the pages
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Demands(JobTwin, options.CamOptions):
-    """What jobs are played on, and what they must keep."""
+    """The twin that jobs are played on, and the bounds that they must keep."""
 
     seed: Annotated[
         Whole | None, Parameter(help="A number: seed of power-on positions, switch scatter and bounce.")
@@ -384,7 +384,8 @@ def perform(asked: tuple[Task, Path | None]) -> Report | Unread:
         return Unread(str(task.job), str(error), error.excerpt)
     drawn = None
     if source is not None:
-        drawn = drawing(source.path(), cam_settings(task.job, task.call), task.bounds.contour_mm)
+        made = cam_settings(task.job, task.call)
+        drawn = drawing(source.path(), made, task.bounds.contour_mm, spindle_off=source.spindle_off)
     with ExitStack() as stack:
         watched: list[tuple[Inspection, Recorder]] = []
 
