@@ -206,7 +206,7 @@ class _Others(NamedTuple):
 def _others(
     call: TwinSpec, lines: Sequence[Line], wanted: Mapping[Source, int], workers: int, timeout_s: float
 ) -> list[_Others]:
-    """Those that are wanted, each with the present flash memory. Raises CallError."""
+    """Repetitions that are wanted, each with the present flash memory. Raises CallError."""
     for source, number in wanted.items():
         if number < 0:
             option = "robust" if source == "kind" else "uncertain"

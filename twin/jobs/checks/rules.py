@@ -1,4 +1,4 @@
-"""What a check demands of a job, and what it finds.
+"""Rules and bounds of a check, and its findings.
 
 RULES is the one list of them: reports, JUnit, SARIF, the page, editors and docs/ci.md, which says when each is broken,
 have theirs from here.
