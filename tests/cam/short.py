@@ -22,6 +22,7 @@ from isel_twin.cam.toolpath import (
     Element,
     Line,
     Output,
+    PathMode,
     Point,
     Rapid,
     Reference,
@@ -62,6 +63,9 @@ def short(element: Element) -> str:
 def _event(element: Element) -> str:
     if isinstance(element, Reference):
         return f"reference {''.join('XYZ'[axis] for axis in element.axes)}"
+    if isinstance(element, PathMode):
+        tolerance = "" if element.tolerance_mm is None else f" {number(element.tolerance_mm)}"
+        return "exact" if element.exact else f"joined{tolerance}"
     if isinstance(element, Dwell):
         return f"dwell {number(element.seconds)}"
     if isinstance(element, Tool):

@@ -73,11 +73,11 @@ def test_the_nearest_zero_that_fits(text: str, settings: CamSettings, zero: Poin
         # 5 mm above the work until 0.5 mm below it
         ("hpgl", "IN;SP1;PU400,400;PD;PA1600,1200;PU;SP0;", (0.0, 0.0, 10.0)),
         # um
-        (
-            "ncp",
-            "IMF_PBL_V1.0\nVEL 10000\nFASTABS Z3000\nFASTABS X-2000 Y0\nMOVEABS Z-1000\nPROGEND\n",
-            (7.0, 0.0, 8.0),
-        ),
+        ("ncp", "IMF_PBL_V1.0\nVEL 10000\nFASTABS Z3000\nFASTABS X-2000\nMOVEABS Z-1000\nPROGEND\n", (7.0, 0.0, 8.0)),
+        # a reference run leads to 0 of the machine, wherever the zero is
+        ("ncp", "IMF_PBL_V1.0\nVEL 10000\nFASTABS Z3000\nMOVEABS X9000 Z-1000\nREF XYZ\nPROGEND\n", (0.0, 0.0, 8.0)),
+        # a hole at X 10 and Y -5.5 of the board
+        ("excellon", "M48\nMETRIC\nT1C0.8\n%\nT1\nX10.0Y-5.5\nM30\n", (0.0, 11.0, 10.0)),
     ],
 )
 def test_every_format_has_it(name: str, text: str, zero: Point) -> None:
@@ -100,7 +100,7 @@ def test_every_format_has_it(name: str, text: str, zero: Point) -> None:
         (CUT.replace("M30", "G53 G0 X500\nM30"), r"line 7 leads to X 500 mm wherever the zero of the work is"),
         (CUT.replace("M30", "G53 G0 Z1\nM30"), r"line 7 leads to Z -1 mm wherever"),
         (HEAD + "G91\nG0 X-5\nM30\n", r"line 3 leads to X -5 mm wherever"),
-        (CUT.replace("G1 X60 Y40", "G2 X60 Y40 I1 J1"), r"line 5, column 1: the radii"),
+        (CUT.replace("G1 X60 Y40", "G2 X60 Y40 I1 J1"), r"told: line 5, column 1: "),
     ],
 )
 def test_why_none_fits(text: str, why: str) -> None:

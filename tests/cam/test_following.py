@@ -12,7 +12,7 @@ from cam.played import END, FAST, P, Player, arc, axes_of, ideal_mm, line, lines
 from isel_twin import Twin
 from isel_twin.cam.following import Following
 from isel_twin.cam.settings import CamSettings
-from isel_twin.cam.toolpath import Element, Tool
+from isel_twin.cam.toolpath import Element, PathMode, Tool
 from isel_twin.cam.written import MachineAxes
 from isel_twin.jobs.toolpaths import machine_axes
 
@@ -212,3 +212,37 @@ def test_a_cut_waits_for_the_way_back_from_a_change_of_the_tool() -> None:
     path = [line(10, 10, -5), line(20, 10, -5), Tool(P, 2), line(30, 10, -5), END]
     *_, before, last = texts(lines_of("gmi99", path, settings, servo("gmi99")))
     assert (before.endswith("H2"), last) == (True, "f10000 | 81h 30000")
+
+
+STRAIGHT = [line(float(k), 0, 0) for k in (10, 20, 30)]
+
+
+@pytest.mark.parametrize(("controller", "rest", "stops"), [("bwo900", "G04.0.000", 2), ("gmi99", "H2", 3)])
+def test_exact_stop_of_a_file_brings_drives_to_rest(controller: str, rest: str, stops: int) -> None:
+    """G61: in a straight line, too; the BWO 900 needs none before the first motion. G64 ends it."""
+    for modes, count in (([PathMode(P, True)], stops), ([PathMode(P, True), PathMode(P, False)], 0)):
+        made = " | ".join(texts(lines_of(controller, [*modes, *STRAIGHT, END], axes=servo(controller))))
+        assert made.count(rest) == count
+    assert rest not in " ".join(texts(lines_of(controller, [PathMode(P, True), *STRAIGHT, END])))
+
+
+@pytest.mark.parametrize(
+    ("setting", "tolerance", "bound"),
+    [
+        (0.02, None, 0.02),
+        (0.02, 0.001, 0.001),
+        (0.02, 0.5, 0.02),
+        (0.0, 0.001, 0.001),
+        (0.0, None, 0.0),
+        (0.02, 0.0, 0.02),
+    ],
+)
+def test_the_tighter_of_settings_and_file_bounds_a_corner(
+    setting: float, tolerance: float | None, bound: float
+) -> None:
+    """G64 P: as fast as r = 5 mm may be made with that bound."""
+    following = bounded(following_mm=setting)
+    following.bound(tolerance)
+    fastest, why = following.fastest_mm_s(5.0)
+    assert fastest == pytest.approx(math.sqrt(10.0 * bound) / LAG_S if bound else math.inf)
+    assert ("G64 P" in why) is (tolerance == bound)

@@ -98,8 +98,8 @@ PROGRAMS = {
     OFFSETS: "rapid 100 50 20 | line 110 50 20 F3.3333 | rapid 110 50 40 | rapid 5 5 40 | end",
     PLANES: "rapid 0 0 0 | arc 10 0 0 about 5 0 XZ cw F4 | rapid 10 0 0 | arc 10 0 8 about 0 4 YZ ccw F4 | "
     "arc 20 0 8 about 15 0 cw F4 | caution | end",
-    INVERSE: "line 60 0 0 F3 | line 0 0 0 F6 | dwell 0.5 | line 10 0 0 F5 | line 99 0 0 F5 | coolant 1 on | stop | "
-    "coolant 1 off | coolant 2 off | end",
+    INVERSE: "joined 0.02 | line 60 0 0 F3 | line 0 0 0 F6 | dwell 0.5 | exact | line 10 0 0 F5 | line 99 0 0 F5 | "
+    "coolant 1 on | stop | coolant 1 off | coolant 2 off | end",
     FREE: "rapid 1 -0.5 0 | line 2.5 -0.5 0 F1 | line 2.5 1 0 F1 | remark change cutter | end",
 }
 
@@ -453,3 +453,22 @@ def test_a_line_is_read_alike_with_and_without_a_remark(rows: list[tuple[Any, ..
         return found
 
     assert outcome("") == outcome(" (a)")
+
+
+@pytest.mark.parametrize(
+    ("program", "said"),
+    [
+        ("T2\nG0 X1\nM30", ["T2 is selected, and no M6 of the file changes to it"]),
+        ("T2\nG0 X1", ["the file ends without M2, M30 or %; it may be cut off", "T2 is selected, and no M6"]),
+        ("T2 M6\nT3\nM30", []),  # the next one, made ready
+        ("T2\nM6\nM30", []),
+        ("F60\nG83 X1 Z-2 R1 Q1 P500\nX2 P500\nG80\nM30", ["P is not of G83: it is not used"]),
+        ("F60\nG81 X1 Z-2 R1 Q0 P0\nG80\nM30", []),
+        ("M52\nM30", ["M52: nothing adapts the feed here"]),
+        ("M52 P0\nM51 P1\nG61\nG64 P0.1\nM30", []),
+    ],
+)
+def test_words_that_nothing_uses_are_told(program: str, said: list[str]) -> None:
+    found = cautions("gcode", f"G21 G90\n{program}\n")
+    assert len(found) == len(said)
+    assert all(text.startswith(begins) for text, begins in zip(found, said, strict=True))

@@ -158,3 +158,7 @@ def test_an_arc_by_an_angle_turns_about_its_centre(degrees: int, end: str, sense
     (arc,) = [element for element in path if element.startswith("arc ")]
     assert arc.startswith(f"arc {end} ")
     assert f" about 20 20 {sense} " in arc
+
+
+def test_speed_and_force_of_the_pen_are_told() -> None:
+    assert [text[:2] for text in cautions("hpgl", "IN;VS10;AS2;FS3;VS20;PU0,0;PD100,0;PU;", PEN)] == ["VS", "AS", "FS"]

@@ -196,9 +196,9 @@ REFUSED = {
     "Fanuc number as ISO": (":1001\nG21 G90\nM30\n", "line 1, column 1: ':' is no word of G-code"),
     "Marlin message": ("G21 G90\nM117 Groove\nM30\n", "line 2, column 1: M117 is refused"),
     "four axes": ("G21 G90\nG0 X1 A0.\nM30\n", "line 2, column 7: this machine has no axis A; leave A0 out"),
-    "Mach3 outputs": (
-        "G21 G90\nM64 P0\nM30\n",
-        "line 2, column 1: M64 is refused: inputs and outputs are not reached so",
+    "LinuxCNC inputs": (
+        "G21 G90\nM66 P0\nM30\n",
+        "line 2, column 1: M66 is refused: inputs are not waited for",
     ),
 }
 

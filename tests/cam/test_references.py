@@ -122,11 +122,11 @@ def test_each_controller_makes_it_where_it_stands(controller: str) -> None:
 
 
 def test_the_way_behind_it_begins_where_it_ends() -> None:
-    """For what the file says that it takes, and for its drawing: 5 mm at 10 mm/s from X 0, Y 10."""
+    """For what the file says that it takes, and for its drawing: 5 mm at 10 mm/s from X 0, Y 10; Z goes first."""
     path: list[Element] = [rapid(0, 10, 0), Reference(P, (0, 1, 2)), line(5, 0, 0), END]
     sums = Estimate(dataclasses.replace(UP, rapid_mm_s=10.0))
     assert len(list(sums.watched(iter(path)))) == 4
     assert sums.seconds == pytest.approx(1.0 + 0.5)
     drawn = drawing(iter(path), UP, 0.05)
-    assert drawn.points_mm.tolist() == [[0, 0, 0], [0, 10, 0], [0, 0, 0], [5, 0, 0]]
-    assert drawn.cuts.tolist() == [False, False, True]
+    assert drawn.points_mm.tolist() == [[0, 0, 0], [0, 10, 0], [0, 10, 0], [0, 0, 0], [5, 0, 0]]
+    assert drawn.cuts.tolist() == [False, False, False, True]

@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 
 from isel_twin.cam.settings import CamSettings
-from isel_twin.cam.toolpath import CamError, Caution, Element, Line, Place, Remark, Spindle
+from isel_twin.cam.toolpath import CamError, Caution, Dwell, Element, Line, Place, Remark, Spindle
 from isel_twin.controller import offers
 from isel_twin.language import WritesToolpaths, create_language
 from tests.thorough import drawn
@@ -72,6 +72,30 @@ def test_the_spindle_turns_until_the_file_says_so(controller: str) -> None:
     turning = played(controller, path).spindle
     assert [turning[0], turning[-1]] == [0, 0]
     assert [after - before for before, after in pairwise(turning) if after != before] == [1, -1]
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_a_pause_behind_the_last_motion_is_waited_for(controller: str) -> None:
+    """`G4 P2 M30`, and an NCP file that ends with `SPINDLE OFF TIME2000`."""
+    path = [rapid(10, 0, 0), line(20, 0, 0)]
+    without, dwelled, run_out = [
+        played(controller, [*path, Spindle(P, 0), *end, END]).twin.time_ns
+        for end in ((), [Dwell(P, 2.0)], [Spindle(P, 0, None, 2.0)])
+    ]
+    assert [(each - without) / 1e9 for each in (dwelled, run_out)] == pytest.approx([2.0, 2.0], abs=0.1)
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_an_arc_is_made_at_its_feed(controller: str) -> None:
+    """A half circle of r = 10 mm, 31.4 mm, at 10 and at 2 mm/s; the iSMIF and the GMI99 stop or slow down at chords."""
+    seconds = [
+        played(controller, [rapid(50, 50, -5), arc((30, 50, -5), (40, 50, 0), feed=feed), END]).seconds
+        for feed in (10.0, 2.0)
+    ]
+    assert math.pi * 0.99 <= seconds[0] < seconds[1]
+    assert seconds[1] >= 5.0 * math.pi * 0.99
+    if controller in ("imc-s8", "bwo900"):
+        assert seconds[1] - seconds[0] == pytest.approx(4.0 * math.pi, rel=0.01)
 
 
 def endless() -> Iterator[Element]:

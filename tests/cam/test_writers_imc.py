@@ -252,6 +252,8 @@ def test_spindle_and_pauses() -> None:
     assert job(path) == [
         "@0B2,1",
         "<2.000s>",
+        "# caution: a spindle speed of 12000 rev/min is not told to the spindle, nor is any other: "
+        "set it by hand, or set [cam] spindle_max_rpm to its speed at 10 V",
         "<0.250s>",
         "@0B2,1",
         "# caution: spindle counter-clockwise: the controller only switches it on, in the sense that it has",
@@ -264,6 +266,10 @@ def test_outputs_are_bits_of_the_user_port() -> None:
     settings = CamSettings(outputs={"coolant": 0, "A4.1": 3, "PUMP": 7})
     path = [Coolant(P, 1, True), Output(P, "A4", 0b1, 1), Output(P, "PUMP", 1, 1), Output(P, "A4", 0b1, 0), END]
     assert job(path, settings) == ["@0B0,1", "@0B0,9", "@0B0,137", "@0B0,129", "@0B0,128"]
+
+
+def test_what_cannot_be_switched_on_need_not_be_switched_off() -> None:
+    assert job([Coolant(P, 1, False), Coolant(P, 2, False), Output(P, "P3", 1, 0), END]) == []
 
 
 def test_outputs_that_nobody_has_named_are_said_once() -> None:

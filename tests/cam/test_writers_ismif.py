@@ -43,7 +43,7 @@ def test_a_job_is_not_longer_than_a_host_waits() -> None:
 
 
 def test_events_end_a_job() -> None:
-    path = [Spindle(P, 1, 8000.0, 1.5), line(1, 0, 0), Dwell(P, 0.5), line(2, 0, 0), Spindle(P, 0), END]
+    path = [Spindle(P, 1, None, 1.5), line(1, 0, 0), Dwell(P, 0.5), line(2, 0, 0), Spindle(P, 0), END]
     assert job(path) == ["A1<1>", "<1.500s>", "#E0,800", "L0,X80<1>", "<0.500s>", "L0,X160<1>", "A0<1>"]
 
 

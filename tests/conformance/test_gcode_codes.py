@@ -54,7 +54,7 @@ ELSEWHERE = dataclasses.replace(SETTINGS, zero=(100.0, 50.0, 20.0), start=(100.0
         case("gcode-1-19", "G21\nF60\nG52 X3\nG0 X1\nG52 X0\nG0 X1\nM2", "rapid 4 0 0 | rapid 1 0 0 | end"),
         case("gcode-1-20", "G21\nF60\nG53 G0 X1\nG0 X1\nM2", "rapid 1 50 20 | rapid 101 50 20 | end"),
         case("gcode-1-21", "G21\nF60\nG55 G0 X0\nG54 G0 X0\nM2", "rapid 1 0 0 | rapid 0 0 0 | end"),
-        case("gcode-1-22", "G21\nF60\nG61\nG61.1\nG64 P0.1 Q0.1\nM2", "end"),
+        case("gcode-1-22", "G21\nF60\nG61\nG61.1\nG64 P0.1 Q0.1\nM2", "exact | exact | joined 0.1 | end"),
         case(
             "gcode-1-23",
             "G21\nF60\nG73 X1 Z-3 R0 Q2\nM2",
@@ -117,7 +117,7 @@ ELSEWHERE = dataclasses.replace(SETTINGS, zero=(100.0, 50.0, 20.0), start=(100.0
         case("gcode-1-50", "G21\nF60\nM7\nM2", "coolant 2 on | end"),
         case("gcode-1-51", "G21\nF60\nM8\nM2", "coolant 1 on | end"),
         case("gcode-1-52", "G21\nF60\nM9\nM2", "coolant 1 off | coolant 2 off | end"),
-        case("gcode-1-53", "G21\nF60\nM48\nM49\nM50\nM51\nM52\nM53\nM2", "end"),
+        case("gcode-1-53", "G21\nF60\nM48\nM49\nM50 P1\nM51\nM52 P0\nM53 P0\nM2", "end"),
         *(
             case("gcode-1-54", f"G21\nF60\n{code} G0 X0\nM2", f"rapid {number} 0 0 | end")
             for number, code in enumerate(("G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3"), 3)
@@ -126,7 +126,7 @@ ELSEWHERE = dataclasses.replace(SETTINGS, zero=(100.0, 50.0, 20.0), start=(100.0
         case("gcode-1-56", "G70\nF60\nG1 X1\nM2", "line 1, column 1: G70 is not of this dialect"),
         case("gcode-1-56", "G71\nF60\nG1 X1\nM2", "line 1, column 1: G71 is not of this dialect"),
         case("gcode-2-1", "g 2 1\n g 0 x 1 . 5\nM2", "rapid 1.5 0 0 | end"),
-        case("gcode-2-2", "G21\nG0 X+2. Y-.5\nX1e3\nM2", "E is no word of G-code here"),
+        case("gcode-2-2", "G21\nG0 X+2. Y-.5\nX1e3\nM2", "1e3 has an exponent"),
         case("gcode-2-3", "G21 (mm) G0 X1 (there) Y2 ; done\nM2", "rapid 1 2 0 | end"),
         case("gcode-2-4", "G21\n(MSG,wait here)\nM2", "remark wait here | end"),
         case("gcode-2-5", "G21\nG0 X1 X2\nM2", "X is there twice in one line"),
@@ -151,9 +151,7 @@ ELSEWHERE = dataclasses.replace(SETTINGS, zero=(100.0, 50.0, 20.0), start=(100.0
         case("gcode-3-4", "G21\nF60\nG3 I5 Z-2 P3\nM2", "arc 0 0 -2 about 5 0 ccw x3 F1 | end"),
         case("gcode-3-5", "G21\nF60\nG2 X10 I5 Z-2\nM2", "arc 10 0 -2 about 5 0 cw F1 | end"),
         case("gcode-3-6", "G21\nF60\nG2 X10.02 I5\nM2", "arc 10.02 0 0 about 5 0 cw F1 | end"),
-        case(
-            "gcode-3-7", "G21\nF60\nG2 X10.06 I5\nM2", "radii to start and end of the arc differ: 5.0000 and 5.0600 mm"
-        ),
+        case("gcode-3-7", "G21\nF60\nG2 X10.06 I5\nM2", "differ by 0.0600 mm with I J as offsets (5.0000 and 5.0600)"),
         case("gcode-3-8", "G21\nF60\nG2 X10 R4.9988\nM2", "arc 10 0 0 about 5 0 cw F1 | end"),
         case("gcode-3-8", "G21\nF60\nG2 X10 R4.9986\nM2", "R"),
         case("gcode-3-9", "G21\nF60\nG2 X10\nM2", "an arc wants its centre I J K, or its radius R"),
@@ -173,6 +171,9 @@ ELSEWHERE = dataclasses.replace(SETTINGS, zero=(100.0, 50.0, 20.0), start=(100.0
             "G21\nF60\nG91 G81 X1 Z-2 R0 L2\nM2",
             "rapid 1 0 0 | line 1 0 -2 F1 | rapid 1 0 0 | rapid 2 0 0 | line 2 0 -2 F1 | rapid 2 0 0 | end",
         ),
+        case("gcode-5-5", "G21\nF60\nG81 X1 Z-2 R1 P1\nM2", "P is not of G81"),
+        case("gcode-5-5", "G21\nF60\nG83 X1 Z-2 R1 Q1 P1\nM2", "P is not of G83"),
+        case("gcode-5-5", "G21\nF60\nG82 X1 Z-2 R1 Q1 P1\nM2", "Q is not of G82"),
         case("gcode-5-4", "G21\nF60\nG81 X1 Z-2 R-3\nM2", "R -3 is below Z -2"),
         case(
             "gcode-6-1",
@@ -180,6 +181,12 @@ ELSEWHERE = dataclasses.replace(SETTINGS, zero=(100.0, 50.0, 20.0), start=(100.0
             "spindle cw 5 | coolant 1 off | coolant 2 off | line 2 0 0 F1 | end",
         ),
         case("gcode-6-2", "G21\nF60\nM3 S5\nS6\nM2", "spindle cw 5 | spindle cw 6 | end"),
+        *(
+            case("gcode-6-5", f"G21\nF60\n{code} P3\nM2", f"output P3 1={value} | end")
+            for code, value in (("M62", 1), ("M63", 0), ("M64", 1), ("M65", 0))
+        ),
+        case("gcode-6-5", "G21\nF60\nM64 P1.5\nM2", "M64 wants P, the number of an output"),
+        case("gcode-6-5", "G21\nF60\nM62\nM2", "M62 wants P, the number of an output"),
         case("gcode-6-3", "G21\nF60\nM7 M8\nM2", "M7 and M8 exclude each other in one line"),
         case("gcode-6-4", "G21\nF60\nG59.4\nM2", "G59.4 is unknown"),
     ],
@@ -202,7 +209,7 @@ def refused(row: str, codes: str) -> list[Any]:
     ("word", "named"),
     [
         *refused("gcode-7-1", "G41 G42 G41.1 G42.1"),
-        *refused("gcode-7-2", "G33 G33.1 G74 G76 G84"),
+        *refused("gcode-7-2", "G33 G33.1 G76 G84"),
         *refused("gcode-7-3", "G86 G87 G88"),
         *refused("gcode-7-4", "G38.2 G38.3 G38.4 G38.5"),
         *refused("gcode-7-5", "G5 G5.1 G5.2 G5.3"),
@@ -210,7 +217,7 @@ def refused(row: str, codes: str) -> list[Any]:
         *refused("gcode-7-7", "G43.1 G43.2"),
         *refused("gcode-7-8", "G7 G71.1 G71.2 G72 G72.1 G72.2 G95 G96"),
         *refused("gcode-7-9", "M19 M60 M61"),
-        *refused("gcode-7-10", "M62 M63 M64 M65 M66 M67 M68"),
+        *refused("gcode-7-10", "M66 M67 M68"),
         *refused("gcode-7-11", "M70 M71 M72 M73"),
         *refused("gcode-7-12", "M98 M99"),
         *refused("gcode-7-13", "M100 M101 M150 M199"),
@@ -231,6 +238,7 @@ def test_code_is_refused(word: str, named: str) -> None:
         case("gcode-7-15", "G1 X#1", "column 4: parameters # and expressions"),
         case("gcode-7-15", "#5=[1+2]", "column 1: parameters # and expressions"),
         case("gcode-7-15", "G1 X[2*3]", "column 4: parameters # and expressions"),
+        case("gcode-7-2", "G74", "column 1: G74 is tapping"),
         case("gcode-7-16", "G1 @10 ^45", "column 4: '@' is no word of G-code"),
         case("gcode-7-16", "G1 X1 E5", "column 7: E is no word of G-code here"),
         case("gcode-7-16", "G1 X1 D5", "column 7: no code of this line takes D"),

@@ -167,5 +167,6 @@ def test_a_file_as_an_owner_has_it_is_tuned(tmp_path: Path) -> None:
     (tmp_path / "vectric.ncp").write_bytes(WILD["vectric.ncp"])
     done = isel_twin("tune", tmp_path / "vectric.ncp", "--trials", "1", "--confirm", "1", *NEAR)
     assert done.returncode == 0
-    assert [line.split(": caution: ")[1][:26] for line in done.stderr.splitlines()] == ["line 8: coolant is not swi"]
+    said = [line.split(": caution: ")[1] for line in done.stderr.splitlines()]
+    assert [text[:28] for text in said] == ["line 10: a spindle speed of ", "line 14: coolant is not swit"]
     assert "@0M" in (tmp_path / "vectric.tuned.ncp").read_text()

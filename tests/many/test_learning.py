@@ -31,6 +31,7 @@ COMMANDS = (
     "@0b1",
     "@0M0,9000,0,9000,0,900,0,30",
     "@0P",
+    "@07",  # a limit switch wants it before a reference run
     "@0R7",
     "@0M3200,9000,3200,9000,0,900,0,30",
     "@0V",

@@ -57,8 +57,8 @@ def _gcode(element: Element, file: _File) -> Words:
             way = f"I{_mm(centre[0] - from_x)} J{_mm(centre[1] - from_y)}"
             words = file.axes(to, _mm, always="XY")
             yield f"{'G3' if turns > 0 else 'G2'} {words} {way}{_f(file, feed_mm_s)}"
-        case Spindle(_, turns):
-            yield {1: "M3", -1: "M4"}.get(turns, "M5")
+        case Spindle(_, turns, rpm):
+            yield {1: "M3", -1: "M4"}.get(turns, "M5") + (f" S{rpm:.0f}" if turns and rpm is not None else "")
         case Coolant(_, number, on):
             yield ("M8" if number == 1 else "M7") if on else "M9"
         case Remark(_, text):
@@ -88,8 +88,9 @@ def _ncp(element: Element, file: _File) -> Words:
             words = file.axes(to, _um, always="" if whole else "XY")
             yield from _velocity(file, feed_mm_s)
             yield f"{'CCWABS' if turns > 0 else 'CWABS'} I{_um(centre[0])} J{_um(centre[1])} {words}".rstrip()
-        case Spindle(_, turns):
-            yield {1: "SPINDLE CW ON", -1: "SPINDLE CCW ON"}.get(turns, "SPINDLE OFF")
+        case Spindle(_, turns, rpm):
+            speed = f" RPM{rpm:.0f}" if turns and rpm is not None else ""
+            yield {1: "SPINDLE CW ON", -1: "SPINDLE CCW ON"}.get(turns, "SPINDLE OFF") + speed
         case Coolant(_, number, on):
             yield f"{'COOLANT' if number == 1 else 'COOLANT2'} {'ON' if on else 'OFF'}"
         case Remark(_, text):

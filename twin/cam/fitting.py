@@ -17,7 +17,7 @@ from typing import Final, TypeAlias
 from isel_twin.cam import arcs
 from isel_twin.cam.course import TravelError
 from isel_twin.cam.settings import CamSettings
-from isel_twin.cam.toolpath import Arc, CamError, Element, Line, Place, Point, Rapid, Remark, Toolpath
+from isel_twin.cam.toolpath import Arc, CamError, Element, Line, Place, Point, Rapid, Reference, Remark, Toolpath
 from isel_twin.cam.written import AXES, MachineAxes
 
 Read: TypeAlias = Callable[[CamSettings], Toolpath]
@@ -107,6 +107,9 @@ def _extents(read: Read, settings: CamSettings, by_mm: Point) -> Extents:
     for one, other in zip_longest(_motions(read(with_zero(settings, zero))), _motions(read(moved))):
         if one is None or other is None or one.place != other.place:
             raise CamError(_NO_WAY)
+        if isinstance(one, Reference) or isinstance(other, Reference):
+            start = one.ends(start) if isinstance(one, Reference) else start
+            continue
         for axis, span in enumerate(_reach(one, start)):
             low, high = sorted(signs[axis] * mm for mm in span)
             by = signs[axis] * (other.to[axis] - one.to[axis])
@@ -128,8 +131,8 @@ def _zero(settings: CamSettings) -> Point:
     return settings.zeros.get(1, settings.zero)
 
 
-def _motions(path: Toolpath) -> Iterator[Rapid | Line | Arc]:
-    return (element for element in path if isinstance(element, (Rapid, Line, Arc)))
+def _motions(path: Toolpath) -> Iterator[Rapid | Line | Arc | Reference]:
+    return (element for element in path if isinstance(element, (Rapid, Line, Arc, Reference)))
 
 
 def _reach(motion: Rapid | Line | Arc, start: Point) -> list[_Span]:

@@ -31,11 +31,25 @@ class Following:
 
     def __init__(self, axes: MachineAxes, settings: CamSettings) -> None:
         self._lag_s, self._held_mm, self._reset_s = axes.lag_s, axes.held_mm, axes.reset_s
-        self._bound_mm = settings.following_mm if axes.lag_s else 0.0  # 0: none
+        self._usual_mm = settings.following_mm
+        self.bound(None)
         self._reversal_mm = settings.reversal_mm if axes.held_mm else 0.0
-        self.matters = bool(self._bound_mm or self._reversal_mm)  # False: nothing here makes a difference
         self._before: tuple[float, float, float] | None = None  # direction of the last motion, length 1
         self._speed_mm_s = 0.0
+
+    @property
+    def matters(self) -> bool:
+        """False: nothing here makes a difference."""
+        return bool(self._bound_mm or self._reversal_mm)
+
+    def bound(self, tolerance_mm: float | None) -> None:
+        """By how much corners and arcs may be rounded from here on, where the file asks for less than the settings."""
+        bounds = [each for each in (self._usual_mm, tolerance_mm) if each]
+        self._bound_mm = min(bounds) if bounds and self._lag_s else 0.0  # 0: none
+
+    def rest(self) -> None:
+        """The drives have come to rest."""
+        self._before = None
 
     def corner(self, begins: Sequence[float], ends: Sequence[float], speed_mm_s: float) -> bool:
         """Must the drives come to rest before the next motion? It begins and ends in these directions, of any length;
@@ -57,7 +71,8 @@ class Following:
         fastest, why = math.inf, ""
         if self._bound_mm:
             fastest = math.sqrt(2.0 * radius_mm * self._bound_mm) / self._lag_s
-            why = f"its drives follow within {self._bound_mm:g} mm ([cam] following_mm)"
+            by = "[cam] following_mm" if self._bound_mm == self._usual_mm else "G64 P"
+            why = f"its drives follow within {self._bound_mm:g} mm ({by})"
         if self._reversal_mm and (slow := math.sqrt(radius_mm * self._turning_mm_s2())) < fastest:
             fastest = slow
             why = f"friction holds a drive that turns round by {self._reversal_mm:g} mm at most ([cam] reversal_mm)"

@@ -24,6 +24,7 @@ from isel_twin.cam.toolpath import (
     End,
     Line,
     Output,
+    PathMode,
     Place,
     Point,
     Rapid,
@@ -118,7 +119,7 @@ class Section:
     def _pass(self, element: Element) -> None:
         """Keep what an element changes that is not made."""
         self._left_out = self._left_out or not isinstance(element, Remark)
-        if isinstance(element, (Tool, Spindle, Coolant, Output)):
+        if isinstance(element, (PathMode, Tool, Spindle, Coolant, Output)):
             self._hold(element)
         elif isinstance(element, Dwell):
             spindle = self._held.get(Spindle)
@@ -135,6 +136,8 @@ class Section:
             key = Tool
             self._switch(turns=False, line=element.place.line)
             self._held.pop(Spindle, None)
+            if self._rpm is not None:
+                self._held[Spindle] = Spindle(element.place, 0, self._rpm)
         elif isinstance(element, Spindle):
             key = Spindle
             self._switch(turns=bool(element.turns), line=element.place.line)
@@ -143,6 +146,8 @@ class Section:
             self._rpm = self._rpm if element.speed_rpm is None else element.speed_rpm
             element = element._replace(speed_rpm=self._rpm, wait_s=max(element.wait_s, wait_s))
             self._running_up = bool(element.turns)
+        elif isinstance(element, PathMode):
+            key = PathMode
         elif isinstance(element, Coolant):
             key = Coolant, element.number
         elif isinstance(element, Output):

@@ -118,6 +118,7 @@ class CamSettings:
     # by which drives that follow may round corners and arcs of cuts; 0: as they do by themselves
     reversal_mm: float = number("mm", 0.0, 10.0, default=0.0)
     # by which an arc may leave a drive that friction holds where it turns round; 0: as it does by itself
+    spindle_max_rpm: float = number("1/min", 0.0, 1e6, default=0.0)  # at 10 V; 0: as the machine file has it
     peck_clearance_mm: float = number("mm", 0.0, 100.0, default=0.25)  # NCP, C2: above the last depth
     optional_stop: bool = flag(True)  # M1 stops
     block_delete: bool = flag(False)  # lines that begin with / are left out

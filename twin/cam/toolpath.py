@@ -5,6 +5,7 @@ A toolpath is an iterator of elements, made while a file is read, so that a file
     Rapid Line Arc       motion of the tool's tip to a point
     Reference            axes run to their reference switches
     Dwell                the tool stands
+    PathMode             how the motions after it are joined
     Tool Spindle Coolant Output Stop     what the machine does between motions, in the order of the file
     Remark               words for people
     Caution              what the reader took in one of several ways, or left out: shown to the user once
@@ -85,6 +86,15 @@ class Reference(NamedTuple):
         return x, y, z
 
 
+class PathMode(NamedTuple):
+    """exact: each motion from here on ends at rest; else they are joined, and the tool leaves its path by at most
+    tolerance_mm (None: by what is set)."""
+
+    place: Place
+    exact: bool
+    tolerance_mm: float | None = None
+
+
 class Dwell(NamedTuple):
     place: Place
     seconds: float
@@ -154,6 +164,19 @@ class End(NamedTuple):
 
 
 Element: TypeAlias = (
-    Rapid | Line | Arc | Reference | Dwell | Tool | Spindle | Coolant | Output | Stop | Remark | Caution | End
+    Rapid
+    | Line
+    | Arc
+    | Reference
+    | PathMode
+    | Dwell
+    | Tool
+    | Spindle
+    | Coolant
+    | Output
+    | Stop
+    | Remark
+    | Caution
+    | End
 )
 Toolpath: TypeAlias = Iterator[Element]

@@ -10,7 +10,7 @@ comes back X and Y first (language/3). A stop is a remark (language/6).
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import Protocol
+from typing import Literal, NamedTuple, Protocol
 
 from isel_twin.cam import arcs
 from isel_twin.cam.course import CLOSE, Course, Limits, Move, TravelError, Turn
@@ -26,6 +26,7 @@ from isel_twin.cam.toolpath import (
     End,
     Line,
     Output,
+    PathMode,
     Place,
     Point,
     Rapid,
@@ -39,6 +40,14 @@ from isel_twin.cam.toolpath import (
 from isel_twin.cam.written import MachineAxes, Written
 
 COOLANT = {1: "coolant", 2: "coolant2"}  # names in `CamSettings.outputs`
+FIXED = 0.01  # by which a speed may differ from one that is set by hand
+
+
+class Speed(NamedTuple):
+    """A speed of the spindle that the controller is told."""
+
+    rev_min: float
+    share: float  # of the highest one, 0 .. 1
 
 
 class Commands(Limits, Protocol):
@@ -47,6 +56,10 @@ class Commands(Limits, Protocol):
     @property
     def both_senses(self) -> bool:
         """The spindle can turn counter-clockwise, too."""
+
+    @property
+    def speed_by(self) -> Literal["", "scale", "number"]:
+        """The spindle is told its speed by a share of the highest one, by a number, or not at all."""
 
     def begin(self) -> Iterable[str]:
         """First lines: the controller is made ready and referenced."""
@@ -67,8 +80,8 @@ class Commands(Limits, Protocol):
 
     def dwell(self, seconds: float) -> str: ...
 
-    def spindle(self, turns: int, speed_rpm: float | None) -> Iterable[str] | None:
-        """None: it cannot be switched."""
+    def spindle(self, turns: int, speed: Speed | None) -> Iterable[str] | None:
+        """speed: None where none is told. None: it cannot be switched."""
 
     def coolant(self, number: int, on: bool) -> Iterable[str] | None:
         """number: as `Coolant` has it, a key of COOLANT."""
@@ -103,8 +116,12 @@ class _Writer:
         self._following = Following(axes, settings)
         self._commands = commands
         self._settings = settings
-        self._running: Spindle | None = None
+        self._turns = 0  # of the spindle
+        self._speed_rpm: float | None = None  # as the file has it, whether it turns or not
+        self._top_rpm = settings.spindle_max_rpm or axes.spindle_max_rpm  # 0: not known
+        self._tells_speed = commands.speed_by == "number" or bool(commands.speed_by and self._top_rpm)
         self._cooled: set[int] = set()
+        self._exact = False  # drives that follow come to rest behind each motion
         self._away_from: Point | None = None  # where the tool stood before it was changed
 
     def lines(self, path: Toolpath) -> Iterator[Written]:
@@ -117,6 +134,8 @@ class _Writer:
             if isinstance(element, (Line, Rapid, Arc)):
                 if self._away_from is not None:
                     yield from self._back(element)
+                if self._exact:
+                    yield from commands.settled(place)
                 if isinstance(element, Line):
                     yield from self._straight(place, element.to, element.feed_mm_s, rapid=False)
                 elif isinstance(element, Rapid):
@@ -125,6 +144,11 @@ class _Writer:
                     yield from self._arc(element)
             elif isinstance(element, End):
                 break
+            elif isinstance(element, PathMode):
+                self._exact = element.exact and bool(self._axes.lag_s)
+                self._following.bound(element.tolerance_mm)
+            elif isinstance(element, Spindle):
+                yield from self._spindle(element)
             else:
                 yield from commands.held()
                 yield from self._event(element)
@@ -165,11 +189,10 @@ class _Writer:
                 yield from self._reference(element)
             case Dwell():
                 yield Written(commands.dwell(element.seconds), place)
-            case Spindle():
-                yield from self._spindle(element)
             case Coolant():
                 lines = commands.coolant(element.number, element.on)
-                yield from self._switched(lines, place, COOLANT[element.number])
+                if element.on or lines is not None:  # what cannot be switched on need not be switched off
+                    yield from self._switched(lines, place, COOLANT[element.number])
                 (self._cooled.add if element.on else self._cooled.discard)(element.number)
             case Output():
                 yield from self._output(element)
@@ -189,23 +212,54 @@ class _Writer:
         if lines is not None:
             yield from (Written(line, run.place) for line in lines)
             self._course.referenced(run)
-            self._following = Following(self._axes, self._settings)
+            self._following.rest()
         elif (to := run.ends(self._course.point)) != self._course.point:
             text = "a reference run is made before a program only: here the axes go to its end by rapids, Z first"
             self._course.caution("reference", run.place, text)
             yield from self._to(to, run.place, z_first=True)
 
     def _spindle(self, spindle: Spindle) -> Iterator[Written]:
-        place, speed = spindle.place, spindle.speed_rpm
-        if speed is None and self._running is not None:
-            speed = self._running.speed_rpm
-        if spindle.turns < 0 and not self._commands.both_senses:
+        """S counts until another one comes, also over a standstill; alone it switches nothing (language/11), and parts
+        no motions that the controller joins."""
+        place, turns, before = spindle.place, spindle.turns, self._speed_rpm
+        only_speed = spindle.speed_rpm is not None and turns == self._turns
+        if spindle.speed_rpm is not None:
+            self._speed_rpm = spindle.speed_rpm
+            self._check_speed(place, spindle.speed_rpm, bool(turns))
+        elif turns and before is None and self._tells_speed:
+            self._course.caution("no speed", place, "the spindle is switched on without a speed: it may stand")
+        if turns < 0 and not self._commands.both_senses:
             text = "spindle counter-clockwise: the controller only switches it on, in the sense that it has"
             self._course.caution("sense", place, text)
-        yield from self._switched(self._commands.spindle(spindle.turns, speed), place, "spindle")
-        self._running = spindle._replace(speed_rpm=speed) if spindle.turns else None
+        if not only_speed or (turns and self._tells_speed and self._speed_rpm != before):
+            yield from self._commands.held()
+            yield from self._switched(self._commands.spindle(turns, self._speed()), place, "spindle")
+        self._turns = turns
         if spindle.wait_s > 0:
+            yield from self._commands.held()
             yield Written(self._commands.dwell(spindle.wait_s), place)
+
+    def _speed(self) -> Speed | None:
+        if self._speed_rpm is None or not self._tells_speed:
+            return None
+        top = self._top_rpm
+        rev_min = min(self._speed_rpm, top) if top else self._speed_rpm
+        return Speed(rev_min, rev_min / top if top else 0.0)
+
+    def _check_speed(self, place: Place, rev_min: float, on: bool) -> None:
+        """Say what the spindle does not take."""
+        fixed = self._axes.spindle_fixed_rpm
+        told = f"a spindle speed of {rev_min:g} rev/min is"
+        if self._tells_speed:
+            if 0.0 < self._top_rpm < rev_min:
+                self._course.caution("fast spindle", place, f"{told} more than it makes: {self._top_rpm:g} rev/min")
+        elif (on or rev_min) and not (fixed and abs(rev_min - fixed) <= FIXED * fixed):
+            why = f"by hand it stands at {fixed:g} rev/min" if fixed else "set it by hand"
+            if self._commands.speed_by:
+                why += ", or set [cam] spindle_max_rpm to its speed at 10 V"
+            elif self._axes.spindle_max_rpm:
+                why = "it follows an output that this controller has not, and stands"
+            self._course.caution("speed", place, f"{told} not told to the spindle, nor is any other: {why}")
 
     def _output(self, output: Output) -> Iterator[Written]:
         for bit in range(output.mask.bit_length()):
@@ -214,7 +268,7 @@ class _Writer:
                 name = output.name if output.mask == 1 and numbered not in self._settings.outputs else numbered
                 on = bool(output.value >> bit & 1)
                 lines = self._commands.output(name, on)
-                if on or lines is not None:  # what cannot be switched on need not be switched off
+                if on or lines is not None:  # as coolant
                     yield from self._switched(lines, output.place, name)
 
     def _switched(self, lines: Iterable[str] | None, place: Place, name: str) -> Iterator[Written]:
@@ -227,7 +281,7 @@ class _Writer:
 
     def _change(self, tool: Tool) -> Iterator[Written]:
         place, course = tool.place, self._course
-        if self._running is not None:
+        if self._turns:
             yield from self._spindle(Spindle(place, 0))
         if self._settings.tool_change is not None:
             before = course.point
@@ -260,7 +314,7 @@ class _Writer:
         yield from self._commands.held()
         if self._settings.park is not None:
             yield from self._to_own("park", self._settings.park, place)
-        if self._running is not None:
+        if self._turns:
             yield from self._spindle(Spindle(place, 0))
         for number in sorted(self._cooled):
             yield from (Written(line, place) for line in self._commands.coolant(number, on=False) or ())

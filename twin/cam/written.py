@@ -25,6 +25,8 @@ class MachineAxes:
     # following error by which the speed loop of a drive, without its integral, turns an axis round against friction ...
     held_mm: float = 0.0
     reset_s: float = 1.0  # ... and the time in which the integral of an error does as much as the error itself
+    spindle_max_rpm: float = 0.0  # at 10 V of the analog output; 0: not known, or it does not follow it
+    spindle_fixed_rpm: float = 0.0  # by hand; 0: not known, or it follows the output
 
     def __post_init__(self) -> None:
         if not all(steps > 0 for steps in self.steps_mm):

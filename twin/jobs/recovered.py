@@ -50,7 +50,7 @@ def _carried_out(messages: Iterable[bytes], twin: Twin, settings: CamSettings) -
     at = np.zeros(len(CARRIAGES))  # mm from the end of the reference run
     counters: list[Any] = []
     twin.listen(lambda _, kind, what: counters.append(what) if kind == "counter" else None)
-    told, spindle = 0, 0
+    told, spindle = 0, Spindle(Place(1), 0)
     for number, data in enumerate(messages, 1):
         counters.clear()
         twin.write(data)
@@ -61,13 +61,24 @@ def _carried_out(messages: Iterable[bytes], twin: Twin, settings: CamSettings) -
         if counters and motions:  # a reference run
             at[[what.axis for what in counters if what.axis < len(at)]] = 0.0
             continue
-        if (now := int(twin.outputs.get("spindle", 0) or 0)) != spindle:
+        if (now := _spindle(twin))[1:] != spindle[1:]:
             spindle = now
-            yield Spindle(Place(number), 1 if now else 0)
+            yield now._replace(place=Place(number))
         for motion in motions:
             for element in _elements(motion, at, step_mm, settings, Place(number)):
                 yield element
                 at = np.array(_back(element.to, settings))
+
+
+def _spindle(twin: Twin) -> Spindle:
+    """What the controller asks of the spindle now; its speed as far as it is known."""
+    outputs, machine = twin.outputs, twin.machine.spindle
+    if not outputs.get("spindle"):
+        return Spindle(Place(1), 0)
+    rev_min = float(outputs.get("spindle_speed") or 0)
+    if not rev_min and machine is not None:
+        rev_min = machine.wanted_rev_min(outputs.get("analog", 0), None)
+    return Spindle(Place(1), -1 if rev_min < 0 else 1, abs(rev_min) or None)
 
 
 def _messages(sent: Iterable[bytes], language: Language) -> Iterator[bytes]:

@@ -94,6 +94,8 @@ def machine_axes(machine: Machine) -> MachineAxes:
     the controller's: the last millimetres of the travel may be beyond the far switch.
     """
     x, y, z = machine.axes
+    spindle = machine.spindle
+    fixed = spindle is not None and spindle.speed_from == "fixed"
     servos = [(axis, axis.stage) for axis in (x, y, z) if isinstance(axis.stage, ServoDrive)]
     return MachineAxes(
         steps_mm=(1.0 / x.step_mm, 1.0 / y.step_mm, 1.0 / z.step_mm),
@@ -102,6 +104,8 @@ def machine_axes(machine: Machine) -> MachineAxes:
         lag_s=max((abs(drive.lag_s) for _, drive in servos), default=0.0),
         held_mm=max((axis.held_mm for axis, _ in servos), default=0.0),
         reset_s=max((drive.reset_s for _, drive in servos), default=1.0),
+        spindle_max_rpm=0.0 if spindle is None or fixed else spindle.max_rev_min,
+        spindle_fixed_rpm=spindle.max_rev_min if spindle is not None and fixed else 0.0,
     )
 
 

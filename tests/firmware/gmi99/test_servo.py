@@ -174,6 +174,30 @@ def test_the_safety_program_is_there() -> None:
     assert twin.counts[0] == 5000
 
 
+@pytest.mark.parametrize(
+    ("rev_min", "analog"),
+    [(0, 0), (93, 0), (96, 1), (6000, 64), (12_000, 128), (18_000, 192), (23_999, 255), (24_000, 255), (65_535, 255)],
+)
+def test_the_safety_program_scales_the_speed_of_the_spindle(rev_min: int, analog: int) -> None:
+    """The whole part of 256 S / 24000 in quarters of 1/min, at most 255: 10 V."""
+    twin = Twin(controller="gmi99", machine="4030-servo-hf", plant="kinematic")
+    twin.query("Q7;0")
+    assert twin.query("m100;1;24000") == "E5"
+    assert twin.query(f"m100;1;{rev_min}") == "E5"
+    assert twin.query("p10;16;15") == "E5"
+    twin.run(0.1)
+    assert (twin.outputs["analog"], twin.outputs["a1.7"]) == (analog, 1), "and then the next command"
+
+
+def test_the_safety_program_acknowledges_a_speed_without_a_scale() -> None:
+    twin = Twin(controller="gmi99", machine="4030-servo", plant="kinematic")
+    twin.query("Q7;0")
+    twin.query("m100;1;12000")
+    twin.query("p10;16;15")
+    twin.run(0.1)
+    assert (twin.outputs.get("analog", 0), twin.outputs["a1.7"]) == (0, 1)
+
+
 def test_the_safety_program_switches_the_spindle() -> None:
     twin = Twin(controller="gmi99", machine="4030-servo", plant="kinematic")
     twin.query("Q7;0")

@@ -48,14 +48,24 @@ CYCLES = frozenset((730, 810, 820, 830, 850, 890))
 TAKES_AXES = frozenset((100, 280, 300, 520, 740, 920))  # of the one-shot codes
 CANCELS = frozenset((150, 401, 500, 690))  # what is never begun: polar, 3D compensation, scaling, rotation (cam/36)
 
-STOP, TOOL, SPINDLE, COOLANT, OVERRIDE, SWITCH = "stop", "tool", "spindle", "coolant", "override", "switch"
+STOP, TOOL, SPINDLE, COOLANT, OVERRIDE, SWITCH, DIGITAL = (
+    "stop",
+    "tool",
+    "spindle",
+    "coolant",
+    "override",
+    "switch",
+    "digital",
+)
 M_GROUPS: Mapping[int, str] = {
     **dict.fromkeys((0, 1, 2, 30), STOP),
     6: TOOL,
     **dict.fromkeys((3, 4, 5), SPINDLE),
     **dict.fromkeys((7, 8, 9), COOLANT),
     **dict.fromkeys((48, 49, 50, 51, 52, 53), OVERRIDE),
+    **dict.fromkeys((62, 63, 64, 65), DIGITAL),
 }
+TAKES_P = frozenset((50, 51, 52, 53, 62, 63, 64, 65))  # of the M codes
 DIN_SWITCHES = frozenset((*range(70, 78), *range(-77, -69)))  # M70 .. M77 switch an output on, M-70 .. M-77 off
 
 DIALECTS = 'set dialect = "din", or "winpc" where feeds are in mm/s'
@@ -94,7 +104,8 @@ M_REFUSED: Mapping[int, str] = {
     19: "the spindle cannot be turned to an angle",
     60: "there is no pallet; write M0",
     61: "the tool is not changed by it; write T and M6",
-    **dict.fromkeys((62, 63, 64, 65, 66, 67, 68), "inputs and outputs are not reached so"),
+    66: "inputs are not waited for",
+    **dict.fromkeys((67, 68), "analog outputs are not reached so"),
     **dict.fromkeys(DIN_SWITCHES, f"modes are not kept and restored; if it switches an output, {DIALECTS}"),
     **dict.fromkeys((98, 99), "subprograms are not read; let the CAM program write them out"),
     **dict.fromkeys(range(100, 200), "commands of one's own are not read"),

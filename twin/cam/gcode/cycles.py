@@ -12,8 +12,11 @@ from collections.abc import Iterator
 from isel_twin.cam.drilling import MOST_PECKS, Step
 from isel_twin.cam.gcode.codes import name
 from isel_twin.cam.gcode.words import Block
+from isel_twin.cam.reader import Once
+from isel_twin.cam.toolpath import Caution
 
 BACK_MM = 0.254
+PECKING, DWELLING = (730, 830), (820, 890)  # cycles that take Q, and P
 MOST_REPEATS = 10_000
 
 
@@ -52,14 +55,24 @@ class Cycle:
             self._began = height
         scales = {depth: scale, "R": scale, "Q": unit, "P": 1.0}
         self._words |= {letter: words[letter] * mm for letter, mm in scales.items() if letter in words}
-        if code in (730, 830) and self._words.get("Q", 0.0) <= 0.0:
+        if code in PECKING and self._words.get("Q", 0.0) <= 0.0:
             raise block.wrong(f"{cycle} wants Q of more than 0, the depth of a peck")
-        if code in (820, 890) and self._words.get("P", -1.0) < 0.0:
+        if code in DWELLING and self._words.get("P", -1.0) < 0.0:
             raise block.wrong(f"{cycle} wants P, its dwell in seconds")
         repeats = words.get("L", 1.0)
         if repeats != int(repeats) or not 1 <= repeats <= MOST_REPEATS:
             raise block.wrong(f"L must be a whole number 1 .. {MOST_REPEATS}", "L")
         return int(repeats)
+
+    def unused(self, block: Block, strict: bool, once: Once) -> Iterator[Caution]:
+        """P and Q that are of another cycle (cam/48). Raises CamError if strict."""
+        for letter, codes in (("P", DWELLING), ("Q", PECKING)):
+            if letter in block.words and self._code not in codes:
+                text = f"{letter} is not of {name('G', self._code or 0)}: it is not used"
+                if strict:
+                    raise block.wrong(text, letter)
+                if block.words[letter]:
+                    yield from once(f"{letter} of {self._code}", block.places[letter], text)
 
     def heights(self, block: Block, absolute: bool) -> tuple[float, float]:
         """R and depth of the hole; in G91 from where the series began. Raises CamError."""
@@ -69,7 +82,7 @@ class Cycle:
         if clear < bottom:
             raise block.wrong(f"R {clear:g} is below {depth} {bottom:g}; a hole goes down from R")
         peck = self._words.get("Q")
-        if self._code in (730, 830) and peck and (clear - bottom) / peck > MOST_PECKS:
+        if self._code in PECKING and peck and (clear - bottom) / peck > MOST_PECKS:
             raise block.wrong(f"more than {MOST_PECKS} pecks; write a larger Q")
         return clear, bottom
 
@@ -93,7 +106,7 @@ class Cycle:
 
     def steps(self, clear: float, bottom: float, to_start: bool) -> Iterator[Step]:
         """Motions at the hole, from R on. to_start: back to the height of before (G98), if that is above R."""
-        if self._code in (730, 830):
+        if self._code in PECKING:
             peck = self._words["Q"]
             depth = clear - peck
             while depth > bottom + 1e-9:
@@ -103,7 +116,7 @@ class Cycle:
                 yield "rapid", depth + BACK_MM
                 depth -= peck
         yield "feed", bottom
-        if self._code in (820, 890):
+        if self._code in DWELLING:
             yield "dwell", self._words["P"]
         if self._code == 850:
             yield "feed", clear

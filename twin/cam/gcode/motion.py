@@ -98,10 +98,10 @@ class Motion:
             raise block.wrong(f"{codes.name('G', once)} wants X, Y or Z")
         motion = self._to_be(block)
         arc, cycle = motion in (20, 30), motion in codes.CYCLES
-        every = {*g.values()}
+        every, numbered = {*g.values()}, not codes.TAKES_P.isdisjoint(block.m.values())
         for letter in words:
             free = letter in "XYZFSTD" or (letter == "R" and (arc or cycle)) or (letter in _CENTRES and arc)
-            free = free or (letter == "P" and (arc or cycle)) or (letter in "LQ" and cycle)
+            free = free or (letter == "P" and (arc or cycle or numbered)) or (letter in "LQ" and cycle)
             if letter == "D" or not (free or every & _USES.get(letter, set())):
                 holds = f": {codes.name('G', motion)} holds here" if motion is not None else ""
                 raise block.wrong(f"no code of this line takes {letter}{holds}", letter)
@@ -429,6 +429,7 @@ class Motion:
         feed = yield from self._feed(block, 0.0)
         along, series = arcs.PLANES[self._plane], self._cycle.series
         repeats = self._cycle.take(block, code, along, self._mm(along, 1.0), self.unit, self.at[along])
+        yield from self._cycle.unused(block, self._settings.strict, self._once)
         clear, bottom = self._cycle.heights(block, self._absolute)
         across = {axis: value for axis, value in values.items() if axis != along}
         if series is not None and (told := self._cycle.unlike(series, self.at[along], clear, self._to_start)):

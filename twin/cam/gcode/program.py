@@ -26,6 +26,7 @@ from isel_twin.cam.toolpath import (
     End,
     Line,
     Output,
+    PathMode,
     Place,
     Point,
     Rapid,
@@ -74,6 +75,7 @@ class Program:
         self._motion = Motion(settings, self._once)
         self._lines = Lines(settings.strict, settings.dialect, self._once)
         self._tool: int | None = None  # selected by T
+        self._selected_at = Place(1)
         self._loaded: int | None = None
         self._turns = 0
         self._percent = self._ended = False
@@ -127,7 +129,7 @@ class Program:
             raise CamError("the file ends without % or M2; write M2 at its end", place)
         if not self._percent:
             yield from self._once("end", place, "the file ends without M2, M30 or %; it may be cut off")
-        yield End(place)
+        yield from self._end(place)
 
     def _plain(self, match: re.Match[str], number: int) -> tuple[Element, ...] | None:
         """Elements of a plain move; None, and nothing is changed, if it must become a block, which also finds what is
@@ -181,7 +183,7 @@ class Program:
             if self._settings.strict:
                 raise CamError("% stands in the first line and in the last one", place)
             yield from self._once("%", place, "a % ends the file that had none at its beginning")
-        yield End(place)
+        yield from self._end(place)
 
     def _block(self, block: Block) -> Iterator[Element]:
         """In the order of LinuxCNC."""
@@ -200,6 +202,8 @@ class Program:
         if g.get(codes.ONCE) == 40:
             yield from self._dwell(block)
         yield from motion.modes(block, self._loaded)
+        if codes.PATH in g:
+            yield self._path_mode(block)
         yield from motion.move(block)
         stop = m.get(codes.STOP)
         if stop in (0, 1):
@@ -207,7 +211,20 @@ class Program:
                 yield Stop(block.at("M", stop), stop == 1)
         elif stop is not None:
             self._ended = True
-            yield End(block.at("M", stop))
+            yield from self._end(block.at("M", stop))
+
+    def _path_mode(self, block: Block) -> PathMode:
+        """G61, G61.1, G64 P (cam/30)."""
+        code, tolerance = block.g[codes.PATH], block.words.get("P")
+        if code == 640 and tolerance is not None and tolerance < 0.0:
+            raise block.wrong("P of G64 must not be negative", "P")
+        return PathMode(block.at("G", code), code != 640, None if tolerance is None else tolerance * self._motion.unit)
+
+    def _end(self, place: Place) -> Iterator[Element]:
+        if self._tool is not None and self._loaded is None:
+            text = f"T{self._tool} is selected, and no M6 of the file changes to it"
+            yield from self._once("T", self._selected_at, text)
+        yield End(place)
 
     def _switches(self, block: Block) -> Iterator[Element]:
         """Speed, tool, spindle, coolant."""
@@ -218,7 +235,11 @@ class Program:
         if "T" in words:
             if words["T"] < 0.0 or words["T"] != int(words["T"]):
                 raise block.wrong("T must be a whole number, 0 or more", "T")
-            self._tool = int(words["T"])
+            self._tool, self._selected_at = int(words["T"]), block.places["T"]
+        if codes.DIGITAL in m:
+            yield self._digital(block, m[codes.DIGITAL])
+        if m.get(codes.OVERRIDE) == 52 and words.get("P", 1.0):
+            yield from self._once("M52", block.at("M", 52), "M52: nothing adapts the feed here")
         turns = {3: 1, 4: -1, 5: 0, None: None}[m.get(codes.SPINDLE)]
         if codes.TOOL in m:
             yield from self._change(block.at("M", 6))
@@ -234,6 +255,13 @@ class Program:
         for group, code in m.items():
             if group.startswith(codes.SWITCH):
                 yield Output(block.at("M", code), f"M{abs(code)}", 1, int(code > 0))
+
+    def _digital(self, block: Block, code: int) -> Output:
+        """M62 and M64 switch the output P on, M63 and M65 off; all of them between motions (cam/49)."""
+        number = block.words.get("P", -1.0)
+        if number < 0.0 or number != int(number):
+            raise block.wrong(f"M{code} wants P, the number of an output: a whole number, 0 or more")
+        return Output(block.at("M", code), f"P{int(number)}", 1, int(code in (62, 64)))
 
     def _change(self, place: Place) -> Iterator[Element]:
         if self._turns:

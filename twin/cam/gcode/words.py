@@ -26,8 +26,8 @@ _EDING = re.compile(
     re.I,
 )
 _BRACKETS = str.maketrans("()", "[]")
-_NO_AXIS = "ABCUVW"
-_LETTERS = "XYZIJKRFSTPQLHD"
+NO_AXIS = "ABCUVW"
+LETTERS = "XYZIJKRFSTPQLHD"
 
 
 @dataclass
@@ -124,12 +124,12 @@ class Lines:
                 raise CamError(f"{first} and {codes.name(letter, code)} exclude each other in one line", place)
             groups[group] = code
             return
-        if letter in _NO_AXIS:
+        if letter in NO_AXIS:
             leave = "" if value else f"; leave {letter}0 out"  # of more it makes another part (cam/37)
             raise CamError(f"this machine has no axis {letter}{leave}", place)
         if letter == "N":
             raise CamError("N stands at the beginning of a line only", place)
-        if letter not in _LETTERS:
+        if letter not in LETTERS:
             raise CamError(f"{letter} is no word of G-code here", place)
         if letter in block.words:
             raise CamError(f"{letter} is there twice in one line", place)

@@ -56,12 +56,12 @@ class Plot:
     def _carried_out(self, told: Instruction) -> Iterator[Element]:
         if told.odd:
             yield from self._once("odd", told.place, "a number too many: points are pairs, the last number is left out")
-        if told.code in _REFUSED:
-            raise CamError(f"{told.code} is refused: {_REFUSED[told.code]}", told.place)
-        act = _INSTRUCTIONS.get(told.code)
+        if told.code in REFUSED:
+            raise CamError(f"{told.code} is refused: {REFUSED[told.code]}", told.place)
+        act = INSTRUCTIONS.get(told.code)
         if act is not None:
             yield from act(self, told) or ()
-        elif told.code not in _IGNORED:
+        elif told.code not in IGNORED:
             yield from self._once(told.code, told.place, f"{told.code} is not known and left out")
 
     # The pen ---------------------------------------------------------------------------------------------------------
@@ -281,13 +281,19 @@ class Plot:
             raise CamError("RO is refused: turn the drawing in the program that made it", told.place)
 
     def left_out(self, told: Instruction) -> Iterator[Element]:
-        what = {"LB": "text is not drawn", "IW": "the window is not kept: everything is drawn"}[told.code]
-        yield from self._once(told.code, told.place, f"{told.code}: {what}")
+        yield from self._once(told.code, told.place, f"{told.code}: {_LEFT_OUT[told.code]}")
 
 
+_LEFT_OUT = {
+    "LB": "text is not drawn",
+    "IW": "the window is not kept: everything is drawn",
+    "VS": "the speed of the pen is not used: it is feed_mm_s",
+    "AS": "the acceleration of the pen is not used: it is the controller's",
+    "FS": "the force of the pen is not used: it goes down to depth_mm",
+}
 _POINTS = frozenset(("PU", "PD", "PA", "PR"))
 _IN_POLYGONS = _POINTS | frozenset(("AA", "AR", "AT", "RT", "CI"))
-_INSTRUCTIONS: Mapping[str, Callable[[Plot, Instruction], Iterator[Element] | None]] = {
+INSTRUCTIONS: Mapping[str, Callable[[Plot, Instruction], Iterator[Element] | None]] = {
     **dict.fromkeys(("IN", "DF"), Plot.initialise),
     **dict.fromkeys(_POINTS, Plot.points),
     "SP": Plot.select,
@@ -301,19 +307,19 @@ _INSTRUCTIONS: Mapping[str, Callable[[Plot, Instruction], Iterator[Element] | No
     "PM": Plot.polygon,
     **dict.fromkeys(("EP", "FP"), Plot.edges),
     "RO": Plot.turned,
-    **dict.fromkeys(("LB", "IW"), Plot.left_out),
+    **dict.fromkeys(_LEFT_OUT, Plot.left_out),
 }
-_REFUSED = {
+REFUSED = {
     "PE": "let the program that made it write PD",
     "ZP": "heights are in safe_mm and depth_mm",
     "ZO": "heights are in safe_mm and depth_mm",
     "IR": "write IP with plotter units",
 }
-_IGNORED = frozenset(
+IGNORED = frozenset(
     f"{letters[0]}{second}"
     for letters in (
-        *("ACF", "BP", "CAOPRS", "DIRT", "ECS", "FST", "LAT", "MCGT", "NPR", "OACDEFHIOPSW"),
-        *("PCGSTW", "QL", "RF", "SAILMRSV", "TR", "VAS", "WRU"),
+        *("ACF", "BP", "CAOPRS", "DIRT", "ECS", "FT", "LAT", "MCGT", "NPR", "OACDEFHIOPSW"),
+        *("PCGSTW", "QL", "RF", "SAILMRSV", "TR", "VA", "WRU"),
     )
     for second in letters[1:]
 )  # by their first letter: pens, styles, pages, replies

@@ -100,12 +100,12 @@ class Program:
         return Line(place, (ax + bx, ay + by, az + bz), self.feed)
 
     def _carried_out(self, statement: Statement) -> Iterator[Element]:
-        row = _STATEMENTS.get(statement.word)
+        row = STATEMENTS.get(statement.word)
         self.named = self.named or statement.word == "IMF_PBL"
         statement.check_compiled(self.named)
         if row is None:
             raise CamError(
-                f"unknown word {statement.place.word[:40]!r}; {hint(statement.word, _STATEMENTS, 'NCP has')}",
+                f"unknown word {statement.place.word[:40]!r}; {hint(statement.word, STATEMENTS, 'NCP has')}",
                 statement.place,
             )
         if not self.headed:
@@ -425,7 +425,7 @@ def _no_rotary(statement: Statement, words: Mapping[str, float]) -> None:
 
 
 _TURNS = {"CW": 1, "CCW": -1, "OFF": 0}
-_STATEMENTS: Mapping[str, Callable[[Program, Statement], Iterable[Element] | None]] = {
+STATEMENTS: Mapping[str, Callable[[Program, Statement], Iterable[Element] | None]] = {
     "IMF_PBL": Program.shown,
     **dict.fromkeys(("FASTABS", "FASTREL", "MOVEABS", "MOVEREL"), Program.move),
     **dict.fromkeys(("CWABS", "CCWABS", "CWREL", "CCWREL", "CWHLXABS", "CCWHLXABS"), Program.arc),

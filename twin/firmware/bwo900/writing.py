@@ -14,10 +14,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from typing import Final
 
 from isel_twin.cam.arcs import PLANES
 from isel_twin.cam.course import CLOSE, Move, Turn, halves
 from isel_twin.cam.toolpath import CamError, Place
+from isel_twin.cam.writing import Speed
 from isel_twin.cam.written import Counts, MachineAxes, Written
 from isel_twin.firmware.bwo900.numbers import G, M, P
 from isel_twin.firmware.bwo900.programs.lines import END
@@ -40,6 +42,7 @@ class Bwo900Commands:
     high_hz = math.inf  # by the axes
     along_path = True
     both_senses = True
+    speed_by: Final = "number"
 
     def __init__(self, axes: MachineAxes, outputs: Mapping[str, int], rapid_mm_s: float) -> None:
         self._x, self._y, self._z = axes.steps_mm
@@ -127,11 +130,11 @@ class Bwo900Commands:
     def dwell(self, seconds: float) -> str:
         return self._block(f"G04.{seconds:.3f}")
 
-    def spindle(self, turns: int, speed_rpm: float | None) -> Iterable[str] | None:
+    def spindle(self, turns: int, speed: Speed | None) -> Iterable[str] | None:
         if not turns:
             return [self._block(f"M{M.SPINDLE_OFF}")]
-        speed = "" if speed_rpm is None else f" S{round(speed_rpm)}"
-        return [self._block(f"M{M.SPINDLE_RIGHT if turns > 0 else M.SPINDLE_LEFT}{speed}")]
+        rev_min = "" if speed is None else f" S{round(speed.rev_min)}"
+        return [self._block(f"M{M.SPINDLE_RIGHT if turns > 0 else M.SPINDLE_LEFT}{rev_min}")]
 
     def coolant(self, number: int, on: bool) -> Iterable[str] | None:
         """M9 ends both."""

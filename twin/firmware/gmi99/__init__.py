@@ -29,12 +29,14 @@ from isel_twin.controller import takes
 from isel_twin.firmware.gmi99.controller import Gmi99
 from isel_twin.firmware.gmi99.drives import TURN
 from isel_twin.firmware.gmi99.link import Dil
-from isel_twin.firmware.gmi99.logic import safety_program
+from isel_twin.firmware.gmi99.logic import new_card
+from isel_twin.firmware.gmi99.settings import Stored
 
 __all__ = ["Gmi99", "create"]
 
 POT_PERCENT = 0, 125
 TURNS = 4, 10_000_000
+REV_MIN = 0, 0xFFFF
 
 
 @takes(
@@ -44,6 +46,7 @@ TURNS = 4, 10_000_000
         "override_pot_percent": Limits("%", *POT_PERCENT, whole=True),
         "drive_increments_per_rev": Limits("", *TURNS, whole=True),
         "safety_program": bool,
+        "spindle_rev_min": Limits("1/min", *REV_MIN, whole=True),
     }
 )
 def create(name: str, *, flash: bytes | None, settings: Mapping[str, Any]) -> Gmi99:
@@ -54,6 +57,7 @@ def create(name: str, *, flash: bytes | None, settings: Mapping[str, Any]) -> Gm
     override_pot_percent       position of the potentiometer, 0 .. 125 (100)
     drive_increments_per_rev   from one zero pulse of the encoders to the next (5000)
     safety_program             whether a card without flash image has a program for its PLC (no)
+    spindle_rev_min            for that program: speed of the spindle at 10 V of the analog output; 0 for none (0)
     """
     pot = settings.get("override_pot_percent", 100)
     if isinstance(pot, bool) or not isinstance(pot, int) or not POT_PERCENT[0] <= pot <= POT_PERCENT[1]:
@@ -71,5 +75,8 @@ def create(name: str, *, flash: bytes | None, settings: Mapping[str, Any]) -> Gm
     safety = settings.get("safety_program", False)
     if not isinstance(safety, bool):
         raise ValueError(f"{name}: safety_program is {safety!r}; allowed: true, false")
-    plc = safety_program() if safety else b""
-    return Gmi99(flash, dil, parity="E" if parity == "even" else "N", override_pot_percent=pot, turn=turn, plc=plc)
+    rev_min = settings.get("spindle_rev_min", 0)
+    if isinstance(rev_min, bool) or not isinstance(rev_min, int) or not REV_MIN[0] <= rev_min <= REV_MIN[1]:
+        raise ValueError(f"{name}: spindle_rev_min is {rev_min!r}; allowed: a whole number from 0 to {REV_MIN[1]}")
+    new = new_card(rev_min) if safety else Stored()
+    return Gmi99(flash, dil, parity="E" if parity == "even" else "N", override_pot_percent=pot, turn=turn, new=new)

@@ -27,9 +27,9 @@ SPINDLE, HOOD_LOCK = (0, 0), (0, 1)  # outputs of slot 0 that the fixture uses (
 
 
 class Board:
-    def __init__(self, flash: bytes | None, override_pot_percent: int, plc: bytes) -> None:
-        """`flash`: None for a new card, which then has the PLC program `plc`."""
-        stored = Stored(plc=plc.hex()) if flash is None else decode(flash)
+    def __init__(self, flash: bytes | None, override_pot_percent: int, new: Stored) -> None:
+        """`flash`: None for a new card, in whose memories is `new`."""
+        stored = new if flash is None else decode(flash)
         self.flash_fault = stored is None
         self.stored = stored or Stored()
         self.settings: Settings = self.stored.settings

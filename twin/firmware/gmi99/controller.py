@@ -21,13 +21,14 @@ from isel_twin.firmware.gmi99.drives import TERMINALS, TURN
 from isel_twin.firmware.gmi99.instruction import Instruction, OutOfRangeError
 from isel_twin.firmware.gmi99.link import ACKNOWLEDGED, LOADER, Dil, Frame, Receiver, long_record, short_record
 from isel_twin.firmware.gmi99.sequencer import Sequencer
-from isel_twin.firmware.gmi99.settings import SLOTS
+from isel_twin.firmware.gmi99.settings import SLOTS, Stored
 from isel_twin.motion import SetPointRun
 
 BUFFER_FULL = 0x08
 ABORT, STATUS, SPINDLE_SPEED, OVERRIDE = 0, 1, 8, 9
 DRIVE_VERSION = 550
 OVERRIDE_LIMIT = 125
+EMPTY = Stored()  # a card from the factory
 
 
 class Gmi99:
@@ -47,11 +48,11 @@ class Gmi99:
         parity: Literal["N", "E"] = "E",
         override_pot_percent: int = 100,
         turn: int = TURN,
-        plc: bytes = b"",
+        new: Stored = EMPTY,
     ) -> None:
         self._dil = dil
         self._parity = parity
-        self._card = Card(flash, override_pot_percent, turn, plc)
+        self._card = Card(flash, override_pot_percent, turn, new)
         self._card.store.restore(parse)
         self._sequencer = Sequencer(self._card)
         self._receiver = Receiver(dil.variant, from_host=True)

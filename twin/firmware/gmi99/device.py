@@ -11,7 +11,7 @@ from isel_twin.firmware.gmi99.images import DIGITAL, STATIC_BYTES
 from isel_twin.firmware.gmi99.interpolator import Interpolator
 from isel_twin.firmware.gmi99.logic import CardPlc
 from isel_twin.firmware.gmi99.queue import Queue
-from isel_twin.firmware.gmi99.settings import SLOTS
+from isel_twin.firmware.gmi99.settings import SLOTS, Stored
 from isel_twin.firmware.gmi99.store import DEPTH
 from isel_twin.firmware.gmi99.uncoupled import Uncoupled
 
@@ -20,9 +20,9 @@ OUTPUT_NAMES = tuple(f"a{byte}.{bit}" for byte in range(DIGITAL) for bit in rang
 
 
 class Card(Board):
-    def __init__(self, flash: bytes | None, override_pot_percent: int, turn: int, plc: bytes) -> None:
-        """`flash`: None for a new card, which then has the PLC program `plc`."""
-        super().__init__(flash, override_pot_percent, plc)
+    def __init__(self, flash: bytes | None, override_pot_percent: int, turn: int, new: Stored) -> None:
+        """`flash`: None for a new card, in whose memories is `new`."""
+        super().__init__(flash, override_pot_percent, new)
         self.queue = Queue(self)
         self.interpolator = Interpolator(self)
         self.off_path = Uncoupled(self, self.interpolator)

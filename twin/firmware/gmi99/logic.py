@@ -21,12 +21,13 @@ from isel_twin.firmware.gmi99.interpolator import Interpolator
 from isel_twin.firmware.gmi99.offsets import PLC_ZERO_LIMIT
 from isel_twin.firmware.gmi99.planner import PERIOD_NS
 from isel_twin.firmware.gmi99.queue import Queue
-from isel_twin.firmware.gmi99.settings import FINE, SLOTS
+from isel_twin.firmware.gmi99.settings import FINE, SLOTS, Stored
 from isel_twin.firmware.gmi99.uncoupled import Uncoupled
 from isel_twin.firmware.plc import ImageError, Plc, PlcMemory, PlcProgram, Rights
 from isel_twin.firmware.plc.assembler import assemble
 
 SAFETY = "safety.awl"  # program text that a new card may have, in this folder
+HIGHEST_SPEED = 40  # its data word
 LONGEST_IMAGE = 0xFFFF
 DEVICE = 0x5B
 READ = 0x8000
@@ -37,9 +38,11 @@ FUNCTIONS = 2, 3, 4, 5, 6, 8, 10, 12, 30, 33
 
 
 @cache
-def safety_program() -> bytes:
-    """Image of the safety program (gmi99/33)."""
-    return assemble(resources.files(__package__).joinpath(SAFETY).read_text(encoding="utf-8")).image
+def new_card(spindle_rev_min: int) -> Stored:
+    """Memories of a card with the safety program (gmi99/33). spindle_rev_min: at 10 V of the analog output, 0: none."""
+    program = assemble(resources.files(__package__).joinpath(SAFETY).read_text(encoding="utf-8"))
+    words = bytes(2 * HIGHEST_SPEED) + spindle_rev_min.to_bytes(2, "little")
+    return Stored(plc=program.image.hex(), data=words.rstrip(b"\0").hex())
 
 
 def _rights() -> Rights:

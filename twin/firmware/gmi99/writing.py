@@ -3,17 +3,20 @@
     f10000 | 83h 20000 0 | 83h 20000 30000       cuts in one line are joined, as the card's limits of corners allow
     G3 | 83h -5000 0 | 83h 15000 0               a half circle at most: centre from here, end
 
+    m100;1;12000 | p10;16;0                      the speed of the spindle by the PLC, and the spindle on
+
 f is the speed along the path, in counts of the coarsest axis: W tells the card the resolution of the others (gmi99/34).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Final
 
 from isel_twin.cam.course import Move, Turn, halves
 from isel_twin.cam.toolpath import CamError, Place
-from isel_twin.cam.writing import COOLANT, pause, remark
+from isel_twin.cam.writing import COOLANT, Speed, pause, remark
 from isel_twin.cam.written import MachineAxes, Written
 from isel_twin.firmware.gmi99.instruction import MOVE_BIT
 from isel_twin.firmware.gmi99.planner import factor
@@ -25,6 +28,7 @@ MOST_MOVES = 60  # in a line; the card buffers 100
 MOST_OTHERS = 90  # commands for them: feeds, senses, waits; it buffers 100, too
 LONGEST_S = 20.0  # of a line
 SPINDLE = 0  # output A0.0
+SPEED = 100  # M function: the speed of spindle 1 (gmi99/36)
 OUTPUTS = range(96)
 SET, RESET = 16, 17  # codes of direct output
 LEAST_ARC = 20  # counts: smaller radii, and shorter arcs, are chords
@@ -37,6 +41,7 @@ class Gmi99Commands:
 
     along_path = True
     both_senses = False
+    speed_by: Final = "scale"
 
     def __init__(self, axes: MachineAxes, outputs: Mapping[str, int], rapid_mm_s: float) -> None:
         self._axes = axes
@@ -50,6 +55,7 @@ class Gmi99Commands:
         self._moves = self._others = 0
         self._takes_s = 0.0
         self._rapid = False
+        self._spins, self._rev_min = False, -1
         self._place: Place | None = None
 
     def begin(self) -> Iterable[str]:
@@ -136,8 +142,14 @@ class Gmi99Commands:
     def dwell(self, seconds: float) -> str:
         return pause(seconds)
 
-    def spindle(self, turns: int, speed_rpm: float | None) -> Iterable[str] | None:
-        return self._switch("spindle", self._outputs.get("spindle", SPINDLE), bool(turns))
+    def spindle(self, turns: int, speed: Speed | None) -> Iterator[str]:
+        if turns and speed is not None and (rev_min := round(speed.rev_min)) != self._rev_min:
+            self._rev_min = rev_min
+            yield f"m{SPEED};1;{rev_min}"
+            if self._spins:
+                return
+        self._spins = bool(turns)
+        yield from self._switch("spindle", self._outputs.get("spindle", SPINDLE), self._spins)
 
     def coolant(self, number: int, on: bool) -> Iterable[str] | None:
         return self.output(COOLANT[number], on)

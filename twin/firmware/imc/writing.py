@@ -9,17 +9,19 @@ The same f stands for every axis: with @0z1 that of X is the speed of the leadin
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Final
 
 from isel_twin.cam.course import Move, Turn
 from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import CamError, Place
-from isel_twin.cam.writing import COOLANT, pause, remark
+from isel_twin.cam.writing import COOLANT, Speed, pause, remark
 from isel_twin.cam.written import MachineAxes, Written
 from isel_twin.firmware.imc.profile import Profile
 from isel_twin.motion.circle import squared_radius
 
 SPINDLE_PORT = 2
+ANALOG_PORT, ANALOG_MOST = 4, 255  # 0 to 10 V
 USER_PORT = 0
 USER_BITS = 8
 LEAST_ARC_MM = 0.2  # radius below which chords are as good
@@ -33,6 +35,7 @@ class ImcCommands:
     """Implements `isel_twin.cam.writing.Commands`."""
 
     both_senses = False
+    speed_by: Final = "scale"
 
     def __init__(self, profile: Profile, axes: MachineAxes, settings: CamSettings, reference: Sequence[str]) -> None:
         self.along_path = axes.speed_along_path
@@ -47,6 +50,7 @@ class ImcCommands:
         self._reference = reference
         self._spindle_port = profile.spindle_port if profile.spindle_port >= 0 else SPINDLE_PORT
         self._user = 0  # what has been written to the user port
+        self._spins, self._analog = False, -1  # -1: nothing has been written to its port
 
     def begin(self) -> Iterable[str]:
         return [line for line in self._reference if line[2] not in self._lacks]
@@ -116,10 +120,18 @@ class ImcCommands:
     def dwell(self, seconds: float) -> str:
         return pause(seconds)
 
-    def spindle(self, turns: int, speed_rpm: float | None) -> Iterable[str] | None:
+    def spindle(self, turns: int, speed: Speed | None) -> Iterator[str]:
+        """Its speed first; that alone if it turns."""
+        if turns and speed is not None and (analog := round(ANALOG_MOST * speed.share)) != self._analog:
+            self._analog = analog
+            yield f"@0B{ANALOG_PORT},{analog}"
+            if self._spins:
+                return
+        self._spins = bool(turns)
         if "spindle" in self._outputs:
-            return self.output("spindle", bool(turns))
-        return [f"@0B{self._spindle_port},{abs(turns)}"]
+            yield from self.output("spindle", self._spins) or ()
+        else:
+            yield f"@0B{self._spindle_port},{abs(turns)}"
 
     def coolant(self, number: int, on: bool) -> Iterable[str] | None:
         return self.output(COOLANT[number], on)

@@ -10,10 +10,11 @@ Cuts that follow each other are one job, so that no vector waits for the line; a
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from typing import Final
 
 from isel_twin.cam.course import Move, Turn
 from isel_twin.cam.toolpath import CamError, Place
-from isel_twin.cam.writing import COOLANT, pause, remark
+from isel_twin.cam.writing import COOLANT, Speed, pause, remark
 from isel_twin.cam.written import AXES, MachineAxes, Written
 from isel_twin.firmware.ismif.commands import SPEEDS_HZ
 
@@ -30,6 +31,7 @@ class IsmifCommands:
     low_hz, high_hz = SPEEDS_HZ[0], SPEEDS_HZ[-1]
     along_path = False
     both_senses = False
+    speed_by: Final = ""
 
     def __init__(self, axes: MachineAxes, outputs: Mapping[str, int]) -> None:
         self._axes = AXES[: axes.count]
@@ -80,7 +82,7 @@ class IsmifCommands:
     def dwell(self, seconds: float) -> str:
         return pause(seconds)
 
-    def spindle(self, turns: int, speed_rpm: float | None) -> Iterable[str] | None:
+    def spindle(self, turns: int, speed: Speed | None) -> Iterable[str] | None:
         return (
             self._pin(bool(turns)) if self._outputs.get("spindle", PIN) == PIN else self.output("spindle", bool(turns))
         )
