@@ -1,4 +1,4 @@
-"""What a reader of job files is, and what all readers share: recognition, cautions, plausibility, text from bytes."""
+"""Readers of job files, and what all of them share: recognition, cautions, plausibility, text from bytes."""
 
 from __future__ import annotations
 

@@ -136,8 +136,8 @@ class Finding:
 
 
 def farthest(findings: Sequence[Finding]) -> list[Finding]:
-    """Of findings of the same rule, line and axis the one that is off by most: a line of a CAM program's file may be
-    many commands."""
+    """Keep of findings of the same rule, line and axis the one that is off by most: a line of a CAM program's file may
+    be many commands."""
     kept: dict[object, Finding] = {}
     for number, one in enumerate(findings):
         key = (one.rule, one.line, one.at, one.about) if one.off else number
