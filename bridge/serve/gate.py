@@ -33,10 +33,10 @@ STRANGERS: Sequence[tuple[str, re.Pattern[bytes]]] = tuple(
     (name, re.compile(pattern, re.DOTALL))
     for name, pattern in (
         ("an SSH greeting", rb"SSH-"),
-        ("an HTTP request, or another line of a word and a blank", _TOKEN + rb"(?<= )[^ \r\n]"),
-        ("a TLS greeting", rb"\x16\x03"),
-        ("a STUN message", rb"(..)?[\x00-\x3f]...\x21\x12\xa4\x42"),
-        ("an SMB greeting", rb"\x00...[\xfe\xff]SMB"),
+        ("an HTTP request, or another line of a word and a blank", _TOKEN + rb"(?<= )\S"),
+        ("a TLS greeting", re.escape(bytes.fromhex("1603"))),
+        ("a STUN message", rb"(..)?...." + re.escape(bytes.fromhex("2112a442"))),
+        ("an SMB greeting", b"....[" + bytes.fromhex("feff") + b"]SMB"),
     )
 )
 
@@ -50,7 +50,7 @@ class Gate:
 
     def __init__(self, language: Language | None = None) -> None:
         self._knowing = language if offers(language, KnowsBeginnings) else None
-        self._idle = b"\r\n" if self._knowing is None else self._knowing.idle
+        self._idle = b"" if self._knowing is None else self._knowing.idle
         self.patience_s = HOLD_S if self._knowing is None else PATIENCE_S
         self.held = b""
         self.open = False

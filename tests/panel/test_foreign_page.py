@@ -86,7 +86,12 @@ def heard_at(endpoint: TcpEndpoint) -> Iterator[list[bytes]]:
     twin = Twin(plant="kinematic")
     heard: list[bytes] = []
     write = twin.write
-    twin.write = lambda data: (heard.append(data), write(data))[1]  # type: ignore[method-assign]
+
+    def hear(data: bytes) -> None:
+        heard.append(data)
+        write(data)
+
+    twin.write = hear  # type: ignore[method-assign]
     server = Server(twin, Pacer(None), [endpoint])
     thread = threading.Thread(target=server.run)
     thread.start()
