@@ -26,8 +26,11 @@ import sys
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from io import TextIOWrapper
 from pathlib import Path
 from typing import IO, Any
+
+from isel_twin.base.files import create
 
 log = logging.getLogger("isel_twin")
 
@@ -94,7 +97,9 @@ def _require_own(ports: Path) -> None:
 def _held(path: Path, text: str) -> IO[str]:
     """A file of this process that is locked from the moment it has its name."""
     temporary = path.with_suffix(".new")
-    file = _made(temporary if sys.platform != "win32" else path)
+    made = temporary if sys.platform != "win32" else path
+    made.unlink(missing_ok=True)  # of a killed process of that number
+    file = TextIOWrapper(create(made, 0o600), encoding="utf-8")
     try:
         _lock(file)
         file.write(text)
@@ -106,13 +111,6 @@ def _held(path: Path, text: str) -> IO[str]:
         temporary.unlink(missing_ok=True)
         raise
     return file
-
-
-def _made(path: Path) -> IO[str]:
-    """A new file; what is left of a killed process of that number goes."""
-    path.unlink(missing_ok=True)
-    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0)
-    return open(os.open(path, flags, 0o600), "w", encoding="utf-8")
 
 
 def _lock(file: IO[str]) -> bool:

@@ -24,6 +24,7 @@ from numba.np.numpy_support import as_dtype
 
 from isel_twin.base import lowered, object_code
 from isel_twin.base.compile_watch import compiling
+from isel_twin.base.files import atomic_write
 
 log = logging.getLogger("isel_twin")
 
@@ -71,7 +72,7 @@ def drop_stale_code(function: Any, files: tuple[str, ...]) -> None:
         for file in folder.glob(f"{module}.*.nb[ci]"):
             file.unlink(missing_ok=True)
         folder.mkdir(parents=True, exist_ok=True)
-        _stamp(folder, function.__module__).write_text(object_code.digest(files))
+        atomic_write(_stamp(folder, function.__module__), object_code.digest(files).encode())
 
 
 def _fresh(folder: Path, module: str, files: tuple[str, ...]) -> bool:

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.crew import Crew, in_order
+from isel_twin.base.files import appending, atomic_write
 from isel_twin.machine import Machine
 from isel_twin.machine.spread import numbers
 from isel_twin.many.identification.session import Session, predict
@@ -66,7 +67,7 @@ class Replays:
     def _keep(self, key: str, values: Floats) -> None:
         self._known[key] = values
         if self._journal is not None:
-            with self._journal.open("a", encoding="utf-8") as file:
+            with appending(self._journal) as file:
                 file.write(json.dumps({"key": key, "values": values.tolist()}) + "\n")
 
 
@@ -107,5 +108,5 @@ def _read(journal: Path) -> dict[str, Floats]:
         except (ValueError, KeyError, TypeError):
             raise ValueError(f"{journal}: line {number} is no replay; name another file for the journal") from None
     if lines[-1]:  # torn off by a kill
-        journal.write_text("".join(f"{line}\n" for line in lines[:-1]), encoding="utf-8")
+        atomic_write(journal, "".join(f"{line}\n" for line in lines[:-1]).encode())
     return found

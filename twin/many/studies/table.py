@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from isel_twin.base.errors import CallError, call_errors
-from isel_twin.base.files import Claim, replacing
+from isel_twin.base.files import Claim, appending, replacing
 from isel_twin.many.studies.row import OUTCOMES, Point
 from isel_twin.version import VERSION
 
@@ -56,8 +56,8 @@ class Table:
             try:
                 self._take_in()
                 self._write()
-                journal_of(file).write_bytes(b"")
-                self._journal = journal_of(file).open("a", encoding="utf-8")  # append also after it was emptied
+                self._journal = appending(journal_of(file))  # also after it was emptied
+                self._journal.truncate(0)
             except BaseException:
                 self._claim.release()
                 raise
@@ -129,8 +129,8 @@ class Table:
         rows = sorted(self.rows.values(), key=lambda row: row["row"])
         columns = [[row[name] for row in rows] for name in self._schema.names]
         arrays = [pa.array(column, kind) for column, kind in zip(columns, self._schema.types, strict=True)]
-        with replacing(self.file) as temporary:
-            pq.write_table(pa.table(arrays, schema=self._schema), temporary, compression="zstd")
+        with replacing(self.file) as file:
+            pq.write_table(pa.table(arrays, schema=self._schema), file, compression="zstd")
         self._waiting = 0
 
 
