@@ -31,6 +31,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from isel_twin.base.files import create
+from isel_twin.base.parameters import parse_json
 
 log = logging.getLogger("isel_twin")
 
@@ -146,7 +147,7 @@ def _living(path: Path) -> dict[str, Any] | None:
             if sys.platform != "win32" and _lock(file):
                 path.unlink()
                 return None
-            content = json.load(file)
+            content = parse_json(file.read())
     except (OSError, ValueError):  # it was removed meanwhile, or is being written
         return None
     return content if isinstance(content, dict) and isinstance(content.get("ports"), list) else None

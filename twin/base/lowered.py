@@ -153,5 +153,8 @@ def _read(file: Path, function: Callable[..., Any], files: Sequence[str]) -> dic
     """The lowered codes of a file by their types; none if there is no such file or the sources are others."""
     if not file.is_file():
         return {}
-    stamp, codes = Unpickler(io.BytesIO(zlib.decompress(file.read_bytes()))).load()
-    return codes if stamp == digest((function.__code__.co_filename, *files)) else {}
+    try:
+        stamp, codes = Unpickler(io.BytesIO(zlib.decompress(file.read_bytes()))).load()
+        return dict(codes) if stamp == digest((function.__code__.co_filename, *files)) else {}
+    except Exception:  # damaged bytes raise anything; then it is compiled
+        return {}
