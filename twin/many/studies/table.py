@@ -114,8 +114,8 @@ class Table:
         waiting, damaged = journal_of(self.file), 0
         if waiting.exists():
             for line in waiting.read_bytes().split(b"\n")[:-1]:  # the last line may be incomplete
-                if (row := _journal_row(line)) is not None:
-                    found[row["point"]] = row
+                if (computed := _journal_row(line)) is not None:
+                    found[computed["point"]] = computed
                 else:
                     damaged += 1
             if damaged:  # as after a power cut
@@ -143,9 +143,9 @@ class Table:
 
 def _journal_row(line: bytes) -> dict[str, Any] | None:
     """The row in a line of a journal; None if it is damaged."""
-    kinds = {"bool": bool, "int64": int, "float64": (int, float), "string": str}
+    kinds: dict[str, type | tuple[type, ...]] = {"bool": bool, "int64": int, "float64": (int, float), "string": str}
     try:
-        row = parse_json(line)
+        row: dict[str, Any] = parse_json(line)
         whole = isinstance(row["point"], str) and all(
             row[name] is None or isinstance(row[name], kinds[kind]) for name, (kind, *_) in OUTCOMES.items()
         )
